@@ -1,0 +1,31 @@
+"""AS-Interface: telegrams, their meaning and their timing."""
+
+from shipnet.asi.batch import (
+    Requests,
+    encode_requests,
+    encode_responses,
+    parse_requests,
+    parse_responses,
+)
+from shipnet.asi.calls import Call
+from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
+from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
+from shipnet.asi.telegram import Request, Response
+from shipnet.asi.timing import BIT_TIME, Transaction
+
+__all__ = [
+    "BIT_TIME",
+    "IO_CONFIGURATIONS",
+    "REQUEST_BITS",
+    "RESPONSE_BITS",
+    "Call",
+    "Profile",
+    "Request",
+    "Requests",
+    "Response",
+    "Transaction",
+    "encode_requests",
+    "encode_responses",
+    "parse_requests",
+    "parse_responses",
+]

@@ -1,0 +1,360 @@
+"""Telegrams by the million: requests and responses as arrays of words.
+
+A word is a telegram as an unsigned number, its first bit on the line the highest. The functions
+raise nothing for a bad telegram: an array of codes of `shipnet.errors` says which are bad and
+why. They agree with `shipnet.asi.telegram` on every one of the 2**14 and 2**7 words.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.asi.calls import Call
+from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
+from shipnet.errors import (
+    ArgumentError,
+    EndBitError,
+    LengthError,
+    ParityError,
+    StartBitError,
+    UnknownCallError,
+)
+
+__all__ = [
+    "NONE",
+    "Requests",
+    "bits_of",
+    "encode_requests",
+    "encode_responses",
+    "parse_requests",
+    "parse_responses",
+    "words_of",
+]
+
+#: Stands in a field that has no value: no half, or a telegram that could not be read.
+NONE = -1
+
+Integers = npt.NDArray[np.int64]
+Codes = npt.NDArray[np.uint8]
+
+
+class Requests(NamedTuple):
+    """A batch of parsed requests, one array a field, all of the shape of the words.
+
+    Attributes
+    ----------
+    error : ndarray of uint8
+        0, or a code of `shipnet.errors`; the other fields are then `NONE`.
+    call : ndarray of int8
+        Value of `Call`.
+    address : ndarray of int8
+        Address, 0..31.
+    data : ndarray of int8
+        Data as in `Request.data`.
+    half : ndarray of int8
+        0 for A, 1 for B, `NONE` for a standard slave.
+    """
+
+    error: Codes
+    call: npt.NDArray[np.int8]
+    address: npt.NDArray[np.int8]
+    data: npt.NDArray[np.int8]
+    half: npt.NDArray[np.int8]
+
+
+class _Layouts(NamedTuple):
+    """The patterns of all calls as numbers, row 0 for standard and row 1 for A/B slaves."""
+
+    fixed: npt.NDArray[np.int64]
+    fixed_mask: npt.NDArray[np.int64]
+    data_mask: npt.NDArray[np.int64]
+    select_mask: npt.NDArray[np.int64]
+    inverted: npt.NDArray[np.bool_]
+    free_address: npt.NDArray[np.bool_]
+    lowest_address: npt.NDArray[np.int64]
+    lowest_data: npt.NDArray[np.int64]
+
+
+@cache
+def _layouts() -> _Layouts:
+    def mask(pattern: str, letters: str) -> int:
+        return int("".join("01"[letter in letters] for letter in pattern), 2)
+
+    patterns = [[call.rule.layout(extended) for call in Call] for extended in (False, True)]
+
+    def table(letters: str) -> npt.NDArray[np.int64]:
+        return np.array([[mask(pattern, letters) for pattern in row] for row in patterns])
+
+    return _Layouts(
+        fixed=table("1"),
+        fixed_mask=table("01"),
+        data_mask=table("d"),
+        select_mask=table("sS"),
+        inverted=table("S") > 0,
+        free_address=table("a") > 0,
+        lowest_address=np.array([call.rule.lowest_address for call in Call]),
+        lowest_data=np.array([int(call is Call.ASSIGN_ADDRESS) for call in Call]),
+    )
+
+
+@cache
+def _dictionary() -> npt.NDArray[np.int8]:
+    """Call, address, data and half of all 2 x 2**11 information words, `NONE` if unknown."""
+    information = np.arange(2**11)
+    meaning = np.full((2, 2**11, 4), NONE, dtype=np.int8)
+    layouts = _layouts()
+    address = information >> 5 & 31
+    for extended in (0, 1):
+        for call in Call:
+            fixed, fixed_mask, data_mask, select_mask = (
+                int(table[extended, call]) for table in layouts[:4]
+            )
+            data = information & data_mask
+            known = information & fixed_mask == fixed
+            known &= data >= layouts.lowest_data[call]
+            if layouts.free_address[extended, call]:
+                known &= address >= layouts.lowest_address[call]
+            half = np.full(information.shape, NONE)
+            if select_mask:
+                select = (information & select_mask > 0) ^ layouts.inverted[extended, call]
+                half = np.where(select, 1, 0 if extended else NONE)
+            calls = np.full(information.shape, call)
+            meaning[extended, known] = np.column_stack([calls, address, data, half])[known]
+    return meaning
+
+
+def _integers(name: str, values: npt.ArrayLike) -> Integers:
+    array = np.asarray(values)
+    if array.size and not np.issubdtype(array.dtype, np.integer):
+        raise ArgumentError(f"{name} must be whole numbers, but their dtype is {array.dtype}")
+    return array.astype(np.int64)
+
+
+def _parity(words: Integers) -> Integers:
+    return np.bitwise_count(words) & 1
+
+
+def _frame_errors(words: Integers, length: int) -> Codes:
+    """Return the codes of the frame's own rules; the last written is the first checked."""
+    error = np.zeros(words.shape, dtype=np.uint8)
+    error[_parity(words >> 1) == 1] = ParityError.code
+    error[words & 1 == 0] = EndBitError.code
+    error[words >> (length - 1) == 1] = StartBitError.code
+    error[(words < 0) | (words >> length > 0)] = LengthError.code
+    return error
+
+
+def encode_requests(
+    call: npt.ArrayLike,
+    address: npt.ArrayLike,
+    data: npt.ArrayLike = 0,
+    half: npt.ArrayLike = NONE,
+) -> tuple[npt.NDArray[np.uint16], Codes]:
+    """Encode many requests at once.
+
+    Parameters
+    ----------
+    call, address, data, half : array_like of int
+        The fields of `Request`, broadcast against each other; `half` is 0 for A, 1 for B and
+        `NONE` for a standard slave.
+
+    Returns
+    -------
+    words : ndarray of uint16
+        The telegrams; 0, which is none, where a field is not legal.
+    error : ndarray of uint8
+        0, or ``ArgumentError.code`` where a field is outside the range that its call allows.
+
+    Raises
+    ------
+    ArgumentError
+        If an array does not hold whole numbers.
+
+    Examples
+    --------
+    >>> words, error = encode_requests(Call.DATA_EXCHANGE, [20, 21, 32], 0xE)
+    >>> [f"{word:014b}" for word in words], error.tolist()
+    (['00101000111011', '00101010111001', '00000000000000'], [0, 0, 7])
+    """
+    call, address, data, half = np.broadcast_arrays(
+        _integers("call", call),
+        _integers("address", address),
+        _integers("data", data),
+        _integers("half", half),
+    )
+    known = (call >= 0) & (call < len(Call)) & (half >= NONE) & (half <= 1)
+    safe = np.where(known, call, 0)
+    extended = np.where(known & (half != NONE), 1, 0)
+    layouts = _layouts()
+    free = layouts.free_address[extended, safe]
+    fixed = layouts.fixed[extended, safe]
+    select_mask = layouts.select_mask[extended, safe]
+
+    own_address = np.where(free, address, fixed >> 5 & 31)
+    legal = known & (address == own_address) & (address >= 0) & (address <= 31)
+    legal &= ~free | (address >= layouts.lowest_address[safe])
+    legal &= (data >= layouts.lowest_data[safe]) & (data <= layouts.data_mask[extended, safe])
+    legal &= (half == NONE) | (select_mask > 0)
+
+    select = (half == 1) ^ layouts.inverted[extended, safe]
+    information = fixed | np.where(free, address << 5, 0) | data | np.where(select, select_mask, 0)
+    words = information << 2 | _parity(information) << 1 | 1
+    error = np.where(legal, 0, ArgumentError.code).astype(np.uint8)
+    return np.where(legal, words, 0).astype(np.uint16), error
+
+
+def parse_requests(words: npt.ArrayLike, *, extended: npt.ArrayLike = False) -> Requests:
+    """Parse many requests at once.
+
+    Parameters
+    ----------
+    words : array_like of int, any shape
+        Telegrams of 14 bits.
+    extended : array_like of bool, default False
+        Whether the addressed slave works in extended addressing, for all or for each word;
+        see `Request.parse`.
+
+    Returns
+    -------
+    Requests
+        One array a field.
+
+    Raises
+    ------
+    ArgumentError
+        If `words` are not whole numbers.
+
+    Examples
+    --------
+    >>> batch = parse_requests([0b00101010111001, 0b00101010111011])
+    >>> batch.error.tolist(), batch.address.tolist(), batch.data.tolist()
+    ([0, 5], [21, -1], [14, -1])
+    """
+    words = _integers("words", words)
+    error = _frame_errors(words, REQUEST_BITS)
+    information = np.where(error == 0, words >> 2, 0) & 0x7FF
+    meaning = _dictionary()[np.asarray(extended, dtype=bool).astype(np.intp), information]
+    error[(error == 0) & (meaning[..., 0] == NONE)] = UnknownCallError.code
+    meaning[error > 0] = NONE
+    return Requests(error, *np.moveaxis(meaning, -1, 0))
+
+
+def encode_responses(data: npt.ArrayLike) -> tuple[npt.NDArray[np.uint8], Codes]:
+    """Encode many responses at once.
+
+    Parameters
+    ----------
+    data : array_like of int
+        The four information bits, 0..15.
+
+    Returns
+    -------
+    words : ndarray of uint8
+        Telegrams of 7 bits; 0 where the data are not legal.
+    error : ndarray of uint8
+        0, or ``ArgumentError.code``.
+
+    Raises
+    ------
+    ArgumentError
+        If `data` are not whole numbers.
+
+    Examples
+    --------
+    >>> words, error = encode_responses([6, 16])
+    >>> f"{words[0]:07b}", error.tolist()
+    ('0011001', [0, 7])
+    """
+    data = _integers("data", data)
+    legal = (data >= 0) & (data <= 15)
+    words = data << 2 | _parity(data) << 1 | 1
+    error = np.where(legal, 0, ArgumentError.code).astype(np.uint8)
+    return np.where(legal, words, 0).astype(np.uint8), error
+
+
+def parse_responses(words: npt.ArrayLike) -> tuple[npt.NDArray[np.int8], Codes]:
+    """Parse many responses at once.
+
+    Parameters
+    ----------
+    words : array_like of int, any shape
+        Telegrams of 7 bits.
+
+    Returns
+    -------
+    data : ndarray of int8
+        The four information bits; `NONE` where the telegram is bad.
+    error : ndarray of uint8
+        0, or a code of `shipnet.errors`.
+
+    Raises
+    ------
+    ArgumentError
+        If `words` are not whole numbers.
+
+    Examples
+    --------
+    >>> parse_responses([0b0011001, 0b0011011])
+    (array([ 6, -1], dtype=int8), array([0, 5], dtype=uint8))
+    """
+    words = _integers("words", words)
+    error = _frame_errors(words, RESPONSE_BITS)
+    data = np.where(error == 0, words >> 2 & 15, NONE).astype(np.int8)
+    return data, error
+
+
+def bits_of(words: npt.ArrayLike, length: int) -> npt.NDArray[np.uint8]:
+    """Spread words into their bits, the first on the line first.
+
+    Parameters
+    ----------
+    words : array_like of int, shape (...)
+        Telegrams.
+    length : int
+        Bits a telegram: `REQUEST_BITS` or `RESPONSE_BITS`.
+
+    Returns
+    -------
+    ndarray of uint8, shape (..., length)
+        Zeros and ones.
+
+    Examples
+    --------
+    >>> bits_of([0b0011001], 7).tolist()
+    [[0, 0, 1, 1, 0, 0, 1]]
+    """
+    words = _integers("words", words)
+    return (words[..., np.newaxis] >> np.arange(length - 1, -1, -1) & 1).astype(np.uint8)
+
+
+def words_of(bits: npt.ArrayLike) -> npt.NDArray[np.int64]:
+    """Gather bits into words; the inverse of `bits_of`.
+
+    Parameters
+    ----------
+    bits : array_like of int, shape (..., length)
+        Zeros and ones, the first on the line first.
+
+    Returns
+    -------
+    ndarray of int64, shape (...)
+        Telegrams.
+
+    Raises
+    ------
+    ArgumentError
+        If something other than 0 and 1 is among the bits.
+
+    Examples
+    --------
+    >>> int(words_of([0, 0, 1, 1, 0, 0, 1]))
+    25
+    """
+    bits = _integers("bits", bits)
+    if np.any((bits < 0) | (bits > 1)):
+        raise ArgumentError(f"bits must be 0 or 1, but range from {bits.min()} to {bits.max()}")
+    return bits @ (1 << np.arange(bits.shape[-1] - 1, -1, -1))

@@ -1,0 +1,232 @@
+"""What a slave says of itself: ports, identity, profile and status."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from shipnet.errors import ArgumentError, check_whole
+
+__all__ = [
+    "IO_CONFIGURATIONS",
+    "Port",
+    "Profile",
+    "describe_io_configuration",
+    "describe_status",
+    "io_code",
+]
+
+Port = Literal["IN", "OUT", "I/O", "TRI"]
+
+_PORTS: dict[str, Port] = {"I": "IN", "O": "OUT", "B": "I/O", "T": "TRI"}
+
+# Ports D0..D3 for the codes 0..F, from OMRON CQM1-ARM21 manual W357 (1999), p. 63, and the
+# SAP5S/SAP51 data sheet (2012), p. 39: I input, O output, B both, T without function.
+_CODES = "IIII IIIO IIIB IIOO IIBB IOOO IBBB BBBB OOOO OOOI OOOB OOII OOBB OIII OBBB TTTT"
+
+#: The ports D0..D3 for every I/O configuration code 0..15.
+IO_CONFIGURATIONS: tuple[tuple[Port, ...], ...] = tuple(
+    tuple(_PORTS[letter] for letter in code) for code in _CODES.split()
+)
+
+_STATUS = {
+    "2.1": ("address or ID code still volatile", "periphery fault", "", "memory read error"),
+    "2.0": (
+        "address or ID code still volatile",
+        "parity error seen",
+        "end bit error seen",
+        "memory read error",
+    ),
+}
+
+
+def describe_io_configuration(code: int) -> str:
+    """Return what the ports of an I/O configuration code do.
+
+    Parameters
+    ----------
+    code : int
+        I/O configuration code, 0..15.
+
+    Returns
+    -------
+    str
+        Directions of the ports D0..D3.
+
+    Raises
+    ------
+    ArgumentError
+        If `code` is outside 0..15.
+
+    Examples
+    --------
+    >>> describe_io_configuration(0x9)
+    'ports D0..D3 OUT OUT OUT IN'
+    >>> describe_io_configuration(0xF)
+    'ports without function: no configuration stored'
+    """
+    check_whole("code", code, 0, 15)
+    ports = IO_CONFIGURATIONS[code]
+    if ports[0] == "TRI":
+        return "ports without function: no configuration stored"
+    return f"ports D0..D3 {' '.join(ports)}"
+
+
+def io_code(ports: tuple[str, str, str, str]) -> int:
+    """Return the I/O configuration code of four ports; the inverse of `IO_CONFIGURATIONS`.
+
+    Parameters
+    ----------
+    ports : tuple of str
+        Directions of D0..D3, each ``"IN"``, ``"OUT"``, ``"I/O"`` or ``"TRI"``.
+
+    Returns
+    -------
+    int
+        Code 0..15.
+
+    Raises
+    ------
+    ArgumentError
+        If no code stands for this combination: 16 codes do not cover all 81 of them.
+
+    Examples
+    --------
+    >>> io_code(("IN", "IN", "OUT", "OUT"))
+    3
+    """
+    try:
+        return IO_CONFIGURATIONS.index(tuple(ports))
+    except ValueError:
+        known = "; ".join(" ".join(code) for code in IO_CONFIGURATIONS)
+        raise ArgumentError(f"ports are {ports!r}; the codes know only {known}") from None
+
+
+def describe_status(status: int, version: Literal["2.0", "2.1"] = "2.1") -> str:
+    """Return the meaning of the status bits S3..S0 that are set.
+
+    Parameters
+    ----------
+    status : int
+        The four bits of the answer to *read status*, 0..15.
+    version : {"2.1", "2.0"}
+        Specification of the slave: S1 is a periphery fault since 2.1 and was a parity error
+        before; S2 was an end bit error and is reserved since.
+
+    Returns
+    -------
+    str
+        The set bits with their meaning, or ``"no flag set"``.
+
+    Raises
+    ------
+    ArgumentError
+        If `status` or `version` is not legal.
+
+    References
+    ----------
+    .. [1] Siemens, "IE/AS-INTERFACE LINK PN IO", manual, p. 169.
+
+    Examples
+    --------
+    >>> describe_status(0b0010)
+    'S1 periphery fault'
+    >>> describe_status(0b0010, version="2.0")
+    'S1 parity error seen'
+    """
+    if version not in _STATUS:
+        raise ArgumentError(f"version is {version!r}; it must be '2.0' or '2.1'")
+    check_whole("status", status, 0, 15)
+    flags = [
+        f"S{bit} {meaning or 'reserved'}"
+        for bit, meaning in enumerate(_STATUS[version])
+        if status >> bit & 1
+    ]
+    return ", ".join(flags) or "no flag set"
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """A slave's profile, as its nameplate prints it: ``S-7.A.E``.
+
+    Parameters
+    ----------
+    io : int
+        I/O configuration code, 0..15.
+    id : int
+        ID code, 0..15; A makes the slave an A/B slave.
+    id2 : int, optional
+        Extended ID code 2, 0..15; None for slaves before specification 2.1.
+
+    Raises
+    ------
+    ArgumentError
+        If a code is outside 0..15.
+
+    Examples
+    --------
+    >>> Profile.parse("S-7.A.E")
+    Profile(io=7, id=10, id2=14)
+    >>> Profile.parse("S-7.A.E").extended
+    True
+    >>> str(Profile(0, 0xF))
+    'S-0.F'
+    """
+
+    io: int
+    id: int
+    id2: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check the codes."""
+        check_whole("io", self.io, 0, 15)
+        check_whole("id", self.id, 0, 15)
+        if self.id2 is not None:
+            check_whole("id2", self.id2, 0, 15)
+
+    @property
+    def extended(self) -> bool:
+        """Whether the slave shares its address as A or B: its ID code is A (hexadecimal)."""
+        return self.id == 0xA
+
+    @property
+    def output_bits(self) -> int:
+        """Output bits in one request: an A/B slave gives one up for the select bit."""
+        return 3 if self.extended else 4
+
+    def __str__(self) -> str:
+        """Return the nameplate form."""
+        codes = [self.io, self.id] + ([] if self.id2 is None else [self.id2])
+        return "S-" + ".".join(f"{code:X}" for code in codes)
+
+    @classmethod
+    def parse(cls, text: str) -> Profile:
+        """Read the nameplate form.
+
+        Parameters
+        ----------
+        text : str
+            ``S-`` and two or three hexadecimal digits with dots between.
+
+        Returns
+        -------
+        Profile
+            Its ``str`` is the text given, in capitals.
+
+        Raises
+        ------
+        ArgumentError
+            If the text has another form.
+
+        Examples
+        --------
+        >>> str(Profile.parse("s-7.3"))
+        'S-7.3'
+        """
+        found = re.fullmatch(r"[Ss]-([0-9A-Fa-f])\.([0-9A-Fa-f])(?:\.([0-9A-Fa-f]))?", text)
+        if not found:
+            raise ArgumentError(
+                f"profile is {text!r}; it must look like 'S-7.A.E' or 'S-0.F', hexadecimal digits"
+            )
+        return cls(*(int(code, 16) for code in found.groups() if code is not None))

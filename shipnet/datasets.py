@@ -1,0 +1,89 @@
+"""Where the data files are: in the checkout, or inside the installed package.
+
+Nothing else in shipnet spells a data path. `data/SOURCES.md` says where each file comes from.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["names", "path", "read"]
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def _folder() -> Path:
+    checkout = _PACKAGE.parent / "data"
+    return checkout if (checkout / "SOURCES.md").is_file() else _PACKAGE / "data"
+
+
+def names() -> list[str]:
+    """Return the names of all data files, sorted.
+
+    Examples
+    --------
+    >>> "claims.csv" in names()
+    True
+    """
+    return sorted(file.name for file in _folder().glob("*.csv"))
+
+
+def path(name: str) -> Path:
+    """Return the path of a data file.
+
+    Parameters
+    ----------
+    name : str
+        File name, such as ``"claims.csv"``.
+
+    Returns
+    -------
+    pathlib.Path
+        The file in the checkout when `shipnet` stands beside ``data/``, else the copy that the
+        wheel installed.
+
+    Raises
+    ------
+    ValueError
+        If there is no such file; the message lists those that there are.
+
+    Examples
+    --------
+    >>> path("claims.csv").name
+    'claims.csv'
+    """
+    file = _folder() / name
+    if name not in names():
+        raise ValueError(f"name is {name!r}, but the data files are {', '.join(names())}")
+    return file
+
+
+def read(name: str) -> pd.DataFrame:
+    """Return a data file as a table of text, empty cells as empty strings.
+
+    The files transcribe what papers print, and print differs from value: ``0.40`` is not
+    ``0.4``, and ``03`` is not 3. So nothing is converted here; `pandas.to_numeric` does that
+    where a column is a number.
+
+    Parameters
+    ----------
+    name : str
+        File name, as for `path`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        All columns of type str.
+
+    Examples
+    --------
+    >>> read("kim2023_table7_io_codes.csv").loc[1].tolist()
+    ['1', 'IN', 'IN', 'IN', 'OUT']
+    """
+    import pandas as pd
+
+    return pd.read_csv(path(name), dtype=str, keep_default_na=False)

@@ -1,0 +1,21 @@
+"""From the points on board to a design."""
+
+from shipnet.design.cabling import (
+    SIGNALS,
+    Comparison,
+    asi_conductors,
+    count_points,
+    hardwired_conductors,
+    lines_needed,
+    slaves_needed,
+)
+
+__all__ = [
+    "SIGNALS",
+    "Comparison",
+    "asi_conductors",
+    "count_points",
+    "hardwired_conductors",
+    "lines_needed",
+    "slaves_needed",
+]

@@ -1,0 +1,141 @@
+"""What can be wrong with bits and bytes, one class per kind of fault.
+
+Every class carries a `code`, so that a batch function can return an array of codes where a
+scalar function raises. Code 0 means that nothing is wrong.
+"""
+
+__all__ = [
+    "ArgumentError",
+    "EndBitError",
+    "FrameError",
+    "LengthError",
+    "ParityError",
+    "StartBitError",
+    "SymbolError",
+    "UnknownCallError",
+    "check_whole",
+    "explain",
+]
+
+
+class FrameError(ValueError):
+    """A frame breaks a rule of its bus; the subclass says which."""
+
+    code: int
+
+
+class LengthError(FrameError):
+    """The frame has too few or too many bits."""
+
+    code = 1
+
+
+class SymbolError(FrameError):
+    """Something other than 0 and 1 stands where a bit should be."""
+
+    code = 2
+
+
+class StartBitError(FrameError):
+    """The first bit of a telegram is not 0."""
+
+    code = 3
+
+
+class EndBitError(FrameError):
+    """The last bit of a telegram is not 1."""
+
+    code = 4
+
+
+class ParityError(FrameError):
+    """The number of ones, parity bit included, is odd."""
+
+    code = 5
+
+
+class UnknownCallError(FrameError):
+    """The bits are in order, but no call of the standard has this pattern."""
+
+    code = 6
+
+
+class ArgumentError(ValueError):
+    """An argument lies outside its legal range; the message names it, its value and the range."""
+
+    code = 7
+
+
+_BY_CODE: dict[int, type[FrameError] | type[ArgumentError]] = {
+    kind.code: kind
+    for kind in (
+        LengthError,
+        SymbolError,
+        StartBitError,
+        EndBitError,
+        ParityError,
+        UnknownCallError,
+        ArgumentError,
+    )
+}
+
+
+def explain(code: int) -> str:
+    """Return the name of the error class behind a batch code, or ``"ok"`` for 0.
+
+    Parameters
+    ----------
+    code : int
+        Error code as the batch functions return it.
+
+    Returns
+    -------
+    str
+        Class name, or ``"ok"``.
+
+    Raises
+    ------
+    ValueError
+        If no class has this code; the message lists the codes there are.
+
+    Examples
+    --------
+    >>> explain(0), explain(5)
+    ('ok', 'ParityError')
+    """
+    if code == 0:
+        return "ok"
+    if code not in _BY_CODE:
+        raise ValueError(f"code is {code}, but the error codes are 0 and {sorted(_BY_CODE)}")
+    return _BY_CODE[code].__name__
+
+
+def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> None:
+    """Raise unless a value is a whole number within its legal range.
+
+    Parameters
+    ----------
+    name : str
+        The argument as the caller knows it.
+    value : int
+        What was given; a bool is not a number here.
+    low, high : int
+        Legal range, both ends included.
+    why : str, optional
+        What the range depends on, put behind it in the message.
+
+    Raises
+    ------
+    ArgumentError
+        If the value is not whole, or out of range.
+
+    Examples
+    --------
+    >>> check_whole("address", 32, 0, 31)
+    Traceback (most recent call last):
+        ...
+    shipnet.errors.ArgumentError: address is 32; it must be a whole number 0..31
+    """
+    whole = hasattr(value, "__index__") and not isinstance(value, bool)
+    if not whole or not low <= value <= high:
+        raise ArgumentError(f"{name} is {value!r}; it must be a whole number {low}..{high}{why}")

@@ -1,0 +1,80 @@
+"""What icn2007 prints, recomputed: the AS-Interface communication system.
+
+"AS-Interface communication system for field networks (2)", ICN magazine, July 2007. Claims that
+kim2023 repeats are registered beside it, in `shipnet.papers.kim2023`.
+"""
+
+from __future__ import annotations
+
+from shipnet.asi import Call, Request, Transaction
+from shipnet.papers.kim2023 import EXAMPLE_REQUEST, master_pause_of_chip
+from shipnet.papers.registry import check, numeric
+
+__all__: list[str] = []
+
+
+@numeric("icn2007-035")
+def metres_per_star_leg(*, total: float = 100, trunk: float = 90, slaves: int = 62) -> float:
+    """Cable that is left for each leg of the star at the end of the trunk."""
+    return (total - trunk) / slaves
+
+
+@numeric("icn2007-005")
+def bit_time_in_ms(*, rate: float = 167e3) -> float:
+    """Milliseconds a bit, from the rate in the same paragraph."""
+    return 1e3 / rate
+
+
+@numeric("icn2007-015")
+def extra_pause(*, asynchronous: float = 33.5e-6, synchronous: float = 21.5e-6) -> float:
+    """Bit times that a slave takes longer when it is not synchronous (A2SI data sheet)."""
+    return master_pause_of_chip(edge=asynchronous) - master_pause_of_chip(edge=synchronous)
+
+
+@numeric("icn2007-017")
+def example_address(*, bits: str = EXAMPLE_REQUEST) -> int:
+    """A4..A0 of the example."""
+    return int(bits[2:7], 2)
+
+
+@check("icn2007-018", counter={"data": 0xA})
+def example_for_21a(*, data: int = 0xE) -> bool:
+    """Whether the example's request is also a request to slave 21A with data 6."""
+    bits = Request.data_exchange(21, data).bits
+    return Request.parse(bits, extended=True) == Request.data_exchange(21, 0x6, "A")
+
+
+@numeric("icn2007-036")
+def slaves_before_2_1(*, address_bits: int = 5) -> int:
+    """Every address but 0."""
+    return (1 << address_bits) - 1
+
+
+@numeric("icn2007-020")
+def extended_output_bits(*, information: int = 5, select: int = 1, kind: int = 1) -> int:
+    """Output bits left when I4 tells the kind of request and I3 carries the select bit."""
+    return information - kind - select
+
+
+@numeric("icn2007-021")
+def request_information(*, control: int = 1, address: int = 5, information: int = 5) -> int:
+    """Bits of a request that must be checked: all but start, parity and end bit."""
+    return control + address + information
+
+
+@numeric("icn2007-025")
+def net_rate(*, user_bits: int = 8, master_pause: float = 2, slave_pause: float = 2) -> float:
+    """Kilobits of user data a second, four bits each way in every transaction."""
+    return 1e-3 * user_bits / Transaction(master_pause, slave_pause).duration
+
+
+@numeric("icn2007-026")
+def efficiency(*, user_bits: int = 8, master_pause: float = 2, slave_pause: float = 2) -> float:
+    """User bits in percent of all bit times of a transaction."""
+    return 100 * user_bits / Transaction(master_pause, slave_pause).bits
+
+
+@check("icn2007-029", counter={"call": Call.RESET})
+def broadcast_is_silent(*, call: Call = Call.BROADCAST_RESET) -> bool:
+    """Whether no slave answers this call."""
+    return call.rule.answer is None

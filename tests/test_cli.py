@@ -1,0 +1,73 @@
+import csv
+import subprocess
+import sys
+
+import pytest
+
+from shipnet.__main__ import main
+from shipnet.papers import ledger
+
+
+def test_ledger_prints_every_claim_of_the_paper(capsys):
+    assert main(["ledger", "--paper", "kim2023"]) == 0
+    out = capsys.readouterr().out
+    assert all(claim in out for claim in ledger("kim2023")["id"])
+    assert "icn2007" not in out
+    (row,) = [line for line in out.splitlines() if line.startswith("kim2023-074")]
+    assert row.split()[1:4] == ["0.7", "7.368", "typo"]
+
+
+def test_summary_counts_only(capsys):
+    assert main(["ledger", "--summary"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == [
+        "recomputed", "checked", "ours", "context", "not", "reproducible", "open", "claims",
+    ]  # fmt: skip
+    assert len(lines) == 2 + 5
+
+
+def test_csv_holds_all_columns(tmp_path, capsys):
+    file = tmp_path / "ledger.csv"
+    assert main(["ledger", "--paper", "icn2007", "--csv", str(file)]) == 0
+    with open(file, newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    table = ledger("icn2007")
+    assert list(rows[0]) == list(table.columns)
+    assert [row["id"] for row in rows] == list(table["id"])
+    assert f"{len(rows)} claims written" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["ledger", "--paper", "kim"], "paper is 'kim', but the papers are kim2023, icn2007"),
+        (["ledger", "--csv", "/nowhere/at/all.csv"], "/nowhere/at"),
+    ],
+)
+def test_a_mistake_is_told_in_one_line(arguments, message, capsys):
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["ledger", "--help"], ["nonsense"]])
+def test_help_and_usage(arguments, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == (0 if "--help" in arguments else 2)
+    streams = capsys.readouterr()
+    if "--help" in arguments:
+        assert "example" in streams.out
+    else:
+        assert "usage: shipnet" in streams.err
+
+
+def test_module_runs_as_a_program_and_into_a_closed_pipe():
+    program = [sys.executable, "-m", "shipnet"]
+    assert subprocess.check_output([*program, "--version"], text=True).startswith("shipnet 0.")
+    reader = subprocess.Popen([*program, "ledger"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    reader.stdout.close()
+    assert reader.stderr.read() == b""
+    reader.stderr.close()
+    reader.wait()

@@ -1,0 +1,30 @@
+import ast
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = ["matplotlib", "networkx", "numpy", "pandas", "scipy", "skfuzzy"]
+
+
+def loaded(statement):
+    program = f"{statement}; import sys; print([m for m in {HEAVY} if m in sys.modules])"
+    return ast.literal_eval(subprocess.check_output([sys.executable, "-c", program], text=True))
+
+
+@pytest.mark.parametrize(
+    ("statement", "modules"),
+    [
+        ("import shipnet", []),
+        ("import shipnet.errors", []),
+        ("import shipnet.datasets", []),
+        ("import shipnet.style", []),
+        ("import shipnet.asi", ["numpy"]),
+        ("import shipnet.design", []),
+        ("import shipnet.__main__", []),
+        ("import shipnet.asi.tables", ["numpy", "pandas"]),
+        ("import shipnet.papers", ["numpy", "pandas"]),
+    ],
+)
+def test_an_entry_point_loads_no_more_than_it_needs(statement, modules):
+    assert loaded(statement) == modules

@@ -1,0 +1,62 @@
+import pytest
+
+from shipnet import datasets
+from shipnet.asi import Call, Request
+from shipnet.papers.tables import KIM2023, differences, explained, generated, printed
+
+
+def test_every_difference_is_explained_and_no_reason_is_left_over():
+    reasons = datasets.read("kim2023_table_differences.csv")
+    found = [explained(table) for table in KIM2023]
+    assert sum(len(table) for table in found) == len(reasons)
+    for table in found:
+        assert not table.isna().any(axis=None)
+    claims = set(datasets.read("claims.csv")["id"])
+    assert set(reasons["claim"]) <= claims
+    assert set(reasons["kind"]) == {"typo", "naming", "difference", "missing", "wording"}
+
+
+def test_a_changed_cell_would_be_seen(monkeypatch):
+    table = printed("Table 7")
+    table.loc["3", "D0"] = "OUT"
+    monkeypatch.setattr("shipnet.papers.tables.printed", lambda name: table)
+    assert differences("Table 7").to_dict("records") == [
+        {"table": "Table 7", "row": "3", "column": "D0", "printed": "OUT", "ours": "IN"}
+    ]
+
+
+def test_table_5_is_what_the_encoder_sends():
+    table = generated("Table 5").drop("HEADER")
+    assert list(table.index) == [call.name for call in Call]
+    fixed = {"DATA_EXCHANGE": (21, 5), "WRITE_PARAMETER": (21, 5), "DELETE_ADDRESS": (21, 0)}
+    for call in Call:
+        names = list(table.loc[call.name])
+        address, data = fixed.get(call.name, (21, 0))
+        if call.rule.pattern[1:6].isdigit():
+            address, data = int(call.rule.pattern[1:6], 2), int("d" in call.rule.pattern)
+        half = "B" if {"S", "~S"} & set(names) else None
+        bits = Request(call, address, data, half).bits
+        for name, bit in zip(names, bits, strict=True):
+            if name in "01":
+                assert bit == name, call
+            if name in ("S", "~S"):
+                assert bit == {"S": "1", "~S": "0"}[name], call
+
+
+def test_write_id1_with_an_address_would_be_delete_address():
+    information = f"1{21:05b}00000"
+    bits = f"0{information}{information.count('1') % 2}1"
+    assert Request.parse(bits) == Request.delete_address(21)
+    assert printed("Table 5").loc["WRITE_ID1", "A4":"A0"].tolist() == ["A4", "A3", "A2", "A1", "A0"]
+    assert generated("Table 5").loc["WRITE_ID1", "A4":"A0"].tolist() == ["0"] * 5
+
+
+def test_parameter_bits_are_called_p():
+    assert generated("Table 5").loc["WRITE_PARAMETER", "I2":"I0"].tolist() == ["P2", "P1", "P0"]
+    assert printed("Table 5").loc["WRITE_PARAMETER", "I2":"I0"].tolist() == ["D2", "D1", "D0"]
+
+
+def test_other_tables_are_refused():
+    for function in (printed, generated):
+        with pytest.raises(ValueError, match="table is 'Table 1'"):
+            function("Table 1")

@@ -1,0 +1,231 @@
+import importlib
+import inspect
+import itertools
+import json
+import math
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet import datasets
+from shipnet.papers import counts, ledger, show
+from shipnet.papers.ledger import PAPERS, STATUSES, VERDICTS, as_number, match
+from shipnet.papers.registry import REGISTRY, check, numeric
+
+LEDGER = ledger()
+CLAIMS = datasets.read("claims.csv")
+FIGURES = datasets.read("figures_tables.csv")
+ROOT = Path(__file__).resolve().parents[1]
+RECORDED = Path(__file__).with_name("expected_ledger.json")
+PRECISE = {"within precision"}
+NUMBERS = [claim for claim in REGISTRY if not REGISTRY[claim].counter]
+CHECKS = [claim for claim in REGISTRY if REGISTRY[claim].counter]
+
+
+def test_claims_are_well_formed():
+    assert CLAIMS["id"].is_unique
+    assert (CLAIMS["id"].str.rsplit("-", n=1).str[0] == CLAIMS["paper"]).all()
+    assert CLAIMS["id"].str.fullmatch(r"[a-z]+\d{4}-\d{3}").all()
+    assert set(CLAIMS["paper"]) == set(PAPERS)
+    assert set(CLAIMS["kind"]) == {"numeric", "qualitative", "context", "ours"}
+    assert (CLAIMS["claim"].str.len() > 5).all()
+    judged = CLAIMS["kind"].isin(["numeric", "qualitative"])
+    assert CLAIMS.loc[judged, "verdict"].isin(VERDICTS).all()
+    assert (CLAIMS.loc[~judged, "verdict"] == "").all()
+
+
+def test_numbers_have_a_value_and_a_printed_precision():
+    for claim in CLAIMS[CLAIMS["kind"] == "numeric"].itertuples():
+        assert math.isfinite(as_number(claim.value)), claim.id
+        assert as_number(claim.precision) > 0, claim.id
+    assert (CLAIMS.loc[CLAIMS["kind"] == "ours", "value"] == "").all()
+
+
+def test_open_means_that_nobody_computes_it():
+    for claim in CLAIMS.itertuples():
+        if claim.kind in ("numeric", "qualitative"):
+            uncomputed = claim.verdict in ("open", "not reproducible")
+            assert uncomputed == (claim.id not in REGISTRY), claim.id
+        if claim.verdict in ("open", "not reproducible"):
+            assert claim.note, f"{claim.id} does not say what is missing"
+
+
+def test_every_function_belongs_to_a_claim_of_its_kind():
+    kinds = CLAIMS.set_index("id")["kind"]
+    for claim in REGISTRY:
+        assert kinds[claim] in (("qualitative",) if claim in CHECKS else ("numeric", "ours")), claim
+
+
+def test_the_match_decides_between_agreement_and_fault():
+    for row in LEDGER[LEDGER["status"] == "recomputed"].itertuples():
+        assert (row.match == "within precision") == (row.verdict == "agrees"), row.id
+        if row.verdict == "unit":
+            assert re.fullmatch(r"factor (1e[+-]0\d|10+|0\.0*1|1e-0\d)", row.match), row.id
+    for row in LEDGER[LEDGER["status"] == "checked"].itertuples():
+        assert (row.match == "holds") == (row.verdict in ("agrees", "below rule")), row.id
+
+
+def test_a_verdict_against_a_paper_names_its_evidence():
+    ids = set(CLAIMS["id"])
+    for row in CLAIMS.itertuples():
+        if row.verdict in ("", "agrees", "open", "not reproducible"):
+            continue
+        sources = [source.strip() for source in row.evidence.split(";")]
+        assert sources != [""], row.id
+        for source in sources:
+            assert source in ids - {row.id} or names_a_test(source), f"{row.id}: {source}"
+
+
+def names_a_test(source):
+    file, _, name = source.partition("::")
+    return (ROOT / file).is_file() and f"def {name}(" in (ROOT / file).read_text(encoding="utf-8")
+
+
+def neighbours(value):
+    """Values near a default: enough of them that one is legal for the function."""
+    if isinstance(value, bool):
+        return [not value]
+    if isinstance(value, int):
+        return [value + 1, value - 1, value * 2]
+    if isinstance(value, float):
+        return [value * 1.1, value * 0.9]
+    if isinstance(value, str):
+        flipped = [
+            "".join("10"[int(bit)] if place in places else bit for place, bit in enumerate(value))
+            for places in itertools.combinations(range(len(value)), 2)
+        ]
+        return [*flipped, value[:-1]]
+    if isinstance(value, tuple):
+        return [value[:-1]]
+    raise TypeError(f"no neighbour of {value!r}")
+
+
+def moved(function, name, value):
+    """Results of a function while one input takes the values near its default."""
+    results = []
+    for neighbour in neighbours(value):
+        try:
+            results.append((neighbour, function(**{name: neighbour})))
+        except ValueError:
+            continue
+    return results
+
+
+@pytest.mark.parametrize("claim", NUMBERS)
+def test_every_input_of_a_number_moves_it(claim):
+    function = REGISTRY[claim].function
+    inputs = {name: p.default for name, p in inspect.signature(function).parameters.items()}
+    assert inputs, "a number without inputs is typed, not computed"
+    original = function()
+    for name, value in inputs.items():
+        results = moved(function, name, value)
+        assert any(result != original for _, result in results), f"{name} moves nothing"
+        assert any(result != neighbour for neighbour, result in results), f"{name} is handed back"
+
+
+@pytest.mark.parametrize("claim", CHECKS)
+def test_every_check_can_turn_round(claim):
+    recomputation = REGISTRY[claim]
+    answer = recomputation.function()
+    assert isinstance(answer, bool)
+    assert recomputation.function(**recomputation.counter) is (not answer)
+
+
+def test_the_perturbation_finds_a_typed_constant():
+    with pytest.raises(AssertionError, match="moves nothing"):
+        _guard(lambda *, slaves=62: 496)
+    with pytest.raises(AssertionError, match="handed back"):
+        _guard(lambda *, strands=496: strands)
+    _guard(lambda *, slaves=62: slaves * 8)
+
+
+def _guard(function):
+    numeric("test-000")(function)
+    try:
+        test_every_input_of_a_number_moves_it("test-000")
+    finally:
+        del REGISTRY["test-000"]
+
+
+def test_a_claim_has_one_function():
+    with pytest.raises(ValueError, match="kim2023-004 has two functions"):
+        check("kim2023-004", counter={"x": 1})(lambda *, x=0: True)
+
+
+@pytest.mark.parametrize(
+    ("published", "computed", "precision", "outcome"),
+    [
+        (0.4, 0.449, 0.1, "within precision"),
+        (0.4, 0.45, 0.1, "within precision"),
+        (0.4, 0.451, 0.1, "differs"),
+        (0.7, 7.368, 0.1, "factor 10"),
+        (6, 0.005988, 1, "factor 0.001"),
+        (0.104, 104.1667, 0.001, "factor 1000"),
+        (133, 133e-3, 1, "factor 0.001"),
+        (0, 0, 1, "within precision"),
+        (0, 5, 1, "differs"),
+        (5, 0, 1, "differs"),
+        (-7, -7.2, 1, "within precision"),
+        (7, math.nan, 1, "differs"),
+    ],
+)
+def test_match(published, computed, precision, outcome):
+    assert match(published, computed, precision) == outcome
+
+
+@given(st.floats(1e-3, 1e6), st.integers(-6, 6).filter(bool))
+def test_a_shifted_decimal_point_is_recognised(value, power):
+    assert match(value, value * 10.0**power, value * 1e-3) == f"factor {10.0**power:g}"
+
+
+def test_counts_add_up_and_may_only_grow():
+    table = counts()
+    assert list(table.index) == list(PAPERS)
+    assert list(table.columns) == [*STATUSES, "claims"]
+    assert (table[list(STATUSES)].sum(axis=1) == table["claims"]).all()
+    assert table["claims"].sum() == len(CLAIMS)
+    done = table[["recomputed", "checked"]].to_dict("index")
+    recorded = json.loads(RECORDED.read_text())
+    for paper, statuses in recorded.items():
+        for status, number in statuses.items():
+            assert done[paper][status] >= number, f"{paper}: fewer {status} than recorded"
+    assert done == recorded, f"more is done than recorded: update {RECORDED.name}"
+
+
+def test_ledger_of_one_paper():
+    one = ledger("icn2007")
+    assert set(one["paper"]) == {"icn2007"}
+    assert list(one["id"]) == sorted(one["id"])
+    with pytest.raises(ValueError, match="paper is 'kim'"):
+        ledger("kim")
+
+
+def test_show_keeps_the_order_and_names_unknown_ids():
+    rows = show("kim2023-074", "kim2023-004")
+    assert list(rows.index) == ["kim2023-074", "kim2023-004"]
+    assert rows.loc["kim2023-074", "the paper says"] == "0.7 %"
+    with pytest.raises(ValueError, match="no claim kim2023-999"):
+        show("kim2023-999")
+
+
+def test_every_module_of_a_paper_is_found():
+    folder = Path(importlib.import_module("shipnet.papers").__file__).parent
+    modules = {file.stem for file in folder.glob("*.py") if re.fullmatch(r"[a-z]+\d{4}", file.stem)}
+    assert modules <= set(PAPERS)
+    functions = {entry.function.__module__.rsplit(".", 1)[1] for entry in REGISTRY.values()}
+    assert functions == modules
+
+
+def test_figures_and_tables():
+    assert len(FIGURES) == 72
+    assert not FIGURES.duplicated(["paper", "item"]).any()
+    assert set(FIGURES["paper"]) == set(PAPERS)
+    assert set(FIGURES["treatment"]) == {"reproduced", "redrawn", "not reproducible"}
+    assert (FIGURES["reason"] != "").all()
+    for row in FIGURES[FIGURES["notebook"] != ""].itertuples():
+        assert row.treatment != "not reproducible"
+        text = (ROOT / "notebooks" / row.notebook).read_text(encoding="utf-8")
+        assert re.search(rf"\b{row.item}\b", text.replace("Figs", "Fig")), f"{row.paper} {row.item}"

@@ -1,0 +1,172 @@
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shipnet import datasets
+from shipnet.asi import IO_CONFIGURATIONS, Profile, Transaction
+from shipnet.asi.profile import describe_io_configuration, describe_status, io_code
+from shipnet.design import (
+    SIGNALS,
+    Comparison,
+    asi_conductors,
+    count_points,
+    hardwired_conductors,
+    lines_needed,
+    slaves_needed,
+)
+from shipnet.errors import ArgumentError, explain
+
+
+def test_io_codes_mirror_inputs_and_outputs():
+    swap = {"IN": "OUT", "OUT": "IN", "I/O": "I/O"}
+    for code in (0, 1, 2, 3, 4, 5, 6):
+        assert tuple(swap[port] for port in IO_CONFIGURATIONS[code]) == IO_CONFIGURATIONS[code + 8]
+    assert len(set(IO_CONFIGURATIONS)) == 16
+
+
+def test_io_code_is_the_inverse_and_refuses_the_rest():
+    known = 0
+    for ports in itertools.product(["IN", "OUT", "I/O"], repeat=4):
+        if ports in IO_CONFIGURATIONS:
+            assert IO_CONFIGURATIONS[io_code(ports)] == ports
+            known += 1
+        else:
+            with pytest.raises(ArgumentError, match="the codes know only"):
+                io_code(ports)
+    assert known == 15
+
+
+@pytest.mark.parametrize("code", [-1, 16, 1.0, "3", None, True])
+def test_codes_out_of_range(code):
+    with pytest.raises(ArgumentError, match=r"0\.\.15"):
+        describe_io_configuration(code)
+    with pytest.raises(ArgumentError, match=r"0\.\.15"):
+        describe_status(code)
+    with pytest.raises(ArgumentError, match=r"0\.\.15"):
+        Profile(code, 0)
+
+
+def test_status_flags():
+    assert describe_status(0) == "no flag set"
+    assert describe_status(0b1001).split(", ") == [
+        "S0 address or ID code still volatile",
+        "S3 memory read error",
+    ]
+    assert describe_status(0b0100) == "S2 reserved"
+    with pytest.raises(ArgumentError, match="version is '3'"):
+        describe_status(0, version="3")
+
+
+def test_profiles_come_back_from_their_text():
+    for codes in itertools.product(range(16), range(16), [None, *range(16)]):
+        profile = Profile(*codes)
+        assert Profile.parse(str(profile)) == profile
+        assert profile.extended == (codes[1] == 10)
+
+
+@pytest.mark.parametrize("text", ["", "7.A.E", "S-7", "S-G.A", "S-7.A.E.0", "S-7.A.", "S-77.A"])
+def test_other_profiles_are_refused(text):
+    with pytest.raises(ArgumentError, match="must look like"):
+        Profile.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("pauses", "microseconds"), [((2, 1.5), 147), ((2, 2), 150), ((3, 2), 156), ((10, 2), 198)]
+)
+def test_transactions_of_published_length(pauses, microseconds):
+    transaction = Transaction(*pauses)
+    assert transaction.duration * 1e6 == pytest.approx(microseconds)
+    spans = transaction.spans
+    assert [span.length for span in spans] == [14, pauses[0], 7, pauses[1]]
+    assert all(a.end == b.start for a, b in itertools.pairwise(spans))
+
+
+@pytest.mark.parametrize(
+    "pauses",
+    [{"master_pause": 1.9}, {"master_pause": 10.1}, {"master_pause": float("nan")},
+     {"slave_pause": -1}, {"slave_pause": float("inf")},
+     {"bit_time": 0}, {"bit_time": float("nan")}],
+)  # fmt: skip
+def test_impossible_pauses(pauses):
+    with pytest.raises(ArgumentError, match=next(iter(pauses))):
+        Transaction(**pauses)
+
+
+def test_conductors_of_the_papers():
+    assert hardwired_conductors({"contact": 62 * 4}) == 496
+    assert hardwired_conductors({"contact": 190}) == 380
+    assert asi_conductors(14) == 28
+    assert f"{Comparison(380, 28).left:.4f}" == "0.0737"
+    # lee2012 Table 3: 62 resistance thermometers, 18 current loops, 19 switches.
+    assert hardwired_conductors({"rtd_3wire": 62, "current_loop": 18, "contact": 19}) == 260
+
+
+def test_common_returns_are_counted_once_a_group():
+    assert hardwired_conductors({"contact_common": 8}) == 9
+    assert hardwired_conductors({"contact_common": 8}, groups=2) == 10
+    assert hardwired_conductors({"contact_common": 0}, groups=2) == 0
+    assert hardwired_conductors({"contact_common": 8, "contact": 1}, groups=3) == 13
+
+
+def test_nothing_needs_nothing():
+    assert hardwired_conductors({}) == 0
+    assert asi_conductors(0) == 0
+    assert slaves_needed(0) == lines_needed(0) == 0
+
+
+@pytest.mark.parametrize(
+    ("inputs", "outputs", "slaves"), [(1, 0, 1), (4, 4, 1), (5, 0, 2), (4, 9, 3)]
+)
+def test_slaves_fill_the_port_that_runs_out_first(inputs, outputs, slaves):
+    assert slaves_needed(inputs, outputs) == slaves
+
+
+def test_lines_at_their_limits():
+    assert [lines_needed(n) for n in (1, 62, 63, 124)] == [1, 1, 2, 2]
+    assert lines_needed(32, slaves_per_line=31) == 2
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: hardwired_conductors({"wireless": 1}),
+        lambda: hardwired_conductors({"contact": -1}),
+        lambda: hardwired_conductors({"contact": 1.5}),
+        lambda: hardwired_conductors({"contact": 1}, groups=0),
+        lambda: asi_conductors(-1),
+        lambda: slaves_needed(1, inputs_per_slave=0),
+        lambda: lines_needed(1, slaves_per_line=63),
+        lambda: Comparison(0, 2),
+    ],
+)
+def test_bad_counts(call):
+    with pytest.raises(ArgumentError):
+        call()
+
+
+def test_an_io_list_is_counted_and_its_faults_are_all_named():
+    iolist = datasets.read("synthetic_iolist_valves.csv")
+    assert sum(count_points(iolist).values()) == len(iolist) == 16
+    broken = iolist.assign(signal=["radio", "smoke", *iolist["signal"][2:]])
+    with pytest.raises(ArgumentError, match=r"BV-01-ZSO: 'radio'; BV-01-ZSC: 'smoke'"):
+        count_points(broken)
+    with pytest.raises(ArgumentError, match="no column signal"):
+        count_points(iolist.drop(columns="signal"))
+    assert count_points(pd.DataFrame({"tag": [], "signal": []})) == {}
+
+
+def test_every_signal_has_a_meaning_and_conductors():
+    for name, signal in SIGNALS.items():
+        assert signal.meaning
+        assert 1 <= signal.conductors <= 4
+        assert signal.common == int(name.endswith("_common"))
+
+
+def test_error_codes_have_names():
+    names = [explain(code) for code in range(8)]
+    assert len(set(names)) == 8
+    assert explain(np.uint8(5)) == "ParityError"
+    with pytest.raises(ValueError, match="code is 8"):
+        explain(8)

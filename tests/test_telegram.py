@@ -1,0 +1,230 @@
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet import datasets
+from shipnet.asi import Call, Profile, Request, Response, Transaction
+from shipnet.errors import (
+    ArgumentError,
+    EndBitError,
+    FrameError,
+    LengthError,
+    ParityError,
+    StartBitError,
+    SymbolError,
+    UnknownCallError,
+)
+
+FRAMES = datasets.read("asi_datasheet_frames.csv").set_index("name")["bits"]
+
+# One request a call: fields, and the 14 bits worked out by hand from the data sheets' table 6.
+BY_HAND = [
+    (Request.data_exchange(21, 0xE), "00101010111001"),
+    (Request.data_exchange(21, 0x6, "A"), "00101010111001"),
+    (Request.data_exchange(21, 0x6, "B"), "00101010011011"),
+    (Request.write_parameter(1, 0xF), "00000011111101"),
+    (Request.write_parameter(1, 0x7, "B"), "00000011011111"),
+    (Request.assign_address(5), "00000000010101"),
+    (Request.write_id1(0x9), "01000000100111"),
+    (Request.delete_address(3), "01000110000011"),
+    (Request.delete_address(3, "B"), "01000110100001"),
+    (Request.reset(3), "01000111110001"),
+    (Request.reset(3, "B"), "01000111010011"),
+    (Request.read_io_configuration(31), "01111111000011"),
+    (Request.read_id(31), "01111111000101"),
+    (Request.read_id1(31), "01111111001001"),
+    (Request.read_id2(31), "01111111001111"),
+    (Request.read_status(31), "01111111111001"),
+    (Request.read_status(31, "B"), "01111111011011"),
+    (Request.broadcast_reset(), "01111111010111"),
+    (Request.enter_program_mode(), "01000001110111"),
+]
+
+
+@pytest.mark.parametrize(("request_", "bits"), BY_HAND, ids=lambda value: str(value))
+def test_requests_worked_out_by_hand(request_, bits):
+    assert request_.bits == bits
+    assert Request.parse(bits, extended=request_.half is not None) == request_
+
+
+def test_every_call_stands_in_the_list_by_hand():
+    assert {request.call for request, _ in BY_HAND} == set(Call)
+    assert len(Call) == 13
+
+
+def test_parity_of_the_data_sheets():
+    for bits in FRAMES:
+        assert bits[:-1].count("1") % 2 == 0
+        assert bits.count("1") % 2 == 1
+    assert Request.broadcast_reset().bits == FRAMES["broadcast reset"]
+    assert Response(6).bits == FRAMES["answer 6"]
+    assert Response(0).bits == FRAMES["answer 0"]
+    assert Request.data_exchange(21, 0xE).bits == "00101010111001"
+    with pytest.raises(ParityError, match=r"00101010111011 has 7 ones"):
+        Request.parse("00101010111011")
+
+
+def test_slave_pause_of_a_quiet_line():
+    assert Transaction(slave_pause=2).bits == 26
+    assert Transaction(slave_pause=500e-6 / 6e-6).duration == pytest.approx(24 * 6e-6 + 500e-6)
+
+
+def test_an_ab_slave_has_three_output_bits():
+    assert Profile.parse("S-7.A.E").output_bits == 3
+    assert Profile.parse("S-7.F").output_bits == 4
+    with pytest.raises(ArgumentError, match=r"data is 8; .*0\.\.7"):
+        Request.data_exchange(1, 8, "A")
+
+
+def legal_requests():
+    for call in Call:
+        for half in (None, "A", "B"):
+            layout = call.rule.layout(half is not None)
+            if half and "s" not in layout.lower():
+                continue
+            addresses = (
+                range(call.rule.lowest_address, 32) if "a" in layout else [int(layout[1:6], 2)]
+            )
+            lowest = int(call is Call.ASSIGN_ADDRESS)
+            for address, data in itertools.product(
+                addresses, range(lowest, 2 ** layout.count("d"))
+            ):
+                yield Request(call, address, data, half)
+
+
+def test_every_legal_request_comes_back_from_its_bits():
+    requests = list(legal_requests())
+    for request in requests:
+        assert Request.parse(request.bits, extended=request.half is not None) == request
+        assert len(request.bits) == 14
+        assert "\n" not in str(request)
+        assert str(request)
+    for extended in (False, True):
+        same_mode = [r.bits for r in requests if (r.half is not None) == extended]
+        assert len(same_mode) == len(set(same_mode)), "two calls share their bits"
+
+
+def test_all_words_are_either_a_request_or_a_named_error():
+    seen = set()
+    for word in range(2**14):
+        bits = f"{word:014b}"
+        try:
+            assert Request.parse(bits).bits == bits
+        except FrameError as error:
+            seen.add(type(error))
+    assert seen == {StartBitError, EndBitError, ParityError, UnknownCallError}
+
+
+@given(st.text(alphabet="01 x\x00\u0661", max_size=20) | st.text(max_size=20))
+def test_no_text_crashes_the_decoders(text):
+    for parse in (Request.parse, Response.parse):
+        try:
+            assert parse(text).bits == text
+        except FrameError as error:
+            assert str(error)
+
+
+@pytest.mark.parametrize(
+    ("bits", "kind"),
+    [
+        ("", LengthError),
+        ("0010101011100", LengthError),
+        ("001010101110011", LengthError),
+        ("0010101011100x", SymbolError),
+        ("0010101011100\u0661", SymbolError),
+        ("10101010111001", StartBitError),
+        ("00101010111000", EndBitError),
+        ("00101010111011", ParityError),
+        ("00000000000001", UnknownCallError),  # address 0 assigned to address 0
+        ("01000010000111", UnknownCallError),  # control bit, I4 = 0, but not delete address
+        ("01000011111111", UnknownCallError),  # information 111 is reserved
+    ],
+)
+def test_bad_requests(bits, kind):
+    with pytest.raises(kind):
+        Request.parse(bits)
+
+
+@pytest.mark.parametrize(
+    ("bits", "kind"),
+    [
+        ("001100", LengthError),
+        ("00110011", LengthError),
+        ("0O11001", SymbolError),
+        ("1011001", StartBitError),
+        ("0011000", EndBitError),
+        ("0011011", ParityError),
+    ],
+)
+def test_bad_responses(bits, kind):
+    with pytest.raises(kind):
+        Response.parse(bits)
+
+
+@pytest.mark.parametrize("bits", [None, 12, b"00101010111001", ["0"] * 14])
+def test_bits_of_another_type(bits):
+    for parse in (Request.parse, Response.parse):
+        with pytest.raises(TypeError, match="str of 0 and 1"):
+            parse(bits)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Request.data_exchange(32, 0), r"address is 32; .*1\.\.31"),
+        (lambda: Request.data_exchange(-1, 0), r"address is -1"),
+        (lambda: Request.data_exchange(0, 0), r"address is 0; .*1\.\.31"),
+        (lambda: Request.write_parameter(0, 0), r"address is 0; .*1\.\.31"),
+        (lambda: Request.delete_address(0), r"address is 0; .*1\.\.31"),
+        (lambda: Request.data_exchange(1, 16), r"data is 16; .*0\.\.15"),
+        (lambda: Request.data_exchange(1, 8, "B"), r"data is 8; .*0\.\.7.*half B"),
+        (lambda: Request.data_exchange(1, 1.0), r"data is 1\.0; .*whole number"),
+        (lambda: Request.data_exchange(True, 1), r"address is True; .*whole number"),
+        (lambda: Request.data_exchange("1", 1), r"address is '1'; .*whole number"),
+        (lambda: Request.data_exchange(1, 1, "C"), r"half is 'C'"),
+        (lambda: Request.assign_address(0), r"data is 0; .*1\.\.31"),
+        (lambda: Request.assign_address(32), r"data is 32; .*1\.\.31"),
+        (lambda: Request.write_id1(16), r"data is 16; .*0\.\.15"),
+        (
+            lambda: Request(Call.ASSIGN_ADDRESS, 0, 3, "B"),
+            r"half is 'B', but assign address has no",
+        ),
+        (lambda: Request(Call.ASSIGN_ADDRESS, 4, 3), r"address is 4; assign address goes to 0"),
+        (lambda: Request(Call.BROADCAST_RESET, 0), r"address is 0; broadcast reset goes to 31"),
+        (lambda: Request(Call.RESET, 3, 1), r"data is 1; .*0\.\.0 in reset slave"),
+        (lambda: Response(16), r"data is 16; .*0\.\.15"),
+        (lambda: Response(0, Call.BROADCAST_RESET), r"broadcast reset, which no slave answers"),
+        (lambda: Request.broadcast_reset().answer(), r"broadcast reset, which no slave answers"),
+        (lambda: Request.data_exchange(1, 1).answer(), r"data is missing"),
+    ],
+)
+def test_bad_arguments_name_value_and_range(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
+
+
+def test_an_unknown_call_number():
+    with pytest.raises(ValueError, match="13 is not a valid Call"):
+        Request(13, 1)
+
+
+def test_answers_of_every_call():
+    for call in Call:
+        request = next(r for r in legal_requests() if r.call is call)
+        if call.rule.answer is None:
+            continue
+        answer = request.answer(call.rule.answer if isinstance(call.rule.answer, int) else 5)
+        assert answer.expected
+        assert Response.parse(answer.bits, call) == answer
+        assert str(answer).startswith(f"answer to {call.rule.title}: ")
+    surprise = Response(3, Call.RESET)
+    assert not surprise.expected
+    assert "asks for 6" in str(surprise)
+
+
+def test_the_reading_of_the_select_bit():
+    assert Request.parse(Request.read_id(4, "B").bits).slave == "4B"
+    assert Request.parse(Request.read_id(4, "A").bits).slave == "4"
+    assert Request.parse(Request.read_id(4, "A").bits, extended=True).slave == "4A"

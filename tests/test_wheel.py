@@ -1,0 +1,45 @@
+"""The wheel works where no checkout is."""
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from shipnet import datasets
+from shipnet.papers import counts
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
+    (file,) = folder.glob("*.whl")
+    return file
+
+
+def test_wheel_holds_package_and_data_and_nothing_else(wheel):
+    names = [name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name]
+    assert {name.split("/")[0] for name in names} == {"shipnet"}
+    assert {f"shipnet/data/{name}" for name in datasets.names()} <= set(names)
+    assert {"shipnet/shipnet.mplstyle", "shipnet/py.typed", "shipnet/data/SOURCES.md"} <= set(names)
+    assert not any("__pycache__" in name for name in names)
+
+
+def test_wheel_runs_the_ledger_from_another_folder(wheel, tmp_path):
+    target, elsewhere = tmp_path / "site", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index"]
+    subprocess.run([*pip, "--target", str(target), str(wheel)], check=True, capture_output=True)
+    run = [sys.executable, "-c", "import shipnet; print(shipnet.__file__)"]
+    environment = {**os.environ, "PYTHONPATH": str(target)}
+    where = subprocess.check_output(run, cwd=elsewhere, env=environment, text=True)
+    assert Path(where.strip()).is_relative_to(target)
+    command = [sys.executable, "-m", "shipnet", "ledger", "--summary"]
+    out = subprocess.check_output(command, cwd=elsewhere, env=environment, text=True)
+    assert out.strip() == counts().to_string().strip()
