@@ -13,13 +13,15 @@ BIN := .venv/bin
 PY  := $(BIN)/python
 
 export OMP_NUM_THREADS := 1
-export PYTHONDONTWRITEBYTECODE := 1
-# A wheel comes from the configured index; no Python interpreter is ever downloaded.
+# No Python interpreter is ever downloaded.
 export UV_PYTHON_DOWNLOADS := never
-unexport MPLBACKEND VIRTUAL_ENV
+# With a backend set, no figure would reach a notebook.
+unexport MPLBACKEND
+unexport VIRTUAL_ENV
 
 .DEFAULT_GOAL := all
-.PHONY: all setup notebooks site test lint unit browser counts lab bench lock clean
+.NOTPARALLEL:
+.PHONY: all setup site notebooks test lint unit browser counts lab bench lock clean
 
 all: site
 	@$(PY) -m shipnet ledger --summary
@@ -37,3 +39,53 @@ setup: .venv/installed
 	@$(UV) pip sync --quiet --python $(PY) --require-hashes requirements.lock
 	@$(UV) pip install --quiet --python $(PY) --no-deps --no-build-isolation --editable .
 	@touch $@
+
+site: setup
+	@$(PY) docs/build.py
+
+notebooks: setup
+	@$(PY) docs/notebooks.py store $(if $(filter 1,$(ACCEPT)),--accept)
+
+test: lint unit site browser
+	@echo "all tests passed"
+
+lint: setup
+	@echo "lint, types, floors"
+	@$(BIN)/ruff check --quiet
+	@$(BIN)/ruff format --check --quiet || { $(BIN)/ruff format --diff --quiet; exit 1; }
+	@$(BIN)/mypy --no-error-summary
+	@$(BIN)/lint-imports --no-logo
+
+# The browser tests come last and alone: a busy machine makes a browser slow.
+NBVAL := --nbval --nbval-current-env --nbval-sanitize-with=tests/nbval_sanitize.cfg \
+         --nbval-cell-timeout=60
+UNIT  := $(BIN)/pytest -q -n logical --dist loadscope --doctest-modules $(NBVAL) --counts=unit \
+         --ignore=tests/browser tests shipnet notebooks
+WEB   := $(BIN)/pytest -q --counts=browser tests/browser
+
+unit: setup
+	@echo "unit, property and doc tests, notebooks under strict nbval, wheel"
+	@$(UNIT)
+
+browser: setup
+	@echo "the book in a browser"
+	@$(WEB)
+
+counts: setup site
+	@$(UNIT) --counts-write
+	@$(WEB) --counts-write
+	@git diff --stat tests/expected_counts.json
+
+lab: setup
+	@$(BIN)/jupyter lab --notebook-dir=notebooks
+
+bench: setup
+	@for program in benchmarks/*.py; do $(PY) $$program || exit 1; done
+
+lock: $(filter .tools/%,$(UV))
+	@$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
+	  --upgrade --all-extras --group test --group docs --group build \
+	  --output-file requirements.lock pyproject.toml
+
+clean:
+	rm -rf build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

@@ -24,6 +24,11 @@ def _folder() -> Path:
 def names() -> list[str]:
     """Return the names of all data files, sorted.
 
+    Returns
+    -------
+    list of str
+        Names for `path` and `read`.
+
     Examples
     --------
     >>> "claims.csv" in names()

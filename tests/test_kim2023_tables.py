@@ -2,7 +2,7 @@ import pytest
 
 from shipnet import datasets
 from shipnet.asi import Call, Request
-from shipnet.papers.tables import KIM2023, differences, explained, generated, printed
+from shipnet.papers.kim2023.tables import KIM2023, differences, explained, generated, printed
 
 
 def test_every_difference_is_explained_and_no_reason_is_left_over():
@@ -19,7 +19,7 @@ def test_every_difference_is_explained_and_no_reason_is_left_over():
 def test_a_changed_cell_would_be_seen(monkeypatch):
     table = printed("Table 7")
     table.loc["3", "D0"] = "OUT"
-    monkeypatch.setattr("shipnet.papers.tables.printed", lambda name: table)
+    monkeypatch.setattr("shipnet.papers.kim2023.tables.printed", lambda name: table)
     assert differences("Table 7").to_dict("records") == [
         {"table": "Table 7", "row": "3", "column": "D0", "printed": "OUT", "ours": "IN"}
     ]

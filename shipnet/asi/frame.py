@@ -21,6 +21,16 @@ RESPONSE_BITS = 7
 def frame(information: str) -> str:
     """Put start, parity and end bit around the information bits.
 
+    Parameters
+    ----------
+    information : str
+        Characters 0 and 1: 11 for a request, 4 for a response.
+
+    Returns
+    -------
+    str
+        The telegram, three bits longer.
+
     Examples
     --------
     >>> frame("0110")

@@ -362,7 +362,8 @@ class Response:
         if isinstance(answer, Answer):
             ending = "done" if self.expected else f"but the standard asks for {answer:X}"
             return f"{head}{self.data:X}, {ending}"
-        return f"{head}{answer} {self.data:04b} ({self.data:X})"
+        what = "" if str(answer) in self.call.rule.title else f"{answer} "
+        return f"{head}{what}{self.data:04b} ({self.data:X})"
 
     @classmethod
     def parse(cls, bits: str, call: Call | None = None) -> Response:

@@ -21,6 +21,7 @@ __all__ = [
     "Comparison",
     "Signal",
     "asi_conductors",
+    "compare",
     "count_points",
     "hardwired_conductors",
     "lines_needed",
@@ -225,10 +226,7 @@ class Comparison:
 
     Examples
     --------
-    From kim2023, section 3.3:
-
-    >>> vessel = Comparison(hardwired_conductors({"contact": 62 * 4}), asi_conductors())
-    >>> print(vessel)
+    >>> print(Comparison(496, 2))
     496 -> 2 conductors: 0.40 % left, 99.60 % saved
     """
 
@@ -256,6 +254,40 @@ class Comparison:
             f"{self.hardwired} -> {self.bus} conductors: "
             f"{self.left:.2%} left, {self.saved:.2%} saved".replace("%", " %")
         )
+
+
+def compare(points: Mapping[str, int], *, lines: int = 1, groups: int = 1) -> Comparison:
+    """Count the same points twice, hardwired and on AS-i lines.
+
+    Parameters
+    ----------
+    points : mapping of str to int
+        As for `hardwired_conductors`.
+    lines : int, default 1
+        AS-i lines that replace the wires.
+    groups : int, default 1
+        As for `hardwired_conductors`.
+
+    Returns
+    -------
+    Comparison
+        Conductors of either.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no point, or an argument is out of range.
+
+    Examples
+    --------
+    From kim2023, sections 3.3 and 3.5:
+
+    >>> print(compare({"contact": 62 * 4}))
+    496 -> 2 conductors: 0.40 % left, 99.60 % saved
+    >>> print(compare({"contact": 190}, lines=14))
+    380 -> 28 conductors: 7.37 % left, 92.63 % saved
+    """
+    return Comparison(hardwired_conductors(points, groups=groups), asi_conductors(lines))
 
 
 def count_points(iolist: pd.DataFrame) -> dict[str, int]:

@@ -7,7 +7,8 @@ kim2023 repeats are registered beside it, in `shipnet.papers.kim2023`.
 from __future__ import annotations
 
 from shipnet.asi import Call, Request, Transaction
-from shipnet.papers.kim2023 import EXAMPLE_REQUEST, master_pause_of_chip
+from shipnet.papers.kim2023.telegrams import EXAMPLE_REQUEST
+from shipnet.papers.kim2023.timing import master_pause_of_chip
 from shipnet.papers.registry import check, numeric
 
 __all__: list[str] = []

@@ -46,6 +46,16 @@ STATUSES = ("recomputed", "checked", "ours", "context", "not reproducible", "ope
 def as_number(text: str) -> float:
     """Return a printed number as a float; ``0x..`` is read as hexadecimal.
 
+    Parameters
+    ----------
+    text : str
+        The number as the paper prints it.
+
+    Returns
+    -------
+    float
+        Its value.
+
     Examples
     --------
     >>> as_number("0.104"), as_number("0x86")
@@ -261,6 +271,16 @@ def _with_unit(value: str, unit: str) -> str:
 
 def format_computed(value: object) -> str:
     """Write a computed value for people: four significant digits, or whether a statement holds.
+
+    Parameters
+    ----------
+    value : float, bool or None
+        As in the column ``computed`` of the ledger.
+
+    Returns
+    -------
+    str
+        Empty if nothing was computed.
 
     Examples
     --------

@@ -50,7 +50,23 @@ def _register(claim: str, recomputation: Recomputation) -> None:
 
 
 def numeric(*claims: str) -> Callable[[Function], Function]:
-    """Register a function as the recomputation of one or more numbers."""
+    """Register a function as the recomputation of one or more numbers.
+
+    Parameters
+    ----------
+    *claims : str
+        Ids of numeric claims, or of numbers of our own beside them.
+
+    Returns
+    -------
+    callable
+        A decorator that leaves the function as it is.
+
+    Raises
+    ------
+    ValueError
+        If a claim has a function already.
+    """
 
     def decorate(function: Function) -> Function:
         for claim in claims:
@@ -63,8 +79,23 @@ def numeric(*claims: str) -> Callable[[Function], Function]:
 def check(*claims: str, counter: Mapping[str, object]) -> Callable[[Function], Function]:
     """Register a function as the check of one or more statements.
 
-    `counter` holds inputs with which the answer is the opposite; a test calls the function with
-    them, so that a check that cannot fail is found out.
+    Parameters
+    ----------
+    *claims : str
+        Ids of qualitative claims.
+    counter : mapping of str to object
+        Inputs with which the answer is the opposite; a test calls the function with them, so
+        that a check that cannot fail is found out.
+
+    Returns
+    -------
+    callable
+        A decorator that leaves the function as it is.
+
+    Raises
+    ------
+    ValueError
+        If a claim has a function already.
     """
 
     def decorate(function: Function) -> Function:

@@ -1,0 +1,62 @@
+"""How much faster the batch functions are than a loop over single telegrams, in one run."""
+
+from time import perf_counter
+
+import numpy as np
+
+from shipnet.asi import Call, Request, encode_requests, parse_requests
+
+NUMBER = 1_000_000
+SAMPLE = 20_000  # what the loops get; their time is scaled up
+
+
+def seconds(function, repeats=5):
+    """Return the shortest of several times: the one least disturbed by other work."""
+    times = []
+    for _ in range(repeats):
+        begin = perf_counter()
+        function()
+        times.append(perf_counter() - begin)
+    return min(times)
+
+
+def plain_parse(word):
+    """Decode a data exchange as a first script would: with shifts, and no error but parity."""
+    if bin(word >> 1).count("1") % 2:
+        raise ValueError("parity")
+    return word >> 7 & 31, word >> 2 & 15
+
+
+def main():
+    rng = np.random.default_rng(2024)
+    address, data = rng.integers(1, 32, NUMBER), rng.integers(0, 16, NUMBER)
+    words, _ = encode_requests(Call.DATA_EXCHANGE, address, data)
+    pairs = list(zip(address[:SAMPLE].tolist(), data[:SAMPLE].tolist(), strict=True))
+    some = words[:SAMPLE].tolist()
+    texts = [f"{word:014b}" for word in some]
+    batch = parse_requests(words[:SAMPLE])
+    assert [plain_parse(word) for word in some] == list(
+        zip(batch.address.tolist(), batch.data.tolist(), strict=True)
+    )
+
+    per_telegram = {
+        "encode, batch": seconds(lambda: encode_requests(Call.DATA_EXCHANGE, address, data))
+        / NUMBER,
+        "encode, loop over Request": seconds(
+            lambda: [Request.data_exchange(a, d).bits for a, d in pairs]
+        )
+        / SAMPLE,
+        "parse, batch": seconds(lambda: parse_requests(words)) / NUMBER,
+        "parse, loop over Request": seconds(lambda: [Request.parse(text) for text in texts])
+        / SAMPLE,
+        "parse, plain shifts in a loop": seconds(lambda: [plain_parse(word) for word in some])
+        / SAMPLE,
+    }
+    print(f"{'AS-i requests':<32}{'per second':>12}{'batch is faster by':>20}")
+    for name, time in per_telegram.items():
+        best = per_telegram[f"{name.split(',')[0]}, batch"]
+        print(f"{name:<32}{1 / time:>12.3g}{time / best:>19.1f}x")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,222 @@
+"""Build the book: execute the stale notebooks, write the generated pages, run Sphinx.
+
+    python docs/build.py
+
+The Sphinx source is put together in build/book, the pages are in build/site. Any warning is an
+error. What did not change is not built again.
+"""
+
+from __future__ import annotations
+
+import ast
+import html
+import json
+import math
+import re
+import shutil
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path, PurePosixPath
+
+from sphinx.cmd.build import build_main
+
+import notebooks
+
+ROOT = Path(__file__).resolve().parent.parent
+INPUTS = ("notebooks", "shipnet", "data", "docs", "requirements.lock", "CHANGELOG.md")
+# Sphinx follows its sources, not the code that turns them into pages.
+MACHINERY = ("docs/_ext", "docs/_static", "docs/build.py", "docs/conf.py", "requirements.lock")
+FOLDERS = ("", "papers", "lessons", "explore")
+REFERENCE = ("ledger.md", "data/SOURCES.md", "api/shipnet.rst", "CHANGELOG.md")
+CLAIM_ID = re.compile(r"\b[a-z]+\d{4}-\d{3}\b")
+COLUMNS = {
+    "id": "claim id",
+    "where": "where",
+    "claim": "claim",
+    "published": "published",
+    "computed": "computed",
+    "unit": "unit",
+    "verdict": "verdict",
+    "match": "match",
+    "relative_difference": "difference",
+    "evidence": "evidence",
+}
+
+
+def natural(name: str) -> list[tuple[float, str]]:
+    """Sort key by which `10_x` comes after `9_x`."""
+    parts = re.findall(r"\d+|\D+", name)
+    return [(int(part), "") if part.isdigit() else (math.inf, part) for part in parts]
+
+
+def contents(names: set[str]) -> str:
+    """Return the navigation: a toctree for each folder of notebooks, then the other pages."""
+    chapters: dict[str, list[str]] = {}
+    for name in sorted((name for name in names if name.endswith(".ipynb")), key=natural):
+        folder = str(PurePosixPath(name).parent.relative_to("notebooks"))
+        chapters.setdefault("" if folder == "." else folder, []).append(name)
+
+    def place(folder: str) -> tuple[int, str]:
+        first = folder.split("/")[0]
+        return FOLDERS.index(first) if first in FOLDERS else len(FOLDERS), folder
+
+    trees = [
+        (_caption(folder) or "Start here", chapters[folder])
+        for folder in sorted(chapters, key=place)
+    ]
+    guide = sorted(name for name in names if re.fullmatch(r"[a-z_]+\.md", name))
+    trees.append(("Guide", [name for name in guide if name not in ("index.md", *REFERENCE)]))
+    trees.append(("Reference", [name for name in REFERENCE if name in names]))
+    return "\n## Contents\n" + "".join(
+        "\n".join(["", "```{toctree}", f":caption: {caption}", ":maxdepth: 1", "", *pages, "```\n"])
+        for caption, pages in trees
+        if pages
+    )
+
+
+def _caption(folder: str) -> str:
+    words = folder.replace("papers/", "paper ").replace("/", ": ").replace("_", " ")
+    return words[:1].upper() + words[1:]
+
+
+def api_pages(root: Path) -> Iterator[tuple[str, str]]:
+    """Yield (name, text) of a page for each public module of the package."""
+    modules: dict[str, Path] = {}
+    for path in sorted((root / "shipnet").rglob("*.py")):
+        parts = path.relative_to(root).with_suffix("").parts
+        parts = parts[:-1] if parts[-1] == "__init__" else parts
+        if not any(part.startswith("_") for part in parts):
+            modules[".".join(parts)] = path
+    for module, path in modules.items():
+        inner = [name for name in modules if name.rpartition(".")[0] == module]
+        title = module if "." in module else f"The package {module}"
+        lines = [title, "=" * len(title), "", f".. automodule:: {module}", "   :members:"]
+        if path.name == "__init__.py":
+            # What a package passes on is documented where it is defined.
+            lines += ["   :ignore-module-all:", ""]
+            lines += [f":mod:`{name}`\n   {_summary(modules[name])}" for name in inner]
+            lines += ["", ".. toctree::", "   :hidden:", "", *(f"   {name}" for name in inner)]
+        yield f"api/{module}.rst", "\n".join(lines) + "\n"
+
+
+def _summary(path: Path) -> str:
+    docstring = ast.get_docstring(ast.parse(path.read_bytes())) or ""
+    return docstring.partition("\n\n")[0].replace("\n", " ")
+
+
+def ledger_page() -> str:
+    """Return the ledger as a page: counts on top, then a table with an anchor for each claim."""
+    from shipnet.papers.ledger import VERDICTS, format_computed, ledger
+
+    frame = ledger()
+    frame["computed"] = frame["computed"].map(format_computed)
+    frame["relative_difference"] = [
+        "" if math.isnan(value) else f"{100 * value:+.3g} %"
+        for value in frame["relative_difference"]
+    ]
+    papers = dict(tuple(frame.groupby("paper", sort=False)))
+    verdicts = [verdict for verdict in (*VERDICTS, "") if verdict in set(frame["verdict"])]
+    parts = [
+        "# Ledger",
+        "What the papers print, and what shipnet computes. The difference is the computed value "
+        "over the published one, minus one.",
+        _table(
+            ["paper", *(verdict or "not judged" for verdict in verdicts), "claims"],
+            (
+                f"<tr><th>{key}</th>"
+                + "".join(
+                    f"<td>{(claims['verdict'] == verdict).sum()}</td>" for verdict in verdicts
+                )
+                + f"<td>{len(claims)}</td></tr>"
+                for key, claims in papers.items()
+            ),
+        ),
+    ]
+    for key, claims in papers.items():
+        rows = (
+            f'<tr id="{claim["id"]}">'
+            + "".join(f"<td>{_linked(claim[column])}</td>" for column in COLUMNS)
+            + "</tr>"
+            for claim in claims.to_dict("records")
+        )
+        parts += [f"## {key}", _table(list(COLUMNS.values()), rows)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _linked(text: str) -> str:
+    return CLAIM_ID.sub(r'<a href="#\g<0>">\g<0></a>', html.escape(text))
+
+
+def _table(titles: list[str], rows: Iterable[str]) -> str:
+    head = "".join(f"<th>{title}</th>" for title in titles)
+    lines = ["```{raw} html", '<div class="wide"><table class="ledger">']
+    lines += [f"<thead><tr>{head}</tr></thead>", "<tbody>", *rows, "</tbody></table></div>", "```"]
+    return "\n".join(lines)
+
+
+def sources(root: Path) -> dict[str, bytes]:
+    """Return the whole Sphinx source: name -> content."""
+    copies = root / "build" / "notebooks"
+    files = {path.name: path.read_bytes() for path in (root / "docs").glob("*.md")}
+    for path in copies.rglob("*.ipynb"):
+        files[f"notebooks/{path.relative_to(copies).as_posix()}"] = path.read_bytes()
+    # The data lie where a notebook's relative link finds them, as downloads.
+    others = [*(root / "data").rglob("*"), root / "CHANGELOG.md"]
+    for path in (path for path in others if path.is_file()):
+        files[path.relative_to(root).as_posix()] = path.read_bytes()
+    pages = {"ledger.md": ledger_page(), **dict(api_pages(root))}
+    files |= {name: text.encode() for name, text in pages.items()}
+    files["index.md"] += contents(set(files)).encode()
+    return files
+
+
+def assemble(folder: Path, files: dict[str, bytes]) -> bool:
+    """Bring `folder` to hold exactly `files`; return whether a file vanished from it."""
+    for name, content in files.items():
+        path = folder / name
+        # An untouched file keeps its time, by which Sphinx knows that its page is still good.
+        if not (path.is_file() and path.read_bytes() == content):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+    gone = [
+        path
+        for path in folder.rglob("*")
+        if path.is_file() and path.relative_to(folder).as_posix() not in files
+    ]
+    for path in gone:
+        path.unlink()
+    return bool(gone)
+
+
+def main(root: Path = ROOT) -> int:
+    """Build the book and return the exit code."""
+    build = root / "build"
+    book, site, stamp = build / "book", build / "site", build / "site.json"
+    if failed := notebooks.run(root):
+        print(f"the book is not built: {failed} notebook{'s' * (failed > 1)} failed")
+        return 1
+    now = {
+        "inputs": notebooks.fingerprint(root, INPUTS),
+        "machinery": notebooks.fingerprint(root, MACHINERY),
+    }
+    before = json.loads(stamp.read_text()) if stamp.is_file() else {}
+    page = site / "index.html"
+    if before != now or not page.is_file():
+        print("building the book", flush=True)
+        # After a failure there is no stamp: Sphinx warns of a page only when it reads it anew.
+        stamp.unlink(missing_ok=True)
+        vanished = assemble(book, sources(root))
+        if vanished or before.get("machinery") != now["machinery"]:
+            for folder in (site, build / "doctrees", build / "jupyter_execute"):
+                shutil.rmtree(folder, ignore_errors=True)
+        options = ["-q", "-W", "-j", "auto", "-c", root / "docs", "-d", build / "doctrees"]
+        if code := build_main([*map(str, options), "-b", "html", str(book), str(site)]):
+            print("the book is not built: see the warnings above")
+            return code
+        stamp.write_text(json.dumps(now))
+    print(f"the book: {page.relative_to(root).as_posix()}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

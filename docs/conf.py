@@ -1,0 +1,43 @@
+"""Sphinx configuration of the book; docs/build.py puts its source together."""
+
+import sys
+from pathlib import Path
+
+import shipnet
+
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+
+project = "shipnet"
+version = release = shipnet.__version__
+copyright = "the shipnet authors"
+
+extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "mathml"]
+
+# The notebooks arrive executed.
+nb_execution_mode = "off"
+nb_merge_streams = True
+# The default is require.js from a CDN; the book works offline.
+nb_ipywidgets_js = {}
+
+myst_enable_extensions = ["amsmath", "dollarmath"]
+myst_dmath_double_inline = True
+myst_heading_anchors = 3
+
+# `name` in a docstring becomes a link where there is such an object, and code elsewhere.
+default_role = "obj"
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+# The Parameters section says the types, in words and with the unit.
+autodoc_typehints = "none"
+add_module_names = False
+numpydoc_show_class_members = False
+smartquotes = False  # {"A", "B"} is code
+toc_object_entries_show_parents = "hide"
+
+html_theme = "furo"
+html_title = "shipnet"
+html_math_renderer = "mathml"
+html_static_path = ["_static"]
+html_css_files = ["book.css"]
+html_copy_source = False
+html_show_copyright = False

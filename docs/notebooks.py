@@ -1,0 +1,269 @@
+"""Execute the notebooks: copies of them for the book, or the stored outputs themselves.
+
+    python docs/notebooks.py run                       execute the stale copies in build/notebooks
+    python docs/notebooks.py store [--accept] [paths]  show what would change, or store it
+
+A copy is stale when its notebook, the package, the data or the lock changed. What is stored is
+byte-stable: executing a notebook twice gives the same file, so a diff is something that moved.
+"""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import hashlib
+import os
+import re
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import nbformat
+from nbclient import NotebookClient
+from nbclient.exceptions import CellExecutionError
+from nbformat import NotebookNode
+
+ROOT = Path(__file__).resolve().parent.parent
+INPUTS = ("shipnet", "data", "requirements.lock", "docs/notebooks.py")
+DERIVED = {"__pycache__", ".ipynb_checkpoints"}
+METADATA = {
+    "kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"},
+    "language_info": {"name": "python"},
+}
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Executed:
+    """What came of one notebook: its new text, or why it failed."""
+
+    path: Path
+    seconds: float
+    text: str = ""
+    failure: str = ""
+
+
+def find(root: Path) -> list[Path]:
+    """Return every notebook of the suite, sorted."""
+    found = (root / "notebooks").rglob("*.ipynb")
+    return sorted(path for path in found if not DERIVED & set(path.parts))
+
+
+def fingerprint(root: Path, inputs: Iterable[str | Path]) -> str:
+    """Return a digest of the names, sizes and times of the files in and under `inputs`."""
+    files: set[Path] = set()
+    for path in (root / name for name in inputs):
+        files.update(path.rglob("*") if path.is_dir() else [path])
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        if file.is_file() and not DERIVED & set(file.parts):
+            about = file.stat()
+            name = file.relative_to(root).as_posix()
+            digest.update(f"{name}\0{about.st_size}\0{about.st_mtime_ns}\n".encode())
+    return digest.hexdigest()
+
+
+def stable(notebook: NotebookNode) -> str:
+    """Return the notebook as text without anything that differs from one execution to the next."""
+    notebook.metadata = nbformat.from_dict(METADATA)
+    for cell in notebook.cells:
+        cell.metadata = {key: value for key, value in cell.metadata.items() if key == "tags"}
+        if cell.cell_type != "code":
+            continue
+        if "widget" in cell.metadata.get("tags", []):
+            cell.outputs, cell.execution_count = [], None
+        merged: list[NotebookNode] = []
+        for output in cell.outputs:
+            # The kernel flushes its streams by the clock, so where one output ends is chance.
+            if merged and _stream(output) and _stream(output) == _stream(merged[-1]):
+                merged[-1].text += output.text
+            else:
+                merged.append(output)
+        cell.outputs = merged
+    return nbformat.writes(notebook).rstrip("\n") + "\n"
+
+
+def _stream(output: NotebookNode) -> str | None:
+    return output.get("name") if output.output_type == "stream" else None
+
+
+def execute(path: Path) -> Executed:
+    """Execute one notebook in memory, in its own folder."""
+    begin = time.perf_counter()
+    started: list[tuple[int, NotebookNode]] = []
+    try:
+        notebook = nbformat.read(path, as_version=4)
+        client = NotebookClient(
+            notebook,
+            timeout=120,
+            kernel_name="python3",
+            record_timing=False,
+            resources={"metadata": {"path": str(path.parent)}},
+            # Else every kernel warns that TCP is not encrypted, be it on the loopback.
+            extra_arguments=["--log-level=ERROR"],
+            on_cell_execute=lambda cell, cell_index: started.append((cell_index, cell)),
+        )
+        # With another backend set, no figure would reach the notebook.
+        client.execute(env={k: v for k, v in os.environ.items() if k != "MPLBACKEND"})
+    except Exception as error:  # whatever it is, it is this notebook's and the others go on
+        lines = []
+        if started:
+            index, cell = started[-1]
+            source = cell.source.strip().splitlines()[0]
+            lines.append(f"cell {index + 1}, In [{len(started)}]: {source}")
+        if isinstance(error, CellExecutionError):
+            lines += f"{error.ename}: {error.evalue}".splitlines()
+        else:
+            lines += f"{type(error).__name__}: {error}".splitlines()
+        return Executed(path, time.perf_counter() - begin, failure="\n".join(lines))
+    return Executed(path, time.perf_counter() - begin, text=stable(notebook))
+
+
+def execute_all(root: Path, paths: list[Path]) -> Iterator[Executed]:
+    """Execute notebooks on all cores, with a line for each as it finishes."""
+    if not paths:
+        return
+    # Spawned, not forked: the same on every platform, and a fork would copy pytest's threads.
+    workers = min(len(paths), os.cpu_count() or 1)
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        jobs = [pool.submit(execute, path) for path in paths]
+        for count, job in enumerate(as_completed(jobs), start=1):
+            done = job.result()
+            name = done.path.relative_to(root).as_posix()
+            place = f"[{count:{len(str(len(jobs)))}}/{len(jobs)}]"
+            print(f"{place} {done.seconds:5.1f} s  {name}", flush=True)
+            if done.failure:
+                block = done.failure.replace("\n", "\n    ")
+                print(f"FAILED {name}\n    {block}", flush=True)
+            yield done
+
+
+def run(root: Path) -> int:
+    """Bring build/notebooks up to date; return the number of notebooks that failed."""
+    copies = root / "build" / "notebooks"
+    marks: dict[Path, str] = {}
+    kept: set[Path] = set()
+    for path in find(root):
+        copy = copies / path.relative_to(root / "notebooks")
+        mark = copy.with_suffix(".sha256")
+        kept |= {copy, mark}
+        now = fingerprint(root, [*INPUTS, path.relative_to(root)])
+        if not (copy.is_file() and mark.is_file() and mark.read_text() == now):
+            marks[path] = now
+    for file in copies.rglob("*"):
+        if file.is_file() and file not in kept:
+            file.unlink()
+    print(f"notebooks: {len(kept) // 2}, to execute: {len(marks)}", flush=True)
+    failed = 0
+    for done in execute_all(root, list(marks)):
+        copy = copies / done.path.relative_to(root / "notebooks")
+        mark = copy.with_suffix(".sha256")
+        mark.unlink(missing_ok=True)
+        if done.failure:
+            failed += 1
+            continue
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_text(done.text, encoding="utf-8", newline="\n")
+        mark.write_text(marks[done.path])
+    return failed
+
+
+def store(root: Path, paths: list[Path], *, accept: bool) -> int:
+    """Print what executing the notebooks changes, store it if accepted; return the exit code."""
+    code = 0
+    for done in sorted(execute_all(root, paths or find(root)), key=lambda done: done.path):
+        name = done.path.relative_to(root).as_posix()
+        if done.failure:
+            code = 1
+            continue
+        new = nbformat.reads(done.text, as_version=4)
+        if noisy := _cells_with_stderr(new):
+            # A warning names a temporary file, so it is another text each time.
+            print("\n".join(f"{name} cell {n}: writes to stderr: not stored" for n in noisy))
+            code = 1
+            continue
+        before = done.path.read_bytes()
+        after = done.text.encode()
+        if before == after:
+            continue
+        found = list(changes(nbformat.reads(before.decode(), as_version=4), new))
+        for number, change in found:
+            print(f"{name} cell {number}: {change}")
+        if not found:
+            print(f"{name}: only its metadata, cell numbers or layout change")
+        if accept:
+            done.path.write_bytes(after)
+        else:
+            code = 1
+    return code
+
+
+def _cells_with_stderr(notebook: NotebookNode) -> list[int]:
+    return [
+        number
+        for number, cell in enumerate(notebook.cells, start=1)
+        if any(_stream(output) == "stderr" for output in cell.get("outputs", []))
+    ]
+
+
+def changes(old: NotebookNode, new: NotebookNode) -> Iterator[tuple[int, str]]:
+    """Yield (cell number, what changed) for the outputs of two versions of a notebook."""
+    for number, (before, after) in enumerate(zip(old.cells, new.cells, strict=True), start=1):
+        was, now = before.get("outputs", []), after.get("outputs", [])
+        if now and not was:
+            yield number, "new output"
+            continue
+        (was_text, was_images, was_rest), (now_text, now_images, now_rest) = map(_parts, (was, now))
+        if was_text != now_text:
+            yield from ((number, change) for change in _text_changes(was_text, now_text))
+        if was_images != now_images:
+            yield number, "figure changed"
+        if was_text == now_text and was_rest != now_rest:
+            yield number, "its rich form (HTML, LaTeX, ...) changed"
+
+
+def _parts(outputs: list[NotebookNode]) -> tuple[str, list[str], list[str]]:
+    """Split outputs into plain text, images and the rest."""
+    text, images, rest = "", [], []
+    for output in outputs:
+        text += output.get("text", "") + "\n".join(output.get("traceback", []))
+        for kind, content in sorted(output.get("data", {}).items()):
+            if kind == "text/plain":
+                text += content + "\n"
+            else:
+                (images if kind.startswith("image/") else rest).append(str(content))
+    return text, images, rest
+
+
+def _text_changes(old: str, new: str) -> list[str]:
+    # A number that grew a digit also moves the column that it stands in: compare the words.
+    if NUMBER.sub("#", old).split() == NUMBER.sub("#", new).split():
+        pairs = zip(NUMBER.findall(old), NUMBER.findall(new), strict=True)
+        moved = [f"{was} -> {now}" for was, now in pairs if was != now]
+        return moved or ["spacing changed"]
+    diff = list(difflib.unified_diff(old.splitlines(), new.splitlines(), n=0, lineterm=""))[2:]
+    return ["output changed\n" + "\n".join(f"    {line}" for line in diff[:20])]
+
+
+def main(argv: list[str] | None = None, root: Path = ROOT) -> int:
+    """Run the command line and return the exit code."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    commands.add_parser("run", help="execute the stale copies in build/notebooks")
+    storing = commands.add_parser("store", help="show what would change in the stored outputs")
+    storing.add_argument("--accept", action="store_true", help="store it")
+    storing.add_argument("paths", nargs="*", type=Path, help="notebooks; all when none is named")
+    given = parser.parse_args(argv)
+    if given.command == "run":
+        return 1 if run(root) else 0
+    return store(root, [path.resolve() for path in given.paths], accept=given.accept)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,11 @@
+"""What kim2023 prints, recomputed: AS-Interface for smart ships.
+
+R. G. Kim, Y. H. Cho, K. H. Hyun, "AS-Interface protocol utilization for smart ships", Journal of
+the Society of Naval Architects of Korea 60(6), 482-490, 2023, doi 10.3744/SNAK.2023.60.6.482.
+
+One module a topic; what a claim needs from another paper's text is imported from there.
+"""
+
+from shipnet.papers.kim2023 import calls, strands, telegrams, timing
+
+__all__ = ["calls", "strands", "telegrams", "timing"]

@@ -1,0 +1,99 @@
+"""Sections 3.3, 3.5 and 3.6: how many slaves, strands and points."""
+
+from __future__ import annotations
+
+from shipnet.asi import Profile
+from shipnet.design import asi_conductors, hardwired_conductors, lines_needed
+from shipnet.papers.registry import check, numeric
+
+__all__: list[str] = []
+
+
+@numeric("kim2023-001", "icn2007-010", "icn2007-019")
+def slaves_per_master(*, address_bits: int = 5, halves: int = 2) -> int:
+    """Every address but 0, each for an A and a B slave."""
+    return ((1 << address_bits) - 1) * halves
+
+
+@numeric("kim2023-002")
+def hardwired_strands(*, slaves: int = 62, inputs: int = 4) -> int:
+    """Two wires for each input contact of each module."""
+    return hardwired_conductors({"contact": slaves * inputs})
+
+
+@numeric("kim2023-003")
+def asi_strands(*, lines: int = 1) -> int:
+    """One line of two wires for all modules."""
+    return asi_conductors(lines)
+
+
+@numeric("kim2023-004")
+def strands_left(*, slaves: int = 62, inputs: int = 4, lines: int = 1) -> float:
+    """Strands that AS-i leaves of the hardwired ones, in percent."""
+    return 100 * asi_strands(lines=lines) / hardwired_strands(slaves=slaves, inputs=inputs)
+
+
+@numeric("kim2023-005")
+def reach(*, segment: float = 100, repeaters: int = 2) -> float:
+    """Metres from the master through repeaters in series, one more segment each."""
+    return segment * (repeaters + 1)
+
+
+@numeric("kim2023-072")
+def submarine_hardwired(*, slaves: int = 190) -> int:
+    """One contact of two wires a slave: the basis on which the printed number comes out."""
+    return hardwired_conductors({"contact": slaves})
+
+
+@numeric("kim2023-073")
+def submarine_asi(*, masters: int = 14) -> int:
+    """Two wires a master."""
+    return asi_conductors(masters)
+
+
+@numeric("kim2023-074")
+def submarine_left(*, slaves: int = 190, masters: int = 14) -> float:
+    """Strands that AS-i leaves on the submarine, in percent."""
+    return 100 * submarine_asi(masters=masters) / submarine_hardwired(slaves=slaves)
+
+
+@check("kim2023-083", counter={"second_case": 496 / 62})
+def same_wires_per_slave(*, first_case: float = 496 / 62, second_case: float = 380 / 190) -> bool:
+    """Whether both savings count the same number of hardwired strands for a slave."""
+    return first_case == second_case
+
+
+@numeric("kim2023-075")
+def points_per_master(*, slaves: int = 62, points: int = 4) -> int:
+    """Four points on each of 62 slaves."""
+    return slaves * points
+
+
+@check("kim2023-076", counter={"profile": "S-7.F"})
+def four_outputs_each(*, profile: str = "S-7.A.E") -> bool:
+    """Whether a slave that shares its address, as 62 on a line must, has four output bits."""
+    return Profile.parse(profile).output_bits == 4
+
+
+@numeric("kim2023-062")
+def lines_for_fermenter(*, valves: int = 400) -> int:
+    """Lines for one slave a valve."""
+    return lines_needed(valves)
+
+
+@numeric("kim2023-069")
+def slaves_per_submarine_master(*, slaves: int = 190, masters: int = 14) -> float:
+    """Average load of a master."""
+    return slaves / masters
+
+
+@numeric("kim2023-070")
+def submarine_cable(*, masters: int = 14, repeaters: int = 5, segment: float = 100) -> float:
+    """Metres of cable if every segment is as long as it may be."""
+    return (masters + repeaters) * segment
+
+
+@numeric("kim2023-071")
+def valves_per_slave(*, valves: int = 200, slaves: int = 190) -> float:
+    """Valves for each slave, of which one has four inputs and three or four outputs."""
+    return valves / slaves

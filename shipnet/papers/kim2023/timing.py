@@ -1,0 +1,103 @@
+"""Section 3.4: bits, pauses and cycles in time."""
+
+from __future__ import annotations
+
+from shipnet.asi import BIT_TIME, REQUEST_BITS, Transaction
+from shipnet.papers.registry import check, numeric
+
+__all__ = ["master_pause_of_chip"]
+
+
+@numeric("kim2023-020")
+def bit_time_from_rate(*, rate: float = 167e3) -> float:
+    """Microseconds a bit, from the rate that the paper prints."""
+    return 1e6 / rate
+
+
+@numeric("kim2023-021", "icn2007-006")
+def gross_rate(*, bit_time: float = BIT_TIME) -> float:
+    """Kilobits a second, from the bit time."""
+    return 1e-3 / bit_time
+
+
+@numeric("kim2023-022")
+def half_bit(*, bit_time: float = BIT_TIME) -> float:
+    """Microseconds of a Manchester half-bit."""
+    return 1e6 * bit_time / 2
+
+
+def master_pause_of_chip(*, edge: float, bit_time: float = BIT_TIME) -> float:
+    """Pause between request and response, from a chip's delay between two edges.
+
+    Parameters
+    ----------
+    edge : float
+        Delay [s] from the middle of the request's end bit to the first edge of the response,
+        which is the middle of its start bit: half a bit belongs to either telegram.
+    bit_time : float, default 6e-6
+        Length of a bit [s].
+
+    Returns
+    -------
+    float
+        Pause [bit].
+
+    References
+    ----------
+    .. [1] ZMD AG, "A2SI Advanced AS-Interface IC", data sheet rev. 2.4, 2002, p. 9.
+
+    Examples
+    --------
+    From [1]_, the middle of 21.25 to 21.75 us for a synchronous slave:
+
+    >>> round(master_pause_of_chip(edge=21.5e-6), 2)
+    2.58
+    """
+    return edge / bit_time - 1
+
+
+@check("kim2023-028", "icn2007-014", counter={"synchronous": 10e-6})
+def master_pause_in_range(*, synchronous: float = 21.5e-6, asynchronous: float = 33.5e-6) -> bool:
+    """Whether the delays of a chip (A2SI data sheet) are pauses of 2 to 10 bit times."""
+    pauses = [master_pause_of_chip(edge=edge) for edge in (synchronous, asynchronous)]
+    return all(2 <= pause <= 10 for pause in pauses)
+
+
+@check("kim2023-030", "icn2007-016", counter={"longest": 12e-6})
+def slave_pause_at_most_2(*, longest: float = 500e-6) -> bool:
+    """Whether the pause after a response never exceeds 2 bit times; OMRON W357 allows 500 us."""
+    return longest <= 2 * BIT_TIME
+
+
+@numeric("kim2023-031")
+def shortest_transaction(*, master_pause: float = 2, slave_pause: float = 1.5) -> float:
+    """Bit times with the shortest pauses that are printed."""
+    return Transaction(master_pause, slave_pause).bits
+
+
+@numeric("kim2023-032", "icn2007-030")
+def long_transaction(*, master_pause: float = 3, slave_pause: float = 2) -> float:
+    """Bit times with the pauses on which vendors base their 156 us."""
+    return Transaction(master_pause, slave_pause).bits
+
+
+@numeric("kim2023-033")
+def unanswered_transaction(*, request: int = REQUEST_BITS, timeout: float = 10) -> float:
+    """Bit times until a master that hears nothing may send again."""
+    return request + timeout
+
+
+@numeric("kim2023-034")
+def cycle_standard(
+    *, slaves: int = 31, transaction: float = 26, bit_time: float = BIT_TIME
+) -> float:
+    """Milliseconds to poll all slaves once, with one more request for inclusion."""
+    return 1e3 * (slaves + 1) * transaction * bit_time
+
+
+@numeric("kim2023-035")
+def cycle_extended(
+    *, pairs: int = 31, transaction: float = 26, bit_time: float = BIT_TIME
+) -> float:
+    """Milliseconds until every A and every B slave was polled: two cycles."""
+    return 2 * cycle_standard(slaves=pairs, transaction=transaction, bit_time=bit_time)

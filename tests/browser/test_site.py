@@ -1,0 +1,78 @@
+"""The book in a browser, served on the loopback and opened from the disk."""
+
+import pytest
+from playwright.sync_api import expect
+
+LONG = 30_000
+
+
+def pages_with(site, mark, folders=("notebooks", "api")):
+    """Return the addresses of pages whose HTML holds `mark`, notebooks first."""
+    return [
+        path.relative_to(site).as_posix()
+        for folder in folders
+        for path in sorted((site / folder).rglob("*.html"))
+        if mark in path.read_text(encoding="utf-8")
+    ]
+
+
+def test_start_page_has_a_title_and_a_navigation(page, url):
+    page.goto(f"{url}/index.html")
+    expect(page).to_have_title("shipnet", timeout=LONG)
+    navigation = page.locator(".sidebar-tree")
+    expect(navigation.get_by_role("link", name="Ledger")).to_be_visible(timeout=LONG)
+    navigation.get_by_role("link", name="The package shipnet").click()
+    expect(page.locator("h1")).to_contain_text("The package shipnet", timeout=LONG)
+
+
+def test_every_notebook_is_in_the_navigation(page, url, site):
+    page.goto(f"{url}/index.html")
+    links = page.locator(".sidebar-tree a").evaluate_all("links => links.map(a => a.pathname)")
+    notebooks = {f"/{name}" for name in pages_with(site, "<h1", folders=["notebooks"])}
+    assert notebooks <= set(links)
+
+
+def test_a_notebook_shows_its_figure(page, url, site):
+    if not (site / "notebooks").is_dir():
+        pytest.skip("there are no notebooks yet")
+    page.goto(f"{url}/{pages_with(site, '<img', folders=['notebooks'])[0]}")
+    figure = page.locator(".cell_output img").first
+    expect(figure).to_be_visible(timeout=LONG)
+    assert figure.evaluate("image => image.naturalWidth") > 100
+
+
+def test_formulas_are_drawn_without_a_script(page, url, site):
+    page.goto(f"{url}/{pages_with(site, '<math')[0]}")
+    formula = page.locator("math").first
+    expect(formula).to_be_visible(timeout=LONG)
+    box = formula.bounding_box()
+    assert box["width"] > 0
+    assert box["height"] > 0
+    text = page.locator("article").inner_text()
+    assert "$$" not in text
+    assert r"\frac" not in text
+
+
+def test_search_finds_a_word(page, url):
+    page.goto(f"{url}/index.html")
+    box = page.get_by_role("textbox", name="Search")
+    box.fill("parity")
+    box.press("Enter")
+    results = page.locator("#search-results ul.search li a")
+    expect(results.first).to_be_visible(timeout=LONG)
+    expect(page.locator("#search-results")).to_contain_text("parity", timeout=LONG)
+
+
+def test_the_ledger_has_a_row_for_each_claim(page, url):
+    page.goto(f"{url}/ledger.html#kim2023-004")
+    row = page.locator("tr#kim2023-004")
+    expect(row).to_be_in_viewport(timeout=LONG)
+    expect(row).to_contain_text("0.4032")
+
+
+def test_the_book_opens_from_the_disk_without_a_network(page, site):
+    page.context.set_offline(True)
+    page.goto((site / "index.html").as_uri())
+    expect(page).to_have_title("shipnet", timeout=LONG)
+    page.locator(".sidebar-tree").get_by_role("link", name="Ledger").click()
+    expect(page.locator("tr#kim2023-004")).to_be_attached(timeout=LONG)

@@ -1,0 +1,177 @@
+"""What strict nbval passes over in silence."""
+
+import re
+from pathlib import Path
+
+import nbformat
+import pytest
+
+from shipnet import datasets
+
+ROOT = Path(__file__).resolve().parents[1]
+NOTEBOOKS = sorted(
+    path for path in (ROOT / "notebooks").rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts
+)
+HEADINGS = {
+    "papers": [
+        "The problem on the ship",
+        "The paper says, we compute",
+        "What we learned",
+        "References",
+    ],
+    "notebooks": [
+        "The problem on the ship",
+        "The map",
+        "Units and figures",
+        "What we learned",
+        "References",
+    ],
+}
+
+
+def read(path):
+    return nbformat.read(path, as_version=4)
+
+
+def code(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def prose(notebook):
+    return "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+
+
+def tags(cell):
+    return set(cell.metadata.get("tags", []))
+
+
+def faults(notebook, kind):
+    """Return what is wrong with a notebook's form, one sentence a fault."""
+    found = []
+    ids = [cell.get("id") for cell in notebook.cells]
+    if None in ids or len(set(ids)) != len(ids):
+        found.append("cell ids are missing or not unique")
+    kernel = notebook.metadata.get("kernelspec", {}).get("name")
+    if kernel != "python3":
+        found.append(f"kernel is {kernel}, not python3")
+    if not notebook.cells or not notebook.cells[0].source.startswith("# "):
+        found.append("the first cell is no heading of level 1")
+    text = prose(notebook)
+    if len(re.findall(r"^# ", text, re.M)) != 1:
+        found.append("there is not exactly one heading of level 1")
+    places = [text.find(f"\n## {heading}") for heading in HEADINGS.get(kind, [])]
+    if -1 in places or places != sorted(places):
+        found.append(f"headings are not, in this order, {HEADINGS[kind]}")
+    for name in set(re.findall(r"`([\w.]+\.csv)`", text)) - set(datasets.names()):
+        found.append(f"data file {name} does not exist")
+    number = 0
+    for place, cell in enumerate(notebook.cells, start=1):
+        if cell.cell_type != "code":
+            continue
+        number += 1
+        found += [f"cell {place}: {fault}" for fault in cell_faults(cell, number)]
+    if sum(len(cell.source.splitlines()) for cell in code(notebook)) > 180:
+        found.append("more than 180 lines of code; it belongs in the package")
+    return found
+
+
+def cell_faults(cell, number):
+    widget = "widget" in tags(cell)
+    if not cell.source.strip():
+        yield "is empty"
+    if widget and (cell.outputs or cell.execution_count is not None):
+        yield "a widget cell is stored with output"
+    if not widget and cell.execution_count != number:
+        yield f"was not run in order (In [{cell.execution_count}], expected {number})"
+    if re.search(r"^\s*[%!]", cell.source, re.M) or "get_ipython" in cell.source:
+        yield "has a magic or a shell line"
+    if re.search(r"NBVAL_|nbval-(ignore|skip)", cell.source + " ".join(tags(cell)), re.I):
+        yield "its output is not compared"
+    if re.search(r"https?:|\b(urllib|http\.client|socket)\b|import requests", cell.source):
+        yield "asks the network"
+    if len(cell.source.splitlines()) > 15:
+        yield "has more than 15 lines; they belong in the package"
+    for output in cell.outputs:
+        if output.output_type == "error" and "raises-exception" not in tags(cell):
+            yield "is stored with an error"
+        if output.get("name") == "stderr":
+            yield "writes to standard error"
+        if "plt.show()" in cell.source and "image/png" not in output.get("data", {}):
+            yield "shows a figure but also other output"
+    if "plt.show()" in cell.source and not cell.outputs and not widget:
+        yield "shows no figure"
+    if "plt.subplots" in cell.source and not cell.source.rstrip().endswith("plt.show()"):
+        yield "does not end with plt.show()"
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_form(path):
+    kind = path.relative_to(ROOT / "notebooks").parts[0]
+    assert faults(read(path), kind if kind in HEADINGS else "notebooks") == []
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_links_lead_somewhere(path):
+    for target in re.findall(r"\]\(([^)#]+)\)", prose(read(path))):
+        assert (path.parent / target).resolve().is_file(), target
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_every_figure_is_described_below_it(path):
+    cells = read(path).cells
+    for cell, below in zip(cells, [*cells[1:], None], strict=True):
+        if cell.cell_type == "code" and "plt.show()" in cell.source:
+            assert below is not None and below.source.startswith("*"), cell.source
+
+
+def sample(**changes):
+    cell = nbformat.v4.new_code_cell("1 + 1", execution_count=1)
+    cell.outputs = [
+        nbformat.v4.new_output("execute_result", {"text/plain": "2"}, execution_count=1)
+    ]
+    cell.update(changes)
+    title = nbformat.v4.new_markdown_cell("# Title")
+    return nbformat.from_dict(
+        {"cells": [title, cell], "metadata": {"kernelspec": {"name": "python3"}}}
+    )
+
+
+def test_a_sound_notebook_has_no_fault():
+    assert faults(sample(), "other") == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"execution_count": None}, "not run in order"),
+        ({"execution_count": 7}, "not run in order"),
+        ({"source": "%time 1"}, "magic"),
+        ({"source": "  !ls"}, "magic"),
+        ({"source": "# NBVAL_IGNORE_OUTPUT\n1"}, "not compared"),
+        ({"metadata": {"tags": ["nbval-skip"]}}, "not compared"),
+        ({"metadata": {"tags": ["widget"]}}, "widget cell is stored with output"),
+        ({"source": "import urllib.request"}, "network"),
+        ({"source": "x = 1\n" * 16}, "more than 15 lines"),
+        ({"source": ""}, "empty"),
+        (
+            {"outputs": [nbformat.v4.new_output("stream", name="stderr", text="!")]},
+            "standard error",
+        ),
+        ({"outputs": [nbformat.v4.new_output("error", ename="E")]}, "stored with an error"),
+        ({"source": "fig, ax = plt.subplots()"}, "does not end with plt.show"),
+        ({"source": "plt.show()", "outputs": []}, "shows no figure"),
+        ({"id": None}, "cell ids"),
+    ],
+)
+def test_each_fault_is_found(changes, fault):
+    assert any(fault in found for found in faults(sample(**changes), "other"))
+
+
+def test_headings_titles_and_data_are_checked():
+    found = " ".join(faults(sample(), "papers"))
+    assert "headings are not" in found
+    untitled = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("see `none.csv`")])
+    found = " ".join(faults(untitled, "other"))
+    assert "no heading of level 1" in found
+    assert "kernel is None" in found
+    assert "none.csv does not exist" in found

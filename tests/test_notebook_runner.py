@@ -1,0 +1,167 @@
+"""docs/notebooks.py on notebooks of a few cells."""
+
+import os
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
+
+from docs import notebooks
+
+TITLE = new_markdown_cell("# A title", id="title")
+
+
+def code(source, identifier, **metadata):
+    return new_code_cell(source, id=identifier, metadata=metadata)
+
+
+def write(root: Path, name: str, *cells) -> Path:
+    path = root / "notebooks" / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    nbformat.write(new_notebook(cells=[TITLE, *cells]), path)
+    return path
+
+
+def test_run_without_notebooks(tmp_path):
+    assert notebooks.main(["run"], tmp_path) == 0
+
+
+def test_run_executes_only_what_is_stale(tmp_path, capsys):
+    module = tmp_path / "shipnet" / "signal.py"
+    module.parent.mkdir()
+    module.write_text("level = 1\n")
+    path = write(tmp_path, "deep/a.ipynb", code("from pathlib import Path; Path.cwd().name", "a"))
+    copy = tmp_path / "build" / "notebooks" / "deep" / "a.ipynb"
+
+    assert notebooks.main(["run"], tmp_path) == 0
+    assert "[1/1]" in capsys.readouterr().out
+    assert nbformat.read(copy, 4).cells[1].outputs[0].data["text/plain"] == "'deep'"
+
+    assert notebooks.main(["run"], tmp_path) == 0
+    assert "[1/1]" not in capsys.readouterr().out
+
+    (module.parent / "__pycache__").mkdir()
+    (module.parent / "__pycache__" / "signal.pyc").write_text("")
+    assert notebooks.main(["run"], tmp_path) == 0
+    assert "[1/1]" not in capsys.readouterr().out
+
+    later = module.stat().st_mtime_ns + 1_000_000_000
+    os.utime(module, ns=(later, later))
+    assert notebooks.main(["run"], tmp_path) == 0
+    assert "[1/1]" in capsys.readouterr().out
+
+    path.unlink()
+    assert notebooks.main(["run"], tmp_path) == 0
+    assert not copy.exists()
+
+
+def test_a_failure_names_the_cell_and_stops_no_other_notebook(tmp_path, capsys):
+    write(tmp_path, "good.ipynb", code("1 + 1", "a"))
+    write(
+        tmp_path,
+        "bad.ipynb",
+        code("x = 1", "a"),
+        new_markdown_cell("text", id="b"),
+        code("\ny = x\nraise ValueError('x is 1, but may be 2..3')", "c"),
+    )
+    assert notebooks.main(["run"], tmp_path) == 1
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    where = lines.index("FAILED notebooks/bad.ipynb")
+    assert lines[where + 1] == "cell 4, In [2]: y = x"
+    assert lines[where + 2] == "ValueError: x is 1, but may be 2..3"
+    copies = tmp_path / "build" / "notebooks"
+    assert {path.name for path in copies.iterdir()} == {"good.ipynb", "good.sha256"}
+
+
+@pytest.fixture
+def moved(tmp_path):
+    """Return a notebook whose stored number is not the one that it prints."""
+    cell = code("print('saved', 0.105, 'of', 3)", "a")
+    cell.outputs = [new_output("stream", name="stdout", text="saved 0.104 of 3\n")]
+    return write(tmp_path, "a.ipynb", cell)
+
+
+def test_store_shows_what_changes_and_writes_only_what_is_accepted(tmp_path, moved, capsys):
+    before = moved.read_bytes()
+    assert notebooks.main(["store"], tmp_path) == 1
+    assert "notebooks/a.ipynb cell 2: 0.104 -> 0.105\n" in capsys.readouterr().out
+    assert moved.read_bytes() == before
+
+    assert notebooks.main(["store", "--accept", str(moved)], tmp_path) == 0
+    assert "0.104 -> 0.105" in capsys.readouterr().out
+    accepted = moved.read_bytes()
+    assert b"0.105" in accepted
+
+    assert notebooks.main(["store", "--accept"], tmp_path) == 0
+    assert moved.read_bytes() == accepted
+    assert "->" not in capsys.readouterr().out
+
+
+def test_stored_form(tmp_path):
+    path = write(
+        tmp_path,
+        "a.ipynb",
+        code("print(1, flush=True)\nprint(2)", "a", tags=["keep"], scrolled=True),
+        code("print('a slider')", "b", tags=["widget"]),
+        code("3", "c"),
+    )
+    assert notebooks.main(["store", "--accept"], tmp_path) == 0
+    stored = nbformat.read(path, 4)
+    _, first, widget, last = stored.cells
+    assert stored.metadata == notebooks.METADATA
+    assert [cell.id for cell in stored.cells] == ["title", "a", "b", "c"]
+    assert first.metadata == {"tags": ["keep"]}
+    assert [output.text for output in first.outputs] == ["1\n2\n"]
+    assert (widget.execution_count, widget.outputs) == (None, [])
+    assert last.execution_count == 3
+
+
+def test_stderr_is_not_stored(tmp_path, monkeypatch, capsys):
+    cell = code("", "a")
+    path = write(tmp_path, "a.ipynb", cell)
+    before = path.read_bytes()
+    cell.outputs = [new_output("stream", name="stderr", text="careful\n")]
+    text = notebooks.stable(new_notebook(cells=[TITLE, cell]))
+    done = notebooks.Executed(path, seconds=0.0, text=text)
+    monkeypatch.setattr(notebooks, "execute_all", lambda root, paths: iter([done]))
+    assert notebooks.main(["store", "--accept"], tmp_path) == 1
+    assert "notebooks/a.ipynb cell 2: writes to stderr" in capsys.readouterr().out
+    assert path.read_bytes() == before
+
+
+def test_streams_merge_only_with_their_own_kind():
+    cell = code("", "a")
+    parts = [("stdout", "1"), ("stdout", "2"), ("stderr", "3"), ("stdout", "4")]
+    cell.outputs = [new_output("stream", name=name, text=text) for name, text in parts]
+    stored = nbformat.reads(notebooks.stable(new_notebook(cells=[cell])), 4)
+    assert [output.text for output in stored.cells[0].outputs] == ["12", "3", "4"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "change"),
+    [
+        ("t  9 ms", "t 10 ms", ["9 -> 10"]),
+        ("a 1 b 2", "a 3 b 4", ["1 -> 3", "2 -> 4"]),
+        ("1e-3", "-1.5e-3", ["1e-3 -> -1.5e-3"]),
+        ("agrees", "differs", ["output changed\n    @@ -1 +1 @@\n    -agrees\n    +differs"]),
+        ("", "5", ["new output"]),
+    ],
+)
+def test_changes_of_text(old, new, change):
+    def notebook(text):
+        cell = code("", "a")
+        cell.outputs = [new_output("stream", name="stdout", text=text)] if text else []
+        return new_notebook(cells=[cell])
+
+    assert [what for _, what in notebooks.changes(notebook(old), notebook(new))] == change
+
+
+def test_changes_of_a_figure():
+    def notebook(image):
+        cell = code("", "a")
+        data = {"image/png": image, "text/plain": "<Figure>"}
+        cell.outputs = [new_output("display_data", data=data)]
+        return new_notebook(cells=[cell])
+
+    assert list(notebooks.changes(notebook("old"), notebook("new"))) == [(1, "figure changed")]

@@ -1,0 +1,46 @@
+import doctest
+import re
+import subprocess
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_examples_run():
+    flags = doctest.IGNORE_EXCEPTION_DETAIL | doctest.ELLIPSIS
+    failed, tried = doctest.testfile(
+        str(ROOT / "README.md"), module_relative=False, optionflags=flags
+    )
+    assert (failed, tried > 3) == (0, True)
+
+
+def test_links_lead_somewhere():
+    targets = re.findall(r"\]\(((?!http)[^)#]+)\)", README)
+    assert [target for target in targets if not (ROOT / target).exists()] == []
+    assert len(re.findall(r"^!\[", README, re.M)) == 2
+
+
+def test_every_notebook_is_in_the_table():
+    notebooks = {
+        path.relative_to(ROOT).as_posix() for path in (ROOT / "notebooks").rglob("*.ipynb")
+    }
+    listed = re.findall(r"^\| \[.*\]\((notebooks/.*\.ipynb)\)", README, re.M)
+    assert sorted(listed) == sorted(path for path in notebooks if ".ipynb_checkpoints" not in path)
+
+
+def test_commands_exist():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for target in re.findall(r"`?make ([a-z]+)", README):
+        if target not in ("and",):
+            assert re.search(rf"^{target}:", makefile, re.M), target
+
+
+def test_nothing_names_a_machine_or_a_registry():
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True).stdout
+    for name in tracked.split():
+        path = ROOT / name
+        if path.suffix in (".png", ".lock") or not path.exists():
+            continue
+        text = path.read_text(encoding="utf-8")
+        assert not re.search(r"(?<![\w.])/(home|root|work|Users)/\w", text), name
