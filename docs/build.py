@@ -17,6 +17,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from sphinx.cmd.build import build_main
 
@@ -29,18 +30,7 @@ MACHINERY = ("docs/_ext", "docs/_static", "docs/build.py", "docs/conf.py", "requ
 FOLDERS = ("", "papers", "lessons", "explore")
 REFERENCE = ("ledger.md", "data/SOURCES.md", "api/shipnet.rst", "CHANGELOG.md")
 CLAIM_ID = re.compile(r"\b[a-z]+\d{4}-\d{3}\b")
-COLUMNS = {
-    "id": "claim id",
-    "where": "where",
-    "claim": "claim",
-    "published": "published",
-    "computed": "computed",
-    "unit": "unit",
-    "verdict": "verdict",
-    "match": "match",
-    "relative_difference": "difference",
-    "evidence": "evidence",
-}
+COLUMNS = ["id", "where", "claim", "the paper says", "we compute", "verdict"]
 
 
 def natural(name: str) -> list[tuple[float, str]]:
@@ -106,41 +96,51 @@ def _summary(path: Path) -> str:
 
 def ledger_page() -> str:
     """Return the ledger as a page: counts on top, then a table with an anchor for each claim."""
-    from shipnet.papers.ledger import VERDICTS, format_computed, ledger
+    from shipnet.papers.ledger import counts, format_computed, ledger
 
-    frame = ledger()
-    frame["computed"] = frame["computed"].map(format_computed)
-    frame["relative_difference"] = [
-        "" if math.isnan(value) else f"{100 * value:+.3g} %"
-        for value in frame["relative_difference"]
-    ]
+    frame, done = ledger(), counts()
     papers = dict(tuple(frame.groupby("paper", sort=False)))
-    verdicts = [verdict for verdict in (*VERDICTS, "") if verdict in set(frame["verdict"])]
     parts = [
         "# Ledger",
-        "What the papers print, and what shipnet computes. The difference is the computed value "
-        "over the published one, minus one.",
+        "What the papers print, and what shipnet computes. Below a claim stand a note and the "
+        "evidence; a percentage below a computed value is its distance from the printed one.",
         _table(
-            ["paper", *(verdict or "not judged" for verdict in verdicts), "claims"],
+            ["paper", *done.columns],
             (
-                f"<tr><th>{key}</th>"
-                + "".join(
-                    f"<td>{(claims['verdict'] == verdict).sum()}</td>" for verdict in verdicts
-                )
-                + f"<td>{len(claims)}</td></tr>"
-                for key, claims in papers.items()
+                f"<tr><th>{key}</th>{''.join(f'<td>{number}</td>' for number in numbers)}</tr>"
+                for key, *numbers in done.itertuples(name=None)
             ),
         ),
     ]
     for key, claims in papers.items():
         rows = (
-            f'<tr id="{claim["id"]}">'
-            + "".join(f"<td>{_linked(claim[column])}</td>" for column in COLUMNS)
-            + "</tr>"
-            for claim in claims.to_dict("records")
+            _claim(claim, format_computed(claim["computed"])) for claim in claims.to_dict("records")
         )
-        parts += [f"## {key}", _table(list(COLUMNS.values()), rows)]
+        parts += [f"## {key}", _table(COLUMNS, rows)]
     return "\n\n".join(parts) + "\n"
+
+
+def _claim(claim: dict[str, Any], computed: str) -> str:
+    """Return the table row of one claim."""
+    unit = "" if isinstance(claim["computed"], bool) or not computed else claim["unit"]
+    difference = claim["relative_difference"]
+    distance = [claim["match"]] if claim["match"].startswith(("factor", "differs")) else []
+    if difference and not math.isnan(difference):
+        distance.append(f"{100 * difference:+.2g} %")
+    evidence = claim["evidence"].removeprefix("shipnet.papers.")
+    cells = [
+        (claim["id"], ""),
+        (claim["where"], ""),
+        (claim["claim"], "; ".join(filter(None, [claim["note"], evidence]))),
+        (f"{claim['published']} {claim['unit'] if claim['published'] else ''}", ""),
+        (f"{computed} {unit}", ", ".join(distance)),
+        (claim["verdict"] or claim["kind"], ""),
+    ]
+    row = "".join(
+        f"<td>{_linked(text)}{f'<small>{_linked(small)}</small>' if small else ''}</td>"
+        for text, small in cells
+    )
+    return f'<tr id="{claim["id"]}">{row}</tr>'
 
 
 def _linked(text: str) -> str:

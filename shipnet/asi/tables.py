@@ -129,7 +129,7 @@ def _start_and_end(length: int) -> tuple[tuple[str, str], tuple[str, str]]:
 
 def _parity_counts(length: int) -> str:
     """Find out over which bits the decoder wants an even number of ones."""
-    spans = {"whole telegram": slice(0, length), "telegram without end bit": slice(0, length - 1)}
+    spans = {"all bits": slice(0, length), "all bits but the end bit": slice(0, length - 1)}
     words = [f"0{i:0{length - 2}b}1" for i in range(2 ** (length - 2))]
     return next(
         name

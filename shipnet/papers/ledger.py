@@ -247,7 +247,7 @@ def show(*claims: str) -> pd.DataFrame:
     unknown = [claim for claim in claims if claim not in table.index]
     if unknown:
         raise ValueError(f"no claim {', '.join(unknown)}; ids look like {table.index[0]!r}")
-    rows = table.loc[list(claims)]
+    rows = table.loc[list(claims)].rename_axis(None)
     return pd.DataFrame(
         {
             "where": rows["where"],
