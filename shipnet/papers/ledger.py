@@ -226,7 +226,7 @@ def show(*claims: str) -> pd.DataFrame:
     Parameters
     ----------
     *claims : str
-        Claim ids, such as ``"kim2023-004"``.
+        Claim ids, such as ``"kim2023-004"``; one string may hold several with spaces between.
 
     Returns
     -------
@@ -244,10 +244,11 @@ def show(*claims: str) -> pd.DataFrame:
     '0.4032 %'
     """
     table = ledger().set_index("id")
-    unknown = [claim for claim in claims if claim not in table.index]
+    ids = " ".join(claims).split()
+    unknown = [claim for claim in ids if claim not in table.index]
     if unknown:
         raise ValueError(f"no claim {', '.join(unknown)}; ids look like {table.index[0]!r}")
-    rows = table.loc[list(claims)].rename_axis(None)
+    rows = table.loc[ids].rename_axis(None)
     return pd.DataFrame(
         {
             "where": rows["where"],
