@@ -60,6 +60,18 @@ def test_table7_has_sixteen_codes_of_four_ports():
     assert set(table[["D0", "D1", "D2", "D3"]].to_numpy().ravel()) == {"IN", "OUT", "I/O", "TRI"}
 
 
+def test_captions_and_references_are_one_apart():
+    items = datasets.read("figures_tables.csv").query("paper == 'kim2023'")
+    captions = items.set_index("item")["caption"]
+    tables = captions[captions.index.str.startswith("Table")]
+    assert tables.index[tables.str.contains("EMC")].tolist() == ["Table 2"]
+    assert tables.index[tables.str.contains("steps")].tolist() == ["Table 3"]
+    assert tables.index[tables.str.contains("detail")].tolist() == ["Table 5"]
+    assert tables.index[tables.str.contains("Slave data")].tolist() == ["Table 6"]
+    assert tables.index[tables.str.contains("configuration")].tolist() == ["Table 7"]
+    assert tables["Table 3"].endswith("AMP")
+
+
 def test_examples_have_the_length_of_their_telegrams():
     for paper in ("kim2023", "icn2007"):
         bits = datasets.read(f"{paper}_examples.csv").set_index("name")["bits"]

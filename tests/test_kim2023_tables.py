@@ -51,6 +51,20 @@ def test_write_id1_with_an_address_would_be_delete_address():
     assert generated("Table 5").loc["WRITE_ID1", "A4":"A0"].tolist() == ["0"] * 5
 
 
+def test_select_0_gives_the_requests_of_slaves_before_2_1():
+    # What a standard slave is sent as I4..I0; it knows of no select bit.
+    before = {"RESET": "11100", "READ_STATUS": "11110", "READ_IO_CONFIGURATION": "10000"}
+    before |= {"DELETE_ADDRESS": "00000", "READ_ID": "10001"}
+    for table, agrees in ((generated("Table 5"), True), (printed("Table 5"), False)):
+        sent = {
+            call: "".join(table.loc[call, "I4":"I0"]).replace("~S", "1").replace("S", "0")
+            for call in before
+        }
+        assert (sent == before) == agrees
+        differing = {call for call in before if sent[call] != before[call]}
+        assert differing == (set() if agrees else {"RESET", "DELETE_ADDRESS"})
+
+
 def test_parameter_bits_are_called_p():
     assert generated("Table 5").loc["WRITE_PARAMETER", "I2":"I0"].tolist() == ["P2", "P1", "P0"]
     assert printed("Table 5").loc["WRITE_PARAMETER", "I2":"I0"].tolist() == ["D2", "D1", "D0"]

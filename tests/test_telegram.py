@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.asi import Call, Profile, Request, Response, Transaction
+from shipnet.asi import Call, Profile, Request, Response
 from shipnet.errors import (
     ArgumentError,
     EndBitError,
@@ -64,11 +64,6 @@ def test_parity_of_the_data_sheets():
     assert Request.data_exchange(21, 0xE).bits == "00101010111001"
     with pytest.raises(ParityError, match=r"00101010111011 has 7 ones"):
         Request.parse("00101010111011")
-
-
-def test_slave_pause_of_a_quiet_line():
-    assert Transaction(slave_pause=2).bits == 26
-    assert Transaction(slave_pause=500e-6 / 6e-6).duration == pytest.approx(24 * 6e-6 + 500e-6)
 
 
 def test_an_ab_slave_has_three_output_bits():

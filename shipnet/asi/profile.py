@@ -64,12 +64,12 @@ def describe_io_configuration(code: int) -> str:
     >>> describe_io_configuration(0x9)
     'ports D0..D3 OUT OUT OUT IN'
     >>> describe_io_configuration(0xF)
-    'ports without function: no configuration stored'
+    'no port has a function'
     """
     check_whole("code", code, 0, 15)
     ports = IO_CONFIGURATIONS[code]
     if ports[0] == "TRI":
-        return "ports without function: no configuration stored"
+        return "no port has a function"
     return f"ports D0..D3 {' '.join(ports)}"
 
 
@@ -192,7 +192,7 @@ class Profile:
 
     @property
     def output_bits(self) -> int:
-        """Output bits in one request: an A/B slave gives one up for the select bit."""
+        """Output bits in one request: an A/B slave gives one of four up for the select bit."""
         return 3 if self.extended else 4
 
     def __str__(self) -> str:

@@ -7,8 +7,8 @@ kim2023 repeats are registered beside it, in `shipnet.papers.kim2023`.
 from __future__ import annotations
 
 from shipnet.asi import Call, Request, Transaction
-from shipnet.papers.kim2023.telegrams import EXAMPLE_REQUEST
-from shipnet.papers.kim2023.timing import master_pause_of_chip
+from shipnet.asi.telegram import Half
+from shipnet.papers.kim2023.timing import CHIP_EDGES, master_pause_of_chip
 from shipnet.papers.registry import check, numeric
 
 __all__: list[str] = []
@@ -27,15 +27,10 @@ def bit_time_in_ms(*, rate: float = 167e3) -> float:
 
 
 @numeric("icn2007-015")
-def extra_pause(*, asynchronous: float = 33.5e-6, synchronous: float = 21.5e-6) -> float:
-    """Bit times that a slave takes longer when it is not synchronous (A2SI data sheet)."""
+def extra_pause(*, edges: tuple[float, ...] = CHIP_EDGES) -> float:
+    """Bit times that a slave takes longer when it is not synchronous, at most."""
+    synchronous, asynchronous = edges[1], edges[-1]
     return master_pause_of_chip(edge=asynchronous) - master_pause_of_chip(edge=synchronous)
-
-
-@numeric("icn2007-017")
-def example_address(*, bits: str = EXAMPLE_REQUEST) -> int:
-    """A4..A0 of the example."""
-    return int(bits[2:7], 2)
 
 
 @check("icn2007-018", counter={"data": 0xA})
@@ -43,6 +38,22 @@ def example_for_21a(*, data: int = 0xE) -> bool:
     """Whether the example's request is also a request to slave 21A with data 6."""
     bits = Request.data_exchange(21, data).bits
     return Request.parse(bits, extended=True) == Request.data_exchange(21, 0x6, "A")
+
+
+@numeric("icn2007-044")
+def standard_output_bits(*, information: int = 5, kind: int = 1) -> int:
+    """Output bits left when I4 tells the kind of request."""
+    return information - kind
+
+
+@check("icn2007-045", counter={"asked": True})
+def same_answer(
+    *, halves: tuple[Half | None, Half | None] = (None, "A"), asked: bool = False
+) -> bool:
+    """Whether a standard slave and an A slave answer with the same bits (not: are asked)."""
+    requests = [Request.data_exchange(21, 0x6, half) for half in halves]
+    said = [request if asked else request.answer(0x6) for request in requests]
+    return said[0].bits == said[1].bits
 
 
 @numeric("icn2007-036")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from shipnet import datasets
-from shipnet.asi import Call, Request
+from shipnet.asi import Call, Profile, Request
 from shipnet.asi.frame import frame
 from shipnet.asi.telegram import Half
 from shipnet.papers.kim2023 import tables
@@ -60,8 +60,8 @@ def header_names_five_bits(*, header: tuple[str, ...] = ()) -> bool:
 
 
 @numeric("kim2023-045")
-def calls_of_the_standard(*, calls: tuple[Call, ...] = tuple(Call)) -> int:
-    """Calls in the data sheets' table; the paper's Table 5 lists one less."""
+def calls_in_the_data_sheets(*, calls: tuple[Call, ...] = tuple(Call)) -> int:
+    """Calls in the table of the data sheets; Table 5 lists one less."""
     return len(calls)
 
 
@@ -81,7 +81,7 @@ def write_id1_to_any_address(*, address: int = 21) -> bool:
 
 @check("kim2023-047", counter={"calls": ("READ_STATUS", "READ_ID")})
 def select_marks(*, calls: tuple[str, ...] = ("DELETE_ADDRESS", "RESET")) -> bool:
-    """Whether Table 5 inverts the select bit where the standard does."""
+    """Whether Table 5, as the stored text marks it, inverts select where the data sheets do."""
     return all(_row_agrees(call, ["I3"]) for call in calls)
 
 
@@ -141,11 +141,23 @@ def cited_table_is_emc(*, cited: str = "Table 1") -> bool:
     return "EMC" in _captions()[cited]
 
 
-@check("kim2023-052", counter={"pair": ("Table 4", "Table 6")})
-def captions_differ(*, pair: tuple[str, str] = ("Table 4", "Table 5")) -> bool:
-    """Whether two tables have captions of their own, additions in brackets aside."""
-    first, second = (_captions()[item].split("(")[0].strip() for item in pair)
-    return first != second
+@check("kim2023-052", counter={"shift": 1})
+def references_fit(*, shift: int = 0) -> bool:
+    """Whether what the text says of each table it cites, by number, fits that table's caption."""
+    said = {1: "EMC", 2: "steps", 4: "(detail)", 5: "Slave data map", 6: "I/O configuration"}
+    return all(word in _captions()[f"Table {number + shift}"] for number, word in said.items())
+
+
+@check("kim2023-096", counter={"modulation": "AMP"})
+def caption_names_modulation(*, modulation: str = "APM") -> bool:
+    """Whether the caption of Table 3 has the modulation's name as the text spells it."""
+    return modulation in _captions()["Table 3"]
+
+
+@check("kim2023-094", counter={"codes": (0xA,)})
+def both_codes_share_an_address(*, codes: tuple[int, ...] = (0xA, 0xB)) -> bool:
+    """Whether slaves with these ID codes share their address with another."""
+    return all(Profile(7, code).extended for code in codes)
 
 
 def _captions() -> dict[str, str]:

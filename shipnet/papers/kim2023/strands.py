@@ -71,7 +71,7 @@ def points_per_master(*, slaves: int = 62, points: int = 4) -> int:
 
 @check("kim2023-076", counter={"profile": "S-7.F"})
 def four_outputs_each(*, profile: str = "S-7.A.E") -> bool:
-    """Whether a slave that shares its address, as 62 on a line must, has four output bits."""
+    """Whether a request to a slave that shares its address, as 62 must, has four output bits."""
     return Profile.parse(profile).output_bits == 4
 
 

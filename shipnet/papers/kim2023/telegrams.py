@@ -55,19 +55,19 @@ def example_length(*, bits: str = EXAMPLE_REQUEST) -> int:
     return len(bits)
 
 
-@numeric("kim2023-037")
+@numeric("kim2023-037", "icn2007-017")
 def example_address(*, bits: str = EXAMPLE_REQUEST) -> int:
     """A4..A0 of the example, read in place: as a whole it breaks the parity rule."""
     return int(bits[2:7], 2)
 
 
-@numeric("kim2023-038")
+@numeric("kim2023-038", "icn2007-041")
 def example_data(*, bits: str = EXAMPLE_REQUEST) -> int:
     """D3..D0 of the example."""
     return int(bits[8:12], 2)
 
 
-@numeric("kim2023-039")
+@numeric("kim2023-039", "icn2007-042")
 def example_answer(*, bits: str = EXAMPLE_RESPONSE) -> int:
     """Data of the example response."""
     return Response.parse(bits).data
@@ -108,7 +108,7 @@ def example_request_parity(*, bits: str = EXAMPLE_REQUEST) -> bool:
     return True
 
 
-@check("kim2023-041", counter={"bits": "0011011"})
+@check("kim2023-041", "icn2007-043", counter={"bits": "0011011"})
 def example_response_parity(*, bits: str = EXAMPLE_RESPONSE) -> bool:
     """Whether the example response obeys the parity rule of the standard."""
     return even_ones(bits)

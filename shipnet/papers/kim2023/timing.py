@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from shipnet import datasets
 from shipnet.asi import BIT_TIME, REQUEST_BITS, Transaction
 from shipnet.papers.registry import check, numeric
 
-__all__ = ["master_pause_of_chip"]
+__all__ = ["CHIP_EDGES", "LONGEST_PAUSE", "master_pause_of_chip"]
+
+_PUBLISHED = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
+
+#: Delays between request and response that a chip maker prints [s]: synchronous least and most,
+#: then asynchronous least and most.
+CHIP_EDGES = tuple(
+    1e-6 * float(_PUBLISHED[f"edge to edge, {state}, {end}"])
+    for state in ("synchronous", "asynchronous")
+    for end in ("least", "most")
+)
+
+#: How long a master may wait before its next request [s].
+LONGEST_PAUSE = 1e-6 * float(_PUBLISHED["longest pause before the next request"])
 
 
 @numeric("kim2023-020")
@@ -56,16 +70,15 @@ def master_pause_of_chip(*, edge: float, bit_time: float = BIT_TIME) -> float:
     return edge / bit_time - 1
 
 
-@check("kim2023-028", "icn2007-014", counter={"synchronous": 10e-6})
-def master_pause_in_range(*, synchronous: float = 21.5e-6, asynchronous: float = 33.5e-6) -> bool:
-    """Whether the delays of a chip (A2SI data sheet) are pauses of 2 to 10 bit times."""
-    pauses = [master_pause_of_chip(edge=edge) for edge in (synchronous, asynchronous)]
-    return all(2 <= pause <= 10 for pause in pauses)
+@check("kim2023-028", "icn2007-014", counter={"edges": (10e-6, 33.5e-6)})
+def master_pause_in_range(*, edges: tuple[float, ...] = CHIP_EDGES) -> bool:
+    """Whether the delays of a chip are pauses of 2 to 10 bit times."""
+    return all(2 <= master_pause_of_chip(edge=edge) <= 10 for edge in edges)
 
 
 @check("kim2023-030", "icn2007-016", counter={"longest": 12e-6})
-def slave_pause_at_most_2(*, longest: float = 500e-6) -> bool:
-    """Whether the pause after a response never exceeds 2 bit times; OMRON W357 allows 500 us."""
+def slave_pause_at_most_2(*, longest: float = LONGEST_PAUSE) -> bool:
+    """Whether the pause after a response never exceeds 2 bit times."""
     return longest <= 2 * BIT_TIME
 
 
