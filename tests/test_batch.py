@@ -111,3 +111,5 @@ def test_bits_and_words_are_inverse():
     assert "".join(map(str, bits_of(0b0011001, 7))) == "0011001"
     with pytest.raises(ArgumentError, match="range from 0 to 2"):
         words_of([0, 2])
+    with pytest.raises(ArgumentError, match="range from -1 to 1"):
+        words_of([-1, 1])

@@ -170,6 +170,7 @@ def test_a_claim_has_one_function():
         (5, 0, 1, "differs"),
         (-7, -7.2, 1, "within precision"),
         (7, math.nan, 1, "differs"),
+        (0.15, 0.2, 0.1, "within precision"),  # 0.05000000000000002 in floating point
     ],
 )
 def test_match(published, computed, precision, outcome):
@@ -201,6 +202,12 @@ def test_ledger_of_one_paper():
     assert list(one["id"]) == sorted(one["id"])
     with pytest.raises(ValueError, match="paper is 'kim'"):
         ledger("kim")
+
+
+def test_the_difference_is_computed_over_published_minus_one():
+    row = LEDGER.set_index("id").loc["icn2007-025"]
+    assert row.relative_difference == pytest.approx((8 / 150e-3) / 53.5 - 1)
+    assert row.relative_difference < 0
 
 
 def test_show_keeps_the_order_and_names_unknown_ids():

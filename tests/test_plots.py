@@ -1,11 +1,14 @@
 import matplotlib as mpl
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from shipnet import datasets, style
-from shipnet.asi import Request, Response, Transaction
-from shipnet.asi.plot import plot_telegram, plot_transaction
+from shipnet.asi import IO_CONFIGURATIONS, Request, Response, Transaction
+from shipnet.asi.plot import plot_io_codes, plot_telegram, plot_transaction
 from shipnet.design.plot import plot_asi, plot_hardwired
+from shipnet.papers import counts
+from shipnet.papers.plot import plot_counts
 
 IOLIST = datasets.read("synthetic_iolist_valves.csv")
 
@@ -24,6 +27,8 @@ def test_telegram_shows_its_bits_and_levels(ax):
     bits = "00101010111001"
     assert plot_telegram(bits, ax=ax) is ax
     assert "".join(text for text in texts(ax) if text in "01") == bits
+    labels = [text for text in texts(ax) if text not in "01"]
+    assert labels == ["ST", "CB", "address A4..A0", "information I4..I0", "PB", "EB"]
     (line,) = ax.lines
     levels = line.get_ydata()
     assert [level > 1.5 for level in levels[:-1]] == [bit == "1" for bit in bits]
@@ -71,6 +76,24 @@ def test_one_device_and_other_signals_can_be_drawn(ax):
     plot_hardwired(one, ax=ax)
     assert len(ax.lines) == 3
     plot_asi(one, ax=ax)
+    assert "3 short strands" in texts(ax)
+
+
+def test_io_codes_read_down_from_d0(ax):
+    plot_io_codes(ax=ax)
+    names = [label.get_text() for label in ax.get_yticklabels()]
+    assert names == ["D0", "D1", "D2", "D3"]
+    assert ax.yaxis_inverted()
+    shown = np.array(texts(ax)).reshape(16, 4)
+    assert [tuple(ports) for ports in shown.tolist()] == list(IO_CONFIGURATIONS)
+
+
+def test_counts_are_drawn_one_bar_a_paper(ax):
+    table = counts()
+    plot_counts(table, ax=ax)
+    assert len(ax.patches) == 6 * len(table)
+    assert sum(patch.get_width() for patch in ax.patches) == table["claims"].sum()
+    assert [label.get_text() for label in ax.get_yticklabels()] == list(table.index)
 
 
 def test_style_is_one_for_all():

@@ -219,6 +219,75 @@ def test_answers_of_every_call():
     assert "asks for 6" in str(surprise)
 
 
+FIXED = {
+    # SAP5S/SAP51 data sheet, table 6: what a slave must answer, whatever it is.
+    Call.ASSIGN_ADDRESS: 6,
+    Call.WRITE_ID1: 0,
+    Call.DELETE_ADDRESS: 0,
+    Call.RESET: 6,
+}
+
+
+def test_fixed_and_missing_answers_are_those_of_the_data_sheet():
+    for call in Call:
+        answer = call.rule.answer
+        assert FIXED.get(call) == (answer if isinstance(answer, int) else None)
+    silent = [call for call in Call if call.rule.answer is None]
+    assert silent == [Call.BROADCAST_RESET, Call.ENTER_PROGRAM_MODE]
+    assert Request.reset(3).answer(0x1) == Response(0x1, Call.RESET)
+
+
+@pytest.mark.parametrize(
+    ("request_", "text"),
+    [
+        (Request.data_exchange(21, 0xB), "data exchange with slave 21: outputs 1011 (B)"),
+        (Request.data_exchange(21, 0x3, "B"), "data exchange with slave 21B: outputs 011 (3)"),
+        (Request.write_parameter(7, 0x9), "write parameter 1001 (9) to slave 7"),
+        (Request.assign_address(29), "assign address 29 to the slave at address 0"),
+        (Request.write_id1(0xC), "write extended ID code 1 1100 (C) to the slave at address 0"),
+        (Request.delete_address(8), "delete the address of slave 8"),
+        (Request.reset(9, "A"), "reset slave 9A"),
+        (Request.read_io_configuration(3), "read the I/O configuration of slave 3"),
+        (Request.read_id(4), "read the ID code of slave 4"),
+        (Request.read_id1(5), "read extended ID code 1 of slave 5"),
+        (Request.read_id2(6), "read extended ID code 2 of slave 6"),
+        (Request.read_status(12), "read the status of slave 12"),
+        (Request.broadcast_reset(), "broadcast reset of all slaves, without answer"),
+        (Request.enter_program_mode(), "enter program mode at address 0, without answer"),
+    ],
+)
+def test_a_request_says_what_it_is(request_, text):
+    assert str(request_) == text
+
+
+@pytest.mark.parametrize(
+    ("response", "text"),
+    [
+        (Response(0xB), "response: 1011 (B)"),
+        (Response(0xB, Call.DATA_EXCHANGE), "answer to data exchange: inputs 1011 (B)"),
+        (Response(0xB, Call.WRITE_PARAMETER), "answer to write parameter: 1011 (B)"),
+        (Response(0x6, Call.ASSIGN_ADDRESS), "answer to assign address: 6, done"),
+        (
+            Response(0x6, Call.DELETE_ADDRESS),
+            "answer to delete address: 6, but the standard asks for 0",
+        ),
+        (
+            Response(0x9, Call.READ_IO_CONFIGURATION),
+            "answer to read I/O configuration: 9, ports D0..D3 OUT OUT OUT IN",
+        ),
+        (Response(0xA, Call.READ_ID), "answer to read ID code: 1010 (A)"),
+        (Response(0x2, Call.READ_STATUS), "answer to read status: 0010, S1 periphery fault"),
+    ],
+)
+def test_a_response_says_what_it_is(response, text):
+    assert str(response) == text
+
+
+def test_an_unknown_call_is_described_by_its_fields():
+    with pytest.raises(UnknownCallError, match="control bit 1, address 1 and information 11111"):
+        Request.parse("01000011111111")
+
+
 def test_the_reading_of_the_select_bit():
     assert Request.parse(Request.read_id(4, "B").bits).slave == "4B"
     assert Request.parse(Request.read_id(4, "A").bits).slave == "4"
