@@ -5,11 +5,15 @@ scalar function raises. Code 0 means that nothing is wrong.
 """
 
 __all__ = [
+    "AlternationError",
     "ArgumentError",
     "EndBitError",
     "FrameError",
+    "InformationError",
     "LengthError",
     "ParityError",
+    "PauseError",
+    "SilenceError",
     "StartBitError",
     "SymbolError",
     "UnknownCallError",
@@ -60,6 +64,30 @@ class UnknownCallError(FrameError):
     code = 6
 
 
+class AlternationError(FrameError):
+    """Two pulses in a row have the same sign."""
+
+    code = 8
+
+
+class PauseError(FrameError):
+    """The line falls silent inside the telegram: two half-bits in a row without a pulse."""
+
+    code = 9
+
+
+class InformationError(FrameError):
+    """A bit lacks the pulse in its middle."""
+
+    code = 10
+
+
+class SilenceError(FrameError):
+    """There is no telegram: nothing rises above the noise."""
+
+    code = 11
+
+
 class ArgumentError(ValueError):
     """An argument lies outside its legal range; the message names it, its value and the range."""
 
@@ -76,6 +104,10 @@ _BY_CODE: dict[int, type[FrameError] | type[ArgumentError]] = {
         ParityError,
         UnknownCallError,
         ArgumentError,
+        AlternationError,
+        PauseError,
+        InformationError,
+        SilenceError,
     )
 }
 

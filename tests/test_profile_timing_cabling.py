@@ -11,6 +11,7 @@ from shipnet.design import (
     SIGNALS,
     Comparison,
     asi_conductors,
+    compare,
     count_points,
     hardwired_conductors,
     lines_needed,
@@ -55,6 +56,7 @@ def test_status_flags():
         "S3 memory read error",
     ]
     assert describe_status(0b0100) == "S2 reserved"
+    assert describe_status(0b0110, version="2.0") == "S1 parity error seen, S2 end bit error seen"
     with pytest.raises(ArgumentError, match="version is '3'"):
         describe_status(0, version="3")
 
@@ -112,6 +114,7 @@ def test_common_returns_are_counted_once_a_group():
     assert hardwired_conductors({"contact_common": 8}, groups=2) == 10
     assert hardwired_conductors({"contact_common": 0}, groups=2) == 0
     assert hardwired_conductors({"contact_common": 8, "contact": 1}, groups=3) == 13
+    assert compare({"contact_common": 8}, lines=2, groups=3) == Comparison(11, 4)
 
 
 def test_nothing_needs_nothing():
@@ -125,6 +128,11 @@ def test_nothing_needs_nothing():
 )
 def test_slaves_fill_the_port_that_runs_out_first(inputs, outputs, slaves):
     assert slaves_needed(inputs, outputs) == slaves
+
+
+def test_an_ab_slave_has_fewer_outputs():
+    assert slaves_needed(4, 9, outputs_per_slave=3) == 3
+    assert slaves_needed(4, 10, inputs_per_slave=4, outputs_per_slave=3) == 4
 
 
 def test_lines_at_their_limits():
@@ -161,16 +169,19 @@ def test_an_io_list_is_counted_and_its_faults_are_all_named():
     assert count_points(pd.DataFrame({"tag": [], "signal": []})) == {}
 
 
-def test_every_signal_has_a_meaning_and_conductors():
+def test_conductors_of_each_signal():
+    # A common return leaves one wire a point; a number in the name is the number of wires.
+    expected = {name: 1 if name.endswith("_common") else 2 for name in SIGNALS}
+    expected |= {"rtd_3wire": 3, "rtd_4wire": 4, "current_loop_4wire": 4}
+    assert {name: signal.conductors for name, signal in SIGNALS.items()} == expected
     for name, signal in SIGNALS.items():
         assert signal.meaning
-        assert 1 <= signal.conductors <= 4
         assert signal.common == int(name.endswith("_common"))
 
 
 def test_error_codes_have_names():
-    names = [explain(code) for code in range(8)]
-    assert len(set(names)) == 8
+    names = [explain(code) for code in range(12)]
+    assert len(set(names)) == 12
     assert explain(np.uint8(5)) == "ParityError"
-    with pytest.raises(ValueError, match="code is 8"):
-        explain(8)
+    with pytest.raises(ValueError, match="code is 12"):
+        explain(12)
