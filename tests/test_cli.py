@@ -15,6 +15,9 @@ def test_ledger_prints_every_claim_of_the_paper(capsys):
     assert "icn2007" not in out
     (row,) = [line for line in out.splitlines() if line.startswith("kim2023-074")]
     assert row.split()[1:4] == ["0.7", "7.368", "typo"]
+    assert row.endswith("[%]")
+    (quoted,) = [line for line in out.splitlines() if line.startswith("kim2023-010")]
+    assert quoted.split()[1:3] == ["100", "context"]
 
 
 def test_summary_counts_only(capsys):

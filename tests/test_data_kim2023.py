@@ -1,4 +1,5 @@
 from shipnet import datasets
+from shipnet.asi.apm import levels_of, pulses_of
 
 TABLE2 = datasets.read("kim2023_table2_emc.csv")
 TABLE5 = datasets.read("kim2023_table5_requests.csv")
@@ -8,6 +9,9 @@ def test_table1_has_seven_kinds_of_sensor():
     table = datasets.read("kim2023_table1_sensors.csv")
     assert len(table) == 7
     assert table["category"].is_unique
+    for category, detects in zip(table["category"], table["detects"], strict=True):
+        word = category.split()[0].lower()
+        assert word in detects or word in ("accelerometer", "gas"), category
 
 
 def test_table2_levels():
@@ -17,12 +21,24 @@ def test_table2_levels():
     assert levels["EN 61000-4-2", "contact voltage"] == "4"
     assert levels["EN 61000-4-2", "contactless voltage"] == "8"
     assert levels["EN61000-4-6", "source impedance"] == "150"
+    amplitude = TABLE2[TABLE2["phenomenon_printed"].str.endswith("amplitude modulation")]
+    assert amplitude["value"].tolist() == ["80", "1000", "10", "80"]
+    pulse = TABLE2[TABLE2["phenomenon_printed"].str.endswith("pulse modulation")]
+    assert pulse["value"].tolist() == ["900", "5", "10", "50", "200"]
+    burst = TABLE2[TABLE2["standard"] == "EN 61000-4-4"]
+    assert burst["value"].tolist() == ["2", "5", "50", "5"]
     ratings = TABLE2.groupby("phenomenon_printed", sort=False)["rating"].unique()
     assert [list(rating) for rating in ratings] == [["B"], ["A"], ["A"], ["B"], ["A"]]
 
 
 def test_table3_has_six_steps_in_order():
-    assert datasets.read("kim2023_table3_apm_steps.csv")["step"].tolist() == list("123456")
+    table = datasets.read("kim2023_table3_apm_steps.csv").set_index("step")["what_happens"]
+    assert table.index.tolist() == list("123456")
+    # The Manchester rule of step 2, read as the encoder applies it.
+    assert "from high to low for a 0" in table["2"]
+    assert levels_of("0").tolist() == [1, 0]
+    assert "a rising current gives a negative pulse" in table["4"]
+    assert pulses_of("0")[1] == -1
 
 
 def test_tables_4_and_6_add_up_to_the_telegrams():
@@ -76,5 +92,8 @@ def test_examples_have_the_length_of_their_telegrams():
     for paper in ("kim2023", "icn2007"):
         bits = datasets.read(f"{paper}_examples.csv").set_index("name")["bits"]
         assert {name: len(word) for name, word in bits.items()} == {"request": 14, "response": 7}
+    assert datasets.read("kim2023_examples.csv")["bits"].tolist() == (
+        datasets.read("icn2007_examples.csv")["bits"].tolist()
+    )
     frames = datasets.read("asi_datasheet_frames.csv")["bits"]
     assert sorted(frames.str.len()) == [7, 7, 14]

@@ -41,6 +41,9 @@ def test_numbers_have_a_value_and_a_printed_precision():
     for claim in CLAIMS[CLAIMS["kind"] == "numeric"].itertuples():
         assert math.isfinite(as_number(claim.value)), claim.id
         assert as_number(claim.precision) > 0, claim.id
+        _, _, decimals = claim.value.partition(".")
+        if not claim.note.startswith("lead:") or decimals:
+            assert as_number(claim.precision) == pytest.approx(10.0 ** -len(decimals)), claim.id
     assert (CLAIMS.loc[CLAIMS["kind"] == "ours", "value"] == "").all()
 
 
@@ -170,6 +173,9 @@ def test_a_claim_has_one_function():
         (5, 0, 1, "differs"),
         (-7, -7.2, 1, "within precision"),
         (7, math.nan, 1, "differs"),
+        (2, 2e9, 1, "factor 1e+09"),
+        (2, 2e10, 1, "differs"),
+        (0.4, 5, 1, "factor 10"),  # 100 would do as well: the smaller shift is the likelier
         (0.15, 0.2, 0.1, "within precision"),  # 0.05000000000000002 in floating point
     ],
 )
@@ -208,6 +214,42 @@ def test_the_difference_is_computed_over_published_minus_one():
     row = LEDGER.set_index("id").loc["icn2007-025"]
     assert row.relative_difference == pytest.approx((8 / 150e-3) / 53.5 - 1)
     assert row.relative_difference < 0
+
+
+OURS = {
+    "kim2023-022": 3,
+    "kim2023-031": 24.5,
+    "kim2023-032": 26,
+    "kim2023-033": 24,
+    "kim2023-034": 4.992,
+    "kim2023-035": 9.984,
+    "kim2023-045": 13,
+    "kim2023-062": 7,
+    "kim2023-069": 95 / 7,
+    "kim2023-070": 1900,
+    "kim2023-071": 20 / 19,
+    "icn2007-030": 26,
+    "icn2007-035": 5 / 31,
+}
+
+
+def test_numbers_that_no_paper_prints():
+    ours = LEDGER[LEDGER["status"] == "ours"].set_index("id")["computed"]
+    assert ours.to_dict() == pytest.approx(OURS)
+
+
+def test_evidence_is_the_function_unless_the_claim_names_more():
+    evidence = LEDGER.set_index("id")["evidence"]
+    assert evidence["kim2023-004"] == "shipnet.papers.kim2023.strands.strands_left"
+    assert evidence["kim2023-074"] == "kim2023-072; kim2023-073"
+    assert evidence["kim2023-009"] == ""
+
+
+def test_status_follows_kind_and_function():
+    status = LEDGER.set_index("id")["status"]
+    expected = {"kim2023-004": "recomputed", "kim2023-040": "checked", "kim2023-010": "context"}
+    expected |= {"kim2023-045": "ours", "kim2023-063": "not reproducible", "kim2023-009": "open"}
+    assert status[list(expected)].to_dict() == expected
 
 
 def test_show_keeps_the_order_and_names_unknown_ids():
