@@ -114,7 +114,8 @@ def ledger_page() -> str:
     ]
     for key, claims in papers.items():
         rows = (
-            _claim(claim, format_computed(claim["computed"])) for claim in claims.to_dict("records")
+            _claim(claim, format_computed(claim["computed"], claim["published"]))
+            for claim in claims.to_dict("records")
         )
         parts += [f"## {key}", _table(COLUMNS, rows)]
     return "\n\n".join(parts) + "\n"
@@ -206,6 +207,9 @@ def main(root: Path = ROOT) -> int:
         # After a failure there is no stamp: Sphinx warns of a page only when it reads it anew.
         stamp.unlink(missing_ok=True)
         vanished = assemble(book, sources(root))
+        # A page is built anew when its notebook was executed anew, even to the same outputs.
+        for copy in (build / "notebooks").rglob("*.ipynb"):
+            shutil.copystat(copy, book / "notebooks" / copy.relative_to(build / "notebooks"))
         if vanished or before.get("machinery") != now["machinery"]:
             for folder in (site, build / "doctrees", build / "jupyter_execute"):
                 shutil.rmtree(folder, ignore_errors=True)

@@ -16,6 +16,18 @@ example:
   shipnet ledger --paper kim2023 --csv kim2023.csv
 """
 
+_DECODE = """\
+Decode an AS-i line voltage that an oscilloscope recorded: its CSV file,
+.npy, .npz, or sigrok's .sr. DC or AC coupled, either way round, 1 MS/s or more.
+
+example:
+  shipnet decode scope.csv --channel CH2 --csv transactions.csv --figure transactions.png
+"""
+
+#: Rows of a table that the terminal shows, and the part of a record that a figure does [s].
+_ROWS = 40
+_SHOWN = 400e-6
+
 
 def _parser() -> argparse.ArgumentParser:
     from shipnet import __version__
@@ -38,6 +50,24 @@ def _parser() -> argparse.ArgumentParser:
     ledger.add_argument("--csv", metavar="FILE", help="also write all columns to this file")
     ledger.add_argument("--summary", action="store_true", help="only the counts of each paper")
     ledger.set_defaults(run=_ledger)
+
+    decode = commands.add_parser(
+        "decode",
+        help="the transactions in an oscilloscope's record of an AS-i line",
+        description=_DECODE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    decode.add_argument("file", metavar="FILE", help="the record")
+    decode.add_argument("--channel", metavar="NAME", help="title or column number of the channel")
+    decode.add_argument(
+        "--sample-interval", metavar="S", type=float, help="time between two samples, such as 1e-7"
+    )
+    decode.add_argument(
+        "--threshold", metavar="X", type=float, default=0.5, help="a pulse, over the first one: 0.5"
+    )
+    decode.add_argument("--csv", metavar="OUT", help="also write the whole table to this file")
+    decode.add_argument("--figure", metavar="OUT", help="also draw the first 400 us to this file")
+    decode.set_defaults(run=_decode)
     return parser
 
 
@@ -45,11 +75,14 @@ def _ledger(arguments: argparse.Namespace) -> None:
     from shipnet.papers.ledger import counts, format_computed, ledger
 
     table = ledger(arguments.paper)
+    # The file comes first: whoever reads the output may stop reading.
+    if arguments.csv is not None:
+        table.to_csv(arguments.csv, index=False)
     if not arguments.summary:
         print(f"{'claim':<15}{'published':>16}  {'computed':<14}{'verdict':<19}what")
         for row in table.to_dict("records"):
             published = shorten(row["published"], 16, placeholder="..")
-            computed = format_computed(row["computed"])
+            computed = format_computed(row["computed"], row["published"])
             unit = f" [{row['unit']}]" if row["unit"] else ""
             verdict = row["verdict"] or row["kind"]
             print(
@@ -57,9 +90,57 @@ def _ledger(arguments: argparse.Namespace) -> None:
             )
         print()
     print(counts(arguments.paper).to_string())
-    if arguments.csv:
-        table.to_csv(arguments.csv, index=False)
+    if arguments.csv is not None:
         print(f"\n{len(table)} claims written to {arguments.csv}")
+
+
+def _decode(arguments: argparse.Namespace) -> None:
+    from shipnet.asi.capture import decode
+    from shipnet.asi.waveform_file import read_waveform
+    from shipnet.errors import InputError
+
+    waveform = read_waveform(
+        arguments.file, channel=arguments.channel, sample_interval=arguments.sample_interval
+    )
+    capture = decode(waveform.u, waveform.dt, threshold=arguments.threshold)
+    if not capture.telegrams:
+        raise InputError(arguments.file, f"no AS-i telegram in channel {waveform.channel}")
+    rows = capture.transactions
+    # The files come first: whoever reads the output may stop reading.
+    written = []
+    if arguments.csv is not None:
+        rows.to_csv(arguments.csv, index=False)
+        written.append(f"{len(rows)} transactions written to {arguments.csv}")
+    if arguments.figure is not None:
+        from shipnet.asi.plot import save_capture
+
+        start = max(0.0, float(rows["start_s"].iloc[0]) - 20e-6)
+        save_capture(
+            arguments.figure, capture, waveform.u, waveform.dt, start=start, stop=start + _SHOWN
+        )
+        written.append(f"first {_SHOWN * 1e6:g} us drawn to {arguments.figure}")
+    print(waveform.description)
+    print(
+        f"{'ms':>9}{'pauses':>11}{'req V':>7}{'resp V':>7}{'weakest':>9}{'ringing':>9}  transaction"
+    )
+    for row in rows.head(_ROWS).to_dict("records"):
+        pauses = f"{_number(row['master_pause_bit'], 1)} {_number(row['slave_pause_bit'], 1):>5}"
+        print(
+            f"{row['start_s'] * 1e3:>9.3f}{pauses:>11}{_number(row['request_amplitude_V'], 2):>7}"
+            f"{_number(row['response_amplitude_V'], 2):>7}{_number(row['weakest_pulse'], 2):>9}"
+            f"{_number(row['ringing'], 2):>9}  {row['text']}"
+        )
+    if len(rows) > _ROWS:
+        print(f"... and {len(rows) - _ROWS} more")
+    summary = capture.summary()
+    print(f"\n{summary}\n\n{summary.slaves.round(2).to_string(na_rep='-')}")
+    if written:
+        print("\n" + "\n".join(written))
+
+
+def _number(value: float, digits: int) -> str:
+    """Return a number, or a dash where there is none."""
+    return "-" if value != value else f"{value:.{digits}f}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -61,10 +61,9 @@ def path(name: str) -> Path:
     >>> path("claims.csv").name
     'claims.csv'
     """
-    file = _folder() / name
     if name not in names():
         raise ValueError(f"name is {name!r}, but the data files are {', '.join(names())}")
-    return file
+    return _folder() / name
 
 
 def read(name: str) -> pd.DataFrame:

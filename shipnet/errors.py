@@ -4,12 +4,15 @@ Every class carries a `code`, so that a batch function can return an array of co
 scalar function raises. Code 0 means that nothing is wrong.
 """
 
+from operator import index
+
 __all__ = [
     "AlternationError",
     "ArgumentError",
     "EndBitError",
     "FrameError",
     "InformationError",
+    "InputError",
     "LengthError",
     "ParityError",
     "PauseError",
@@ -94,6 +97,41 @@ class ArgumentError(ValueError):
     code = 7
 
 
+class InputError(ValueError):
+    """A file cannot be used as it is.
+
+    Parameters
+    ----------
+    file : str
+        The file as the user named it.
+    *faults : str
+        What is wrong and what was expected, each with its row and column where it has one; the
+        message shows the first ten.
+    more : int, default 0
+        How many faults there are beside those given.
+
+    Examples
+    --------
+    >>> print(InputError("scope.csv", "row 7, column 2: 'x' is not a number", "row 9 is empty"))
+    scope.csv: row 7, column 2: 'x' is not a number; row 9 is empty
+    """
+
+    #: Faults of a file that one message names.
+    shown = 10
+
+    def __init__(self, file: str, *faults: str, more: int = 0) -> None:
+        super().__init__(file, *faults)
+        self.file = file
+        self.faults = faults
+        self.more = more
+
+    def __str__(self) -> str:
+        """Say everything in one line."""
+        rest = len(self.faults[self.shown :]) + self.more
+        ending = [f"and {rest} more"] if rest else []
+        return f"{self.file}: {'; '.join([*self.faults[: self.shown], *ending])}"
+
+
 _BY_CODE: dict[int, type[FrameError] | type[ArgumentError]] = {
     kind.code: kind
     for kind in (
@@ -142,8 +180,8 @@ def explain(code: int) -> str:
     return _BY_CODE[code].__name__
 
 
-def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> None:
-    """Raise unless a value is a whole number within its legal range.
+def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> int:
+    """Return a value as an int, or raise unless it is a whole number within its legal range.
 
     Parameters
     ----------
@@ -155,6 +193,11 @@ def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> No
         Legal range, both ends included.
     why : str, optional
         What the range depends on, put behind it in the message.
+
+    Returns
+    -------
+    int
+        The value as Python's own int, which does not overflow as numpy's do.
 
     Raises
     ------
@@ -168,6 +211,10 @@ def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> No
         ...
     shipnet.errors.ArgumentError: address is 32; it must be a whole number 0..31
     """
-    whole = hasattr(value, "__index__") and not isinstance(value, bool)
-    if not whole or not low <= value <= high:
+    try:
+        whole = None if isinstance(value, bool) else index(value)
+    except TypeError:
+        whole = None
+    if whole is None or not low <= whole <= high:
         raise ArgumentError(f"{name} is {value!r}; it must be a whole number {low}..{high}{why}")
+    return whole

@@ -93,12 +93,30 @@ def test_extended_may_differ_from_word_to_word():
     assert batch.half.tolist() == [NONE, 0]
 
 
+@pytest.mark.parametrize("extended", [[True, False], "no", 1, float("nan"), [[True], [False]]])
+def test_a_mode_that_does_not_fit_is_refused(extended):
+    with pytest.raises(ArgumentError, match="extended"):
+        parse_requests([1, 2, 3], extended=extended)
+
+
+def test_bits_that_do_not_fit_are_refused():
+    with pytest.raises(ArgumentError, match=r"words must be 0\.\.127, to fit 7 bits"):
+        bits_of([128], 7)
+    with pytest.raises(ArgumentError, match="number of bits is 70"):
+        words_of([1] * 70)
+    with pytest.raises(ArgumentError, match="number of bits is 0"):
+        words_of([])
+    assert words_of(1) == 1
+
+
 def test_empty_arrays_stay_empty():
     words, error = encode_requests([], [], [])
     assert words.shape == error.shape == parse_requests([]).call.shape == (0,)
 
 
-@pytest.mark.parametrize("values", [[0.5], ["1"], [None], [np.nan], [True]])
+@pytest.mark.parametrize(
+    "values", [[0.5], ["1"], [None], [np.nan], [True], np.array([1], "timedelta64[s]")]
+)
 def test_other_types_are_refused(values):
     for function in (parse_requests, parse_responses, encode_responses):
         with pytest.raises(ArgumentError, match="must be whole numbers"):

@@ -73,4 +73,13 @@ def test_module_runs_as_a_program_and_into_a_closed_pipe():
     reader.stdout.close()
     assert reader.stderr.read() == b""
     reader.stderr.close()
-    reader.wait()
+    assert reader.wait() == 0
+
+
+def test_the_file_is_written_even_if_nobody_reads_on(tmp_path):
+    file = tmp_path / "all.csv"
+    command = [sys.executable, "-m", "shipnet", "ledger", "--csv", str(file)]
+    reader = subprocess.Popen(command, stdout=subprocess.PIPE)
+    reader.stdout.close()
+    assert reader.wait() == 0
+    assert len(file.read_text(encoding="utf-8").splitlines()) > len(ledger())

@@ -95,6 +95,8 @@ def neighbours(value):
         return [value + 1, value - 1, value * 2]
     if isinstance(value, float):
         return [value * 1.1, value * 0.9]
+    if isinstance(value, str) and not set(value) <= {"0", "1"}:
+        return [value[1:], value[:-1], value[:1] + value[2:]]
     if isinstance(value, str):
         flipped = [
             "".join("10"[int(bit)] if place in places else bit for place, bit in enumerate(value))

@@ -59,6 +59,8 @@ def faults(notebook, kind):
     text = prose(notebook)
     if len(re.findall(r"^# ", text, re.M)) != 1:
         found.append("there is not exactly one heading of level 1")
+    if "**You will be able to**" not in text:
+        found.append("it does not say what you will be able to do")
     places = [text.find(f"\n## {heading}") for heading in HEADINGS.get(kind, [])]
     if -1 in places or places != sorted(places):
         found.append(f"headings are not, in this order, {HEADINGS[kind]}")
@@ -130,7 +132,7 @@ def sample(**changes):
         nbformat.v4.new_output("execute_result", {"text/plain": "2"}, execution_count=1)
     ]
     cell.update(changes)
-    title = nbformat.v4.new_markdown_cell("# Title")
+    title = nbformat.v4.new_markdown_cell("# Title\n\n**You will be able to** add.")
     return nbformat.from_dict(
         {"cells": [title, cell], "metadata": {"kernelspec": {"name": "python3"}}}
     )

@@ -7,6 +7,7 @@ from shipnet import datasets, style
 from shipnet.asi import IO_CONFIGURATIONS, Request, Response, Transaction
 from shipnet.asi.plot import plot_io_codes, plot_telegram, plot_transaction
 from shipnet.design.plot import plot_asi, plot_hardwired
+from shipnet.errors import ArgumentError, LengthError
 from shipnet.papers import counts
 from shipnet.papers.plot import plot_counts
 
@@ -77,6 +78,26 @@ def test_one_device_and_other_signals_can_be_drawn(ax):
     assert len(ax.lines) == 3
     plot_asi(one, ax=ax)
     assert "3 short strands" in texts(ax)
+
+
+def test_a_common_return_is_drawn_too(ax):
+    plot_hardwired(IOLIST.iloc[:4].assign(signal="contact_common"), ax=ax)
+    assert len(ax.lines) == 5
+    assert "hardwired: 5 strands for 4 points" in texts(ax)
+    assert "ZSO  1 strand" in texts(ax)
+
+
+def test_an_iolist_without_devices_is_refused(ax):
+    for plot in (plot_hardwired, plot_asi):
+        with pytest.raises(ArgumentError, match="no column device"):
+            plot(IOLIST.drop(columns="device"), ax=ax)
+        with pytest.raises(ArgumentError, match="no device is named for BV-01-ZSO"):
+            plot(IOLIST.assign(device=[None, *IOLIST["device"][1:]]), ax=ax)
+
+
+def test_a_telegram_of_another_length_is_refused(ax):
+    with pytest.raises(LengthError, match="14 or 7 bits"):
+        plot_telegram("0101", ax=ax)
 
 
 def test_io_codes_read_down_from_d0(ax):

@@ -113,6 +113,7 @@ def test_common_returns_are_counted_once_a_group():
     assert hardwired_conductors({"contact_common": 8}) == 9
     assert hardwired_conductors({"contact_common": 8}, groups=2) == 10
     assert hardwired_conductors({"contact_common": 0}, groups=2) == 0
+    assert hardwired_conductors({"contact_common": 2}, groups=50) == 4
     assert hardwired_conductors({"contact_common": 8, "contact": 1}, groups=3) == 13
     assert compare({"contact_common": 8}, lines=2, groups=3) == Comparison(11, 4)
 
@@ -162,11 +163,22 @@ def test_an_io_list_is_counted_and_its_faults_are_all_named():
     iolist = datasets.read("synthetic_iolist_valves.csv")
     assert sum(count_points(iolist).values()) == len(iolist) == 16
     broken = iolist.assign(signal=["radio", "smoke", *iolist["signal"][2:]])
-    with pytest.raises(ArgumentError, match=r"BV-01-ZSO: 'radio'; BV-01-ZSC: 'smoke'"):
+    with pytest.raises(
+        ArgumentError, match=r"ZSO: unknown kind 'radio'; BV-01-ZSC: unknown kind 'smoke'"
+    ):
         count_points(broken)
     with pytest.raises(ArgumentError, match="no column signal"):
         count_points(iolist.drop(columns="signal"))
+    with pytest.raises(ArgumentError, match="BV-01-ZSO: stands twice"):
+        count_points(pd.concat([iolist, iolist.iloc[:1]]))
     assert count_points(pd.DataFrame({"tag": [], "signal": []})) == {}
+    assert count_points(iolist.astype({"signal": "category"}).iloc[:2]) == {"contact": 2}
+
+
+def test_counts_in_small_integers_do_not_overflow():
+    assert hardwired_conductors({"rtd_3wire": np.uint8(200)}) == 600
+    assert asi_conductors(np.int8(100)) == 200
+    assert type(Comparison(np.int64(4), np.int8(2)).hardwired) is int
 
 
 def test_conductors_of_each_signal():

@@ -10,7 +10,8 @@ from shipnet.asi.batch import (
 from shipnet.asi.calls import Call
 from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
-from shipnet.asi.telegram import Request, Response
+from shipnet.asi.response import Response
+from shipnet.asi.telegram import Request
 from shipnet.asi.timing import BIT_TIME, Transaction
 
 __all__ = [

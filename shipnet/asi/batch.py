@@ -22,6 +22,7 @@ from shipnet.errors import (
     ParityError,
     StartBitError,
     UnknownCallError,
+    check_whole,
 )
 
 __all__ = [
@@ -129,7 +130,7 @@ def _dictionary() -> npt.NDArray[np.int8]:
 
 def _integers(name: str, values: npt.ArrayLike) -> Integers:
     array = np.asarray(values)
-    if array.size and not np.issubdtype(array.dtype, np.integer):
+    if array.size and array.dtype.kind not in "iu":
         raise ArgumentError(f"{name} must be whole numbers, but their dtype is {array.dtype}")
     return array.astype(np.int64)
 
@@ -226,7 +227,7 @@ def parse_requests(words: npt.ArrayLike, *, extended: npt.ArrayLike = False) -> 
     Raises
     ------
     ArgumentError
-        If `words` are not whole numbers.
+        If `words` are not whole numbers, or `extended` does not fit them.
 
     Examples
     --------
@@ -235,9 +236,18 @@ def parse_requests(words: npt.ArrayLike, *, extended: npt.ArrayLike = False) -> 
     ([0, 5], [21, -1], [14, -1])
     """
     words = _integers("words", words)
+    mode = np.asarray(extended)
+    if mode.dtype.kind != "b":
+        raise ArgumentError(f"extended must be True or False, but its dtype is {mode.dtype}")
+    try:
+        mode = np.broadcast_to(mode, words.shape)
+    except ValueError:
+        raise ArgumentError(
+            f"extended has the shape {mode.shape}; it must fit the words' shape {words.shape}"
+        ) from None
     error = _frame_errors(words, REQUEST_BITS)
     information = np.where(error == 0, words >> 2, 0) & 0x7FF
-    meaning = _dictionary()[np.asarray(extended, dtype=bool).astype(np.intp), information]
+    meaning = _dictionary()[mode.astype(np.intp), information]
     error[(error == 0) & (meaning[..., 0] == NONE)] = UnknownCallError.code
     meaning[error > 0] = NONE
     return Requests(error, *np.moveaxis(meaning, -1, 0))
@@ -322,12 +332,20 @@ def bits_of(words: npt.ArrayLike, length: int) -> npt.NDArray[np.uint8]:
     ndarray of uint8, shape (..., length)
         Zeros and ones.
 
+    Raises
+    ------
+    ArgumentError
+        If a word has more bits than `length`, or `length` is outside 1..62.
+
     Examples
     --------
     >>> bits_of([0b0011001], 7).tolist()
     [[0, 0, 1, 1, 0, 0, 1]]
     """
     words = _integers("words", words)
+    check_whole("length", length, 1, 62)
+    if np.any((words < 0) | (words >> length > 0)):
+        raise ArgumentError(f"words must be 0..{2**length - 1}, to fit {length} bits")
     return (words[..., np.newaxis] >> np.arange(length - 1, -1, -1) & 1).astype(np.uint8)
 
 
@@ -347,14 +365,15 @@ def words_of(bits: npt.ArrayLike) -> npt.NDArray[np.int64]:
     Raises
     ------
     ArgumentError
-        If something other than 0 and 1 is among the bits.
+        If something other than 0 and 1 is among the bits, or if they are none or more than 62.
 
     Examples
     --------
     >>> int(words_of([0, 0, 1, 1, 0, 0, 1]))
     25
     """
-    bits = _integers("bits", bits)
+    bits = np.atleast_1d(_integers("bits", bits))
+    check_whole("number of bits", bits.shape[-1], 1, 62)
     if np.any((bits < 0) | (bits > 1)):
         raise ArgumentError(f"bits must be 0 or 1, but range from {bits.min()} to {bits.max()}")
-    return bits @ (1 << np.arange(bits.shape[-1] - 1, -1, -1))
+    return np.asarray(bits @ (1 << np.arange(bits.shape[-1] - 1, -1, -1)))

@@ -4,21 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import matplotlib as mpl
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from shipnet import style
+from shipnet.asi.apm import HALF_BIT, levels_of, pulses_of, send_current
+from shipnet.asi.capture import Capture
+from shipnet.asi.frame import REQUEST_BITS
 from shipnet.asi.profile import IO_CONFIGURATIONS
-from shipnet.asi.telegram import Request, Response
-from shipnet.asi.timing import Transaction
+from shipnet.asi.response import Response
+from shipnet.asi.slots import bits_of_slots
+from shipnet.asi.telegram import Request
+from shipnet.asi.timing import BIT_TIME, Transaction
+from shipnet.errors import LengthError
+
+Floats = npt.NDArray[np.floating]
 
 __all__ = [
     "REQUEST_PARTS",
     "RESPONSE_PARTS",
+    "plot_capture",
     "plot_io_codes",
+    "plot_modulation",
+    "plot_slots",
     "plot_telegram",
     "plot_transaction",
+    "save_capture",
 ]
 
 #: Parts of the telegrams: label, number of bits, key of `style.FIELD`.
@@ -59,6 +74,9 @@ def plot_telegram(
     matplotlib.axes.Axes
         The axes given; x is in bit times.
     """
+    lengths = {sum(part[1] for part in own) for own in (REQUEST_PARTS, RESPONSE_PARTS)}
+    if parts is None and len(bits) not in lengths:
+        raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
     if parts is None:
         parts = (
             REQUEST_PARTS if len(bits) == sum(part[1] for part in REQUEST_PARTS) else RESPONSE_PARTS
@@ -169,4 +187,164 @@ def plot_io_codes(*, ax: Axes) -> Axes:
     ax.grid(visible=False)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
+    return ax
+
+
+def plot_capture(
+    capture: Capture,
+    u: npt.ArrayLike,
+    dt: float,
+    *,
+    ax: Axes,
+    start: float = 0.0,
+    stop: float | None = None,
+) -> Axes:
+    """Draw a recorded line voltage with the telegrams that were found in it.
+
+    Parameters
+    ----------
+    capture : Capture
+        What `shipnet.asi.capture.decode` made of the record.
+    u : array_like of float, shape (n_t,)
+        The record [V].
+    dt : float
+        Its sampling interval [s].
+    ax : matplotlib.axes.Axes
+        Where to draw.
+    start, stop : float, optional
+        What to show, from the first sample [s]; all if omitted.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; x is in microseconds. Each telegram is shaded, with its bits above it;
+        one with an error has the error's name above its bits, in the colour of limits.
+    """
+    u = np.asarray(u)
+    stop = len(u) * dt if stop is None else stop
+    low, high = max(0, int(start / dt)), min(len(u), int(stop / dt) + 1)
+    # More samples than a figure has dots are drawn as the extremes of each group, in their order.
+    group = max(1, (high - low) // 10_000)
+    whole = u[low : high - (high - low) % group].reshape(-1, group)
+    index = np.stack([whole.argmin(axis=1), whole.argmax(axis=1)], axis=1)
+    index = np.unique(np.arange(len(whole))[:, np.newaxis] * group + index)
+    ax.plot((low + index) * dt * 1e6, u[low:high][index], color="C0", linewidth=0.8)
+
+    ends = ax.get_xaxis_transform()
+    for row in capture.transactions.to_dict("records"):
+        begin = row["start_s"]
+        for kind in ("request", "response"):
+            bits, error = row[kind], row[f"{kind}_error"]
+            if kind == "response" and row["request"]:
+                begin = row["start_s"] + (REQUEST_BITS + row["master_pause_bit"]) * BIT_TIME
+            middle, length = begin + len(bits) * BIT_TIME / 2, len(bits) * BIT_TIME
+            if not bits or not start <= middle <= stop:
+                continue
+            colour = style.FIELD["address" if kind == "request" else "information"]
+            ax.axvspan(begin * 1e6, (begin + length) * 1e6, color=colour, alpha=0.5, linewidth=0)
+            ax.text(
+                middle * 1e6,
+                1.02,
+                bits,
+                transform=ends,
+                ha="center",
+                family="monospace",
+                fontsize=7,
+            )
+            if error != "ok":
+                ax.text(
+                    middle * 1e6, 1.1, error, transform=ends, ha="center", fontsize=7,
+                    color=style.LIMIT["color"],
+                )  # fmt: skip
+    ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [us]", ylabel="voltage [V]")
+    return ax
+
+
+def save_capture(
+    file: str,
+    capture: Capture,
+    u: npt.ArrayLike,
+    dt: float,
+    *,
+    start: float = 0.0,
+    stop: float | None = None,
+) -> None:
+    """Write the figure of `plot_capture` to a file.
+
+    Parameters
+    ----------
+    file : str
+        Where to; its ending says the format.
+    capture, u, dt, start, stop
+        As for `plot_capture`.
+    """
+    with mpl.rc_context():
+        style.use()
+        figure = Figure(figsize=(10, 3.2), layout="constrained")
+        plot_capture(capture, u, dt, ax=figure.subplots(), start=start, stop=stop)
+        figure.savefig(file, dpi=150)
+
+
+def plot_modulation(bits: str, *, axes: Sequence[Axes], voltage: tuple[Floats, Floats]) -> None:
+    """Draw the six steps from bits to pulses and back: kim2023's Table 3.
+
+    Parameters
+    ----------
+    bits : str
+        The telegram.
+    axes : sequence of matplotlib.axes.Axes
+        Six axes, one a step, from top to bottom.
+    voltage : tuple of ndarray
+        Time [s] from the start of the telegram, and the voltage on the line [V].
+    """
+    t, u = voltage
+    edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6
+    levels = levels_of(bits)
+    received = bits_of_slots(np.pad(pulses_of(bits), (0, 2)))
+    for ax, row, what in [
+        (axes[0], bits, "1 bits to send"),
+        (axes[5], received, "6 bits received"),
+    ]:
+        ax.step(edges[::2], [int(bit) for bit in row + row[-1]], where="post", color="C0")
+        for place, bit in enumerate(row):
+            ax.text(6 * place + 3, 0.5, bit, ha="center", va="center", family="monospace")
+        ax.set(ylabel="level [1]", ylim=(-0.2, 1.2), title=what)
+    axes[1].step(edges, [*levels, levels[-1]], where="post", color="C0")
+    axes[1].set(ylabel="level [1]", ylim=(-0.2, 1.2), title="2 Manchester code")
+    axes[2].plot(t * 1e6, send_current(t, bits) * 1e3, color="C1")
+    axes[2].set(ylabel="current [mA]", title="3 send current")
+    axes[3].plot(t * 1e6, u, color="C2")
+    axes[3].set(ylabel="voltage [V]", title="4 voltage on the line")
+    pulses = pulses_of(bits)
+    slots = np.flatnonzero(pulses)
+    axes[4].stem((slots + 0.5) * HALF_BIT * 1e6, pulses[slots], basefmt="0.7")
+    axes[4].set(ylabel="pulse [1]", ylim=(-1.4, 1.4), title="5 pulses that the receiver takes")
+    axes[5].set_xlabel("time [us]")
+
+
+def plot_slots(slots: npt.ArrayLike, *, ax: Axes, faults: Sequence[int] = ()) -> Axes:
+    """Draw the pulses of a telegram slot by slot, faulty slots in red.
+
+    Parameters
+    ----------
+    slots : array_like of int
+        -1, 0 or +1 for each half-bit.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+    faults : sequence of int, optional
+        Slots to be marked.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; x is in half-bits.
+    """
+    slots = np.asarray(slots)
+    for slot, pulse in enumerate(slots):
+        colour = style.LIMIT["color"] if slot in faults else "C0"
+        x = slot + np.linspace(0, 1, 30)
+        ax.plot(x, pulse * np.sin(np.pi * (x - slot)) ** 2, color=colour)
+        if slot in faults:
+            ax.axvspan(slot, slot + 1, color=colour, alpha=0.15, linewidth=0)
+    ax.set(xlim=(0, slots.size), ylim=(-1.3, 1.3), yticks=[-1, 0, 1])
     return ax

@@ -1,4 +1,4 @@
-"""AS-i telegrams and what they say: a master's request and a slave's response."""
+"""AS-i telegrams and what they say: a master's request, and the response to it."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from shipnet.asi.calls import Answer, Call
-from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS, frame, information_of
-from shipnet.asi.profile import describe_io_configuration, describe_status
+from shipnet.asi.frame import REQUEST_BITS, frame, information_of
+from shipnet.asi.response import Response
 from shipnet.errors import ArgumentError, UnknownCallError, check_whole
 
-__all__ = ["Half", "Request", "Response"]
+__all__ = ["Half", "Request"]
 
 Half = Literal["A", "B"]
 
@@ -78,14 +78,15 @@ class Request:
             raise ArgumentError(f"half is {self.half!r}, but {rule.title} has no select bit")
         if "a" in layout:
             why = "" if rule.lowest_address == 0 else f": {rule.title} needs an addressed slave"
-            check_whole("address", self.address, rule.lowest_address, 31, why)
-        elif self.address != int(layout[1:6], 2):
-            raise ArgumentError(
-                f"address is {self.address!r}; {rule.title} goes to {int(layout[1:6], 2)}"
-            )
+            address = check_whole("address", self.address, rule.lowest_address, 31, why)
+        else:
+            only = int(layout[1:6], 2)
+            address = check_whole("address", self.address, only, only, f": {rule.title} goes there")
         lowest = 1 if self.call is Call.ASSIGN_ADDRESS else 0
         why = f" in {rule.title}" + (f" with slave half {self.half}" if self.half else "")
-        check_whole("data", self.data, lowest, 2 ** layout.count("d") - 1, why)
+        data = check_whole("data", self.data, lowest, 2 ** layout.count("d") - 1, why)
+        object.__setattr__(self, "address", address)
+        object.__setattr__(self, "data", data)
 
     @property
     def _layout(self) -> str:
@@ -149,7 +150,7 @@ class Request:
             data = int(expected)
         if data is None and expected is not None:
             raise ArgumentError(f"data is missing: {self.call.rule.title} answers {expected} 0..15")
-        return Response(data or 0, self.call)
+        return Response(0 if data is None else data, self.call)
 
     @classmethod
     def parse(cls, bits: str, *, extended: bool = False) -> Request:
@@ -211,6 +212,15 @@ class Request:
     def data_exchange(cls, address: int, data: int, half: Half | None = None) -> Request:
         """Return a request that sends outputs to a slave and asks for its inputs.
 
+        Parameters
+        ----------
+        address : int
+            Address of the slave, 1..31.
+        data : int
+            Output bits D3..D0, 0..15; D2..D0, 0..7, for an A/B slave.
+        half : {"A", "B"}, optional
+            Which of two slaves that share the address; None for a standard slave.
+
         Examples
         --------
         >>> Request.data_exchange(21, 0x6, "A").bits == Request.data_exchange(21, 0xE).bits
@@ -220,7 +230,17 @@ class Request:
 
     @classmethod
     def write_parameter(cls, address: int, parameter: int, half: Half | None = None) -> Request:
-        """Return a request that sets a slave's parameter bits P3..P0 (P2..P0 for A/B)."""
+        """Return a request that sets a slave's parameter bits.
+
+        Parameters
+        ----------
+        address : int
+            Address of the slave, 1..31.
+        parameter : int
+            Parameter bits P3..P0, 0..15; P2..P0, 0..7, for an A/B slave.
+        half : {"A", "B"}, optional
+            Which of two slaves that share the address; None for a standard slave.
+        """
         return cls(Call.WRITE_PARAMETER, address, parameter, half)
 
     @classmethod
@@ -232,43 +252,46 @@ class Request:
     def write_id1(cls, id1: int) -> Request:
         """Return a request that writes extended ID code 1 into the slave at address 0.
 
-        Bit 3 of the code is the select bit of an A/B slave: 8 and above make it a B slave.
+        Parameters
+        ----------
+        id1 : int
+            The code, 0..15. Its bit 3 is the select bit of an A/B slave: 8 and above make it B.
         """
         return cls(Call.WRITE_ID1, 0, id1)
 
     @classmethod
     def delete_address(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request that puts a slave back to address 0 until it is assigned anew."""
+        """Return a request that puts a slave, address 1..31, back to address 0."""
         return cls(Call.DELETE_ADDRESS, address, half=half)
 
     @classmethod
     def reset(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request that puts a slave into its initial state."""
+        """Return a request that puts a slave, address 0..31, into its initial state."""
         return cls(Call.RESET, address, half=half)
 
     @classmethod
     def read_io_configuration(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request for the I/O configuration code of a slave."""
+        """Return a request for the I/O configuration code of a slave, address 0..31."""
         return cls(Call.READ_IO_CONFIGURATION, address, half=half)
 
     @classmethod
     def read_id(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request for the ID code of a slave."""
+        """Return a request for the ID code of a slave, address 0..31."""
         return cls(Call.READ_ID, address, half=half)
 
     @classmethod
     def read_id1(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request for extended ID code 1 of a slave."""
+        """Return a request for extended ID code 1 of a slave, address 0..31."""
         return cls(Call.READ_ID1, address, half=half)
 
     @classmethod
     def read_id2(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request for extended ID code 2 of a slave."""
+        """Return a request for extended ID code 2 of a slave, address 0..31."""
         return cls(Call.READ_ID2, address, half=half)
 
     @classmethod
     def read_status(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request for the status bits S3..S0 of a slave."""
+        """Return a request for the status bits of a slave, address 0..31."""
         return cls(Call.READ_STATUS, address, half=half)
 
     @classmethod
@@ -301,94 +324,3 @@ def _half(plain: str, inverted: str, extended: bool) -> Half | None:
     if plain == "1" or inverted == "0":
         return "B"
     return "A" if extended else None
-
-
-@dataclass(frozen=True, slots=True)
-class Response:
-    """A slave's response.
-
-    Parameters
-    ----------
-    data : int
-        The four information bits, 0..15.
-    call : Call, optional
-        The call that is answered; it gives the bits their meaning.
-
-    Raises
-    ------
-    ArgumentError
-        If `data` is outside 0..15, or if `call` is one that no slave answers.
-
-    Examples
-    --------
-    >>> Response(0x6).bits
-    '0011001'
-    >>> print(Response(0x3, Call.READ_IO_CONFIGURATION))
-    answer to read I/O configuration: 3, ports D0..D3 IN IN OUT OUT
-    """
-
-    data: int
-    call: Call | None = None
-
-    def __post_init__(self) -> None:
-        """Check the data and that the call has an answer at all."""
-        check_whole("data", self.data, 0, 15, " in a response")
-        if self.call is not None:
-            object.__setattr__(self, "call", Call(self.call))
-            if self.call.rule.answer is None:
-                raise ArgumentError(f"call is {self.call.rule.title}, which no slave answers")
-
-    @property
-    def bits(self) -> str:
-        """The 7 bits in the order in which they are sent."""
-        return frame(f"{self.data:04b}")
-
-    @property
-    def expected(self) -> bool:
-        """Whether the data are what the standard fixes for the call; True where it fixes none."""
-        answer = self.call.rule.answer if self.call is not None else None
-        return not isinstance(answer, Answer) or self.data == answer
-
-    def __str__(self) -> str:
-        """Say in one line what the response means."""
-        if self.call is None:
-            return f"response: {self.data:04b} ({self.data:X})"
-        answer = self.call.rule.answer
-        head = f"answer to {self.call.rule.title}: "
-        if answer == "I/O configuration":
-            return f"{head}{self.data:X}, {describe_io_configuration(self.data)}"
-        if answer == "status":
-            return f"{head}{self.data:04b}, {describe_status(self.data)}"
-        if isinstance(answer, Answer):
-            ending = "done" if self.expected else f"but the standard asks for {answer:X}"
-            return f"{head}{self.data:X}, {ending}"
-        what = "" if str(answer) in self.call.rule.title else f"{answer} "
-        return f"{head}{what}{self.data:04b} ({self.data:X})"
-
-    @classmethod
-    def parse(cls, bits: str, call: Call | None = None) -> Response:
-        """Read the 7 bits of a response.
-
-        Parameters
-        ----------
-        bits : str
-            Seven characters 0 and 1.
-        call : Call, optional
-            The call that is answered.
-
-        Returns
-        -------
-        Response
-            Its `bits` are the ones given.
-
-        Raises
-        ------
-        LengthError, SymbolError, StartBitError, EndBitError, ParityError
-            If the telegram breaks the rule of that name, checked in this order.
-
-        Examples
-        --------
-        >>> Response.parse("0011001").data
-        6
-        """
-        return cls(int(information_of(bits, RESPONSE_BITS, "response"), 2), call)

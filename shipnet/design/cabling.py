@@ -72,7 +72,7 @@ def hardwired_conductors(points: Mapping[str, int], *, groups: int = 1) -> int:
         Number of points of each kind of `SIGNALS`.
     groups : int, default 1
         Groups with a common return of their own, such as junction boxes; matters only for the
-        kinds that share one.
+        kinds that share one, and there are never more groups than points.
 
     Returns
     -------
@@ -94,16 +94,16 @@ def hardwired_conductors(points: Mapping[str, int], *, groups: int = 1) -> int:
     >>> hardwired_conductors({"contact_common": 62 * 4}, groups=62)
     310
     """
-    check_whole("groups", groups, 1, 10**9)
+    groups = check_whole("groups", groups, 1, 10**9)
     total = 0
     for kind, number in points.items():
         if kind not in SIGNALS:
             raise ArgumentError(
                 f"kind of point is {kind!r}; it must be one of {', '.join(SIGNALS)}"
             )
-        check_whole(f"number of {kind}", number, 0, 10**9)
+        number = check_whole(f"number of {kind}", number, 0, 10**9)
         signal = SIGNALS[kind]
-        total += number * signal.conductors + (signal.common * groups if number else 0)
+        total += number * signal.conductors + signal.common * min(groups, number)
     return total
 
 
@@ -134,8 +134,7 @@ def asi_conductors(lines: int = 1, *, auxiliary: bool = False) -> int:
     >>> asi_conductors(14), asi_conductors(14, auxiliary=True)
     (28, 56)
     """
-    check_whole("lines", lines, 0, 10**9)
-    return lines * (4 if auxiliary else 2)
+    return check_whole("lines", lines, 0, 10**9) * (4 if auxiliary else 2)
 
 
 def slaves_needed(
@@ -165,10 +164,10 @@ def slaves_needed(
     >>> slaves_needed(10, 3)
     3
     """
-    check_whole("inputs", inputs, 0, 10**9)
-    check_whole("outputs", outputs, 0, 10**9)
-    check_whole("inputs_per_slave", inputs_per_slave, int(inputs > 0), 10**9)
-    check_whole("outputs_per_slave", outputs_per_slave, int(outputs > 0), 10**9)
+    inputs = check_whole("inputs", inputs, 0, 10**9)
+    outputs = check_whole("outputs", outputs, 0, 10**9)
+    inputs_per_slave = check_whole("inputs_per_slave", inputs_per_slave, int(inputs > 0), 10**9)
+    outputs_per_slave = check_whole("outputs_per_slave", outputs_per_slave, int(outputs > 0), 10**9)
     return max(
         ceil(inputs / inputs_per_slave) if inputs else 0,
         ceil(outputs / outputs_per_slave) if outputs else 0,
@@ -200,9 +199,8 @@ def lines_needed(slaves: int, *, slaves_per_line: int = 62) -> int:
     >>> lines_needed(400), lines_needed(400, slaves_per_line=31)
     (7, 13)
     """
-    check_whole("slaves", slaves, 0, 10**9)
-    check_whole("slaves_per_line", slaves_per_line, 1, 62)
-    return ceil(slaves / slaves_per_line)
+    slaves = check_whole("slaves", slaves, 0, 10**9)
+    return ceil(slaves / check_whole("slaves_per_line", slaves_per_line, 1, 62))
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,8 +233,8 @@ class Comparison:
 
     def __post_init__(self) -> None:
         """Check both counts."""
-        check_whole("hardwired", self.hardwired, 1, 10**12)
-        check_whole("bus", self.bus, 0, 10**12)
+        object.__setattr__(self, "hardwired", check_whole("hardwired", self.hardwired, 1, 10**12))
+        object.__setattr__(self, "bus", check_whole("bus", self.bus, 0, 10**12))
 
     @property
     def left(self) -> float:
@@ -306,7 +304,8 @@ def count_points(iolist: pd.DataFrame) -> dict[str, int]:
     Raises
     ------
     ArgumentError
-        If a column is missing, or if kinds are unknown; all the rows concerned are named.
+        If a column is missing, a tag stands twice or a kind is unknown; all the rows concerned
+        are named.
 
     Examples
     --------
@@ -318,7 +317,9 @@ def count_points(iolist: pd.DataFrame) -> dict[str, int]:
     if missing:
         raise ArgumentError(f"the I/O list has no column {' and no column '.join(missing)}")
     unknown = iolist[~iolist["signal"].isin(list(SIGNALS))]
-    if len(unknown):
-        faults = "; ".join(f"{row.tag}: {row.signal!r}" for row in unknown.itertuples())
-        raise ArgumentError(f"unknown kind of point: {faults}; known are {', '.join(SIGNALS)}")
-    return {str(kind): int(number) for kind, number in iolist["signal"].value_counts().items()}
+    faults = [f"{row.tag}: unknown kind {row.signal!r}" for row in unknown.itertuples()]
+    faults += [f"{tag}: stands twice" for tag in iolist["tag"][iolist["tag"].duplicated()]]
+    if faults:
+        raise ArgumentError(f"{'; '.join(faults)}; known kinds are {', '.join(SIGNALS)}")
+    kinds = iolist["signal"].astype(str).value_counts()
+    return {str(kind): int(number) for kind, number in kinds.items()}

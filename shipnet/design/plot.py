@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyBboxPatch
 
 from shipnet.design.cabling import SIGNALS, asi_conductors, count_points, hardwired_conductors
+from shipnet.errors import ArgumentError
 
 __all__ = ["plot_asi", "plot_hardwired"]
 
@@ -25,6 +26,11 @@ def _box(ax: Axes, x: float, y: float, width: float, height: float, text: str, c
 
 
 def _devices(iolist: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    if "device" not in iolist.columns:
+        raise ArgumentError("the I/O list has no column device")
+    if iolist["device"].isna().any():
+        tags = ", ".join(map(str, iolist["tag"][iolist["device"].isna()]))
+        raise ArgumentError(f"no device is named for {tags}")
     return [(str(device), points) for device, points in iolist.groupby("device", sort=False)]
 
 
@@ -61,13 +67,24 @@ def plot_hardwired(iolist: pd.DataFrame, *, ax: Axes) -> Axes:
             for strand in range(strands):
                 offset = 0.05 * (strand - (strands - 1) / 2)
                 ax.plot([1.66, 7.94], [y + offset, y + offset], color="0.25", linewidth=0.9)
+            name = str(point.tag).removeprefix(f"{device}-")
             ax.text(
-                7.8, y + 0.02, f"{str(point.tag).removeprefix(device + '-')}  {strands} strands",
+                7.8, y + 0.02, f"{name}  {strands} strand{'s' * (strands > 1)}",
                 ha="right", va="bottom", fontsize=7, color="0.25",
             )  # fmt: skip
         _box(ax, 8, -row, 1.9, 0.72, device, _DEVICE)
-    strands = hardwired_conductors(count_points(iolist))
-    return _finish(ax, height + 0.1, f"hardwired: {strands} strands for {len(iolist)} points")
+    points_by_kind = count_points(iolist)
+    shared = [kind for kind in points_by_kind if SIGNALS[kind].common]
+    for place, kind in enumerate(shared):
+        y = -height + 0.45 - 0.12 * place
+        ax.plot([1.66, 7.94], [y, y], color="0.25", linewidth=0.9, linestyle="--")
+        ax.text(7.8, y + 0.02, f"return of {kind}", ha="right", va="bottom", fontsize=7)
+    strands = hardwired_conductors(points_by_kind)
+    return _finish(
+        ax,
+        height + 0.1 + 0.12 * len(shared),
+        f"hardwired: {strands} strands for {len(iolist)} points",
+    )
 
 
 def plot_asi(iolist: pd.DataFrame, *, ax: Axes) -> Axes:

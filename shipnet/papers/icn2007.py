@@ -41,9 +41,9 @@ def example_for_21a(*, data: int = 0xE) -> bool:
 
 
 @numeric("icn2007-044")
-def standard_output_bits(*, information: int = 5, kind: int = 1) -> int:
-    """Output bits left when I4 tells the kind of request."""
-    return information - kind
+def standard_output_bits(*, layout: str = Call.DATA_EXCHANGE.rule.pattern) -> int:
+    """Output bits of a request to a standard slave."""
+    return layout.count("d")
 
 
 @check("icn2007-045", counter={"asked": True})
@@ -57,21 +57,21 @@ def same_answer(
 
 
 @numeric("icn2007-036")
-def slaves_before_2_1(*, address_bits: int = 5) -> int:
+def slaves_before_2_1(*, layout: str = Call.DATA_EXCHANGE.rule.pattern) -> int:
     """Every address but 0."""
-    return (1 << address_bits) - 1
+    return (1 << layout.count("a")) - 1
 
 
 @numeric("icn2007-020")
-def extended_output_bits(*, information: int = 5, select: int = 1, kind: int = 1) -> int:
-    """Output bits left when I4 tells the kind of request and I3 carries the select bit."""
-    return information - kind - select
+def extended_output_bits(*, layout: str = Call.DATA_EXCHANGE.rule.extended) -> int:
+    """Output bits of a request to a slave that shares its address."""
+    return layout.count("d")
 
 
 @numeric("icn2007-021")
-def request_information(*, control: int = 1, address: int = 5, information: int = 5) -> int:
+def request_information(*, layout: str = Call.DATA_EXCHANGE.rule.pattern) -> int:
     """Bits of a request that must be checked: all but start, parity and end bit."""
-    return control + address + information
+    return len(layout)
 
 
 @numeric("icn2007-025")

@@ -258,8 +258,13 @@ def show(*claims: str) -> pd.DataFrame:
                 for value, unit in zip(rows["published"], rows["unit"], strict=True)
             ],
             "we compute": [
-                _with_unit(format_computed(value), unit if not isinstance(value, bool) else "")
-                for value, unit in zip(rows["computed"], rows["unit"], strict=True)
+                _with_unit(
+                    format_computed(value, published),
+                    "" if value is True or value is False else unit,
+                )
+                for value, published, unit in zip(
+                    rows["computed"], rows["published"], rows["unit"], strict=True
+                )
             ],
             "verdict": rows["verdict"],
         }
@@ -270,13 +275,15 @@ def _with_unit(value: str, unit: str) -> str:
     return f"{value} {unit}".strip() if value else ""
 
 
-def format_computed(value: object) -> str:
+def format_computed(value: object, published: str = "") -> str:
     """Write a computed value for people: four significant digits, or whether a statement holds.
 
     Parameters
     ----------
     value : float, bool or None
         As in the column ``computed`` of the ledger.
+    published : str, optional
+        What the paper prints; a hexadecimal number is answered by one.
 
     Returns
     -------
@@ -293,4 +300,6 @@ def format_computed(value: object) -> str:
     if isinstance(value, bool):
         return "holds" if value else "does not hold"
     number = float(value)  # type: ignore[arg-type]
+    if published.startswith("0x") and number.is_integer():
+        return f"0x{int(number):X}"
     return f"{number:.0f}" if number.is_integer() else f"{number:.4g}"

@@ -1,5 +1,7 @@
 """The book in a browser, served on the loopback and opened from the disk."""
 
+import re
+
 import pytest
 from playwright.sync_api import expect
 
@@ -14,6 +16,14 @@ def pages_with(site, mark, folders=("notebooks", "api")):
         for path in sorted((site / folder).rglob("*.html"))
         if mark in path.read_text(encoding="utf-8")
     ]
+
+
+def test_no_page_names_anything_outside_to_load(site):
+    pages = list(site.rglob("*.html"))
+    assert len(pages) > 10
+    outside = re.compile(r"""<(script|link|img|iframe)[^>]*(src|href)=["']?(https?:)?//""")
+    loaded = [page.name for page in pages if outside.search(page.read_text(encoding="utf-8"))]
+    assert loaded == []
 
 
 def test_start_page_has_a_title_and_a_navigation(page, url):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from shipnet.asi import Profile
+from shipnet.asi import IO_CONFIGURATIONS, Call, Profile
 from shipnet.design import asi_conductors, hardwired_conductors, lines_needed
 from shipnet.papers.registry import check, numeric
 
@@ -10,9 +10,11 @@ __all__: list[str] = []
 
 
 @numeric("kim2023-001", "icn2007-010", "icn2007-019")
-def slaves_per_master(*, address_bits: int = 5, halves: int = 2) -> int:
+def slaves_per_master(
+    *, layout: str = Call.DATA_EXCHANGE.rule.pattern, halves: tuple[str, ...] = ("A", "B")
+) -> int:
     """Every address but 0, each for an A and a B slave."""
-    return ((1 << address_bits) - 1) * halves
+    return ((1 << layout.count("a")) - 1) * len(halves)
 
 
 @numeric("kim2023-002")
@@ -57,16 +59,17 @@ def submarine_left(*, slaves: int = 190, masters: int = 14) -> float:
     return 100 * submarine_asi(masters=masters) / submarine_hardwired(slaves=slaves)
 
 
-@check("kim2023-083", counter={"second_case": 496 / 62})
-def same_wires_per_slave(*, first_case: float = 496 / 62, second_case: float = 380 / 190) -> bool:
+@check("kim2023-083", counter={"inputs": 1})
+def same_wires_per_slave(*, far: int = 62, inputs: int = 4, submarine: int = 190) -> bool:
     """Whether both savings count the same number of hardwired strands for a slave."""
-    return first_case == second_case
+    first = hardwired_strands(slaves=far, inputs=inputs) / far
+    return first == submarine_hardwired(slaves=submarine) / submarine
 
 
 @numeric("kim2023-075")
-def points_per_master(*, slaves: int = 62, points: int = 4) -> int:
-    """Four points on each of 62 slaves."""
-    return slaves * points
+def points_per_master(*, slaves: int = 62, ports: tuple[str, ...] = IO_CONFIGURATIONS[0]) -> int:
+    """Four ports on each of 62 slaves."""
+    return slaves * len(ports)
 
 
 @check("kim2023-076", counter={"profile": "S-7.F"})

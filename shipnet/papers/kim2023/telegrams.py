@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from shipnet import datasets
-from shipnet.asi import RESPONSE_BITS, Request, Response
+from shipnet.asi import IO_CONFIGURATIONS, RESPONSE_BITS, Call, Request, Response
+from shipnet.asi.frame import frame
 from shipnet.errors import FrameError
 from shipnet.papers.registry import check, numeric
 
@@ -22,31 +23,21 @@ DATASHEET_FRAMES = tuple(datasets.read("asi_datasheet_frames.csv")["bits"])
 
 
 @numeric("kim2023-008", "icn2007-022")
-def bits_per_cycle(
-    *, response: int = RESPONSE_BITS, start: int = 1, parity: int = 1, end: int = 1
-) -> int:
+def bits_per_cycle(*, response: int = RESPONSE_BITS) -> int:
     """User bits of a response: what start, parity and end bit leave of it."""
-    return response - start - parity - end
+    return response - len(frame(""))
 
 
 @numeric("kim2023-026", "icn2007-011")
-def request_length(
-    *,
-    start: int = 1,
-    control: int = 1,
-    address: int = 5,
-    information: int = 5,
-    parity: int = 1,
-    end: int = 1,
-) -> int:
-    """Bits of a request, field by field."""
-    return start + control + address + information + parity + end
+def request_length(*, layout: str = Call.DATA_EXCHANGE.rule.pattern) -> int:
+    """Bits of a request: control, address and information within the frame."""
+    return len(frame("0" * len(layout)))
 
 
 @numeric("kim2023-027", "icn2007-012")
-def response_length(*, start: int = 1, information: int = 4, parity: int = 1, end: int = 1) -> int:
-    """Bits of a response, field by field."""
-    return start + information + parity + end
+def response_length(*, ports: tuple[str, ...] = IO_CONFIGURATIONS[0]) -> int:
+    """Bits of a response: one for each port within the frame."""
+    return len(frame("0" * len(ports)))
 
 
 @numeric("kim2023-036")

@@ -1,0 +1,96 @@
+"""How many telegrams a second the receiver decodes on one core, beside a plain loop, in one run."""
+
+import os
+
+# One core is promised, so one is measured: numpy reads this when it is loaded.
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import math
+from time import perf_counter
+
+import numpy as np
+
+from shipnet.asi.apm import HALF_BIT, send_current
+from shipnet.asi.batch import bits_of, encode_responses
+from shipnet.asi.receiver import receive
+from shipnet.asi.slots import check_slots
+
+DT = 250e-9
+SAMPLES = 256
+NUMBER = 50_000
+SAMPLE = 500  # what the loops get; their time is scaled up
+BITS = 7
+
+
+def seconds(function, repeats=5):
+    """Return the shortest of several times: the one least disturbed by other work."""
+    times = []
+    for _ in range(repeats):
+        begin = perf_counter()
+        function()
+        times.append(perf_counter() - begin)
+    return min(times)
+
+
+def plain_receive(u, matched):
+    """Decode one response as a first script would: lists, loops, and the main checks only."""
+    per_slot = round(HALF_BIT / DT)
+    if matched:
+        half = per_slot // 2
+        shape = [
+            math.cos(math.pi * q / per_slot) ** 2 * 8 / 3 / per_slot for q in range(-half, half + 1)
+        ]
+        padded = [0.0] * half + u + [0.0] * half
+        u = [
+            sum(weight * padded[place + q] for q, weight in enumerate(shape))
+            for place in range(len(u))
+        ]
+    first = next(place for place, value in enumerate(u) if abs(value) > 0.45)
+    peak = max(range(first, first + per_slot), key=lambda place: -u[place])
+    threshold = -0.5 * u[peak]
+    bits, before = [], 1
+    for slot in range(2 * BITS - 1):
+        value = u[peak + slot * per_slot]
+        pulse = (value > threshold) - (value < -threshold)
+        if pulse and pulse == before:
+            raise ValueError("alternation")
+        before = pulse or before
+        if slot % 2 == 0:
+            if not pulse:
+                raise ValueError("information")
+            bits.append(int(pulse > 0))
+    if sum(bits[:-1]) % 2:
+        raise ValueError("parity")
+    return bits
+
+
+def main():
+    rng = np.random.default_rng(2024)
+    t = np.arange(SAMPLES) * DT
+    words, _ = encode_responses(rng.integers(0, 16, NUMBER))
+    bits = bits_of(words, BITS)
+    # 40 uH times the slope of the current: pulses of 1.6 V on an ideal line, with some noise.
+    u = -40e-6 * np.gradient(send_current(t, bits, start=5e-6), DT, axis=-1)
+    u += rng.normal(0, 0.03, u.shape)
+    slots = receive(u, DT, BITS).slots
+    some = [row.tolist() for row in u[:SAMPLE]]
+    for matched in (True, False):
+        received = receive(u, DT, BITS, matched=matched)
+        assert not received.error.any() and (received.bits == bits).all()
+        assert [plain_receive(row, matched) for row in some] == bits[:SAMPLE].tolist()
+
+    per_telegram = {
+        "matched, batch": seconds(lambda: receive(u, DT, BITS)) / NUMBER,
+        "matched, plain loop": seconds(lambda: [plain_receive(row, True) for row in some]) / SAMPLE,
+        "raw, batch": seconds(lambda: receive(u, DT, BITS, matched=False)) / NUMBER,
+        "raw, plain loop": seconds(lambda: [plain_receive(row, False) for row in some]) / SAMPLE,
+        "slots, batch": seconds(lambda: check_slots(slots, BITS)) / NUMBER,
+    }
+    print(f"{'AS-i responses, 256 samples':<32}{'per second':>12}{'batch is faster by':>20}")
+    for name, time in per_telegram.items():
+        best = per_telegram[f"{name.split(',')[0]}, batch"]
+        print(f"{name:<32}{1 / time:>12.3g}{time / best:>19.1f}x")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,359 @@
+"""Find the telegrams in a recorded voltage: resample it, follow its baseline, group its pulses.
+
+A burst is a row of pulses with silence before and behind it. From the peak of its first pulse to
+that of its last one it takes 78 us if it is a request, and 36 us if it is a response.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.asi.apm import HALF_BIT
+from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
+
+__all__ = ["SILENCE", "Bursts", "Piece", "Sampling", "find_bursts", "pieces", "smallest_pulses"]
+
+Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
+Indices = npt.NDArray[np.intp]
+
+#: Silence that ends a telegram [s]. Two half-bits in a row are never empty, so pulses are 6 us
+#: apart at most, and 9 us where one is lost; from a telegram's last pulse to the first of the next
+#: one it takes 6 us more than the pause, which is 1 bit time or more: 12 us.
+SILENCE = 3.5 * HALF_BIT
+
+#: Samples a second to work with: the pulses end at 0.7 MHz, twelve samples a half-bit are ample.
+_RATE = 4e6
+
+#: Length of the pieces in which a record is worked through [samples], of what overlaps, and of a
+#: stretch whose mean is its baseline [s]: the pulses of a telegram add up to 0.
+_PIECE, _OVERLAP, _STRETCH = 2**20, 240e-6, 250e-6
+
+#: Pulses smaller than this part of their neighbours are ringing. The largest signal allowed is 2.7
+#: times the smallest, so no telegram is that small beside another one.
+_RINGING = 0.2
+
+#: Peak of the first pulse to peak of the last one [s].
+_SPANS = {bits: (2 * bits - 2) * HALF_BIT for bits in (RESPONSE_BITS, REQUEST_BITS)}
+
+
+class Sampling(NamedTuple):
+    """How a record is resampled: mean of so many samples, then so many up, so many down."""
+
+    dt: float
+    mean: int
+    up: int
+    down: int
+
+    @classmethod
+    def of(cls, dt: float) -> Sampling:
+        """Choose for records of any rate: 4 to 8 million samples a second."""
+        # The mean of neighbours has its zeros where it folds: a cheap first step from high rates.
+        mean = max(1, int(1 / (dt * 5 * _RATE) + 1e-9))
+        rate = 1 / (dt * mean)
+        return cls(dt, mean, max(1, int(np.ceil(_RATE / rate - 1e-9))), max(1, int(rate / _RATE)))
+
+    @property
+    def step(self) -> float:
+        """Time between two samples afterwards [s]."""
+        return self.dt * self.mean * self.down / self.up
+
+
+class Piece(NamedTuple):
+    """A stretch of the record, resampled, its baseline at 0.
+
+    Attributes
+    ----------
+    x, y : ndarray of float32, shape (n,)
+        Voltage, and the same filtered with the shape of a pulse [V].
+    start : float
+        Time of the first sample [s].
+    step : float
+        Time between two samples [s].
+    begin, end : float
+        What belongs to this piece and not to its neighbours, which it overlaps [s].
+    """
+
+    x: Singles
+    y: Singles
+    start: float
+    step: float
+    begin: float
+    end: float
+
+
+class Bursts(NamedTuple):
+    """The bursts of a piece.
+
+    Attributes
+    ----------
+    first, last : ndarray of int, shape (n,)
+        Samples of the piece at which the first and the last pulse peak.
+    height : ndarray of float, shape (n,)
+        First pulse with its sign, filtered [V].
+    bits : ndarray of int, shape (n,)
+        `REQUEST_BITS` or `RESPONSE_BITS`, whichever is nearer to the length.
+    fits : ndarray of bool, shape (n,)
+        Whether the length is that of a telegram.
+    pulses : ndarray of int, shape (n,)
+        How many pulses.
+    """
+
+    first: Indices
+    last: Indices
+    height: Floats
+    bits: npt.NDArray[np.int64]
+    fits: npt.NDArray[np.bool_]
+    pulses: npt.NDArray[np.int64]
+
+    def where(self, chosen: npt.NDArray[np.bool_]) -> Bursts:
+        """Return some of the bursts."""
+        return Bursts._make(part[chosen] for part in self)
+
+
+def pieces(
+    u: Floats, dt: float, *, length: int = _PIECE, only: Indices | None = None
+) -> Iterator[Piece]:
+    """Work through a record in overlapping pieces, so that memory stays bounded.
+
+    Parameters
+    ----------
+    u : ndarray of float, shape (n_t,)
+        Voltage [V], with or without a DC part; NaN counts as silence.
+    dt : float
+        Sampling interval, at most 1e-6 [s].
+    length : int, optional
+        Samples of a piece.
+    only : ndarray of int, optional
+        Numbers of the pieces wanted; all if omitted.
+
+    Returns
+    -------
+    iterator of Piece
+        The pieces in the order of time.
+
+    Examples
+    --------
+    >>> u = 30 + np.sin(2 * np.pi * 100e3 * np.arange(2000) * 1e-7)
+    >>> (piece,) = pieces(u, 1e-7)
+    >>> piece.x.shape, f"{piece.step:.1e} s", f"{np.ptp(piece.x):.2f} V"
+    ((1000,), '2.0e-07 s', '2.00 V')
+    """
+    sampling = Sampling.of(dt)
+    group = sampling.mean * sampling.down
+    length = -(-length // group) * group
+    overlap = -(-int(_OVERLAP / dt) // group) * group
+    count = -(-len(u) // length)
+    for number in range(count) if only is None else only:
+        core = int(number) * length
+        low, high = max(0, core - overlap), min(len(u), core + length + overlap)
+        x = _flatten(_resample(u[low:high], sampling), sampling.step)
+        yield Piece(
+            x,
+            _matched(x, sampling.step),
+            low * dt + (sampling.mean - 1) / 2 * dt,
+            sampling.step,
+            core * dt,
+            (core + length) * dt,
+        )
+
+
+def _resample(u: Floats, sampling: Sampling) -> Singles:
+    """Return the voltage less a constant at the rate that `sampling` says."""
+    from scipy.signal import upfirdn
+
+    # Single precision resolves 2 uV on 30 V, but only if a filter need not swallow the 30 V.
+    some = u[:: max(1, len(u) // 4096)]
+    some = some[~np.isnan(some)]
+    offset = float(np.median(some)) if some.size else 0.0
+    v = (u - offset).astype(np.float32)
+    if np.isnan(v).any():
+        v = np.nan_to_num(v, copy=False)
+    _, _, up, down = sampling
+    if sampling.mean > 1:
+        whole = len(v) // sampling.mean * sampling.mean
+        weights = np.full(sampling.mean, 1 / sampling.mean, np.float32)
+        v = v[:whole].reshape(-1, sampling.mean) @ weights
+    if up == down == 1 or not len(v):
+        return v
+    kernel = _lowpass(up, down)
+    half = len(kernel) // 2
+    # Beyond its ends the record goes on as it is there on average: a step would look like a pulse.
+    around = max(1, round(30e-6 / (sampling.dt * sampling.mean)))
+    room = (half // up // down + 1) * down
+    padded = np.concatenate(
+        [
+            np.full(room, np.median(v[:around]), np.float32),
+            v,
+            np.full(room, np.median(v[-around:]), np.float32),
+        ]
+    )
+    begin = (room * up + half) // down
+    return np.asarray(upfirdn(kernel, padded, up, down)[begin : begin + len(v) * up // down])
+
+
+def _lowpass(up: int, down: int) -> Singles:
+    """Return an anti-alias filter: 60 dB where something could fold into the pulses' 0.7 MHz."""
+    from scipy.signal import firwin
+
+    half = 8 * up if up > 1 else 3 * down
+    cutoff = 1.0 / max(up, down)
+    # From 4 MS/s on, all above rate - 0.7 MHz may fold; below, the recorder has folded already.
+    return np.asarray(up * firwin(2 * half + 1, cutoff, window=("kaiser", 5.65)), np.float32)
+
+
+def _flatten(x: Singles, step: float) -> Singles:
+    """Take off the baseline: the mean, or its course if the record is long enough to have one."""
+    stretch = round(_STRETCH / step)
+    count = len(x) // stretch
+    if count < 3:
+        return x - x.mean(dtype=np.float64).astype(np.float32) if len(x) else x
+    means = x[: count * stretch].reshape(count, stretch).mean(axis=1)
+    # Linear from the middle of a stretch to that of the next one, and on to both ends.
+    means = np.concatenate([2 * means[:1] - means[1:2], means, 2 * means[-1:] - means[-2:-1]])
+    ramp = (np.arange(stretch, dtype=np.float32) + 0.5) / stretch
+    course = (means[:-1, np.newaxis] + np.diff(means)[:, np.newaxis] * ramp).ravel()
+    course = course[stretch // 2 :]
+    rest = np.full(max(0, len(x) - len(course)), course[-1])
+    return np.asarray(x - np.concatenate([course, rest])[: len(x)], np.float32)
+
+
+def _matched(x: Singles, step: float) -> Singles:
+    """Filter with the shape of a pulse, as `shipnet.asi.receiver.matched_filter` does, but fast."""
+    from scipy.signal import upfirdn
+
+    half = int(HALF_BIT / step / 2)
+    shape = np.cos(np.pi * np.arange(-half, half + 1) * step / HALF_BIT) ** 2
+    kernel = (shape / (shape**2).sum()).astype(np.float32)
+    return np.asarray(upfirdn(kernel, x)[half : half + len(x)], np.float32) if len(x) else x
+
+
+def smallest_pulses(sample: list[Piece]) -> list[float]:
+    """Estimate from a few pieces below which voltage nothing is a pulse.
+
+    Parameters
+    ----------
+    sample : list of Piece
+        Pieces, most of them with telegrams.
+
+    Returns
+    -------
+    list of float
+        Estimates, the most likely one first: a tenth of a typical first pulse, or five standard
+        deviations of the noise in the pauses if that is more [V]. They differ by what is taken
+        for typical: of one telegram or many, among impulses or not.
+
+    Examples
+    --------
+    >>> smallest_pulses([])
+    []
+    """
+    blocks = [
+        np.abs(piece.y[: len(piece.y) // 100 * 100]).reshape(-1, 100).max(axis=1)
+        for piece in sample
+    ]
+    largest = np.sort(np.concatenate(blocks)) if blocks else np.zeros(0)
+    if not largest.size:
+        return []
+    # Not the largest of all: that may be an impulse.
+    few = largest[-min(4, 1 + largest.size // 2)]
+    typical = [float(few), *np.quantile(largest, [0.9, 0.75, 0.5]).tolist()]
+    return [max(0.1 * size, min(5 * _noise(sample, size), 0.4 * size)) for size in typical]
+
+
+def _noise(sample: list[Piece], typical: float) -> float:
+    """Return the standard deviation of the filtered voltage where no pulse is near."""
+    from scipy.ndimage import binary_dilation
+
+    idle = []
+    for piece in sample:
+        reach = round(2 * HALF_BIT / piece.step)
+        loud = np.abs(piece.y) > 0.35 * typical
+        idle.append(piece.y[~binary_dilation(loud, np.ones(2 * reach + 1, bool))])
+    quiet = np.concatenate(idle)
+    return 1.4826 * float(np.median(np.abs(quiet - np.median(quiet)))) if quiet.size else 0.0
+
+
+def find_bursts(piece: Piece, minimum: float) -> Bursts:
+    """Group the pulses of a piece into bursts.
+
+    Parameters
+    ----------
+    piece : Piece
+        Resampled voltage.
+    minimum : float
+        Voltage below which nothing is a pulse [V].
+
+    Returns
+    -------
+    Bursts
+        One row a burst, in the order of time, also those of a single pulse.
+
+    Examples
+    --------
+    >>> from shipnet.asi.apm import send_current
+    >>> t = np.arange(0, 200e-6, 1e-7)
+    >>> current = send_current(t, "00101010111001", start=2e-5)
+    >>> current += send_current(t, "0011001", start=12.2e-5)
+    >>> (piece,) = pieces(-40e-6 * np.gradient(current, 1e-7), 1e-7)
+    >>> bursts = find_bursts(piece, 0.5)
+    >>> bursts.bits.tolist(), (np.diff(bursts.first) * piece.step * 1e6).round(1).tolist()
+    ([14, 7], [102.0])
+    """
+    at, height = _pulses(piece.y, minimum)
+    if at.size:
+        from scipy.ndimage import maximum_filter1d
+
+        keep = np.abs(height) >= _RINGING * maximum_filter1d(np.abs(height), 17)
+        at, height = at[keep], height[keep]
+    start = np.flatnonzero(np.diff(at, prepend=-(2**40)) * piece.step > SILENCE)
+    first, last = at[start], at[np.append(start[1:], len(at)) - 1] if len(at) else at
+    start, first, last = _rejoin(start, first, last, piece.step)
+    span = (last - first) * piece.step
+    middle = sum(_SPANS.values()) / 2
+    bits = np.where(span > middle, REQUEST_BITS, RESPONSE_BITS)
+    pulses = np.diff(np.append(start, len(at)))
+    return Bursts(first, last, height[start], bits, _fits(span), pulses)
+
+
+def _fits(span: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
+    fits = np.zeros(span.shape, dtype=bool)
+    for length in _SPANS.values():
+        fits |= np.abs(span - length) < HALF_BIT / 2
+    return fits
+
+
+def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
+    """Return where the voltage peaks between two crossings of the minimum, and the peaks."""
+    size = np.abs(y)
+    loud = np.flatnonzero(size > minimum)
+    if not loud.size:
+        return loud, np.zeros(0)
+    size = size[loud]
+    positive = y[loud] > 0
+    new = np.ones(loud.size, dtype=bool)
+    new[1:] = (np.diff(loud) > 1) | (positive[1:] != positive[:-1])
+    start = np.flatnonzero(new)
+    peak = np.maximum.reduceat(size, start)
+    run = np.cumsum(new) - 1
+    tops = np.flatnonzero(size == peak[run])
+    tops = tops[np.diff(run[tops], prepend=-1) > 0]
+    return loud[tops], y[loud[tops]].astype(np.float64)
+
+
+def _rejoin(
+    start: Indices, first: Indices, last: Indices, step: float
+) -> tuple[Indices, Indices, Indices]:
+    """Join two bursts that are the halves of one telegram with a hole of four half-bits."""
+    if len(first) < 2:
+        return start, first, last
+    whole = _fits((last - first) * step)
+    gap = (first[1:] - last[:-1]) * step
+    join = (gap < 4.5 * HALF_BIT) & ~whole[1:] & ~whole[:-1]
+    join &= _fits((last[1:] - first[:-1]) * step)
+    keep = np.append(True, ~join)
+    return start[keep], first[keep], last[np.append(~join, True)]

@@ -1,0 +1,167 @@
+"""An AS-i segment: cable, power supply, master and slaves, and the telegrams on it as voltages.
+
+The voltages are the signal alone: the supply of 30 V, on which it rides, is left out. A network of
+another shape than a straight line is a `shipnet.line.Network` of its own, given to `Segment`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.asi.apm import HALF_BIT, SEND_CURRENT, ramp_spectrum, steps_of
+from shipnet.errors import ArgumentError
+from shipnet.line import CABLES, Cable, Network, laplace_grid, synthesize
+
+__all__ = ["DEVICE", "POWER_SUPPLY", "Segment", "straight_line"]
+
+#: What a slave or a master loads the line with: r [ohm], l [H] and c [F] in parallel, the limits
+#: that the SAP5S/SAP51 data sheet (2012, p. 29) sets for an A/B slave.
+DEVICE = {"r": 13.5e3, "l": 13.5e-3, "c": 50e-12}
+
+#: The decoupling of the power supply, 39 ohm beside 50 uH in each wire: assumed after IEC 62026-2.
+POWER_SUPPLY = {"r": 78.0, "l": 100e-6}
+
+Floats = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A network with the places of its master and its slaves.
+
+    Parameters
+    ----------
+    network : shipnet.line.Network
+        Cables and loads.
+    master : str
+        Node of the master.
+    slaves : tuple of str
+        Nodes of the slaves.
+
+    Examples
+    --------
+    A slave beside the power supply makes less voltage than one far from it, which is the
+    statement of kim2023's Figs 3 and 4:
+
+    >>> line = straight_line(100, slaves=(5, 100))
+    >>> t, u = line.signals("0011001")
+    >>> [f"{abs(voltage).max():.2f} V" for voltage in u[:, 0]]
+    ['2.43 V', '3.27 V']
+    """
+
+    network: Network
+    master: str
+    slaves: tuple[str, ...]
+
+    def signals(
+        self,
+        bits: str | npt.ArrayLike,
+        *,
+        dt: float = 50e-9,
+        duration: float = 102.4e-6,
+        start: float = 5e-6,
+        f_max: float = 3e6,
+    ) -> tuple[Floats, Floats]:
+        """Return what the master hears of each slave.
+
+        By reciprocity it is also what each slave hears of the master.
+
+        Parameters
+        ----------
+        bits : str or array_like of int, shape (n_telegrams, n)
+            One telegram, or several of the same length.
+        dt : float, default 50e-9
+            Time step, a whole fraction of the half-bit of 3 us [s].
+        duration : float, default 102.4e-6
+            Length of the waveforms, a multiple of `dt` [s].
+        start : float, default 5e-6
+            When the telegrams begin [s].
+        f_max : float, default 3e6
+            Highest frequency [Hz]; 3 MHz is good for 5e-5 of the peak, 10 MHz for 2e-6.
+
+        Returns
+        -------
+        t : ndarray, shape (n_t,)
+            Time [s].
+        u : ndarray, shape (n_slaves, n_telegrams, n_t)
+            Voltage [V].
+
+        Raises
+        ------
+        ArgumentError
+            If the times do not fit each other, or a node is unknown.
+        """
+        slot, n = round(HALF_BIT / dt), round(duration / dt)
+        if slot < 1 or abs(slot * dt / HALF_BIT - 1) > 1e-9:
+            raise ArgumentError(f"dt is {dt} s; it must be a whole fraction of {HALF_BIT} s")
+        steps = np.atleast_2d(steps_of(bits)).astype(float)
+        s = laplace_grid(duration, f_max)
+        change = SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * start)
+        transfer = self.network.transfer(self.master, s)
+        rows = [self.network.index(slave) for slave in self.slaves]
+        # One change of current, heard from each slave; a telegram is a row of such changes.
+        change_heard = synthesize(-transfer[..., rows, :] * change, n, duration)
+        u = np.zeros((len(rows), len(steps), n))
+        for place in range(steps.shape[1]):
+            late = place * slot
+            if late < n:
+                u[:, :, late:] += steps[:, place, None] * change_heard[:, None, : n - late]
+        return dt * np.arange(n, dtype=np.float64), u
+
+
+def straight_line(
+    length: float,
+    slaves: Sequence[float],
+    *,
+    master: float = 0.0,
+    supply: float = 0.0,
+    cable: Cable = CABLES["as-i"],
+    terminator: float | None = None,
+) -> Segment:
+    """Return a segment along one cable.
+
+    Parameters
+    ----------
+    length : float
+        Length of the cable [m].
+    slaves : sequence of float
+        Places of the slaves, 0..length [m].
+    master, supply : float, default 0
+        Places of the master and of the power supply [m].
+    cable : shipnet.line.Cable, optional
+        The nominal AS-i cable if omitted.
+    terminator : float, optional
+        Resistance across the far end, as an extension plug has it [ohm].
+
+    Returns
+    -------
+    Segment
+        Its nodes are called by their places: ``"0 m"``, ``"5 m"``.
+
+    Raises
+    ------
+    ArgumentError
+        If a place is not on the cable.
+
+    Examples
+    --------
+    >>> straight_line(100, slaves=(5, 100)).slaves
+    ('5 m', '100 m')
+    """
+    for what, place in [("master", master), ("supply", supply), *(("slave", x) for x in slaves)]:
+        if not 0 <= place <= length:
+            raise ArgumentError(f"the {what} is at {place} m; it must be 0..{length} m")
+    network = Network()
+    places = sorted({0.0, float(length), float(master), float(supply), *map(float, slaves)})
+    for near, far in pairwise(places):
+        network.line(f"{near:g} m", f"{far:g} m", far - near, cable)
+    network.load(f"{supply:g} m", **POWER_SUPPLY)
+    for place in (master, *slaves):
+        network.load(f"{place:g} m", **DEVICE)
+    if terminator is not None:
+        network.load(f"{length:g} m", r=terminator)
+    return Segment(network, f"{master:g} m", tuple(f"{place:g} m" for place in slaves))
