@@ -150,8 +150,8 @@ class Cable:
 
         Examples
         --------
-        At three times its corner frequency, the skin effect has doubled |r(s)| in
-        `sqrt(1 + 3j)`'s modulus, 1.78:
+        At three times its corner frequency, the skin effect has raised the resistance to
+        1.78 times its value, the modulus of ``sqrt(1 + 3j)``:
 
         >>> cable = Cable(r=0.06, l=1e-12, c=65e-12, skin=100e3)
         >>> print(f"{abs(cable.series_impedance([2j * np.pi * 300e3])[0]) / 0.06:.2f}")

@@ -22,7 +22,7 @@ __all__ = ["laplace_grid", "synthesize"]
 def laplace_grid(duration: float, f_max: float, damping: float = 7.0) -> npt.NDArray[np.complex128]:
     r"""Return the complex frequencies from which `synthesize` makes a waveform.
 
-    .. math:: s_k = \frac{d + 2 \pi j k}{T}, \qquad k = 0 \dots \lceil f_{max} T \rceil
+    .. math:: s_k = \frac{d + 2 \pi j k}{T}, \qquad k = 0 \ldots \lceil f_{max} T \rceil
 
     Parameters
     ----------
