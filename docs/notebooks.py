@@ -100,6 +100,7 @@ def execute(path: Path) -> Executed:
         client = NotebookClient(
             notebook,
             timeout=120,
+            startup_timeout=120,  # a busy machine starts a kernel slowly
             kernel_name="python3",
             record_timing=False,
             resources={"metadata": {"path": str(path.parent)}},
