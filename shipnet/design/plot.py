@@ -69,8 +69,9 @@ def plot_hardwired(iolist: pd.DataFrame, *, ax: Axes) -> Axes:
                 ax.plot([1.66, 7.94], [y + offset, y + offset], color="0.25", linewidth=0.9)
             name = str(point.tag).removeprefix(f"{device}-")
             ax.text(
-                7.8, y + 0.02, f"{name}  {strands} strand{'s' * (strands > 1)}",
-                ha="right", va="bottom", fontsize=7, color="0.25",
+                7.7, y, f"{name}  {strands} strand{'s' * (strands > 1)}",
+                ha="right", va="center", fontsize=7, color="0.25",
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
             )  # fmt: skip
         _box(ax, 8, -row, 1.9, 0.72, device, _DEVICE)
     points_by_kind = count_points(iolist)
