@@ -1,7 +1,7 @@
 """How fast a recorded line voltage is decoded: against real time, and beside a plain loop."""
 
 from functools import partial
-from time import perf_counter
+from timeit import repeat
 
 import numpy as np
 from scipy.signal import bilinear, lfilter
@@ -17,12 +17,7 @@ BIT = 6e-6
 
 def seconds(function, repeats=3):
     """Return the shortest of several times: the one least disturbed by other work."""
-    times = []
-    for _ in range(repeats):
-        begin = perf_counter()
-        function()
-        times.append(perf_counter() - begin)
-    return min(times)
+    return min(repeat(function, number=1, repeat=repeats))
 
 
 def record(duration, rate):

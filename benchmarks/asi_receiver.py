@@ -6,7 +6,7 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import math
-from time import perf_counter
+from timeit import repeat
 
 import numpy as np
 
@@ -24,12 +24,7 @@ BITS = 7
 
 def seconds(function, repeats=5):
     """Return the shortest of several times: the one least disturbed by other work."""
-    times = []
-    for _ in range(repeats):
-        begin = perf_counter()
-        function()
-        times.append(perf_counter() - begin)
-    return min(times)
+    return min(repeat(function, number=1, repeat=repeats))
 
 
 def plain_receive(u, matched):

@@ -1,6 +1,6 @@
 """How much faster the batch functions are than a loop over single telegrams, in one run."""
 
-from time import perf_counter
+from timeit import repeat
 
 import numpy as np
 
@@ -12,12 +12,7 @@ SAMPLE = 20_000  # what the loops get; their time is scaled up
 
 def seconds(function, repeats=5):
     """Return the shortest of several times: the one least disturbed by other work."""
-    times = []
-    for _ in range(repeats):
-        begin = perf_counter()
-        function()
-        times.append(perf_counter() - begin)
-    return min(times)
+    return min(repeat(function, number=1, repeat=repeats))
 
 
 def plain_parse(word):

@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
-from time import perf_counter
+from timeit import repeat
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -26,12 +26,7 @@ SENDER = "stub 20"
 
 def seconds(function, repeats=20):
     """Return the shortest of several times: the one least disturbed by other work."""
-    times = []
-    for _ in range(repeats):
-        begin = perf_counter()
-        function()
-        times.append(perf_counter() - begin)
-    return min(times)
+    return min(repeat(function, number=1, repeat=repeats))
 
 
 def tree(cable):
