@@ -3,6 +3,7 @@
 # make notebooks  re-execute the notebooks; show what would change; store it with ACCEPT=1
 # make counts     record how many tests each file holds, after adding or removing some
 # make lab        open JupyterLab
+# make app        serve the interactive tools of notebooks/explore/ as web pages, on this machine
 # make bench      ratios against peers, measured side by side
 # make lock       resolve requirements.lock anew
 # make clean      remove everything that make made, but for .venv and .tools
@@ -21,7 +22,7 @@ unexport VIRTUAL_ENV
 
 .DEFAULT_GOAL := all
 .NOTPARALLEL:
-.PHONY: all setup site notebooks test lint unit browser counts lab bench lock clean
+.PHONY: all setup site notebooks test lint unit browser counts lab app bench lock clean
 
 all: site
 	@$(PY) -m shipnet ledger --summary
@@ -79,12 +80,15 @@ counts: setup site
 lab: setup
 	@$(BIN)/jupyter lab --notebook-dir=notebooks
 
+app: setup
+	@$(BIN)/voila --no-browser --theme=light notebooks/explore
+
 bench: setup
 	@for program in benchmarks/*.py; do $(PY) $$program || exit 1; done
 
 lock: $(filter .tools/%,$(UV))
 	@$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
-	  --upgrade --all-extras --group test --group docs --group build \
+	  --upgrade --all-extras --group test --group docs --group bench --group build \
 	  --output-file requirements.lock pyproject.toml
 
 clean:

@@ -130,6 +130,17 @@ def test_a_lossy_line_follows_the_telegraph_equations():
     assert network.transfer("near", s) == pytest.approx(np.array(expected), rel=1e-12)
 
 
+def test_propagation_is_what_a_matched_line_does():
+    cable = Cable(r=0.03, l=0.65e-6, c=65e-12, g=1e-6, skin=30e3)
+    s = 2j * np.pi * np.array([50e3, 167e3, 480e3])
+    net = Network()
+    net.line("near", "far", 40, cable)
+    # An endless rest of the same cable, long enough that nothing comes back.
+    net.line("far", "end", 1e5, cable)
+    z = net.transfer("near", s)
+    assert z[1] / z[0] == pytest.approx(np.exp(-40 * cable.propagation(s)), rel=1e-9)
+
+
 def test_extreme_lengths_neither_overflow_nor_lose_digits():
     network = Network()
     s = 1e9 + 1e9j

@@ -19,6 +19,7 @@ HEADINGS = {
         "What we learned",
         "References",
     ],
+    "explore": ["What to try", "What it assumes"],
     "notebooks": [
         "The problem on the ship",
         "The map",
@@ -124,6 +125,21 @@ def test_every_figure_is_described_below_it(path):
     for cell, below in zip(cells, [*cells[1:], None], strict=True):
         if cell.cell_type == "code" and "plt.show()" in cell.source:
             assert below is not None and below.source.startswith("*"), cell.source
+
+
+EXPLORE = [path for path in NOTEBOOKS if path.parent.name == "explore"]
+
+
+@pytest.mark.parametrize("path", EXPLORE, ids=lambda path: path.stem)
+def test_a_tool_and_its_notebook_go_together(path):
+    widgets = [cell for cell in code(read(path)) if "widget" in tags(cell)]
+    assert len(widgets) == 1
+    assert f"{path.stem}.explorer()" in widgets[0].source
+
+
+def test_every_tool_has_a_notebook():
+    tools = {path.stem for path in (ROOT / "shipnet" / "tools").glob("[a-z]*.py")}
+    assert tools == {path.stem for path in EXPLORE}
 
 
 def sample(**changes):

@@ -3,7 +3,8 @@ import pytest
 
 from shipnet.asi import Request, Response
 from shipnet.asi.apm import send_spectrum
-from shipnet.asi.segment import Segment, straight_line
+from shipnet.asi.segment import Segment
+from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError
 from shipnet.line import CABLES, laplace_grid, synthesize
 

@@ -9,6 +9,8 @@ middle of a bit), the even ones only between two equal bits, and the signs alter
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -18,6 +20,7 @@ from shipnet.errors import ArgumentError
 __all__ = [
     "HALF_BIT",
     "SEND_CURRENT",
+    "as_bits",
     "levels_of",
     "pulses_of",
     "ramp",
@@ -37,8 +40,42 @@ Floats = npt.NDArray[np.float64]
 Signs = npt.NDArray[np.int8]
 
 
-def _bits(bits: str | npt.ArrayLike) -> Signs:
-    array = np.array([ord(bit) - ord("0") for bit in bits] if isinstance(bits, str) else bits)
+def as_bits(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
+    """Return telegrams as an array of bits.
+
+    Parameters
+    ----------
+    bits : str, sequence of str, or array_like of int, shape (..., n)
+        Zeros and ones, the first on the line first: one telegram, or several of one length.
+
+    Returns
+    -------
+    ndarray of int8, shape (..., n)
+        The bits.
+
+    Raises
+    ------
+    ArgumentError
+        If something other than 0 and 1 is among the bits, if there is none, or if the telegrams
+        differ in length.
+
+    Examples
+    --------
+    >>> as_bits(["0011001", "0000001"]).tolist()
+    [[0, 0, 1, 1, 0, 0, 1], [0, 0, 0, 0, 0, 0, 1]]
+    """
+    try:
+        array = np.asarray(bits)
+    except ValueError:
+        raise ArgumentError("bits must be telegrams of one length") from None
+    if array.dtype.kind == "U" and array.size:
+        lengths = np.char.str_len(array)
+        if lengths.min() != lengths.max():
+            raise ArgumentError(
+                f"bits must be telegrams of one length, but have {lengths.min()} to {lengths.max()}"
+            )
+        array = np.ascontiguousarray(array).view("U1").reshape(*array.shape, -1)
+        array = np.where(np.isin(array, ("0", "1")), array == "1", 2)
     if array.ndim == 0 or array.shape[-1] == 0:
         raise ArgumentError("bits must hold at least one bit")
     if not np.isin(array, (0, 1)).all():
@@ -46,13 +83,13 @@ def _bits(bits: str | npt.ArrayLike) -> Signs:
     return array.astype(np.int8)
 
 
-def levels_of(bits: str | npt.ArrayLike) -> Signs:
+def levels_of(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
     """Return the Manchester levels of bits: step 2 of kim2023's Table 3.
 
     Parameters
     ----------
-    bits : str or array_like of int, shape (..., n)
-        Zeros and ones, the first on the line first.
+    bits : str, sequence of str, or array_like of int, shape (..., n)
+        As for `as_bits`.
 
     Returns
     -------
@@ -62,24 +99,24 @@ def levels_of(bits: str | npt.ArrayLike) -> Signs:
     Raises
     ------
     ArgumentError
-        If something other than 0 and 1 is among the bits, or if there is none.
+        As `as_bits`.
 
     Examples
     --------
     >>> levels_of("01").tolist()
     [1, 0, 0, 1]
     """
-    bits = _bits(bits)
+    bits = as_bits(bits)
     return np.stack([1 - bits, bits], axis=-1).reshape(*bits.shape[:-1], -1)
 
 
-def steps_of(bits: str | npt.ArrayLike) -> Signs:
+def steps_of(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
     """Return the changes of the send current at each half-bit: step 3 of kim2023's Table 3.
 
     Parameters
     ----------
-    bits : str or array_like of int, shape (..., n)
-        Zeros and ones, the first on the line first.
+    bits : str, sequence of str, or array_like of int, shape (..., n)
+        As for `as_bits`.
 
     Returns
     -------
@@ -90,7 +127,7 @@ def steps_of(bits: str | npt.ArrayLike) -> Signs:
     Raises
     ------
     ArgumentError
-        As `levels_of`.
+        As `as_bits`.
 
     Examples
     --------
@@ -101,13 +138,13 @@ def steps_of(bits: str | npt.ArrayLike) -> Signs:
     return np.diff(drawn, axis=-1, prepend=np.zeros_like(drawn[..., :1]))
 
 
-def pulses_of(bits: str | npt.ArrayLike) -> Signs:
+def pulses_of(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
     """Return the sign of the voltage pulse in each slot: step 4 of kim2023's Table 3.
 
     Parameters
     ----------
-    bits : str or array_like of int, shape (..., n)
-        Zeros and ones, the first on the line first.
+    bits : str, sequence of str, or array_like of int, shape (..., n)
+        As for `as_bits`.
 
     Returns
     -------
@@ -118,7 +155,7 @@ def pulses_of(bits: str | npt.ArrayLike) -> Signs:
     Raises
     ------
     ArgumentError
-        As `levels_of`.
+        As `as_bits`.
 
     Examples
     --------
@@ -154,7 +191,7 @@ def ramp(x: npt.ArrayLike) -> Floats:
 
 def send_current(
     t: npt.ArrayLike,
-    bits: str | npt.ArrayLike,
+    bits: str | Sequence[str] | npt.ArrayLike,
     *,
     start: float = 0.0,
     swing: float = SEND_CURRENT,
@@ -185,7 +222,7 @@ def send_current(
     Raises
     ------
     ArgumentError
-        As `levels_of`, or if `half_bit` is not positive.
+        As `as_bits`, or if `half_bit` is not positive.
 
     References
     ----------
@@ -238,7 +275,7 @@ def ramp_spectrum(s: npt.ArrayLike, *, half_bit: float = HALF_BIT) -> npt.NDArra
 
 def send_spectrum(
     s: npt.ArrayLike,
-    bits: str | npt.ArrayLike,
+    bits: str | Sequence[str] | npt.ArrayLike,
     *,
     start: float = 0.0,
     swing: float = SEND_CURRENT,

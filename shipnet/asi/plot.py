@@ -14,8 +14,10 @@ from matplotlib.patches import Rectangle
 from shipnet import style
 from shipnet.asi.apm import HALF_BIT, levels_of, pulses_of, send_current
 from shipnet.asi.capture import Capture
+from shipnet.asi.eye import Eye
 from shipnet.asi.frame import REQUEST_BITS
 from shipnet.asi.profile import IO_CONFIGURATIONS
+from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE
 from shipnet.asi.response import Response
 from shipnet.asi.slots import bits_of_slots
 from shipnet.asi.telegram import Request
@@ -28,6 +30,7 @@ __all__ = [
     "REQUEST_PARTS",
     "RESPONSE_PARTS",
     "plot_capture",
+    "plot_eye",
     "plot_io_codes",
     "plot_modulation",
     "plot_slots",
@@ -347,4 +350,31 @@ def plot_slots(slots: npt.ArrayLike, *, ax: Axes, faults: Sequence[int] = ()) ->
         if slot in faults:
             ax.axvspan(slot, slot + 1, color=colour, alpha=0.15, linewidth=0)
     ax.set(xlim=(0, slots.size), ylim=(-1.3, 1.3), yticks=[-1, 0, 1])
+    return ax
+
+
+def plot_eye(opened: Eye, *, ax: Axes) -> Axes:
+    """Draw all half-bits over each other with the tolerances: icn2007's Fig 8.
+
+    Parameters
+    ----------
+    opened : Eye
+        What `shipnet.asi.eye.eye` made of the telegrams.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; x is in microseconds from the middle of a half-bit.
+    """
+    t = opened.t * 1e6
+    for rows, colour, label in [(opened.pulses, "C0", "pulse"), (opened.gaps, "C1", "no pulse")]:
+        lines = ax.plot(t, rows.T, color=colour, alpha=0.15, linewidth=0.8)
+        if lines:
+            ax.plot([], [], color=colour, label=label)
+    for level in (AMPLITUDE_TOLERANCE, RINGING_TOLERANCE, -RINGING_TOLERANCE):
+        ax.axhline(level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+    ax.set(xlim=(t[0], t[-1]), ylim=(-1.05, 1.05))
+    ax.set(xlabel="time from the middle [us]", ylabel="voltage / largest [1]")
     return ax

@@ -1,23 +1,22 @@
 """An AS-i segment: cable, power supply, master and slaves, and the telegrams on it as voltages.
 
-The voltages are the signal alone: the supply of 30 V, on which it rides, is left out. A network of
-another shape than a straight line is a `shipnet.line.Network` of its own, given to `Segment`.
+The voltages are the signal alone: the supply of 30 V, on which it rides, is left out. The usual
+shapes of segments are in `shipnet.asi.topology`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.asi.apm import HALF_BIT, SEND_CURRENT, ramp_spectrum, steps_of
 from shipnet.errors import ArgumentError
-from shipnet.line import CABLES, Cable, Network, laplace_grid, synthesize
+from shipnet.line import Network, laplace_grid, synthesize
 
-__all__ = ["DEVICE", "POWER_SUPPLY", "Segment", "straight_line"]
+__all__ = ["DEVICE", "POWER_SUPPLY", "Segment"]
 
 #: What a slave or a master loads the line with: r [ohm], l [H] and c [F] in parallel, the limits
 #: that the SAP5S/SAP51 data sheet (2012, p. 29) sets for an A/B slave.
@@ -47,6 +46,7 @@ class Segment:
     A slave beside the power supply makes less voltage than one far from it, which is the
     statement of kim2023's Figs 3 and 4:
 
+    >>> from shipnet.asi.topology import straight_line
     >>> line = straight_line(100, slaves=(5, 100))
     >>> t, u = line.signals("0011001")
     >>> [f"{abs(voltage).max():.2f} V" for voltage in u[:, 0]]
@@ -59,7 +59,7 @@ class Segment:
 
     def signals(
         self,
-        bits: str | npt.ArrayLike,
+        bits: str | Sequence[str] | npt.ArrayLike,
         *,
         dt: float = 50e-9,
         duration: float = 102.4e-6,
@@ -72,7 +72,7 @@ class Segment:
 
         Parameters
         ----------
-        bits : str or array_like of int, shape (n_telegrams, n)
+        bits : str, sequence of str, or array_like of int, shape (n_telegrams, n)
             One telegram, or several of the same length.
         dt : float, default 50e-9
             Time step, a whole fraction of the half-bit of 3 us [s].
@@ -111,57 +111,3 @@ class Segment:
             if late < n:
                 u[:, :, late:] += steps[:, place, None] * change_heard[:, None, : n - late]
         return dt * np.arange(n, dtype=np.float64), u
-
-
-def straight_line(
-    length: float,
-    slaves: Sequence[float],
-    *,
-    master: float = 0.0,
-    supply: float = 0.0,
-    cable: Cable = CABLES["as-i"],
-    terminator: float | None = None,
-) -> Segment:
-    """Return a segment along one cable.
-
-    Parameters
-    ----------
-    length : float
-        Length of the cable [m].
-    slaves : sequence of float
-        Places of the slaves, 0..length [m].
-    master, supply : float, default 0
-        Places of the master and of the power supply [m].
-    cable : shipnet.line.Cable, optional
-        The nominal AS-i cable if omitted.
-    terminator : float, optional
-        Resistance across the far end, as an extension plug has it [ohm].
-
-    Returns
-    -------
-    Segment
-        Its nodes are called by their places: ``"0 m"``, ``"5 m"``.
-
-    Raises
-    ------
-    ArgumentError
-        If a place is not on the cable.
-
-    Examples
-    --------
-    >>> straight_line(100, slaves=(5, 100)).slaves
-    ('5 m', '100 m')
-    """
-    for what, place in [("master", master), ("supply", supply), *(("slave", x) for x in slaves)]:
-        if not 0 <= place <= length:
-            raise ArgumentError(f"the {what} is at {place} m; it must be 0..{length} m")
-    network = Network()
-    places = sorted({0.0, float(length), float(master), float(supply), *map(float, slaves)})
-    for near, far in pairwise(places):
-        network.line(f"{near:g} m", f"{far:g} m", far - near, cable)
-    network.load(f"{supply:g} m", **POWER_SUPPLY)
-    for place in (master, *slaves):
-        network.load(f"{place:g} m", **DEVICE)
-    if terminator is not None:
-        network.load(f"{length:g} m", r=terminator)
-    return Segment(network, f"{master:g} m", tuple(f"{place:g} m" for place in slaves))

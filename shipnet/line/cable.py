@@ -185,6 +185,31 @@ class Cable:
         s = np.asarray(s, dtype=complex)
         return np.asarray(np.expand_dims(self.g, -1) + s * np.expand_dims(self.c, -1))
 
+    def propagation(self, s: npt.ArrayLike) -> Complexes:
+        r"""Return the propagation constant, gamma = sqrt(z y).
+
+        Parameters
+        ----------
+        s : array_like of complex, shape (n_s,)
+            Complex frequency, real part not negative [rad/s].
+
+        Returns
+        -------
+        ndarray of complex, shape (n_s,) or (n_trees, n_s)
+            Real part, the attenuation [Np/m], and imaginary part, the phase [rad/m].
+
+        Examples
+        --------
+        A nominal AS-i cable takes 0.26 dB off a wave on 100 m; 1 Np is 8.686 dB:
+
+        >>> gamma = CABLES["as-i"].propagation([2j * np.pi * 167e3])
+        >>> print(f"{100 * 8.686 * gamma.real[0]:.2f} dB")
+        0.26 dB
+        """
+        # The product of the roots keeps the sign; the root of the product would lose it where
+        # the product crosses the negative axis.
+        return np.asarray(np.sqrt(self.series_impedance(s)) * np.sqrt(self.shunt_admittance(s)))
+
 
 def _root(square: Quantity) -> Quantity:
     root = np.sqrt(square)

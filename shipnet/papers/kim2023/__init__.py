@@ -6,6 +6,14 @@ the Society of Naval Architects of Korea 60(6), 482-490, 2023, doi 10.3744/SNAK.
 One module a topic; what a claim needs from another paper's text is imported from there.
 """
 
-from shipnet.papers.kim2023 import calls, integrity, strands, telegrams, timing, waveforms
+from shipnet.papers.kim2023 import (
+    calls,
+    integrity,
+    strands,
+    telegrams,
+    timing,
+    tolerances,
+    waveforms,
+)
 
-__all__ = ["calls", "integrity", "strands", "telegrams", "timing", "waveforms"]
+__all__ = ["calls", "integrity", "strands", "telegrams", "timing", "tolerances", "waveforms"]

@@ -1,8 +1,4 @@
-"""What icn2007 prints, recomputed: the AS-Interface communication system.
-
-"AS-Interface communication system for field networks (2)", ICN magazine, July 2007. Claims that
-kim2023 repeats are registered beside it, in `shipnet.papers.kim2023`.
-"""
+"""Sections 4 and 5 and the data link layer: cable of a star, bits, rates and telegrams."""
 
 from __future__ import annotations
 

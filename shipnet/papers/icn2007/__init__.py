@@ -1,0 +1,9 @@
+"""What icn2007 prints, recomputed: the AS-Interface communication system.
+
+"AS-Interface communication system for field networks (2)", ICN magazine, July 2007. Claims that
+kim2023 repeats are registered beside it, in `shipnet.papers.kim2023`.
+"""
+
+from shipnet.papers.icn2007 import signals, telegrams
+
+__all__ = ["signals", "telegrams"]

@@ -1,0 +1,138 @@
+"""Sections 4 and 5: the ring, the modulation, its spectrum and what reflections do to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.asi.apm import HALF_BIT, ramp_spectrum, send_spectrum, steps_of
+from shipnet.asi.segment import Segment
+from shipnet.asi.telegram import Request
+from shipnet.asi.topology import straight_line
+from shipnet.line import CABLES, Cable, Network, solve_dc
+from shipnet.papers.kim2023.tolerances import RESPONSES
+from shipnet.papers.registry import check
+
+__all__ = ["AS_I_LOOP", "arriving_share", "pulse_height", "share_above"]
+
+#: Loop of two cores of 1.5 mm2 at direct current, 27.4 ohm/km (Lapp, UNITRONIC BUS ASI).
+AS_I_LOOP = Cable(r=0.0274, l=0.65e-6, c=65e-12)
+
+#: Frequencies on which energies are summed [Hz].
+FREQUENCIES = np.arange(0.5e3, 30e6, 1e3)
+
+Floats = npt.NDArray[np.float64]
+
+
+@check("icn2007-031", counter={"closed": False})
+def ring_lowers_drop(*, closed: bool = True, place: float = 50.0, length: float = 100.0) -> bool:
+    """Whether a consumer half-way along gets more voltage if the cable comes back to the supply."""
+    line = Network()
+    line.line("supply", "consumer", place, AS_I_LOOP)
+    line.line("consumer", "end", length - place - 1, AS_I_LOOP)
+    drawn = {"consumer": 1.0}
+    open_drop = solve_dc(line, "supply", 30.0, drawn).voltage[line.index("consumer")]
+    if closed:
+        line.line("end", "supply", 1, AS_I_LOOP)
+    return bool(solve_dc(line, "supply", 30.0, drawn).voltage[line.index("consumer")] > open_drop)
+
+
+@check("icn2007-007", counter={"supply": {"r": 78.0}})
+def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
+    """Whether the voltage of every response adds up to less than 1 % of what its pulses hold.
+
+    The supply's inductor does it; the counter leaves a resistor alone in its place.
+    """
+    segment = straight_line(100, slaves=(5, 50, 100))
+    if supply is not None:
+        network = Network()
+        for branch in segment.network.branches:
+            network.line(*branch)
+        network.load(segment.master, **supply)
+        segment = Segment(network, segment.master, segment.slaves)
+    _, u = segment.signals(RESPONSES, dt=250e-9)
+    return bool((np.abs(u.sum(axis=-1)) < 1e-2 * np.abs(u).sum(axis=-1)).all())
+
+
+@check("icn2007-032", counter={"length": 200.0})
+def dense_pulses_change_more(*, length: float = 100.0) -> bool:
+    """Whether an open end changes pulses 3 us apart more than pulses 6 us apart.
+
+    A matched end is the measure: the same cable without a reflection.
+    """
+    change = [
+        abs(pulse_height(length, bits) / pulse_height(length, bits, terminator=100.0) - 1)
+        for bits in ("0" * 16, "01" * 8)
+    ]
+    return bool(change[0] > change[1])
+
+
+def pulse_height(
+    length: float, bits: str, *, place: float = 5.0, terminator: float | None = None
+) -> float:
+    """Return the height of the pulses in the middle of a long row of bits [V].
+
+    Equal bits make pulses a half-bit apart, alternating bits a bit apart.
+
+    Examples
+    --------
+    >>> print(f"{pulse_height(100, '0' * 16):.2f} V, {pulse_height(100, '01' * 8):.2f} V")
+    2.46 V, 2.34 V
+    """
+    segment = straight_line(length, slaves=(place,), terminator=terminator)
+    t, u = segment.signals(bits, start=0)
+    end = 2 * len(bits) * HALF_BIT
+    return float(np.abs(u[..., (t > 0.4 * end) & (t < 0.8 * end)]).max())
+
+
+@check("icn2007-033", counter={"length": 1000.0})
+def signal_suits_cable(*, length: float = 100.0) -> bool:
+    """Whether nine tenths of a request's energy arrive at the matched end of the cable."""
+    return arriving_share(length) > 0.9
+
+
+def arriving_share(length: float, *, cable: Cable = CABLES["as-i"]) -> float:
+    """Return which share of the energy of the example's request a matched cable passes on.
+
+    Examples
+    --------
+    >>> print(f"{arriving_share(100):.1%}")
+    94.2%
+    """
+    s = 2j * np.pi * FREQUENCIES
+    energy = np.abs(s * send_spectrum(s, Request.data_exchange(21, 0xE).bits)) ** 2
+    passed = np.exp(-2 * cable.propagation(s).real * length)
+    return float((passed * energy).sum() / energy.sum())
+
+
+@check("icn2007-051", counter={"pulse": "rectangle"})
+def narrow_band(*, pulse: str = "sin2") -> bool:
+    """Whether less than a thousandth of the energy lies above the band, 667 kHz."""
+    return share_above(2 / HALF_BIT, pulse=pulse) < 1e-3
+
+
+def share_above(frequency: float, *, pulse: str = "sin2") -> float:
+    """Return which share of the energy of the example's request lies above a frequency.
+
+    Parameters
+    ----------
+    frequency : float
+        Frequency [Hz].
+    pulse : {"sin2", "half sine", "rectangle"}, default "sin2"
+        Form of the pulses, all a half-bit long.
+
+    Examples
+    --------
+    >>> print(f"{share_above(667e3):.2%}, {share_above(667e3, pulse='rectangle'):.1%}")
+    0.07%, 7.1%
+    """
+    x = FREQUENCIES * HALF_BIT
+    shape = {
+        "sin2": np.abs(ramp_spectrum(2j * np.pi * FREQUENCIES)),
+        "half sine": np.abs(np.cos(np.pi * x) / (1 - (2 * x) ** 2)),
+        "rectangle": np.abs(np.sinc(x)),
+    }[pulse]
+    steps = steps_of(Request.data_exchange(21, 0xE).bits)
+    code = steps @ np.exp(-2j * np.pi * np.outer(np.arange(steps.size), x))
+    energy = np.abs(shape * code) ** 2
+    return float(energy[FREQUENCIES > frequency].sum() / energy.sum())

@@ -1,0 +1,1 @@
+"""Interactive tools: for each a pure `update`, which computes, and a thin view of widgets."""

@@ -1,0 +1,53 @@
+"""The tools of notebooks/explore/ as web pages, moved by a browser."""
+
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+EXPLORE = Path(__file__).resolve().parents[2] / "notebooks" / "explore"
+LONG = 120_000  # ms; a kernel may start slowly on a busy machine
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    log = tmp_path_factory.mktemp("voila") / "log"
+    address = f"http://127.0.0.1:{port}"
+    command = [sys.executable, "-m", "voila", "--no-browser", f"--port={port}", str(EXPLORE)]
+    with log.open("wb") as out, subprocess.Popen(command, stdout=out, stderr=out) as server:
+        try:
+            for _ in range(240):
+                assert server.poll() is None, log.read_text()
+                try:
+                    urllib.request.urlopen(f"{address}/voila/tree", timeout=5).close()
+                    break
+                except (urllib.error.URLError, ConnectionError):
+                    time.sleep(0.25)
+            else:
+                pytest.fail(f"Voila does not answer: {log.read_text()}")
+            yield address
+        finally:
+            server.terminate()
+
+
+def test_the_line_explorer_follows_its_sliders(browser, app):
+    page = browser.new_page()
+    page.goto(f"{app}/voila/render/asi_line.ipynb", timeout=LONG)
+    verdict = page.locator(".widget-html-content b")
+    verdict.filter(has_text="read 0011001").wait_for(timeout=LONG)
+    length = page.locator(".noUi-handle").first
+    length.focus()
+    for _ in range(20):
+        length.press("ArrowRight")
+    verdict.filter(has_text="InformationError").wait_for(timeout=LONG)
+    page.get_by_label("100 ohm at the end").check()
+    verdict.filter(has_text="read 0011001").wait_for(timeout=LONG)
+    page.close()
