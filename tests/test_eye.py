@@ -4,12 +4,12 @@ import pytest
 from shipnet.asi.apm import as_bits, pulses_of
 from shipnet.asi.eye import eye
 from shipnet.asi.receiver import receive
-from shipnet.asi.response import Response
+from shipnet.asi.response import RESPONSES
 from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError
 from shipnet.papers.kim2023.tolerances import train_of
 
-WORDS = as_bits([Response(data).bits for data in range(16)])
+WORDS = as_bits(RESPONSES)
 
 
 def test_ideal_pulses_lie_on_each_other():

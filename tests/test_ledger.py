@@ -274,6 +274,10 @@ def test_every_module_of_a_paper_is_found():
     assert functions == modules
 
 
+#: Two figures named at once.
+SEVERAL = re.compile(r"Figs ([\w.-]+) and ([\w.-]+)")
+
+
 def test_figures_and_tables():
     assert len(FIGURES) == 72
     assert not FIGURES.duplicated(["paper", "item"]).any()
@@ -283,4 +287,5 @@ def test_figures_and_tables():
     for row in FIGURES[FIGURES["notebook"] != ""].itertuples():
         assert row.treatment != "not reproducible"
         text = (ROOT / "notebooks" / row.notebook).read_text(encoding="utf-8")
-        assert re.search(rf"\b{row.item}\b", text.replace("Figs", "Fig")), f"{row.paper} {row.item}"
+        for item in row.item.replace("/", "/Fig ").split("/"):
+            assert re.search(rf"\b{item}\b", SEVERAL.sub(r"Fig \1 and Fig \2", text)), row.item

@@ -5,10 +5,15 @@ from matplotlib.figure import Figure
 
 from shipnet import datasets, style
 from shipnet.asi import IO_CONFIGURATIONS, Request, Response, Transaction
-from shipnet.asi.plot import plot_io_codes, plot_telegram, plot_transaction
+from shipnet.asi.apm import pulses_of
+from shipnet.asi.eye import eye
+from shipnet.asi.plot import plot_eye, plot_io_codes, plot_telegram, plot_transaction
+from shipnet.asi.topology import straight_line
 from shipnet.design.plot import plot_asi, plot_hardwired
 from shipnet.errors import ArgumentError, LengthError
 from shipnet.papers import counts
+from shipnet.papers.icn2007.plot import plot_bits_and_pulses, plot_heights, plot_margins
+from shipnet.papers.kim2023.tolerances import train_of
 from shipnet.papers.plot import plot_counts
 
 IOLIST = datasets.read("synthetic_iolist_valves.csv")
@@ -122,3 +127,37 @@ def test_style_is_one_for_all():
         style.use()
         assert mpl.rcParams["figure.figsize"] == [6.4, 3.2]
         assert mpl.rcParams["axes.grid"] is True
+
+
+def test_an_eye_draws_every_half_bit_and_the_tolerances(ax):
+    u = train_of(2 * pulses_of(["0011001", "0000001"]))
+    opened = eye(u, 250e-9, ["0011001", "0000001"])
+    plot_eye(opened, ax=ax)
+    drawn = [line for line in ax.lines if len(line.get_xdata()) == len(opened.t)]
+    assert len(drawn) == len(opened.pulses) + len(opened.gaps)
+    assert drawn[0].get_ydata() == pytest.approx(opened.pulses[0])
+    levels = [line.get_ydata()[0] for line in ax.lines[-3:]]
+    assert levels == [0.65, 0.30, -0.30]
+    assert ax.get_xlabel() == "time from the middle [us]"
+
+
+def test_bits_and_pulses_share_their_time():
+    axes = Figure().subplots(3, 1, sharex=True)
+    t, u = straight_line(100, slaves=(5,)).signals("0011001", start=0, duration=51.2e-6)
+    plot_bits_and_pulses("0011001", t, u[0, 0], axes=axes)
+    assert "".join(texts(axes[0])) == "0011001"
+    assert axes[1].lines[0].get_ydata().max() == pytest.approx(60)
+    assert axes[2].lines[0].get_ydata() == pytest.approx(u[0, 0])
+    assert axes[2].get_xlabel() == "time [us]"
+
+
+def test_heights_and_margins_are_drawn_as_given(ax):
+    plot_heights([10, 20], {("near", "open"): [1, 2], ("near", "100 ohm"): [3, 4]}, ax=ax)
+    assert [line.get_ydata().tolist() for line in ax.lines] == [[1, 2], [3, 4]]
+    assert ["near, open", "near, 100 ohm"] == texts(ax)
+    ax.clear()
+    plot_margins([10, 20], {"open": (np.array([0.9, 0.8]), np.array([0.1, 0.2]))}, ax=ax)
+    assert ax.lines[0].get_ydata().tolist() == [90, 80]
+    assert ax.lines[1].get_ydata().tolist() == [10, 20]
+    assert [line.get_ydata()[0] for line in ax.lines[2:4]] == [65, 30]
+    assert "ringing at most 30%" in texts(ax)

@@ -9,7 +9,7 @@ from shipnet.asi.frame import RESPONSE_BITS, frame, information_of
 from shipnet.asi.profile import describe_io_configuration, describe_status
 from shipnet.errors import ArgumentError, check_whole
 
-__all__ = ["Response"]
+__all__ = ["RESPONSES", "Response"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,3 +101,7 @@ class Response:
         6
         """
         return cls(int(information_of(bits, RESPONSE_BITS, "response"), 2), call)
+
+
+#: The bits of all 16 responses.
+RESPONSES = tuple(Response(data).bits for data in range(16))

@@ -219,6 +219,13 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     -------
     matplotlib.axes.Axes
         The axes given; x is in microseconds from the start of the answer.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> ax = draw(update(Inputs()), ax=Figure().subplots())
+    >>> [line.get_label() for line in ax.lines[:4]]
+    ['on the line', 'behind the filter', 'pulse', 'none']
     """
     found = result.reception
     ax.plot(result.t * 1e6, result.u, color="0.6", linewidth=1, label="on the line")
@@ -245,6 +252,12 @@ def explorer() -> widgets.VBox:
     -------
     ipywidgets.VBox
         To be shown as the last value of a notebook's cell.
+
+    Examples
+    --------
+    >>> sliders, verdict, figure = explorer().children
+    >>> "read 0011001" in verdict.value
+    True
     """
     wide = {"style": {"description_width": "9em"}, "layout": {"width": "30em"}}
     controls = {

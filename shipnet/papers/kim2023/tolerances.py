@@ -7,18 +7,15 @@ import numpy.typing as npt
 
 from shipnet.asi.apm import HALF_BIT, as_bits, pulses_of
 from shipnet.asi.receiver import receive, within_tolerance
-from shipnet.asi.response import Response
+from shipnet.asi.response import RESPONSES
 from shipnet.asi.segment import DEVICE, Segment
 from shipnet.asi.topology import straight_line
 from shipnet.line import CABLES, Cable, Network
 from shipnet.papers.registry import check
 
-__all__ = ["RESPONSES", "train_of"]
+__all__ = ["train_of"]
 
 Floats = npt.NDArray[np.float64]
-
-#: All responses.
-RESPONSES = as_bits([Response(data).bits for data in range(16)])
 
 #: Sampling interval of the trains [s].
 STEP = 250e-9
@@ -58,7 +55,7 @@ def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
     With the first pulse as the largest and as the smallest, and both ends of the range of the
     comparator, 45 % to 55 % of the first pulse.
     """
-    sent = RESPONSES
+    sent = as_bits(RESPONSES)
     low = np.full((2, 14), 1 - difference)
     low[0, 1], low[1, 2:] = 1, 1
     u = train_of(2 * pulses_of(sent)[:, np.newaxis] * low)
@@ -73,7 +70,7 @@ def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
     The first pulse, by which the receiver sets its threshold, is the smallest that the other
     tolerance allows, 65 % of the largest.
     """
-    sent = RESPONSES
+    sent = as_bits(RESPONSES)
     pulses = np.pad(pulses_of(sent), ((0, 0), (0, 2))).astype(float)
     swing = overshoot * (-1.0) ** np.arange(pulses.shape[1])
     heights = np.where(pulses != 0, pulses, np.stack([swing, -swing])[:, np.newaxis])
@@ -87,7 +84,7 @@ def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
 def copes_with_open_end(*, length: float = 100.0) -> bool:
     """Whether all responses from along an unterminated cable stay within both tolerances."""
     segment = straight_line(length, slaves=(0.05 * length, 0.5 * length, length))
-    sent = RESPONSES
+    sent = as_bits(RESPONSES)
     heard = receive(segment.signals(sent, dt=STEP)[1], STEP, 7)
     return bool(within_tolerance(heard).all() and (heard.bits == sent).all())
 
@@ -105,6 +102,6 @@ def works_without(*, part: str = "conductor") -> bool:
     network.load(
         "slave", **{name: DEVICE[name] for name in DEVICE if (name, part) != ("l", "inductor")}
     )
-    sent = RESPONSES
+    sent = as_bits(RESPONSES)
     _, u = Segment(network, segment.master, ("slave",)).signals(sent, dt=STEP)
     return bool((receive(u[0], STEP, 7).error == 0).all())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from shipnet.asi.apm import levels_of, pulses_of, send_current
-from shipnet.asi.response import Response
+from shipnet.asi.response import RESPONSES, Response
 from shipnet.asi.topology import straight_line
 from shipnet.papers.registry import check
 
@@ -38,7 +38,7 @@ def zero_falls(*, zero: tuple[int, int] = (1, 0)) -> bool:
 @check("kim2023-088", "icn2007-009", counter={"sign": 1})
 def first_pulse(*, sign: int = -1) -> bool:
     """Whether the first pulse of every response has this sign, and belongs to the start bit."""
-    trains = pulses_of([Response(data).bits for data in range(16)])
+    trains = pulses_of(RESPONSES)
     return bool((trains[:, 0] == 0).all() and (trains[:, 1] == sign).all())
 
 

@@ -1,0 +1,116 @@
+"""Figures of icn2007's section 5."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+
+from shipnet import style
+from shipnet.asi.apm import HALF_BIT, levels_of, send_current
+from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE
+
+__all__ = ["plot_bits_and_pulses", "plot_heights", "plot_margins"]
+
+Floats = npt.NDArray[np.floating]
+
+
+def plot_bits_and_pulses(bits: str, t: Floats, u: Floats, *, axes: Sequence[Axes]) -> None:
+    """Draw bits with their levels, the send current and the voltage: Figs 7a and 7b.
+
+    Parameters
+    ----------
+    bits : str
+        The telegram.
+    t, u : ndarray of float, shape (n_t,)
+        Time from its start [s], and the voltage on the line [V].
+    axes : sequence of matplotlib.axes.Axes
+        Three axes with a common x.
+    """
+    levels = levels_of(bits)
+    edges = np.arange(levels.size + 1) * HALF_BIT * 1e6
+    axes[0].step(edges, [*levels, 1], where="post")
+    for place, bit in enumerate(bits):
+        middle = (2 * place + 1) * HALF_BIT * 1e6
+        axes[0].text(middle, 1.25, bit, ha="center", family="monospace")
+    axes[0].set(ylabel="level [1]", ylim=(-0.2, 1.7))
+    axes[1].plot(t * 1e6, 1e3 * send_current(t, bits), color="C1")
+    axes[1].set(ylabel="current [mA]")
+    axes[2].plot(t * 1e6, u, color="C2")
+    axes[2].set(ylabel="voltage [V]", xlabel="time [us]")
+
+
+def plot_heights(
+    lengths: npt.ArrayLike, height: Mapping[tuple[str, str], Sequence[float]], *, ax: Axes
+) -> Axes:
+    """Draw the height of pulses over the length of the cable.
+
+    Parameters
+    ----------
+    lengths : array_like of float, shape (n,)
+        Lengths [m].
+    height : mapping of (spacing, end) to sequence of float
+        Heights for each length [V]; the end ``"open"`` is drawn with a solid line.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; every line has its name at its right end.
+    """
+    lengths = np.asarray(lengths)
+    spacings = list(dict.fromkeys(spacing for spacing, _ in height))
+    for (spacing, end), volts in height.items():
+        line = "o-" if end == "open" else "--"
+        colour = f"C{spacings.index(spacing)}"
+        ax.plot(lengths, volts, line, color=colour, markersize=4)
+        ax.annotate(
+            f"{spacing}, {end}", (lengths[-1], volts[-1]), (4, 0),
+            textcoords="offset points", va="center",
+        )  # fmt: skip
+    ax.set(xlim=(0, 1.35 * lengths[-1]), ylim=(0, None))
+    ax.set(xlabel="length of the cable [m]", ylabel="pulse at the master [V]")
+    return ax
+
+
+def plot_margins(
+    lengths: npt.ArrayLike, margin: Mapping[str, tuple[Floats, Floats]], *, ax: Axes
+) -> Axes:
+    """Draw weakest pulse and ringing over the length of the cable, with their tolerances.
+
+    Parameters
+    ----------
+    lengths : array_like of float, shape (n,)
+        Lengths [m].
+    margin : mapping of str to tuple of ndarray
+        Name of the end, and for it the smallest pulse and the ringing over the largest pulse.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; y is in percent.
+    """
+    lengths = np.asarray(lengths)
+    for (end, rows), line in zip(margin.items(), ("-", "--", ":"), strict=False):
+        for values, colour, what in zip(
+            rows, ("C0", "C1"), ("weakest pulse", "ringing"), strict=True
+        ):
+            ax.plot(lengths, 100 * values, colour + line, label=f"{what}, {end}")
+    limit = style.LIMIT["color"]
+    for level, text in [
+        (AMPLITUDE_TOLERANCE, "pulses at least"),
+        (RINGING_TOLERANCE, "ringing at most"),
+    ]:
+        ax.axhline(100 * level, color=limit, linestyle=style.LIMIT["linestyle"])
+        ax.text(lengths[-1], 100 * level - 9, f"{text} {level:.0%}", color=limit, ha="right")
+    ax.axvline(100, color=style.PAPER["color"], linestyle=style.PAPER["linestyle"])
+    ax.text(102, 103, "icn2007: 100 m", color=style.PAPER["color"])
+    ax.set(xlabel="length of the cable [m]", ylabel="share of the largest pulse [%]")
+    ax.set_ylim(0, 112)
+    ax.legend(loc="center left", bbox_to_anchor=(1, 0.5))
+    return ax
