@@ -252,12 +252,6 @@ def explorer() -> widgets.VBox:
     -------
     ipywidgets.VBox
         To be shown as the last value of a notebook's cell.
-
-    Examples
-    --------
-    >>> sliders, verdict, figure = explorer().children
-    >>> "read 0011001" in verdict.value
-    True
     """
     wide = {"style": {"description_width": "9em"}, "layout": {"width": "30em"}}
     controls = {
