@@ -129,8 +129,8 @@ def transfer_cycles(
     if value_bit is not None:
         found = found[found["value_bit"] == value_bit]
     if found.empty:
-        known = sorted({f"{p} {d} {b} bit" for p, d, b in
-                        table[["profile", "direction", "value_bit"]].itertuples(index=False)})  # fmt: skip
+        columns = table[["profile", "direction", "value_bit"]]
+        known = [f"{name} {way} {bits} bit" for name, way, bits in columns.itertuples(index=False)]
         raise ArgumentError(
             f"profile is '{profile}' {direction}"
             f"{'' if value_bit is None else f' {value_bit} bit'}; known are {', '.join(known)}"

@@ -16,7 +16,14 @@ from shipnet.asi.frame import RESPONSE_BITS
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 
-__all__ = ["ADDRESSES", "ResponseTime", "cycle_time", "fastest_loop", "response_time", "update_time"]
+__all__ = [
+    "ADDRESSES",
+    "ResponseTime",
+    "cycle_time",
+    "fastest_loop",
+    "response_time",
+    "update_time",
+]
 
 #: Addresses that slaves can be given: five bits without address 0.
 ADDRESSES = 31
@@ -217,7 +224,7 @@ def response_time(
     transaction = Transaction() if transaction is None else transaction
     interval = _seconds("cycle", cycle)
     if not (interval > 0).all():
-        raise ArgumentError(f"cycle is {cycle} s; it must be positive")
+        raise ArgumentError(f"cycle is {cycle!r} s; it must be positive")
     shared = np.asarray(paired)
     if shared.dtype.kind != "b":
         raise ArgumentError(f"paired is {paired!r}; it must be True or False")
@@ -262,7 +269,7 @@ def fastest_loop(interval: npt.ArrayLike, *, samples: float = 20.0) -> float | F
     """
     time = _seconds("interval", interval)
     if not (time > 0).all():
-        raise ArgumentError(f"interval is {interval} s; it must be positive")
+        raise ArgumentError(f"interval is {interval!r} s; it must be positive")
     if not 0 < samples < np.inf:
         raise ArgumentError(f"samples is {samples}; it must be positive")
     return _plain(1 / (samples * time))
