@@ -153,12 +153,16 @@ def transfer_time(
 
     Parameters
     ----------
-    profile, channels, direction, value_bit, extra_rounds
+    profile : Profile or str
         As for `transfer_cycles`.
     cycle : float or array_like
         Cycle time of the line, positive [s].
+    channels : int, default 1
+        As for `transfer_cycles`.
     paired : bool, default False
         Whether the slave shares its address, and so is asked every second cycle.
+    direction, value_bit, extra_rounds
+        As for `transfer_cycles`.
 
     Returns
     -------

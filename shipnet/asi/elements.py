@@ -66,8 +66,16 @@ class _Checked:
                 unit, low, high = RANGES[field.name]
                 value = check_scalar(f"{field.name} of {self}", value, unit, low, high)
                 object.__setattr__(self, field.name, value)
-            elif field.name in ("node", "a", "b") and (not isinstance(value, str) or not value):
-                raise ArgumentError(f"a node is {value!r}; it must be a name, not empty")
+            elif field.name in ("node", "a", "b"):
+                _check_node(value)
+
+
+def _check_node(name: object) -> None:
+    # What a file could not give back is no name.
+    if not isinstance(name, str) or not name or name != name.strip() or not name.isprintable():
+        raise ArgumentError(
+            f"a node is {name!r}; it must be a printable name without blanks around it"
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,7 +32,7 @@ def evenly(length: float, n: int) -> list[float]:
     length : float
         Length of the cable [m].
     n : int
-        Number of places.
+        Number of places, 0 or more.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def evenly(length: float, n: int) -> list[float]:
     >>> evenly(100, 4)
     [25.0, 50.0, 75.0, 100.0]
     """
-    return [length * k / n for k in range(1, n + 1)]
+    return [length * (k / n) for k in range(1, n + 1)]
 
 
 def numbered(nodes: Sequence[str], *, current: float = CURRENT) -> list[Slave]:
