@@ -191,3 +191,10 @@ def test_a_repeater_in_the_middle_of_a_ring():
     )  # fmt: skip
     assert [segment.reach for segment in plan.segments] == [20, 30]
     assert (signal_quality(plan.segments[0]).received == 1).all()
+
+
+def test_slaves_at_one_node_hear_the_same_whatever_their_order():
+    twice = signal_quality(line(100, [80, 80, 5]).segments[0])
+    assert twice.level_least[0] == twice.level_least[1] > twice.level_least[2]
+    turned = signal_quality(line(100, [5, 80, 80]).segments[0])
+    assert turned.level_least.tolist() == twice.level_least[::-1].tolist()

@@ -292,6 +292,13 @@ def test_the_worst_row_of_each_rule():
     assert np.isnan(lost.loc["slave_voltage", "margin"])
 
 
+def test_what_cannot_be_computed_is_the_worst_of_all():
+    plan = chain(2)
+    found = worst(check(changed(plan, supplies=plan.supplies[:1])))
+    assert found.loc["slave_voltage", "object"] == "slave 2 at 2: 100 m"
+    assert np.isnan(found.loc["slave_voltage", "margin"])
+
+
 @pytest.mark.parametrize("wanted", [0, -1, float("nan"), float("inf")])
 def test_what_is_no_cycle_is_refused(wanted):
     with pytest.raises(ArgumentError, match="wanted_cycle is"):
