@@ -20,6 +20,7 @@ def loaded(statement):
         ("import shipnet.datasets", []),
         ("import shipnet.style", []),
         ("import shipnet.asi", ["numpy"]),
+        ("import shipnet.asi.network.file, shipnet.asi.network.rules", ["numpy"]),
         ("import shipnet.line", ["numpy"]),
         ("import shipnet.design", []),
         ("import shipnet.__main__", []),

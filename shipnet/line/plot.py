@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
@@ -9,7 +11,7 @@ from matplotlib.axes import Axes
 from shipnet.line.network import Network
 from shipnet.line.tree import rooted
 
-__all__ = ["plot_network", "plot_waveform"]
+__all__ = ["Layout", "layout", "plot_network", "plot_waveform"]
 
 
 def plot_waveform(
@@ -38,21 +40,42 @@ def plot_waveform(
     return ax
 
 
-def plot_network(network: Network, *, ax: Axes) -> Axes:
-    """Draw a network: lines to scale along x, loads as dots.
+class Layout(NamedTuple):
+    """Where the nodes of a network lie in a drawing.
+
+    Attributes
+    ----------
+    spot : ndarray of float, shape (n_nodes, 2)
+        Distance of each node from the first one along the cable [m], and its row, 0 and below.
+    strokes : list of ndarray of float, shape (2, 3)
+        Points of each line: x in the first row, y in the second.
+    closing : ndarray of float, shape (2, 4), or None
+        The same of the line that closes a ring.
+    """
+
+    spot: npt.NDArray[np.float64]
+    strokes: list[npt.NDArray[np.float64]]
+    closing: npt.NDArray[np.float64] | None
+
+    @property
+    def lowest(self) -> float:
+        """Lowest y that is drawn at."""
+        everything = [self.spot[:, 1], *([] if self.closing is None else [self.closing[1]])]
+        return float(np.concatenate(everything).min())
+
+
+def layout(network: Network) -> Layout:
+    """Place a network: lines to scale along x, branches in rows that do not cross.
 
     Parameters
     ----------
     network : Network
-        The network; it grows from its first node. Of a Monte Carlo, the mean lengths are drawn.
-    ax : matplotlib.axes.Axes
-        Where to draw.
+        The network; it grows from its first node. Of a Monte Carlo, the mean lengths count.
 
     Returns
     -------
-    matplotlib.axes.Axes
-        The axes given; x is the distance from the first node along the cable. The longest way
-        goes straight on at every node; the line that closes a ring is dashed.
+    Layout
+        The longest way goes straight on at every node.
     """
     tree = rooted(network, next(iter(network.nodes), ""))
     count = len(tree.order)
@@ -75,20 +98,46 @@ def plot_network(network: Network, *, ax: Axes) -> Axes:
         ahead = sorted(children[place], key=lambda child: reach[child] + x[child], reverse=True)
         waiting += [(child, int(child != ahead[0])) for child in reversed(ahead)]
 
+    strokes = []
     for place in range(1, count):
         near = tree.parent[place]
-        ax.plot([x[near], x[near], x[place]], [row[near], row[place], row[place]], color="C0")
+        stroke = [[x[near], x[near], x[place]], [row[near], row[place], row[place]]]
+        strokes.append(np.array(stroke, dtype=float))
+    closing = None
     if network.ring is not None:
         a, b = (tree.order.index(network.index(end)) for end in network.ring[:2])
-        lowest -= 1
-        ax.plot([x[a], x[a], x[b], x[b]], [row[a], lowest, lowest, row[b]], color="C0", ls="--")
+        below = lowest - 1
+        closing = np.array([[x[a], x[a], x[b], x[b]], [row[a], below, below, row[b]]], dtype=float)
+    spot = np.empty((count, 2))
+    spot[tree.order] = np.transpose([x, row])
+    return Layout(spot, strokes, closing)
+
+
+def plot_network(network: Network, *, ax: Axes) -> Axes:
+    """Draw a network: lines to scale along x, loads as dots.
+
+    Parameters
+    ----------
+    network : Network
+        The network; it grows from its first node. Of a Monte Carlo, the mean lengths are drawn.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; x is the distance from the first node along the cable. The longest way
+        goes straight on at every node; the line that closes a ring is dashed.
+    """
+    placed = layout(network)
+    for stroke in placed.strokes:
+        ax.plot(*stroke, color="C0")
+    if placed.closing is not None:
+        ax.plot(*placed.closing, color="C0", ls="--")
     loaded = np.asarray(network.shunts().any(axis=(0, 2)))
-    for place, node in enumerate(tree.order):
-        filled = "C0" if loaded[node] else "white"
-        ax.plot(x[place], row[place], "o", color="C0", markerfacecolor=filled, markersize=5)
-        ax.annotate(
-            network.nodes[node], (x[place], row[place]), (0, 6), textcoords="offset points",
-            ha="center", fontsize=8,
-        )  # fmt: skip
-    ax.set(xlabel="distance along the cable [m]", yticks=[], ylim=(lowest - 0.6, 0.8))
+    for name, spot, filled in zip(network.nodes, placed.spot, loaded, strict=True):
+        face = "C0" if filled else "white"
+        ax.plot(*spot, "o", color="C0", markerfacecolor=face, markersize=5)
+        ax.annotate(name, tuple(spot), (0, 6), textcoords="offset points", ha="center", fontsize=8)
+    ax.set(xlabel="distance along the cable [m]", yticks=[], ylim=(placed.lowest - 0.6, 0.8))
     return ax

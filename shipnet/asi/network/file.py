@@ -1,0 +1,331 @@
+"""Plans as CSV files that a spreadsheet can write: one row an element.
+
+    kind,node,to,length_m,cable,address,profile,current_ma,voltage_v,rating_a
+    master,bridge,,,,,,,,
+    supply,bridge,,,,,,,30,4
+    cable,bridge,deck,60,as-i 1.5,,,,,
+    slave,deck,,,,12A,S-0.A,20,,
+
+A cell that its kind of row does not know stays empty; a cell that may be left empty takes the
+default of its element. Columns may come in any order and be left out if no row needs them. `note` is for remarks, which are not kept.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable
+from decimal import Decimal
+from itertools import zip_longest
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from shipnet.asi.network.cables import cable_types
+from shipnet.asi.network.elements import (
+    RANGES,
+    CableRun,
+    Element,
+    Master,
+    Repeater,
+    Slave,
+    Supply,
+    Terminator,
+)
+from shipnet.asi.network.plan import Plan, structure_faults
+from shipnet.asi.profile import Profile
+from shipnet.errors import ArgumentError, InputError
+
+__all__ = ["COLUMNS", "load_plan", "save_plan"]
+
+
+class _Number(NamedTuple):
+    """A column of numbers: the quantity it holds, and the power of ten of its unit."""
+
+    quantity: str
+    power: int = 0
+
+
+_NUMBERS = {
+    "length_m": _Number("length"),
+    "current_ma": _Number("current", -3),
+    "voltage_v": _Number("voltage"),
+    "rating_a": _Number("rating"),
+    "delay_us": _Number("delay", -6),
+    "resistance_ohm": _Number("resistance"),
+}
+
+_PREFIX = {0: "", -3: "m", -6: "u"}
+
+#: Kinds of row: what is made of it, and the column of each of its arguments; those that must not
+#: be empty first.
+_KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]] = {
+    "master": (Master, {"node": "node"}, {"current": "current_ma"}),
+    "supply": (Supply, {"node": "node"}, {"voltage": "voltage_v", "rating": "rating_a"}),
+    "cable": (CableRun, {"a": "node", "b": "to", "length": "length_m"}, {"cable": "cable"}),
+    "repeater": (
+        Repeater,
+        {"a": "node", "b": "to"},
+        {"delay": "delay_us", "current": "current_ma"},
+    ),
+    "terminator": (Terminator, {"node": "node"}, {"resistance": "resistance_ohm"}),
+    "slave": (
+        Slave,
+        {"node": "node", "address": "address"},
+        {"profile": "profile", "current": "current_ma"},
+    ),
+}
+
+#: Columns of a plan file, in the order in which they are written.
+COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "current_ma",
+           "voltage_v", "rating_a", "delay_us", "resistance_ohm")  # fmt: skip
+
+_IS_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
+
+#: Most bytes of a file that are read.
+_LARGEST = 2**24
+
+
+def load_plan(path: str | PathLike[str]) -> Plan:
+    """Read a plan from a CSV file.
+
+    Parameters
+    ----------
+    path : path
+        File with a row of column titles, upper or lower case, and one row an element. Separated
+        by commas, semicolons or tabs; with semicolons or tabs a decimal comma is understood.
+        UTF-8 with or without a mark, UTF-16 with a mark, or Windows-1252. Blank rows are skipped.
+
+    Returns
+    -------
+    Plan
+        The elements in the order of their rows.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or does not describe a network: every fault with its row,
+        column and value, and what was expected.
+
+    Examples
+    --------
+    >>> from shipnet import datasets
+    >>> plan = load_plan(datasets.path("synthetic_asi_plan_300m.csv"))
+    >>> len(plan.slaves), [f"{segment.length:.0f} m" for segment in plan.segments]
+    (62, ['100 m', '100 m', '100 m'])
+    """
+    file = Path(path)
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(_LARGEST + 1)
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read: {error.strerror or error}") from None
+    if len(data) > _LARGEST:
+        raise InputError(str(path), f"is larger than {_LARGEST} bytes; expected a plan")
+    return _parse(str(path), _text(str(path), data))
+
+
+def save_plan(plan: Plan, path: str | PathLike[str]) -> None:
+    """Write a plan as a CSV file, from which `load_plan` makes the same plan.
+
+    Parameters
+    ----------
+    plan : Plan
+        What to write.
+    path : path
+        File, in an existing folder; it is overwritten.
+
+    Returns
+    -------
+    None
+        Numbers are written with all digits that tell them apart.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from shipnet.asi.network.structures import line
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_plan(line(100, [100]), Path(folder) / "plan.csv")
+    ...     load_plan(Path(folder) / "plan.csv") == line(100, [100])
+    True
+    """
+    used = [column for column in COLUMNS if any(column in _row(element) for element in plan)]
+    with Path(path).open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, used, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(_row(element) for element in plan)
+
+
+def _row(element: Element) -> dict[str, str]:
+    kind, (_, needed, optional) = next(
+        (name, rule) for name, rule in _KINDS.items() if rule[0] is type(element)
+    )
+    row = {"kind": kind}
+    for argument, column in (needed | optional).items():
+        value = getattr(element, argument)
+        if column in _NUMBERS:
+            # Shifting the point of the shortest decimal leaves it the same number, to the bit.
+            shifted = Decimal(repr(value)).scaleb(-_NUMBERS[column].power)
+            row[column] = f"{shifted.normalize():f}"
+        else:
+            row[column] = element.label if column == "address" else str(value)  # type: ignore[union-attr]
+    return row
+
+
+def _text(file: str, data: bytes) -> str:
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        text = data.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("cp1252", errors="replace")
+    if "\0" in text:
+        raise InputError(file, "is not text: it holds zero bytes; expected a CSV file")
+    return text
+
+
+def _parse(file: str, text: str) -> Plan:
+    lines = text.splitlines(keepends=True)
+    # A spreadsheet may have told itself the separator in a line of its own.
+    above = 1 if lines and re.fullmatch(r"sep=.\s*", lines[0]) else 0
+    while above < len(lines) and not lines[above].strip(' ,;\t"\r\n'):
+        above += 1
+    if above == len(lines):
+        raise InputError(file, "is empty; expected a row of column titles and one row an element")
+    separator = max(";\t,", key=lines[above].count)
+    try:
+        (top, titles), *table = _rows(lines, above, separator)
+    except csv.Error as error:
+        raise InputError(file, f"is no CSV file: {error}") from None
+    columns = [title.lower() or f"#{n}" for n, title in enumerate(titles, start=1)]
+    faults = _title_faults(top, columns)
+    if faults:
+        raise InputError(file, *faults)
+    elements: list[Element] = []
+    rows: dict[int, int] = {}
+    faulty_cables = False
+    comma = separator != "," and any(
+        "," in cell
+        for _, row in table
+        for column, cell in zip(columns, row, strict=False)
+        if column in _NUMBERS
+    )
+    for number, row in table:
+        if any(row[len(columns) :]):
+            faults.append(f"row {number} has {len(row)} cells; expected {len(columns)}")
+            faulty_cables = True
+            continue
+        cells = dict(zip_longest(columns, row[: len(columns)], fillvalue=""))
+        element, wrong = _element(cells, "," if comma else ".")
+        faults += [f"row {number}, {fault}" for fault in wrong]
+        if element is not None:
+            rows[id(element)] = number
+            elements.append(element)
+        else:
+            # What is of no known kind may have been meant as a cable.
+            faulty_cables |= cells["kind"].lower() not in _KINDS.keys() - {"cable"}
+    # With a cable missing, what hangs on it would look loose.
+    if not faulty_cables:
+        if not any(isinstance(element, CableRun) for element in elements):
+            faults.append("has no row of kind cable; expected at least one")
+        else:
+            found = structure_faults(elements)
+            faults += [f"row {rows[id(element)]}: {fault}" for element, fault in found]
+    if faults:
+        raise InputError(file, *faults)
+    return Plan(
+        [e for e in elements if isinstance(e, CableRun)],
+        [e for e in elements if isinstance(e, Master)],
+        [e for e in elements if isinstance(e, Supply)],
+        [e for e in elements if isinstance(e, Slave)],
+        [e for e in elements if isinstance(e, Repeater)],
+        [e for e in elements if isinstance(e, Terminator)],
+    )
+
+
+def _rows(lines: list[str], above: int, separator: str) -> list[tuple[int, list[str]]]:
+    """Return the rows that are not blank, each with its number in the file."""
+    reader = csv.reader(lines[above:], delimiter=separator)
+    rows = ((above + reader.line_num, [cell.strip() for cell in row]) for row in reader)
+    return [(number, row) for number, row in rows if any(row)]
+
+
+def _title_faults(row: int, columns: list[str]) -> list[str]:
+    faults = [
+        f"row {row}, column {place}: title {name!r} is unknown; expected one of "
+        f"{', '.join(COLUMNS)}, note"
+        for place, name in enumerate(columns, start=1)
+        if name not in (*COLUMNS, "note") and not name.startswith("#")
+    ]
+    twice = sorted({name for name in columns if columns.count(name) > 1})
+    faults += [f"row {row}: title {name!r} stands twice" for name in twice]
+    missing = [name for name in ("kind", "node") if name not in columns]
+    return faults + [f"row {row}: no column {name}" for name in missing]
+
+
+def _element(cells: dict[str, str], point: str) -> tuple[Element | None, list[str]]:
+    """Make an element of a row, or say all that keeps it from being one."""
+    name = cells["kind"].lower()
+    if name not in _KINDS:
+        return None, [f"column kind: {cells['kind']!r}; expected one of {', '.join(_KINDS)}"]
+    make, needed, optional = _KINDS[name]
+    faults = []
+    arguments: dict[str, Any] = {}
+    for argument, column in (needed | optional).items():
+        cell = cells.get(column, "")
+        if not cell:
+            if argument in needed:
+                faults.append(f"column {column}: is empty; a {name} needs it")
+            continue
+        try:
+            arguments |= _read(argument, column, cell, point)
+        except ArgumentError as expected:
+            faults.append(f"column {column}: {cell!r}; expected {expected}")
+    known = {"kind", "note", *needed.values(), *optional.values()}
+    faults += [
+        f"column {column}: {cell!r}; expected nothing, a {name} has no {column}"
+        for column, cell in cells.items()
+        if cell and column not in known
+    ]
+    if faults:
+        return None, faults
+    try:
+        return make(**arguments), []
+    except ArgumentError as fault:
+        return None, [str(fault)]
+
+
+def _read(argument: str, column: str, cell: str, point: str) -> dict[str, Any]:
+    """Return the argument that a cell holds; the error says what was expected."""
+    if column in _NUMBERS:
+        return {argument: _number(column, cell, point)}
+    if column == "address":
+        found = re.fullmatch(r"([0-9]{1,2})([ABab]?)", cell)
+        if not found or int(found[1]) > 31:
+            raise ArgumentError("0 to 31, with A or B behind it for a slave that shares it")
+        return {"address": int(found[1]), "half": found[2].upper() or None}
+    if column == "profile":
+        try:
+            return {argument: Profile.parse(cell)}
+        except ArgumentError:
+            raise ArgumentError("a profile such as S-7.A.E or S-0.F") from None
+    if column == "cable" and cell not in cable_types():
+        raise ArgumentError(f"one of {', '.join(cable_types())}")
+    return {argument: cell}
+
+
+def _number(column: str, cell: str, point: str) -> float:
+    quantity, power = _NUMBERS[column]
+    base, low, high = RANGES[quantity]
+    legal = f"a number {low * 10**-power:g}..{high * 10**-power:g} {_PREFIX[power]}{base}"
+    other = "," if point == "." else "."
+    if other in cell:
+        raise ArgumentError(f"{legal}, with a decimal {'point' if point == '.' else 'comma'}")
+    text = cell.replace(",", ".")
+    if not _IS_NUMBER.fullmatch(text):
+        raise ArgumentError(legal)
+    value = float(Decimal(text).scaleb(power))
+    if not low <= value <= high:
+        raise ArgumentError(legal)
+    return value
