@@ -7,7 +7,8 @@
     slave,deck,,,,12A,S-0.A,20,,
 
 A cell that its kind of row does not know stays empty; a cell that may be left empty takes the
-default of its element. Columns may come in any order and be left out if no row needs them. `note` is for remarks, which are not kept.
+default of its element. Columns may come in any order and be left out if no row needs them.
+`note` is for remarks, which are not kept.
 """
 
 from __future__ import annotations
