@@ -1,6 +1,6 @@
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from shipnet.asi.receiver import matched_filter
 from shipnet.errors import ArgumentError, SilenceError
@@ -63,7 +63,7 @@ def test_a_value_out_of_range_is_named(field, value, message):
 
 
 def test_the_figure_shows_line_filter_and_slots():
-    _, ax = plt.subplots()
+    ax = Figure().subplots()
     result = update(Inputs(length=150))
     draw(result, ax=ax)
     raw, filtered, pulses, gaps = ax.lines[:4]
@@ -75,7 +75,6 @@ def test_the_figure_shows_line_filter_and_slots():
     assert np.abs(pulses.get_ydata()).min() > ax.lines[4].get_ydata()[0]
     assert ax.get_xlabel() == "time [us]"
     draw(update(Inputs(noise=10)), ax=ax)
-    plt.close("all")
 
 
 def test_the_sliders_start_where_the_inputs_do():
@@ -85,6 +84,8 @@ def test_the_sliders_start_where_the_inputs_do():
     values = [getattr(inputs, name) for name in inputs.__slots__]
     assert [row.value for row in rows] == values
     assert "read 0011001" in box.children[1].value
+    before = box.children[2].value
+    assert before.startswith(b"\x89PNG")
     rows[0].value = 200
     assert "InformationError" in box.children[1].value
-    plt.close("all")
+    assert box.children[2].value != before

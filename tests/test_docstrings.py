@@ -44,9 +44,7 @@ def test_a_function_documents_its_interface(function):
     documented = [name.strip(" *") for entry in doc["Parameters"] for name in entry.name.split(",")]
     assert documented == list(signature.parameters)
     assert doc["Returns"] or signature.return_annotation in (None, "None")
-    # A view of widgets shows in a notebook only.
-    view = function.__name__ == "explorer"
-    assert doc["Examples"] or function.__module__.endswith(NO_EXAMPLE) or view
+    assert doc["Examples"] or function.__module__.endswith(NO_EXAMPLE)
 
 
 def test_no_file_is_longer_than_one_idea():

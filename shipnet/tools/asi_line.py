@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import BytesIO
 from types import MappingProxyType
 
 import ipywidgets as widgets
-import matplotlib.pyplot as plt
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from shipnet import style
 from shipnet.asi.apm import HALF_BIT
@@ -222,7 +223,6 @@ def draw(result: Result, *, ax: Axes) -> Axes:
 
     Examples
     --------
-    >>> from matplotlib.figure import Figure
     >>> ax = draw(update(Inputs()), ax=Figure().subplots())
     >>> [line.get_label() for line in ax.lines[:4]]
     ['on the line', 'behind the filter', 'pulse', 'none']
@@ -252,6 +252,12 @@ def explorer() -> widgets.VBox:
     -------
     ipywidgets.VBox
         To be shown as the last value of a notebook's cell.
+
+    Examples
+    --------
+    >>> sliders, verdict, picture = explorer().children
+    >>> "read 0011001" in verdict.value
+    True
     """
     wide = {"style": {"description_width": "9em"}, "layout": {"width": "30em"}}
     controls = {
@@ -265,21 +271,27 @@ def explorer() -> widgets.VBox:
         "data": widgets.IntSlider(6, min=0, max=15, description="data", **wide),
         "seed": widgets.IntSlider(0, min=0, max=99, description="try", **wide),
     }
-    verdict, figure = widgets.HTML(), widgets.Output()
+    verdict, picture = widgets.HTML(), widgets.Image(format="png")
 
-    def show(**values: object) -> None:
-        result = update(Inputs(**values))  # type: ignore[arg-type]
+    def show(_change: object = None) -> None:
+        result = update(Inputs(**{name: control.value for name, control in controls.items()}))
         colour = "#1a7f4b" if result.read == result.sent else style.LIMIT["color"]
         facts = "<br>".join(f"{name}: {text}" for name, text in result.numbers.items())
         verdict.value = f'<b style="color: {colour}">{result.verdict}</b><br>{facts}'
-        with figure:
-            figure.clear_output(wait=True)
-            _, ax = plt.subplots(figsize=(7.5, 3.6))
-            draw(result, ax=ax)
-            plt.show()
+        picture.value = _png(result)
 
-    widgets.interactive_output(show, controls)
+    for control in controls.values():
+        control.observe(show, "value")
+    show()
     rows = list(controls.values())
     return widgets.VBox(
-        [widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])]), verdict, figure]
+        [widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])]), verdict, picture]
     )
+
+
+def _png(result: Result) -> bytes:
+    figure = Figure(figsize=(7.5, 3.6), layout="constrained")
+    draw(result, ax=figure.subplots())
+    picture = BytesIO()
+    figure.savefig(picture, format="png", dpi=100)
+    return picture.getvalue()

@@ -36,6 +36,7 @@ def app(tmp_path_factory):
             yield address
         finally:
             server.terminate()
+            print(log.read_text())
 
 
 def test_the_line_explorer_follows_its_sliders(browser, app):
