@@ -84,8 +84,8 @@ def test_the_sliders_start_where_the_inputs_do():
     values = [getattr(inputs, name) for name in inputs.__slots__]
     assert [row.value for row in rows] == values
     assert "read 0011001" in box.children[1].value
-    before = box.children[2].value
+    before = bytes(box.children[2].value)
     assert before.startswith(b"\x89PNG")
     rows[0].value = 200
     assert "InformationError" in box.children[1].value
-    assert box.children[2].value != before
+    assert bytes(box.children[2].value) != before
