@@ -39,7 +39,7 @@ def noise_error_rate(
     r"""Return the error rate in white noise that theory expects.
 
     .. math:: P = 1 - (1 - P_0) \int_{u_{min}}^\infty \varphi\left(\frac{r - h_1}{\sigma}\right)
-              \prod_j \bigl(1 - p_j(r)\bigr) \frac{dr}{\sigma}, \qquad
+              \prod_j \left(1 - p_j(r)\right) \frac{dr}{\sigma}, \qquad
               p_j = \begin{cases}
               Q\left((h_j - \theta r) / \sigma\right) & \text{a pulse} \\
               Q\left((\theta r - h_j) / \sigma\right) + Q\left((\theta r + h_j) / \sigma\right)
