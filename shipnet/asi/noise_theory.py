@@ -8,8 +8,8 @@ from scipy import special
 
 from shipnet.asi.apm import HALF_BIT
 from shipnet.asi.disturbance import time_step
-from shipnet.asi.error_rate import Telegrams
-from shipnet.asi.receiver import MINIMUM, matched_filter, receive
+from shipnet.asi.error_rate import Telegrams, decided_on
+from shipnet.asi.receiver import MINIMUM, receive
 from shipnet.errors import ArgumentError
 
 __all__ = ["noise_error_rate"]
@@ -119,12 +119,13 @@ def _slots(
     """
     n_bits = telegrams.bits.shape[1]
     u = np.asarray(telegrams.u, dtype=float)
+    y = decided_on(u, dt, matched)
+    y = y - y.mean(axis=1, keepdims=True)
     received = receive(
-        u, dt, n_bits, matched=matched, window=0.0, threshold=threshold, minimum=minimum
+        y, dt, n_bits, matched=False, window=0.0, threshold=threshold, minimum=minimum
     )
     if received.error.any() or (received.bits != telegrams.bits).any():
         raise ArgumentError("telegrams must be received without an error when there is no noise")
-    y = matched_filter(u, dt) if matched else u - u.mean(axis=1, keepdims=True)
     peak = (received.start + 1.5 * HALF_BIT) / dt
     middle = np.rint(peak[:, np.newaxis] + HALF_BIT / dt * np.arange(2 * n_bits + 1)).astype(int)
     seen = np.take_along_axis(y, np.minimum(middle, y.shape[1] - 1), axis=1)
