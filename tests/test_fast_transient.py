@@ -38,7 +38,7 @@ def test_the_pulse_is_that_of_the_standard():
 
 
 def test_the_formula_of_the_standard_is_near():
-    # IEC 61000-4-4:2012, as quoted in the literature: a second route to rise, width and area.
+    # What IEC 61000-4-4 is said to print; its text was not read, but rise and width come out.
     x = (FINE / 3.5e-9) ** 1.8
     theirs = 0.92 * x / (1 + x) * np.exp(-FINE / 51e-9)
     theirs /= np.exp(-3.5 / 51 * (1.8 * 51 / 3.5) ** (1 / 1.8))

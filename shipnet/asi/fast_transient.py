@@ -66,8 +66,9 @@ def burst_pulse(t: npt.ArrayLike) -> Floats:
     Notes
     -----
     :math:`\tau_1` = 55.61 ns and :math:`\tau_2` = 3.291 ns are fitted to the nominal rise time of
-    5 ns and width of 50 ns; the standard tolerates 30 % of both. Its own formula has a power of
-    time in place of the second exponential, and 3 % less area.
+    5 ns and width of 50 ns; the standard tolerates 30 % of both. The formula that the standard is
+    said to print, with a power of time in place of the second exponential, has 3 % less area; its
+    text was not read.
 
     References
     ----------
