@@ -4,19 +4,24 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from shipnet.asi.disturbance import impulses, noise
+from shipnet.asi.emc.disturbance import conducted_rf, impulses, noise
+from shipnet.asi.emc.error_rate import all_telegrams, telegram_error_rate
+from shipnet.asi.emc.fast_transient import burst
+from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError
 
 DT = 250e-9
 T = np.arange(256) * DT
-ALL = [noise, impulses]
+ALL = [noise, impulses, partial(conducted_rf, frequency=200e3), partial(burst, rate=50e3)]
+NAMES = ["noise", "impulses", "conducted_rf", "burst"]
+each = pytest.mark.parametrize("make", ALL, ids=NAMES)
 
 
 def rng():
     return np.random.default_rng(2024)
 
 
-@pytest.mark.parametrize("make", ALL)
+@each
 def test_a_disturbance_has_a_row_a_telegram_and_follows_its_generator(make):
     u = make(T, 1.5, rng(), 7)
     assert u.shape == (7, T.size)
@@ -28,7 +33,7 @@ def test_a_disturbance_has_a_row_a_telegram_and_follows_its_generator(make):
     assert make(T, 1.5, rng()).shape == (1, T.size)
 
 
-@pytest.mark.parametrize("make", ALL)
+@each
 def test_a_disturbance_grows_with_its_amplitude(make):
     one = make(T, 1.0, rng(), 50)
     assert make(T, 2.5, rng(), 50) == pytest.approx(2.5 * one, rel=1e-12)
@@ -38,7 +43,7 @@ def test_a_disturbance_grows_with_its_amplitude(make):
     assert abs(many.sum()) < 0.1 * np.abs(many).sum()
 
 
-@pytest.mark.parametrize("make", ALL)
+@each
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -141,3 +146,67 @@ def test_several_impulses_add_up():
 def test_bad_impulses_are_named(change, message):
     with pytest.raises(ArgumentError, match=message):
         partial(impulses, **change)(T, 1.0, rng(), 3)
+
+
+def test_a_carrier_has_two_sidebands():
+    # 2 ms hold whole periods of 200 kHz and of 1 kHz, so that the lines stand alone.
+    t = np.arange(8000) * DT
+    u = conducted_rf(t, 3.0, rng(), 20, frequency=200e3, modulation=0.6)
+    lines = 2 * np.abs(np.fft.rfft(u)) / t.size
+    f = np.fft.rfftfreq(t.size, DT)
+    expected = np.zeros_like(f)
+    for frequency, height in ((200e3, 3.0), (199e3, 0.9), (201e3, 0.9)):
+        expected[np.abs(f - frequency).argmin()] = height
+    np.testing.assert_allclose(lines, np.tile(expected, (20, 1)), atol=1e-9)
+    assert np.abs(u).max(axis=1) == pytest.approx(3 * 1.6, rel=0.015)
+
+
+def test_a_carrier_without_modulation_is_a_sine_of_the_phase_given():
+    u = conducted_rf(T, 2.0, rng(), 3, frequency=333e3, modulation=0, phase=0.7)
+    np.testing.assert_allclose(u, [2 * np.sin(2 * np.pi * 333e3 * T + 0.7)] * 3, atol=1e-9)
+    slow = conducted_rf(T, 2.0, rng(), 3, frequency=333e3, phase=0.7)
+    np.testing.assert_allclose(np.sign(slow), np.sign(u))
+
+
+def test_a_telegram_meets_the_carrier_at_any_strength_and_phase():
+    u = conducted_rf(T, 1.0, rng(), 4000, frequency=200e3)
+    peak = np.abs(u).max(axis=1)
+    assert 0.2 < peak.min() < 0.3
+    assert 1.7 < peak.max() < 1.81
+    # 1 + 0.8 sin of an even phase: below x as often as the arcsine law says.
+    law = stats.arcsine(0.2, 1.6).cdf
+    assert stats.kstest(peak, law).statistic < 0.08
+    turned = np.angle(u @ np.exp(-2j * np.pi * 200e3 * T))
+    assert stats.kstest(turned, stats.uniform(-np.pi, 2 * np.pi).cdf).pvalue > 0.01
+    seen = np.corrcoef([peak, np.cos(turned), np.sin(turned)])
+    assert np.abs(seen[np.triu_indices(3, 1)]).max() < 0.06
+
+
+def test_a_carrier_in_a_zero_of_the_filter_does_no_harm():
+    # The filter of 3 us is blind at 667 kHz; at 200 kHz, amid the signal, 2.5 V do harm.
+    near = all_telegrams(straight_line(100, slaves=(5,)))
+    rates = {
+        frequency: telegram_error_rate(
+            near, partial(conducted_rf, frequency=frequency, f_mod=0), 2.5, 500, rng()
+        )["rate"][0]
+        for frequency in (200e3, 2 / 3e-6)
+    }
+    assert rates[200e3] > 0.5
+    assert rates[2 / 3e-6] == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"frequency": 2e6}, r"frequency is 2e\+06 Hz; .* below 2e\+06 Hz, half the sampling rate"),
+        ({"frequency": 1.9995e6}, "with its sideband it must lie below"),
+        ({"frequency": 0}, "frequency is 0 Hz"),
+        ({"frequency": np.nan}, "frequency is nan Hz"),
+        ({"modulation": 1.1}, "modulation is 1.1"),
+        ({"f_mod": 3e5}, "f_mod is 300000 Hz"),
+        ({"phase": np.inf}, "phase is inf rad"),
+    ],
+)
+def test_bad_carriers_are_named(change, message):
+    with pytest.raises(ArgumentError, match=message):
+        conducted_rf(T, 1.0, rng(), 3, **{"frequency": 2e5} | change)

@@ -59,7 +59,7 @@ def cycle_time(
 ) -> float | Floats:
     r"""Return the time in which the master asks every address once.
 
-    .. math:: T_c = \max\left(T_{min},\, (n_{alone} + n_{pairs} + m + i + k) \, T_{transaction}\right)
+    .. math:: T_c = \max\left(T_{min},\, (n_{alone} + n_{pairs} + m + i + k) \, T\right)
 
     Parameters
     ----------

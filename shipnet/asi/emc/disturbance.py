@@ -1,7 +1,7 @@
 """Disturbances as a receiver sees them: a voltage between both wires, to be added to telegrams.
 
-Every function here and in `shipnet.asi.fast_transient` has the form `Disturbance`: it takes times,
-amplitude, a random generator and the number of telegrams, and returns one row a telegram, each
+Every function here and in `fast_transient` has the form `Disturbance`: it takes times, amplitude,
+a random generator and the number of telegrams, and returns one row a telegram, each
 disturbed in another way; `functools.partial` binds its other arguments. How much of a test level
 in kV or V/m arrives between the wires depends on cable, screen and symmetry, and is not modelled:
 the amplitude is the user's.
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from shipnet.errors import ArgumentError, check_whole
 from shipnet.line.quantity import check_scalar
 
-__all__ = ["Disturbance", "impulses", "noise"]
+__all__ = ["Disturbance", "conducted_rf", "impulses", "noise"]
 
 Floats = npt.NDArray[np.float64]
 
@@ -192,6 +192,89 @@ def impulses(
 
 def _raised_cosine(since: Floats, width: Floats, height: Floats) -> Floats:
     return np.where(since < width, height * np.sin(np.pi * since / width) ** 2, 0.0)
+
+
+def conducted_rf(
+    t: npt.ArrayLike,
+    amplitude: float,
+    rng: np.random.Generator,
+    size: int = 1,
+    *,
+    frequency: float,
+    modulation: float = 0.8,
+    f_mod: float = 1e3,
+    phase: float | None = None,
+) -> Floats:
+    r"""Return a modulated carrier, as the test with conducted radio frequency couples it in.
+
+    .. math:: u(t) = a \bigl(1 + m \sin(2 \pi f_m t + \psi)\bigr) \sin(2 \pi f t + \varphi)
+
+    Parameters
+    ----------
+    t : array_like of float, shape (n_t,)
+        Times, evenly spaced [s].
+    amplitude : float
+        Peak of the carrier without modulation, 0..1e9 [V]. A test level is its effective value:
+        with 80 % the largest peak is 1.8 times the square root of 2 times the level.
+    rng : numpy.random.Generator
+        Source of the random numbers.
+    size : int, default 1
+        Number of telegrams, 0 or more.
+    frequency : float
+        Frequency of the carrier [Hz]; 150 kHz to 80 MHz in the test.
+    modulation : float, default 0.8
+        Depth of the amplitude modulation, 0..1.
+    f_mod : float, default 1e3
+        Frequency of the modulation, 0 up to that of the carrier [Hz].
+    phase : float, optional
+        Phase of the carrier at t = 0 [rad]; random if omitted. That of the modulation always is.
+
+    Returns
+    -------
+    ndarray of float, shape (size, n_t)
+        Voltage [V]. The modulation is slow beside a telegram, so each one meets the carrier at
+        another strength.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is not as said above, or `frequency` with its upper sideband is not below
+        half the sampling rate. A sampled receiver would see it at another frequency; a smaller
+        step of `t` helps, 5 ns at 80 MHz.
+
+    References
+    ----------
+    .. [1] IEC 61000-4-6, "Immunity to conducted disturbances, induced by radio-frequency fields".
+
+    Examples
+    --------
+    >>> t = np.arange(2000) * 1e-6
+    >>> u = conducted_rf(t, 1.0, np.random.default_rng(2024), frequency=200e3)
+    >>> u.shape, round(float(abs(u).max()), 1)
+    ((1, 2000), 1.8)
+    >>> conducted_rf(t, 1.0, np.random.default_rng(2024), frequency=1e6)
+    Traceback (most recent call last):
+        ...
+    shipnet.errors.ArgumentError: frequency is 1e+06 Hz; with its sideband it must lie below 500000 Hz, half the sampling rate
+    """  # noqa: E501 - the message is one line
+    t, dt = time_step(t)
+    amplitude, size = check_batch(amplitude, size)
+    frequency = check_scalar("frequency", frequency, "Hz", 1e-3, 1e12)
+    modulation = check_scalar("modulation", modulation, "of the carrier", 0, 1)
+    f_mod = check_scalar("f_mod", f_mod, "Hz", 0, frequency)
+    if frequency + f_mod >= 0.5 / dt:
+        raise ArgumentError(
+            f"frequency is {frequency:g} Hz; with its sideband it must lie below "
+            f"{0.5 / dt:.6g} Hz, half the sampling rate"
+        )
+    carrier, slow = rng.uniform(0, 2 * np.pi, (2, size))
+    if phase is not None:
+        carrier = np.full(size, check_scalar("phase", phase, "rad", -1e6, 1e6))
+    # Carrier and sidebands, the same for all telegrams but for a complex factor each.
+    lines = np.exp(2j * np.pi * np.outer([frequency, frequency + f_mod, frequency - f_mod], t))
+    side = modulation / 2j * np.exp(1j * carrier)
+    factors = [np.exp(1j * carrier), side * np.exp(1j * slow), -side * np.exp(-1j * slow)]
+    return amplitude * (np.stack(factors, axis=-1) @ lines).imag
 
 
 def _pair(what: str, pair: tuple[float, float], low: float, high: float) -> tuple[float, float]:

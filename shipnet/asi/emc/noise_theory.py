@@ -7,9 +7,9 @@ import numpy.typing as npt
 from scipy import special
 
 from shipnet.asi.apm import HALF_BIT
-from shipnet.asi.disturbance import time_step
-from shipnet.asi.error_rate import Telegrams
-from shipnet.asi.receiver import MINIMUM, matched_filter, receive
+from shipnet.asi.emc.disturbance import time_step
+from shipnet.asi.emc.error_rate import Telegrams, decided_on
+from shipnet.asi.receiver import MINIMUM, receive
 from shipnet.errors import ArgumentError
 
 __all__ = ["noise_error_rate"]
@@ -20,9 +20,11 @@ Floats = npt.NDArray[np.float64]
 #: What begins within this many half-bits ahead of the first pulse's peak is taken for the pulse.
 _REACH = 1.25
 
-#: Where the normal distribution is sampled, in standard deviations, and what each sample counts.
-_X = np.linspace(-9, 9, 721)
-_WEIGHT = np.exp(-(_X**2) / 2) / np.sqrt(2 * np.pi) * (_X[1] - _X[0])
+#: Beyond so many standard deviations no noise is counted.
+_FAR = 9.0
+
+#: Nodes and weights of an integral from -1 to 1.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 #: A chance whose complement still has a logarithm; logarithms keep small chances from rounding.
 _ALMOST_ONE = 1 - 1e-15
@@ -90,11 +92,11 @@ def noise_error_rate(
 
     Examples
     --------
-    >>> from shipnet.asi.error_rate import all_telegrams
+    >>> from shipnet.asi.emc.error_rate import all_telegrams
     >>> from shipnet.asi.topology import straight_line
     >>> telegrams = all_telegrams(straight_line(100, slaves=(5,)))
     >>> [f"{rate:.2g}" for rate in noise_error_rate(telegrams, [0.4, 0.6, 0.8], minimum=0.9)]
-    ['2.9e-05', '0.018', '0.17']
+    ['3e-05', '0.018', '0.17']
     """
     sigma = np.atleast_1d(np.asarray(amplitudes))
     if sigma.ndim != 1 or sigma.dtype.kind not in "iuf" or not ((sigma > 0) & (sigma <= 1e9)).all():
@@ -119,12 +121,13 @@ def _slots(
     """
     n_bits = telegrams.bits.shape[1]
     u = np.asarray(telegrams.u, dtype=float)
+    y = decided_on(u, dt, matched)
+    y = y - y.mean(axis=1, keepdims=True)
     received = receive(
-        u, dt, n_bits, matched=matched, window=0.0, threshold=threshold, minimum=minimum
+        y, dt, n_bits, matched=False, window=0.0, threshold=threshold, minimum=minimum
     )
     if received.error.any() or (received.bits != telegrams.bits).any():
         raise ArgumentError("telegrams must be received without an error when there is no noise")
-    y = matched_filter(u, dt) if matched else u - u.mean(axis=1, keepdims=True)
     peak = (received.start + 1.5 * HALF_BIT) / dt
     middle = np.rint(peak[:, np.newaxis] + HALF_BIT / dt * np.arange(2 * n_bits + 1)).astype(int)
     seen = np.take_along_axis(y, np.minimum(middle, y.shape[1] - 1), axis=1)
@@ -143,24 +146,42 @@ def _filtered_noise(dt: float) -> tuple[float, float]:
 
 def _false_start(level: float, correlation: float, samples: Floats) -> Floats:
     """Return the chance that one of some samples exceeds a level, in standard deviations."""
-    exceeds = special.ndtr((correlation * _X - level) / np.sqrt(1 - correlation**2))
-    exceeds += special.ndtr((-correlation * _X - level) / np.sqrt(1 - correlation**2))
-    inside = np.abs(_X) <= level
+    x, weight = _normal(-level, level)
+    exceeds = special.ndtr((correlation * x - level) / np.sqrt(1 - correlation**2))
+    exceeds += special.ndtr((-correlation * x - level) / np.sqrt(1 - correlation**2))
     first = min(2 * special.ndtr(-level), _ALMOST_ONE)
-    later = np.average(exceeds[inside], weights=_WEIGHT[inside])
-    none = np.log1p(-first) + (samples - 1) * np.log1p(-min(later, _ALMOST_ONE))
+    # Of the samples that follow one within the level.
+    later = min(float(exceeds @ weight) / (1 - first), _ALMOST_ONE)
+    none = np.log1p(-first) + (samples - 1) * np.log1p(-later)
     return -np.expm1(np.where(samples > 0, none, 0.0))
+
+
+def _normal(low: npt.ArrayLike, high: npt.ArrayLike) -> tuple[Floats, Floats]:
+    """Return where to sample the normal distribution between bounds, and what each sample counts.
+
+    The samples lie along a new last axis.
+    """
+    bounds = np.clip(np.stack(np.broadcast_arrays(low, high), axis=-1), -_FAR, _FAR)
+    middle, half = bounds.mean(axis=-1)[..., np.newaxis], np.diff(bounds) / 2
+    x = middle + half * _NODES
+    return x, half * _WEIGHTS * np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi)
 
 
 def _missed(
     height: Floats, filled: Bools, sigma: float, threshold: float, minimum: float
 ) -> Floats:
     """Return the chance of each word that one of its slots is decided wrongly."""
-    first = height[:, :1] + sigma * _X
-    level = np.maximum(threshold * first, minimum)[..., np.newaxis]
-    other = height[:, np.newaxis, 1:]
-    below = special.ndtr((level - other) / sigma)
-    outside = special.ndtr((other - level) / sigma) + special.ndtr((-level - other) / sigma)
-    wrong = np.where(filled[:, np.newaxis, 1:], below, outside)
-    lost = -np.expm1(np.log1p(-np.minimum(wrong, _ALMOST_ONE)).sum(axis=-1))
-    return np.asarray(np.where(first > minimum, lost, 1.0) @ _WEIGHT)
+    lowest = (minimum - height[:, 0]) / sigma
+    # The level stops being the minimum where half of the first pulse passes it.
+    bend = (minimum / threshold - height[:, 0]) / sigma
+    missed = special.ndtr(lowest)
+    for low, high in ((lowest, bend), (bend, np.full_like(bend, _FAR))):
+        x, weight = _normal(low, high)
+        level = np.maximum(threshold * (height[:, :1] + sigma * x), minimum)[..., np.newaxis]
+        other = height[:, np.newaxis, 1:]
+        below = special.ndtr((level - other) / sigma)
+        outside = special.ndtr((other - level) / sigma) + special.ndtr((-level - other) / sigma)
+        wrong = np.where(filled[:, np.newaxis, 1:], below, outside)
+        lost = -np.expm1(np.log1p(-np.minimum(wrong, _ALMOST_ONE)).sum(axis=-1))
+        missed = missed + (lost * weight).sum(axis=-1)
+    return np.asarray(missed)
