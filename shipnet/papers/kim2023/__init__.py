@@ -8,12 +8,24 @@ One module a topic; what a claim needs from another paper's text is imported fro
 
 from shipnet.papers.kim2023 import (
     calls,
+    immunity,
     integrity,
     strands,
     telegrams,
     timing,
     tolerances,
+    transfer,
     waveforms,
 )
 
-__all__ = ["calls", "integrity", "strands", "telegrams", "timing", "tolerances", "waveforms"]
+__all__ = [
+    "calls",
+    "immunity",
+    "integrity",
+    "strands",
+    "telegrams",
+    "timing",
+    "tolerances",
+    "transfer",
+    "waveforms",
+]
