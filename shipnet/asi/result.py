@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from shipnet.asi.calls import Call
 from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
-from shipnet.asi.record import ATTEMPT, EXECUTED, OUTCOME, Record
+from shipnet.asi.master import Phase
+from shipnet.asi.record import ATTEMPT, EXECUTED, OUTCOME, PHASE, Record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -214,7 +215,7 @@ class Simulation:
         pandas.DataFrame
             Indexed by slave: ``least_s``, ``mean_s``, ``longest_s`` of the time from a change of
             an input to the end of the response that reports it, for a change at a random time
-            between the first exchange and the last.
+            between the first cyclic exchange that succeeds and the last.
 
         Notes
         -----
@@ -224,7 +225,8 @@ class Simulation:
         import pandas as pd
 
         rows, slave = self._exchanges()
-        keep = self.record.field(OUTCOME, 4)[rows] == 0
+        cyclic = self.record.field(PHASE, 3)[rows] == Phase.DATA_EXCHANGE
+        keep = cyclic & (self.record.field(OUTCOME, 4)[rows] == 0)
         rows, slave = rows[keep], slave[keep]
         sampled, known = self._sampled(rows)
         same = slave[1:] == slave[:-1]

@@ -43,7 +43,7 @@ class Event(Enum):
     FOREIGN = "request to another address"
     UNKNOWN = "unknown call"
     OWN = "own request"
-    SILENT = "own request without answer"
+    SILENT = "call without answer"
 
 
 class Action(Enum):
@@ -57,7 +57,7 @@ class Action(Enum):
 
     NONE = ""
     ANSWER = "answer"
-    OBEY = "obey silently"
+    OBEY = "obey"
 
 
 class Step(NamedTuple):
