@@ -24,6 +24,8 @@ def loaded(statement):
         ("import shipnet.design", []),
         ("import shipnet.__main__", []),
         ("import shipnet.asi.tables", ["numpy", "pandas"]),
+        ("import shipnet.asi.simulation", ["numpy"]),
+        ("import shipnet.asi.poll", ["numpy"]),
         ("import shipnet.papers", ["numpy", "pandas"]),
     ],
 )

@@ -341,7 +341,9 @@ def test_delete_then_assign_changes_the_address_of_a_slave_in_operation():
     assert run.commands["done"].to_list() == [True]
     assert run.master.lists.las == ["1", "3", "9"]
     assert (run.slaves[1].address, run.slaves[1].active) == (9, True)
-    sent = run.transactions.query("phase == 'management' and call != 'READ_STATUS' and time_s > .02")
+    sent = run.transactions.query(
+        "phase == 'management' and call != 'READ_STATUS' and time_s > .02"
+    )
     assert sent["call"].to_list()[:2] == ["DELETE_ADDRESS", "READ_IO_CONFIGURATION"]
     assert "ASSIGN_ADDRESS" in sent["call"].to_list()
     # Nobody lost data, and nobody was dropped for it.
@@ -560,9 +562,7 @@ def test_repetitions_are_as_many_as_the_probability_says():
         THREE,
         Master(drop_after=1000),
         cycles=20_000,
-        disturbances=draw_disturbances(
-            np.random.default_rng(7), 20_000, [0, p, 0], [0, q, 0]
-        ),
+        disturbances=draw_disturbances(np.random.default_rng(7), 20_000, [0, p, 0], [0, q, 0]),
     )
     table = run.transactions.query("slave == '2' and phase == 'data_exchange'")
     first, again = table.query("attempt == 0"), table.query("attempt == 1")
@@ -617,7 +617,10 @@ def test_the_table_spells_the_requests():
         ({}, "cycles and duration are both None"),
         ({"cycles": -1}, "cycles is -1"),
         ({"duration": float("nan")}, "duration is nan s"),
-        ({"cycles": 1, "faults": [DeadSlave("9")]}, "slave 9 is not on the line; there are 1, 2, 3"),
+        (
+            {"cycles": 1, "faults": [DeadSlave("9")]},
+            "slave 9 is not on the line; there are 1, 2, 3",
+        ),
         ({"cycles": 1, "faults": [TelegramErrors("1", 0.1)]}, "rng is None"),
         ({"cycles": 1, "faults": [LateAnswer("1", 20)]}, "would answer 25 bit times"),
         ({"cycles": 1, "delays": {"1": 60e-6}}, "would answer 25 bit times"),

@@ -186,7 +186,8 @@ class LateAnswer(Fault):
     Notes
     -----
     An answer that starts behind the master's time-out is not heard as an answer. It falls upon
-    the next request instead, and nobody understands that.
+    the next request instead, and nobody understands that, but for one case in 360 in which all
+    its pulses coincide with those of the request.
 
     Examples
     --------

@@ -178,6 +178,7 @@ class _Runs:
         self.classes = np.zeros((*shape, self.attempts * drop_after), dtype=np.int64)
         # When inputs were taken first and last, and what came of the times between.
         self.first, self.last = np.full(shape, np.nan), np.full(shape, np.nan)
+        self.fresh_start = True
         self.area, self.longest = np.zeros(shape), np.zeros(shape)
         self.turn = np.full(n_runs, -1, dtype=np.int64)
         self.partner = np.full(n, -1, dtype=np.int64)
@@ -318,18 +319,20 @@ class _Runs:
         sampled[place, run] += tried.waits
         fresh = np.repeat(self.pause[rows, np.newaxis] + RESPONSE_BITS, self.time.size, axis=1)
         fresh[place, run] = tried.pause + RESPONSE_BITS
-        known = polled.copy()
-        known[place, run] = tried.done
+        failed = (place[~tried.done], run[~tried.done])
+        if self.dropped:
+            known = polled.copy()
+            known[failed] = False
+            failed = np.nonzero(~known)
         last = self.last[rows]
         gap = sampled - last
-        new = np.isnan(gap)
-        if new.any():
-            self.first[rows] = np.where(new & known, sampled, self.first[rows])
+        sampled[failed] = last[failed]
+        gap[failed] = fresh[failed] = 0.0
+        if self.fresh_start:
+            new = np.isnan(last)
+            self.first[rows] = np.where(new, sampled, self.first[rows])
             gap[new] = 0.0
-        if not known.all():
-            sampled = np.where(known, sampled, last)
-            gap[~known] = 0.0
-            fresh[~known] = 0.0
+            self.fresh_start = bool(np.isnan(self.first).any())
         self.last[rows] = sampled
         fresh += gap
         self.longest[rows] = np.maximum(self.longest[rows], fresh)
