@@ -52,6 +52,11 @@ def test_pulses_add_up_as_currents_do():
     assert two.tolist() == np.sign(total[:16]).tolist()
 
 
+def test_what_began_before_is_heard_from_its_middle_on():
+    early = add_pulses([(ANSWERS[9], -4)], 7)
+    assert early.tolist() == [*pulses_of(ANSWERS[9])[4:], 0, 0, 0, 0, 0, 0]
+
+
 def test_the_codes_of_one_disturbed_pulse_are_those_that_the_scalar_receiver_finds():
     for data, codes in enumerate(ONE_PULSE_CODES):
         word = np.pad(pulses_of(ANSWERS[data]), (0, 2))

@@ -75,6 +75,12 @@ def test_the_states_are_drawn_from_their_table(ax):
             assert any(line.endswith(step.action.value) for line in said)
 
 
+def test_an_arrow_names_no_pause_twice(ax):
+    plot_states(ax=ax)
+    said = [text.get_text() for text in ax.texts]
+    assert {"any pause", "pause after the response"} <= set(said)
+
+
 def test_no_words_overlap_and_none_leaves_the_figure(ax):
     plot_states(ax=ax)
     ax.figure.draw_without_rendering()

@@ -27,7 +27,9 @@ from shipnet.asi.faults import (
     TelegramErrors,
 )
 from shipnet.asi.master import Master, Phase
+from shipnet.asi.orders import order
 from shipnet.asi.record import EXECUTED, NO_RESPONSE, OUTCOME, PHASE, RESPONSE, Record
+from shipnet.asi.result import Simulation
 from shipnet.asi.simulation import simulate
 from shipnet.asi.slave import Slave
 from shipnet.asi.slots import check_slots
@@ -173,6 +175,12 @@ def test_a_slave_that_missed_the_request_before_answers_two_bit_times_later():
     table = simulate(THREE, cycles=3, disturbances=drawn).transactions
     late = table[table["master_pause_bit"] == 5]
     assert late[["cycle", "slave", "outcome"]].to_numpy().tolist() == [[1, "2", "ok"]]
+
+
+def test_a_slave_that_heard_nothing_yet_answers_late():
+    # The first request of all goes to address 0.
+    table = simulate([Slave("S-7.F.F", 0)], duration=1e-3).transactions
+    assert table["master_pause_bit"].to_list()[:4] == [5, 3, 3, 3]
 
 
 def test_an_unanswered_request_is_followed_by_the_next_after_ten_bit_times():
@@ -551,6 +559,8 @@ def test_a_standby_master_hears_both_halves():
     )
     assert run.master.lists.las == ["1A", "1B", "2A", "2B"]
     assert run.summary().dropped == 0
+    # It knew them all at once, and did not have to find them.
+    assert len({change.time for change in run.master.lists.changes}) == 1
 
 
 # Statistics.
@@ -606,6 +616,16 @@ def test_the_table_spells_the_requests():
         assert row["request"] == request.bits
         if row["response_data"] >= 0:
             assert Response(row["response_data"], call).expected
+
+
+def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
+    record = Record(Timing())
+    for number, (address, outcome) in enumerate([(1, 0), (1, 5), (1, 5), (2, 5), (2, 0)]):
+        code = order(Call.DATA_EXCHANGE, address, 1).code | outcome << OUTCOME
+        record.put(26.0 * number, 3.0, code)
+    classes = Simulation(record, 130.0, [Master()], [], []).failure_classes()
+    assert classes.loc["1"].to_list() == [0, 1, 0, 0, 0, 0]
+    assert classes.loc["2"].to_list() == [1, 0, 0, 0, 0, 0]
 
 
 # Arguments.

@@ -220,6 +220,21 @@ def test_bit_3_of_id1_is_the_half():
     assert say(slave, Request.read_id1(9, "A"), 1.0) is None
 
 
+def test_a_code_being_stored_keeps_an_address_waiting():
+    slave = listening("S-7.A.E", address=0, id1=5)
+    say(slave, Request.write_id1(5 | 8), 1.0)
+    assert say(slave, Request.assign_address(9), 1.0 + 0.99 * WRITE_TIME) is None
+    assert say(slave, Request.write_id1(5), 1.0 + 0.99 * WRITE_TIME) is None
+    assert say(slave, Request.assign_address(9), 1.0 + WRITE_TIME).data == 6
+    assert slave.label == "9B"
+
+
+@pytest.mark.parametrize("half", ["A", "B"])
+def test_without_an_address_it_is_of_no_half(half):
+    slave = listening("S-7.A.E", address=0)
+    assert say(slave, Request.read_id(0, half)).data == 0xA
+
+
 def test_the_periphery_fault_is_status_bit_1():
     slave = listening()
     slave.periphery_fault = True

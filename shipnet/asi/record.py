@@ -134,7 +134,6 @@ class Record:
         call, address, half = self.field(0, 4), self.field(4, 5), self.field(9, 2)
         data, outcome, response = self.field(11, 5), self.field(OUTCOME, 4), self.field(RESPONSE, 5)
         executed = self.field(EXECUTED, 1).astype(bool)
-        calls = np.array([c.rule.answer is not None for c in Call])
         words, _ = encode_requests(call, address, data, half=half - 1)
         texts = np.array([f"{word:014b}" for word in range(1 << 14)])
         labels = np.array([[f"{a}{h}" for h in ("", "A", "B")] for a in range(32)])
@@ -160,7 +159,7 @@ class Record:
                 "attempt": self.field(ATTEMPT, 3),
                 "outcome": named(outcome, _OUTCOMES),
                 "executed": executed,
-                "executed_but_lost": executed & (outcome > 0) & calls[call],
+                "executed_but_lost": executed & (outcome > 0),
                 "standby": self.field(STANDBY, 1).astype(bool),
             }
         )

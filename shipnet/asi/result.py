@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 __all__ = ["InputChange", "Simulation", "Summary"]
 
 Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
 
 class InputChange(NamedTuple):
@@ -116,15 +115,6 @@ class Simulation:
         complete = (numbers[:-1] >= 0) & (numbers[1:] == numbers[:-1] + 1)
         return np.asarray(np.diff(starts)[complete] * self.record.timing.bit_time)
 
-    @cached_property
-    def _lost(self) -> Bools:
-        """Which requests were carried out, without the master getting the reply due."""
-        answered = np.array([call.rule.answer is not None for call in Call])
-        record = self.record
-        due = answered[record.field(0, 4)]
-        failed, executed = record.field(OUTCOME, 4) > 0, record.field(EXECUTED, 1) == 1
-        return np.asarray(due & failed & executed)
-
     def summary(self) -> Summary:
         """Return the numbers that are looked at first.
 
@@ -136,15 +126,17 @@ class Simulation:
         times = self.cycle_times
         nan = float("nan")
         span = (times.min(), times.mean(), times.max()) if times.size else (nan, nan, nan)
-        cyclic = self.record.cycle >= 0
+        record = self.record
+        cyclic = record.cycle >= 0
+        lost = (record.field(OUTCOME, 4) > 0) & (record.field(EXECUTED, 1) == 1)
         changes = [change for master in self.masters for change in master.lists.changes]
         return Summary(
             cycles=times.size,
             cycle_time=(float(span[0]), float(span[1]), float(span[2])),
             requests=int(cyclic.sum()),
-            repetitions=int((cyclic & (self.record.field(ATTEMPT, 3) > 0)).sum()),
+            repetitions=int((cyclic & (record.field(ATTEMPT, 3) > 0)).sum()),
             dropped=sum(c.list == "LAS" and not c.present for c in changes),
-            lost_replies=int((cyclic & self._lost).sum()),
+            lost_replies=int((cyclic & lost).sum()),
         )
 
     @cached_property
