@@ -211,6 +211,13 @@ def test_repeaters_delay_until_the_time_out_and_no_longer(timeout):
     assert (pauses.query("outcome == 'ok'")["master_pause_bit"] == 5).all()
 
 
+def test_a_line_on_which_nobody_answers_needs_a_duration():
+    dead = [DeadSlave(slave.label, 0.15) for slave in THREE]
+    for slaves, faults in (([], []), (THREE, [SupplyDip(0.1, 0.2), *dead])):
+        with pytest.raises(ArgumentError, match="no slave answers and no cycle begins for 10 s"):
+            simulate(slaves, cycles=10**5, faults=faults)
+
+
 # What the master does.
 
 
@@ -504,6 +511,19 @@ def test_a_broken_cable_takes_all_slaves_behind_it():
     assert (gone["time_s"] > 0.1).all()
     # Two tries in each of three cycles, each longer for 11 slaves that do not answer.
     assert (gone["time_s"] < 0.1 + 4 * (33 * 26 + 11 * 24) * BIT_TIME).all()
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        [DeadSlave("2", 0.02, 0.05), BrokenCable(5, 0.03, 0.2)],
+        [BrokenCable(5, 0.02, 0.2), DeadSlave("2", 0.03, 0.05)],
+    ],
+)
+def test_a_slave_comes_back_when_the_last_reason_is_gone(faults):
+    for duration, las in ((0.15, ["1", "3"]), (0.4, ["1", "2", "3"])):
+        run = simulate(THREE, duration=duration, positions={"2": 10.0}, faults=faults)
+        assert run.master.lists.las == las
 
 
 def test_a_supply_dip_resets_everything_and_the_master_begins_anew():

@@ -170,11 +170,12 @@ class Channel:
         return route
 
     def switch(self, station: Station, on: bool, time: float) -> None:
-        """Give a slave its supply, or take it away, at a time [s]."""
-        if on and not station.slave.powered:
+        """Give a slave its supply, or take it away, at a time [s]; the last cause to end counts."""
+        station.cuts += -1 if on else 1
+        if station.cuts == 0:
             station.slave.switch_on()
             station.since = self._number + 1
-        elif not on and station.slave.powered:
+        elif station.slave.powered:
             station.slave.switch_off(time)
         self.locate()
 

@@ -25,6 +25,9 @@ __all__ = ["simulate"]
 
 _NEVER = float("inf")
 
+#: Without a duration, a simulation in which no cycle begins for so long is given up [s].
+_PATIENCE = 10.0
+
 
 def simulate(
     slaves: Sequence[Slave],
@@ -84,7 +87,8 @@ def simulate(
     Raises
     ------
     ArgumentError
-        If an argument is out of its range, or names a slave that is not there.
+        If an argument is out of its range, or names a slave that is not there; or if without a
+        duration no cycle begins for 10 s, because no slave answers.
 
     Notes
     -----
@@ -141,11 +145,23 @@ def simulate(
     for time, command in commands:
         channel.schedule(_time("time", time), partial(_submit, leading, command))
 
+    if duration is None:
+        channel.schedule(_PATIENCE, partial(_check_progress, channel, 0))
     _lead(channel, leading, standby, most, end / timing.bit_time)
     for station in stations.all:
         station.slave.rest(channel.seconds)
     slaves = [station.slave for station in stations.all]
     return Simulation(channel.record, channel.time, leading, slaves, changes)
+
+
+def _check_progress(channel: Channel, begun: int) -> None:
+    """Raise if no cycle has begun since the last check: a master without slaves never stops."""
+    if channel.begun == begun:
+        raise ArgumentError(
+            f"duration is None, but no slave answers and no cycle begins for {_PATIENCE:g} s"
+        )
+    again = partial(_check_progress, channel, channel.begun)
+    channel.schedule(channel.seconds + _PATIENCE, again)
 
 
 def _set_output(leading: list[Master], slave: str, value: int) -> None:

@@ -34,7 +34,8 @@ class Station:
     """
 
     __slots__ = (
-        "heard", "lost_replies", "name", "offset", "pause", "position", "rates", "since", "slave",
+        "cuts", "heard", "lost_replies", "name", "offset", "pause", "position", "rates", "since",
+        "slave",
     )  # fmt: skip
 
     def __init__(self, slave: Slave, position: float = 0.0, pause: float = 3.0) -> None:
@@ -45,6 +46,8 @@ class Station:
         self.rates = (0.0, 0.0)
         #: Replies that will be lost, by the call that they answer.
         self.lost_replies: dict[Call, int] = {}
+        #: For how many reasons it is without supply.
+        self.cuts = 0
         #: Numbers of the last request to it, and of the first since it was switched on.
         self.heard, self.since = -1, 1
         #: Where its disturbances begin in those of a request.
