@@ -102,6 +102,8 @@ class Master:
         Number of the cycle, from 0; -1 before the first.
     attempt : int
         Which attempt at a request is on its way; 0 is the first.
+    dropped : list of (float, str)
+        When which slave was dropped for its failures [s].
     finished : list of (float, Command, bool, str)
         When each command ended [s], whether it succeeded, and what came of it.
 
@@ -160,6 +162,7 @@ class Master:
         self.monitors_supply = monitors_supply
         self.phase = Phase.OFFLINE
         self.cycle, self.attempt = -1, 0
+        self.dropped: list[tuple[float, str]] = []
         self.finished: list[tuple[float, Command, bool, str]] = []
         self._queue: deque[Command] = deque()
         self._command: tuple[Command, Task[str], Order] | None = None
@@ -274,6 +277,7 @@ class Master:
         self._failing[key] = self._failing.get(key, 0) + 1
         if self._failing[key] >= self.drop_after:
             del self._failing[key]
+            self.dropped.append((self._observer.seconds, self.lists.label(key)))
             self.lists.forget(key)
             self.lists.left.add(key)
 

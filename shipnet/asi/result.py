@@ -48,7 +48,7 @@ class Summary:
     repetitions : int
         Requests that were sent again.
     dropped : int
-        How often a slave was dropped from the list of active slaves.
+        How often a slave was dropped for its failures.
     lost_replies : int
         Requests that were carried out although the master got no reply.
     """
@@ -129,13 +129,12 @@ class Simulation:
         record = self.record
         cyclic = record.cycle >= 0
         lost = (record.field(OUTCOME, 4) > 0) & (record.field(EXECUTED, 1) == 1)
-        changes = [change for master in self.masters for change in master.lists.changes]
         return Summary(
             cycles=times.size,
             cycle_time=(float(span[0]), float(span[1]), float(span[2])),
             requests=int(cyclic.sum()),
             repetitions=int((cyclic & (record.field(ATTEMPT, 3) > 0)).sum()),
-            dropped=sum(c.list == "LAS" and not c.present for c in changes),
+            dropped=sum(len(master.dropped) for master in self.masters),
             lost_replies=int((cyclic & lost).sum()),
         )
 
@@ -197,7 +196,8 @@ class Simulation:
             pd.Index(np.minimum(length[runs], worst), name="class"),
         )
         everybody = _labels(np.unique(slave))
-        return table.reindex(index=everybody, columns=range(1, worst + 1), fill_value=0)
+        whole = table.reindex(index=everybody, columns=range(1, worst + 1), fill_value=0)
+        return whole.rename_axis(index="slave", columns="class")
 
     def response_times(self) -> pd.DataFrame:
         """Return how old inputs are when they reach the master.
