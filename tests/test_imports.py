@@ -25,6 +25,8 @@ def loaded(statement):
         ("import shipnet.design", []),
         ("import shipnet.__main__", []),
         ("import shipnet.asi.tables", ["numpy", "pandas"]),
+        ("import shipnet.asi.simulation.run", ["numpy"]),
+        ("import shipnet.asi.simulation.poll", ["numpy"]),
         ("import shipnet.papers", ["numpy", "pandas"]),
     ],
 )

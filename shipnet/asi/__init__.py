@@ -1,4 +1,4 @@
-"""AS-Interface: telegrams, their timing, and captures of a line."""
+"""AS-Interface: telegrams, their timing, captures of a line, and a line simulated."""
 
 from shipnet.asi.batch import (
     Requests,
@@ -12,8 +12,9 @@ from shipnet.asi.capture import Capture, decode
 from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
 from shipnet.asi.response import Response
+from shipnet.asi.simulation import Master, Slave, simulate
 from shipnet.asi.telegram import Request
-from shipnet.asi.timing import BIT_TIME, Transaction
+from shipnet.asi.timing import BIT_TIME, Timing, Transaction
 from shipnet.asi.waveform_file import Waveform, read_waveform
 
 __all__ = [
@@ -23,10 +24,13 @@ __all__ = [
     "RESPONSE_BITS",
     "Call",
     "Capture",
+    "Master",
     "Profile",
     "Request",
     "Requests",
     "Response",
+    "Slave",
+    "Timing",
     "Transaction",
     "Waveform",
     "decode",
@@ -35,4 +39,5 @@ __all__ = [
     "parse_requests",
     "parse_responses",
     "read_waveform",
+    "simulate",
 ]

@@ -12,13 +12,16 @@ from typing import NamedTuple
 from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError
 
-__all__ = ["BIT_TIME", "MASTER_PAUSE_BITS", "Span", "Transaction"]
+__all__ = ["BIT_TIME", "LONGEST_SLAVE_PAUSE", "MASTER_PAUSE_BITS", "Span", "Timing", "Transaction"]
 
 #: Length of one bit on the line [s], from icn2007 section 5 and OMRON manual W357, p. 5.
 BIT_TIME = 6e-6
 
 #: Shortest and longest legal pause between request and response [bit].
 MASTER_PAUSE_BITS = (2.0, 10.0)
+
+#: Longest pause that a master may leave before its next request [s], from OMRON manual W357, p. 5.
+LONGEST_SLAVE_PAUSE = 500e-6
 
 
 class Span(NamedTuple):
@@ -108,3 +111,79 @@ class Transaction:
     def duration(self) -> float:
         """Length from one request to the next [s]."""
         return self.bits * self.bit_time
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """The pauses by which a line with all its slaves runs; lengths in bit times.
+
+    Parameters
+    ----------
+    master_pause : float, default 3
+        Pause after which a synchronised slave answers, 2..10 [1]_.
+    unsynchronised : float, default 2
+        How much later a slave answers that is not synchronised, 0..10 [2]_.
+    slave_pause : float, default 2
+        Pause from the response to the next request, 1 to 500 us; 1.5 to 2 on a line that is
+        never delayed [2]_, more when the master stretches it [1]_.
+    timeout : float, default 10
+        How long the master waits for the start of a response before it goes on, 2..24 [1]_.
+    bit_time : float, default 6e-6
+        Length of a bit [s].
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+
+    References
+    ----------
+    .. [1] OMRON, "CQM1-ARM21", manual W357, 1999, p. 5.
+    .. [2] "AS-Interface communication system for field networks (2)", ICN, July 2007,
+       data link layer, section 2.
+
+    Examples
+    --------
+    An answered request and an unanswered one, in bit times:
+
+    >>> timing = Timing()
+    >>> timing.answered(), timing.unanswered
+    (26.0, 24.0)
+    """
+
+    master_pause: float = 3.0
+    unsynchronised: float = 2.0
+    slave_pause: float = 2.0
+    timeout: float = 10.0
+    bit_time: float = BIT_TIME
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        if not 0 < self.bit_time < float("inf"):
+            raise ArgumentError(f"bit_time is {self.bit_time} s; it must be positive")
+        longest = LONGEST_SLAVE_PAUSE / self.bit_time
+        for name, low, high in (
+            ("master_pause", *MASTER_PAUSE_BITS),
+            ("unsynchronised", 0.0, 10.0),
+            ("slave_pause", 1.0, longest),
+            ("timeout", 2.0, 24.0),
+        ):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ArgumentError(f"{name} is {value} bit times; it must be {low:g}..{high:.4g}")
+
+    def answered(self, pause: float | None = None) -> float:
+        """Return how long an answered request takes, up to the next one [bit].
+
+        Parameters
+        ----------
+        pause : float, optional
+            Pause before the response as the master hears it [bit]; `master_pause` if omitted.
+        """
+        pause = self.master_pause if pause is None else pause
+        return REQUEST_BITS + pause + RESPONSE_BITS + self.slave_pause
+
+    @property
+    def unanswered(self) -> float:
+        """How long a request takes that nobody answers, up to the next one [bit]."""
+        return REQUEST_BITS + self.timeout

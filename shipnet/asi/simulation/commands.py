@@ -1,0 +1,245 @@
+"""What a host may ask of a master beside the data: one request a cycle, in the management phase."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from shipnet.asi.calls import Call
+from shipnet.asi.profile import describe_status
+from shipnet.asi.simulation.lists import Lists, half_of
+from shipnet.asi.simulation.master import CommandFailed
+from shipnet.asi.simulation.orders import key_of, order
+from shipnet.asi.simulation.tasks import Task, activate, identify, move
+from shipnet.errors import ArgumentError, check_whole
+
+__all__ = [
+    "BroadcastReset",
+    "ChangeAddress",
+    "ReadCodes",
+    "ReadStatus",
+    "ResetSlave",
+    "WriteParameter",
+]
+
+
+def _detected(lists: Lists, slave: str) -> int:
+    """Return the key of a slave that must be in the LDS."""
+    if slave not in lists.lds:
+        raise CommandFailed(f"slave {slave} is not in the LDS")
+    return key_of(slave)[0]
+
+
+@dataclass(frozen=True)
+class ChangeAddress:
+    """Give a slave another label: delete its address, then assign the new one.
+
+    Parameters
+    ----------
+    old : str
+        Its label, ``"0"`` for a new slave.
+    new : str
+        The label that it gets.
+
+    Raises
+    ------
+    ArgumentError
+        If a label is not legal.
+
+    Notes
+    -----
+    While the slave is at address 0 no other may be there: both would take the new address. So
+    the command fails while the LDS holds slave 0, or holds the new label.
+
+    References
+    ----------
+    .. [1] R. G. Kim, Y. H. Cho, K. H. Hyun, "AS-Interface protocol utilization for smart ships",
+       J. Soc. Nav. Archit. Korea 60(6), 2023, section 3.4.
+
+    Examples
+    --------
+    >>> ChangeAddress("5", "6")
+    ChangeAddress(old='5', new='6')
+    """
+
+    old: str
+    new: str
+
+    def __post_init__(self) -> None:
+        """Check the labels."""
+        key_of(self.old)
+        if key_of(self.new)[0] < 2 or self.new == self.old:
+            raise ArgumentError(f"new is {self.new!r}; it must be another label than {self.old!r}")
+
+    def run(self, lists: Lists) -> Task[str]:
+        """Yield the orders."""
+        old, new = _detected(lists, self.old), key_of(self.new)[0]
+        identity = lists.detected[old]
+        if identity.profile.extended != (key_of(self.new)[1] is not None):
+            raise CommandFailed(f"slave {self.old} is {identity.profile}, not fit for {self.new}")
+        neighbour = lists.detected.get(new ^ 1)
+        alone = neighbour is None or (neighbour.profile.extended and identity.profile.extended)
+        if new in lists.detected or (old >> 1 != new >> 1 and not alone):
+            raise CommandFailed(f"address {self.new} is taken")
+        if old:
+            if 0 in lists.detected:
+                raise CommandFailed("a slave without an address is in the LDS")
+            # Nobody polls the slave on its way; if it stays, the inclusion phase finds it.
+            lists.forget(old)
+            half = half_of(old, identity.profile)
+            yield order(Call.DELETE_ADDRESS, old >> 1, half=half)
+            # The reply may be lost although the address is deleted: ask at address 0.
+            found = yield from identify(0)
+            if found is None or found.profile != identity.profile:
+                raise CommandFailed(f"slave {self.old} did not give its address up")
+            lists.note(0, found)
+        if not (yield from move(lists, self.new)):
+            raise CommandFailed(f"slave {self.old} was not found at {self.new}")
+        yield from activate(lists, new)
+        return f"slave {self.old} is slave {self.new} now"
+
+
+@dataclass(frozen=True)
+class ReadCodes:
+    """Read the codes of a slave, be it in a list or not.
+
+    Parameters
+    ----------
+    slave : str
+        Its label.
+
+    Examples
+    --------
+    >>> ReadCodes("5A").slave
+    '5A'
+    """
+
+    slave: str
+
+    def __post_init__(self) -> None:
+        """Check the label."""
+        key_of(self.slave)
+
+    def run(self, lists: Lists) -> Task[str]:
+        """Yield the orders."""
+        found = yield from identify(key_of(self.slave)[0])
+        if found is None:
+            raise CommandFailed(f"slave {self.slave} does not answer with its codes")
+        id1 = f"ID1 {found.id1:X}" if found.id1 >= 0 else "no ID1"
+        return f"slave {self.slave} is {found.profile}, {id1}"
+
+
+@dataclass(frozen=True)
+class ReadStatus:
+    """Read the status of a slave.
+
+    Parameters
+    ----------
+    slave : str
+        Its label.
+
+    Examples
+    --------
+    >>> ReadStatus("5A").slave
+    '5A'
+    """
+
+    slave: str
+
+    def __post_init__(self) -> None:
+        """Check the label."""
+        key_of(self.slave)
+
+    def run(self, lists: Lists) -> Task[str]:
+        """Yield the order."""
+        key, half = key_of(self.slave)
+        status = yield order(Call.READ_STATUS, key >> 1, half=half)
+        if status < 0:
+            raise CommandFailed(f"slave {self.slave} does not answer with its status")
+        return f"slave {self.slave}: {describe_status(status)}"
+
+
+@dataclass(frozen=True)
+class WriteParameter:
+    """Write the parameter of a slave, now and whenever it is activated again.
+
+    Parameters
+    ----------
+    slave : str
+        Its label; it must be in the LDS.
+    value : int
+        0..15; 0..7 for an A/B slave.
+
+    Examples
+    --------
+    >>> WriteParameter("5A", 3)
+    WriteParameter(slave='5A', value=3)
+    """
+
+    slave: str
+    value: int
+
+    def __post_init__(self) -> None:
+        """Check label and value."""
+        half = key_of(self.slave)[1]
+        check_whole(f"parameter of slave {self.slave}", self.value, 0, 7 if half else 15)
+
+    def run(self, lists: Lists) -> Task[str]:
+        """Yield the order."""
+        key = _detected(lists, self.slave)
+        lists.set_parameter(self.slave, self.value)
+        echo = yield order(Call.WRITE_PARAMETER, key >> 1, self.value, key_of(self.slave)[1])
+        if echo < 0:
+            raise CommandFailed(f"slave {self.slave} does not answer")
+        return f"slave {self.slave} echoes {echo:X}"
+
+
+@dataclass(frozen=True)
+class ResetSlave:
+    """Reset a slave and activate it again.
+
+    Parameters
+    ----------
+    slave : str
+        Its label; it must be in the LDS.
+
+    Examples
+    --------
+    >>> ResetSlave("5").slave
+    '5'
+    """
+
+    slave: str
+
+    def __post_init__(self) -> None:
+        """Check the label."""
+        key_of(self.slave)
+
+    def run(self, lists: Lists) -> Task[str]:
+        """Yield the orders."""
+        key = _detected(lists, self.slave)
+        reply = yield order(Call.RESET, key >> 1, half=half_of(key, lists.detected[key].profile))
+        if reply < 0:
+            raise CommandFailed(f"slave {self.slave} does not answer")
+        active = key in lists.detected and (yield from activate(lists, key))
+        return f"slave {self.slave} was reset and is {'active' if active else 'not active'}"
+
+
+@dataclass(frozen=True)
+class BroadcastReset:
+    """Reset all slaves at once; none answers.
+
+    Notes
+    -----
+    A slave that was reset takes no data before it gets its parameters. The master drops each
+    after the usual failures and takes it in again, one after the other.
+
+    Examples
+    --------
+    >>> BroadcastReset()
+    BroadcastReset()
+    """
+
+    def run(self, lists: Lists) -> Task[str]:
+        """Yield the order."""
+        yield order(Call.BROADCAST_RESET, 31)
+        return "broadcast reset was sent"

@@ -1,0 +1,94 @@
+import itertools
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch, Rectangle
+
+from shipnet import style
+from shipnet.asi.simulation.plot import plot_exchange, plot_states
+from shipnet.asi.simulation.run import simulate
+from shipnet.asi.simulation.slave import Slave
+from shipnet.asi.simulation.states import TRANSITIONS, State
+from shipnet.errors import ArgumentError
+
+
+@pytest.fixture
+def ax():
+    with mpl.rc_context():
+        style.use()
+        yield Figure(figsize=(9, 2.4)).subplots()
+
+
+def traffic():
+    drawn = np.zeros((4, 3, 2, 2), dtype=np.uint8)
+    drawn[1, 0, 1, 0] = 1
+    drawn[2, 0, 1, 0] = 5 << 2
+    slaves = [Slave("S-7.F.F", 1), Slave("S-7.F.F", 2)]
+    return simulate(slaves, cycles=4, disturbances=drawn).transactions.query("cycle >= 0")
+
+
+def test_each_request_and_each_answer_is_a_block_at_its_time(ax):
+    table = traffic()
+    assert plot_exchange(table, ax=ax) is ax
+    blocks = [patch for patch in ax.patches if isinstance(patch, Rectangle)]
+    requests = [block for block in blocks if block.get_y() == -0.4]
+    assert [block.get_x() for block in requests] == pytest.approx((1e3 * table["time_s"]).to_list())
+    assert {round(block.get_width(), 9) for block in requests} == {0.084}
+    answers = [block for block in blocks if block.get_y() != -0.4]
+    assert {round(block.get_width(), 9) for block in answers} == {0.042}
+    red = [b for b in answers if mpl.colors.to_hex(b.get_facecolor()) == style.LIMIT["color"]]
+    assert len(red) == (table["outcome"] != "ok").sum()
+    assert [b.get_hatch() for b in requests].count("////") == (table["attempt"] > 0).sum() == 2
+    assert [text.get_text() for text in ax.texts] == ["1", "1"]
+    names = [label.get_text() for label in ax.get_yticklabels()]
+    assert names[:3] == ["master", "slave 0", "slave 1"]
+    assert ax.get_xlabel() == "time [ms]"
+
+
+def test_a_window_shows_what_begins_in_it(ax):
+    table = traffic()
+    start, stop = table["time_s"].iloc[3], table["time_s"].iloc[5]
+    plot_exchange(table, ax=ax, start=start, stop=stop)
+    requests = [patch for patch in ax.patches if patch.get_y() == -0.4]
+    assert len(requests) == 2
+
+
+def test_nothing_and_too_much_are_refused(ax):
+    table = traffic()
+    with pytest.raises(ArgumentError, match="show 0 requests"):
+        plot_exchange(table, ax=ax, start=1.0)
+    with pytest.raises(ArgumentError, match="show 600 requests"):
+        plot_exchange(table.sample(600, replace=True, random_state=1), ax=ax)
+
+
+def test_the_states_are_drawn_from_their_table(ax):
+    plot_states(ax=ax)
+    said = "\n".join(text.get_text() for text in ax.texts).split("\n")
+    assert [name for name in said if name.isupper()] == [state.value.upper() for state in State]
+    pairs = {(state, step.state) for (state, _), step in TRANSITIONS.items()}
+    assert sum(isinstance(patch, FancyArrowPatch) for patch in ax.patches) == len(pairs)
+    for (state, event), step in TRANSITIONS.items():
+        if (state, event.name) != (State.ASYNCHRONOUS, "SLAVE_PAUSE"):
+            assert any(line.startswith(event.value) for line in said)
+            assert any(line.endswith(step.action.value) for line in said)
+
+
+def test_an_arrow_names_no_pause_twice(ax):
+    plot_states(ax=ax)
+    said = [text.get_text() for text in ax.texts]
+    assert {"any pause", "pause after the response"} <= set(said)
+
+
+def test_no_words_overlap_and_none_leaves_the_figure(ax):
+    plot_states(ax=ax)
+    ax.figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in ax.texts]
+    for one, other in itertools.combinations(boxes, 2):
+        assert not one.overlaps(other)
+    states = [patch.get_window_extent() for patch in ax.patches if isinstance(patch, Rectangle)]
+    words = [box for box in boxes if not any(s.contains(*box.min) for s in states)]
+    assert not any(box.overlaps(state) for box in words for state in states)
+    frame = ax.get_window_extent()
+    assert all(frame.x0 <= box.x0 and box.x1 <= frame.x1 for box in boxes)

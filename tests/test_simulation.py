@@ -1,0 +1,709 @@
+"""The line simulated telegram by telegram: against closed forms, and against a second model."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from shipnet.asi import BIT_TIME, Call, Request, Response
+from shipnet.asi.apm import pulses_of
+from shipnet.asi.simulation.commands import (
+    BroadcastReset,
+    ChangeAddress,
+    ReadCodes,
+    ReadStatus,
+    ResetSlave,
+    WriteParameter,
+)
+from shipnet.asi.simulation.disturbance import MISSED, REQUEST_LOST, draw_disturbances
+from shipnet.asi.simulation.faults import (
+    BrokenCable,
+    DeadSlave,
+    LateAnswer,
+    LostReply,
+    MasterFailure,
+    PeripheryFault,
+    SupplyDip,
+    TelegramErrors,
+)
+from shipnet.asi.simulation.master import Master, Phase
+from shipnet.asi.simulation.orders import order
+from shipnet.asi.simulation.record import EXECUTED, NO_RESPONSE, OUTCOME, PHASE, RESPONSE, Record
+from shipnet.asi.simulation.result import Simulation
+from shipnet.asi.simulation.run import simulate
+from shipnet.asi.simulation.slave import Slave
+from shipnet.asi.simulation.standby import Standby
+from shipnet.asi.simulation.states import Event
+from shipnet.asi.simulation.tasks import FAULTY, SILENT
+from shipnet.asi.slots import check_slots
+from shipnet.asi.timing import Timing
+from shipnet.errors import ArgumentError, SilenceError
+
+FULL = [Slave("S-7.A.E", a, half, inputs=a % 16) for a in range(1, 32) for half in "AB"]
+STANDARD = [Slave("S-7.F.F", address, inputs=address % 16) for address in range(1, 32)]
+THREE = STANDARD[:3]
+PROJECTED = {slave.label: slave.profile for slave in THREE}
+
+
+# A second model: every slave hears every telegram as bits, through its table of states.
+
+
+class EverySlaveHears:
+    """A line on which nobody is spared; it draws its own disturbances and notes them."""
+
+    def __init__(self, slaves, rates, rng, n_cycles):
+        self.slaves, self.rates, self.rng = slaves, rates, rng
+        self.time, self.record, self.begun = 0.0, Record(Timing()), 0
+        self.drawn = np.zeros((n_cycles + 1, 3, len(slaves), 2), dtype=np.uint8)
+        self.missed = np.zeros(len(slaves), dtype=bool)
+        self.asked = np.zeros(len(slaves), dtype=bool)
+        for slave in slaves:
+            slave.pause()
+
+    @property
+    def seconds(self):
+        return self.time * BIT_TIME
+
+    def begin(self, phase, cycle):
+        self.phase = phase
+        if phase == Phase.DATA_EXCHANGE:
+            self.begun += 1
+
+    def transact(self, order, attempt):
+        cyclic = self.phase >= Phase.DATA_EXCHANGE
+        end = self.time + 14
+        answers, missed, asked = [], np.zeros_like(self.missed), np.zeros_like(self.asked)
+        note = self.drawn[self.begun - 1, self.phase - 3, :, attempt] if cyclic else None
+        for i, slave in enumerate(self.slaves):
+            lost = cyclic and self.rng.random() < self.rates[i][0]
+            own = order.station == slave.address and order.reads[slave.kind] is not None
+            in_step = slave.synchronised
+            if own and cyclic:
+                asked[i] = True
+                note[i] |= MISSED if self.missed[i] and not self.asked[i] else 0
+                note[i] |= REQUEST_LOST if lost else 0
+            missed[i] = lost
+            bits = order.bits[:-2] + str(1 - int(order.bits[-2])) + "1" if lost else order.bits
+            answer = slave.hear(bits, end * BIT_TIME)
+            if answer is not None:
+                answers.append((i, answer, 3.0 if in_step else 5.0))
+        self.missed, self.asked = missed, asked
+        reply, error, pause, took = SILENT, SilenceError.code, np.nan, 10.0
+        if answers:
+            ((i, answer, pause),) = answers
+            took = pause + 7 + 2
+            slots = np.pad(pulses_of(answer.bits), (0, 2))
+            if cyclic and self.rng.random() < self.rates[i][1]:
+                variant = self.rng.integers(32)
+                note[i] |= (variant + 1) << 2
+                others = [v for v in (-1, 0, 1) if v != slots[variant // 2]]
+                slots[variant // 2] = others[variant % 2]
+            bits, code = check_slots(slots, 7)
+            error = int(code)
+            reply = FAULTY if error else int("".join(map(str, bits[1:5])), 2)
+            for slave in self.slaves:
+                slave.pause(Event.PAUSE)
+            for j, slave in enumerate(self.slaves):
+                if j != i:
+                    slave.hear(answer.bits, end * BIT_TIME)
+        for slave in self.slaves:
+            slave.pause(Event.SLAVE_PAUSE)
+        code = order.code | attempt << 16 | self.phase << PHASE | error << OUTCOME
+        code |= (reply if reply >= 0 else NO_RESPONSE) << RESPONSE | bool(answers) << EXECUTED
+        self.record.put(self.time, pause, code)
+        self.time = end + took
+        return reply
+
+
+def copies(slaves):
+    return [Slave(s.profile, s.address, s.half, inputs=s.inputs) for s in slaves]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("rate", [0.0, 0.05, 0.3])
+def test_looking_at_the_addressed_slaves_only_changes_nothing(seed, rate):
+    rng = np.random.default_rng(seed)
+    slaves = [FULL[0], FULL[1], FULL[3], STANDARD[4], STANDARD[8], FULL[40], FULL[41]]
+    rates = rng.uniform(0, 2 * rate, (len(slaves), 2))
+    n_cycles = 60
+    line = EverySlaveHears(copies(slaves), rates, rng, n_cycles)
+    master = Master()
+    program = master.run(line)
+    order = next(program)
+    while line.begun <= n_cycles:
+        order = program.send(line.transact(order, master.attempt))
+    run = simulate(slaves, cycles=n_cycles, disturbances=line.drawn)
+    # The first request ever finds everybody out of step; only slaves at address 0 could tell.
+    assert list(run.record.start) == list(line.record.start)
+    assert list(run.record.code) == list(line.record.code)
+    np.testing.assert_array_equal(run.record.pauses, np.array(line.record.pause))
+
+
+# Times.
+
+
+def test_the_cycle_is_the_sum_of_its_transactions():
+    # 31 exchanges and a status of 26 bit times each, and a request of 24 that nobody answers.
+    for slaves, exchanges in ((FULL, 31), (STANDARD, 31), (THREE, 3)):
+        run = simulate(slaves, cycles=20)
+        assert run.cycle_times == pytest.approx(((exchanges + 1) * 26 + 24) * BIT_TIME)
+        assert run.summary().cycles == 20
+    assert simulate(FULL, cycles=20).cycle_times.max() < 5.148e-3  # OMRON W357: 33 x 26 bit
+
+
+def test_two_slaves_of_one_address_take_turns_and_others_do_not():
+    table = simulate([*FULL[:2], STANDARD[4]], cycles=10).transactions
+    table = table.query("phase == 'data_exchange'")
+    assert table.groupby("slave").size().to_dict() == {"1A": 5, "1B": 5, "5": 10}
+    turns = table.query("slave != '5'")["slave"].to_list()
+    assert all(a != b for a, b in pairwise(turns))
+
+
+@pytest.mark.parametrize(("pauses", "bits"), [((2, 1.5), 24.5), ((3, 2), 26), ((3, 80), 104)])
+def test_a_transaction_has_the_length_of_its_parts(pauses, bits):
+    timing = Timing(master_pause=pauses[0], slave_pause=pauses[1])
+    table = simulate(THREE, cycles=2, timing=timing).transactions
+    length = table["time_s"].diff().shift(-1) / BIT_TIME
+    answered = table["outcome"] == "ok"
+    assert length[answered].dropna().to_numpy() == pytest.approx(bits)
+    assert length[~answered].dropna().to_numpy() == pytest.approx(24)
+
+
+def test_a_slave_that_missed_the_request_before_answers_two_bit_times_later():
+    drawn = np.zeros((3, 3, 3, 2), dtype=np.uint8)
+    drawn[1, 0, 1, 0] = MISSED
+    table = simulate(THREE, cycles=3, disturbances=drawn).transactions
+    late = table[table["master_pause_bit"] == 5]
+    assert late[["cycle", "slave", "outcome"]].to_numpy().tolist() == [[1, "2", "ok"]]
+
+
+def test_a_slave_that_heard_nothing_yet_answers_late():
+    # The first request of all goes to address 0.
+    table = simulate([Slave("S-7.F.F", 0)], duration=1e-3).transactions
+    assert table["master_pause_bit"].to_list()[:4] == [5, 3, 3, 3]
+
+
+def test_an_unanswered_request_is_followed_by_the_next_after_ten_bit_times():
+    run = simulate(THREE, cycles=5, faults=[DeadSlave("2", 12e-3)])
+    table = run.transactions
+    silent = table.index[(table["slave"] == "2") & (table["outcome"] == "SilenceError")]
+    assert len(silent) > 2
+    gaps = [(table["time_s"][i + 1] - table["time_s"][i]) / BIT_TIME for i in silent[:-1]]
+    assert gaps == pytest.approx([24] * len(gaps))
+    again = table.loc[silent[0] + 1]
+    assert (again["slave"], again["attempt"], again["request"]) == (
+        "2", 1, table["request"][silent[0]],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("timeout", [6.0, 10.0])
+def test_repeaters_delay_until_the_time_out_and_no_longer(timeout):
+    # A slave in step is heard while 3 bit times and twice the delay stay within the time-out; one
+    # out of step needs two more. The sweep is of one-way delays.
+    delays = np.arange(0.0, 4.0, 0.25) * BIT_TIME
+    timing = Timing(timeout=timeout)
+    heard = []
+    for delay in delays:
+        run = simulate(THREE, duration=0.05, timing=timing, delays={"2": delay})
+        heard.append("2" in run.master.lists.las)
+    assert heard == [bool(3 + 2 * delay / BIT_TIME <= timeout) for delay in delays]
+    pauses = simulate(THREE, cycles=3, delays={"2": 6e-6}).transactions.query("slave == '2'")
+    assert (pauses.query("outcome == 'ok'")["master_pause_bit"] == 5).all()
+
+
+def test_a_line_on_which_nobody_answers_needs_a_duration():
+    dead = [DeadSlave(slave.label, 0.15) for slave in THREE]
+    for slaves, faults in (([], []), (THREE, [SupplyDip(0.1, 0.2), *dead])):
+        with pytest.raises(ArgumentError, match="no slave answers and no cycle begins for 10 s"):
+            simulate(slaves, cycles=10**5, faults=faults)
+
+
+# What the master does.
+
+
+def test_the_phases_follow_each_other():
+    table = simulate(THREE, cycles=3).transactions
+    order = table["phase"].astype(str)
+    changed = order[order != order.shift()].to_list()
+    cycle = ["data_exchange", "management", "inclusion"]
+    assert changed == ["detection", "activation", *cycle * 3]
+    asked = table.query("phase == 'detection' and call == 'READ_IO_CONFIGURATION'")
+    # All addresses are asked, the B halves only where no standard slave is.
+    assert len(asked) == 1 + 31 + (31 - 3)
+
+
+def test_without_slaves_the_master_goes_on_detecting():
+    run = simulate([], duration=0.03)
+    assert (run.transactions["phase"] == "detection").all()
+    assert run.summary().cycles == 0
+    assert np.isnan(run.summary().cycle_time).all()
+    assert run.failure_classes().empty and run.response_times().empty
+
+
+def test_a_slave_takes_outputs_and_gives_inputs():
+    slaves = [Slave("S-0.F.F", 1, inputs=6), Slave("S-8.F.F", 2), Slave("S-7.A.E", 3, "B")]
+    run = simulate(slaves, Master(outputs={"2": 5, "3B": 2}), cycles=3)
+    assert run.master.lists.input_image == {"1": 6, "2": 5, "3B": 0}
+    assert [slave.outputs for slave in run.slaves] == [0xF, 5, 2]
+
+
+def test_the_host_sets_outputs_while_it_runs():
+    run = simulate(THREE, cycles=20, outputs=[(13e-3, "2", 9)])
+    sent = run.transactions.query("slave == '2' and phase == 'data_exchange'")
+    before = sent["request_data"][sent["time_s"] < 13e-3]
+    assert set(before) == {0xF}
+    assert sent["request_data"].iloc[-1] == 9
+    assert run.slaves[1].outputs == 9
+
+
+def test_protected_mode_activates_only_what_is_projected():
+    run = simulate(THREE, Master({"1": "S-7.F.F", "2": "S-0.F.F"}), cycles=200)
+    lists = run.master.lists
+    assert (lists.lps, lists.lds, lists.las) == (["1", "2"], ["1", "2", "3"], ["1"])
+    assert not lists.config_ok
+    assert simulate(THREE, Master(PROJECTED), cycles=2).master.lists.config_ok
+
+
+def test_a_failed_request_is_repeated_once_at_once():
+    drawn = np.zeros((5, 3, 3, 2), dtype=np.uint8)
+    drawn[2, 0, 1, 0] = REQUEST_LOST
+    drawn[3, 0, 1, 0] = 9 << 2
+    table = simulate(THREE, cycles=5, disturbances=drawn).transactions
+    bad = table.query("phase == 'data_exchange' and outcome != 'ok'")
+    assert bad["slave"].to_list() == ["2", "2"]
+    assert bad["executed"].to_list() == [False, True]
+    assert bad["executed_but_lost"].to_list() == [False, True]
+    for row in bad.index:
+        after = table.loc[row + 1]
+        assert (after["slave"], after["attempt"], after["outcome"]) == ("2", 1, "ok")
+    # It answers the repetition late if it missed the request, in step if only the answer was lost.
+    assert table.loc[bad.index + 1, "master_pause_bit"].to_list() == [5, 3]
+
+
+@pytest.mark.parametrize(("repetitions", "drop_after"), [(1, 3), (0, 3), (2, 5), (1, 1)])
+def test_a_silent_slave_is_dropped_after_its_tries(repetitions, drop_after):
+    master = Master(repetitions=repetitions, drop_after=drop_after)
+    run = simulate(THREE, master, cycles=20, faults=[DeadSlave("2", 12e-3)])
+    tries = run.transactions.query("slave == '2' and phase == 'data_exchange' and outcome != 'ok'")
+    worst = (1 + repetitions) * drop_after
+    assert len(tries) == worst
+    assert run.master.lists.las == ["1", "3"]
+    assert "2" not in run.master.lists.input_image
+    classes = run.failure_classes()
+    assert classes.shape == (3, worst)
+    assert classes.loc["2"].to_dict() == {**dict.fromkeys(range(1, worst), 0), worst: 1}
+    left = run.lists.query("slave == '2' and list == 'LAS' and not present")
+    assert len(left) == run.summary().dropped == 1
+
+
+def test_a_slave_that_comes_back_is_taken_in_again():
+    run = simulate(THREE, duration=0.3, faults=[DeadSlave("2", 0.05, 0.1)])
+    events = run.lists.query("slave == '2' and list == 'LAS'")
+    assert events["present"].to_list() == [True, False, True]
+    assert events["time_s"].iloc[2] > 0.1
+    assert run.slaves[1].outputs == 0xF and run.slaves[1].active
+
+
+def test_dropped_slaves_can_be_left_out():
+    run = simulate(THREE, Master(readmit=False), duration=0.3, faults=[DeadSlave("2", 0.05, 0.1)])
+    assert run.master.lists.las == ["1", "3"]
+
+
+def test_a_new_slave_takes_the_place_of_the_only_one_missing():
+    slaves = [*THREE[:2], Slave("S-7.F.F", 0)]
+    master = Master(PROJECTED, automatic_addressing=True)
+    run = simulate(slaves, master, duration=0.3)
+    assert run.master.lists.config_ok
+    assert run.slaves[2].address == 3
+    assert run.slaves[2].status(0.3) == 0
+
+
+def test_an_ab_slave_gets_its_half_first():
+    slaves = [Slave("S-7.A.E", 1, "A"), Slave("S-7.A.E", 0, id1=2)]
+    master = Master({"1A": "S-7.A.E", "1B": "S-7.A.E"}, automatic_addressing=True)
+    run = simulate(slaves, master, duration=0.3)
+    assert run.master.lists.config_ok
+    assert (run.slaves[1].label, run.slaves[1].id1) == ("1B", 0b1010)
+
+
+@pytest.mark.parametrize(
+    ("present", "new", "automatic"),
+    [(THREE[:1], "S-7.F.F", True), (THREE[:2], "S-0.F.F", True), (THREE[:2], "S-7.F.F", False)],
+    ids=["two are missing", "another profile", "not wanted"],
+)
+def test_else_a_new_slave_keeps_address_0(present, new, automatic):
+    master = Master(PROJECTED, automatic_addressing=automatic)
+    run = simulate([*present, Slave(new, 0)], master, duration=0.3)
+    assert run.slaves[-1].address == 0
+    assert "0" in run.master.lists.lds
+
+
+def test_periphery_faults_are_found_and_go():
+    run = simulate(THREE, duration=0.1, faults=[PeripheryFault("3", 0.03, 0.06)])
+    seen = run.lists.query("list == 'LPF'")
+    assert seen["present"].to_list() == [True, False]
+    assert seen["slave"].to_list() == ["3", "3"]
+    times = seen["time_s"].to_numpy() - [0.03, 0.06]
+    # Three slaves are asked in turn, one a cycle of 0.77 ms.
+    assert (times > 0).all() and (times < 4 * 0.8e-3).all()
+
+
+# Commands of the host.
+
+
+def test_delete_then_assign_changes_the_address_of_a_slave_in_operation():
+    run = simulate(THREE, cycles=100, commands=[(0.02, ChangeAddress("2", "9"))])
+    assert run.commands["done"].to_list() == [True]
+    assert run.master.lists.las == ["1", "3", "9"]
+    assert (run.slaves[1].address, run.slaves[1].active) == (9, True)
+    sent = run.transactions.query(
+        "phase == 'management' and call != 'READ_STATUS' and time_s > .02"
+    )
+    assert sent["call"].to_list()[:2] == ["DELETE_ADDRESS", "READ_IO_CONFIGURATION"]
+    assert "ASSIGN_ADDRESS" in sent["call"].to_list()
+    # Nobody lost data, and nobody was dropped for it.
+    assert run.summary().dropped == 0
+    assert run.failure_classes().to_numpy().sum() == 0
+    reset = simulate(THREE, cycles=100, commands=[(0.02, ChangeAddress("2", "9")),
+                                                  (0.06, ResetSlave("9"))])  # fmt: skip
+    assert reset.slaves[1].address == 9
+
+
+@pytest.mark.parametrize("call", [Call.DELETE_ADDRESS, Call.ASSIGN_ADDRESS])
+def test_the_address_changes_even_if_the_reply_is_lost(call):
+    run = simulate(
+        THREE,
+        cycles=200,
+        commands=[(0.02, ChangeAddress("2", "9"))],
+        faults=[LostReply("2", call, count=2)],
+    )
+    assert run.commands["done"].to_list() == [True]
+    assert run.master.lists.las == ["1", "3", "9"]
+    lost = run.transactions[run.transactions["executed_but_lost"]]
+    assert lost["call"].to_list() == [call.name]
+    assert run.summary().lost_replies == 1
+
+
+def test_a_change_of_half_works():
+    run = simulate(FULL[:1], duration=0.1, commands=[(0.02, ChangeAddress("1A", "1B"))])
+    assert run.master.lists.las == ["1B"]
+    assert run.slaves[0].label == "1B"
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (ChangeAddress("2", "3"), "address 3 is taken"),
+        (ChangeAddress("7", "9"), "slave 7 is not in the LDS"),
+        (ChangeAddress("2", "9A"), "slave 2 is S-7.F.F, not fit for 9A"),
+        (ReadCodes("7"), "slave 7 does not answer with its codes"),
+        (ReadStatus("7"), "slave 7 does not answer with its status"),
+        (WriteParameter("7", 1), "slave 7 is not in the LDS"),
+        (ResetSlave("7"), "slave 7 is not in the LDS"),
+    ],
+    ids=str,
+)
+def test_a_command_that_cannot_be_carried_out_says_why(command, says):
+    run = simulate(THREE, cycles=50, commands=[(0.02, command)])
+    assert run.commands[["done", "outcome"]].to_numpy().tolist() == [[False, says]]
+    assert run.master.lists.las == ["1", "2", "3"]
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (ReadCodes("2"), "slave 2 is S-7.F.F, ID1 F"),
+        (ReadStatus("2"), "slave 2: no flag set"),
+        (WriteParameter("2", 5), "slave 2 echoes 5"),
+        (ResetSlave("2"), "slave 2 was reset and is active"),
+        (BroadcastReset(), "broadcast reset was sent"),
+    ],
+    ids=str,
+)
+def test_a_command_says_what_came_of_it(command, says):
+    run = simulate(THREE, cycles=300, commands=[(0.02, command)])
+    assert run.commands[["done", "outcome"]].to_numpy().tolist() == [[True, says]]
+    assert run.master.lists.las == ["1", "2", "3"]
+
+
+def test_a_broadcast_reset_is_silent_and_costs_every_slave_its_place_for_a_while():
+    run = simulate(THREE, cycles=300, commands=[(0.02, BroadcastReset())])
+    sent = run.transactions.query("call == 'BROADCAST_RESET'")
+    assert sent["outcome"].to_list() == ["ok"]
+    assert sent["attempt"].to_list() == [0]
+    assert run.summary().dropped == 3
+
+
+# Faults.
+
+
+def test_a_lost_reply_is_counted_as_carried_out():
+    faults = [LostReply("2", Call.DATA_EXCHANGE, 12e-3, count=1)]
+    master = Master(outputs={"2": 3})
+    run = simulate(THREE, master, cycles=5, faults=faults)
+    lost = run.transactions[run.transactions["executed_but_lost"]]
+    assert lost[["slave", "call", "outcome"]].to_numpy().tolist() == [
+        ["2", "DATA_EXCHANGE", "SilenceError"]
+    ]
+    assert run.summary().lost_replies == run.summary().repetitions == 1
+
+
+def test_equal_answers_of_two_slaves_are_one_and_different_ones_an_error():
+    twins = [*THREE, Slave("S-7.F.F", 2, inputs=2, id1=0xF)]
+    fine = simulate(twins, cycles=20)
+    assert fine.summary().repetitions == 0
+    twins[3].inputs = 3
+    bad = simulate(twins, cycles=20)
+    assert bad.master.lists.las == ["1", "3"]
+    table = bad.transactions.query("slave == '2' and call == 'DATA_EXCHANGE'")
+    assert len(table) >= 2
+    assert set(table["outcome"]) <= {"AlternationError", "PauseError", "InformationError"}
+
+
+def test_id_code_1_tells_no_two_slaves_of_one_address_apart():
+    for id1 in range(15):
+        twins = [*THREE, Slave("S-7.F.F", 2, inputs=2, id1=id1)]
+        run = simulate(twins, cycles=30, commands=[(0.02, ReadCodes("2"))])
+        outcome = run.transactions.query("call == 'READ_ID1' and slave == '2'")["outcome"]
+        assert "ok" not in set(outcome)
+        assert "no ID1" in run.commands["outcome"].iloc[0]
+
+
+def test_two_slaves_at_one_address_out_of_step_are_an_error_even_with_equal_data():
+    twins = [*THREE, Slave("S-7.F.F", 2, inputs=2)]
+    drawn = np.zeros((4, 3, 4, 2), dtype=np.uint8)
+    drawn[2, 0, 3, 0] = MISSED
+    table = simulate(twins, cycles=4, disturbances=drawn).transactions
+    bad = table.query("phase == 'data_exchange' and outcome != 'ok'")
+    assert bad[["cycle", "slave"]].to_numpy().tolist() == [[2, "2"]]
+
+
+def test_an_answer_behind_the_time_out_spoils_the_next_request():
+    run = simulate(THREE, cycles=10, faults=[LateAnswer("2", 8, 12e-3)])
+    table = run.transactions.query("phase == 'data_exchange'")
+    first = table.query("slave == '2' and outcome != 'ok'").iloc[:2]
+    # The repetition falls under the late answer to the first request, and is not even heard.
+    assert first["outcome"].to_list() == ["SilenceError", "SilenceError"]
+    assert first["executed"].to_list() == [True, False]
+    # Behind it the line is free again: slave 3 answers, late, as it missed the request before.
+    third = table.loc[first.index[-1] + 1]
+    assert third["slave"] == "3"
+    assert (third["outcome"], third["master_pause_bit"]) == ("ok", 5)
+
+
+def test_an_answer_just_in_time_is_heard():
+    run = simulate(THREE, cycles=10, faults=[LateAnswer("2", 7, 12e-3)])
+    table = run.transactions.query("slave == '2' and time_s > 0.013")
+    assert (table["outcome"] == "ok").all()
+    assert set(table["master_pause_bit"]) == {10}
+
+
+def test_a_broken_cable_takes_all_slaves_behind_it():
+    run = simulate(
+        STANDARD,
+        duration=0.3,
+        positions={slave.label: 3.0 * slave.address for slave in STANDARD},
+        faults=[BrokenCable(60, 0.1)],
+    )
+    assert run.master.lists.las == [str(address) for address in range(1, 21)]
+    gone = run.lists.query("list == 'LAS' and not present")
+    assert set(gone["slave"]) == {str(address) for address in range(21, 32)}
+    assert (gone["time_s"] > 0.1).all()
+    # Two tries in each of three cycles, each longer for 11 slaves that do not answer.
+    assert (gone["time_s"] < 0.1 + 4 * (33 * 26 + 11 * 24) * BIT_TIME).all()
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        [DeadSlave("2", 0.02, 0.05), BrokenCable(5, 0.03, 0.2)],
+        [BrokenCable(5, 0.02, 0.2), DeadSlave("2", 0.03, 0.05)],
+    ],
+)
+def test_a_slave_comes_back_when_the_last_reason_is_gone(faults):
+    for duration, las in ((0.15, ["1", "3"]), (0.4, ["1", "2", "3"])):
+        run = simulate(THREE, duration=duration, positions={"2": 10.0}, faults=faults)
+        assert run.master.lists.las == las
+
+
+def test_a_supply_dip_resets_everything_and_the_master_begins_anew():
+    run = simulate(THREE, Master(outputs={"1": 0}), duration=0.1, faults=[SupplyDip(0.04, 0.06)])
+    table = run.transactions
+    assert table.query("time_s > 0.0402 and time_s < 0.06").empty
+    after = table.query("time_s >= 0.06")["phase"].astype(str)
+    assert after.iloc[0] == "detection" and after.iloc[-1] != "detection"
+    assert run.master.lists.las == ["1", "2", "3"]
+    # The cycle cut short by the dip is no cycle.
+    assert run.cycle_times.max() < 1e-3
+    assert run.summary().dropped == 0
+
+
+def test_a_master_that_does_not_see_the_dip_takes_slaves_in_one_by_one():
+    faults = [SupplyDip(0.04, 0.045)]
+    run = simulate(THREE, Master(monitors_supply=False), duration=0.5, faults=faults)
+    assert run.summary().dropped == 3
+    assert run.master.lists.las == ["1", "2", "3"]
+    assert (run.transactions.query("time_s > 0.04")["cycle"] >= 0).all()
+
+
+def test_a_standby_master_takes_over_before_a_watchdog_trips():
+    slaves = [Slave("S-7.F.F", address, watchdog=50e-3) for address in (1, 2, 3)]
+    first = Master(PROJECTED, outputs={"1": 1, "2": 2, "3": 3})
+    standby = Standby(Master(PROJECTED))
+    run = simulate(slaves, first, duration=0.3, faults=[MasterFailure(0.1)], standby=standby)
+    table = run.transactions
+    taken = table["standby"]
+    assert taken.iloc[-1] and not taken.iloc[0]
+    gap = table["time_s"][taken].iloc[0] - table["time_s"][~taken].iloc[-1]
+    assert 1e-3 < gap < 1e-3 + 26 * BIT_TIME + 1e-9
+    # It goes on with data exchange, and with the outputs that it heard.
+    assert table["phase"][taken].iloc[0] == "data_exchange"
+    assert [slave.outputs for slave in run.slaves] == [1, 2, 3]
+    assert [slave.trips for slave in run.slaves] == [[], [], []]
+    alone = simulate(slaves, first, duration=0.3, faults=[MasterFailure(0.1)])
+    assert [slave.outputs for slave in alone.slaves] == [0xF] * 3
+    assert all(0.1 < slave.trips[0] < 0.152 for slave in alone.slaves)
+    slow = Standby(Master(PROJECTED), silence=60e-3)
+    late = simulate(slaves, first, duration=0.3, faults=[MasterFailure(0.1)], standby=slow)
+    assert all(len(slave.trips) == 1 for slave in late.slaves)
+
+
+def test_a_standby_master_hears_both_halves():
+    slaves = FULL[:4]
+    projected = {slave.label: slave.profile for slave in slaves}
+    run = simulate(
+        slaves,
+        Master(projected),
+        duration=0.1,
+        faults=[MasterFailure(0.05)],
+        standby=Standby(Master(projected)),
+    )
+    assert run.master.lists.las == ["1A", "1B", "2A", "2B"]
+    assert run.summary().dropped == 0
+    # It knew them all at once, and did not have to find them.
+    assert len({change.time for change in run.master.lists.changes}) == 1
+
+
+# Statistics.
+
+
+def test_repetitions_are_as_many_as_the_probability_says():
+    p, q = 0.05, 0.03
+    run = simulate(
+        THREE,
+        Master(drop_after=1000),
+        cycles=20_000,
+        disturbances=draw_disturbances(np.random.default_rng(7), 20_000, [0, p, 0], [0, q, 0]),
+    )
+    table = run.transactions.query("slave == '2' and phase == 'data_exchange'")
+    first, again = table.query("attempt == 0"), table.query("attempt == 1")
+    failing = 1 - (1 - p) * (1 - q)
+    # Five standard deviations of a binomial of 20000.
+    assert len(again) / len(first) == pytest.approx(
+        failing, abs=5 * np.sqrt(failing * (1 - failing) / len(first))
+    )
+    garbled = (first["executed_but_lost"]).mean()
+    assert garbled == pytest.approx((1 - p) * q, abs=5 * np.sqrt(q / len(first)))
+    late = (first.query("outcome == 'ok'")["master_pause_bit"] == 5).mean()
+    assert late == pytest.approx(p, abs=5 * np.sqrt(p / len(first)))
+
+
+def test_a_change_of_an_input_is_known_after_the_next_exchange():
+    changes = [(0.02 + 1.234e-3 * k, "2", k % 16) for k in range(40)]
+    run = simulate(THREE, duration=0.1, inputs=changes)
+    seen = run.input_changes()["response_time_s"].to_numpy()
+    bounds = run.response_times().loc["2"]
+    assert not np.isnan(seen).any()
+    assert (seen >= bounds["least_s"] - 1e-12).all() and (seen <= bounds["longest_s"] + 1e-12).all()
+    # At rest: a cycle of 4 x 26 + 24 bit times, and pause and response behind the request.
+    cycle, fresh = 128 * BIT_TIME, 10 * BIT_TIME
+    assert bounds.to_numpy() == pytest.approx([fresh, cycle / 2 + fresh, cycle + fresh])
+    got = run.transactions.query("slave == '2' and phase == 'data_exchange'")
+    for (time, _, value), delay in zip(changes, seen, strict=True):
+        told = got[got["time_s"] + (14 + 3 + 7) * BIT_TIME >= time + delay - 1e-9].iloc[0]
+        assert told["response_data"] == value
+
+
+def test_a_change_that_is_gone_before_the_next_exchange_is_never_seen():
+    run = simulate(THREE, duration=0.1, inputs=[(0.05, "2", 9), (0.05 + 1e-6, "2", 0)])
+    assert np.isnan(run.input_changes()["response_time_s"]).to_list() == [True, False]
+
+
+def test_the_table_spells_the_requests():
+    table = simulate([*THREE, FULL[20]], cycles=3).transactions
+    for row in table.to_dict("records"):
+        call, half = Call[row["call"]], row["half"] or None
+        request = Request(call, row["address"], row["request_data"], half)
+        assert row["request"] == request.bits
+        if row["response_data"] >= 0:
+            assert Response(row["response_data"], call).expected
+
+
+def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
+    record = Record(Timing())
+    for number, (address, outcome) in enumerate([(1, 0), (1, 5), (1, 5), (2, 5), (2, 0)]):
+        code = order(Call.DATA_EXCHANGE, address, 1).code | outcome << OUTCOME
+        record.put(26.0 * number, 3.0, code)
+    classes = Simulation(record, 130.0, [Master()], [], []).failure_classes()
+    assert classes.loc["1"].to_list() == [0, 1, 0, 0, 0, 0]
+    assert classes.loc["2"].to_list() == [1, 0, 0, 0, 0, 0]
+
+
+# Arguments.
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "cycles and duration are both None"),
+        ({"cycles": -1}, "cycles is -1"),
+        ({"duration": float("nan")}, "duration is nan s"),
+        (
+            {"cycles": 1, "faults": [DeadSlave("9")]},
+            "slave 9 is not on the line; there are 1, 2, 3",
+        ),
+        ({"cycles": 1, "faults": [TelegramErrors("1", 0.1)]}, "rng is None"),
+        ({"cycles": 1, "faults": [LateAnswer("1", 20)]}, "would answer 25 bit times"),
+        ({"cycles": 1, "delays": {"1": 60e-6}}, "would answer 25 bit times"),
+        ({"cycles": 1, "delays": {"1": -1e-6}}, "delays of slave 1 is -1e-06"),
+        ({"cycles": 1, "positions": {"4": 1.0}}, "slave 4 is not on the line"),
+        ({"cycles": 1, "inputs": [(0.0, "1", 16)]}, "input of slave 1 is 16"),
+        ({"cycles": 1, "inputs": [(-1.0, "1", 1)]}, "time is -1.0 s"),
+        ({"cycles": 1, "outputs": [(0.0, "1A", 8)]}, "output of slave 1A is 8"),
+        ({"cycles": 1, "disturbances": np.zeros((1, 3, 2, 2), np.uint8)}, "n_cycles, 3, 3, 2"),
+    ],
+)
+def test_bad_arguments_are_refused(options, message):
+    with pytest.raises(ArgumentError, match=message):
+        simulate(THREE, **options)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: TelegramErrors("1", request=-0.1), "request is -0.1"),
+        (lambda: TelegramErrors("1", response=float("nan")), "response is nan"),
+        (lambda: DeadSlave("32"), "slave is '32'"),
+        (lambda: DeadSlave("1", 2.0, 1.0), "start is 2.0 s and stop is 1.0 s"),
+        (lambda: LostReply("1", count=0), "count is 0"),
+        (lambda: MasterFailure(-1.0), "start is -1.0 s"),
+        (lambda: Standby(Master()), "no projected slaves"),
+        (lambda: Standby(Master(PROJECTED), 1e-4), "silence is 0.0001 s"),
+        (lambda: Master({"1A": "S-7.F"}), "slave 1A is projected as S-7.F"),
+        (lambda: Master({"0": "S-7.F"}), "slave 0 is projected"),
+        (lambda: Master(repetitions=8), "repetitions is 8"),
+        (lambda: Master(drop_after=0), "drop_after is 0"),
+        (lambda: Master(automatic_addressing=True), "automatic_addressing is True"),
+        (lambda: Master(outputs={"1": 16}), "output of slave 1 is 16"),
+        (lambda: Master(parameters={"1B": 8}), "parameter of slave 1B is 8"),
+        (lambda: ChangeAddress("1", "0"), "new is '0'"),
+        (lambda: ChangeAddress("1", "1"), "new is '1'"),
+        (lambda: WriteParameter("1A", 8), "parameter of slave 1A is 8"),
+        (lambda: Timing(timeout=1), "timeout is 1 bit times"),
+        (lambda: Timing(slave_pause=84), r"slave_pause is 84 bit times; it must be 1\.\.83"),
+        (lambda: Timing(bit_time=0), "bit_time is 0 s"),
+    ],
+)
+def test_bad_descriptions_are_refused(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

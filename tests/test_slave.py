@@ -1,0 +1,330 @@
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.asi import Call, Profile, Request, Response
+from shipnet.asi.simulation.slave import WATCHDOG, WRITE_TIME, Slave
+from shipnet.asi.simulation.states import TRANSITIONS, Action, Event, State
+from shipnet.errors import ArgumentError
+
+GARBLED = "00101010111011"  # data exchange with slave 21 with a wrong parity bit
+FOREIGN = Request.data_exchange(3, 0).bits
+
+
+def listening(profile="S-7.F.F", address=21, half=None, **options):
+    slave = Slave(profile, address, half, **options)
+    slave.pause()
+    return slave
+
+
+def say(slave, request, time=0.0):
+    """Send a request to a slave in state RECEIVE, and let the transaction end."""
+    answer = slave.hear(request.bits, time)
+    slave.pause()
+    return answer
+
+
+# The receive states, edge by edge.
+
+
+def test_the_table_has_an_arrow_for_every_event_that_a_receiver_reports():
+    assert {event for state, event in TRANSITIONS if state is State.RECEIVE} == {
+        Event.ERROR, Event.FOREIGN, Event.UNKNOWN, Event.OWN, Event.SILENT,
+    }  # fmt: skip
+    answers = {key for key, step in TRANSITIONS.items() if step.action is Action.ANSWER}
+    assert answers == {(State.RECEIVE, Event.OWN)}
+
+
+def test_every_state_is_reached_and_left():
+    ends = {(state, step.state) for (state, _), step in TRANSITIONS.items()}
+    assert {a for a, b in ends if a != b} == {b for a, b in ends if a != b} == set(State)
+
+
+def test_a_new_slave_reads_nothing_before_a_pause():
+    slave = Slave("S-7.F.F", 21)
+    assert slave.state is State.ASYNCHRONOUS
+    assert slave.hear(Request.read_id(21).bits) is None
+    assert slave.state is State.ASYNCHRONOUS
+
+
+@pytest.mark.parametrize("event", [Event.PAUSE, Event.SLAVE_PAUSE])
+def test_any_pause_takes_an_asynchronous_slave_to_receive(event):
+    slave = Slave("S-7.F.F", 21)
+    slave.pause(event)
+    assert slave.state is State.RECEIVE
+    assert not slave.synchronised
+
+
+def test_an_error_sends_it_to_asynchronous_without_an_answer():
+    slave = listening()
+    say(slave, Request.read_id(3))
+    assert slave.synchronised
+    assert slave.hear(GARBLED) is None
+    assert slave.state is State.ASYNCHRONOUS
+    assert not slave.synchronised
+
+
+def test_a_request_to_another_address_sends_it_to_synchronous_without_an_answer():
+    slave = listening()
+    assert slave.hear(FOREIGN) is None
+    assert slave.state is State.SYNCHRONOUS
+    assert slave.synchronised
+
+
+def test_an_unknown_call_sends_it_to_synchronous_without_an_answer():
+    slave = listening()
+    bits = Request.read_status(21).bits
+    unknown = bits[:11] + "1" + str(1 - int(bits[12])) + bits[13]  # information 11111: reserved
+    assert slave.hear(unknown) is None
+    assert slave.state is State.SYNCHRONOUS
+
+
+def test_its_own_request_is_answered_and_sends_it_to_synchronous():
+    slave = listening()
+    assert slave.hear(Request.read_id(21).bits) == Response(0xF, Call.READ_ID)
+    assert slave.state is State.SYNCHRONOUS
+
+
+def test_a_call_without_answer_is_obeyed_silently():
+    slave = listening(inputs=3)
+    say(slave, Request.write_parameter(21, 5))
+    assert slave.active
+    assert slave.hear(Request.broadcast_reset().bits) is None
+    assert slave.state is State.SYNCHRONOUS
+    assert not slave.active
+
+
+def test_a_synchronous_slave_lets_the_response_pass_and_waits_for_the_pause_behind_it():
+    slave = listening()
+    slave.hear(FOREIGN)
+    slave.pause(Event.PAUSE)
+    assert slave.hear(Response(6).bits) is None
+    assert slave.state is State.SYNCHRONOUS
+    slave.pause(Event.SLAVE_PAUSE)
+    assert slave.state is State.RECEIVE
+    assert slave.synchronised
+
+
+def test_a_slave_out_of_step_takes_the_response_for_a_faulty_request():
+    slave = listening()
+    slave.hear(GARBLED)
+    slave.pause(Event.PAUSE)
+    assert slave.hear(Response(6).bits) is None
+    assert slave.state is State.ASYNCHRONOUS
+
+
+def test_only_pauses_are_pauses():
+    with pytest.raises(ArgumentError, match=r"event is Event\.ERROR"):
+        Slave("S-7.F.F").pause(Event.ERROR)
+
+
+@given(st.lists(st.text("01", max_size=16) | st.sampled_from([FOREIGN, GARBLED]), max_size=30))
+def test_whatever_it_hears_it_stays_in_a_state_of_the_table_and_answers_only_its_own(traffic):
+    slave = listening(inputs=9)
+    for bits in traffic:
+        answer = slave.hear(bits)
+        assert slave.state in State
+        if answer is not None:
+            assert Request.parse(bits).address in (0, 21)
+            assert slave.state is State.SYNCHRONOUS
+        slave.pause()
+        assert slave.state is State.RECEIVE
+
+
+# The 13 calls.
+
+
+def test_data_need_a_parameter_first():
+    slave = listening("S-3.F.F", inputs=0b0011)
+    assert say(slave, Request.data_exchange(21, 0b1000)) is None
+    assert say(slave, Request.write_parameter(21, 0xA)).data == 0xA
+    # D0 and D1 are inputs; D2 and D3 are outputs, and echoed.
+    assert say(slave, Request.data_exchange(21, 0b1000)).data == 0b1011
+    assert (slave.outputs, slave.parameter) == (0b1000, 0xA)
+
+
+def test_the_codes_are_read():
+    slave = listening("S-7.F.E", id1=5)
+    asked = [Request.read_io_configuration, Request.read_id, Request.read_id1, Request.read_id2]
+    assert [say(slave, ask(21)).data for ask in asked] == [7, 0xF, 5, 0xE]
+
+
+def test_an_old_slave_has_no_extended_codes():
+    slave = listening("S-7.F")
+    assert say(slave, Request.read_id1(21)) is None
+    assert say(slave, Request.read_id2(21)) is None
+    assert say(slave, Request.read_id(21)).data == 0xF
+
+
+def test_delete_then_assign_changes_the_address():
+    slave = listening(address=21)
+    assert say(slave, Request.delete_address(21)).data == 0
+    assert slave.address == 0
+    assert say(slave, Request.assign_address(9)).data == 6
+    assert slave.address == 9
+    assert say(slave, Request.assign_address(10)) is None
+    assert slave.address == 9
+
+
+def test_only_a_slave_at_address_0_takes_an_address():
+    assert say(listening(address=21), Request.assign_address(9)) is None
+    assert say(listening(address=0), Request.assign_address(9)).data == 6
+
+
+def test_a_deleted_address_comes_back_with_a_reset():
+    slave = listening(address=21)
+    say(slave, Request.delete_address(21))
+    assert slave.status() & 1
+    assert say(slave, Request.reset(0)).data == 6
+    assert slave.address == 21
+    assert not slave.status() & 1
+
+
+def test_it_stores_for_15_ms_and_stores_nothing_else_meanwhile():
+    slave = listening(address=0)
+    say(slave, Request.assign_address(9), 1.0)
+    assert say(slave, Request.read_status(9), 1.0 + 0.99 * WRITE_TIME).data == 1
+    assert say(slave, Request.delete_address(9), 1.0 + 0.99 * WRITE_TIME) is None
+    assert say(slave, Request.read_status(9), 1.0 + WRITE_TIME).data == 0
+    assert say(slave, Request.delete_address(9), 1.0 + WRITE_TIME).data == 0
+
+
+def test_a_supply_lost_while_it_stores_costs_the_address():
+    slave = listening(address=0)
+    say(slave, Request.assign_address(9), 1.0)
+    slave.switch_off(1.0 + WRITE_TIME / 2)
+    assert slave.hear(Request.read_id(0).bits) is None
+    slave.switch_on()
+    slave.pause()
+    assert slave.address == 0
+    assert say(slave, Request.read_status(0)).data == 0b1000
+
+
+def test_a_supply_lost_later_does_not():
+    slave = listening(address=0)
+    say(slave, Request.assign_address(9), 1.0)
+    slave.switch_off(1.0 + WRITE_TIME)
+    slave.switch_on()
+    assert (slave.address, slave.state, slave.synchronised) == (9, State.ASYNCHRONOUS, False)
+
+
+def test_bit_3_of_id1_is_the_half():
+    slave = listening("S-7.A.E", address=0, id1=5)
+    assert say(slave, Request.write_id1(5 | 8)).data == 0
+    assert slave.half == "B"
+    assert say(slave, Request.assign_address(9), 1.0).data == 6
+    assert slave.label == "9B"
+    assert say(slave, Request.read_id1(9, "B"), 1.0).data == 0xD
+    assert say(slave, Request.read_id1(9, "A"), 1.0) is None
+
+
+def test_a_code_being_stored_keeps_an_address_waiting():
+    slave = listening("S-7.A.E", address=0, id1=5)
+    say(slave, Request.write_id1(5 | 8), 1.0)
+    assert say(slave, Request.assign_address(9), 1.0 + 0.99 * WRITE_TIME) is None
+    assert say(slave, Request.write_id1(5), 1.0 + 0.99 * WRITE_TIME) is None
+    assert say(slave, Request.assign_address(9), 1.0 + WRITE_TIME).data == 6
+    assert slave.label == "9B"
+
+
+@pytest.mark.parametrize("half", ["A", "B"])
+def test_without_an_address_it_is_of_no_half(half):
+    slave = listening("S-7.A.E", address=0)
+    assert say(slave, Request.read_id(0, half)).data == 0xA
+
+
+def test_the_periphery_fault_is_status_bit_1():
+    slave = listening()
+    slave.periphery_fault = True
+    assert say(slave, Request.read_status(21)).data == 2
+
+
+def test_the_program_mode_opens_only_at_address_0_and_unlocked():
+    for address, locked in itertools.product((0, 21), (True, False)):
+        slave = listening(address=address, locked=locked)
+        assert say(slave, Request.enter_program_mode()) is None
+        answers = say(slave, Request.read_id(address)) is not None
+        assert answers == (locked or address != 0)
+
+
+ASK = {
+    "A": lambda call: call(21, half="A"),
+    "B": lambda call: call(21, half="B"),
+}
+SELECTING = [
+    Request.delete_address, Request.reset, Request.read_io_configuration, Request.read_id,
+    Request.read_id1, Request.read_id2, Request.read_status,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("call", SELECTING, ids=lambda call: call.__name__)
+@pytest.mark.parametrize("half", ["A", "B"])
+@pytest.mark.parametrize("asked", ["A", "B"])
+def test_only_the_half_that_is_asked_answers(call, half, asked):
+    answer = say(listening("S-7.A.E", half=half), ASK[asked](call))
+    assert (answer is not None) == (half == asked)
+
+
+@pytest.mark.parametrize("half", ["A", "B"])
+def test_data_and_parameters_go_to_one_half(half):
+    slave = listening("S-7.A.E", half=half, inputs=0xC)
+    other = "A" if half == "B" else "B"
+    assert say(slave, Request.write_parameter(21, 3, other)) is None
+    assert say(slave, Request.write_parameter(21, 3, half)).data == 3
+    assert say(slave, Request.data_exchange(21, 5, other)) is None
+    assert say(slave, Request.data_exchange(21, 5, half)).data == 0xC
+    assert slave.outputs == 5
+
+
+def test_a_standard_slave_answers_no_call_to_a_b_slave():
+    assert say(listening(), Request.read_id(21, "B")) is None
+    assert say(listening(), Request.read_id(21, "A")) is not None
+
+
+# Watchdog and arguments.
+
+
+def test_the_watchdog_resets_after_its_time_without_data():
+    slave = listening()
+    say(slave, Request.write_parameter(21, 1), 0.0)
+    say(slave, Request.data_exchange(21, 0), 0.05)
+    assert say(slave, Request.data_exchange(21, 0), 0.05 + WATCHDOG) is not None
+    assert slave.outputs == 0
+    assert say(slave, Request.data_exchange(21, 0), 0.06 + 2 * WATCHDOG) is None
+    assert slave.outputs == 0xF
+    assert slave.trips == [pytest.approx(0.05 + 2 * WATCHDOG)]
+
+
+def test_reading_does_not_feed_the_watchdog():
+    slave = listening(watchdog=50e-3)
+    say(slave, Request.write_parameter(21, 1), 0.0)
+    say(slave, Request.read_status(21), 0.049)
+    say(slave, Request.read_status(21), 0.051)
+    assert slave.trips == [50e-3]
+
+
+def test_without_watchdog_outputs_stay():
+    slave = listening(watchdog=float("inf"))
+    say(slave, Request.write_parameter(21, 1), 0.0)
+    assert say(slave, Request.data_exchange(21, 0), 1e6) is not None
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"address": 32}, "address is 32"),
+        ({"half": "B"}, "half is 'B'"),
+        ({"profile": "S-7.A.E", "half": "C"}, "half is 'C'"),
+        ({"profile": "S-7.A.E", "address": 0, "half": "B"}, "half is 'B'"),
+        ({"profile": "S-7.A.E", "id1": 8}, r"id1 is 8; .* 0\.\.7"),
+        ({"inputs": 16}, "inputs is 16"),
+        ({"watchdog": -1.0}, "watchdog is -1.0 s"),
+        ({"write_time": float("nan")}, "write_time is nan s"),
+        ({"profile": "7.A"}, "profile is '7.A'"),
+    ],
+)
+def test_bad_arguments_are_refused(options, message):
+    with pytest.raises(ArgumentError, match=message):
+        Slave(**{"profile": Profile(7, 0xF), "address": 1} | options)
