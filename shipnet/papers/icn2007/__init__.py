@@ -4,6 +4,6 @@
 kim2023 repeats are registered beside it, in `shipnet.papers.kim2023`.
 """
 
-from shipnet.papers.icn2007 import signals, structures, telegrams
+from shipnet.papers.icn2007 import access, signals, structures, telegrams
 
-__all__ = ["signals", "structures", "telegrams"]
+__all__ = ["access", "signals", "structures", "telegrams"]

@@ -7,6 +7,7 @@ One module a topic; what a claim needs from another paper's text is imported fro
 """
 
 from shipnet.papers.kim2023 import (
+    addressing,
     calls,
     immunity,
     integrity,
@@ -19,6 +20,7 @@ from shipnet.papers.kim2023 import (
 )
 
 __all__ = [
+    "addressing",
     "calls",
     "immunity",
     "integrity",

@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+
+from shipnet.asi.apm import send_current
+from shipnet.asi.emc.levels import STANDARDS
+from shipnet.asi.receiver import receive
+from shipnet.errors import ArgumentError
+from shipnet.papers.kim2023.immunity import about_emission, level, supply_decides
+
+
+def test_the_supply_is_no_shield():
+    # The same noise, on the supply of PELV and on one far above its limit of 60 V.
+    assert not supply_decides()
+    assert not supply_decides(supplies=(0.0, 60.0))
+    assert supply_decides(deviations=(0.5, 0.7))
+    # The other route: what is common to both wires, and what is constant, never reaches the
+    # decision, because the receiver takes the difference and its mean off.
+    dt = 250e-9
+    t = np.arange(256) * dt
+    u = -40e-6 * np.gradient(send_current(t, "0011001", start=5e-6), dt)
+    plain, lifted = receive(u, dt, 7), receive(u + 230, dt, 7)
+    assert lifted.bits.tolist() == plain.bits.tolist()
+    assert lifted.ringing == pytest.approx(plain.ringing, abs=1e-9)
+
+
+def test_discharge_is_about_immunity():
+    assert not about_emission(standard="IEC 61000-4-2")
+    assert [name for name in STANDARDS if about_emission(standard=name)] == ["IEC 61000-6-4"]
+
+
+def test_a_level_is_one_row():
+    assert level("burst", "rise time")["asi"] == 5
+    with pytest.raises(ArgumentError, match="'burst' and 'colour'"):
+        level("burst", "colour")
