@@ -130,19 +130,21 @@ def ledger(paper: str | None = None) -> pd.DataFrame:
     >>> row.published, round(row.computed, 2), row.match, row.verdict
     ('0.7', 7.37, 'factor 10', 'typo')
     """
-    if paper is not None and paper not in PAPERS:
-        raise ValueError(f"paper is {paper!r}, but the papers are {', '.join(PAPERS)}")
-    _load_recomputations()
-    claims = datasets.read("claims.csv")
-    if paper is not None:
-        claims = claims[claims["paper"] == paper]
-    rows = [_judge(claim) for claim in claims.to_dict("records")]
+    rows = [_judge(claim) for claim in _claims(paper)]
     order = {key: place for place, key in enumerate(PAPERS)}
     return pd.DataFrame(rows, columns=list(_COLUMNS)).sort_values(
         ["paper", "id"],
         key=lambda column: column.map(order) if column.name == "paper" else column,
         ignore_index=True,
     )
+
+
+def _claims(paper: str | None = None) -> list[dict[Hashable, Any]]:
+    if paper is not None and paper not in PAPERS:
+        raise ValueError(f"paper is {paper!r}, but the papers are {', '.join(PAPERS)}")
+    _load_recomputations()
+    claims = datasets.read("claims.csv")
+    return claims[claims["paper"].isin(PAPERS if paper is None else [paper])].to_dict("records")
 
 
 _COLUMNS = (
@@ -181,15 +183,15 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
         "relative_difference": difference,
         "match": outcome,
         "verdict": claim["verdict"],
-        "status": _status(claim, recomputation is not None),
+        "status": _status(claim),
         "evidence": claim["evidence"] or (recomputation.evidence if recomputation else ""),
     }
 
 
-def _status(claim: dict[Hashable, Any], computed: bool) -> str:
+def _status(claim: dict[Hashable, Any]) -> str:
     if claim["kind"] == "context":
         return "context"
-    if computed:
+    if claim["id"] in REGISTRY:
         return {"numeric": "recomputed", "qualitative": "checked", "ours": "ours"}[claim["kind"]]
     return "not reproducible" if claim["verdict"] == "not reproducible" else "open"
 
@@ -212,8 +214,11 @@ def counts(paper: str | None = None) -> pd.DataFrame:
     >>> bool((counts()["claims"] > 30).all())
     True
     """
-    table = ledger(paper)
-    counted = pd.crosstab(table["paper"], table["status"])
+    claims = _claims(paper)
+    counted = pd.crosstab(
+        pd.Index([claim["paper"] for claim in claims], name="paper"),
+        pd.Index([_status(claim) for claim in claims], name="status"),
+    )
     keys = [key for key in PAPERS if key in counted.index]
     counted = counted.reindex(index=keys, columns=list(STATUSES), fill_value=0)
     counted.columns.name = None
@@ -243,35 +248,29 @@ def show(*claims: str) -> pd.DataFrame:
     >>> show("kim2023-004").loc["kim2023-004", "we compute"]
     '0.4032 %'
     """
-    table = ledger().set_index("id")
+    known = {claim["id"]: claim for claim in _claims()}
     ids = " ".join(claims).split()
-    unknown = [claim for claim in ids if claim not in table.index]
+    unknown = [claim for claim in ids if claim not in known]
     if unknown:
-        raise ValueError(f"no claim {', '.join(unknown)}; ids look like {table.index[0]!r}")
-    rows = table.loc[ids].rename_axis(None)
-    return pd.DataFrame(
-        {
-            "where": rows["where"],
-            "claim": rows["claim"],
-            "the paper says": [
-                _with_unit(value, unit)
-                for value, unit in zip(rows["published"], rows["unit"], strict=True)
-            ],
-            "we compute": [
-                _with_unit(
-                    format_computed(value, published),
-                    "" if value is True or value is False else unit,
-                )
-                for value, published, unit in zip(
-                    rows["computed"], rows["published"], rows["unit"], strict=True
-                )
-            ],
-            "verdict": rows["verdict"],
-        }
-    )
+        raise ValueError(f"no claim {', '.join(unknown)}; ids look like {next(iter(known))!r}")
+    rows = [_judge(known[claim]) for claim in ids]
+    shown = {
+        "where": [row["where"] for row in rows],
+        "claim": [row["claim"] for row in rows],
+        "the paper says": [_with_unit(str(row["published"]), row["unit"]) for row in rows],
+        "we compute": [
+            _with_unit(
+                format_computed(row["computed"], str(row["published"])),
+                "" if isinstance(row["computed"], bool) else row["unit"],
+            )
+            for row in rows
+        ],
+        "verdict": [row["verdict"] for row in rows],
+    }
+    return pd.DataFrame(shown, index=ids)
 
 
-def _with_unit(value: str, unit: str) -> str:
+def _with_unit(value: str, unit: object) -> str:
     return f"{value} {unit}".strip() if value else ""
 
 

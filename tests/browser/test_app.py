@@ -52,3 +52,16 @@ def test_the_line_explorer_follows_its_sliders(browser, app):
     page.get_by_label("100 ohm at the end").check()
     verdict.filter(has_text="read 0011001").wait_for(timeout=LONG)
     page.close()
+
+
+def test_the_network_explorer_names_a_broken_rule(browser, app):
+    page = browser.new_page()
+    page.goto(f"{app}/voila/render/asi_network.ipynb", timeout=LONG)
+    verdict = page.locator(".widget-html-content b")
+    verdict.filter(has_text="all rules kept").wait_for(timeout=LONG)
+    length = page.locator(".noUi-handle").nth(1)
+    length.focus()
+    for _ in range(10):
+        length.press("ArrowRight")
+    verdict.filter(has_text="cable length").wait_for(timeout=LONG)
+    page.close()

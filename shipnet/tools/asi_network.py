@@ -1,0 +1,283 @@
+"""The network explorer: slaves on a structure of cable, how fast they are polled, what breaks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from io import BytesIO
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import ipywidgets as widgets
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from shipnet import style
+from shipnet.asi.cycle import ResponseTime, cycle_time, response_time, update_time
+from shipnet.asi.emc.repetition import cycle_effect
+from shipnet.asi.network.plan import Plan
+from shipnet.asi.network.plot import plot_plan
+from shipnet.asi.network.rules import check
+from shipnet.asi.network.structures import evenly, line, ring, star
+from shipnet.errors import ArgumentError, check_whole
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["STRUCTURES", "Inputs", "Result", "draw", "explorer", "update"]
+
+#: Structures to choose from, and what each does with the cable.
+STRUCTURES = MappingProxyType(
+    {
+        "line": "slaves along the cable",
+        "star": "slaves behind nine tenths of the cable, on equal legs",
+        "ring": "slaves along the cable, which comes back",
+    }
+)
+
+#: Slaves that get addresses of their own; more share them as A and B.
+ADDRESSES = 31
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What the sliders say.
+
+    Parameters
+    ----------
+    slaves : int, default 31
+        Slaves, 1..62; from 32 on they share addresses as A and B.
+    structure : str, default "line"
+        Key of `STRUCTURES`.
+    length : float, default 100
+        Length of all cable [m], 10..300.
+    supply : float, default 0.5
+        Place of the supply along the line or the trunk, 0 beside the master, 1 at the end. In a
+        ring it stands beside the master.
+    current_ma : float, default 65
+        What a slave draws [mA], 0..500.
+    error_rate : float, default 0
+        Probability that an exchange fails, 0..1.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is outside its range.
+    """
+
+    slaves: int = 31
+    structure: str = "line"
+    length: float = 100.0
+    supply: float = 0.5
+    current_ma: float = 65.0
+    error_rate: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_whole("slaves", self.slaves, 1, 2 * ADDRESSES)
+        if self.structure not in STRUCTURES:
+            known = ", ".join(map(repr, STRUCTURES))
+            raise ArgumentError(f"structure is {self.structure!r}; it must be one of {known}")
+        for name, unit, low, high in [
+            ("length", " m", 10, 300),
+            ("supply", "", 0, 1),
+            ("current_ma", " mA", 0, 500),
+            ("error_rate", "", 0, 1),
+        ]:
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ArgumentError(f"{name} is {value}{unit}; it must be {low}..{high}{unit}")
+
+    @property
+    def plan(self) -> Plan:
+        """The plan of the installation."""
+        current = 1e-3 * self.current_ma
+        if self.structure == "star":
+            trunk = 0.9 * self.length
+            legs = [(self.length - trunk) / self.slaves] * self.slaves
+            return star(trunk, legs, supply=self.supply * trunk, current=current)
+        if self.structure == "ring":
+            places = evenly(self.length, self.slaves + 1)[:-1]
+            return ring(self.length, places, current=current)
+        places = evenly(self.length, self.slaves)
+        return line(self.length, places, supply=self.supply * self.length, current=current)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Result:
+    """What becomes of the network.
+
+    Attributes
+    ----------
+    plan : Plan
+        The plan.
+    rules : pandas.DataFrame
+        Every rule on every object, as `shipnet.asi.network.check` returns it.
+    cycle : float
+        Cycle time without repetitions [s].
+    heard : float
+        Time from one exchange with a slave to its next, of the slowest [s].
+    response : ResponseTime
+        How long a change of an input takes to reach the host, of the slowest slave [s].
+    repetitions : float
+        Requests repeated, of the whole network [1/s].
+    drops : float
+        Slaves dropped, of the whole network, if exchanges fail independently [1/h].
+    """
+
+    plan: Plan
+    rules: pd.DataFrame
+    cycle: float
+    heard: float
+    response: ResponseTime
+    repetitions: float
+    drops: float
+
+    @property
+    def broken(self) -> list[str]:
+        """One line for each rule that is broken, with the worst object."""
+        lines = []
+        for rule, rows in self.rules[~self.rules["passed"]].groupby("rule", sort=False):
+            excess = np.fmax(rows["lowest"] - rows["value"], rows["value"] - rows["highest"])
+            worst = rows.iloc[int(np.argmax(np.nan_to_num(excess, nan=np.inf)))]
+            low, high = worst["lowest"], worst["highest"]
+            limit = f"at least {low:g}" if worst["value"] < low else f"at most {high:g}"
+            lines.append(
+                f"{str(rule).replace('_', ' ')}: {worst['value']:.4g} {worst['unit']} at "
+                f"{worst['object']}, {limit} {worst['unit']} ({len(rows)} broken)"
+            )
+        return lines
+
+    @property
+    def numbers(self) -> dict[str, str]:
+        """Times and rates as text with units."""
+        return {
+            "cycle": f"{1e3 * self.cycle:.2f} ms",
+            "each slave heard after": f"{1e3 * self.heard:.2f} ms",
+            "input known after": f"{1e3 * self.response.best:.2f} to "
+            f"{1e3 * self.response.worst:.2f} ms",
+            "repetitions": f"{self.repetitions:.3g} a second",
+            "slaves dropped": f"{self.drops:.3g} an hour, if failures are independent",
+        }
+
+
+def update(inputs: Inputs) -> Result:
+    """Plan the network, check its rules and compute its times.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        What the sliders say.
+
+    Returns
+    -------
+    Result
+        Plan, rules, times and rates.
+
+    Examples
+    --------
+    >>> update(Inputs()).broken
+    []
+    >>> print(*update(Inputs(slaves=62, supply=0)).broken)
+    slave voltage: 24.47 V at slave 31B at 100 m, at least 26.5 V (38 broken)
+    """
+    plan = inputs.plan
+    pairs = max(0, inputs.slaves - ADDRESSES)
+    alone = min(inputs.slaves, ADDRESSES) - pairs
+    cycle = float(cycle_time(alone, pairs))
+    # A slave is asked twice at most in a cycle; the second time counts in the worst case.
+    response = response_time(cycle, paired=pairs > 0, repetitions=int(inputs.error_rate > 0))
+    effect = cycle_effect(inputs.error_rate, slaves=alone + pairs, cycle_time=cycle).iloc[0]
+    return Result(
+        plan,
+        check(plan),
+        cycle,
+        float(update_time(alone, pairs)),
+        response,
+        float(effect["repetitions_per_s"]),
+        float(effect["drops_per_h"]),
+    )
+
+
+def draw(result: Result, *, ax: Axes) -> Axes:
+    """Draw the plan, with what breaks a rule in red.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; x is the distance from the master.
+
+    Examples
+    --------
+    >>> ax = draw(update(Inputs(slaves=3)), ax=Figure().subplots())
+    >>> [text.get_text() for text in ax.texts]
+    ['1', '2', '3']
+    """
+    return plot_plan(result.plan, result.rules, ax=ax)
+
+
+def explorer() -> widgets.VBox:
+    """Return the sliders with the plan that follows them.
+
+    Returns
+    -------
+    ipywidgets.VBox
+        To be shown as the last value of a notebook's cell.
+
+    Examples
+    --------
+    >>> sliders, verdict, picture = explorer().children
+    >>> "all rules kept" in verdict.value
+    True
+    """
+    wide = {"style": {"description_width": "9em"}, "layout": {"width": "30em"}}
+    still = {**wide, "continuous_update": False}
+    start = Inputs()
+    controls = {
+        "slaves": widgets.IntSlider(start.slaves, min=1, max=62, description="slaves", **still),
+        "structure": widgets.Dropdown(options=list(STRUCTURES), description="structure", **wide),
+        "length": widgets.FloatSlider(
+            start.length, min=10, max=300, step=5, description="cable [m]", **still
+        ),
+        "supply": widgets.FloatSlider(
+            start.supply, min=0, max=1, step=0.05, description="supply, 0 to 1", **still
+        ),
+        "current_ma": widgets.FloatSlider(
+            start.current_ma, min=0, max=200, step=5, description="a slave [mA]", **still
+        ),
+        "error_rate": widgets.FloatSlider(
+            start.error_rate, min=0, max=0.5, step=0.01, description="error rate", **still
+        ),
+    }
+    verdict, picture = widgets.HTML(), widgets.Image(format="png")
+
+    def show(_change: object = None) -> None:
+        result = update(Inputs(**{name: control.value for name, control in controls.items()}))
+        colour = style.LIMIT["color"] if result.broken else "#1a7f4b"
+        said = "<br>".join(result.broken) or f"all rules kept: {len(result.rules)} checks"
+        facts = "<br>".join(f"{name}: {text}" for name, text in result.numbers.items())
+        verdict.value = f'<b style="color: {colour}">{said}</b><br>{facts}'
+        picture.value = _png(result)
+
+    for control in controls.values():
+        control.observe(show, "value")
+    show()
+    rows = list(controls.values())
+    return widgets.VBox(
+        [widgets.HBox([widgets.VBox(rows[:3]), widgets.VBox(rows[3:])]), verdict, picture]
+    )
+
+
+def _png(result: Result) -> bytes:
+    figure = Figure(figsize=(7.5, 3.2), layout="constrained")
+    draw(result, ax=figure.subplots())
+    picture = BytesIO()
+    figure.savefig(picture, format="png", dpi=100)
+    return picture.getvalue()
