@@ -20,6 +20,17 @@ def test_any_number_of_slaves_on_any_structure(structure, slaves):
     assert result.heard == pytest.approx(result.cycle * (2 if slaves > 31 else 1))
 
 
+@pytest.mark.parametrize(
+    ("slaves", "pairs", "shared"), [(31, 0, 0), (31, 31, 15), (62, 0, 31), (40, 20, 20), (40, 3, 9)]
+)
+def test_pairs_shorten_the_cycle_and_wait_for_every_other(slaves, pairs, shared):
+    result = update(Inputs(slaves=slaves, pairs=pairs))
+    assert sum(slave.half == "B" for slave in result.plan.slaves) == shared
+    assert result.cycle == pytest.approx(cycle_time(slaves - 2 * shared, shared))
+    assert result.heard == pytest.approx(result.cycle * (2 if shared else 1))
+    assert result.broken == []
+
+
 def test_the_voltage_breaks_first_beside_the_master():
     assert update(Inputs(slaves=62)).broken == []
     (said,) = update(Inputs(slaves=62, supply=0)).broken
@@ -52,6 +63,7 @@ def test_repetitions_are_those_of_the_simulated_line():
     [
         ("slaves", 63, "slaves is 63"),
         ("slaves", 0, "slaves is 0"),
+        ("pairs", 32, "pairs is 32"),
         ("structure", "tree", "structure is 'tree'; it must be one of 'line'"),
         ("length", 301, "length is 301 m; it must be 10..300 m"),
         ("supply", 1.1, "supply is 1.1; it must be 0..1"),
@@ -75,6 +87,6 @@ def test_the_sliders_start_where_the_inputs_do():
     rows = [row for column in box.children[0].children for row in column.children]
     assert [row.value for row in rows] == [getattr(Inputs(), name) for name in Inputs.__slots__]
     before = bytes(box.children[2].value)
-    rows[0].value, rows[3].value = 62, 0.0
+    rows[0].value, rows[4].value = 62, 0.0
     assert "slave voltage" in box.children[1].value
     assert bytes(box.children[2].value) != before

@@ -18,7 +18,7 @@ from shipnet.asi.emc.repetition import cycle_effect
 from shipnet.asi.network.plan import Plan
 from shipnet.asi.network.plot import plot_plan
 from shipnet.asi.network.rules import check
-from shipnet.asi.network.structures import evenly, line, ring, star
+from shipnet.asi.network.structures import evenly, line, numbered, ring, star
 from shipnet.errors import ArgumentError, check_whole
 
 if TYPE_CHECKING:
@@ -46,7 +46,10 @@ class Inputs:
     Parameters
     ----------
     slaves : int, default 31
-        Slaves, 1..62; from 32 on they share addresses as A and B.
+        Slaves, 1..62.
+    pairs : int, default 0
+        Addresses that an A and a B slave share. At least slaves - 31 are, and at most as many as
+        there are slaves for: other numbers are brought into this range.
     structure : str, default "line"
         Key of `STRUCTURES`.
     length : float, default 100
@@ -66,6 +69,7 @@ class Inputs:
     """
 
     slaves: int = 31
+    pairs: int = 0
     structure: str = "line"
     length: float = 100.0
     supply: float = 0.5
@@ -75,6 +79,7 @@ class Inputs:
     def __post_init__(self) -> None:
         """Check the ranges."""
         check_whole("slaves", self.slaves, 1, 2 * ADDRESSES)
+        check_whole("pairs", self.pairs, 0, ADDRESSES)
         if self.structure not in STRUCTURES:
             known = ", ".join(map(repr, STRUCTURES))
             raise ArgumentError(f"structure is {self.structure!r}; it must be one of {known}")
@@ -89,18 +94,25 @@ class Inputs:
                 raise ArgumentError(f"{name} is {value}{unit}; it must be {low}..{high}{unit}")
 
     @property
+    def shared(self) -> int:
+        """Addresses that are shared in the end."""
+        return int(np.clip(self.pairs, max(0, self.slaves - ADDRESSES), self.slaves // 2))
+
+    @property
     def plan(self) -> Plan:
         """The plan of the installation."""
-        current = 1e-3 * self.current_ma
         if self.structure == "star":
             trunk = 0.9 * self.length
-            legs = [(self.length - trunk) / self.slaves] * self.slaves
-            return star(trunk, legs, supply=self.supply * trunk, current=current)
-        if self.structure == "ring":
-            places = evenly(self.length, self.slaves + 1)[:-1]
-            return ring(self.length, places, current=current)
-        places = evenly(self.length, self.slaves)
-        return line(self.length, places, supply=self.supply * self.length, current=current)
+            leg = (self.length - trunk) / self.slaves
+            shape = star(trunk, [leg] * self.slaves, supply=self.supply * trunk)
+        elif self.structure == "ring":
+            shape = ring(self.length, evenly(self.length, self.slaves + 1)[:-1])
+        else:
+            places = evenly(self.length, self.slaves)
+            shape = line(self.length, places, supply=self.supply * self.length)
+        nodes = [slave.node for slave in shape.slaves]
+        slaves = numbered(nodes, pairs=self.shared, current=1e-3 * self.current_ma)
+        return Plan(shape.cables, shape.masters, shape.supplies, slaves)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -182,8 +194,8 @@ def update(inputs: Inputs) -> Result:
     slave voltage: 24.47 V at slave 31B at 100 m, at least 26.5 V (38 broken)
     """
     plan = inputs.plan
-    pairs = max(0, inputs.slaves - ADDRESSES)
-    alone = min(inputs.slaves, ADDRESSES) - pairs
+    pairs = inputs.shared
+    alone = inputs.slaves - 2 * pairs
     cycle = float(cycle_time(alone, pairs))
     # A slave is asked twice at most in a cycle; the second time counts in the worst case.
     response = response_time(cycle, paired=pairs > 0, repetitions=int(inputs.error_rate > 0))
@@ -242,6 +254,7 @@ def explorer() -> widgets.VBox:
     start = Inputs()
     controls = {
         "slaves": widgets.IntSlider(start.slaves, min=1, max=62, description="slaves", **still),
+        "pairs": widgets.IntSlider(start.pairs, min=0, max=31, description="A/B pairs", **still),
         "structure": widgets.Dropdown(options=list(STRUCTURES), description="structure", **wide),
         "length": widgets.FloatSlider(
             start.length, min=10, max=300, step=5, description="cable [m]", **still
@@ -271,7 +284,7 @@ def explorer() -> widgets.VBox:
     show()
     rows = list(controls.values())
     return widgets.VBox(
-        [widgets.HBox([widgets.VBox(rows[:3]), widgets.VBox(rows[3:])]), verdict, picture]
+        [widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])]), verdict, picture]
     )
 
 

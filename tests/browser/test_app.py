@@ -59,7 +59,7 @@ def test_the_network_explorer_names_a_broken_rule(browser, app):
     page.goto(f"{app}/voila/render/asi_network.ipynb", timeout=LONG)
     verdict = page.locator(".widget-html-content b")
     verdict.filter(has_text="all rules kept").wait_for(timeout=LONG)
-    length = page.locator(".noUi-handle").nth(1)
+    length = page.locator(".noUi-handle").nth(2)
     length.focus()
     for _ in range(10):
         length.press("ArrowRight")

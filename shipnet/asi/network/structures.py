@@ -13,7 +13,7 @@ from typing import Literal
 from shipnet.asi.network.elements import CURRENT, CableRun, Master, Repeater, Slave, Supply
 from shipnet.asi.network.plan import Plan
 from shipnet.asi.profile import Profile
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, check_whole
 
 __all__ = ["behind", "evenly", "line", "numbered", "ring", "star"]
 
@@ -47,26 +47,31 @@ def evenly(length: float, n: int) -> list[float]:
     return [length * (k / n) for k in range(1, n + 1)]
 
 
-def numbered(nodes: Sequence[str], *, current: float = CURRENT) -> list[Slave]:
+def numbered(
+    nodes: Sequence[str], *, pairs: int | None = None, current: float = CURRENT
+) -> list[Slave]:
     """Return a slave with four inputs for each node, addressed in their order.
 
     Parameters
     ----------
     nodes : sequence of str
         Nodes, up to 62; a node may stand there several times.
+    pairs : int, optional
+        Addresses that an A and a B slave share, so many that the others have one each: n - 31 at
+        least, n / 2 at most. If omitted, none or n - 31.
     current : float, default 0.065
         What each slave draws [A].
 
     Returns
     -------
     list of Slave
-        With n nodes, the first n - 31 addresses are shared by two slaves, if n is more than 31;
-        then all slaves have the ID code of A/B slaves.
+        The shared addresses come first. If `pairs` is omitted and there are more than 31 nodes,
+        all slaves have the ID code of A/B slaves; otherwise only those that share.
 
     Raises
     ------
     ArgumentError
-        If there are more than 62 nodes.
+        If there are more than 62 nodes, or `pairs` is out of its range.
 
     Examples
     --------
@@ -74,21 +79,20 @@ def numbered(nodes: Sequence[str], *, current: float = CURRENT) -> list[Slave]:
     ['1', '2', '3']
     >>> [slave.label for slave in numbered(["x"] * 33)][:6]
     ['1A', '1B', '2A', '2B', '3A', '4A']
+    >>> [slave.label for slave in numbered(["x"] * 4, pairs=1)]
+    ['1A', '1B', '2', '3']
     """
     n = len(nodes)
     if n > 2 * _ADDRESSES:
         raise ArgumentError(f"there are {n} slaves; a line has at most {2 * _ADDRESSES}")
+    least = max(0, n - _ADDRESSES)
+    shared = least if pairs is None else check_whole("pairs", pairs, least, n // 2)
     labels: list[tuple[int, Literal["A", "B"] | None]]
-    if n <= _ADDRESSES:
-        labels = [(address, None) for address in range(1, n + 1)]
-        profile = _INPUTS
-    else:
-        shared = n - _ADDRESSES
-        labels = [(a, half) for a in range(1, shared + 1) for half in ("A", "B")]
-        labels += [(address, "A") for address in range(shared + 1, _ADDRESSES + 1)]
-        profile = _SHARED_INPUTS
+    labels = [(a, half) for a in range(1, shared + 1) for half in ("A", "B")]
+    alone: Literal["A"] | None = "A" if pairs is None and shared else None
+    labels += [(address, alone) for address in range(shared + 1, n - shared + 1)]
     return [
-        Slave(node, address, half, profile, current)
+        Slave(node, address, half, _SHARED_INPUTS if half else _INPUTS, current)
         for node, (address, half) in zip(nodes, labels, strict=True)
     ]
 
