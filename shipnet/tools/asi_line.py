@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from io import BytesIO
 from types import MappingProxyType
 
 import ipywidgets as widgets
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from shipnet import style
 from shipnet.asi.apm import HALF_BIT
@@ -27,6 +25,7 @@ from shipnet.asi.slots import bits_of_slots
 from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError, FrameError, SilenceError
 from shipnet.line import CABLES, Cable
+from shipnet.tools._view import BAD, GOOD, coloured, picture
 
 __all__ = ["CABLE_CHOICES", "Inputs", "Result", "draw", "explorer", "update"]
 
@@ -223,6 +222,7 @@ def draw(result: Result, *, ax: Axes) -> Axes:
 
     Examples
     --------
+    >>> from matplotlib.figure import Figure
     >>> ax = draw(update(Inputs()), ax=Figure().subplots())
     >>> [line.get_label() for line in ax.lines[:4]]
     ['on the line', 'behind the filter', 'pulse', 'none']
@@ -255,7 +255,7 @@ def explorer() -> widgets.VBox:
 
     Examples
     --------
-    >>> sliders, verdict, picture = explorer().children
+    >>> sliders, verdict, image = explorer().children
     >>> "read 0011001" in verdict.value
     True
     """
@@ -271,27 +271,19 @@ def explorer() -> widgets.VBox:
         "data": widgets.IntSlider(6, min=0, max=15, description="data", **wide),
         "seed": widgets.IntSlider(0, min=0, max=99, description="try", **wide),
     }
-    verdict, picture = widgets.HTML(), widgets.Image(format="png")
+    verdict, image = widgets.HTML(), widgets.Image(format="png")
 
     def show(_change: object = None) -> None:
         result = update(Inputs(**{name: control.value for name, control in controls.items()}))
-        colour = "#1a7f4b" if result.read == result.sent else style.LIMIT["color"]
+        colour = GOOD if result.read == result.sent else BAD
         facts = "<br>".join(f"{name}: {text}" for name, text in result.numbers.items())
-        verdict.value = f'<b style="color: {colour}">{result.verdict}</b><br>{facts}'
-        picture.value = _png(result)
+        verdict.value = f"{coloured(result.verdict, colour)}<br>{facts}"
+        image.value = picture(lambda ax: draw(result, ax=ax), 7.5, 3.6)
 
     for control in controls.values():
         control.observe(show, "value")
     show()
     rows = list(controls.values())
     return widgets.VBox(
-        [widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])]), verdict, picture]
+        [widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])]), verdict, image]
     )
-
-
-def _png(result: Result) -> bytes:
-    figure = Figure(figsize=(7.5, 3.6), layout="constrained")
-    draw(result, ax=figure.subplots())
-    picture = BytesIO()
-    figure.savefig(picture, format="png", dpi=100)
-    return picture.getvalue()

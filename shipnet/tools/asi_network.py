@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from io import BytesIO
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import ipywidgets as widgets
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from shipnet import style
 from shipnet.asi.cycle import ResponseTime, cycle_time, response_time, update_time
 from shipnet.asi.emc.repetition import cycle_effect
 from shipnet.asi.network.plan import Plan
@@ -20,6 +17,7 @@ from shipnet.asi.network.plot import plot_plan
 from shipnet.asi.network.rules import check
 from shipnet.asi.network.structures import evenly, line, numbered, ring, star
 from shipnet.errors import ArgumentError, check_whole
+from shipnet.tools._view import BAD, GOOD, coloured, picture
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -228,6 +226,7 @@ def draw(result: Result, *, ax: Axes) -> Axes:
 
     Examples
     --------
+    >>> from matplotlib.figure import Figure
     >>> ax = draw(update(Inputs(slaves=3)), ax=Figure().subplots())
     >>> [text.get_text() for text in ax.texts]
     ['1', '2', '3']
@@ -245,7 +244,7 @@ def explorer() -> widgets.VBox:
 
     Examples
     --------
-    >>> sliders, verdict, picture = explorer().children
+    >>> sliders, verdict, image = explorer().children
     >>> "all rules kept" in verdict.value
     True
     """
@@ -269,28 +268,19 @@ def explorer() -> widgets.VBox:
             start.error_rate, min=0, max=0.5, step=0.01, description="error rate", **still
         ),
     }
-    verdict, picture = widgets.HTML(), widgets.Image(format="png")
+    verdict, image = widgets.HTML(), widgets.Image(format="png")
 
     def show(_change: object = None) -> None:
         result = update(Inputs(**{name: control.value for name, control in controls.items()}))
-        colour = style.LIMIT["color"] if result.broken else "#1a7f4b"
-        said = "<br>".join(result.broken) or f"all rules kept: {len(result.rules)} checks"
+        said = "\n".join(result.broken) or f"all rules kept: {len(result.rules)} checks"
         facts = "<br>".join(f"{name}: {text}" for name, text in result.numbers.items())
-        verdict.value = f'<b style="color: {colour}">{said}</b><br>{facts}'
-        picture.value = _png(result)
+        verdict.value = f"{coloured(said, BAD if result.broken else GOOD)}<br>{facts}"
+        image.value = picture(lambda ax: draw(result, ax=ax), 7.5, 3.2)
 
     for control in controls.values():
         control.observe(show, "value")
     show()
     rows = list(controls.values())
     return widgets.VBox(
-        [widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])]), verdict, picture]
+        [widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])]), verdict, image]
     )
-
-
-def _png(result: Result) -> bytes:
-    figure = Figure(figsize=(7.5, 3.2), layout="constrained")
-    draw(result, ax=figure.subplots())
-    picture = BytesIO()
-    figure.savefig(picture, format="png", dpi=100)
-    return picture.getvalue()
