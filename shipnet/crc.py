@@ -69,7 +69,7 @@ def _shifted(algorithm: Algorithm, register: int, bit: int) -> int:
     if algorithm.reflected:
         return register >> 1 ^ (register & 1 ^ bit) * _reversed(polynomial, width)
     out = register >> (width - 1) ^ bit
-    return (register << 1 ^ out * polynomial) & (2**width - 1)
+    return (register << 1 ^ out * polynomial) & ((1 << width) - 1)
 
 
 @cache
@@ -139,7 +139,7 @@ def crc(name: str, data: bytes | bytearray | memoryview | str) -> int:
         for byte in bytes(data):
             register = table[(register ^ byte) & 255] ^ register >> 8
     else:
-        high, mask = algorithm.width - 8, 2**algorithm.width - 1
+        high, mask = algorithm.width - 8, (1 << algorithm.width) - 1
         for byte in bytes(data):
             register = table[(register >> high) ^ byte] ^ register << 8 & mask
     return register ^ algorithm.xorout
@@ -189,7 +189,7 @@ def crc_batch(
     kind = np.dtype(f"u{next(n for n in (2, 4, 8) if algorithm.width <= 8 * n)}")
     table = np.array(_table(algorithm), dtype=kind)
     register = np.full(rows.shape[:-1], _first_register(algorithm), dtype=kind)
-    mask = kind.type(2**algorithm.width - 1)
+    mask = kind.type((1 << algorithm.width) - 1)
     for place, column in enumerate(np.ascontiguousarray(np.moveaxis(rows, -1, 0))):
         if algorithm.reflected:
             after = table[register.astype(np.uint8) ^ column] ^ register >> 8
@@ -197,7 +197,8 @@ def crc_batch(
             top = (register >> (algorithm.width - 8)).astype(np.uint8)
             after = table[top ^ column] ^ register << 8 & mask
         register = after if used is None else np.where(place < used, after, register)
-    return register ^ kind.type(algorithm.xorout)
+    checks: npt.NDArray[np.unsignedinteger] = register ^ kind.type(algorithm.xorout)
+    return checks
 
 
 def _lengths(lengths: npt.ArrayLike, shape: tuple[int, ...], size: int) -> npt.NDArray[np.int64]:
