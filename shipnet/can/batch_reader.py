@@ -6,6 +6,7 @@ a place on the line, and the first on the line is the error of the row.
 
 from __future__ import annotations
 
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -32,11 +33,15 @@ Integers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 Bits = npt.NDArray[np.uint8]
 
-#: Names of the fields bit by bit, to look up where a bit stands among the others.
-_PLACES = {
-    extended: [name for name, bits in head(extended).items() for _ in bits]
-    for extended in (False, True)
-}
+
+def _starts(extended: bool) -> dict[str, int]:
+    """Return the first bit of each field of the head, and of the data."""
+    fields = head(extended)
+    ends = accumulate(map(len, fields.values()), initial=0)
+    return dict(zip([*fields, "data"], ends, strict=True))
+
+
+_BASE, _LONG = _starts(False), _starts(True)
 
 
 class Decoded(NamedTuple):
@@ -162,18 +167,18 @@ def _decode(rows: npt.NDArray[np.integer]) -> Decoded:
     first = _First(end, np.where(end < width, SymbolError.code, LengthError.code).astype(np.uint8))
 
     read = _destuff(line)
-    extended = read.at(13) == 1
-    remote = np.where(extended, read.at(32), read.at(12)) == 1
-    dlc = np.where(extended, read.at(35, 4), read.at(15, 4))
+    extended = read.at(_LONG["IDE"]) == 1
+    remote = np.where(extended, read.at(_LONG["RTR"]), read.at(_BASE["RTR"])) == 1
+    dlc = np.where(extended, read.at(_LONG["DLC"], 4), read.at(_BASE["DLC"], 4))
     first.note(StartBitError, read.at(0) == 1, 0)
     _check_head(first, read, extended)
 
     size = region_bits(dlc, extended, remote)
     first.note(StuffError, read.dead & (read.kept <= size), read.passed)
-    whole = np.where(read.dead, read.kept > size, read.kept >= size)
+    whole = read.kept >= size
     region = read.on_line(size)
     high, low = read.first(size)
-    received = low.astype(np.int64) & ((1 << CRC_BITS) - 1)
+    received = low.astype(np.int64) & 2**CRC_BITS - 1
     low = right(low, CRC_BITS) | left(high, 64 - CRC_BITS)
     expected = check_values(right(high, CRC_BITS), low)
     first.note(CrcError, whole & (received != expected), region - 1)
@@ -181,15 +186,16 @@ def _decode(rows: npt.NDArray[np.integer]) -> Decoded:
 
     right_row = whole & (first.position >= length)
     error = np.where(right_row, np.uint8(0), first.error)
-    number = np.where(extended, read.at(1, 11) << 18 | read.at(14, 18), read.at(1, 11))
-    before = np.where(extended, 39, 19)
+    number = read.at(_BASE["base identifier"], 11)
+    long = number << 18 | read.at(_LONG["identifier extension"], 18)
+    before = np.where(extended, _LONG["data"], _BASE["data"])
     content = left(read.high, before) | right(read.low, 64 - before)
     content &= ~right(np.full(n, ~np.uint64(0)), np.where(remote, 0, 8 * np.minimum(dlc, 8)))
     data = content.astype(">u8").view(np.uint8).reshape(n, 8)
     return Decoded(
         error,
         np.where(right_row, -1, first.position).astype(np.int16),
-        number * right_row,
+        np.where(extended, long, number) * right_row,
         (dlc * right_row).astype(np.uint8),
         data * right_row[:, np.newaxis],
         extended & right_row,
@@ -218,16 +224,16 @@ def _destuff(line: Bits) -> _Read:
 
 def _check_head(first: _First, read: _Read, extended: Flags) -> None:
     """Find reserved bits that are recessive, and a dominant SRR in front of IDE."""
-    for long, own in ((False, ~extended), (True, extended)):
-        places = {name: place for place, name in enumerate(_PLACES[long])}
-        wrong = [(places["r0"], read.at(places["r0"]) == 1)]
-        if long:
-            wrong.append((places["r1"], read.at(places["r1"]) == 1))
-            wrong.append((places["IDE"], read.at(places["SRR"]) == 0))
-        for place, broken in wrong:
-            broken = broken & own & (read.kept > place)
-            if broken.any():
-                first.note(FormError, broken, read.on_line(np.full(len(broken), place)))
+    rules = [
+        (_BASE["r0"], ~extended & (read.at(_BASE["r0"]) == 1)),
+        (_LONG["r0"], extended & (read.at(_LONG["r0"]) == 1)),
+        (_LONG["r1"], extended & (read.at(_LONG["r1"]) == 1)),
+        (_LONG["IDE"], extended & (read.at(_LONG["SRR"]) == 0)),
+    ]
+    # Bits that were never read are 0, and break none of these.
+    for place, broken in rules:
+        if broken.any():
+            first.note(FormError, broken, read.on_line(np.full(len(broken), place)))
 
 
 def _check_tail(first: _First, line: Bits, whole: Flags, region: Integers) -> Integers:

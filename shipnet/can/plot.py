@@ -82,7 +82,7 @@ def plot_frame(frame: Frame, *, ax: Axes, bits_per_row: int = 44) -> Axes:
     for row in range(rows):
         levels = [1.3 + 0.5 * int(bit) - row * _PITCH for bit in bits[row * width :][:width]]
         ax.step(range(len(levels) + 1), [*levels, levels[-1]], where="post", color="C0")
-        ax.text(-0.4, 0.47 - row * _PITCH, row * width, ha="right", va="center", fontsize=7)
+        ax.text(-0.4, 0.47 - row * _PITCH, str(row * width), ha="right", va="center", fontsize=7)
     ax.set(
         xlim=(-2.2, min(width, len(bits)) + 0.3),
         ylim=(-(rows - 1) * _PITCH - 1.7, 2.1),
