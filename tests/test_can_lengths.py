@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 
 from shipnet.can import states
+from shipnet.can.batch import measure_frames
 from shipnet.can.frame import Frame
 from shipnet.can.lengths import (
     StuffBits,
@@ -17,6 +18,7 @@ from shipnet.can.lengths import (
 )
 from shipnet.errors import ArgumentError
 from tests.can_frames import frames
+from tests.can_reference import line_bits
 
 REFERENCE = Path(__file__).with_name("reference") / "can"
 KINDS = {"std": False, "ext": True}
@@ -128,11 +130,30 @@ def test_no_frame_is_longer_than_the_longest_nor_shorter_than_without_stuff_bits
     assert longest.length_with_intermission < worst_length(size, extended=frame.extended)
 
 
-def test_codes_above_8_change_the_frame_though_not_its_size():
-    lengths = [longest_frame(dlc).length for dlc in range(8, 16)]
-    assert min(lengths) >= 128 and max(lengths) <= 131
-    assert [len(longest_frame(dlc).data) for dlc in (8, 15)] == [8, 8]
-    assert longest_frame(15).dlc == 15
+def test_the_longest_frame_there_is_has_the_code_15_and_159_bits():
+    found = [longest_frame(dlc, extended=True) for dlc in range(8, 16)]
+    assert [frame.length_with_intermission for frame in found][::7] == [158, 159]
+    longest = max(found, key=lambda frame: frame.length)
+    assert (longest.dlc, len(longest.data)) == (15, 8)
+    literal = line_bits(longest.arbitration_id, longest.data, True, False, 15)
+    assert len(literal) + 3 == 159 < worst_length(8, extended=True)
+
+
+def test_the_bound_of_1994_is_passed_from_three_bytes_on_or_with_a_long_id():
+    for extended in (False, True):
+        passed = [
+            size
+            for size in range(9)
+            if longest_frame(size, extended=extended).length_with_intermission
+            > worst_length(size, extended=extended, year=1994)
+        ]
+        assert passed == list(range(0 if extended else 3, 9))
+
+
+def test_bytes_of_zero_cost_more_stuff_bits_than_random_data_do(usual):
+    zeros = measure_frames(np.arange(2048), [0] * 8).stuff_bits
+    assert (zeros.min(), zeros.max()) == (13, 17)
+    assert 1.3e6 < 1 / usual["std", 8].beyond()[12] < 1.4e6
 
 
 def test_tails_and_quantiles_of_a_coin():

@@ -182,8 +182,9 @@ def behind(n_bytes: int) -> Floats:
         now = behind(n_bytes - 1).reshape(-1, _RUNS, _REGISTERS)
         for _ in range(8):
             before = np.zeros((len(now) + 1, _RUNS, _REGISTERS))
+            half = now / 2
             for bit in (0, 1):
-                moved = np.take(now, _shifts()[bit], axis=-1) / 2
+                moved = np.take(half, _shifts()[bit], axis=-1)
                 for run in range(_RUNS):
                     follower, stuffed = _follow(run, bit)
                     before[stuffed : stuffed + len(now), run] += moved[:, follower]
