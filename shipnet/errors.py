@@ -7,9 +7,12 @@ scalar function raises. Code 0 means that nothing is wrong.
 from operator import index
 
 __all__ = [
+    "AcknowledgeError",
     "AlternationError",
     "ArgumentError",
+    "CrcError",
     "EndBitError",
+    "FormError",
     "FrameError",
     "InformationError",
     "InputError",
@@ -18,6 +21,7 @@ __all__ = [
     "PauseError",
     "SilenceError",
     "StartBitError",
+    "StuffError",
     "SymbolError",
     "UnknownCallError",
     "check_whole",
@@ -91,6 +95,30 @@ class SilenceError(FrameError):
     code = 11
 
 
+class StuffError(FrameError):
+    """Six equal bits in a row where the sixth had to be a stuff bit."""
+
+    code = 12
+
+
+class FormError(FrameError):
+    """A bit that the format fixes has the other value."""
+
+    code = 13
+
+
+class CrcError(FrameError):
+    """The check sequence received is not the one computed."""
+
+    code = 14
+
+
+class AcknowledgeError(FrameError):
+    """No receiver answered in the acknowledge slot."""
+
+    code = 15
+
+
 class ArgumentError(ValueError):
     """An argument lies outside its legal range; the message names it, its value and the range."""
 
@@ -146,6 +174,10 @@ _BY_CODE: dict[int, type[FrameError] | type[ArgumentError]] = {
         PauseError,
         InformationError,
         SilenceError,
+        StuffError,
+        FormError,
+        CrcError,
+        AcknowledgeError,
     )
 }
 

@@ -1,0 +1,71 @@
+"""How much faster batches of CAN frames are than loops over single ones, in one run."""
+
+from timeit import repeat
+
+import numpy as np
+
+from shipnet.can.batch import encode_frames, measure_frames
+from shipnet.can.batch_reader import decode_frames
+from shipnet.can.frame import Frame
+from shipnet.can.reader import decode
+
+NUMBER = 1_000_000
+SAMPLE = 5_000  # what the loops get; their time is scaled up
+
+
+def seconds(function, repeats=3):
+    """Return the shortest of several times: the one least disturbed by other work."""
+    return min(repeat(function, number=1, repeat=repeats))
+
+
+def plain_length(number, data):
+    """Count the bits of a frame with 8 bytes as a first script would: on whole numbers."""
+    message, size = (number << 7 | 8) << 64 | int.from_bytes(data, "big"), 83
+    register = 0
+    for place in range(size - 1, -1, -1):
+        out = register >> 14 ^ message >> place & 1
+        register = register << 1 & 0x7FFF
+        if out:
+            register ^= 0x4599
+    message, size = message << 15 | register, size + 15
+    length, last, run = size + 10, -1, 0
+    for place in range(size - 1, -1, -1):
+        bit = message >> place & 1
+        run = run + 1 if bit == last else 1
+        last = bit
+        if run == 5:
+            length += 1
+            last, run = 1 - bit, 1
+    return length
+
+
+def main():
+    rng = np.random.default_rng(2024)
+    number, data = rng.integers(0, 2048, NUMBER), rng.integers(0, 256, (NUMBER, 8), dtype=np.uint8)
+    some = list(zip(number[:SAMPLE].tolist(), map(bytes, data[:SAMPLE]), strict=True))
+    lengths = measure_frames(number[:SAMPLE], data[:SAMPLE]).length.tolist()
+    assert [plain_length(*pair) for pair in some] == lengths
+    assert [Frame(*pair).length for pair in some] == lengths
+    bits = encode_frames(number[: NUMBER // 4], data[: NUMBER // 4]).bits
+    texts = ["".join(map(str, row)) for row in bits[:SAMPLE].tolist()]
+
+    per_frame = {
+        "lengths, batch": seconds(lambda: measure_frames(number, data)) / NUMBER,
+        "lengths, loop over Frame": seconds(lambda: [Frame(*pair).length for pair in some])
+        / SAMPLE,
+        "lengths, plain bit counter": seconds(lambda: [plain_length(*pair) for pair in some])
+        / SAMPLE,
+        "bits, batch": seconds(lambda: encode_frames(number[: NUMBER // 4], data[: NUMBER // 4]))
+        / (NUMBER // 4),
+        "bits, loop over Frame": seconds(lambda: [Frame(*pair).bits for pair in some]) / SAMPLE,
+        "decode, batch": seconds(lambda: decode_frames(bits)) / len(bits),
+        "decode, loop over decode": seconds(lambda: [decode(text) for text in texts]) / SAMPLE,
+    }
+    print(f"{'CAN frames of 8 bytes':<32}{'per second':>12}{'batch is faster by':>20}")
+    for name, time in per_frame.items():
+        best = per_frame[f"{name.split(',')[0]}, batch"]
+        print(f"{name:<32}{1 / time:>12.3g}{time / best:>19.1f}x")
+
+
+if __name__ == "__main__":
+    main()

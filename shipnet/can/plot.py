@@ -1,0 +1,115 @@
+"""Figures of CAN frames."""
+
+from __future__ import annotations
+
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+
+from shipnet import style
+from shipnet.can.frame import Frame
+from shipnet.errors import check_whole
+
+__all__ = ["plot_frame"]
+
+#: Key of `style.FIELD` of each field; what is not named frames the rest.
+_COLOURS = {
+    "base identifier": "address",
+    "identifier extension": "address",
+    "RTR": "control",
+    "SRR": "control",
+    "IDE": "control",
+    "r1": "control",
+    "r0": "control",
+    "DLC": "control",
+    "data": "information",
+    "CRC sequence": "parity",
+}
+
+#: What is written below a narrow field instead of its name.
+_SHORT = {"CRC delimiter": "CRC del.", "ACK slot": "ACK", "ACK delimiter": "ACK del."}
+
+#: Height of a row, with its labels below the blocks and its level line above.
+_PITCH = 3.6
+
+#: Narrower pieces of a field have their name written upwards [bit].
+_NARROW = 3
+
+
+def plot_frame(frame: Frame, *, ax: Axes, bits_per_row: int = 44) -> Axes:
+    """Draw a frame as rows of coloured bits with the level on the line above.
+
+    Parameters
+    ----------
+    frame : Frame
+        What to draw, from start of frame to end of frame.
+    ax : matplotlib.axes.Axes
+        Where to draw; about 1.2 inches of height for each row leave room for the names.
+    bits_per_row : int, default 44
+        Bits on the line before the next row begins, 8..160.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; x is in bit times from the start of the row. Stuff bits are white and
+        hatched. A name stands below its field where most of it is, and the first bit of each
+        row has its number.
+    """
+    width = check_whole("bits_per_row", bits_per_row, 8, 160)
+    bits, stuffed = frame.bits, set(frame.stuff_positions)
+    colours = [
+        _COLOURS.get(field.name, "frame")
+        for field in frame.fields
+        for _ in range(field.line_length)
+    ]
+    for place, (bit, colour) in enumerate(zip(bits, colours, strict=True)):
+        row, x = divmod(place, width)
+        own = place in stuffed
+        ax.add_patch(
+            Rectangle(
+                (x, -row * _PITCH), 1, 1,
+                facecolor=style.FIELD["pause" if own else colour],
+                edgecolor="0.6", linewidth=0.4, hatch="////" if own else None,
+            )
+        )  # fmt: skip
+        ax.text(
+            x + 0.5, 0.47 - row * _PITCH, bit, ha="center", va="center", fontsize=7,
+            family="monospace",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4} if own else None,
+        )  # fmt: skip
+    for field in frame.fields:
+        _outline(ax, field.name, field.line_start, field.line_length, width)
+    rows = -(-len(bits) // width)
+    for row in range(rows):
+        levels = [1.3 + 0.5 * int(bit) - row * _PITCH for bit in bits[row * width :][:width]]
+        ax.step(range(len(levels) + 1), [*levels, levels[-1]], where="post", color="C0")
+        ax.text(-0.4, 0.47 - row * _PITCH, str(row * width), ha="right", va="center", fontsize=7)
+    ax.set(
+        xlim=(-2.2, min(width, len(bits)) + 0.3),
+        ylim=(-(rows - 1) * _PITCH - 1.7, 2.1),
+        yticks=[],
+        xlabel="time from the start of the row [bit]",
+    )
+    ax.grid(visible=False)
+    ax.spines["left"].set_visible(False)
+    return ax
+
+
+def _outline(ax: Axes, name: str, start: int, length: int, width: int) -> None:
+    """Frame the pieces of a field and name the longest."""
+    pieces = []
+    place = start
+    while place < start + length:
+        end = min(start + length, (place // width + 1) * width)
+        pieces.append((place, end - place))
+        place = end
+    for place, size in pieces:
+        row, x = divmod(place, width)
+        ax.add_patch(
+            Rectangle((x, -row * _PITCH), size, 1, facecolor="none", edgecolor="0.2", linewidth=1.0)
+        )
+    place, size = max(pieces, key=lambda piece: piece[1])
+    row, x = divmod(place, width)
+    ax.text(
+        x + size / 2, -0.12 - row * _PITCH, _SHORT.get(name, name), ha="center", va="top",
+        fontsize=7, rotation=90 if size < _NARROW else 0,
+    )  # fmt: skip
