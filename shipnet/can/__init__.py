@@ -1,0 +1,3 @@
+"""CAN: frames, bit timing, schedules and the bus itself."""
+
+__all__: list[str] = []

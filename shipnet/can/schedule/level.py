@@ -1,0 +1,370 @@
+"""The equations of response-time analysis, solved in whole ticks.
+
+A fraction of a tick too much makes a ceiling jump by a whole frame, so nothing in here is a float:
+a tick divides both the nanosecond and the bit time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from shipnet.can.schedule.lengths import INTERMISSION, Lengths, length_table
+from shipnet.can.schedule.messages import MessageSet, nanoseconds
+from shipnet.errors import ArgumentError, check_whole
+
+__all__ = ["NO_ERRORS", "Bus", "Convention", "ErrorModel", "Level", "on_bus"]
+
+#: Steps of a recursion, or instances of a message, after which the search is given up; only loads
+#: within about 1e-5 of 1 come near it.
+_MOST_STEPS = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Convention:
+    """What counts as the response time: published tables differ in it by a few bit times.
+
+    Parameters
+    ----------
+    lengths : {"worst", "attainable", "worst 1994", "nominal"}, default "worst"
+        How long frames are, as in `frame_bits`, where a message does not give its own `bits`.
+    intermission : {"everywhere", "between", "nowhere"}, default "everywhere"
+        Where the three bits behind a frame count: behind all frames; behind all but the frame
+        whose response is asked for, which has then arrived; or not at all, as some tables have
+        it, though no bus can do without them.
+    own_jitter : bool, default True
+        Whether the response begins with the event, or when the message is queued. The deadline is
+        compared with what is reported.
+    arbitration_bits : int, default 1
+        A message that is queued up to so many bit times after the bus went idle still takes part
+        in the arbitration, 0..11.
+    foreign_bits : int, default 0
+        Longest frame on the bus that is not in the set, intermission included, 0..160: it may
+        block every message once.
+
+    Raises
+    ------
+    ArgumentError
+        If a field is out of range.
+
+    Examples
+    --------
+    >>> Convention(intermission="between").lengths
+    'worst'
+    """
+
+    lengths: Lengths = "worst"
+    intermission: Literal["everywhere", "between", "nowhere"] = "everywhere"
+    own_jitter: bool = True
+    arbitration_bits: int = 1
+    foreign_bits: int = 0
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        length_table(self.lengths)
+        if self.lengths == "mean":
+            raise ArgumentError("lengths is 'mean'; an average bounds no response time")
+        if self.intermission not in ("everywhere", "between", "nowhere"):
+            raise ArgumentError(
+                f"intermission is {self.intermission!r}; it must be everywhere, between or nowhere"
+            )
+        if not isinstance(self.own_jitter, bool):
+            raise ArgumentError(f"own_jitter is {self.own_jitter!r}; it must be True or False")
+        check_whole("arbitration_bits", self.arbitration_bits, 0, 11)
+        check_whole("foreign_bits", self.foreign_bits, 0, 160)
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorModel:
+    r"""How many errors hit the bus in a time, at most, and what one of them costs.
+
+    .. math:: F(t) = n_{burst} + \left\lceil \frac{t}{T_{err}} \right\rceil - 1, \qquad
+              E(t) = F(t) \left( n_{err} \tau + \max_{k \in hep(m)} C_k \right)
+
+    Parameters
+    ----------
+    burst : int, default 0
+        Errors that come together, 0..1e6; 1 or more if others follow.
+    interval : float, default inf
+        Shortest time between the errors that follow, 1e-6..1e5 [s]; infinite for none, so that
+        `burst` is the number of all.
+    bits : int, default 31
+        Length of an error frame with intermission, 17..31 bit. The longest frame of the message's
+        own or a higher priority is sent again in addition.
+
+    Raises
+    ------
+    ArgumentError
+        If a field is out of range.
+
+    Notes
+    -----
+    The flag is 6 bits, or 12 where the flags of several nodes follow each other, the delimiter 8,
+    the intermission 3: 17 to 23 bits. An error-passive node waits for 8 more: 31. The literature
+    has 31 [1]_ and 29 [2]_.
+
+    References
+    ----------
+    .. [1] K. Tindell, A. Burns, "Guaranteeing message latencies on Control Area Network (CAN)",
+       1st International CAN Conference, 1994.
+    .. [2] I. Broster, A. Burns, G. Rodriguez-Navas, "Probabilistic analysis of CAN with faults",
+       23rd IEEE Real-Time Systems Symposium, 2002.
+
+    Examples
+    --------
+    >>> [ErrorModel(2, 0.01).count(t) for t in (0.001, 0.01, 0.0101)]
+    [2, 2, 3]
+    """
+
+    burst: int = 0
+    interval: float = math.inf
+    bits: int = 31
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        endless = self.interval == math.inf
+        check_whole("burst", self.burst, 0 if endless else 1, 10**6)
+        if not (endless or 1e-6 <= self.interval <= 1e5):
+            raise ArgumentError(f"interval is {self.interval!r} s; it must be 1e-6..1e5 s, or inf")
+        check_whole("bits", self.bits, 17, 31)
+
+    def count(self, time: float) -> int:
+        """Return the most errors within a time [s] above 0."""
+        if self.interval == math.inf:
+            return self.burst
+        return self.burst - 1 - -nanoseconds(time) // nanoseconds(self.interval)
+
+
+NO_ERRORS = ErrorModel()
+
+
+class Bus(NamedTuple):
+    """A message set at a bit rate, every time in ticks.
+
+    Attributes
+    ----------
+    second, bit, nanosecond : int
+        Length of a second, a bit time, a nanosecond.
+    frame, period, jitter, deadline : tuple of int
+        Of each message, the highest priority first.
+    convention : Convention
+        How responses are counted.
+    """
+
+    second: int
+    bit: int
+    nanosecond: int
+    frame: tuple[int, ...]
+    period: tuple[int, ...]
+    jitter: tuple[int, ...]
+    deadline: tuple[int, ...]
+    convention: Convention
+
+
+def on_bus(messages: MessageSet, bit_rate: int, convention: Convention) -> Bus:
+    """Return a message set in ticks of the bus.
+
+    Parameters
+    ----------
+    messages : MessageSet
+        The messages.
+    bit_rate : int
+        Bit rate, 1000..1000000 [bit/s].
+    convention : Convention
+        How long frames are.
+
+    Returns
+    -------
+    Bus
+        All times in ticks.
+
+    Raises
+    ------
+    ArgumentError
+        If the bit rate is out of range.
+
+    Examples
+    --------
+    >>> from shipnet.can.schedule.messages import Message
+    >>> on_bus(MessageSet([Message("A", 1, 7, 2.5e-3)]), 125_000, Convention()).frame
+    (1000000,)
+    """
+    bit_rate = check_whole("bit_rate", bit_rate, 1000, 1_000_000, " bit/s")
+    second = math.lcm(10**9, bit_rate)
+    bit, nanosecond = second // bit_rate, second // 10**9
+    table = length_table(convention.lengths)
+    spared = INTERMISSION if convention.intermission == "nowhere" else 0
+    return Bus(
+        second,
+        bit,
+        nanosecond,
+        tuple(((m.bits or int(table[m.extended][m.dlc])) - spared) * bit for m in messages),
+        tuple(nanoseconds(m.period) * nanosecond for m in messages),
+        tuple(nanoseconds(m.jitter) * nanosecond for m in messages),
+        tuple(nanoseconds(m.deadline) * nanosecond for m in messages),
+        convention,
+    )
+
+
+#: Frames that come again and again: period, length, and by how much the first may come early.
+_Stream = tuple[int, int, int]
+
+
+class Level:
+    r"""One message among those that it waits for.
+
+    .. math:: t_m &= B_m + E(t_m)
+              + \sum_{k \in hep(m)} \left\lceil \frac{t_m + J_k}{T_k} \right\rceil C_k \\
+              w_m(q) &= B_m + E(w_m + C_m) + q C_m
+              + \sum_{k \in hp(m)} \left\lceil \frac{w_m + J_k + \tau}{T_k} \right\rceil C_k \\
+              R_m &= \max_q \left( J_m + w_m(q) - q T_m + C_m \right), \qquad
+              q = 0 \ldots \left\lceil \frac{t_m + J_m}{T_m} \right\rceil - 1
+
+    Parameters
+    ----------
+    bus : Bus
+        All messages.
+    message : int
+        Place of the message in the tuples of `bus`.
+    higher, lower : sequence of int
+        Places of the messages of higher and of lower priority.
+    errors : ErrorModel
+        What goes wrong.
+    own_blocking : bool, default False
+        Whether the message's own frame may block it, as in the sufficient test.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        message: int,
+        higher: Sequence[int],
+        lower: Sequence[int],
+        errors: ErrorModel = NO_ERRORS,
+        own_blocking: bool = False,
+    ) -> None:
+        frame, period, jitter = bus.frame, bus.period, bus.jitter
+        convention = bus.convention
+        self.frame = frame[message]
+        self.period = period[message]
+        self.deadline = bus.deadline[message]
+        foreign = convention.foreign_bits
+        if convention.intermission == "nowhere":
+            foreign = max(0, foreign - INTERMISSION)
+        self.blocking = max([frame[k] for k in lower], default=0)
+        self.blocking = max(self.blocking, foreign * bus.bit)
+        if own_blocking:
+            self.blocking = max(self.blocking, self.frame)
+
+        self.jitter = jitter[message]
+        self._reported = self.frame
+        if convention.own_jitter:
+            self._reported += self.jitter
+        if convention.intermission == "between":
+            self._reported -= INTERMISSION * bus.bit
+
+        tau = convention.arbitration_bits * bus.bit
+        self._equal: list[_Stream] = [(period[k], frame[k], jitter[k]) for k in (*higher, message)]
+        self._higher: list[_Stream] = [(period[k], frame[k], jitter[k] + tau) for k in higher]
+        self._constant = self.blocking
+        if errors.burst:
+            # Errors are one more stream, of retransmissions.
+            cost = errors.bits * bus.bit + max(c for _, c, _ in self._equal)
+            endless = errors.interval == math.inf
+            self._constant += (errors.burst - (not endless)) * cost
+            if not endless:
+                interval = nanoseconds(errors.interval) * bus.nanosecond
+                self._equal.append((interval, cost, 0))
+                self._higher.append((interval, cost, self.frame))
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the busy period ends."""
+        return _ends(self._constant, self._equal)
+
+    @property
+    def delay_bounded(self) -> bool:
+        """Whether the first instance is ever sent."""
+        return _ends(self._constant, self._higher)
+
+    def busy_period(self) -> int:
+        """Return how long the bus may be busy with this priority or higher; it must be bounded."""
+        return _settle(self._constant, self._equal, self.frame, math.inf)
+
+    def instances(self, busy: int) -> int:
+        """Return how many instances of the message a busy period may hold."""
+        count = -(-(busy + self.jitter) // self.period)
+        if count > _MOST_STEPS:
+            raise _too_long()
+        return count
+
+    def delay(self, q: int, start: int, limit: float = math.inf) -> int:
+        """Return how long instance q may be delayed, from the begin of the busy period.
+
+        The search begins at `start`, no longer than the delay, and may stop above `limit`.
+        """
+        return _settle(self._constant + q * self.frame, self._higher, start, limit)
+
+    def responses(self, busy: int) -> Iterator[int]:
+        """Yield the longest response of each instance in the busy period."""
+        w = 0
+        for q in range(self.instances(busy)):
+            w = self.delay(q, w)
+            yield self.response(q, w)
+            w += self.frame
+
+    def response(self, q: int, delay: int) -> int:
+        """Return the response of instance q after a delay, as the convention reports it."""
+        return delay + self._reported - q * self.period
+
+    def meets_deadline(self) -> bool:
+        """Return whether no instance misses its deadline; stop at the first that does."""
+        if not self.bounded:
+            return False
+        w, busy, q = 0, 0, 0
+        while True:
+            latest = self.deadline - self._reported + q * self.period
+            w = self.delay(q, w, latest)
+            if w > latest:
+                return False
+            # Most misses show in the first instance, before the busy period is known.
+            busy = busy or self.busy_period()
+            q += 1
+            if q >= self.instances(busy):
+                return True
+            w += self.frame
+
+
+def _ends(constant: int, streams: Sequence[_Stream]) -> bool:
+    """Return whether some t satisfies t = constant + sum of ceil((t + ahead) / period) * frame."""
+    load = sum(frame / period for period, frame, _ in streams)
+    if abs(load - 1) > 1e-9:
+        return load < 1
+    hyperperiod = math.lcm(*(period for period, _, _ in streams))
+    used = sum(hyperperiod // period * frame for period, frame, _ in streams)
+    # At a load of 1 the bus catches up with nothing that it was once late by.
+    return used < hyperperiod or (
+        used == hyperperiod and constant == 0 and not any(ahead for _, _, ahead in streams)
+    )
+
+
+def _settle(constant: int, streams: Sequence[_Stream], start: int, limit: float) -> int:
+    """Return the least t >= start with t = constant + sum of ceil((t + ahead) / period) * frame."""
+    t = start
+    for _ in range(_MOST_STEPS):
+        later = constant
+        for period, frame, ahead in streams:
+            later -= -(t + ahead) // period * frame
+        if later <= t or later > limit:
+            return later
+        t = later
+    raise _too_long()
+
+
+def _too_long() -> ArgumentError:
+    return ArgumentError(
+        f"messages load the bus to within 1e-5 of 1: the busy period does not end within "
+        f"{_MOST_STEPS} steps"
+    )
