@@ -1,8 +1,8 @@
 """Messages on a CAN bus: the load that they are, and how long each one takes at worst."""
 
+from shipnet.can.schedule.convention import NO_ERRORS, Convention, ErrorModel
 from shipnet.can.schedule.faults import fault_table, miss_probability
 from shipnet.can.schedule.lengths import LENGTHS, frame_bits
-from shipnet.can.schedule.level import NO_ERRORS, Convention, ErrorModel
 from shipnet.can.schedule.load import BIT_RATES, bus_load, load_table
 from shipnet.can.schedule.messages import Message, MessageSet
 from shipnet.can.schedule.priority import audsley, deadline_monotonic, rate_monotonic

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from shipnet.can.schedule.level import Bus, Convention, ErrorModel, Level, on_bus
+from shipnet.can.schedule.convention import AS_USUAL, Convention, ErrorModel
+from shipnet.can.schedule.level import Bus, Level, on_bus
 from shipnet.can.schedule.messages import MessageSet
 from shipnet.errors import ArgumentError, check_whole
 
@@ -20,8 +21,6 @@ __all__ = ["fault_table", "miss_probability"]
 
 Floats = npt.NDArray[np.float64]
 Blocked = Literal["sufficient", "1994"]
-
-_AS_USUAL = Convention()
 
 #: Faults within one deadline that are told apart; the chance of more counts as a miss.
 _MOST_FAULTS = 1000
@@ -35,7 +34,7 @@ def fault_table(
     most: int,
     *,
     method: Blocked = "sufficient",
-    convention: Convention = _AS_USUAL,
+    convention: Convention = AS_USUAL,
     error_bits: int = 31,
 ) -> pd.DataFrame:
     r"""Return the response of a message to every number of faults, and how likely it is.
@@ -130,7 +129,7 @@ def miss_probability(
     rate: npt.ArrayLike,
     *,
     method: Blocked = "sufficient",
-    convention: Convention = _AS_USUAL,
+    convention: Convention = AS_USUAL,
     error_bits: int = 31,
 ) -> Floats:
     r"""Return the probability that faults let each message miss its deadline, at most.

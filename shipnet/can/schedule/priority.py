@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from shipnet.can.schedule.level import NO_ERRORS, Convention, ErrorModel, Level, on_bus
+from shipnet.can.schedule.convention import AS_USUAL, NO_ERRORS, Convention, ErrorModel
+from shipnet.can.schedule.level import Level, on_bus
 from shipnet.can.schedule.messages import MessageSet
 
 __all__ = ["Assignment", "audsley", "deadline_monotonic", "rate_monotonic"]
-
-_AS_USUAL = Convention()
 
 
 class Assignment(NamedTuple):
@@ -89,7 +88,7 @@ def audsley(
     messages: MessageSet,
     bit_rate: int,
     *,
-    convention: Convention = _AS_USUAL,
+    convention: Convention = AS_USUAL,
     errors: ErrorModel = NO_ERRORS,
 ) -> Assignment:
     """Find an order of priority in which all deadlines are met, if there is one.

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from shipnet.can.schedule.level import NO_ERRORS, Bus, Convention, ErrorModel, Level, on_bus
+from shipnet.can.schedule.convention import AS_USUAL, NO_ERRORS, Convention, ErrorModel
+from shipnet.can.schedule.level import Bus, Level, meets_all, on_bus
 from shipnet.can.schedule.messages import Message, MessageSet
 from shipnet.errors import ArgumentError
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 __all__ = ["Method", "ResponseTime", "response_table", "response_times", "schedulable"]
 
 Method = Literal["exact", "sufficient", "1994"]
-
-_AS_USUAL = Convention()
 
 
 class ResponseTime(NamedTuple):
@@ -56,7 +55,7 @@ def response_times(
     bit_rate: int,
     *,
     method: Method = "exact",
-    convention: Convention = _AS_USUAL,
+    convention: Convention = AS_USUAL,
     errors: ErrorModel = NO_ERRORS,
 ) -> tuple[ResponseTime, ...]:
     r"""Return the longest response time of every message, the highest priority first.
@@ -173,7 +172,7 @@ def schedulable(
     messages: MessageSet,
     bit_rate: int,
     *,
-    convention: Convention = _AS_USUAL,
+    convention: Convention = AS_USUAL,
     errors: ErrorModel = NO_ERRORS,
 ) -> bool:
     """Return whether every message meets its deadline, by the exact method.
@@ -205,9 +204,7 @@ def schedulable(
     >>> schedulable(messages, 250_000), schedulable(messages, 500_000)
     (False, True)
     """
-    bus = on_bus(messages, bit_rate, convention)
-    places = range(len(messages))
-    return all(Level(bus, m, range(m), places[m + 1 :], errors).meets_deadline() for m in places)
+    return meets_all(on_bus(messages, bit_rate, convention), errors)
 
 
 def response_table(responses: tuple[ResponseTime, ...]) -> pd.DataFrame:

@@ -6,14 +6,13 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from typing import Literal
 
-from shipnet.can.schedule.level import NO_ERRORS, Bus, Convention, ErrorModel, Level, on_bus
+from shipnet.can.schedule.convention import AS_USUAL, NO_ERRORS, Convention, ErrorModel
+from shipnet.can.schedule.level import Bus, meets_all, on_bus
 from shipnet.can.schedule.messages import MessageSet
 from shipnet.can.schedule.response import schedulable
 from shipnet.errors import ArgumentError, check_whole
 
 __all__ = ["lowest_bit_rate", "period_factor"]
-
-_AS_USUAL = Convention()
 
 #: Factors are whole numbers of millionths, up to this one.
 _UNIT, _MOST = 10**6, 10**10
@@ -23,7 +22,7 @@ def lowest_bit_rate(
     messages: MessageSet,
     candidates: Collection[int] | None = None,
     *,
-    convention: Convention = _AS_USUAL,
+    convention: Convention = AS_USUAL,
     errors: ErrorModel = NO_ERRORS,
 ) -> float:
     """Return the lowest bit rate at which all deadlines are met.
@@ -80,7 +79,7 @@ def period_factor(
     names: Collection[str] | None = None,
     *,
     deadlines: Literal["scaled", "kept"] = "scaled",
-    convention: Convention = _AS_USUAL,
+    convention: Convention = AS_USUAL,
     errors: ErrorModel = NO_ERRORS,
 ) -> float:
     """Return the smallest factor on periods with which all deadlines are met.
@@ -138,7 +137,7 @@ def period_factor(
     moved = [message.name in chosen for message in messages]
 
     def works(millionths: int) -> bool:
-        return _meets(_scaled(bus, moved, millionths, deadlines == "scaled"), errors)
+        return meets_all(_scaled(bus, moved, millionths, deadlines == "scaled"), errors)
 
     found = _first(works, 1, _MOST + 1)
     return found / _UNIT if found <= _MOST else math.inf
@@ -154,11 +153,6 @@ def _scaled(bus: Bus, moved: list[bool], millionths: int, deadlines: bool) -> Bu
 
     bus = bus._replace(period=scale(bus.period))
     return bus._replace(deadline=scale(bus.deadline)) if deadlines else bus
-
-
-def _meets(bus: Bus, errors: ErrorModel) -> bool:
-    places = range(len(bus.frame))
-    return all(Level(bus, m, range(m), places[m + 1 :], errors).meets_deadline() for m in places)
 
 
 def _first(works: Callable[[int], bool], low: int, high: int) -> int:

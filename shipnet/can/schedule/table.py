@@ -84,14 +84,14 @@ def load_messages(path: str | PathLike[str]) -> MessageSet:
         raise InputError(str(path), "is not text: it holds zero bytes; expected a CSV file")
     lines = text.splitlines(keepends=True)
     titles = next((line for line in lines if line.strip(' ,;\t"\r\n')), "")
+    if not titles:
+        raise InputError(str(path), "is empty; expected a row of column titles")
     reader = csv.reader(lines, delimiter=max(",;\t", key=titles.count))
     try:
         rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
     except csv.Error as error:
         raise InputError(str(path), f"is no CSV file: {error}") from None
     rows = [(number, row) for number, row in rows if any(row)]
-    if not rows:
-        raise InputError(str(path), "is empty; expected a row of column titles")
     columns = [title.lower() for title in rows[0][1]]
     while not columns[-1]:
         columns.pop()
@@ -205,16 +205,12 @@ def from_table(table: pd.DataFrame) -> MessageSet:
     ('a', 'b')
     """
     columns = [str(column) for column in table.columns]
+    cells = table.astype(object).where(table.notna(), "")
     rows = (
-        (f"row {label}", dict(zip(columns, map(_cell, row), strict=True)))
-        for label, row in zip(table.index, table.itertuples(index=False, name=None), strict=True)
+        (f"row {label}", {c: str(v).strip() for c, v in zip(columns, row, strict=True)})
+        for label, row in zip(table.index, cells.itertuples(index=False, name=None), strict=True)
     )
     return _message_set("table", columns, rows)
-
-
-def _cell(value: object) -> str:
-    missing = value is None or value != value or type(value).__name__ == "NAType"
-    return "" if missing else str(value).strip()
 
 
 def _message_set(
