@@ -277,7 +277,7 @@ def test_faults_can_overload_the_bus():
     assert schedulable(messages, FAST, errors=ErrorModel(1, 500 * US))
 
 
-def test_a_load_of_almost_one_ends_or_says_why():
+def test_a_load_of_almost_one_ends_or_counts_as_endless():
     # 1 - 2.5e-3: the backlog of 160 bits takes a busy period of 160 / 2.5e-3 bits to work off.
     messages = message_set([100, 100], [200, 201])
     low = response_times(messages, FAST, convention=Convention(foreign_bits=160))[1]
@@ -285,12 +285,15 @@ def test_a_load_of_almost_one_ends_or_says_why():
     most = (160 + 200) / (1 - load) * US
     assert 160 / (1 - load) * US <= low.busy_period <= most
     assert len(low.instances) == math.ceil(round(low.busy_period / US) / 201)
-    # 1 - 2.5e-9: a busy period of two years.
+    # 1 - 2.5e-9: a busy period of two years counts as endless.
     near = MessageSet(
         [Message("A", 1, 8, 0.2, bits=100), Message("B", 2, 8, 0.200000001, 9e4, bits=100)]
     )
-    with pytest.raises(ArgumentError, match="does not end within 1000000 steps"):
-        response_times(near, 1000, convention=Convention(foreign_bits=100))
+    for convention in (Convention(), Convention(foreign_bits=100)):
+        low = response_times(near, 1000, convention=convention)[1]
+        endless = convention.foreign_bits > 0
+        assert (low.response == low.busy_period == math.inf) == endless
+        assert schedulable(near, 1000, convention=convention) is not endless
 
 
 def test_a_bit_time_that_is_no_whole_nanosecond_stays_exact():

@@ -219,9 +219,7 @@ def _response(
         ErrorModel(faults, bits=error_bits),
         own_blocking=method == "sufficient",
     )
-    if not level.delay_bounded:
-        return math.inf, math.inf
-    response = level.response(0, level.delay(0, 0))
+    response = level.first_response()
     return response, response - bus.convention.own_jitter * level.jitter
 
 
