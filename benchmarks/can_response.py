@@ -1,6 +1,7 @@
 """Worst-case response times of CAN, beside two plain programs in floats that find the same."""
 
 import math
+from functools import partial
 from timeit import repeat
 
 import numpy as np
@@ -104,24 +105,18 @@ def busy_window(messages):
 
 def main():
     rng = np.random.default_rng(2024)
-    print(
-        f"{'messages, load':<18}{'exact':>10}{'plain floats':>16}{'event models':>16}{'audsley':>12}"
-    )
+    heads = ("exact", "plain floats", "event models", "audsley")
+    print(f"{'messages, load':<16}" + "".join(f"{head:>19}" for head in heads))
     for n, load in ((20, 0.5), (20, 0.85), (100, 0.5), (100, 0.85)):
         messages = message_set(n, load, rng)
         ours = [r.response for r in response_times(messages, BIT_RATE)]
         for peer in (plain, busy_window):
             assert np.allclose(ours, peer(messages), rtol=0, atol=1e-10)
-        exact, floats, windows = (
-            seconds(lambda f=f: f(messages))
-            for f in (lambda m: response_times(m, BIT_RATE), plain, busy_window)
-        )
-        order = seconds(lambda: audsley(messages, BIT_RATE), repeats=2)
-        print(
-            f"{n:>4}, {load:<12}{exact * 1e3:>7.2f} ms"
-            + "".join(f"{t * 1e3:>7.2f} ms {t / exact:>4.1f}x" for t in (floats, windows))
-            + f"{order * 1e3:>9.1f} ms"
-        )
+        exact = seconds(partial(response_times, messages, BIT_RATE))
+        times = [exact, *(seconds(partial(peer, messages)) for peer in (plain, busy_window))]
+        times.append(seconds(partial(audsley, messages, BIT_RATE), repeats=2))
+        print(f"{n:>4}, {load:<10}", end="")
+        print("".join(f"{t * 1e3:>8.2f} ms {t / exact:>5.1f}x " for t in times))
 
 
 if __name__ == "__main__":

@@ -255,6 +255,12 @@ def test_a_message_queued_in_the_arbitration_still_wins():
     assert late.response == pytest.approx((60 + 2 * 60 + 47) * US, rel=1e-12)
 
 
+def test_what_is_queued_at_the_same_instant_goes_first_even_without_arbitration_bits():
+    convention = Convention(arbitration_bits=0)
+    low = response_times(message_set([100, 60], [1000, 1000]), FAST, convention=convention)[1]
+    assert low.response == pytest.approx(160 * US, rel=1e-12)
+
+
 def test_an_overloaded_bus_is_an_answer():
     messages = message_set([100, 100, 100], [150, 300, 1000])
     high, full, over = response_times(messages, FAST)

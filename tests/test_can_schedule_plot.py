@@ -35,10 +35,9 @@ def table(period=3.5e-3):
 
 def test_bars_are_the_responses_in_order_of_priority_and_marks_the_deadlines(ax):
     assert plot_response_times(table(), ax=ax) is ax
-    met, missed, own = ax.containers
+    met, missed = ax.containers
     assert [bar.get_width() for bar in met] == [2.0, 3.0]
     assert [bar.get_width() for bar in missed] == [3.5]
-    assert [bar.get_width() for bar in own] == [1.0, 1.0, 1.0]
     assert same_color(missed[0].get_facecolor()[:3], style.LIMIT["color"])
     assert not same_color(met[0].get_facecolor()[:3], style.LIMIT["color"])
     (marks,) = ax.lines
@@ -47,9 +46,8 @@ def test_bars_are_the_responses_in_order_of_priority_and_marks_the_deadlines(ax)
     bottom, top = ax.get_ylim()
     assert bottom > 2 > 0 > top
     assert ax.get_xlabel() == "time [ms]"
-    assert ax.get_legend_handles_labels()[1] == [
-        "deadline", "response, met", "response, missed", "own frame",
-    ]  # fmt: skip
+    labels = ax.get_legend_handles_labels()[1]
+    assert labels == ["deadline", "response, met", "response, missed"]
     ax.figure.draw_without_rendering()
 
 
@@ -67,13 +65,16 @@ def test_a_table_without_messages_can_be_drawn(ax):
     ax.figure.draw_without_rendering()
 
 
-def test_load_has_a_line_a_way_of_counting_and_a_limit(ax):
+def test_load_has_a_band_from_nominal_to_worst_a_mean_and_a_limit(ax):
     loads = load_table(MessageSet([Message("A", 1, 8, 5e-3)]), [125_000, 250_000])
     assert plot_load(loads, ax=ax, limit=70) is ax
-    *lines, limit = ax.lines
-    assert [line.get_label() for line in lines] == ["nominal", "mean", "attainable", "worst"]
-    assert lines[-1].get_xdata().tolist() == [125, 250]
-    assert lines[-1].get_ydata() == pytest.approx([21.6, 10.8])
+    mean, limit = ax.lines
+    assert mean.get_xdata().tolist() == [125, 250]
+    assert mean.get_ydata() == pytest.approx(loads["mean_percent"].to_numpy())
+    (band,) = ax.collections
+    corners = band.get_paths()[0].vertices[:, 1]
+    # 111 and 135 bits in 5 ms.
+    assert (corners.min(), corners.max()) == pytest.approx((111 / 12.5, 135 / 6.25))
     assert set(limit.get_ydata()) == {70}
     assert limit.get_color() == style.LIMIT["color"]
     assert [text.get_text() for text in ax.texts] == ["limit 70 %"]

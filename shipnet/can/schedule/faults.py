@@ -215,7 +215,7 @@ def _response(
         bus,
         place,
         range(place),
-        range(place + 1, len(bus.frame)),
+        range(place + 1, len(bus.streams)),
         ErrorModel(faults, bits=error_bits),
         own_blocking=method == "sufficient",
     )

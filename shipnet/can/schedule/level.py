@@ -22,6 +22,10 @@ __all__ = ["Bus", "Level", "meets_all", "on_bus"]
 _MOST_STEPS = 200_000
 
 
+#: Frames that come again and again: period, length, and by how much the first may come early.
+_Stream = tuple[int, int, int]
+
+
 class Bus(NamedTuple):
     """A message set at a bit rate, every time in ticks.
 
@@ -29,8 +33,10 @@ class Bus(NamedTuple):
     ----------
     second, bit, nanosecond : int
         Length of a second, a bit time, a nanosecond.
-    frame, period, jitter, deadline : tuple of int
-        Of each message, the highest priority first.
+    streams : tuple of (int, int, int)
+        Period, frame and jitter of each message, the highest priority first.
+    deadline : tuple of int
+        Of each message.
     convention : Convention
         How responses are counted.
     """
@@ -38,9 +44,7 @@ class Bus(NamedTuple):
     second: int
     bit: int
     nanosecond: int
-    frame: tuple[int, ...]
-    period: tuple[int, ...]
-    jitter: tuple[int, ...]
+    streams: tuple[_Stream, ...]
     deadline: tuple[int, ...]
     convention: Convention
 
@@ -70,8 +74,8 @@ def on_bus(messages: MessageSet, bit_rate: int, convention: Convention) -> Bus:
     Examples
     --------
     >>> from shipnet.can.schedule.messages import Message
-    >>> on_bus(MessageSet([Message("A", 1, 7, 2.5e-3)]), 125_000, Convention()).frame
-    (1000000,)
+    >>> on_bus(MessageSet([Message("A", 1, 7, 2.5e-3)]), 125_000, Convention()).streams
+    ((2500000, 1000000, 0),)
     """
     bit_rate = check_whole("bit_rate", bit_rate, 1000, 1_000_000, " bit/s")
     second = math.lcm(10**9, bit_rate)
@@ -82,9 +86,14 @@ def on_bus(messages: MessageSet, bit_rate: int, convention: Convention) -> Bus:
         second,
         bit,
         nanosecond,
-        tuple(((m.bits or int(table[m.extended][m.dlc])) - spared) * bit for m in messages),
-        tuple(nanoseconds(m.period) * nanosecond for m in messages),
-        tuple(nanoseconds(m.jitter) * nanosecond for m in messages),
+        tuple(
+            (
+                nanoseconds(m.period) * nanosecond,
+                ((m.bits or int(table[m.extended][m.dlc])) - spared) * bit,
+                nanoseconds(m.jitter) * nanosecond,
+            )
+            for m in messages
+        ),
         tuple(nanoseconds(m.deadline) * nanosecond for m in messages),
         convention,
     )
@@ -113,12 +122,8 @@ def meets_all(bus: Bus, errors: ErrorModel) -> bool:
     >>> meets_all(bus, NO_ERRORS), meets_all(bus, ErrorModel(2))
     (True, False)
     """
-    places = range(len(bus.frame))
+    places = range(len(bus.streams))
     return all(Level(bus, m, range(m), places[m + 1 :], errors).meets_deadline() for m in places)
-
-
-#: Frames that come again and again: period, length, and by how much the first may come early.
-_Stream = tuple[int, int, int]
 
 
 class Level:
@@ -154,73 +159,70 @@ class Level:
         errors: ErrorModel = NO_ERRORS,
         own_blocking: bool = False,
     ) -> None:
-        frame, period, jitter = bus.frame, bus.period, bus.jitter
-        convention = bus.convention
-        self.frame = frame[message]
-        self.period = period[message]
+        streams, convention = bus.streams, bus.convention
+        self.period, self.frame, self.jitter = streams[message]
         self.deadline = bus.deadline[message]
         foreign = convention.foreign_bits
         if convention.intermission == "nowhere":
             foreign = max(0, foreign - INTERMISSION)
-        self.blocking = max([frame[k] for k in lower], default=0)
+        self.blocking = max([streams[k][1] for k in lower], default=0)
         self.blocking = max(self.blocking, foreign * bus.bit)
         if own_blocking:
             self.blocking = max(self.blocking, self.frame)
 
-        self.jitter = jitter[message]
         self._reported = self.frame
         if convention.own_jitter:
             self._reported += self.jitter
         if convention.intermission == "between":
             self._reported -= INTERMISSION * bus.bit
 
-        tau = convention.arbitration_bits * bus.bit
-        self._equal: list[_Stream] = [(period[k], frame[k], jitter[k]) for k in (*higher, message)]
-        self._higher: list[_Stream] = [(period[k], frame[k], jitter[k] + tau) for k in higher]
+        self._tau = convention.arbitration_bits * bus.bit
+        self._higher = [streams[k] for k in higher]
+        self._equal = [*self._higher, streams[message]]
         self._constant = self.blocking
         if errors.burst:
             # Errors are one more stream, of retransmissions.
-            cost = errors.bits * bus.bit + max(c for _, c, _ in self._equal)
+            cost = errors.bits * bus.bit + max(frame for _, frame, _ in self._equal)
             endless = errors.interval == math.inf
             self._constant += (errors.burst - (not endless)) * cost
             if not endless:
                 interval = nanoseconds(errors.interval) * bus.nanosecond
                 self._equal.append((interval, cost, 0))
-                self._higher.append((interval, cost, self.frame))
-
-    def busy_period(self) -> float:
-        """Return how long the bus may be busy with this priority or higher, or infinity."""
-        if not _ends(self._constant, self._equal):
-            return math.inf
-        busy = _settle(self._constant, self._equal, self.frame, math.inf)
-        return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
+                # A delay is searched for with tau added, but errors count up to the frame's end.
+                self._higher.append((interval, cost, self.frame - self._tau))
+        # What is queued together with the message goes first, once at least, even without tau.
+        self._least = self._constant + sum(frame for _, frame, _ in self._higher)
 
     def first_response(self) -> float:
         """Return the longest response of the first instance in a busy period, or infinity."""
-        if not _ends(self._constant, self._higher):
+        if not _ends(self._constant, self._higher, self._tau):
             return math.inf
-        return self._response(0, self._delay(0, 0))
+        return self._response(0, self._delay(0, self._least))
 
-    def responses(self, busy: float) -> list[float]:
-        """Return the longest response of each instance in a busy period that ends."""
-        w: float = 0
-        responses = []
-        for q in range(self._instances(busy)):
-            w = self._delay(q, w)
+    def responses(self) -> tuple[float, list[float]]:
+        """Return the longest busy period, and the longest response of each instance in it."""
+        busy = math.inf
+        if _ends(self._constant, self._equal, 0):
+            w = self._delay(0, self._least)
+            busy = self._busy_period(w)
+        if busy == math.inf:
+            return busy, [math.inf]
+        responses = [self._response(0, w)]
+        for q in range(1, self._instances(busy)):
+            w = self._delay(q, w + self.frame)
             responses.append(self._response(q, w))
-            w += self.frame
-        return responses
+        return busy, responses
 
     def meets_deadline(self) -> bool:
         """Return whether no instance misses its deadline; stop at the first that does."""
-        if not _ends(self._constant, self._equal):
+        if not _ends(self._constant, self._equal, 0):
             return False
         # Most misses show in the first instance, before the busy period is known.
         latest = self.deadline - self._reported
-        w = self._delay(0, 0, latest)
+        w = self._delay(0, self._least, latest)
         if w > latest:
             return False
-        busy = self.busy_period()
+        busy = self._busy_period(w)
         if busy == math.inf:
             return False
         for q in range(1, self._instances(busy)):
@@ -230,6 +232,12 @@ class Level:
                 return False
         return True
 
+    def _busy_period(self, delay: float) -> float:
+        """Return how long the bus may be busy with this priority or higher, or infinity."""
+        # It lasts until the end of the first instance at least: tau is shorter than any frame.
+        busy = _settle(self._constant, self._equal, delay + self.frame, 0, math.inf)
+        return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
+
     def _instances(self, busy: float) -> int:
         return int(-(-(busy + self.jitter) // self.period))
 
@@ -238,35 +246,39 @@ class Level:
 
         The search begins at `start`, no longer than the delay, and may stop above `limit`.
         """
-        return _settle(self._constant + q * self.frame, self._higher, start, limit)
+        return _settle(self._constant + q * self.frame, self._higher, start, self._tau, limit)
 
     def _response(self, q: int, delay: float) -> float:
         return delay + self._reported - q * self.period
 
 
-def _ends(constant: int, streams: Sequence[_Stream]) -> bool:
-    """Return whether some t satisfies t = constant + sum of ceil((t + ahead) / period) * frame."""
-    load = sum(frame / period for period, frame, _ in streams)
+def _ends(constant: int, streams: Sequence[_Stream], tau: int) -> bool:
+    """Return whether t = constant + sum of ceil((t + tau + ahead) / period) * frame for some t."""
+    load = sum([frame / period for period, frame, _ in streams])
     if abs(load - 1) > 1e-9:
         return load < 1
     hyperperiod = math.lcm(*(period for period, _, _ in streams))
     used = sum(hyperperiod // period * frame for period, frame, _ in streams)
     # At a load of 1 the bus catches up with nothing that it was once late by.
     return used < hyperperiod or (
-        used == hyperperiod and constant == 0 and not any(ahead for _, _, ahead in streams)
+        used == hyperperiod and constant == 0 and not any(tau + ahead for _, _, ahead in streams)
     )
 
 
-def _settle(constant: int, streams: Sequence[_Stream], start: float, limit: float) -> float:
-    """Return the least t >= start with t = constant + sum of ceil((t + ahead) / period) * frame.
+def _settle(
+    constant: int, streams: Sequence[_Stream], start: float, tau: int, limit: float
+) -> float:
+    """Return the least t >= start with t = constant + sum of ceil((t + tau + ahead) / T) * C.
 
     The result is whole, or infinite if it takes too many steps to find.
     """
     t = start
     for _ in range(_MOST_STEPS):
         later: float = constant
+        # Ceilings, as the floors of negative numbers.
+        early = -(t + tau)
         for period, frame, ahead in streams:
-            later -= -(t + ahead) // period * frame
+            later -= (early - ahead) // period * frame
         if later <= t or later > limit:
             return later
         t = later

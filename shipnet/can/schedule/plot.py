@@ -28,24 +28,21 @@ def plot_response_times(table: pd.DataFrame, *, ax: Axes) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        The axes given, the highest priority on top, a logarithmic axis of time. The dark part of a
-        bar is the message's own frame. A bar that passes its deadline is red; without a bound it
-        runs out of the axes and says so.
+        The axes given, the highest priority on top, a logarithmic axis of time. A bar that
+        passes its deadline is red; without a bound it runs out of the axes and says so.
     """
     y = np.arange(len(table))
     response = table["response_ms"].to_numpy(dtype=float)
     deadline = table["deadline_ms"].to_numpy(dtype=float)
-    frame = table["frame_ms"].to_numpy(dtype=float)
     met = table["met"].to_numpy(dtype=bool)
     finite = np.isfinite(response)
-    ends = np.concatenate([response[finite], deadline, frame])
+    ends = np.concatenate([response[finite], deadline])
     left, right = (0.5 * ends.min(), 2 * ends.max()) if len(ends) else (0.1, 10.0)
     width = np.where(finite, response, 10 * right)
     for which, colour, label in ((met, "C0", "met"), (~met, LIMIT["color"], "missed")):
         if which.any():
             ax.barh(y[which], width[which], color=colour, alpha=0.45, label=f"response, {label}")
     if len(table):
-        ax.barh(y, frame, color="0.35", label="own frame")
         ax.plot(
             deadline, y, linestyle="none", marker="|", markersize=14, markeredgewidth=2.5,
             color=LIMIT["color"], label="deadline",
@@ -56,6 +53,7 @@ def plot_response_times(table: pd.DataFrame, *, ax: Axes) -> Axes:
             right, float(place), "no bound ", ha="right", va="center", color="0.1", fontsize="small"
         )
     ax.set_xscale("log")
+    ax.xaxis.set_major_formatter("{x:g}")
     ax.set_xlim(left, right)
     ax.set_ylim(len(table) - 0.4, -0.6)
     ax.set_yticks(y, [str(name) for name in table["name"]])
@@ -64,12 +62,8 @@ def plot_response_times(table: pd.DataFrame, *, ax: Axes) -> Axes:
     return ax
 
 
-#: Colours of the ways of counting.
-_WAYS = {"nominal": "0.6", "mean": "C2", "attainable": "C1", "worst": "C0"}
-
-
 def plot_load(table: pd.DataFrame, *, ax: Axes, limit: float = 100.0) -> Axes:
-    """Draw the load of the bus over the bit rate, one line a way to count stuff bits.
+    """Draw the load of the bus over the bit rate, from no stuff bits to the most there can be.
 
     Parameters
     ----------
@@ -86,9 +80,14 @@ def plot_load(table: pd.DataFrame, *, ax: Axes, limit: float = 100.0) -> Axes:
         The axes given, both axes logarithmic.
     """
     rate = table["bit_rate"].to_numpy(dtype=float) / 1e3
-    for way, colour in _WAYS.items():
-        load = table[f"{way}_percent"].to_numpy(dtype=float)
-        ax.plot(rate, load, marker=".", color=colour, label=way)
+    ax.fill_between(
+        rate,
+        table["nominal_percent"].to_numpy(dtype=float),
+        table["worst_percent"].to_numpy(dtype=float),
+        color="C0", alpha=0.3, linewidth=0, label="no stuff bits to worst case",
+    )  # fmt: skip
+    mean = table["mean_percent"].to_numpy(dtype=float)
+    ax.plot(rate, mean, marker=".", color="C0", label="mean of random data")
     ax.axhline(limit, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
     ax.annotate(
         f"limit {limit:g} %", (1, limit), (-4, 3), xycoords=("axes fraction", "data"),
@@ -96,9 +95,10 @@ def plot_load(table: pd.DataFrame, *, ax: Axes, limit: float = 100.0) -> Axes:
     )  # fmt: skip
     ax.set_xscale("log")
     ax.set_yscale("log")
+    ax.yaxis.set_major_formatter("{x:g}")
     ax.set_xticks(rate, [f"{one:g}" for one in rate])
     ax.minorticks_off()
     ax.set_xlabel("bit rate [kbit/s]")
     ax.set_ylabel("bus load [%]")
-    ax.legend(title="stuff bits")
+    ax.legend()
     return ax

@@ -142,14 +142,12 @@ def response_times(
 def _response(
     bus: Bus, place: int, message: Message, method: Method, errors: ErrorModel
 ) -> ResponseTime:
-    higher, lower = range(place), range(place + 1, len(bus.frame))
+    higher, lower = range(place), range(place + 1, len(bus.streams))
     level = Level(bus, place, higher, lower, errors, own_blocking=method == "sufficient")
-    busy = math.nan
-    if method != "exact":
-        ticks = [level.first_response()]
+    if method == "exact":
+        busy, ticks = level.responses()
     else:
-        busy = level.busy_period()
-        ticks = level.responses(busy) if busy < math.inf else [math.inf]
+        busy, ticks = math.nan, [level.first_response()]
     longest = max(ticks)
     return ResponseTime(
         message,

@@ -144,15 +144,18 @@ def period_factor(
 
 
 def _scaled(bus: Bus, moved: list[bool], millionths: int, deadlines: bool) -> Bus:
-    def scale(times: tuple[int, ...]) -> tuple[int, ...]:
+    def scale(time: int, move: bool) -> int:
         # Rounded down: a period shorter by part of a tick is the safe side.
-        return tuple(
-            max(1, t * millionths // _UNIT) if move else t
-            for t, move in zip(times, moved, strict=True)
-        )
+        return max(1, time * millionths // _UNIT) if move else time
 
-    bus = bus._replace(period=scale(bus.period))
-    return bus._replace(deadline=scale(bus.deadline)) if deadlines else bus
+    streams = tuple(
+        (scale(period, move), frame, jitter)
+        for (period, frame, jitter), move in zip(bus.streams, moved, strict=True)
+    )
+    deadline = tuple(
+        scale(time, move and deadlines) for time, move in zip(bus.deadline, moved, strict=True)
+    )
+    return bus._replace(streams=streams, deadline=deadline)
 
 
 def _first(works: Callable[[int], bool], low: int, high: int) -> int:
