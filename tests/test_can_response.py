@@ -64,6 +64,12 @@ def test_the_example_of_davis_2007_comes_out_by_all_three_methods(row):
         assert math.isnan(found.busy_period)
 
 
+def test_a_set_that_fails_in_a_second_instance_alone_is_not_schedulable():
+    assert not schedulable(davis_messages(), 125_000)
+    patient = [replace(m, deadline=3.5e-3) for m in davis_messages()[1:]]
+    assert schedulable(MessageSet([davis_messages()[0], *patient]), 125_000)
+
+
 def message_set(frames, periods, jitters=None, deadlines=None):
     """Return a set in bit times, the first message the most urgent."""
     jitters = jitters or [0] * len(frames)
@@ -157,6 +163,11 @@ def test_faults_in_last_bits_attain_the_response_of_a_lone_message(faults):
     found = response_times(message_set([frame], [period]), FAST, errors=ErrorModel(faults))[0]
     assert found.response == pytest.approx(attained * US, rel=1e-12)
     assert attained == frame + faults * (31 + frame)
+
+
+def test_an_error_may_hit_the_longest_frame_that_goes_first():
+    low = response_times(message_set([160, 60], [5000, 5000]), FAST, errors=ErrorModel(1))[1]
+    assert low.response == pytest.approx((160 + 31 + 160 + 60) * US, rel=1e-12)
 
 
 def test_errors_that_keep_coming_are_counted_by_hand():
