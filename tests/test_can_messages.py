@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
@@ -147,6 +147,7 @@ def sets(draw):
     )  # fmt: skip
 
 
+@settings(max_examples=40)
 @given(sets())
 def test_a_saved_set_comes_back_to_the_nanosecond(tmp_path_factory, messages):
     file = tmp_path_factory.getbasetemp() / "set.csv"
@@ -154,6 +155,7 @@ def test_a_saved_set_comes_back_to_the_nanosecond(tmp_path_factory, messages):
     assert load_messages(file) == messages
 
 
+@settings(max_examples=40)
 @given(sets())
 def test_a_set_made_to_a_table_comes_back(messages):
     table = to_table(messages)
