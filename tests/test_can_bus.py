@@ -1,7 +1,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
@@ -82,6 +82,7 @@ def test_the_bus_with_errors_equals_the_one_without_when_none_strikes(messages, 
     assert other.nodes["state"].eq("error active").all()
 
 
+@settings(max_examples=50)
 @given(message_sets(), st.integers(0, 2**32 - 1))
 def test_a_batch_equals_the_single_runs_to_the_nanosecond(messages, seed):
     offsets = np.random.default_rng(seed).integers(0, 10**7, (7, len(messages))) / 1e9
@@ -124,6 +125,7 @@ def longest_response(messages, rank):
     return worst
 
 
+@settings(max_examples=50)
 @given(message_sets(jitter=True), st.integers(0, 2**32 - 1))
 def test_no_response_exceeds_the_bound_of_the_analysis(messages, seed):
     run = simulate(messages, 0.1, RATE, rng=np.random.default_rng(seed))

@@ -36,8 +36,8 @@ class BusRun(NamedTuple):
         event to the end), ``retries``, ``outcome`` (sent, waiting, overwritten). Times of what
         was not sent are NaN.
     statistics : pandas.DataFrame
-        A row a message, the highest priority first: ``message``, ``arbitration_id``, how many
-        were ``released``, ``sent``, ``waiting`` and ``overwritten``; ``min_ms``, ``mean_ms``,
+        A row a message, the highest priority first: ``message``, ``arbitration_id``,
+        ``extended``, how many were ``released``, ``sent``, ``waiting`` and ``overwritten``; ``min_ms``, ``mean_ms``,
         ``max_ms`` of the response; ``missed`` (sent behind the deadline, or waiting beyond it);
         ``retries``.
     errors : pandas.DataFrame
@@ -258,6 +258,7 @@ def _statistics(
         {
             "message": columns.name,
             "arbitration_id": columns.arbitration_id,
+            "extended": columns.extended,
             "released": np.bincount(message, minlength=number),
             "sent": count(sent),
             "waiting": count(start == WAITING),
