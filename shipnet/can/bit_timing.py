@@ -83,22 +83,21 @@ def settings(
     grid = np.meshgrid(
         np.arange(1, _PRESCALER + 1), segment, segment, segment, np.arange(1, _JUMP + 1)
     )
-    prescaler, prs, phs1, phs2, sjw = (axis.ravel() for axis in grid)
-    quanta = 1 + prs + phs1 + phs2
-    real = hertz / (prescaler * quanta)
-    error = real / rate - 1
+    brp, before, one, two, jump = (axis.ravel() for axis in grid)
+    total = 1 + before + one + two
     # A quotient of round numbers may miss its value by a rounding.
     legal = (
-        (quanta >= _QUANTA[0])
-        & (quanta <= _QUANTA[1])
-        & (phs2 >= 2)
-        & (phs2 <= phs1)
-        & (sjw <= phs2)
-        & (np.abs(error) <= most + 1e-12)
+        (total >= _QUANTA[0])
+        & (total <= _QUANTA[1])
+        & (two >= 2)
+        & (two <= one)
+        & (jump <= two)
+        & (np.abs(hertz / (brp * total) / rate - 1) <= most + 1e-12)
     )
-    prescaler, prs, phs1, phs2, sjw, quanta, real, error = (
-        column[legal] for column in (prescaler, prs, phs1, phs2, sjw, quanta, real, error)
-    )
+    columns = np.stack([brp, total, before, one, two, jump])
+    prescaler, quanta, prs, phs1, phs2, sjw = columns[:, legal]
+    real = hertz / (prescaler * quanta)
+    error = real / rate - 1
     once = prescaler == 1
     sample = (1 + prs + phs1 - once) / quanta
     order = np.lexsort((-sjw, -quanta, np.abs(error), np.abs(sample - wanted).round(12)))
@@ -159,8 +158,8 @@ def oscillator_tolerance(
     Ten quanta, both phase segments and the jump width 4, the highest that there is, allow the
     most: 1.58 % by [1]_, cut off.
 
-    >>> round(float(oscillator_tolerance(10, 4, 4, 4)) * 100, 2)
-    1.58
+    >>> round(float(oscillator_tolerance(10, 4, 4, 4)) * 100, 3)
+    1.587
     """
     n, one, two, jump = (np.asarray(value, dtype=float) for value in (quanta, phs1, phs2, sjw))
     good = (one >= 1) & (two >= 1) & (jump >= 1) & (jump <= np.minimum(one, two))
