@@ -37,9 +37,9 @@ class BusRun(NamedTuple):
         was not sent are NaN.
     statistics : pandas.DataFrame
         A row a message, the highest priority first: ``message``, ``arbitration_id``,
-        ``extended``, how many were ``released``, ``sent``, ``waiting`` and ``overwritten``; ``min_ms``, ``mean_ms``,
-        ``max_ms`` of the response; ``missed`` (sent behind the deadline, or waiting beyond it);
-        ``retries``.
+        ``extended``, how many were ``released``, ``sent``, ``waiting`` and ``overwritten``;
+        ``min_ms``, ``mean_ms``, ``max_ms`` of the response; ``missed`` (sent behind the deadline,
+        or waiting beyond it); ``retries``.
     errors : pandas.DataFrame
         A row a destroyed frame: ``message``, ``sender``, ``start_ms``, ``free_ms`` (when the bus
         was free again), ``bit`` that was disturbed, ``tec`` and ``state`` of the sender then.
