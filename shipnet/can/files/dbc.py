@@ -178,7 +178,7 @@ def write_dbc(
         ]
         nodes = dict.fromkeys(sender for message in built for sender in message.senders)
         database = can.Database(messages=built, nodes=[can.Node(name) for name in nodes])
-        text = database.as_dbc_string(sort_signals=None)
+        text = database.as_dbc_string()
     except cantools.database.Error as problem:
         raise ArgumentError(f"messages make no DBC file: {problem}") from None
     Path(path).write_text(text, encoding="cp1252", newline="")
