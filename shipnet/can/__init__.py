@@ -1,3 +1,6 @@
-"""CAN: frames to the bit, their lengths, and what a bus does with them."""
+"""CAN: frames to the bit, messages and their response times, the bus simulated, files of both."""
 
-__all__: list[str] = []
+from shipnet.can.frame import Frame
+from shipnet.can.reader import decode
+
+__all__ = ["Frame", "decode"]

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.can.lengths import nominal_length, worst_length
 from shipnet.errors import ArgumentError
 
-__all__ = ["INTERMISSION", "LENGTHS", "Lengths", "frame_bits", "length_table"]
+__all__ = ["LENGTHS", "Lengths", "frame_bits", "length_table"]
 
 Lengths = Literal["nominal", "mean", "attainable", "worst", "worst 1994"]
 
-#: Recessive bits between two frames; every length in here contains them.
-INTERMISSION = 3
-
-#: Bits from start of frame to CRC sequence without data, 11-bit and 29-bit identifiers: these are
-#: stuffed.
-_STUFFED = (34, 54)
-
-#: CRC delimiter 1, acknowledgement 2, end of frame 7, intermission 3: never stuffed.
-_TAIL = 10 + INTERMISSION
-
 #: Mean stuff bits by data bytes, 11-bit and 29-bit identifiers, if identifier and data are
 #: uniformly random: the expectation over all of them, CRC included, by dynamic programming over
-#: CRC register, last bit and run. tests/test_can_lengths.py does it again.
+#: CRC register, last bit and run. The tests do it again, as does `shipnet.can.lengths`, which takes
+#: a second for each.
 _MEAN_STUFF = (
     (1.968750, 2.018089, 2.248796, 2.648793, 2.348793, 2.548793, 2.815460, 3.352960, 3.283168),
     (2.738010, 2.791322, 3.022456, 3.422457, 3.122450, 3.322451, 3.589117, 4.126897, 4.055775),
@@ -38,22 +31,17 @@ _MOST_STUFF = (
 )
 
 
-def _row(extended: int, stuff: list[int] | tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(_STUFFED[extended] + 8 * s + _TAIL + stuff[s] for s in range(9))
+def _bits(add: Callable[[int, bool], float]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    standard, extended = (tuple(add(s, kind) for s in range(9)) for kind in (False, True))
+    return standard, extended
 
 
 _TABLE: dict[Lengths, tuple[tuple[float, ...], tuple[float, ...]]] = {
-    "nominal": (_row(0, [0] * 9), _row(1, [0] * 9)),
-    "mean": (_row(0, _MEAN_STUFF[0]), _row(1, _MEAN_STUFF[1])),
-    "attainable": (_row(0, _MOST_STUFF[0]), _row(1, _MOST_STUFF[1])),
-    "worst": (
-        _row(0, [(34 + 8 * s - 1) // 4 for s in range(9)]),
-        _row(1, [(54 + 8 * s - 1) // 4 for s in range(9)]),
-    ),
-    "worst 1994": (
-        _row(0, [(34 + 8 * s) // 5 for s in range(9)]),
-        _row(1, [(54 + 8 * s) // 5 for s in range(9)]),
-    ),
+    "nominal": _bits(lambda s, kind: nominal_length(s, extended=kind)),
+    "mean": _bits(lambda s, kind: nominal_length(s, extended=kind) + _MEAN_STUFF[kind][s]),
+    "attainable": _bits(lambda s, kind: nominal_length(s, extended=kind) + _MOST_STUFF[kind][s]),
+    "worst": _bits(lambda s, kind: worst_length(s, extended=kind)),
+    "worst 1994": _bits(lambda s, kind: worst_length(s, extended=kind, year=1994)),
 }
 
 #: The ways of counting, shortest frames first.

@@ -10,8 +10,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from shipnet.can.layout import INTERMISSION
 from shipnet.can.schedule.convention import NO_ERRORS, Convention, ErrorModel
-from shipnet.can.schedule.lengths import INTERMISSION, length_table
+from shipnet.can.schedule.lengths import length_table
 from shipnet.can.schedule.messages import MessageSet, nanoseconds
 from shipnet.errors import check_whole
 
