@@ -28,6 +28,8 @@ def loaded(statement):
         ("import shipnet.asi.tables", ["numpy", "pandas"]),
         ("import shipnet.asi.simulation.run", ["numpy"]),
         ("import shipnet.asi.simulation.poll", ["numpy"]),
+        ("import shipnet.can", ["numpy"]),
+        ("import shipnet.can.schedule", ["numpy", "scipy"]),
         ("import shipnet.papers", ["numpy", "pandas"]),
     ],
 )

@@ -19,6 +19,7 @@ HEADINGS = {
         "What we learned",
         "References",
     ],
+    "lessons": ["The problem on the ship", "What we learned", "References"],
     "explore": ["What to try", "What it assumes"],
     "notebooks": [
         "The problem on the ship",

@@ -65,3 +65,15 @@ def test_the_network_explorer_names_a_broken_rule(browser, app):
         length.press("ArrowRight")
     verdict.filter(has_text="cable length").wait_for(timeout=LONG)
     page.close()
+
+
+def test_the_can_explorer_follows_its_editor(browser, app):
+    page = browser.new_page()
+    page.goto(f"{app}/voila/render/can_load.ipynb", timeout=LONG)
+    verdict = page.locator(".widget-html-content b")
+    verdict.filter(has_text="meet their deadlines").wait_for(timeout=LONG)
+    editor = page.locator("textarea")
+    editor.fill("name,arbitration_id,dlc,period_ms\noil,1,9,10\n")
+    editor.blur()
+    verdict.filter(has_text="row 2").wait_for(timeout=LONG)
+    page.close()

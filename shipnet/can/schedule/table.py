@@ -25,7 +25,9 @@ from shipnet.errors import ArgumentError, InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["COLUMNS", "from_table", "load_messages", "save_messages", "to_table"]
+__all__ = [
+    "COLUMNS", "from_table", "load_messages", "parse_messages", "save_messages", "to_table",
+]  # fmt: skip
 
 #: Columns of a table of messages; the first four must be there.
 COLUMNS = ("name", "arbitration_id", "dlc", "period_ms", "deadline_ms", "jitter_ms", "offset_ms",
@@ -80,17 +82,45 @@ def load_messages(path: str | PathLike[str]) -> MessageSet:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("cp1252", errors="replace")
+    return parse_messages(text, str(path))
+
+
+def parse_messages(text: str, source: str = "text") -> MessageSet:
+    r"""Read a message set from text, as an editor holds it.
+
+    Parameters
+    ----------
+    text : str
+        What a file for `load_messages` holds.
+    source : str, default "text"
+        What to call it in an error.
+
+    Returns
+    -------
+    MessageSet
+        The messages, the highest priority first.
+
+    Raises
+    ------
+    InputError
+        As `load_messages`.
+
+    Examples
+    --------
+    >>> parse_messages("name;arbitration_id;dlc;period_ms\noil;0x120;8;100").names
+    ('oil',)
+    """
     if "\0" in text:
-        raise InputError(str(path), "is not text: it holds zero bytes; expected a CSV file")
+        raise InputError(source, "is not text: it holds zero bytes; expected a CSV file")
     lines = text.splitlines(keepends=True)
     titles = next((line for line in lines if line.strip(' ,;\t"\r\n')), "")
     if not titles:
-        raise InputError(str(path), "is empty; expected a row of column titles")
+        raise InputError(source, "is empty; expected a row of column titles")
     reader = csv.reader(lines, delimiter=max(",;\t", key=titles.count))
     try:
         rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
     except csv.Error as error:
-        raise InputError(str(path), f"is no CSV file: {error}") from None
+        raise InputError(source, f"is no CSV file: {error}") from None
     rows = [(number, row) for number, row in rows if any(row)]
     columns = [title.lower() for title in rows[0][1]]
     while not columns[-1]:
@@ -105,7 +135,7 @@ def load_messages(path: str | PathLike[str]) -> MessageSet:
         for number, row in rows[1:]
         if not any(row[len(columns) :])
     )
-    return _message_set(str(path), columns, cells, long)
+    return _message_set(source, columns, cells, long)
 
 
 def save_messages(messages: MessageSet, path: str | PathLike[str]) -> None:

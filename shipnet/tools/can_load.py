@@ -1,0 +1,235 @@
+"""The CAN explorer: a message set as text, a bit rate, its load and its response times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import ipywidgets as widgets
+from matplotlib.axes import Axes
+
+from shipnet.can.schedule import (
+    BIT_RATES,
+    ErrorModel,
+    MessageSet,
+    bus_load,
+    lowest_bit_rate,
+    parse_messages,
+    response_table,
+    response_times,
+)
+from shipnet.can.schedule.lengths import Lengths
+from shipnet.can.schedule.plot import plot_response_times
+from shipnet.errors import InputError, check_whole
+from shipnet.tools._view import BAD, GOOD, coloured, picture
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["EXAMPLE", "Inputs", "Result", "draw", "explorer", "update"]
+
+#: An example to begin with: synthetic, the messages of an engine's junction boxes and controls.
+EXAMPLE = """name,arbitration_id,dlc,period_ms,deadline_ms,sender
+shutdown,0x010,1,50,5,safety
+speed,0x020,4,10,5,governor
+fuel index,0x030,4,10,10,governor
+load limit,0x040,2,20,20,governor
+alarm,0x080,8,100,50,JB1
+lube oil,0x100,8,200,200,JB1
+cooling water,0x101,8,200,200,JB1
+exhaust 1-4,0x200,8,500,500,JB2
+exhaust 5-8,0x201,8,500,500,JB2
+bearings,0x300,8,1000,1000,JB3
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What the widgets say.
+
+    Parameters
+    ----------
+    text : str, default `EXAMPLE`
+        Message set as CSV, with the columns of `shipnet.can.schedule.load_messages`.
+    bit_rate : int, default 125000
+        Bit rate, 1000..1000000 [bit/s].
+    errors_per_s : int, default 0
+        Errors on the bus, evenly spread, 0..1000 [1/s].
+
+    Raises
+    ------
+    ArgumentError
+        If a number is outside its range.
+    """
+
+    text: str = EXAMPLE
+    bit_rate: int = 125_000
+    errors_per_s: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_whole("bit_rate", self.bit_rate, 1000, 1_000_000)
+        check_whole("errors_per_s", self.errors_per_s, 0, 1000)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Result:
+    """What becomes of the messages.
+
+    Attributes
+    ----------
+    messages : MessageSet
+        The messages, the highest priority first.
+    load : dict of str to float
+        Share of the bus, 0..: without stuff bits, with those of random data, with the most.
+    responses : pandas.DataFrame
+        What `response_table` returns.
+    lowest : float
+        Lowest standard bit rate at which all deadlines are met [bit/s]; inf if none is.
+    """
+
+    messages: MessageSet
+    load: dict[str, float]
+    responses: pd.DataFrame
+    lowest: float
+
+    @property
+    def late(self) -> list[str]:
+        """Messages that may miss their deadlines."""
+        return [str(name) for name in self.responses.loc[~self.responses["met"], "name"]]
+
+    @property
+    def verdict(self) -> str:
+        """One line: whether all deadlines are met."""
+        if not self.late:
+            return f"all {len(self.responses)} messages meet their deadlines"
+        return f"{len(self.late)} of {len(self.responses)} may be late: {', '.join(self.late)}"
+
+    @property
+    def numbers(self) -> dict[str, str]:
+        """Loads and the lowest bit rate as text with units."""
+        load = {f"load, {name}": f"{share:.1%}" for name, share in self.load.items()}
+        rate = "none" if self.lowest == float("inf") else f"{self.lowest / 1e3:g} kbit/s"
+        return {**load, "lowest standard bit rate that works": rate}
+
+
+def update(inputs: Inputs) -> Result:
+    """Compute load and response times of the messages.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        What the widgets say.
+
+    Returns
+    -------
+    Result
+        Messages, loads and response times.
+
+    Raises
+    ------
+    InputError
+        If the text is no message set.
+
+    Examples
+    --------
+    >>> update(Inputs()).verdict
+    'all 10 messages meet their deadlines'
+    >>> update(Inputs(bit_rate=50_000)).late
+    ['speed']
+    """
+    messages = parse_messages(inputs.text)
+    errors = ErrorModel()
+    if inputs.errors_per_s:
+        errors = ErrorModel(burst=1, interval=1 / inputs.errors_per_s)
+    counted: dict[str, Lengths] = {
+        "no stuff bits": "nominal", "random data": "mean", "most stuff bits": "worst",
+    }  # fmt: skip
+    return Result(
+        messages,
+        {
+            name: float(bus_load(messages, inputs.bit_rate, lengths).sum())
+            for name, lengths in counted.items()
+        },
+        response_table(response_times(messages, inputs.bit_rate, errors=errors)),
+        lowest_bit_rate(messages, BIT_RATES, errors=errors),
+    )
+
+
+def draw(result: Result, *, ax: Axes) -> Axes:
+    """Draw the longest response of each message against its deadline.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given, the highest priority on top.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> ax = draw(update(Inputs()), ax=Figure().subplots())
+    >>> ax.get_xlabel()
+    'time [ms]'
+    """
+    return plot_response_times(result.responses, ax=ax)
+
+
+def explorer() -> widgets.VBox:
+    """Return an editor and an upload for messages, a bit rate, and the figure that follows them.
+
+    Returns
+    -------
+    ipywidgets.VBox
+        To be shown as the last value of a notebook's cell.
+
+    Examples
+    --------
+    >>> controls, verdict, image = explorer().children
+    >>> "meet their deadlines" in verdict.value
+    True
+    """
+    start = Inputs()
+    wide = {"style": {"description_width": "9em"}, "layout": {"width": "26em"}}
+    editor = widgets.Textarea(
+        start.text, layout={"width": "34em", "height": "16em"}, continuous_update=False
+    )
+    upload = widgets.FileUpload(accept=".csv,.txt", description="message set")
+    rate = widgets.SelectionSlider(
+        options=[(f"{rate / 1e3:g}", rate) for rate in BIT_RATES],
+        value=start.bit_rate, description="bit rate [kbit/s]", **wide,
+    )  # fmt: skip
+    errors = widgets.IntSlider(
+        start.errors_per_s, min=0, max=100, description="errors [1/s]", **wide
+    )
+    verdict, image = widgets.HTML(), widgets.Image(format="png")
+
+    def show(_change: object = None) -> None:
+        try:
+            result = update(Inputs(editor.value, rate.value, errors.value))
+        except InputError as error:
+            verdict.value = coloured(str(error), BAD)
+            return
+        facts = "<br>".join(f"{name}: {text}" for name, text in result.numbers.items())
+        colour = BAD if result.late else GOOD
+        verdict.value = f"{coloured(result.verdict, colour)}<br>{facts}"
+        height = 1.2 + 0.28 * len(result.responses)
+        image.value = picture(lambda ax: draw(result, ax=ax), 7.5, height)
+
+    def load(_change: object = None) -> None:
+        for file in upload.value:
+            editor.value = bytes(file["content"]).decode("utf-8-sig", errors="replace")
+
+    for control in (editor, rate, errors):
+        control.observe(show, "value")
+    upload.observe(load, "value")
+    show()
+    return widgets.VBox(
+        [widgets.HBox([editor, widgets.VBox([upload, rate, errors])]), verdict, image]
+    )
