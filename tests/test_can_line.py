@@ -102,3 +102,12 @@ def test_the_figure_marks_what_is_read_wrong():
     assert [text.get_text() for text in ax.texts[2:]] == list("00000000")
     with pytest.raises(ArgumentError, match="node is 'x'; it must be one of b0, b1"):
         plot_line(run, "x", ax=Figure().subplots())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("terminator", 0), ("terminator", float("nan")), ("terminator", -5), ("resistance", 0)],
+)
+def test_loads_out_of_range_are_refused_at_once(name, value):
+    with pytest.raises(ArgumentError, match=name):
+        BusLine(40, **{name: value})

@@ -16,6 +16,9 @@ from shipnet.can.schedule import (
     ErrorModel,
     Message,
     MessageSet,
+    audsley,
+    deadline_monotonic,
+    rate_monotonic,
     response_table,
     response_times,
     schedulable,
@@ -381,3 +384,19 @@ def test_the_table_says_what_the_tuples_say():
     full = MessageSet([replace(message, period=1.1e-3) for message in davis_messages()])
     over = response_table(response_times(full, 125_000))
     assert over["response_ms"].tolist()[1:] == [math.inf, math.inf]
+
+
+@pytest.mark.parametrize("other", [[], [1], None, "AB"])
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda other: response_times(other, 125_000),
+        lambda other: schedulable(other, 125_000),
+        lambda other: audsley(other, 125_000),
+        deadline_monotonic,
+        rate_monotonic,
+    ],
+)
+def test_what_is_no_message_set_is_refused(function, other):
+    with pytest.raises(ArgumentError, match="they must be a MessageSet"):
+        function(other)

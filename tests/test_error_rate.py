@@ -252,3 +252,8 @@ def test_bad_arguments_are_named_before_the_first_row(change, message):
 def test_bad_telegrams_and_receivers_are_named(call, message):
     with pytest.raises(ArgumentError, match=message):
         call()
+
+
+def test_a_segment_without_slaves_is_refused():
+    with pytest.raises(ArgumentError, match="segment has no slave"):
+        all_telegrams(straight_line(100, slaves=()))

@@ -180,3 +180,9 @@ def test_what_makes_no_plan_is_refused(call, message):
 def test_profiles_of_numbered_slaves_have_four_inputs():
     assert numbered(["a"])[0].profile == Profile(0, 0xF)
     assert numbered(["a"] * 40)[0].profile == Profile(0, 0xA)
+
+
+@pytest.mark.parametrize(("length", "n"), [(float("nan"), 5), (100, -1), (100, 1.5), (-1, 3)])
+def test_places_need_a_length_and_a_number(length, n):
+    with pytest.raises(ArgumentError, match=r"^(n|length) is"):
+        evenly(length, n)

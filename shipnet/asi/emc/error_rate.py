@@ -109,6 +109,8 @@ def all_telegrams(
     ((16, 268), (6.5e-06, 4.85e-05))
     """
     check_bit_count(n_bits)
+    if not segment.slaves:
+        raise ArgumentError("segment has no slave; one must send or hear")
     slave = segment.slaves[0] if slave is None else slave
     if slave not in segment.slaves:
         raise ArgumentError(

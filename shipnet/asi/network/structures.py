@@ -14,6 +14,7 @@ from shipnet.asi.network.elements import CURRENT, CableRun, Master, Repeater, Sl
 from shipnet.asi.network.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.errors import ArgumentError, check_whole
+from shipnet.line.quantity import check_scalar
 
 __all__ = ["behind", "evenly", "line", "numbered", "ring", "star"]
 
@@ -39,11 +40,18 @@ def evenly(length: float, n: int) -> list[float]:
     list of float
         Distances from the start [m].
 
+    Raises
+    ------
+    ArgumentError
+        If `n` is no whole number of 0 or more, or `length` not 0 to 10 km.
+
     Examples
     --------
     >>> evenly(100, 4)
     [25.0, 50.0, 75.0, 100.0]
     """
+    check_whole("n", n, 0, 10_000)
+    check_scalar("length", length, "m", 0, 1e4)
     return [length * (k / n) for k in range(1, n + 1)]
 
 

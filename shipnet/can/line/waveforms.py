@@ -72,6 +72,10 @@ class BusLine:
         """Check what the network does not."""
         check_scalar("length", self.length, "m", 0.1, 1e4)
         check_whole("nodes", self.nodes, 2, 200)
+        if self.terminator is not None:
+            check_scalar("terminator", self.terminator, "ohm", 1e-3, 1e9)
+        check_scalar("resistance", self.resistance, "ohm", 1e-3, 1e12)
+        check_scalar("capacitance", self.capacitance, "F", 1e-15, 1e-3)
         for node, metres in (self.stubs or {}).items():
             check_whole("node of a stub", node, 0, self.nodes - 1)
             check_scalar(f"length of the stub at node {node}", metres, "m", 1e-3, 1e3)

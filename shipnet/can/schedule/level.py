@@ -13,7 +13,7 @@ from typing import NamedTuple
 from shipnet.can.layout import INTERMISSION
 from shipnet.can.schedule.convention import NO_ERRORS, Convention, ErrorModel
 from shipnet.can.schedule.lengths import length_table
-from shipnet.can.schedule.messages import MessageSet, nanoseconds
+from shipnet.can.schedule.messages import MessageSet, check_set, nanoseconds
 from shipnet.errors import check_whole
 
 __all__ = ["Bus", "Level", "meets_all", "on_bus"]
@@ -78,6 +78,7 @@ def on_bus(messages: MessageSet, bit_rate: int, convention: Convention) -> Bus:
     >>> on_bus(MessageSet([Message("A", 1, 7, 2.5e-3)]), 125_000, Convention()).streams
     ((2500000, 1000000, 0),)
     """
+    check_set(messages)
     bit_rate = check_whole("bit_rate", bit_rate, 1000, 1_000_000, " bit/s")
     second = math.lcm(10**9, bit_rate)
     bit, nanosecond = second // bit_rate, second // 10**9

@@ -9,7 +9,7 @@ from typing import overload
 
 from shipnet.errors import ArgumentError, check_whole
 
-__all__ = ["RANGES", "Message", "MessageSet", "nanoseconds", "set_faults"]
+__all__ = ["RANGES", "Message", "MessageSet", "check_set", "nanoseconds", "set_faults"]
 
 #: Shortest and longest legal value of each time of a message [s].
 RANGES = {
@@ -273,3 +273,28 @@ class MessageSet(Sequence[Message]):
             replace(message, arbitration_id=identifier)
             for message, identifier in zip(moved, new, strict=True)
         )
+
+
+def check_set(messages: object) -> None:
+    """Raise unless the messages are a set, whose identifiers differ.
+
+    Parameters
+    ----------
+    messages : object
+        What was given for a message set.
+
+    Raises
+    ------
+    ArgumentError
+        If it is something else.
+
+    Examples
+    --------
+    >>> check_set([])
+    Traceback (most recent call last):
+        ...
+    shipnet.errors.ArgumentError: messages are of type list; they must be a MessageSet
+    """
+    if not isinstance(messages, MessageSet):
+        kind = type(messages).__name__
+        raise ArgumentError(f"messages are of type {kind}; they must be a MessageSet")

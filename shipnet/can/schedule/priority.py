@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from shipnet.can.schedule.convention import AS_USUAL, NO_ERRORS, Convention, ErrorModel
 from shipnet.can.schedule.level import Level, on_bus
-from shipnet.can.schedule.messages import MessageSet
+from shipnet.can.schedule.messages import MessageSet, check_set
 
 __all__ = ["Assignment", "audsley", "deadline_monotonic", "rate_monotonic"]
 
@@ -50,6 +50,7 @@ def rate_monotonic(messages: MessageSet) -> MessageSet:
     >>> rate_monotonic(messages).names
     ('fast', 'slow')
     """
+    check_set(messages)
     order = sorted(messages, key=lambda message: message.period)
     return messages.ordered(message.name for message in order)
 
@@ -80,6 +81,7 @@ def deadline_monotonic(messages: MessageSet, *, less_jitter: bool = False) -> Me
     >>> deadline_monotonic(messages, less_jitter=True).names
     ('a', 'b')
     """
+    check_set(messages)
     order = sorted(messages, key=lambda m: m.deadline - (m.jitter if less_jitter else 0))
     return messages.ordered(message.name for message in order)
 

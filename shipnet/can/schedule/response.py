@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from shipnet.can.schedule.convention import AS_USUAL, NO_ERRORS, Convention, ErrorModel
 from shipnet.can.schedule.level import Bus, Level, meets_all, on_bus
-from shipnet.can.schedule.messages import Message, MessageSet
+from shipnet.can.schedule.messages import Message, MessageSet, check_set
 from shipnet.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -124,6 +124,7 @@ def response_times(
     >>> [r.response for r in response_times(messages, 125_000, method="sufficient")]
     [0.002, 0.003, 0.007]
     """
+    check_set(messages)
     if method not in ("exact", "sufficient", "1994"):
         raise ArgumentError(f"method is {method!r}; it must be exact, sufficient or 1994")
     if method != "exact":
