@@ -227,6 +227,7 @@ def test_faulty_requests_are_refused_by_field(pdu, error, message):
     [
         ("0303000000", None, FieldError, "an even number"),
         ("0300", None, FieldError, "registers has 0 values"),
+        ("030200010002", None, LengthError, "byte count is 2, but 4 bytes"),
         ("8307", None, FieldError, "exception is 7"),
         ("8302ff", None, LengthError, "must have 2"),
         ("80", None, UnknownCallError, "128"),
