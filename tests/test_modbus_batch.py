@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,7 +10,7 @@ from shipnet.modbus.batch import check_frames, encode_requests
 from shipnet.modbus.frame import decode_rtu, encode_rtu
 from shipnet.modbus.request import ReadRequest, WriteCoil, WriteRegister
 
-NEAR = st.sampled_from([-1, 0, 1, 2, 125, 126, 247, 248, 2000, 2001, 65535, 65536])
+EDGES = (-1, 0, 1, 2, 125, 126, 247, 248, 2000, 2001, 65535, 65536)
 
 
 def single(unit, function, address, value):
@@ -21,8 +23,8 @@ def single(unit, function, address, value):
     return encode_rtu(unit, request.pdu)
 
 
-@given(rows=st.lists(st.tuples(NEAR, st.integers(-1, 8), NEAR, NEAR), min_size=1, max_size=60))
-def test_a_batch_encodes_what_single_requests_encode(rows):
+def test_a_batch_encodes_what_single_requests_encode_at_every_edge():
+    rows = list(product((-1, 0, 247, 248), range(-1, 9), (-1, 0, 65535, 65536), EDGES))
     batch = encode_requests(*np.array(rows).T)
     for row, error, frame in zip(rows, batch.error, batch.frames, strict=True):
         try:
