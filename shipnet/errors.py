@@ -12,11 +12,13 @@ __all__ = [
     "ArgumentError",
     "CrcError",
     "EndBitError",
+    "FieldError",
     "FormError",
     "FrameError",
     "InformationError",
     "InputError",
     "LengthError",
+    "MismatchError",
     "ParityError",
     "PauseError",
     "SilenceError",
@@ -119,6 +121,18 @@ class AcknowledgeError(FrameError):
     code = 15
 
 
+class FieldError(FrameError):
+    """A field has a value that the standard does not allow; the message names the field."""
+
+    code = 16
+
+
+class MismatchError(FrameError):
+    """The response is in order, but it does not belong to the request."""
+
+    code = 17
+
+
 class ArgumentError(ValueError):
     """An argument lies outside its legal range; the message names it, its value and the range."""
 
@@ -178,6 +192,8 @@ _BY_CODE: dict[int, type[FrameError] | type[ArgumentError]] = {
         FormError,
         CrcError,
         AcknowledgeError,
+        FieldError,
+        MismatchError,
     )
 }
 
