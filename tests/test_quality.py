@@ -13,11 +13,11 @@ from shipnet.line import Network
 def test_it_is_the_worst_of_what_the_receiver_says():
     segment = straight_line(140, slaves=(5, 70, 140))
     found = signal_quality(segment)
-    _, u = segment.signals(RESPONSES, dt=250e-9)
+    _, u = segment.signals(RESPONSES, dt=250e-9, duration=102e-6)
     heard = receive(u, 250e-9, 7)
-    assert found.evenness == pytest.approx(heard.weakest.min(axis=1), abs=5e-3)
-    assert found.ringing == pytest.approx(heard.ringing.max(axis=1), abs=5e-3)
-    assert found.level_least == pytest.approx(np.ptp(u, axis=-1).min(axis=1), abs=5e-3)
+    assert found.evenness == pytest.approx(heard.weakest.min(axis=1), abs=1e-12)
+    assert found.ringing == pytest.approx(heard.ringing.max(axis=1), abs=1e-12)
+    assert found.level_least == pytest.approx(np.ptp(u, axis=-1).min(axis=1), abs=1e-12)
     assert (found.level_most >= found.level_least).all()
     assert found.received.tolist() == [1, 1, 1]
 

@@ -25,7 +25,7 @@ from shipnet.asi.slots import bits_of_slots
 from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError, FrameError, SilenceError
 from shipnet.line import CABLES, Cable
-from shipnet.tools._view import BAD, GOOD, coloured, picture
+from shipnet.tools._view import BAD, GOOD, Board, follow
 
 __all__ = ["CABLE_CHOICES", "Inputs", "Result", "draw", "explorer", "update"]
 
@@ -271,19 +271,14 @@ def explorer() -> widgets.VBox:
         "data": widgets.IntSlider(6, min=0, max=15, description="data", **wide),
         "seed": widgets.IntSlider(0, min=0, max=99, description="try", **wide),
     }
-    verdict, image = widgets.HTML(), widgets.Image(format="png")
+    board = Board()
 
-    def show(_change: object = None) -> None:
+    def show() -> None:
         result = update(Inputs(**{name: control.value for name, control in controls.items()}))
         colour = GOOD if result.read == result.sent else BAD
-        facts = "<br>".join(f"{name}: {text}" for name, text in result.numbers.items())
-        verdict.value = f"{coloured(result.verdict, colour)}<br>{facts}"
-        image.value = picture(lambda ax: draw(result, ax=ax), 7.5, 3.6)
+        board.show(result.verdict, colour, result.numbers, lambda ax: draw(result, ax=ax), 3.6)
 
-    for control in controls.values():
-        control.observe(show, "value")
-    show()
+    follow(show, controls.values())
     rows = list(controls.values())
-    return widgets.VBox(
-        [widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])]), verdict, image]
-    )
+    columns = widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])])
+    return widgets.VBox([columns, *board.parts])

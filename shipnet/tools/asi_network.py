@@ -17,7 +17,7 @@ from shipnet.asi.network.plot import plot_plan
 from shipnet.asi.network.rules import check
 from shipnet.asi.network.structures import evenly, line, numbered, ring, star
 from shipnet.errors import ArgumentError, check_whole
-from shipnet.tools._view import BAD, GOOD, coloured, picture
+from shipnet.tools._view import BAD, GOOD, Board, follow
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -268,19 +268,15 @@ def explorer() -> widgets.VBox:
             start.error_rate, min=0, max=0.5, step=0.01, description="error rate", **still
         ),
     }
-    verdict, image = widgets.HTML(), widgets.Image(format="png")
+    board = Board()
 
-    def show(_change: object = None) -> None:
+    def show() -> None:
         result = update(Inputs(**{name: control.value for name, control in controls.items()}))
         said = "\n".join(result.broken) or f"all rules kept: {len(result.rules)} checks"
-        facts = "<br>".join(f"{name}: {text}" for name, text in result.numbers.items())
-        verdict.value = f"{coloured(said, BAD if result.broken else GOOD)}<br>{facts}"
-        image.value = picture(lambda ax: draw(result, ax=ax), 7.5, 3.2)
+        colour = BAD if result.broken else GOOD
+        board.show(said, colour, result.numbers, lambda ax: draw(result, ax=ax), 3.2)
 
-    for control in controls.values():
-        control.observe(show, "value")
-    show()
+    follow(show, controls.values())
     rows = list(controls.values())
-    return widgets.VBox(
-        [widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])]), verdict, image]
-    )
+    columns = widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])])
+    return widgets.VBox([columns, *board.parts])

@@ -21,7 +21,7 @@ from shipnet.can.schedule import (
 from shipnet.can.schedule.lengths import Lengths
 from shipnet.can.schedule.plot import plot_response_times
 from shipnet.errors import InputError, check_whole
-from shipnet.tools._view import BAD, GOOD, coloured, picture
+from shipnet.tools._view import BAD, GOOD, Board, follow
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -208,28 +208,23 @@ def explorer() -> widgets.VBox:
     errors = widgets.IntSlider(
         start.errors_per_s, min=0, max=100, description="errors [1/s]", **wide
     )
-    verdict, image = widgets.HTML(), widgets.Image(format="png")
+    board = Board()
 
-    def show(_change: object = None) -> None:
+    def show() -> None:
         try:
             result = update(Inputs(editor.value, rate.value, errors.value))
         except InputError as error:
-            verdict.value = coloured(str(error), BAD)
+            board.say(str(error), BAD)
             return
-        facts = "<br>".join(f"{name}: {text}" for name, text in result.numbers.items())
-        colour = BAD if result.late else GOOD
-        verdict.value = f"{coloured(result.verdict, colour)}<br>{facts}"
         height = 1.2 + 0.28 * len(result.responses)
-        image.value = picture(lambda ax: draw(result, ax=ax), 7.5, height)
+        colour = BAD if result.late else GOOD
+        board.show(result.verdict, colour, result.numbers, lambda ax: draw(result, ax=ax), height)
 
     def load(_change: object = None) -> None:
         for file in upload.value:
             editor.value = bytes(file["content"]).decode("utf-8-sig", errors="replace")
 
-    for control in (editor, rate, errors):
-        control.observe(show, "value")
     upload.observe(load, "value")
-    show()
-    return widgets.VBox(
-        [widgets.HBox([editor, widgets.VBox([upload, rate, errors])]), verdict, image]
-    )
+    follow(show, (editor, rate, errors))
+    side = widgets.VBox([upload, rate, errors])
+    return widgets.VBox([widgets.HBox([editor, side]), *board.parts])

@@ -99,7 +99,18 @@ class ChangeAddress:
 
 
 @dataclass(frozen=True)
-class ReadCodes:
+class _OfSlave:
+    """A command that needs the label of a slave and nothing else."""
+
+    slave: str
+
+    def __post_init__(self) -> None:
+        """Check the label."""
+        key_of(self.slave)
+
+
+@dataclass(frozen=True)
+class ReadCodes(_OfSlave):
     """Read the codes of a slave, be it in a list or not.
 
     Parameters
@@ -113,12 +124,6 @@ class ReadCodes:
     '5A'
     """
 
-    slave: str
-
-    def __post_init__(self) -> None:
-        """Check the label."""
-        key_of(self.slave)
-
     def run(self, lists: Lists) -> Task[str]:
         """Yield the orders."""
         found = yield from identify(key_of(self.slave)[0])
@@ -129,7 +134,7 @@ class ReadCodes:
 
 
 @dataclass(frozen=True)
-class ReadStatus:
+class ReadStatus(_OfSlave):
     """Read the status of a slave.
 
     Parameters
@@ -142,12 +147,6 @@ class ReadStatus:
     >>> ReadStatus("5A").slave
     '5A'
     """
-
-    slave: str
-
-    def __post_init__(self) -> None:
-        """Check the label."""
-        key_of(self.slave)
 
     def run(self, lists: Lists) -> Task[str]:
         """Yield the order."""
@@ -194,7 +193,7 @@ class WriteParameter:
 
 
 @dataclass(frozen=True)
-class ResetSlave:
+class ResetSlave(_OfSlave):
     """Reset a slave and activate it again.
 
     Parameters
@@ -207,12 +206,6 @@ class ResetSlave:
     >>> ResetSlave("5").slave
     '5'
     """
-
-    slave: str
-
-    def __post_init__(self) -> None:
-        """Check the label."""
-        key_of(self.slave)
 
     def run(self, lists: Lists) -> Task[str]:
         """Yield the orders."""

@@ -17,9 +17,9 @@ __all__: list[str] = []
 ADDRESSES = range(1, 6)
 
 
-def line(*, watchdog: float = 94.2e-3) -> list[Slave]:
+def line() -> list[Slave]:
     """Return five slaves with four inputs each."""
-    return [Slave("S-0.F.F", address, watchdog=watchdog) for address in ADDRESSES]
+    return [Slave("S-0.F.F", address) for address in ADDRESSES]
 
 
 def gap_after_silence(run: Simulation, slave: str) -> float:
