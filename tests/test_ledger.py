@@ -248,13 +248,13 @@ def test_evidence_is_the_function_unless_the_claim_names_more():
     evidence = LEDGER.set_index("id")["evidence"]
     assert evidence["kim2023-004"] == "shipnet.papers.kim2023.strands.strands_left"
     assert evidence["kim2023-074"] == "kim2023-072; kim2023-073"
-    assert evidence["lee2012-026"] == ""
+    assert evidence["kim2014-001"] == ""
 
 
 def test_status_follows_kind_and_function():
     status = LEDGER.set_index("id")["status"]
     expected = {"kim2023-004": "recomputed", "kim2023-040": "checked", "kim2023-010": "context"}
-    expected |= {"kim2023-045": "ours", "kim2023-063": "not reproducible", "lee2012-026": "open"}
+    expected |= {"kim2023-045": "ours", "kim2023-063": "not reproducible", "kim2014-001": "open"}
     assert status[list(expected)].to_dict() == expected
 
 

@@ -1,0 +1,72 @@
+"""Section III.2.b: the CAN bus between the junction boxes, as far as any CAN bus goes."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from shipnet.can.bit_timing import settings
+from shipnet.can.bus import simulate
+from shipnet.can.schedule import Message
+from shipnet.errors import ArgumentError
+from shipnet.papers.registry import check, numeric
+
+__all__ = ["TOGETHER"]
+
+#: Two messages that are released at once.
+TOGETHER = pd.DataFrame(
+    {"arbitration_id": [0x100, 0x200], "period_ms": [1000.0, 1000.0], "dlc": [8, 8]}
+)
+
+
+@numeric("lee2012-038")
+def standard_identifier_bits(*, extended: bool = False) -> int:
+    """Bits of the highest arbitration id that a frame can carry."""
+    bits = 0
+    while _legal(2 ** (bits + 1) - 1, extended):
+        bits += 1
+    return bits
+
+
+@numeric("lee2012-080")
+def extended_identifier_bits(*, extended: bool = True) -> int:
+    """Bits of the highest arbitration id of a frame in extended format."""
+    return standard_identifier_bits(extended=extended)
+
+
+def _legal(arbitration_id: int, extended: bool) -> bool:
+    try:
+        Message("highest", arbitration_id, 8, 1.0, extended=extended)
+    except ArgumentError:
+        return False
+    return True
+
+
+@numeric("lee2012-039")
+def highest_bit_rate(*, clock: float = 16e6) -> float:
+    """Megabits a second, at most the limit of CAN, for which the controller has a setting."""
+    rates = [mbit for mbit in (0.125, 0.25, 0.5, 1.0) if len(settings(clock, 1e6 * mbit))]
+    return max(rates, default=0.0)
+
+
+@numeric("lee2012-041")
+def terminating_resistor(*, bus_load: float = 60.0, ends: int = 2) -> float:
+    """Ohms at each end that together make the nominal load of ISO 11898-2."""
+    return bus_load * ends
+
+
+@check("lee2012-037", counter={"disturbed": (100e-6,)})
+def destroys_both(*, disturbed: tuple[float, ...] = ()) -> bool:
+    """Whether frames that begin together are destroyed and sent again, as on CSMA/CD."""
+    run = simulate(TOGETHER, 0.5, 125e3, error_instants=disturbed)
+    return bool((run.transmissions["retries"] > 0).any())
+
+
+@check("lee2012-068", counter={"retries": 1})
+def both_repeat(*, retries: int = 0) -> bool:
+    """Whether CAN and Modbus by themselves repeat what was damaged on the line.
+
+    On Modbus it is the master's own affair how often it asks again.
+    """
+    run = simulate(TOGETHER, 0.5, 125e3, error_instants=[100e-6])
+    repeated = run.transmissions["retries"].max() > 0 and (run.transmissions["outcome"] == "sent")
+    return bool(pd.Series(repeated).all()) and retries > 0

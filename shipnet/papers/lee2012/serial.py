@@ -1,0 +1,249 @@
+"""Section III.2.a: the serial line of Table 2, its characters, silences and frames."""
+
+from __future__ import annotations
+
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from shipnet import datasets
+from shipnet.errors import ArgumentError, CrcError, FrameError
+from shipnet.modbus.codes import FunctionCode
+from shipnet.modbus.frame import decode_rtu, encode_rtu
+from shipnet.modbus.request import ReadRequest
+from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
+from shipnet.modbus.timing import SILENCE_LIMIT, Poll, Serial
+from shipnet.papers.registry import check, numeric
+
+__all__ = ["AMS", "BIT_RATE", "JB1", "JB3", "LINE", "POINTS", "whole_poll"]
+
+_TABLE_2 = datasets.read("lee2012_table2_modbus.csv")
+_PRINTED = dict(zip(_TABLE_2["parameter"], _TABLE_2["value_printed"], strict=True))
+_STATIONS = dict(zip(_TABLE_2["station"], _TABLE_2["value_printed"], strict=True))
+
+#: Table 2: bit rate [bit/s], the line, and the addresses of its stations.
+BIT_RATE = float(_PRINTED["baud_rate"])
+LINE = Serial(BIT_RATE, _PRINTED["data_bits"] + _PRINTED["parity"][0] + _PRINTED["stop_bits"])
+AMS, JB1, JB3 = (int(_STATIONS[station]) for station in ("AMS", "JB1", "JB3"))
+
+#: Rows of Table 3 counted: what one request for everything reads, a register a point.
+POINTS = int(datasets.read("lee2012_table3_sensors.csv")["quantity_points"].astype(int).sum())
+
+#: Fig 4: widths of the fields behind the silence [byte].
+_FIG_4 = datasets.read("lee2012_fig4_frames.csv").query("width_byte != ''")
+_WIDTHS = {
+    frame: tuple(int(width) for width in fields)
+    for frame, fields in _FIG_4.groupby("frame")["width_byte"]
+}
+
+
+def _serial(rate: float, parity: bool = True) -> Serial:
+    return Serial(rate, f"8{LINE.character[1] if parity else 'N'}1")
+
+
+def _legal(unit_id: int) -> bool:
+    try:
+        encode_rtu(unit_id, ReadRequest(3, 0, 1).pdu)
+    except ArgumentError:
+        return False
+    return True
+
+
+@numeric("lee2012-021")
+def bit_time(*, rate: float = BIT_RATE) -> float:
+    """Microseconds of one bit."""
+    return 1e6 / rate
+
+
+@numeric("lee2012-022")
+def start_time(*, characters: float = 3.5, bits: int = 8, rate: float = BIT_RATE) -> float:
+    """Microseconds of the silence, with characters of 8 bits as the paper counts them."""
+    return 1e6 * characters * bits / rate
+
+
+@numeric("lee2012-023")
+def character_bits(*, parity: bool = True, stop_bits: int = 1) -> int:
+    """Bits of a character on the line, start, parity and stop bits included."""
+    return Serial(BIT_RATE, f"8{'E' if parity else 'N'}{stop_bits}").character_bits
+
+
+@numeric("lee2012-096")
+def character_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
+    """Microseconds of a character."""
+    return 1e6 * _serial(rate, parity).character_time
+
+
+@numeric("lee2012-097")
+def silence(*, rate: float = BIT_RATE, parity: bool = True) -> float:
+    """Milliseconds of silence between two frames."""
+    return 1e3 * _serial(rate, parity).t35
+
+
+@numeric("lee2012-032")
+def silence_in_characters(*, rate: float = float(SILENCE_LIMIT)) -> float:
+    """Characters of silence between two frames, at the highest rate that counts them so."""
+    return _serial(rate).t35 / _serial(rate).character_time
+
+
+@check("lee2012-024", counter={"stop_bits": 2})
+def setting_is_standard(*, stop_bits: int = 1) -> bool:
+    """Whether a byte has the 11 bits and the even parity that the standard has as its default."""
+    setting = Serial(BIT_RATE, f"8{LINE.character[1]}{stop_bits}")
+    return setting.character_bits == 11 and setting.character == Serial(BIT_RATE).character
+
+
+@numeric("lee2012-075")
+def lowest_address(*, broadcast: int = 0) -> int:
+    """Lowest unit id of a single slave."""
+    return min(unit for unit in range(256) if unit != broadcast and _legal(unit))
+
+
+@numeric("lee2012-025")
+def highest_address(*, bits: int = 8) -> int:
+    """Highest unit id that a frame may carry, of those that a byte can hold."""
+    return max(unit for unit in range(2**bits) if _legal(unit))
+
+
+@check("lee2012-026", counter={"master": JB1})
+def master_is_addressed(*, master: int = AMS) -> bool:
+    """Whether a request or its response carries the address of the master."""
+    request = encode_rtu(JB1, ReadRequest(3, 0, 1).pdu)
+    response = encode_rtu(JB1, ReadRegistersResponse(3, [0]).pdu)
+    return master in (decode_rtu(request).unit_id, decode_rtu(response).unit_id)
+
+
+@check("lee2012-076", counter={"drawn": JB1})
+def response_names_the_receiver(*, drawn: int = AMS) -> bool:
+    """Whether the response of JB1 begins with the address that Fig 4(b) draws."""
+    return encode_rtu(JB1, ReadRegistersResponse(3, [0]).pdu)[0] == drawn
+
+
+@check("lee2012-027", counter={"slaves": (JB1, JB1)})
+def slaves_are_distinct(*, slaves: tuple[int, ...] = (JB1, JB3)) -> bool:
+    """Whether the slaves have addresses of their own, as the standard allows them."""
+    return len(set(slaves)) == len(slaves) and all(_legal(unit) and unit for unit in slaves)
+
+
+@check("lee2012-028", counter={"widths": (1, 1, 2, 1, 2)})
+def request_fields(*, widths: tuple[int, ...] = _WIDTHS["request"]) -> bool:
+    """Whether a request of the standard falls into fields of these widths."""
+    start, quantity = 0x0102, POINTS
+    frame = encode_rtu(JB1, ReadRequest(3, start, quantity).pdu)
+    ends = np.cumsum([0, *widths])
+    parts = [int.from_bytes(frame[a:b], "big") for a, b in pairwise(ends)]
+    return sum(widths) == len(frame) and parts[:4] == [JB1, 3, start, quantity]
+
+
+@numeric("lee2012-029")
+def byte_count_width(*, most_registers: int = 125) -> int:
+    """Bytes that hold the byte count of the longest response."""
+    return -(-(2 * most_registers).bit_length() // 8)
+
+
+@numeric("lee2012-079")
+def data_width(*, registers: int = POINTS) -> int:
+    """Bytes of data in a response with all points."""
+    pdu = ReadRegistersResponse(3, [0] * registers).pdu
+    return len(pdu) - 1 - byte_count_width()
+
+
+@check("lee2012-030", counter={"code": 4})
+def reads_holding_registers(*, code: int = int(_PRINTED["function_code"])) -> bool:
+    """Whether the code is that of holding registers."""
+    return FunctionCode(code) is FunctionCode.READ_HOLDING_REGISTERS
+
+
+@check("lee2012-031", counter={"exceptions": False})
+def data_of_two_bytes(*, exceptions: bool = True) -> bool:
+    """Whether what follows the function code always has two bytes or more."""
+    pdus = [ReadRequest(3, 0, 1).pdu, ReadRegistersResponse(3, [0]).pdu]
+    if exceptions:
+        pdus.append(ExceptionResponse(3, 2).pdu)  # type: ignore[arg-type]
+    return min(len(pdu) - 1 for pdu in pdus) >= 2
+
+
+@check("lee2012-078", counter={"quantities": (1, 126)})
+def reads_one_or_several(*, quantities: tuple[int, ...] = (1, 2, POINTS)) -> bool:
+    """Whether function code 3 reads so many registers with one request."""
+    try:
+        return all(ReadRequest(3, 0, n).response_size == 2 + 2 * n for n in quantities)
+    except ArgumentError:
+        return False
+
+
+@check("lee2012-077", counter={"gap": 3.5})
+def joins_frames(*, gap: float = 3.0) -> bool:
+    """Whether a frame that comes so many characters after another is taken for its end."""
+    first, second = (encode_rtu(unit, ReadRequest(3, 0, 1).pdu) for unit in (JB1, JB3))
+    separate = gap * LINE.character_time >= LINE.t35
+    try:
+        return not all(map(decode_rtu, [first, second] if separate else [first + second]))
+    except CrcError:
+        return True
+
+
+@check("lee2012-004", counter={"others": (0b11000000000000101,)})
+def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
+    """Whether the CRC finds all errors of one and of two bits in a request, and other patterns."""
+    frame = encode_rtu(JB1, ReadRequest(3, 0, POINTS).pdu)
+    bits = [1 << place for place in range(8 * len(frame))]
+    patterns = [*bits, *(a | b for a, b in combinations(bits, 2)), *map(_as_sent, others)]
+    value = int.from_bytes(frame, "little")
+    return not any(_passes((value ^ p).to_bytes(len(frame), "little")) for p in patterns)
+
+
+def _as_sent(pattern: int) -> int:
+    """Turn a polynomial round: on the line its highest power comes first."""
+    return int(f"{pattern:b}"[::-1], 2)
+
+
+def _passes(frame: bytes) -> bool:
+    try:
+        decode_rtu(frame)
+    except FrameError:
+        return False
+    return True
+
+
+@numeric("lee2012-033")
+def request_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
+    """Milliseconds of the request on the line."""
+    return 1e3 * _serial(rate, parity).frame_time(len(encode_rtu(JB1, ReadRequest(3, 0, 1).pdu)))
+
+
+@numeric("lee2012-034")
+def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
+    """Milliseconds of a response with so many registers on the line."""
+    response = encode_rtu(JB1, ReadRegistersResponse(3, [0] * registers).pdu)
+    return 1e3 * _serial(rate).frame_time(len(response))
+
+
+def whole_poll(registers: int = POINTS, rate: float = BIT_RATE) -> Poll:
+    """Return the poll of one junction box for the points of all, a register a point."""
+    return Poll.of(ReadRequest(3, 0, registers), _serial(rate))
+
+
+@numeric("lee2012-035")
+def poll_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
+    """Milliseconds of a poll for all points, from one request to the next."""
+    return 1e3 * whole_poll(registers, rate).answered
+
+
+@numeric("lee2012-036")
+def most_registers(*, longest_pdu: int = 253) -> int:
+    """Registers that one response can hold."""
+    head = len(ReadRegistersResponse(3, [0]).pdu) - 2
+    return (longest_pdu - head) // 2
+
+
+@numeric("lee2012-098")
+def drawn_response(*, data: int = _WIDTHS["response"][-2]) -> int:
+    """Bytes of the response as Fig 4(b) draws it."""
+    return sum(_WIDTHS["response"][:-2]) + data + _WIDTHS["response"][-1]
+
+
+@numeric("lee2012-057")
+def time_to_response(*, request: int = 8, response: int = 8, rate: float = BIT_RATE) -> float:
+    """Microseconds from the request to the end of a response as drawn, no time to think."""
+    line = _serial(rate)
+    return 1e6 * (line.frame_time(request) + line.t35 + line.frame_time(response))

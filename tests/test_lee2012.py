@@ -1,0 +1,116 @@
+"""Evidence for verdicts against lee2012 that need more than the claim's own function."""
+
+import minimalmodbus
+import pytest
+import serial as serial_port
+from pymodbus.framer import FramerRTU
+from pymodbus.pdu import DecodePDU
+
+from shipnet.can.bus import simulate
+from shipnet.errors import ArgumentError, MismatchError
+from shipnet.modbus.frame import decode_rtu, encode_rtu
+from shipnet.modbus.reader import decode_response
+from shipnet.modbus.request import ReadRequest
+from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
+from shipnet.modbus.timing import Serial
+from shipnet.papers.lee2012 import can, serial
+
+
+def test_times_fit_the_line_only_in_milliseconds():
+    line = serial.LINE
+    assert line == Serial(9600, "8E1")
+    # Read in microseconds, each of the three would be a line that Table 2 does not have.
+    assert 1 / 0.104e-6 == pytest.approx(9.6e6, rel=0.01)
+    assert 22.3e-6 < 1 / line.bit_rate and 133e-6 < line.character_time
+    assert 22.3e-3 > line.t35 > 2.9e-3
+
+
+def test_a_character_has_eleven_bits_on_the_line():
+    assert serial.character_bits() == 1 + 8 + 1 + 1
+    assert serial.character_bits(parity=False) == 10
+
+
+def test_31_is_a_count_of_stations():
+    unit_loads, master = 32, 1
+    assert unit_loads - master == 31 < serial.highest_address() == 247
+    with pytest.raises(ArgumentError, match="0..247"):
+        encode_rtu(248, b"\x03")
+
+
+def test_no_frame_carries_the_master():
+    request = encode_rtu(serial.JB1, ReadRequest(3, 0, 1).pdu)
+    assert serial.AMS not in (request[0], decode_rtu(request).unit_id)
+
+
+def test_the_byte_count_is_one_byte():
+    for n in (1, serial.POINTS, 125):
+        ours = ReadRegistersResponse(3, range(n)).pdu
+        assert (ours[1], len(ours)) == (2 * n, 2 + 2 * n)
+        theirs = DecodePDU(False).decode(ours)
+        assert theirs.registers == list(range(n))
+
+
+def test_the_data_have_two_bytes_a_register():
+    for n in (1, 43, serial.POINTS):
+        assert serial.data_width(registers=n) == 2 * n
+
+
+def test_an_exception_has_one_byte_of_data():
+    assert len(ExceptionResponse(3, 2).pdu) - 1 == 1
+
+
+class Port(serial_port.Serial):
+    """A serial port that has one answer ready."""
+
+    def __init__(self, answer):
+        super().__init__()
+        self.answer, self._baudrate, self.is_open = answer, 9600, True
+
+    def open(self):
+        self.is_open = True
+
+    def close(self):
+        self.is_open = False
+
+    def reset_input_buffer(self):
+        pass
+
+    def reset_output_buffer(self):
+        pass
+
+    def write(self, data):
+        return len(data)
+
+    def read(self, size=1):
+        return self.answer[:size]
+
+
+@pytest.mark.parametrize(("unit", "accepted"), [(serial.JB1, True), (serial.AMS, False)])
+def test_clients_reject_a_response_from_the_master(unit, accepted):
+    answer = encode_rtu(unit, ReadRegistersResponse(3, [7]).pdu)
+    port = Port(answer)
+    instrument = minimalmodbus.Instrument(port, serial.JB1)
+    if accepted:
+        assert instrument.read_register(0) == 7
+    else:
+        with pytest.raises(minimalmodbus.InvalidResponseError):
+            instrument.read_register(0)
+    # pymodbus drops it in its framer, as an answer of another slave.
+    _, pdu = FramerRTU(DecodePDU(False)).handleFrame(answer, serial.JB1, 0)
+    assert (pdu is not None) == accepted
+
+
+def test_the_winner_of_an_arbitration_goes_on_unharmed():
+    run = simulate(can.TOGETHER, 0.5, 125e3)
+    winner, loser = run.transmissions.sort_values("start_ms").itertuples()
+    assert (winner.start_ms, winner.retries, loser.retries) == (0, 0, 0)
+    assert loser.start_ms >= winner.end_ms
+
+
+def test_only_can_repeats_by_itself():
+    run = simulate(can.TOGETHER, 0.5, 125e3, error_instants=[100e-6])
+    assert run.transmissions["retries"].sum() == 1
+    assert set(run.transmissions["outcome"]) == {"sent"}
+    assert not can.both_repeat(retries=0)
+    with pytest.raises(MismatchError):
+        decode_response(b"\x04\x02\x00\x00", ReadRequest(3, 0, 1))

@@ -1,0 +1,84 @@
+from math import isclose
+
+import pytest
+from matplotlib.figure import Figure
+
+from shipnet.errors import ArgumentError
+from shipnet.tools.modbus_scan import BIT_RATES, CHARACTERS, Inputs, draw, explorer, update
+
+
+@pytest.mark.parametrize("character", CHARACTERS)
+@pytest.mark.parametrize("slaves", [1, 31, 247])
+@pytest.mark.parametrize("registers", [1, 125])
+def test_a_scan_is_counted_in_characters(character, slaves, registers):
+    inputs = Inputs(9600, character, slaves, registers, processing_ms=3, timeout_ms=1000)
+    bits = {"8E1": 11, "8O1": 11, "8N2": 11, "8N1": 10}[character]
+    characters = 8 + (5 + 2 * registers) + 2 * 3.5
+    assert isclose(update(inputs).scan, slaves * (characters * bits / 9600 + 3e-3))
+
+
+def test_each_dead_slave_costs_its_timeouts():
+    alive, dead = update(Inputs(retries=2)), update(Inputs(retries=2, dead=3))
+    tries = 3 * 3 * (8 * 11 / 9600 + 0.5)
+    assert isclose(dead.scan, alive.scan * 28 / 31 + tries)
+    assert dead.healthy == alive.scan
+    assert isclose(update(Inputs(dead=31)).scan, 31 * 2 * (8 * 11 / 9600 + 0.5))
+
+
+@pytest.mark.parametrize("dead", [0, 1])
+def test_one_slave_more_than_fit_is_too_slow(dead):
+    most = update(Inputs(dead=dead)).most_slaves
+    assert update(Inputs(slaves=most, dead=dead)).in_time
+    assert not update(Inputs(slaves=most + 1, dead=dead)).in_time
+
+
+def test_the_curve_holds_the_chosen_scan_and_leaves_out_what_cannot_be():
+    result = update(Inputs())
+    assert result.by_bit_rate[9600] == result.scan
+    assert list(result.by_bit_rate) == list(BIT_RATES)
+    # 255 bytes of 11 bits take 2.3 s at 1200 bit/s, and 0.6 s at 4800.
+    slow = update(Inputs(registers=125, timeout_ms=500))
+    assert list(slow.by_bit_rate) == [9600, 19200, 38400, 57600, 115200]
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("bit_rate", 9601, "bit_rate is 9601; it must be one of"),
+        ("character", "7E1", "character is '7E1'"),
+        ("slaves", 0, "slaves is 0"),
+        ("slaves", 248, "slaves is 248"),
+        ("registers", 126, "registers is 126"),
+        ("dead", 32, "dead is 32"),
+        ("retries", 11, "retries is 11"),
+        ("processing_ms", 501, "processing_ms is 501 ms; it must be 0..500 ms"),
+        ("timeout_ms", float("nan"), "timeout_ms is nan ms"),
+        ("limit", 0, "limit is 0 s; it must be 0.1..60 s"),
+    ],
+)
+def test_a_value_out_of_range_is_named(field, value, message):
+    with pytest.raises(ArgumentError, match=message):
+        Inputs(**{field: value})
+
+
+def test_the_figure_shows_the_limit_and_the_choice():
+    ax = draw(update(Inputs(dead=1)), ax=Figure().subplots())
+    curve, chosen, limit = ax.lines
+    assert list(curve.get_xdata()) == list(BIT_RATES)
+    assert (chosen.get_xdata()[0], round(chosen.get_ydata()[0], 3)) == (9600, 2.543)
+    assert set(limit.get_ydata()) == {2.0}
+    assert ax.get_xlabel() == "bit rate [bit/s]"
+
+
+def test_the_sliders_start_where_the_inputs_do_and_errors_are_sentences():
+    box = explorer()
+    rows = [row for column in box.children[0].children for row in column.children]
+    assert [row.value for row in rows] == [getattr(Inputs(), name) for name in Inputs.__slots__]
+    picture = bytes(box.children[2].value)
+    rows[5].value = 5
+    assert "too slow: 6.4" in box.children[1].value
+    assert bytes(box.children[2].value) != picture
+    rows[6].value = 20.0
+    assert "timeout is 0.02 s; it must be" in box.children[1].value
+    rows[2].value, rows[6].value = 3, 100.0  # fewer slaves than are said to be dead
+    assert "scan: 0.655 s" in box.children[1].value
