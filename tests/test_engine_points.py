@@ -7,11 +7,11 @@ from shipnet.engine.points import (
     Point,
     by_box,
     check_points,
-    conductors,
     load_points,
     point_table,
     read_points,
 )
+from shipnet.engine.wiring import conductors
 from shipnet.errors import ArgumentError, InputError
 
 CONDITIONS = {"RTD": "RTD", "4~20mA": "4-20 mA", "S/W": "switch"}
