@@ -1,5 +1,7 @@
 """Evidence for verdicts against lee2012 that need more than the claim's own function."""
 
+import itertools
+
 import minimalmodbus
 import pytest
 import serial as serial_port
@@ -13,7 +15,7 @@ from shipnet.modbus.reader import decode_response
 from shipnet.modbus.request import ReadRequest
 from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
 from shipnet.modbus.timing import Serial
-from shipnet.papers.lee2012 import can, serial
+from shipnet.papers.lee2012 import can, points, serial
 
 
 def test_times_fit_the_line_only_in_milliseconds():
@@ -33,7 +35,7 @@ def test_a_character_has_eleven_bits_on_the_line():
 def test_31_is_a_count_of_stations():
     unit_loads, master = 32, 1
     assert unit_loads - master == 31 < serial.highest_address() == 247
-    with pytest.raises(ArgumentError, match="0..247"):
+    with pytest.raises(ArgumentError, match=r"0\.\.247"):
         encode_rtu(248, b"\x03")
 
 
@@ -114,3 +116,16 @@ def test_only_can_repeats_by_itself():
     assert not can.both_repeat(retries=0)
     with pytest.raises(MismatchError):
         decode_response(b"\x04\x02\x00\x00", ReadRequest(3, 0, 1))
+
+
+def test_wiring_grows_by_the_same_number_with_each_cylinder():
+    wiring = points.conductors_by_cylinders()
+    assert wiring[-1] == 260
+    # A thermometer has three wires, a switch two: each cylinder has the same set of both.
+    assert {b - a for a, b in itertools.pairwise(wiring)} == {16}
+
+
+def test_hugh_stands_where_jb1_has_high():
+    switches = points.TABLE_3[points.TABLE_3["condition"] == "S/W"]
+    assert list(switches.query("jb == 'JB1'")["type_printed"]) == ["Low", "High"]
+    assert list(switches.query("jb == 'JB3'")["type_printed"]) == ["Low", "Hugh"]

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 
 from shipnet import style
 from shipnet.errors import ArgumentError, check_whole
+from shipnet.modbus.codes import FunctionCode
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import ReadRequest
 from shipnet.modbus.timing import Poll, Serial
@@ -86,7 +87,7 @@ class Inputs:
     def poll(self) -> Poll:
         """The poll of one slave."""
         return Poll.of(
-            ReadRequest(3, 0, self.registers),
+            ReadRequest(FunctionCode.READ_HOLDING_REGISTERS, 0, self.registers),
             Serial(self.bit_rate, self.character),
             processing=1e-3 * self.processing_ms,
             timeout=1e-3 * self.timeout_ms,
@@ -211,7 +212,8 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     rates, times = list(result.by_bit_rate), list(result.by_bit_rate.values())
     ax.plot(rates, times, "o-", color="C0", mfc="white", label="other bit rates")
     ax.plot(inputs.bit_rate, result.scan, "o", color="C0", ms=9, label="chosen")
-    ax.axhline(inputs.limit, **style.LIMIT, label=f"limit, {inputs.limit:g} s")
+    colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
+    ax.axhline(inputs.limit, color=colour, linestyle=dashes, label=f"limit, {inputs.limit:g} s")
     ax.set(xscale="log", yscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
     ax.set_xticks(BIT_RATES, [str(rate) for rate in BIT_RATES], fontsize="small")
     ax.set_xticks([], minor=True)

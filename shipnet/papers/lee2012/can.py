@@ -6,7 +6,9 @@ import pandas as pd
 
 from shipnet.can.bit_timing import settings
 from shipnet.can.bus import simulate
-from shipnet.can.schedule import Message
+from shipnet.can.schedule import Message, bus_load
+from shipnet.engine.can_messages import CanLayout, volume_table
+from shipnet.engine.points import load_points
 from shipnet.errors import ArgumentError
 from shipnet.papers.registry import check, numeric
 
@@ -70,3 +72,32 @@ def both_repeat(*, retries: int = 0) -> bool:
     run = simulate(TOGETHER, 0.5, 125e3, error_instants=[100e-6])
     repeated = run.transmissions["retries"].max() > 0 and (run.transmissions["outcome"] == "sent")
     return bool(pd.Series(repeated).all()) and retries > 0
+
+
+@numeric("lee2012-043")
+def frames_per_update(*, bits: int = 16) -> int:
+    """CAN frames that carry all points once."""
+    return len(CanLayout(load_points(), bits).messages())
+
+
+@numeric("lee2012-044")
+def time_per_update(*, bits: int = 16, bit_rate: float = 125e3) -> float:
+    """Milliseconds of the bus for all points once, with the most stuff bits."""
+    return 1e3 * float(volume_table(load_points(), bits=bits)["worst_bits"]["all"]) / bit_rate
+
+
+@numeric("lee2012-100")
+def can_load(*, period: float = 1.0, bit_rate: float = 125e3) -> float:
+    """Percent of the bus for an update each period."""
+    messages = CanLayout(load_points()).messages(period)
+    return 100 * float(bus_load(messages, bit_rate).sum())
+
+
+@check("lee2012-081", counter={"within": 5e-3})
+def all_arrive(*, within: float = 0.1) -> bool:
+    """Whether all frames that are released at once arrive intact within some time [s]."""
+    messages = CanLayout(load_points()).messages()
+    rows = [{"arbitration_id": m.arbitration_id, "period_ms": 1e3, "dlc": m.dlc} for m in messages]
+    sent = simulate(pd.DataFrame(rows), 0.5, 125e3).transmissions
+    in_time = (sent["outcome"] == "sent") & (sent["end_ms"] <= 1e3 * within)
+    return bool(in_time.all()) and len(sent) == len(messages) and not sent["retries"].any()

@@ -8,14 +8,14 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError, CrcError, FrameError
-from shipnet.modbus.codes import FunctionCode
+from shipnet.modbus.codes import ExceptionCode, FunctionCode
 from shipnet.modbus.frame import decode_rtu, encode_rtu
 from shipnet.modbus.request import ReadRequest
 from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
 from shipnet.modbus.timing import SILENCE_LIMIT, Poll, Serial
 from shipnet.papers.registry import check, numeric
 
-__all__ = ["AMS", "BIT_RATE", "JB1", "JB3", "LINE", "POINTS", "whole_poll"]
+__all__ = ["AMS", "BIT_RATE", "JB1", "JB3", "LINE", "POINTS", "answer", "read", "whole_poll"]
 
 _TABLE_2 = datasets.read("lee2012_table2_modbus.csv")
 _PRINTED = dict(zip(_TABLE_2["parameter"], _TABLE_2["value_printed"], strict=True))
@@ -37,13 +37,26 @@ _WIDTHS = {
 }
 
 
+_FC03 = FunctionCode.READ_HOLDING_REGISTERS
+
+
+def read(registers: int, start: int = 0) -> ReadRequest:
+    """Return the request for holding registers."""
+    return ReadRequest(_FC03, start, registers)
+
+
+def answer(registers: int) -> ReadRegistersResponse:
+    """Return a response with so many registers, all 0."""
+    return ReadRegistersResponse(_FC03, (0,) * registers)
+
+
 def _serial(rate: float, parity: bool = True) -> Serial:
     return Serial(rate, f"8{LINE.character[1] if parity else 'N'}1")
 
 
 def _legal(unit_id: int) -> bool:
     try:
-        encode_rtu(unit_id, ReadRequest(3, 0, 1).pdu)
+        encode_rtu(unit_id, read(1).pdu)
     except ArgumentError:
         return False
     return True
@@ -107,15 +120,15 @@ def highest_address(*, bits: int = 8) -> int:
 @check("lee2012-026", counter={"master": JB1})
 def master_is_addressed(*, master: int = AMS) -> bool:
     """Whether a request or its response carries the address of the master."""
-    request = encode_rtu(JB1, ReadRequest(3, 0, 1).pdu)
-    response = encode_rtu(JB1, ReadRegistersResponse(3, [0]).pdu)
+    request = encode_rtu(JB1, read(1).pdu)
+    response = encode_rtu(JB1, answer(1).pdu)
     return master in (decode_rtu(request).unit_id, decode_rtu(response).unit_id)
 
 
 @check("lee2012-076", counter={"drawn": JB1})
 def response_names_the_receiver(*, drawn: int = AMS) -> bool:
     """Whether the response of JB1 begins with the address that Fig 4(b) draws."""
-    return encode_rtu(JB1, ReadRegistersResponse(3, [0]).pdu)[0] == drawn
+    return encode_rtu(JB1, answer(1).pdu)[0] == drawn
 
 
 @check("lee2012-027", counter={"slaves": (JB1, JB1)})
@@ -128,7 +141,7 @@ def slaves_are_distinct(*, slaves: tuple[int, ...] = (JB1, JB3)) -> bool:
 def request_fields(*, widths: tuple[int, ...] = _WIDTHS["request"]) -> bool:
     """Whether a request of the standard falls into fields of these widths."""
     start, quantity = 0x0102, POINTS
-    frame = encode_rtu(JB1, ReadRequest(3, start, quantity).pdu)
+    frame = encode_rtu(JB1, read(quantity, start).pdu)
     ends = np.cumsum([0, *widths])
     parts = [int.from_bytes(frame[a:b], "big") for a, b in pairwise(ends)]
     return sum(widths) == len(frame) and parts[:4] == [JB1, 3, start, quantity]
@@ -143,7 +156,7 @@ def byte_count_width(*, most_registers: int = 125) -> int:
 @numeric("lee2012-079")
 def data_width(*, registers: int = POINTS) -> int:
     """Bytes of data in a response with all points."""
-    pdu = ReadRegistersResponse(3, [0] * registers).pdu
+    pdu = answer(registers).pdu
     return len(pdu) - 1 - byte_count_width()
 
 
@@ -156,9 +169,9 @@ def reads_holding_registers(*, code: int = int(_PRINTED["function_code"])) -> bo
 @check("lee2012-031", counter={"exceptions": False})
 def data_of_two_bytes(*, exceptions: bool = True) -> bool:
     """Whether what follows the function code always has two bytes or more."""
-    pdus = [ReadRequest(3, 0, 1).pdu, ReadRegistersResponse(3, [0]).pdu]
+    pdus = [read(1).pdu, answer(1).pdu]
     if exceptions:
-        pdus.append(ExceptionResponse(3, 2).pdu)  # type: ignore[arg-type]
+        pdus.append(ExceptionResponse(_FC03, ExceptionCode.ILLEGAL_DATA_ADDRESS).pdu)
     return min(len(pdu) - 1 for pdu in pdus) >= 2
 
 
@@ -166,7 +179,7 @@ def data_of_two_bytes(*, exceptions: bool = True) -> bool:
 def reads_one_or_several(*, quantities: tuple[int, ...] = (1, 2, POINTS)) -> bool:
     """Whether function code 3 reads so many registers with one request."""
     try:
-        return all(ReadRequest(3, 0, n).response_size == 2 + 2 * n for n in quantities)
+        return all(read(n).response_size == 2 + 2 * n for n in quantities)
     except ArgumentError:
         return False
 
@@ -174,7 +187,7 @@ def reads_one_or_several(*, quantities: tuple[int, ...] = (1, 2, POINTS)) -> boo
 @check("lee2012-077", counter={"gap": 3.5})
 def joins_frames(*, gap: float = 3.0) -> bool:
     """Whether a frame that comes so many characters after another is taken for its end."""
-    first, second = (encode_rtu(unit, ReadRequest(3, 0, 1).pdu) for unit in (JB1, JB3))
+    first, second = (encode_rtu(unit, read(1).pdu) for unit in (JB1, JB3))
     separate = gap * LINE.character_time >= LINE.t35
     try:
         return not all(map(decode_rtu, [first, second] if separate else [first + second]))
@@ -185,7 +198,7 @@ def joins_frames(*, gap: float = 3.0) -> bool:
 @check("lee2012-004", counter={"others": (0b11000000000000101,)})
 def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
     """Whether the CRC finds all errors of one and of two bits in a request, and other patterns."""
-    frame = encode_rtu(JB1, ReadRequest(3, 0, POINTS).pdu)
+    frame = encode_rtu(JB1, read(POINTS).pdu)
     bits = [1 << place for place in range(8 * len(frame))]
     patterns = [*bits, *(a | b for a, b in combinations(bits, 2)), *map(_as_sent, others)]
     value = int.from_bytes(frame, "little")
@@ -208,19 +221,19 @@ def _passes(frame: bytes) -> bool:
 @numeric("lee2012-033")
 def request_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
     """Milliseconds of the request on the line."""
-    return 1e3 * _serial(rate, parity).frame_time(len(encode_rtu(JB1, ReadRequest(3, 0, 1).pdu)))
+    return 1e3 * _serial(rate, parity).frame_time(len(encode_rtu(JB1, read(1).pdu)))
 
 
 @numeric("lee2012-034")
 def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
     """Milliseconds of a response with so many registers on the line."""
-    response = encode_rtu(JB1, ReadRegistersResponse(3, [0] * registers).pdu)
+    response = encode_rtu(JB1, answer(registers).pdu)
     return 1e3 * _serial(rate).frame_time(len(response))
 
 
 def whole_poll(registers: int = POINTS, rate: float = BIT_RATE) -> Poll:
     """Return the poll of one junction box for the points of all, a register a point."""
-    return Poll.of(ReadRequest(3, 0, registers), _serial(rate))
+    return Poll.of(read(registers), _serial(rate))
 
 
 @numeric("lee2012-035")
@@ -232,7 +245,7 @@ def poll_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
 @numeric("lee2012-036")
 def most_registers(*, longest_pdu: int = 253) -> int:
     """Registers that one response can hold."""
-    head = len(ReadRegistersResponse(3, [0]).pdu) - 2
+    head = len(answer(1).pdu) - 2
     return (longest_pdu - head) // 2
 
 

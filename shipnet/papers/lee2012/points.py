@@ -1,0 +1,161 @@
+"""Table 3 and section IV.1.b: the points of the junction boxes, their wires and converters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from shipnet import datasets
+from shipnet.engine.converters import BURDEN, Adc
+from shipnet.engine.points import CONDITIONS, by_box, load_points
+from shipnet.engine.wiring import conductors
+from shipnet.papers.registry import check, numeric
+
+__all__ = ["TABLE_3", "conductors_by_cylinders"]
+
+#: Table 3 as printed, with the numbers as numbers.
+TABLE_3 = datasets.read("lee2012_table3_sensors.csv").astype({"quantity_points": int})
+
+
+def _printed(column: str, value: str) -> int:
+    return int(TABLE_3.loc[TABLE_3[column] == value, "quantity_points"].sum())
+
+
+@numeric("lee2012-013")
+def points_of_jb1(*, box: str = "JB1") -> int:
+    """Points of junction box 1, as Table 3 lists them."""
+    return _printed("jb", box)
+
+
+@numeric("lee2012-014")
+def points_of_jb2(*, box: str = "JB2") -> int:
+    """Points of junction box 2."""
+    return _printed("jb", box)
+
+
+@numeric("lee2012-015")
+def points_of_jb3(*, box: str = "JB3") -> int:
+    """Points of junction box 3."""
+    return _printed("jb", box)
+
+
+@numeric("lee2012-016")
+def points_of_engine(*, double_row: bool = True) -> int:
+    """Points of all boxes, the row counted twice that stands there twice."""
+    return len(load_points(double_row=double_row))
+
+
+@numeric("lee2012-017")
+def analogue_points(*, double_row: bool = True) -> int:
+    """Points that have a value."""
+    return sum(point.analogue for point in load_points(double_row=double_row))
+
+
+@numeric("lee2012-018")
+def switch_points(*, condition: str = "S/W") -> int:
+    """Points that have two states."""
+    return _printed("condition", condition)
+
+
+@numeric("lee2012-012")
+def junction_boxes(*, with_current_loops: bool = False) -> int:
+    """Junction boxes that Table 3 lists, or those of them with 4-20 mA inputs."""
+    boxes = by_box(load_points()).values()
+    return sum(
+        any(p.condition == CONDITIONS[1] for p in own) or not with_current_loops for own in boxes
+    )
+
+
+@numeric("lee2012-086")
+def modes(*, boxes: tuple[str, ...] = ("JB1", "JB2", "JB3")) -> int:
+    """Different sets of inputs, for each of which the common box needs a mode."""
+    own = by_box(load_points())
+    return len({tuple((p.condition, p.low, p.high) for p in own[box]) for box in boxes})
+
+
+@numeric("lee2012-087")
+def converter_kinds(*, analogue_only: bool = False) -> int:
+    """Kinds of signals, for each of which a box needs a converter."""
+    return len({p.condition for p in load_points() if p.analogue or not analogue_only})
+
+
+@numeric("lee2012-019")
+def hardwired_conductors(*, rtd: int = 3, loop: int = 2, switch: int = 2) -> int:
+    """Conductors from the boxes to the AMS with every sensor wired through."""
+    return conductors(load_points(), rtd=rtd, loop=loop, switch=switch).hardwired
+
+
+@numeric("lee2012-020")
+def bus_conductors(*, segments: int = 3, channels: int = 2) -> int:
+    """Conductors of the CAN ring and of both Modbus channels, a pair each."""
+    return conductors(load_points(), segments=segments, channels=channels).bus
+
+
+@check("lee2012-065", counter={"segments": 100, "segment_wires": 8})
+def buses_need_less(*, segments: int = 3, segment_wires: int = 2) -> bool:
+    """Whether the two buses need fewer conductors than sensors wired through one by one."""
+    found = conductors(load_points(), segments=segments, segment_wires=segment_wires)
+    return found.bus < found.hardwired
+
+
+def conductors_by_cylinders(cylinders: range = range(4, 9)) -> list[int]:
+    """Return the conductors of a hardwired engine for each number of cylinders.
+
+    The points that name a cylinder are there once for each, the others once.
+    """
+    points = load_points()
+    return [
+        conductors([p for p in points if p.cylinder is None or p.cylinder <= n]).hardwired
+        for n in cylinders
+    ]
+
+
+@check("lee2012-063", counter={"wiring": (100, 200, 400, 800)})
+def grows_geometrically(*, wiring: tuple[int, ...] = ()) -> bool:
+    """Whether each cylinder more adds more wires than the one before it did."""
+    steps = np.diff(wiring or conductors_by_cylinders())
+    return bool((steps[1:] > steps[:-1]).all())
+
+
+@check("lee2012-048", counter={"inputs": 26})
+def enough_resistance_inputs(*, inputs: int = 32) -> bool:
+    """Whether so many R/V inputs are enough for the thermometers of any box."""
+    return _most("RTD") <= inputs
+
+
+@check("lee2012-049", counter={"inputs": 16})
+def enough_current_inputs(*, inputs: int = 18) -> bool:
+    """Whether so many I/V inputs are enough for the current loops of any box."""
+    return _most("4-20 mA") <= inputs
+
+
+def _most(condition: str) -> int:
+    boxes = by_box(load_points()).values()
+    return max(sum(point.condition == condition for point in own) for own in boxes)
+
+
+@check("lee2012-050", counter={"burden": 500.0})
+def current_becomes_voltage(*, burden: float = BURDEN) -> bool:
+    """Whether a resistor turns 4-20 mA into 1-5 V."""
+    return bool(np.allclose(burden * np.array([4e-3, 20e-3]), [1, 5]))
+
+
+@check("lee2012-088", counter={"offset": 0.0})
+def amplifier_fills_the_range(*, offset: float = 1.0) -> bool:
+    """Whether an amplifier with this offset [V] and the gain that fits turns 1-5 V into 0-5 V."""
+    gain = 5 / (5 - offset)
+    return bool(np.allclose(gain * (np.array([1, 5]) - offset), [0, 5]))
+
+
+@numeric("lee2012-051")
+def adc_step(*, bits: int = 10, reference: float = 5.0) -> float:
+    """Millivolts from one code to the next."""
+    return 1e3 * Adc(bits, reference).step
+
+
+@check("lee2012-093", counter={"printed": "High"})
+def is_a_kind_of_switch(*, printed: str = "") -> bool:
+    """Whether a type that JB3 has printed for a switch is one that another box has too."""
+    switches = TABLE_3[TABLE_3["condition"] == "S/W"]
+    last = switches.iloc[-1]
+    others = switches.loc[switches["jb"] != last["jb"], "type_printed"]
+    return (printed or last["type_printed"]) in set(others)
