@@ -166,6 +166,16 @@ def test_unit_ids_lead_to_slaves_as_the_guides_say():
         answer(slaves, 256, read)
 
 
+def test_a_broadcast_reads_nothing():
+    asked = []
+    slaves = {1: Slave(Scripted(lambda given, time: asked.append(given)))}
+    answer(slaves, 0, ReadRequest(3, 0, 1).pdu)
+    answer(slaves, 0, ReadWriteRequest(0, 1, 0, [5]).pdu)
+    assert asked == []
+    answer(slaves, 0, WriteRegister(0, 5).pdu)
+    assert asked == [[5]]
+
+
 @given(pdu=st.binary(max_size=253), unit=st.integers(0, 255), serial=st.booleans())
 def test_any_bytes_get_silence_an_exception_or_the_response_to_what_they_ask(pdu, unit, serial):
     found, _ = answer({1: Slave(device())}, unit, pdu, serial=serial)

@@ -85,15 +85,13 @@ class Server:
         try:
             ready.result()
         except BaseException:
-            self._stop()
-            self._join()
+            self._finish()
             raise
         return self
 
     def __exit__(self, *_: object) -> None:
         """Stop, and wait until everything is closed."""
-        self._stop()
-        self._join()
+        self._finish()
 
     async def __aenter__(self) -> Server:
         """Listen in the event loop that runs."""
@@ -109,7 +107,9 @@ class Server:
         if self._listener is not None or self._thread is not None:
             raise RuntimeError("the server listens already")
 
-    def _join(self) -> None:
+    def _finish(self) -> None:
+        self._stop()
+        self._stop = lambda: None
         if self._thread is not None:
             self._thread.join()
             self._thread = None
