@@ -3,7 +3,7 @@
 import minimalmodbus
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymodbus.framer import FramerAscii, FramerRTU, FramerSocket
 from pymodbus.pdu import DecodePDU
@@ -180,6 +180,7 @@ def agree(framing, server, ours, theirs, unit, transaction):
 
 @pytest.mark.parametrize("framing", FRAMERS)
 @pytest.mark.parametrize("function", REQUESTS)
+@settings(max_examples=25)  # of each function code in each framing
 @given(data=st.data(), unit=UNIT, transaction=WORD)
 def test_requests_are_the_same_bytes_and_read_alike(framing, function, data, unit, transaction):
     ours, theirs = data.draw(REQUESTS[function])
@@ -188,6 +189,7 @@ def test_requests_are_the_same_bytes_and_read_alike(framing, function, data, uni
 
 @pytest.mark.parametrize("framing", FRAMERS)
 @pytest.mark.parametrize("function", RESPONSES)
+@settings(max_examples=25)  # of each function code in each framing
 @given(data=st.data(), unit=UNIT, transaction=WORD)
 def test_responses_are_the_same_bytes_and_read_alike(framing, function, data, unit, transaction):
     ours, theirs = data.draw(RESPONSES[function])

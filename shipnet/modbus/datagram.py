@@ -178,17 +178,18 @@ def poll(
 
     Notes
     -----
-    The header of kim2014 begins with 0.0.0.0: transaction id 0. An answer that comes behind its
-    timeout is then as good as the one that is waited for. Let a round trip take r, and a late
-    answer longer than the timeout, and let the next request follow at once: if the late one
-    overtakes the answer to that request, that answer is left over for the following, and so on.
-    One late answer to request j of n mixes up the remaining
+    The header in tables 2 and 3 of kim2014 [1]_ begins with 0.0.0.0: transaction id 0. An answer
+    that comes behind its timeout is then as good as the one that is waited for, where the guide has
+    an id that pairs them [2]_. Let a round trip take r and a late one r + L, with L < T < r + L for
+    a timeout T, and let the next request follow at once. The late answer comes before the one to
+    that request, which is left over for the following, and so on. One late answer to request j of
+    n, counted from 0, mixes up all others behind it,
 
     .. math:: n - 1 - j
 
-    requests, and nothing ends it but another fault. A master with `flush` and a period P loses step
-    only once for each late answer: with a share p of late answers, of which each arrives while
-    request m later is waited for and before the answer to that, the expected number is
+    and nothing ends it but another fault. A master with `flush` and a period is mixed up only once
+    for each late answer. If a share p of the answers is late, and each comes while request m later
+    is waited for and before the answer to that, the expected number is
 
     .. math:: (n - m) \, p
 

@@ -136,9 +136,11 @@ class Server:
         listener = self._make(respond)
         try:
             await listener.serve_forever(background=True)
-        except RuntimeError:
-            # The library has logged the cause and swallowed it.
-            raise OSError(f"cannot listen on {listener.comm_params.source_address}") from None
+        # A serial port that refuses its settings raises what is no OSError; where the library
+        # swallows the cause, it has logged it.
+        except Exception as problem:
+            where = "{}, port {}".format(*listener.comm_params.source_address)
+            raise OSError(f"cannot listen on {where}: {problem}") from None
         # A serial port is set up in the next turn of the loop.
         await asyncio.sleep(0)
         self._listener, self.port = listener, listener.port
@@ -181,7 +183,8 @@ def serve(
     serial_port : str, optional
         Serial port for RTU, such as ``"/dev/ttyUSB0"``.
     serial : Serial, default 9600 bit/s and 8E1
-        Settings of that port. An answer begins no sooner than t3.5 after its request.
+        Settings of that port. An answer begins no sooner than t3.5 after its request. Linux
+        refuses parity on a pseudo-terminal, which takes ``Serial(9600, "8N1")``.
     silence : float, default 0.05
         Silence after which bytes that are no frame are dropped, t3.5..10 [s]. It is longer than
         t3.5 for adapters and drivers that hand on bytes in portions.
