@@ -144,10 +144,10 @@ class Slave:
 
         Notes
         -----
-        Exceptions in the order of "MODBUS application protocol" V1.1b3, figure 9: 1 for the
-        function code, 3 for a quantity, byte count, coil value or length that cannot be, then what
-        the device raises. A device that fails in another way is answered for with exception 4,
-        and the failure goes to the log ``shipnet.modbus.server``.
+        Exceptions in the order of the state diagrams in "MODBUS application protocol" V1.1b3,
+        section 6: 1 for the function code, 3 for a quantity, byte count, coil value or length that
+        cannot be, then what the device raises. A device that fails in another way is answered for
+        with exception 4, and the failure goes to the log ``shipnet.modbus.server``.
         """
         function = pdu[0] if pdu else 0
         if self.silent or not 1 <= function <= 127:
