@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-HEAVY = ["matplotlib", "networkx", "numpy", "pandas", "scipy", "skfuzzy"]
+HEAVY = ["matplotlib", "networkx", "numpy", "pandas", "pymodbus", "scipy", "skfuzzy"]
 
 
 def loaded(statement):
@@ -30,6 +30,8 @@ def loaded(statement):
         ("import shipnet.asi.simulation.poll", ["numpy"]),
         ("import shipnet.can", ["numpy"]),
         ("import shipnet.can.schedule", ["numpy", "scipy"]),
+        ("import shipnet.modbus", []),
+        ("import shipnet.modbus.server, shipnet.modbus.datagram", ["numpy"]),
         ("import shipnet.papers", ["numpy", "pandas"]),
     ],
 )

@@ -1,0 +1,165 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.errors import ArgumentError
+from shipnet.modbus.datagram import LossyPath, mix_ups, poll
+
+
+class Scripted:
+    """A path on which one answer is late and everything else is in time."""
+
+    def __init__(self, late, delay, lateness):
+        self.late, self.delay, self.lateness = late, delay, lateness
+        self.answers = False  # the requests are drawn first
+
+    def transit(self, n, rng):
+        times = np.full((n, 2), [self.delay, np.inf])
+        if self.answers:
+            # A request has two copies, each with an answer; the second does not exist here.
+            times[2 * self.late, 0] += self.lateness
+        self.answers = True
+        return times
+
+
+@pytest.mark.parametrize("late", [0, 3, 40, 99])
+def test_one_late_answer_mixes_up_all_that_follow_with_id_0_and_none_with_counted_ids(late):
+    units = np.arange(100) + 1
+    # It comes 0.01 s after the timeout of 0.5 s, and so before the answer to the next request.
+    path = Scripted(late, delay=0.01, lateness=0.49)
+    zero = poll(units, path, np.random.default_rng(0), transaction_ids="zero")
+    assert (zero.mixed_up, zero.timeouts, zero.dropped) == (100 - 1 - late, 1, 0)
+    assert zero.table.answer_of.tolist() == [
+        *range(late),
+        -1,
+        *range(late, 99),
+    ]  # each has the answer to the one before it
+    counted = poll(units, Scripted(late, 0.01, 0.49), np.random.default_rng(0))
+    assert (counted.mixed_up, counted.timeouts) == (0, 1)
+    assert counted.dropped == (late < 99)
+    assert np.nanmax((counted.table.taken_s - counted.table.sent_s).to_numpy()) == pytest.approx(
+        0.02
+    )
+
+
+def test_a_master_that_empties_its_socket_is_mixed_up_once_a_late_answer():
+    path, n = LossyPath(late=0.1, delay=0.1, lateness=0.95), 100_000
+    runs = {
+        ids: poll(
+            np.ones(n, int),
+            path,
+            np.random.default_rng(2024),
+            transaction_ids=ids,
+            timeout=0.9,
+            period=1.0,
+            flush=True,
+        )
+        for ids in ("zero", "counted")
+    }
+    # In time is 0.2 s. Late one way is 0.15 s into the next slot, late both ways 0.1 s into the one
+    # after it: either comes first there, whatever becomes of the answer that belongs there.
+    once, both = 2 * 0.1 * 0.9, 0.1**2
+    spread = np.sqrt(n * 0.19 * 0.81)
+    mixed_up = n * (1 - (1 - once) * (1 - both))
+    assert runs["zero"].mixed_up == pytest.approx(mixed_up, abs=4 * spread)
+    assert runs["counted"].mixed_up == 0
+    assert runs["counted"].timeouts == pytest.approx(n * (once + both), abs=4 * spread)
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    lost=st.floats(0, 1),
+    late=st.floats(0, 1),
+    doubled=st.floats(0, 1),
+    period=st.sampled_from([0, 0.3, 0.7]),
+    flush=st.booleans(),
+)
+def test_counted_ids_are_never_mixed_up_whatever_the_network_does(
+    seed, lost, late, doubled, period, flush
+):
+    path = LossyPath(lost, late, doubled, delay=0.01, lateness=0.6)
+    keywords = dict(period=period, flush=flush, timeout=0.5)
+    units = np.arange(60) % 5
+    runs = {
+        (ids, check): poll(
+            units,
+            path,
+            np.random.default_rng(seed),
+            transaction_ids=ids,
+            check_unit=check,
+            **keywords,
+        )
+        for ids in ("counted", "zero")
+        for check in (False, True)
+    }
+    assert runs["counted", False].mixed_up == runs["counted", True].mixed_up == 0
+    assert runs["zero", True].wrong_unit == 0
+    for run in runs.values():
+        table = run.table
+        taken = table[table.answer_of >= 0]
+        assert len(table) == 60 and len(taken) == 60 - run.timeouts
+        assert (taken.answer_of <= taken.index).all()  # nothing is answered before it is asked
+        assert ((taken.taken_s - taken.sent_s).between(0, 0.5 + 1e-12)).all()
+        assert (np.diff(table.sent_s) >= period - 1e-12).all()
+        assert run.wrong_unit <= run.mixed_up
+
+
+def test_without_faults_all_ways_to_check_are_equal():
+    table = mix_ups([1, 2, 3], LossyPath(), np.random.default_rng(1))
+    assert table.to_numpy().tolist() == [[0, 0, 0, 0]] * 3
+
+
+def test_an_id_comes_again_after_65536_requests():
+    # The answer to request 0 comes 0.1 ms into slot 65536, before the one that belongs there.
+    path = Scripted(0, delay=1e-4, lateness=65.536 - 1e-4)
+    units = np.ones(65538, int)
+    run = poll(units, path, np.random.default_rng(1), timeout=1e-3, period=1e-3, flush=True)
+    assert run.table.answer_of[65536] == 0
+    assert (run.mixed_up, run.timeouts) == (1, 1)
+
+
+def test_the_path_does_what_its_probabilities_say():
+    path, n = LossyPath(0.2, 0.3, 0.4, delay=1.0, lateness=2.0), 100_000
+    times = path.transit(n, np.random.default_rng(2024))
+    arrived, second = np.isfinite(times[:, 0]), np.isfinite(times[:, 1])
+    for share, expected in [
+        (arrived.mean(), 0.8),
+        (second.mean(), 0.4 * 0.8),
+        ((times[arrived, 0] == 3.0).mean(), 0.3),
+        ((times[second, 1] == 3.0).mean(), 0.3),
+    ]:
+        assert share == pytest.approx(expected, abs=4 * 0.5 / n**0.5 * 2)
+    assert set(times[arrived, 0]) == {1.0, 3.0}
+    again = path.transit(n, np.random.default_rng(2024))
+    assert np.array_equal(times, again)
+    assert path.transit(0, np.random.default_rng(1)).shape == (0, 2)
+
+
+def test_a_doubled_request_is_answered_twice_and_the_second_answer_is_left_over():
+    run = poll([1, 2], LossyPath(doubled=1.0), np.random.default_rng(1), transaction_ids="zero")
+    # Two copies there, each answered, each answer doubled: three too many for the next request.
+    assert run.table.answer_of.tolist() == [0, 0]
+    assert run.mixed_up == run.wrong_unit == 1
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: LossyPath(lost=1.1), "lost is 1.1"),
+        (lambda: LossyPath(late=float("nan")), "late is nan"),
+        (lambda: LossyPath(delay=-1), "delay is -1 s"),
+        (lambda: LossyPath().transit(-1, np.random.default_rng(1)), "n is -1"),
+        (lambda: poll([], LossyPath(), np.random.default_rng(1)), "row of 1"),
+        (lambda: poll([1.0], LossyPath(), np.random.default_rng(1)), "whole numbers"),
+        (lambda: poll([256], LossyPath(), np.random.default_rng(1)), r"0\.\.255"),
+        (lambda: poll([1], LossyPath(), np.random.default_rng(1), timeout=0), "timeout is 0"),
+        (
+            lambda: poll([1], LossyPath(), np.random.default_rng(1), transaction_ids="none"),
+            "transaction_ids is 'none'",
+        ),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
