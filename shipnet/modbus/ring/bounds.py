@@ -46,6 +46,7 @@ def worst_gap(system: System, faults: Iterable[Fault]) -> Floats:
     A loop of ten valves breaks in the middle; every slave on the far side times out by itself, or
     the first of them takes the others with it:
 
+    >>> from shipnet.modbus.ring.faults import Break
     >>> from shipnet.modbus.ring.supervision import Supervision
     >>> from shipnet.modbus.timing import Poll, Serial
     >>> poll = Poll(Serial(9600), 8, 13, timeout=0.5)

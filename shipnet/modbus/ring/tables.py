@@ -36,6 +36,7 @@ def single_faults(system: System) -> list[Fault]:
 
     Examples
     --------
+    >>> from shipnet.modbus.ring.loop import Loop
     >>> from shipnet.modbus.timing import Poll, Serial
     >>> [str(fault) for fault in single_faults(Loop(1, Poll(Serial(9600), 8, 13)))]
     ['break 0', 'break 1', 'short 0', 'short 1', 'slave 1', 'port A', 'port B']
@@ -66,6 +67,7 @@ def fault_pairs(system: System) -> list[tuple[Fault, Fault]]:
 
     Examples
     --------
+    >>> from shipnet.modbus.ring.loop import Loop
     >>> from shipnet.modbus.timing import Poll, Serial
     >>> len(fault_pairs(Loop(1, Poll(Serial(9600), 8, 13))))
     21
@@ -98,6 +100,7 @@ def fault_table(system: System, *, order: int = 1) -> pd.DataFrame:
 
     Examples
     --------
+    >>> from shipnet.modbus.ring.loop import Loop
     >>> from shipnet.modbus.timing import Poll, Serial
     >>> table = fault_table(Loop(3, Poll(Serial(9600), 8, 13)))
     >>> table.query("fault in ['break 1', 'short 1', 'slave 2']").round(2).values.tolist()
