@@ -1,5 +1,5 @@
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import networkx as nx
 import numpy as np
@@ -268,6 +268,37 @@ def test_a_lost_response_alone_switches_only_an_impatient_master(failures):
     run = simulate(system, [DeadSlave(3, start=0.56, stop=0.57)], duration=10)
     moved = (run.polls.kind == "switch").any()
     assert (~run.polls.answered).sum() == 1 and moved == (failures == 1)
+
+
+def test_failures_count_only_in_a_row():
+    system = loop(5, failures=2)
+    ends = simulate(system, duration=5).answer_times[2::5]
+    # The time-out of the first failure delays what follows.
+    delay = system.poll.unanswered - system.poll.answered
+    for scan, switches in ((4, True), (5, False)):
+        hits = (ends[3], ends[scan] + delay)
+        faults = [DeadSlave(3, start=at - 0.01, stop=at + 0.001) for at in hits]
+        polls = simulate(system, faults, duration=5).polls
+        assert (~polls.answered).sum() == 2
+        assert (polls.kind == "switch").any() == switches
+
+
+def test_slaves_given_up_are_tried_in_turn():
+    system = loop(6, recheck=1.0)
+    polls = simulate(system, [DeadSlave(2), DeadSlave(5), Break(5, start=4)], duration=30).polls
+    probed = polls[(polls.kind == "probe") & (polls.port == "A") & (polls.start_s > 8)].slave
+    assert len(probed) > 9
+    assert {*pairwise(probed)} == {(2, 5), (5, 6), (6, 2)}
+
+
+def test_gaps_and_recovery_are_those_of_the_slaves_concerned():
+    system = loop(6, recheck=2.0)
+    run = simulate(system, [Break(4, start=1, stop=6), DeadSlave(1, start=2)], duration=12)
+    recovery = run.table.recovery_s
+    assert recovery.isna().tolist() == [True] * 4 + [False] * 2
+    assert run.table.port.tolist() == ["-"] + ["A"] * 5
+    ends = run.polls.query("answered and slave == 1").start_s + system.poll.answered - LINE.t35
+    assert run.gaps[0] == pytest.approx(12 - ends.max()) and run.gaps[0] > 9
 
 
 def test_no_time_is_no_polls():

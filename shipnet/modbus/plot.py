@@ -172,9 +172,7 @@ def plot_loop(loop: Loop, faults: list[Fault] | None = None, *, ax: Axes) -> Axe
             linestyle=":" if k in broken else "-", linewidth=4 if k in shorted else 1.5,
         )  # fmt: skip
         if bad:
-            words = "\n".join(
-                str(f) for f in failed if isinstance(f, Break | Short) and f.section == k
-            )
+            words = "\n".join(str(f) for f in cables if f.section == k)
             ax.text(
                 1.15 * np.cos(arc[6]), 1.15 * np.sin(arc[6]), words,
                 color=red, fontsize=8, ha="center", va="center",

@@ -117,9 +117,8 @@ def fault_table(system: System, *, order: int = 1) -> pd.DataFrame:
     stay, moved = _counts(system, cases)
     lost = system.n_slaves - stay - moved
     staying, moving, last = system.gaps(stay, moved, lost)
+    # Those that are moved wait longer than those that stay.
     worst = np.select([moved > 1, moved == 1, stay > 0], [moving, last, staying], np.nan)
-    both = (stay > 0) & (moved > 0)
-    worst = np.where(both, np.maximum(worst, staying), worst)
     labels = [str(fault) for fault in faults]
     names = ["fault"] if order == 1 else ["first", "second"]
     columns: dict[str, object] = {
