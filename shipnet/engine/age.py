@@ -237,14 +237,15 @@ def marking(system: System) -> Marking:
     Notes
     -----
     In the printed design the last frame restarts the timer of the reader, and the mark waits for
-    the next poll. In the mended one the AMS marks by age, and needs no poll for it.
+    the next poll. The timer is one for all frames of a box: if the box dies between the first
+    frame of a round and its last, values of the round before are held alive. In the mended one the AMS marks by age, and needs no poll for it.
 
     Examples
     --------
     The 4 s of the paper, one poll, and the transfer:
 
     >>> [round(time, 3) for time in marking(System())]
-    [5.248, 5.295]
+    [5.248, 5.795]
     >>> marking(System.mended())
     Marking(after=2.0, oldest=2.0)
     """
@@ -255,5 +256,5 @@ def marking(system: System) -> Marking:
     pile = system.service_ns / 1e9 + system.firmware.receive * system.sender.size
     tail = float(ages["poll_s"].iloc[0] + ages["transaction_s"].iloc[0])
     after = system.stale_limit + system.firmware.mark + pile + tail
-    old = others[["sampling_s", "interrupt_s", "can_s"]].sum(axis=1).max()
+    old = others[["sampling_s", "update_s", "interrupt_s", "can_s"]].sum(axis=1).max()
     return Marking(after, after + float(old))

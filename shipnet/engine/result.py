@@ -90,6 +90,8 @@ class Run:
         What went over the CAN bus.
     views : Views
         What the AMS knew.
+    paths : tuple of Views
+        In the mended coding, what it knew by each channel that it always polls.
     """
 
     system: System
@@ -100,6 +102,7 @@ class Run:
     loops: tuple[Rounds, ...]
     sent: Frames
     views: Views
+    paths: tuple[Views, ...] = ()
 
     def shown(self, tag: str) -> Shown:
         """Return what the AMS shows of a point.
@@ -241,11 +244,12 @@ class Run:
         """What the AMS raises: ``time_s``, ``source`` (a tag or a channel), ``kind``.
 
         Kinds are ``no answer`` and ``answers again`` of a channel; ``0xFF`` (or ``too old`` in the
-        mended coding) and ``good again`` of a point.
+        mended coding) and ``good again`` of a point; ``path lost`` and ``path back`` of a box as
+        one of two polled channels shows it.
         """
         import pandas as pd
 
-        rows = self._link_alarms()
+        rows = self._link_alarms() + self._path_alarms()
         until, good, good_until = self._good
         bad = "0xFF" if self.system.coding == "printed" else "too old"
         tags: dict[int, list[str]] = {}
@@ -277,6 +281,18 @@ class Run:
             for when, good in _changes((start + wait)[told], fine[told]):
                 word = "answers again" if good else "no answer"
                 rows.append((when / 1e9, f"channel {channel + 1}", word))
+        return rows
+
+    def _path_alarms(self) -> list[tuple[float, str, str]]:
+        rows = []
+        limit = nanoseconds(self.system.age_limit)
+        for channel, path in enumerate(self.paths, start=1):
+            fresh = path.known + limit > path.seen[:, None]
+            for box, name in enumerate(self.system.boxes):
+                fine = fresh[:, self.system.sender == box].all(axis=1)
+                for when, good in _changes(path.seen, fine):
+                    word = "path back" if good else "path lost"
+                    rows.append((when / 1e9, f"{name} on channel {channel}", word))
         return rows
 
     @cached_property

@@ -114,9 +114,11 @@ def simulate(
         table = _Table(system, box, cpus[box], loops[box], sent, lost, wrong)
         number[rows], known[rows] = table.read(asked[good][rows])
     views = Views(seen, number, known)
+    paths: tuple[Views, ...] = ()
     if system.polled == "both":
+        paths = tuple(Views(*(c[channel == port] for c in views)) for port in (0, 1))
         views = _freshest(views, channel)
-    return Run(system, span[1], wrong, attempts, tuple(cpus), tuple(loops), sent, views)
+    return Run(system, span[1], wrong, attempts, tuple(cpus), tuple(loops), sent, views, paths)
 
 
 def _phases(

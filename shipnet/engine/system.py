@@ -26,6 +26,9 @@ Integers = npt.NDArray[np.int64]
 #: What lee2012 quotes from the class rules, section II: a response takes 2 s at most [s].
 RULE = 2.0
 
+#: Clocks from the start of a conversion until the input is sampled; Atmel, AT90CAN128 data sheet.
+_HOLD = 1.5
+
 _CHOICES = {
     "topology": ("line", "ring"),
     "switch_rule": ("stay", "return"),
@@ -241,10 +244,10 @@ class System:
         """When each point is sampled, from the start of its box's round [ns], shape (n_points,)."""
         offsets = np.zeros(len(self.points), dtype=np.int64)
         inputs = [0] * len(self.boxes)
-        settling = nanoseconds(self.firmware.settling)
+        hold = nanoseconds(self.firmware.settling + _HOLD / self.firmware.adc_clock)
         for place, (point, box) in enumerate(zip(self.points, self.box_of.tolist(), strict=True)):
             if point.analogue:
-                offsets[place] = inputs[box] * self._input_ns + settling
+                offsets[place] = inputs[box] * self._input_ns + hold
                 inputs[box] += 1
             else:
                 offsets[place] = self.convert_ns[box]
