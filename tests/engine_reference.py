@@ -24,7 +24,7 @@ def ns(seconds):
 
 def requests(system, duration, phase, faults):
     """Return (start, channel, fate) of all requests; fate is served, deaf or damaged."""
-    request, answered = ns(system.serial.frame_time(8)), ns(system.poll.answered)
+    answered = ns(system.poll.answered)
     silent = ns(system.serial.frame_time(8) + system.timeout)
 
     def fate(start, channel):
@@ -72,7 +72,7 @@ def requests(system, duration, phase, faults):
 
     both = system.polled == "both"
     found = [*port([0]), *port([1])] if both else [*port([0, 1])]
-    return sorted(found), request, answered
+    return sorted(found), answered
 
 
 class Box:
@@ -153,7 +153,7 @@ def run_reference(system, duration, faults, phases):
     """Return [(seen, {message: (samples, known) or None})] of every answer."""
     warm = 4 * int(system.period_ns.max()) + 10**9
     boxes = [Box(system, k, ns(phases[b]), warm) for k, b in enumerate(system.boxes)]
-    asked, request, answered = requests(system, duration, ns(phases["AMS"]), faults)
+    asked, answered = requests(system, duration, ns(phases["AMS"]), faults)
     silence = ns(system.serial.frame_time(8) + system.serial.t35)
     reads = deque(
         (start + silence, 0 if channel == 0 else len(boxes) - 1, start + answered, what, channel)
@@ -238,9 +238,7 @@ def run_reference(system, duration, faults, phases):
             # Ticks.
             if box.tick == now:
                 box.tick += box.period
-                if not any(
-                    span[0] <= now < span[1] and w == system.boxes[k] for span, w in deaths
-                ):
+                if not any(span[0] <= now < span[1] and w == system.boxes[k] for span, w in deaths):
                     box.waiting += 1
             box.begin_round()
         for island in [i for i, wire in wires.items() if wire[1] == now]:

@@ -1,6 +1,4 @@
 import numpy as np
-import pytest
-from tests.engine_reference import run_reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,13 +11,13 @@ from shipnet.engine.faults import (
     DeadPort,
     LostCan,
     LostModbus,
-    StuckSensor,
 )
 from shipnet.engine.firmware import Firmware
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 from shipnet.modbus.timing import Serial
+from tests.engine_reference import run_reference
 
 
 def phases_of(rng, system):
@@ -65,7 +63,8 @@ SHARED = {
     "poll_period": st.sampled_from([0.4, 0.7, 1.0]),
 }
 SYSTEMS = st.one_of(
-    st.builds(System, **SHARED), st.builds(System.mended, **{**SHARED, "serial": st.just(Serial(19200))})
+    st.builds(System, **SHARED),
+    st.builds(System.mended, **{**SHARED, "serial": st.just(Serial(19200))}),
 )
 
 
@@ -84,9 +83,7 @@ def faults_of(draw, system):
         if kind is LostCan:
             chance = {"probability": 1.0}
         if kind is LostModbus:
-            chance = draw(
-                st.sampled_from([{"request": 1.0}, {"request": 0.0, "response": 1.0}])
-            )
+            chance = draw(st.sampled_from([{"request": 1.0}, {"request": 0.0, "response": 1.0}]))
         found.append(kind(where, start, stop, **chance))
     return found
 

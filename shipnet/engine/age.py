@@ -129,11 +129,12 @@ def worst_age(system: System) -> pd.DataFrame:
     longest = int(system.loop_ns.max()) + system.service_ns
     if longest > nanoseconds(spacing):
         raise ArgumentError(
-            f"poll_period is {system.poll_period:g} s; a round of a loop takes {longest / 1e9:g} s, "
-            "so that two polls meet it"
+            f"poll_period is {system.poll_period:g} s; a round of a loop takes "
+            f"{longest / 1e9:g} s, so that two polls meet it"
         )
     response = can_response(system)[system.message_of]
     box, offset = system.box_of, system.offset_ns
+    converted, looped = system.convert_ns[box], system.loop_ns[box]
     channels = system.ports if system.polled == "both" else system.ports[:1]
     # The silence behind the response takes the place of the one behind the request.
     transaction = system.poll.shortest_timeout
@@ -146,8 +147,7 @@ def worst_age(system: System) -> pd.DataFrame:
                     "tag": [point.tag for point in system.points],
                     "box": [point.box for point in system.points],
                     "channel": channel,
-                    "sampling_s": (np.where(own, system.convert_ns[box], system.loop_ns[box]) - offset)
-                    / 1e9,
+                    "sampling_s": (np.where(own, converted, looped) - offset) / 1e9,
                     "update_s": system.period_ns[box] / 1e9,
                     "interrupt_s": np.where(own, 0, system.suspended_ns[box]) / 1e9,
                     "can_s": np.where(own, 0.0, response),
@@ -238,7 +238,8 @@ def marking(system: System) -> Marking:
     -----
     In the printed design the last frame restarts the timer of the reader, and the mark waits for
     the next poll. The timer is one for all frames of a box: if the box dies between the first
-    frame of a round and its last, values of the round before are held alive. In the mended one the AMS marks by age, and needs no poll for it.
+    frame of a round and its last, values of the round before are held alive. In the mended one
+    the AMS marks by age, and needs no poll for it.
 
     Examples
     --------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from shipnet.engine.faults import (
     outages,
 )
 from shipnet.engine.system import System
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, check_whole
 from shipnet.line.quantity import check_scalar
 
 __all__ = ["OUTCOMES", "Attempts", "SwitchOver", "ask", "switch_over", "timeout_for"]
@@ -118,10 +118,10 @@ class _Line:
         self.losses = [f for f in faults if isinstance(f, LostModbus) and f.where == name]
         self.answered = nanoseconds(system.poll.answered)
         self.silent = nanoseconds(system.poll.serial.frame_time(8) + system.timeout)
-        self.draws = iter(())
+        self.draws: Iterator[list[float]] = iter(())
         if self.losses and rng is not None:
             most = (horizon // nanoseconds(system.poll_period) + 2) * (1 + system.retries)
-            self.draws = iter(rng.random((most, 2 * len(self.losses))).tolist())  # type: ignore[arg-type]
+            self.draws = iter(rng.random((most, 2 * len(self.losses))).tolist())
 
     def ask(self, start: int) -> tuple[int, int]:
         """Send a request; return its outcome and when the AMS goes on."""
@@ -129,7 +129,7 @@ class _Line:
         deaf = any(begin < end and start < stop for begin, stop in self.deaf)
         damaged = False
         if self.losses:
-            chances: list[float] = next(self.draws)  # type: ignore[assignment]
+            chances: list[float] = next(self.draws)
             for fault, request, response in zip(
                 self.losses, chances[::2], chances[1::2], strict=True
             ):
@@ -254,6 +254,6 @@ def timeout_for(system: System, time: float, *, retries: int = 0) -> float:
     123.83
     """
     request = system.serial.frame_time(8)
-    tries = 1 + int(retries)
+    tries = 1 + check_whole("retries", retries, 0, 10)
     check_scalar("time", time, "s", tries * request, 1e3)
     return time / tries - request

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.engine.age import marking, worst_age
-from shipnet.engine.faults import Fault, StuckSensor, check_faults, single_faults
+from shipnet.engine.age import marking
+from shipnet.engine.faults import Fault, check_faults, single_faults
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
 from shipnet.errors import check_whole
@@ -138,4 +138,4 @@ def _lost(run: Run, begin: float, end: float) -> npt.NDArray[np.bool_]:
     """Return of which points nothing newer than the fault is seen while it lasts."""
     shown = [run.shown(point.tag) for point in run.system.points]
     newer = [s.good & (s.sampled > begin * 1e9) & (s.seen <= end * 1e9) for s in shown]
-    return ~np.any(newer, axis=1)
+    return np.asarray(~np.any(newer, axis=1))

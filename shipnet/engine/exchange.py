@@ -7,6 +7,7 @@ the actual times; the worst ones, by response-time analysis, are in `shipnet.eng
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -198,7 +199,7 @@ def send(
     times = {time for fault in faults if type(fault) in kinds for time in fault.span}
     borders = [span[0], *sorted(time for time in times if span[0] < time < span[1]), span[1]]
     parts = []
-    for begin, end in zip(borders, borders[1:], strict=False):
+    for begin, end in pairwise(borders):
         for members in islands(system, faults, begin):
             if len(members) < 2:
                 continue
@@ -229,7 +230,7 @@ def _arbitrate(time: Integers, message: Integers, frame: Integers, horizon: int)
             cuts.append(place)
     start = [
         np.array(send_all(Releases(time[a:b], message[a:b], length[a:b]), horizon, overwrite=False))
-        for a, b in zip(cuts, cuts[1:], strict=False)
+        for a, b in pairwise(cuts)
         if a < b
     ]
     return np.concatenate(start).astype(np.int64) if start else np.zeros(0, dtype=np.int64)

@@ -124,7 +124,7 @@ def plot_age(
             clip_on=False, label="marked",
         )  # fmt: skip
     for name, value in (limits or {}).items():
-        ax.axhline(value, **LIMIT)
+        ax.axhline(value, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
         ax.text(
             float(ages["until_s"].max()), value, name, ha="right", va="bottom", fontsize=8,
             color=LIMIT["color"],
@@ -155,23 +155,22 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes, old: float = 2.0) -> Axes:
         The axes given: good values on pale blue, old ones on orange with a star, marked ones
         dark with their mark. The values are synthetic.
     """
-    for place, row in enumerate(table.itertuples(index=False)):
+    columns = [table[name].tolist() for name in ("tag", "value", "age_s", "mark")]
+    for place, (tag, value, age, mark) in enumerate(zip(*columns, strict=True)):
         y, x = divmod(place, _TILES)
-        colour, text, ink = "#d6eaf8", f"{row.value:g}", "0.1"
-        if row.mark:
-            colour, text, ink = "0.2", str(row.mark), "1.0"
-        elif row.age_s > old:
-            colour, text = "#E69F00", f"{row.value:g}*"
+        colour, text, ink = "#d6eaf8", f"{value:g}", "0.1"
+        if mark:
+            colour, text, ink = "0.2", mark, "1.0"
+        elif age > old:
+            colour, text = "#E69F00", f"{value:g}*"
         ax.add_patch(
             Rectangle(
                 (x, y), 0.94, 0.9, facecolor=colour, edgecolor="0.3", linewidth=0.5,
-                hatch="//" if row.mark == "0xFF?" else "",
+                hatch="//" if mark == "0xFF?" else "",
             )
         )  # fmt: skip
         ax.text(x + 0.47, y + 0.58, text, ha="center", va="center", color=ink, fontsize=7)
-        ax.text(
-            x + 0.47, y + 0.2, str(row.tag)[-7:], ha="center", va="center", color=ink, fontsize=5
-        )
+        ax.text(x + 0.47, y + 0.2, tag[-7:], ha="center", va="center", color=ink, fontsize=5)
     handles = [
         Patch(facecolor="#d6eaf8", edgecolor="0.3", label="good"),
         Patch(facecolor="#E69F00", edgecolor="0.3", label=f"* older than {old:g} s"),
@@ -219,9 +218,8 @@ def plot_system(system: System, *, ax: Axes, faults: Iterable[Fault] = ()) -> Ax
         ends = [spots[end][0] for end in segment.split("-")]
         straight = abs(ends[0] - ends[1]) == 2.0
         low = 0.0 if straight else -0.8
-        x = [ends[0], ends[0], ends[1], ends[1]] if not straight else ends
-        y = [0.0, low, low, 0.0] if not straight else [0.0, 0.0]
-        ax.plot(x, y, color="#0072B2", zorder=1, label="CAN" if segment == system.segments[0] else None)
+        label = "CAN" if segment == system.segments[0] else None
+        ax.plot(np.repeat(ends, 2), [0.0, low, low, 0.0], color="#0072B2", zorder=1, label=label)
         spots[segment] = (sum(ends) / 2, low)
     for channel, port in enumerate(system.ports, start=1):
         x = 2.0 * port
@@ -235,8 +233,10 @@ def plot_system(system: System, *, ax: Axes, faults: Iterable[Fault] = ()) -> Ax
         spots[point.tag] = (spots[point.box][0], -0.35)
     for fault in broken:
         x, y = spots[fault.where]
-        ax.plot([x], [y], marker="X", markersize=11, color=LIMIT["color"], linestyle="none", zorder=4)
-        ax.text(x, y - 0.22, str(fault), color=LIMIT["color"], fontsize=8, ha="center", va="top")
+        if fault.where in system.boxes:
+            y -= 0.35  # below the box, whose name stays readable
+        ax.plot([x], [y], marker="X", markersize=11, color=LIMIT["color"], zorder=4)
+        ax.text(x, y - 0.15, str(fault), color=LIMIT["color"], fontsize=8, ha="center", va="top")
     ax.legend(loc="upper right", fontsize=8)
     ax.set(xlim=(-1.0, 2.0 * last + 1.0), ylim=(-1.2, 2.6), xticks=[], yticks=[])
     ax.grid(visible=False)
@@ -247,8 +247,6 @@ def plot_system(system: System, *, ax: Axes, faults: Iterable[Fault] = ()) -> Ax
 def _box(ax: Axes, place: tuple[float, float], text: str) -> None:
     x, y = place
     ax.add_patch(
-        Rectangle(
-            (x - 0.45, y - 0.28), 0.9, 0.56, facecolor="white", edgecolor="0.2", zorder=2
-        )
+        Rectangle((x - 0.45, y - 0.28), 0.9, 0.56, facecolor="white", edgecolor="0.2", zorder=2)
     )
     ax.text(x, y, text, ha="center", va="center", fontsize=8, zorder=3)

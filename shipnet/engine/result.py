@@ -260,8 +260,8 @@ class Run:
             fine, end = good[:, message], good_until[:, message]
             time = np.stack([self.views.seen, end], axis=1)
             state = np.stack([fine, fine & (end == until)], axis=1)
-            for when, fine in _changes(time.ravel(), state.ravel()):
-                rows += [(when / 1e9, tag, "good again" if fine else bad) for tag in own]
+            for when, back in _changes(time.ravel(), state.ravel()):
+                rows += [(when / 1e9, tag, "good again" if back else bad) for tag in own]
         rows.sort(key=lambda row: row[0])
         return pd.DataFrame(rows, columns=["time_s", "source", "kind"])
 
@@ -271,7 +271,8 @@ class Run:
         silent = nanoseconds(self.system.poll.serial.frame_time(8) + self.system.timeout)
         for channel in (0, 1):
             own = self.attempts.channel == channel
-            poll, start, outcome = (column[own] for column in self.attempts[::2] + self.attempts[3:])
+            columns = (self.attempts.poll, self.attempts.start, self.attempts.outcome)
+            poll, start, outcome = (column[own] for column in columns)
             fine = outcome == 0
             _, count = np.unique(poll, return_counts=True)
             final = np.repeat(count, count) == tries
@@ -289,7 +290,7 @@ class Run:
         for channel, path in enumerate(self.paths, start=1):
             fresh = path.known + limit > path.seen[:, None]
             for box, name in enumerate(self.system.boxes):
-                fine = fresh[:, self.system.sender == box].all(axis=1)
+                fine = np.asarray(fresh[:, self.system.sender == box].all(axis=1))
                 for when, good in _changes(path.seen, fine):
                     word = "path back" if good else "path lost"
                     rows.append((when / 1e9, f"{name} on channel {channel}", word))
@@ -303,11 +304,12 @@ class Run:
         inside = self.sent.start >= 0
         bits = self.system.frame_ns[self.sent.message[inside]]
         busy = {"CAN": int(bits.sum())}
+        line = self.system.serial
+        request = nanoseconds(line.frame_time(8))
+        response = nanoseconds(line.frame_time(5 + 2 * self.system.registers))
         for channel in (0, 1):
             outcome = self.attempts.outcome[self.attempts.channel == channel]
             heard = int((outcome != 1).sum())
-            request = nanoseconds(self.system.poll.serial.frame_time(8))
-            response = nanoseconds(self.system.poll.serial.frame_time(5 + 2 * self.system.registers))
             busy[f"channel {channel + 1}"] = outcome.size * request + heard * response
         return pd.Series(busy) / self.end
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from shipnet.can.schedule.messages import nanoseconds
 from shipnet.engine.age import hop_ns
-from shipnet.engine.ams import Attempts, ask
+from shipnet.engine.ams import ask
 from shipnet.engine.exchange import NEVER, Frames, Rounds, rounds, send
 from shipnet.engine.faults import DeadBox, Fault, LostCan, LostModbus, check_faults, outages
 from shipnet.engine.firmware import Cpu
@@ -220,9 +220,9 @@ class _Table:
         limit = nanoseconds(self.system.stale_limit)
         silent = np.append(np.diff(heard) > limit, True) if heard.size else np.zeros(0, bool)
         work = nanoseconds(self.system.firmware.mark)
-        marks = self.cpu.at(self.cpu.until(heard[silent] + limit) + work)
-        place = np.searchsorted(marks, time, side="right") - 1
-        return np.where(place >= 0, marks[place], NEVER) if marks.size else np.full_like(time, NEVER)
+        # In front of all marks stands one that never was.
+        marks = np.append(NEVER, self.cpu.at(self.cpu.until(heard[silent] + limit) + work))
+        return np.asarray(marks[np.searchsorted(marks, time, side="right") - 1])
 
 
 def _freshest(views: Views, channel: Integers) -> Views:

@@ -73,9 +73,7 @@ def timeline(run: Run, start: float, stop: float) -> pd.DataFrame:
     names = run.system.boxes
     rows["CAN"] = [
         (begin, end, names[sender])
-        for begin, end, sender in zip(
-            run.sent.start.tolist(), ends.tolist(), senders, strict=True
-        )
+        for begin, end, sender in zip(run.sent.start.tolist(), ends.tolist(), senders, strict=True)
     ]
     rows.update(_lines(run))
     table = [
