@@ -1,0 +1,252 @@
+"""Figures of the engine monitoring system."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch, Rectangle
+
+from shipnet.engine.faults import Fault, check_faults
+from shipnet.errors import ArgumentError
+from shipnet.style import LIMIT
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from shipnet.engine.system import System
+
+__all__ = ["plot_age", "plot_screen", "plot_system", "plot_timeline"]
+
+#: Colour and hatch of each task, of the Okabe-Ito palette.
+_TASKS = {
+    "convert": ("#56B4E9", ""),
+    "send": ("#0072B2", ""),
+    "CAN": ("#E69F00", ""),
+    "Modbus": ("#D55E00", "////"),
+    "request": ("#CC79A7", ""),
+    "response": ("#009E73", ""),
+}
+
+#: Frames on the bus, by sender.
+_SENDERS = ("0.25", "0.55", "0.8")
+
+#: Bars that one figure can show, and tiles of a row of the screen.
+_MOST_BARS, _TILES = 5000, 11
+
+
+def plot_timeline(table: pd.DataFrame, *, ax: Axes) -> Axes:
+    """Draw who works when as rows of bars: CPUs, CAN bus, Modbus lines.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        What `timeline` returned.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given, time in milliseconds; what is not drawn is waiting. Bars on the row
+        ``CAN`` have the grey of their sender.
+
+    Raises
+    ------
+    ArgumentError
+        If there is nothing to draw, or more than 5000 bars.
+    """
+    if not 1 <= len(table) <= _MOST_BARS:
+        raise ArgumentError(f"table has {len(table)} rows; it must be 1..{_MOST_BARS}")
+    names = [str(name) for name in table["row"].unique()]
+    looks = dict(_TASKS)
+    for sender in table.loc[table["row"] == "CAN", "task"].unique():
+        looks[str(sender)] = (_SENDERS[(len(looks) - len(_TASKS)) % len(_SENDERS)], "")
+    for (row, task), bars in table.groupby(["row", "task"], sort=False):
+        colour, hatch = looks[str(task)]
+        spans = list(zip(bars["start_ms"], bars["end_ms"] - bars["start_ms"], strict=True))
+        ax.broken_barh(
+            spans, (names.index(str(row)) - 0.4, 0.8), facecolors=colour, hatch=hatch,
+            edgecolor="white" if hatch else colour, linewidth=0.2,
+        )  # fmt: skip
+    used = [task for task in looks if task in set(table["task"])]
+    handles = [
+        Patch(
+            facecolor=looks[t][0], hatch=looks[t][1], edgecolor="white",
+            label=t if t in _TASKS else f"frame of {t}",
+        )
+        for t in used
+    ]  # fmt: skip
+    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, fontsize=8)
+    ax.set_yticks(range(len(names)), names)
+    ax.set_ylim(len(names) - 0.4, -0.6)
+    ax.set_xlim(table["start_ms"].min(), table["end_ms"].max())
+    ax.set_xlabel("time [ms]")
+    return ax
+
+
+def plot_age(
+    ages: pd.DataFrame, *, ax: Axes, limits: Mapping[str, float] | None = None, label: str = ""
+) -> Axes:
+    """Draw the age of a point over time: a saw, broken while the point is marked.
+
+    Parameters
+    ----------
+    ages : pandas.DataFrame
+        What `Run.ages` returned.
+    ax : matplotlib.axes.Axes
+        Where to draw; several points may share it.
+    limits : mapping of str to float, optional
+        Limits by their names [s], drawn as dashed red lines.
+    label : str, optional
+        Name of the point for the legend.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given, time and age in seconds. Where the point is marked, crosses stand on the
+        time axis.
+    """
+    good = ages["age_s"].notna()
+    gap = np.full(len(ages), np.nan)
+    x = np.column_stack([ages["seen_s"], ages["good_until_s"], ages["good_until_s"]])
+    y = np.column_stack([ages["age_s"], ages["last_age_s"], gap])
+    joined = (ages["good_until_s"] == ages["until_s"]) & good
+    # A fresh value drops the line at once; behind a mark it begins anew.
+    y[:, 2] = np.where(joined, np.append(ages["age_s"].iloc[1:], np.nan), np.nan)
+    ax.plot(x.ravel(), y.ravel(), label=label or None)
+    bad = ages[ages["good_until_s"] < ages["until_s"]]
+    if len(bad):
+        ax.plot(
+            bad["good_until_s"], np.zeros(len(bad)), linestyle="none", marker="x", color="0.1",
+            clip_on=False, label="marked",
+        )  # fmt: skip
+    for name, value in (limits or {}).items():
+        ax.axhline(value, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
+        ax.text(
+            float(ages["until_s"].max()), value, name, ha="right", va="bottom", fontsize=8,
+            color=LIMIT["color"],
+        )  # fmt: skip
+    ax.set(xlabel="time [s]", ylabel="age [s]")
+    ax.set_ylim(bottom=0)
+    if label or len(bad):
+        ax.legend()
+    return ax
+
+
+def plot_screen(table: pd.DataFrame, *, ax: Axes, old: float = 2.0) -> Axes:
+    """Draw the screen of the AMS as tiles, one a point, with its value or its mark.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        What `screen` returned.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+    old : float, default 2
+        Age from which a value that is shown as good gets an orange tile and a star [s]; a real
+        AMS in the printed coding would not know.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given: good values on pale blue, old ones on orange with a star, marked ones
+        dark with their mark. The values are synthetic.
+    """
+    columns = [table[name].tolist() for name in ("tag", "value", "age_s", "mark")]
+    for place, (tag, value, age, mark) in enumerate(zip(*columns, strict=True)):
+        y, x = divmod(place, _TILES)
+        colour, text, ink = "#d6eaf8", f"{value:g}", "0.1"
+        if mark:
+            colour, text, ink = "0.2", mark, "1.0"
+        elif age > old:
+            colour, text = "#E69F00", f"{value:g}*"
+        ax.add_patch(
+            Rectangle(
+                (x, y), 0.94, 0.9, facecolor=colour, edgecolor="0.3", linewidth=0.5,
+                hatch="//" if mark == "0xFF?" else "",
+            )
+        )  # fmt: skip
+        ax.text(x + 0.47, y + 0.58, text, ha="center", va="center", color=ink, fontsize=7)
+        ax.text(x + 0.47, y + 0.2, tag[-7:], ha="center", va="center", color=ink, fontsize=5)
+    handles = [
+        Patch(facecolor="#d6eaf8", edgecolor="0.3", label="good"),
+        Patch(facecolor="#E69F00", edgecolor="0.3", label=f"* older than {old:g} s"),
+        Patch(facecolor="0.2", edgecolor="0.3", label="marked"),
+    ]
+    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8)
+    ax.set(xlim=(0, _TILES), ylim=(-(-len(table) // _TILES), 0), xticks=[], yticks=[])
+    ax.set_xlabel("AMS, synthetic values")
+    ax.grid(visible=False)
+    return ax
+
+
+def plot_system(system: System, *, ax: Axes, faults: Iterable[Fault] = ()) -> Axes:
+    """Draw the outline of the system: boxes, CAN, two Modbus channels, AMS; faults in red.
+
+    Parameters
+    ----------
+    system : System
+        The system.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+    faults : iterable of Fault, optional
+        What is out of order: a cross and its name where it is.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given.
+
+    Raises
+    ------
+    ArgumentError
+        If the system has not what fails.
+    """
+    broken = check_faults(system, faults)
+    last = len(system.boxes) - 1
+    spots: dict[str, tuple[float, float]] = {}
+    counts = np.bincount(system.box_of)
+    for k, box in enumerate(system.boxes):
+        spots[box] = (2.0 * k, 0.0)
+        _box(ax, spots[box], f"{box}\n{counts[k]} points")
+    middle = float(last)
+    _box(ax, (middle, 2.0), "AMS")
+    for segment in system.segments:
+        ends = [spots[end][0] for end in segment.split("-")]
+        straight = abs(ends[0] - ends[1]) == 2.0
+        low = 0.0 if straight else -0.8
+        label = "CAN" if segment == system.segments[0] else None
+        ax.plot(np.repeat(ends, 2), [0.0, low, low, 0.0], color="#0072B2", zorder=1, label=label)
+        spots[segment] = (sum(ends) / 2, low)
+    for channel, port in enumerate(system.ports, start=1):
+        x = 2.0 * port
+        ax.plot(
+            [x, x, middle], [0.0, 2.0, 2.0], color="#009E73", linestyle="--", zorder=1,
+            label="Modbus" if channel == 1 else None,
+        )  # fmt: skip
+        ax.text(x, 1.0, f" channel {channel}", fontsize=8, va="center")
+        spots[str(channel)] = (x, 1.4)
+    for point in system.points:
+        spots[point.tag] = (spots[point.box][0], -0.35)
+    for fault in broken:
+        x, y = spots[fault.where]
+        if fault.where in system.boxes:
+            y -= 0.35  # below the box, whose name stays readable
+        ax.plot([x], [y], marker="X", markersize=11, color=LIMIT["color"], zorder=4)
+        ax.text(x, y - 0.15, str(fault), color=LIMIT["color"], fontsize=8, ha="center", va="top")
+    ax.legend(loc="upper right", fontsize=8)
+    ax.set(xlim=(-1.0, 2.0 * last + 1.0), ylim=(-1.2, 2.6), xticks=[], yticks=[])
+    ax.grid(visible=False)
+    ax.spines[:].set_visible(False)
+    return ax
+
+
+def _box(ax: Axes, place: tuple[float, float], text: str) -> None:
+    x, y = place
+    ax.add_patch(
+        Rectangle((x - 0.45, y - 0.28), 0.9, 0.56, facecolor="white", edgecolor="0.2", zorder=2)
+    )
+    ax.text(x, y, text, ha="center", va="center", fontsize=8, zorder=3)

@@ -1,0 +1,173 @@
+import numpy as np
+import pytest
+
+from shipnet.engine.age import can_response, hop_ns, marking, poll_spacing, worst_age
+from shipnet.engine.ams import switch_over, timeout_for
+from shipnet.engine.faults import CutModbus, DeadBox
+from shipnet.engine.firmware import Firmware
+from shipnet.engine.response import response_readings
+from shipnet.engine.simulation import simulate
+from shipnet.engine.system import System
+from shipnet.errors import ArgumentError
+from shipnet.modbus.timing import Serial
+
+SYSTEMS = {
+    "printed": System(),
+    "mended": System.mended(),
+    "never rests": System(update_period=0.0),
+    "holds the CPU": System(firmware=Firmware(holds_cpu=True)),
+    "slow poll": System.mended(coding="mended", polled="one", poll_period=0.3, age_limit=9.0),
+    "fast bus": System(can_bit_rate=1_000_000, serial=Serial(19200), topology="ring"),
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_no_random_phases_exceed_the_formula(name):
+    system, rng = SYSTEMS[name], np.random.default_rng(2024)
+    bound = worst_age(system)["worst_s"].to_numpy()
+    ages = [simulate(system, 8, rng=rng).table["worst_s"] for _ in range(12)]
+    assert (np.max(ages, axis=0) <= bound + 1e-9).all()
+    # The phases of 12 runs come near enough to the worst ones to rule out a bound that is idle.
+    assert np.max(ages) > 0.8 * bound.max()
+
+
+def read_time(system):
+    return system.poll.serial.frame_time(8) + system.serial.t35
+
+
+def test_the_worst_phases_attain_the_bound_of_a_value_of_the_polled_box():
+    system = System()
+    # The registers are read a nanosecond before the conversion ends.
+    end = system.convert_ns[0] / 1e9
+    phases = {"JB1": 0.2, "JB2": 0.3, "JB3": 0.4, "AMS": 0.2 + end - read_time(system) - 1e-9}
+    run = simulate(system, 10, phases=phases)
+    place = 0
+    bound = worst_age(system)["worst_s"].iloc[place]
+    assert run.table["worst_s"].iloc[place] == pytest.approx(bound, abs=1e-7)
+
+
+def test_the_worst_phases_attain_the_bound_of_a_value_that_comes_over_can():
+    system = System()
+    # All boxes queue their frames at once; the last message of all is the last one through, and
+    # the registers are read a nanosecond before it is taken over.
+    loops = system.loop_ns / 1e9
+    phases = {box: 0.3 - loop for box, loop in zip(system.boxes, loops.tolist(), strict=True)}
+    taken = 0.3 + can_response(system)[-1] + system.firmware.receive
+    phases["AMS"] = taken - read_time(system) - 2e-9
+    run = simulate(system, 10, phases=phases)
+    place = int(np.flatnonzero(system.message_of == 21)[0])
+    bound = worst_age(system)["worst_s"].iloc[place]
+    # The bus works on its own grid of nanoseconds: 22 frames may be rounded.
+    assert run.table["worst_s"].iloc[place] == pytest.approx(bound, abs=1e-7)
+
+
+def test_the_terms_add_up_and_own_values_skip_the_bus():
+    ages = worst_age(System())
+    terms = ages.columns[3:-1]
+    assert ages[terms].sum(axis=1).to_numpy() == pytest.approx(ages["worst_s"].to_numpy())
+    own = ages["box"] == "JB1"
+    assert (ages.loc[own, ["can_s", "handling_s", "interrupt_s"]] == 0).all(axis=None)
+    assert (ages.loc[~own, "can_s"] > 0).all()
+    # Registers are read 13.2 ms before the poll is 250 ms old: request and silence lie in front.
+    assert ages["transaction_s"].iloc[0] == pytest.approx(0.25479 - 0.0131771, abs=1e-5)
+
+
+def test_both_channels_polled_take_the_better_one():
+    ages = worst_age(System.mended())
+    assert set(ages.loc[ages["box"] == "JB1", "channel"]) == {1}
+    assert set(ages.loc[ages["box"] == "JB3", "channel"]) == {2}
+    assert (ages["worst_s"] < 2).all()
+
+
+def test_the_whole_bus_of_one_update_is_the_lowest_response():
+    # 2850 bits of 8 us, less the intermission of the last frame.
+    assert can_response(System())[-1] == pytest.approx((2850 - 3) * 8e-6)
+
+
+def silent(system, start, phases):
+    return simulate(system, start + 8, faults=[DeadBox("JB2", start)], phases=phases)
+
+
+def test_a_dead_box_is_marked_no_later_than_the_bound():
+    system, rng = System(), np.random.default_rng(7)
+    bound = marking(system)
+    for _ in range(25):
+        start = 5 + rng.uniform(0, 1)
+        run = simulate(system, start + 8, faults=[DeadBox("JB2", start)], rng=rng)
+        assert run.alarms["time_s"].max() - start <= bound.after
+        assert run.table["worst_s"].max() <= bound.oldest
+
+
+def test_the_worst_phases_of_a_dead_box_attain_the_bound():
+    system = System()
+    phases = {"JB1": 0.4, "JB2": 0.1, "JB3": 0.3, "AMS": 0.0}
+    heard = 0.1 + system.loop_ns[1] / 1e9 + 605 * 8e-6 + system.firmware.receive
+    marked = heard + 5 + system.stale_limit + system.firmware.mark
+    phases["AMS"] = (marked - read_time(system)) % 1.0 - 1e-4
+    # It dies behind its last frame, and the poll comes just before the mark.
+    run = silent(system, heard + 5, phases)
+    after = run.alarms["time_s"].max() - (heard + 5)
+    # The bound reckons with an interrupt and a pile of CAN frames more, 6.1 ms.
+    assert after == pytest.approx(marking(system).after, abs=0.0065)
+    assert after == pytest.approx(5.25, abs=0.01)
+
+
+def test_a_cut_channel_is_left_after_133_ms_and_answered_within_2_s():
+    system = System()
+    told = switch_over(system)
+    run = simulate(system, 20, faults=[CutModbus("1", 9.9)])
+    lost = run.requests[run.requests["outcome"] == "no answer"]
+    taken = run.requests[run.requests["channel"] == 2]
+    assert len(lost) == 1
+    assert taken["time_s"].iloc[0] - lost["time_s"].iloc[0] == pytest.approx(told.request)
+    assert told.request == pytest.approx(0.133, abs=5e-5)
+    assert run.answers["answer_s"].max() == pytest.approx(told.answer)
+    assert told.answer < told.loss < 2
+
+
+@pytest.mark.parametrize("retries", [0, 1, 2, 10])
+def test_the_timeout_that_gives_a_switch_over_gives_it(retries):
+    wanted = 0.5
+    timeout = timeout_for(System(), wanted, retries=retries)
+    assert switch_over(System(timeout=timeout, retries=retries)).request == pytest.approx(wanted)
+
+
+def test_only_the_reading_of_figure_4_with_11_bits_gives_22_3_ms():
+    table = response_readings(System())
+    fits = table[table["time_ms"].round(1) == 22.3]
+    assert fits[["bits", "bytes"]].values.tolist() == [[11, 8]]
+    assert fits["time_ms"].iloc[0] == pytest.approx(19.5 * 11 / 9.6)
+
+
+def test_the_known_age_is_never_below_the_true_one_and_marks_nothing_in_health():
+    system = System.mended()
+    run = simulate(system, 60, rng=np.random.default_rng(5))
+    for place, message in enumerate(system.message_of.tolist()):
+        shown = run.shown(system.points[place].tag)
+        assert (run.views.known[:, message] <= shown.sampled).all()
+    assert run.alarms.empty
+    assert (hop_ns(system, 0) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: worst_age(System(firmware=Firmware(settling=0.05))), "poll_period is 1 s"),
+        (
+            lambda: can_response(System(update_period=0, firmware=Firmware(settling=0))),
+            "can_bit_rate is 125000",
+        ),
+        (lambda: switch_over(System.mended()), "polled is 'both'"),
+        (lambda: timeout_for(System(), 0.001), "time is 0.001"),
+        (lambda: timeout_for(System(), 0.133, retries=-1), "retries is -1"),
+    ],
+)
+def test_what_has_no_answer_is_refused(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
+
+
+def test_a_poll_longer_than_its_period_skips_one():
+    assert poll_spacing(System(poll_period=0.1)) == pytest.approx(0.3)
+    run = simulate(System(poll_period=0.1), 5)
+    assert np.diff(run.requests["time_s"]).tolist() == pytest.approx([0.3] * 16)
