@@ -9,13 +9,19 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 
 from shipnet.can.bus import simulate
+from shipnet.engine import CODINGS, System, collisions, load_points, worst_age
+from shipnet.engine import simulate as simulate_engine
+from shipnet.engine.faults import DeadBox
+from shipnet.engine.power import engine_power
+from shipnet.engine.redundancy import part_fault_table
+from shipnet.engine.system import RULE
 from shipnet.errors import ArgumentError, MismatchError
 from shipnet.modbus.frame import decode_rtu, encode_rtu
 from shipnet.modbus.reader import decode_response
 from shipnet.modbus.request import ReadRequest
 from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
 from shipnet.modbus.timing import Serial
-from shipnet.papers.lee2012 import can, points, serial
+from shipnet.papers.lee2012 import can, engine, operation, points, serial
 
 
 def test_times_fit_the_line_only_in_milliseconds():
@@ -129,3 +135,49 @@ def test_hugh_stands_where_jb1_has_high():
     switches = points.TABLE_3[points.TABLE_3["condition"] == "S/W"]
     assert list(switches.query("jb == 'JB1'")["type_printed"]) == ["Low", "High"]
     assert list(switches.query("jb == 'JB3'")["type_printed"]) == ["Low", "Hugh"]
+
+
+def test_the_oil_is_counted_by_the_cylinder():
+    assert not engine.unit_is_known()
+    assert engine.unit_is_known(printed="kg/cyl.24h")
+
+
+def test_one_bound_of_the_cylinder_oil_is_left_in_horsepower_hours():
+    # The guide: 0.7..1.1 g/BHPh, and 0.95..1.5 g/kWh beside it.
+    assert engine.least_cylinder_oil() == pytest.approx(0.95, abs=0.005)
+    assert engine.most_cylinder_oil() == pytest.approx(1.5, abs=0.005)
+
+
+def test_four_strokes_would_give_half_the_power():
+    two, four = (engine_power(0.5, 2.0, 19e5, 127 / 60, 8, strokes=k) for k in (2, 4))
+    assert two == pytest.approx(2 * four)
+    assert abs(two - 13e6) < 0.5e6 < abs(four - 13e6)
+
+
+def test_a_dead_box_is_marked_too_late_for_the_rule():
+    run = simulate_engine(System(), 20, faults=[DeadBox("JB2", 10)])
+    marks = run.alarms.query("kind == '0xFF'")["time_s"] - 10
+    # Not before the timer runs out, not after the timer, a poll and its transaction.
+    assert RULE < 4 - 0.5 <= marks.min() and marks.max() <= operation.time_until_marked()
+    assert operation.time_until_marked() == pytest.approx(4 + 1 + 0.2478, abs=1e-4)
+
+
+@pytest.mark.parametrize("coding", [name for name in CODINGS if not name.startswith("mended")])
+def test_a_printed_mark_is_a_reading(coding):
+    table = collisions(load_points(), CODINGS[coding])
+    assert table["collides"].sum() >= 20
+    assert not operation.mark_is_no_reading(coding=coding)
+
+
+def test_a_change_shows_within_a_second_on_average_alone():
+    worst = worst_age(System())["worst_s"].max()
+    assert worst == pytest.approx(1.789, abs=1e-3)
+    # Even without the box's round, the poll and its transfer are more than a second.
+    poll = serial.whole_poll()
+    assert 1 + poll.shortest_timeout > 1 > 0.5 + poll.shortest_timeout
+
+
+def test_one_processor_a_box_is_less_than_two():
+    table = part_fault_table(load_points(), designs={"printed": (2, 1), "asked for": (2, 2)})
+    worst = table.groupby("design")["points_lost"].max()
+    assert worst.to_dict() == {"printed": 43, "asked for": 0}

@@ -4,6 +4,6 @@ J. H. Lee, D. S. Kim, "Design and implementation of distributed control system b
 field-bus for ship engine", Journal of IEEK 49-SC(2), 2012.
 """
 
-from shipnet.papers.lee2012 import can, points, serial
+from shipnet.papers.lee2012 import can, engine, operation, points, serial
 
-__all__ = ["can", "points", "serial"]
+__all__ = ["can", "engine", "operation", "points", "serial"]

@@ -76,7 +76,9 @@ def cylinders(*, power_class: float = 13000.0, pressure: float = PRESSURE) -> fl
 
 
 @check("lee2012-009", counter={"printed": "kg/cyl.24h"})
-def unit_is_known(*, printed: str = _TABLE_1["unit_printed"]["lubricating_oil_consumption"]) -> bool:
+def unit_is_known(
+    *, printed: str = _TABLE_1["unit_printed"]["lubricating_oil_consumption"]
+) -> bool:
     """Whether the unit is made of units and of what an engine has."""
     return set(re.findall("[a-z]+", printed)) <= {"kg", "h", "cyl"}
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 from shipnet.engine.age import marking, worst_age
 from shipnet.engine.ams import switch_over
 from shipnet.engine.assessment import fault_table
+from shipnet.engine.class_rules import check as check_rules
 from shipnet.engine.coding import CODINGS, collisions
 from shipnet.engine.description import printed_system
 from shipnet.engine.faults import CutCan, CutModbus, DeadBox
 from shipnet.engine.points import load_points
 from shipnet.engine.redundancy import Redundancy
-from shipnet.engine.class_rules import check as check_rules
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
 from shipnet.modbus.server import RegisterDevice, Slave

@@ -233,7 +233,7 @@ def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
 
 def whole_poll(registers: int = POINTS, rate: float = BIT_RATE) -> Poll:
     """Return the poll of one junction box for the points of all, a register a point."""
-    return Poll.of(read(registers), _serial(rate))
+    return Poll.of(read(registers), _serial(rate), timeout=60)
 
 
 @numeric("lee2012-035")
