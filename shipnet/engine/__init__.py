@@ -14,6 +14,7 @@ from shipnet.engine.system import System
 from shipnet.engine.timeline import timeline
 from shipnet.engine.wiring import Conductors, conductors
 
-__all__ = """CanLayout Conductors Firmware Point SyntheticValues System by_box conductors
-fault_table load_points marking point_table read_points response_readings screen simulate
-single_faults switch_over timeline timeout_for volume_table worst_age""".split()
+__all__ = ["CanLayout", "Conductors", "Firmware", "Point", "SyntheticValues", "System", "by_box"]
+__all__ += ["conductors", "fault_table", "load_points", "marking", "point_table", "read_points"]
+__all__ += ["response_readings", "screen", "simulate", "single_faults", "switch_over", "timeline"]
+__all__ += ["timeout_for", "volume_table", "worst_age"]
