@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -96,9 +97,61 @@ def fits(system):
     return True
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(system=SYSTEMS.filter(fits), seed=st.integers(0, 10**6), data=st.data())
 def test_the_arrays_say_what_a_walk_from_event_to_event_says(system, seed, data):
     faults = data.draw(faults_of(system))
     phases = phases_of(np.random.default_rng(seed), system)
     assert_same(system, 3.0, faults, phases)
+
+
+def test_the_loads_are_those_of_the_closed_forms():
+    system = System()
+    run = simulate(system, 600, rng=np.random.default_rng(1))
+    # 2850 worst-case bits twice a second at 125 kbit/s, with a second and a half before the start.
+    assert run.loads["CAN"] == pytest.approx(2 * 2850 / 125e3, rel=0.01)
+    characters = (8 + 203) * 11 / 9600
+    assert run.loads["channel 1"] == pytest.approx(characters, rel=1e-3)
+    assert run.loads["channel 2"] == 0
+
+
+def test_the_same_generator_gives_the_same_run():
+    faults = [LostCan("JB2"), LostModbus("1")]
+    tables = [
+        simulate(System(), 20, faults=faults, rng=np.random.default_rng(4)).table for _ in range(2)
+    ]
+    assert tables[0].equals(tables[1])
+
+
+def test_a_long_run_is_its_parts():
+    # The bus works in chunks on a long run; rounds do not depend on how long it goes on.
+    phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.3, "AMS": 0.4}
+    long = simulate(System(), 5000, phases=phases).ages("ME-JB3-062")
+    short = simulate(System(), 50, phases=phases).ages("ME-JB3-062")
+    assert long["sampled_s"].head(50).tolist() == short["sampled_s"].tolist()
+    assert np.ptp(long["age_s"].to_numpy()) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: System(polled="both"), "polled is 'both' with coding 'printed'"),
+        (lambda: System(topology="star"), "topology is 'star'"),
+        (lambda: System(can_bit_rate=1), "can_bit_rate is 1;"),
+        (lambda: System(timeout=0.001), "timeout is 0.001"),
+        (lambda: System(retries=-1), "retries is -1"),
+        (lambda: System(firmware=None), "firmware is None"),
+        (lambda: System(points=()), "points are empty"),
+        (lambda: System(points=System().points[:10]), r"1 boxes; it must be 2\.\.7"),
+        (lambda: System.mended(poll_period=0.3), "a poll takes 0.3"),
+        (lambda: simulate(System(), 0), "duration is 0"),
+        (lambda: simulate(System(), float("nan")), "duration is nan"),
+        (lambda: simulate(System(), 1e6), "frames are sent"),
+        (lambda: simulate(System(), 1, phases={"JB4": 0}), "JB4"),
+        (lambda: simulate(System(), 1, phases={"JB1": -1}), "phase of JB1 is -1"),
+        (lambda: simulate(System(), 1).shown("x"), "tag is 'x'"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

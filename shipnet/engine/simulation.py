@@ -82,17 +82,17 @@ def simulate(
     if rng is None and any(isinstance(fault, LostCan | LostModbus) for fault in wrong):
         raise ArgumentError("rng is None; frames are lost at random, so there must be one")
     begins = _phases(system, phases or {}, rng)
-    attempts = ask(system, horizon, begins["AMS"], wrong, rng)
-    answered = nanoseconds(system.poll.answered)
-    last = int(attempts.start.max(initial=0)) + answered
-    warm = 3 * int(system.period_ns.max()) + 10**9
-    span = (-warm, max(horizon, last))
-    frames = sum((span[1] - span[0]) / p for p in system.period_ns[system.sender].tolist())
+    frames = sum(horizon / period for period in system.period_ns[system.sender].tolist())
     if frames > _MOST_FRAMES:
         raise ArgumentError(
             f"duration is {duration} s, in which {frames:.0f} frames are sent; they must be "
             f"{_MOST_FRAMES} at most"
         )
+    attempts = ask(system, horizon, begins["AMS"], wrong, rng)
+    answered = nanoseconds(system.poll.answered)
+    last = int(attempts.start.max(initial=0)) + answered
+    warm = 3 * int(system.period_ns.max()) + 10**9
+    span = (-warm, max(horizon, last))
     asked = attempts.start + nanoseconds(system.poll.serial.frame_time(8) + system.serial.t35)
     served = attempts.outcome != 1
     readers = np.array(system.ports)[attempts.channel]

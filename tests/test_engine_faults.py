@@ -1,0 +1,195 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet.engine.age import marking, worst_age
+from shipnet.engine.assessment import fault_table
+from shipnet.engine.exchange import islands
+from shipnet.engine.faults import (
+    BusOff,
+    CutCan,
+    CutModbus,
+    DeadBox,
+    DeadPort,
+    LostCan,
+    LostModbus,
+    StuckSensor,
+    single_faults,
+)
+from shipnet.engine.simulation import simulate
+from shipnet.engine.system import System
+from shipnet.errors import ArgumentError
+
+PRINTED, RING, MENDED = System(), System(topology="ring"), System.mended()
+AT = 10.0
+
+
+def row(system, fault, **options):
+    return fault_table(system, [fault], trials=3, **options).iloc[1]
+
+
+def test_every_part_fails_once():
+    found = single_faults(PRINTED)
+    assert len(set(found)) == len(found) == 2 + 4 + 9 + 2 + 3
+    assert len(single_faults(RING)) == 21
+    stuck = [f for f in single_faults(PRINTED, every_sensor=True) if isinstance(f, StuckSensor)]
+    assert [f.where for f in stuck] == [point.tag for point in PRINTED.points]
+
+
+@pytest.mark.parametrize(
+    ("fault", "lost", "noticed"),
+    [
+        (CutCan("JB1-JB2", AT), 56, "mark"),
+        (CutCan("JB2-JB3", AT), 38, "mark"),
+        (DeadBox("JB1", AT), 43, "link, mark"),
+        (DeadBox("JB2", AT), 18, "mark"),
+        (BusOff("JB1", AT), 56, "mark"),
+        (CutModbus("1", AT), 0, "link"),
+        (CutModbus("2", AT), 0, "no"),
+        (DeadPort("2", AT), 0, "no"),
+        (StuckSensor("ME-JB2-044", AT), 1, "no"),
+    ],
+)
+def test_what_the_printed_design_loses_and_notices(fault, lost, noticed):
+    found = row(PRINTED, fault)
+    assert (found["lost"], found["noticed"]) == (lost, noticed)
+    assert found["answer_ok"]
+    # Rule a holds throughout; rule b falls with every value that nobody marks in time.
+    assert found["age_ok"] == (lost == 0)
+    if noticed != "no" and lost:
+        assert 2 < found["marked_after_s"] <= marking(PRINTED).after
+        assert found["oldest_s"] <= marking(PRINTED).oldest
+
+
+def test_a_ring_outlives_any_cut_that_a_line_does_not():
+    for segment in RING.segments:
+        found = row(RING, CutCan(segment, AT))
+        assert (found["lost"], found["old"], found["noticed"]) == (0, 0, "no")
+    both = [CutCan("JB1-JB2", AT), CutCan("JB3-JB1", AT)]
+    run = simulate(RING, 20, faults=both)
+    assert set(run.alarms["source"].str[3:6]) == {"JB2", "JB3"}
+
+
+def test_the_mended_design_shows_nothing_old_and_notices_all_but_a_stuck_sensor():
+    table = fault_table(MENDED, trials=2)
+    stuck = table["fault"].str.startswith("sensor")
+    healthy = table["fault"] == "none"
+    assert table.loc[~stuck, "age_ok"].all()
+    # Frames that get lost now and then are made up for by the next ones: no need to tell.
+    passing = table["fault"].str.startswith("CAN frames lost")
+    assert (table.loc[~stuck & ~healthy & ~passing, "noticed"] != "no").all()
+    assert (table.loc[stuck | healthy, "noticed"] == "no").all()
+    assert not table.loc[stuck, "age_ok"].any()
+    cut = table["fault"].str.startswith("CAN cable")
+    assert (table.loc[cut, "lost"] == 0).all()
+
+
+@settings(max_examples=15)
+@given(
+    kinds=st.lists(
+        st.sampled_from([BusOff, CutCan, CutModbus, DeadBox, DeadPort, LostCan, LostModbus]),
+        max_size=3,
+    ),
+    seed=st.integers(0, 10**6),
+)
+def test_no_mixture_of_faults_makes_the_mended_design_show_an_old_value(kinds, seed):
+    rng = np.random.default_rng(seed)
+    faults = []
+    for kind in kinds:
+        where = rng.choice(kind("").places(MENDED))
+        start = rng.uniform(0, 8)
+        faults.append(kind(str(where), start, start + rng.uniform(0.01, 8)))
+    run = simulate(MENDED, 15, faults=faults, rng=rng)
+    worst = run.table["worst_s"]
+    assert (worst[worst.notna()] <= MENDED.age_limit).all()
+
+
+def test_bus_off_in_the_middle_is_a_box_that_nobody_hears():
+    phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.3, "AMS": 0.4}
+    off = simulate(PRINTED, 20, faults=[BusOff("JB2", AT)], phases=phases)
+    dead = simulate(PRINTED, 20, faults=[DeadBox("JB2", AT)], phases=phases)
+    assert off.alarms.equals(dead.alarms)
+    assert islands(PRINTED, off.faults, 11 * 10**9) == [[0, 2]]
+
+
+def test_one_timer_a_box_keeps_a_lost_frame_alive_for_longer_than_its_limit():
+    # Every second frame of box 2 is lost. Any other one restarts the timer of them all.
+    run = simulate(
+        PRINTED, 600, faults=[LostCan("JB2", probability=0.8)], rng=np.random.default_rng(3)
+    )
+    worst = run.table.loc[run.table["box"] == "JB2", "worst_s"].max()
+    assert worst > marking(PRINTED).oldest
+    assert run.table.loc[run.table["box"] != "JB2", "worst_s"].max() < 2
+
+
+def test_an_ams_that_returns_to_channel_1_pays_its_timeout_every_time():
+    cut = [CutModbus("1", 4.5, 8.5)]
+    stays = simulate(PRINTED, 12, faults=cut).requests
+    returns = simulate(replace(PRINTED, switch_rule="return"), 12, faults=cut).requests
+    assert (stays["outcome"] == "no answer").sum() == 1
+    assert (returns["outcome"] == "no answer").sum() == 4
+    # Who stays never learns that channel 1 is whole again; who returns does.
+    assert stays["channel"].iloc[-1] == 2
+    assert returns["channel"].iloc[-1] == 1
+
+
+def test_the_alarm_of_a_channel_comes_and_goes():
+    system = replace(PRINTED, switch_rule="return", retries=2)
+    run = simulate(system, 12, faults=[CutModbus("1", 4.5, 8.5)])
+    assert run.alarms[["source", "kind"]].values.tolist() == [
+        ["channel 1", "no answer"],
+        ["channel 1", "answers again"],
+    ]
+    three = 3 * (8 * 11 / 9600 + system.timeout)
+    assert run.alarms["time_s"].iloc[0] == pytest.approx(5 + three)
+
+
+def test_a_box_that_comes_back_is_good_again():
+    run = simulate(PRINTED, 30, faults=[DeadBox("JB2", 10, 18)])
+    own = run.alarms[run.alarms["source"] == "ME-JB2-044"]
+    assert own["kind"].tolist() == ["0xFF", "good again"]
+    assert 18 < own["time_s"].iloc[1] < 18 + worst_age(PRINTED)["worst_s"].max()
+    marked = run.table.set_index("tag").loc["ME-JB2-044", "marked_s"]
+    assert marked == pytest.approx(own["time_s"].diff().iloc[1])
+
+
+def test_without_any_channel_no_answer_comes_and_old_values_stay():
+    run = simulate(PRINTED, 20, faults=[CutModbus("1", 10.5), CutModbus("2", 10.5)])
+    assert np.isinf(run.answers["answer_s"]).sum() == 9
+    assert run.table["worst_s"].min() > 9
+    assert set(run.alarms["source"]) == {"channel 1", "channel 2"}
+
+
+def test_a_share_of_requests_is_lost_as_the_probability_says():
+    lost = LostModbus("1", request=0.2, response=0.1)
+    system = replace(PRINTED, switch_rule="return")
+    run = simulate(system, 4000, faults=[lost], rng=np.random.default_rng(11))
+    first = run.requests[run.requests["channel"] == 1]
+    share = first["outcome"].value_counts(normalize=True)
+    # Four standard errors of 4000 draws.
+    assert share["no answer"] == pytest.approx(0.2, abs=4 * (0.2 * 0.8 / 4000) ** 0.5)
+    assert share["response damaged"] == pytest.approx(0.08, abs=4 * (0.08 * 0.92 / 4000) ** 0.5)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: CutCan("JB1-JB2", -1), "start is -1"),
+        (lambda: CutCan("JB1-JB2", 2, 2), "stop is 2"),
+        (lambda: CutCan("JB1-JB2", 2, float("nan")), "stop is nan"),
+        (lambda: CutModbus(1), "where is 1; it must be a name"),
+        (lambda: LostCan("JB1", probability=1.1), "probability is 1.1"),
+        (lambda: simulate(PRINTED, 1, faults=[CutModbus("3")]), "where is '3'.*1, 2"),
+        (lambda: simulate(PRINTED, 1, faults=[DeadBox("JB9")]), "JB1, JB2, JB3"),
+        (lambda: simulate(PRINTED, 1, faults=["JB1"]), "faults hold 'JB1'"),
+        (lambda: simulate(PRINTED, 1, faults=[LostCan("JB1")]), "rng is None"),
+        (lambda: fault_table(PRINTED, trials=0), "trials is 0"),
+        (lambda: fault_table(PRINTED, rule=0), "rule is 0"),
+    ],
+)
+def test_faults_that_cannot_be_are_refused(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

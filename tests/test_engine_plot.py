@@ -1,0 +1,124 @@
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from shipnet.engine.faults import CutCan, DeadBox, StuckSensor
+from shipnet.engine.plot import plot_age, plot_screen, plot_system, plot_timeline
+from shipnet.engine.screen import SyntheticValues, screen
+from shipnet.engine.simulation import simulate
+from shipnet.engine.system import System
+from shipnet.engine.timeline import timeline
+from shipnet.errors import ArgumentError
+
+PHASES = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.3, "AMS": 0.0}
+
+
+@pytest.fixture
+def ax():
+    figure, axes = plt.subplots()
+    yield axes
+    plt.close(figure)
+
+
+@pytest.fixture(scope="module")
+def run():
+    return simulate(System(), 20, faults=[DeadBox("JB2", 10)], phases=PHASES)
+
+
+@pytest.fixture(scope="module")
+def values(run):
+    return SyntheticValues(run.system.points, np.random.default_rng(2024))
+
+
+def texts(ax):
+    return [text.get_text() for text in ax.texts]
+
+
+def test_a_timeline_has_a_row_for_each_cpu_and_line(ax, run):
+    table = timeline(run, 1.0, 1.5)
+    plot_timeline(table, ax=ax)
+    rows = [label.get_text() for label in ax.get_yticklabels()]
+    assert rows == ["JB1", "JB2", "JB3", "CAN", "channel 1"]
+    drawn = sum(len(bars.get_paths()) for bars in ax.collections)
+    assert drawn == len(table)
+    assert ax.get_xlabel() == "time [ms]"
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert {"Modbus", "convert", "frame of JB2"} <= set(legend)
+    with pytest.raises(ArgumentError, match="table has 0 rows"):
+        plot_timeline(table.iloc[:0], ax=ax)
+
+
+def test_an_age_is_a_saw_whose_tips_are_those_of_the_table(ax, run):
+    ages = run.ages("ME-JB2-044")
+    plot_age(ages, ax=ax, limits={"rule": 2.0}, label="point")
+    saw = ax.lines[0].get_ydata()
+    assert np.nanmax(saw) == pytest.approx(ages["last_age_s"].max())
+    assert np.nanmax(saw) == pytest.approx(run.table.set_index("tag").loc["ME-JB2-044", "worst_s"])
+    crosses = ax.lines[1].get_xdata()
+    assert crosses.tolist() == ages.loc[ages["age_s"].isna(), "seen_s"].tolist()
+    assert ax.lines[2].get_ydata()[0] == 2.0
+    assert texts(ax) == ["rule"]
+
+
+def test_a_screen_tells_good_old_and_marked_by_text_too(ax, run, values):
+    plot_screen(screen(run, 13.0, values), ax=ax)
+    shown = texts(ax)
+    assert len(shown) == 2 * 99
+    assert sum(text.endswith("*") for text in shown) == 18
+    assert "0xFF" not in shown
+    ax.clear()
+    plot_screen(screen(run, 16.0, values), ax=ax)
+    assert texts(ax).count("0xFF") == 18
+
+
+def test_a_value_on_the_screen_is_the_one_of_its_sample(run, values):
+    table = screen(run, 13.0, values)
+    for place in (0, 50, 98):
+        sampled = 13.0 - table["age_s"].iloc[place]
+        assert table["value"].iloc[place] == np.round(values.at(place, sampled))
+    assert table.loc[table["box"] == "JB2", "age_s"].min() > 2.5
+
+
+def test_a_good_reading_of_255_looks_like_an_error_in_the_printed_coding_only(values):
+    # Of the 20 exhaust gas temperatures, the one that stays at 255 for longest.
+    times = np.arange(0, 900, 0.5)
+    at_255 = [np.abs(values.at(place, times) - 255) < 0.4 for place in range(10, 30)]
+    exhaust = 10 + int(np.argmax([there.sum() for there in at_255]))
+    near = times[np.flatnonzero(at_255[exhaust - 10])[2]]
+    marks = {}
+    for system in (System(), System.mended()):
+        run = simulate(system, 910)
+        seen = np.arange(max(near - 3, 1), near + 6, 0.25)
+        marks[system.coding] = {screen(run, t, values)["mark"].iloc[exhaust] for t in seen}
+    assert "0xFF?" in marks["printed"]
+    assert marks["mended"] == {""}
+
+
+def test_synthetic_values_stay_within_their_ranges(values):
+    for place, point in enumerate(values.points):
+        found = values.at(place, np.linspace(0, 3600, 500))
+        assert (found >= point.low).all()
+        assert (found <= point.high).all()
+
+
+def test_a_screen_outside_the_run_is_refused(run, values):
+    with pytest.raises(ArgumentError, match=r"time is 0 s; it must be 0\.25"):
+        screen(run, 0, values)
+    with pytest.raises(ArgumentError, match="time is 99"):
+        screen(run, 99, values)
+    other = SyntheticValues(run.system.points[:5], np.random.default_rng(0))
+    with pytest.raises(ArgumentError, match="values are of other points"):
+        screen(run, 5, other)
+
+
+@pytest.mark.parametrize("topology", ["line", "ring"])
+def test_the_outline_has_all_parts_and_the_faults_in_red(ax, topology):
+    system = System(topology=topology)
+    faults = [CutCan("JB1-JB2"), DeadBox("JB3"), StuckSensor("ME-JB1-001")]
+    plot_system(system, ax=ax, faults=faults)
+    shown = texts(ax)
+    assert {"AMS", "JB1\n43 points", "JB3\n38 points", " channel 1", " channel 2"} <= set(shown)
+    assert {"CAN cable cut JB1-JB2", "box dead JB3", "sensor stuck ME-JB1-001"} <= set(shown)
+    cables = [line for line in ax.lines if line.get_color() == "#0072B2"]
+    assert len(cables) == len(system.segments)
+    assert sum(line.get_marker() == "X" for line in ax.lines) == 3
