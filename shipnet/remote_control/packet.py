@@ -67,7 +67,7 @@ class Format(Protocol):
     def encode(self, items: Mapping[int, int]) -> bytes:
         """Return a packet."""
 
-    def decode(self, packet: bytes) -> Items:
+    def decode(self, packet: bytes | bytearray) -> Items:
         """Return the items of one packet, or raise."""
 
     def parser(self) -> Parser:
@@ -173,7 +173,7 @@ class Markers:
         packet = self.head + body + bytes([PACKET_END])
         return packet + trailer(packet) if self.crc else packet
 
-    def decode(self, packet: bytes) -> Items:
+    def decode(self, packet: bytes | bytearray) -> Items:
         """Return the items of one packet.
 
         Parameters

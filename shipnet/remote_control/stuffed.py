@@ -167,7 +167,7 @@ class Stuffed:
         )
         return stuff(body + trailer(body)) + b"\0"
 
-    def decode(self, packet: bytes) -> Items:
+    def decode(self, packet: bytes | bytearray) -> Items:
         """Return the items of one packet.
 
         Parameters
