@@ -310,20 +310,34 @@ def _send(usart: Usart, data: bytes, start: float, poll: float, *, printed: bool
     time, writes = start, 0
     usart.status(time)
     already = len(usart.line)
-    held = [] if usart._waiting is None else [usart._waiting]
-    for byte in bytes(data):
+    # Which byte waits in the chip, by its place in the data; -1 is one that waited before.
+    waiting = None if usart._waiting is None else -1
+    due = range(0 if waiting is None else -1, len(data))
+    out: Counter[int] = Counter()
+
+    def write(place: int) -> None:
+        nonlocal waiting, writes
+        replaced = len(usart.overwritten)
+        usart.write(data[place], time)
+        if waiting is not None and len(usart.overwritten) == replaced:
+            out[waiting] += 1
+        waiting = place
+        writes += 1
+
+    for place in range(len(data)):
         while not usart.status(time) & Status.TXRDY:
             time += step
             if printed:
-                usart.write(byte, time)
+                write(place)
                 time += step
-                writes += 1
         time += step
         if not printed:
-            usart.write(byte, time)
+            write(place)
             time += step
-            writes += 1
     usart.finish()
+    if waiting is not None:
+        out[waiting] += 1
     line = bytes(byte for _, byte in usart.line[already:])
-    due, out = Counter([*held, *bytes(data)]), Counter(line)
-    return Sent(line, writes, (due - out).total(), (out - due).total(), time - start)
+    lost = sum(out[place] == 0 for place in due)
+    repeated = sum(times - 1 for times in out.values() if times)
+    return Sent(line, writes, lost, repeated, time - start)
