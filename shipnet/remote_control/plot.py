@@ -35,9 +35,9 @@ def plot_ring(ring: Ring, *, ax: Axes) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        The axes given. Cells that hold unread bytes are shaded, those of unread bytes that were
-        overwritten too; the four variables and the case stand in the middle. Rings of up to 32
-        cells show their bytes.
+        The axes given. Cells that hold unread bytes are shaded, in red when others have been
+        overwritten unread; flags and case stand in the middle. Rings of up to 32 cells show their
+        bytes.
     """
     size, state = ring.size, ring.state
     step = 360 / size
