@@ -225,6 +225,25 @@ def test_stuffed_bytes_hold_no_zero_and_come_back(data):
     assert len(stuff(data)) == len(data) + 1
 
 
+@pytest.mark.parametrize(
+    ("plain", "stuffed"),
+    # S. Cheshire and M. Baker, 1999, Fig 3; the others follow from their rules by hand.
+    [
+        (
+            "45 00 00 2c 4c 79 00 00 40 06 4f 37",
+            "02 45 01 04 2c 4c 79 01 05 40 06 4f 37",
+        ),
+        ("", "01"),
+        ("00", "01 01"),
+        ("00 00", "01 01 01"),
+        ("11 22 00 33", "03 11 22 02 33"),
+        ("01" * 254, "ff" + "01" * 254),
+    ],
+)
+def test_stuffed_bytes_are_those_published(plain, stuffed):
+    assert stuff(bytes.fromhex(plain)) == bytes.fromhex(stuffed)
+
+
 @given(data=st.binary(max_size=300))
 def test_unstuffing_gives_bytes_that_stuff_alike_or_an_error(data):
     try:
