@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -220,8 +221,9 @@ class LinkRun:
         Returns
         -------
         pandas.DataFrame
-            A row a change: ``time_s``, ``station``, ``number``, ``value``, ``delay_s``: NaN where
-            the value had changed again, or the simulation ended, before the reader had it.
+            A row a change: ``time_s``, ``station``, ``number``, ``value``, ``delay_s``: 0 where
+            the reader still had the value from before; NaN where the value had changed again, or
+            the simulation ended, before the reader had it.
         """
         import pandas as pd
 
@@ -231,12 +233,14 @@ class LinkRun:
                 continue
             later = (c.time for c in self.changes if c[1:3] == change[1:3] and c.time > change.time)
             until = min(later, default=float("inf"))
+            own = (u for u in self.updates if (u.station, u.number) == (reader, change.number))
+            history = [(0.0, 0), *((update.time, update.value) for update in own)]
+            shown = bisect_left(history, (change.time, -1)) - 1
             heard = (
-                update.time - change.time
-                for update in self.updates
-                if (update.station, update.number, update.value)
-                == (reader, change.number, change.value)
-                and change.time <= update.time < until
+                max(time - change.time, 0.0)
+                for time, value in history[max(shown, 0) :]
+                if value == change.value and time < until
             )
-            rows.append((*change, min(heard, default=float("nan"))))
+            delay = next(heard, float("nan"))
+            rows.append((*change, delay))
         return pd.DataFrame(rows, columns=["time_s", "station", "number", "value", "delay_s"])

@@ -202,14 +202,13 @@ class _Simulation:
         packet = Packet(self.now, self.now + len(data) * character, station.name, target.name)
         packet.items = items
         self.run_.packets.append(packet)
-        lost = self._is_lost(packet)
-        for place, byte in enumerate(data):
-            received = None if lost else self._disturbed(packet, byte)
+        arriving = self._disturb(packet, data)
+        for place, byte in enumerate(arriving):
             last = place + 1 == len(data)
-            if received is not None or last:
+            if byte is not None or last:
                 self._at(
                     packet.start + (place + 1) * character,
-                    partial(self._arrive, station, lives, target, received, last, packet),
+                    partial(self._arrive, station, lives, target, byte, last, packet),
                 )
         self._at(packet.end, partial(self._sent, station, lives))
 
@@ -222,16 +221,18 @@ class _Simulation:
                 return True
         return False
 
-    def _disturbed(self, packet: Packet, byte: int) -> int | None:
-        """Return what arrives of a byte: itself, another, or nothing."""
+    def _disturb(self, packet: Packet, data: bytes) -> list[int | None]:
+        """Return what arrives of each byte: itself, another, or nothing."""
+        if self._is_lost(packet):
+            return [None] * len(data)
         if self.error_rate == 0 or self.rng is None:
-            return byte
-        hit = self.rng.random(9) < self.error_rate
-        if not hit.any():
-            return byte
-        packet.disturbed = True
-        flips = int(np.packbits(hit[1:])[0])
-        return None if hit[0] else byte ^ flips
+            return list(data)
+        # The start bit, and eight of data.
+        hit = self.rng.random((len(data), 9)) < self.error_rate
+        packet.disturbed = bool(hit.any())
+        flips = np.packbits(hit[:, 1:], axis=1)[:, 0].tolist()
+        rows = zip(data, hit[:, 0].tolist(), flips, strict=True)
+        return [None if start else byte ^ flip for byte, start, flip in rows]
 
     def _sent(self, station: Station, lives: int) -> None:
         if station.lives != lives or not self._go(station, Event.SENT):
