@@ -99,15 +99,15 @@ def test_the_residual_of_a_crc_is_a_share_and_at_noise_it_is_two_to_the_minus_si
 def test_the_crc_lets_pass_what_the_weights_of_its_code_say():
     form = Markers(crc=True, n_numbers=1)
     # One item at a rate with which the markers are often whole.
-    trial = transmit(form, 1, 0.03, 3_000_000, np.random.default_rng(2024))
+    trial = transmit(form, 1, 0.03, 2_000_000, np.random.default_rng(2024))
     expected = packet_shares(form, 1, 0.03).undetected
-    assert trial.undetected > 5
+    assert trial.undetected > 3
     assert is_likely(trial.undetected, trial.sent, expected)
 
 
 def test_the_stuffed_packet_keeps_under_its_estimate():
     form = Stuffed(3)
-    trial = transmit(form, 3, 0.02, 1_000_000, np.random.default_rng(2024))
+    trial = transmit(form, 3, 0.02, 500_000, np.random.default_rng(2024))
     shares = packet_shares(form, 3, 0.02)
     assert is_likely(trial.intact, trial.sent, shares.intact)
     assert trial.interval("undetected", 0.999).low < shares.undetected
@@ -145,10 +145,10 @@ def test_every_size_and_rate_can_be_drawn(n, rate, count, name):
 def test_the_interval_holds_the_truth_as_often_as_it_says():
     rng = np.random.default_rng(2024)
     truth, held = 0.004, 0
-    for count in rng.binomial(2000, truth, 400):
+    for count in rng.binomial(2000, truth, 200):
         low, high = Trial(2000, 0, int(count)).interval("undetected")
         held += low <= truth <= high
-    assert held >= 0.95 * 400 - 3 * np.sqrt(400 * 0.95 * 0.05)
+    assert held >= 0.95 * 200 - 3 * np.sqrt(200 * 0.95 * 0.05)
     assert Trial(0, 0, 0).interval("detected") == (0, 1)
     # The rule of three.
     assert Trial(10**6, 0, 0).interval("undetected", 0.9).high == pytest.approx(3e-6, rel=0.01)
@@ -194,7 +194,7 @@ def test_repetition_mends_in_a_cycle_what_a_change_sent_once_leaves_for_an_hour(
 
 
 def test_markers_miss_the_same_share_whatever_the_items_and_a_crc_misses_none():
-    table = compare_checks([1, 10, 40], [1e-4], 200_000, np.random.default_rng(2024))
+    table = compare_checks([1, 10, 40], [1e-4], 50_000, np.random.default_rng(2024))
     assert (table.low <= table.expected).all() and (table.expected <= table.high).all()
     markers = table[table.check == "markers"]
     assert (markers.missed > 0.4).all() and markers.missed.is_monotonic_increasing
@@ -226,7 +226,7 @@ def test_markers_alone_suffice_only_where_the_errors_are_as_rare_as_the_criterio
 
 
 def test_an_impossible_wish_is_refused_with_its_reasons():
-    with pytest.raises(ArgumentError, match="n_items is 84: of .* ways to send them"):
+    with pytest.raises(ArgumentError, match=r"n_items is 84: of .* ways to send them"):
         recommend(84, System(bit_rate=600), criterion=Criterion(stale_time=1))
 
 
@@ -246,7 +246,7 @@ def test_the_figures_show_what_the_tables_hold(ax):
     expected = table[table.check == "markers"].expected.tolist()
     assert ax.lines[0].get_ydata().tolist() == expected
     assert ax.get_yscale() == "log"
-    with pytest.raises(ArgumentError, match="bit_error_rate is 0.1"):
+    with pytest.raises(ArgumentError, match=r"bit_error_rate is 0\.1"):
         plot_checks(table, ax=ax, bit_error_rate=0.1)
 
 

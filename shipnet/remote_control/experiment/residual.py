@@ -262,7 +262,9 @@ def _residual(weights: tuple[int, ...], p: float) -> float:
             total += number * power
             power *= base
         length = len(weights) - 1
-        return float(total / (1 << _CRC_BITS) - (1 - rate) ** length)
+        residual = total / (1 << _CRC_BITS) - (1 - rate) ** length
+        # Of an exact 0 the rounding may leave less.
+        return max(0.0, float(residual))
 
 
 def _becomes(number: int, p: float) -> Floats:

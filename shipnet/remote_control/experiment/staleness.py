@@ -84,8 +84,7 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
     _, d, u = shares
     wait = check_scalar("period", period, "s", 1e-6, 1e6)
     mean = check_scalar("interval", interval, "s", 1e-6, 1e12)
-    if sending not in ("changed", "cyclic"):
-        raise ArgumentError(f"sending is {sending!r}; it must be 'changed' or 'cyclic'")
+    _check_sending(sending)
     if not (0 <= d and 0 <= u and d + u < 1):
         raise ArgumentError(
             f"detected and undetected are {d:g} and {u:g}; they must be 0 or more, and below 1 in "
@@ -150,15 +149,21 @@ def simulate_switch(
     >>> round(share, 3), round(switch_staleness(shares, 0.1, 3600, "changed").share, 3)
     (0.058, 0.058)
     """
+    _check_sending(sending)
     n = check_whole("n_packets", n_packets, 1, 10**8)
+    wait = check_scalar("period", period, "s", 1e-6, 1e6)
+    mean = check_scalar("interval", interval, "s", 1e-6, 1e12)
     outcome = draw_outcomes(packet_format, n_items, rate, n, rng)
     if sending == "changed":
         position = np.arange(n) % 2
-    elif sending == "cyclic":
-        position = np.cumsum(rng.poisson(period / interval, n)) % 2
     else:
-        raise ArgumentError(f"sending is {sending!r}; it must be 'changed' or 'cyclic'")
+        position = np.cumsum(rng.poisson(wait / mean, n)) % 2
     # What is shown is what the last packet left that was not given up; 0 before the first.
     taken = np.maximum.accumulate(np.where(outcome != 1, np.arange(n), -1))
     shown = np.where(taken >= 0, np.where(outcome[taken] == 2, -1, position[taken]), 0)
     return float((shown != position).mean())
+
+
+def _check_sending(sending: str) -> None:
+    if sending not in ("changed", "cyclic"):
+        raise ArgumentError(f"sending is {sending!r}; it must be 'changed' or 'cyclic'")

@@ -190,6 +190,8 @@ def draw_outcomes(
     for first in range(0, n, _CHUNK):
         count = min(_CHUNK, n - first)
         place = _hits(8 * size * count, p, rng)
+        if place.size == 0:
+            continue
         hit, row = np.unique(place // (8 * size), return_inverse=True)
         values = rng.integers(0, 1 << 16, (hit.size, n_items), dtype=np.uint16)
         packets = encode_batch(packet_format, numbers, values)
