@@ -108,6 +108,13 @@ def test_one_half_of_a_pair_has_the_turn_at_every_moment():
     assert hops == 2 * [("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "RCS")]
 
 
+def test_a_station_that_sends_takes_no_byte():
+    # RCS gives up after 10 ms and sends to the other slave, while the answer of 34 ms comes in.
+    traffic = simulate(full(turn_timeout=0.01), 1.0).traffic
+    answers = traffic[traffic.target == "RCS"]
+    assert len(answers) > 3 and (answers.outcome == "lost").all()
+
+
 def test_every_state_of_both_roles_can_be_left_and_reached():
     for role in Role:
         mine = [(state, step.state) for (who, state, _), step in TRANSITIONS.items() if who is role]

@@ -155,7 +155,7 @@ def switch_trials(
     system: System | None = None,
     *,
     bit_rates: Iterable[float] = BIT_RATES,
-    n_changes: int = 50,
+    n_changes: int = 20,
 ) -> pd.DataFrame:
     """Return how soon SS follows a switch of the bridge, by bit rate.
 
@@ -168,7 +168,7 @@ def switch_trials(
         else changes.
     bit_rates : iterable of float, optional
         Bit rates [bit/s]; those of the paper if omitted.
-    n_changes : int, default 50
+    n_changes : int, default 20
         How often it is moved, 1..10000.
 
     Returns
@@ -181,7 +181,7 @@ def switch_trials(
     --------
     >>> table = switch_trials(np.random.default_rng(2024))
     >>> table.followed.tolist(), table[["mean_s", "bound_s"]].round(2).values[[0, 4]].tolist()
-    ([50, 50, 50, 50, 50], [[0.02, 0.21], [0.3, 3.3]])
+    ([20, 20, 20, 20, 20], [[0.02, 0.21], [0.3, 3.3]])
     """
     import pandas as pd
 
