@@ -33,6 +33,7 @@ def loaded(statement):
         ("import shipnet.modbus", []),
         ("import shipnet.modbus.server, shipnet.modbus.datagram", ["numpy"]),
         ("import shipnet.engine", ["numpy", "pandas", "scipy"]),
+        ("import shipnet.remote_control", ["numpy"]),
         ("import shipnet.papers", ["numpy", "pandas"]),
     ],
 )

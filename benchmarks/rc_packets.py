@@ -1,0 +1,61 @@
+"""How much faster batches of remote-control packets are than loops over single ones, in one run."""
+
+from timeit import repeat
+
+import numpy as np
+
+from shipnet.remote_control import Markers, Stuffed, check_batch, encode_batch
+
+NUMBER, ITEMS = 200_000, 10
+SAMPLE = 2_000  # what the loops get; their time is scaled up
+
+
+def seconds(function, repeats=3):
+    """Return the shortest of several times: the one least disturbed by other work."""
+    return min(repeat(function, number=1, repeat=repeats))
+
+
+def main():
+    values = np.random.default_rng(2024).integers(0, 0x10000, (NUMBER, ITEMS))
+    some = [dict(enumerate(line)) for line in values[:SAMPLE].tolist()]
+    print(f"{f'packets of {ITEMS} data':<44}{'per second':>12}{'batch is faster by':>20}")
+    for name, form in {
+        "markers": Markers(),
+        "markers + CRC": Markers(crc=True),
+        "COBS + CRC": Stuffed(),
+    }.items():
+        rows = encode_batch(form, range(ITEMS), values)
+        packets = [form.encode(items) for items in some]
+        assert packets == [row.tobytes() for row in rows[:SAMPLE]]
+        stream = b"".join(packets)
+        assert len(form.parser().feed(stream)) == SAMPLE
+
+        def build(form=form):
+            return encode_batch(form, range(ITEMS), values)
+
+        def check(form=form, rows=rows):
+            return check_batch(form, rows)
+
+        def build_each(form=form):
+            return [form.encode(items) for items in some]
+
+        def check_each(form=form, packets=packets):
+            return [form.decode(packet) for packet in packets]
+
+        def parse(form=form, stream=stream):
+            return form.parser().feed(stream)
+
+        built, checked = seconds(build) / NUMBER, seconds(check) / NUMBER
+        rates = {
+            "encode, batch": (built, built),
+            "encode, loop": (seconds(build_each) / SAMPLE, built),
+            "check, batch": (checked, checked),
+            "check, loop over decode": (seconds(check_each) / SAMPLE, checked),
+            "check, parser on a stream": (seconds(parse) / SAMPLE, checked),
+        }
+        for what, (time, best) in rates.items():
+            print(f"{f'{name}: {what}':<44}{1 / time:>12.3g}{time / best:>19.1f}x")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,206 @@
+"""What the three stations tell each other: bridge, engine room and safety system.
+
+The names are those of chung1998, sections 2 and 5. Which number belongs to which datum, and that
+there are just these, is our assumption: the drawing of its Fig. 1 is not in the text that we have.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Literal
+
+from shipnet.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "HOPS",
+    "SIGNALS",
+    "STATIONS",
+    "Hop",
+    "Kind",
+    "Signal",
+    "forwarded",
+    "signal_table",
+    "signals_on",
+]
+
+Kind = Literal["switch", "command", "measurement", "state"]
+Hop = tuple[str, str]
+
+#: Remote control system in the engine room (the master), bridge control system, safety system.
+STATIONS = ("RCS", "BCS", "SS")
+
+#: Who sends to whom, in the order of a cycle: chung1998, section 4.
+HOPS: tuple[Hop, ...] = (("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "RCS"))
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A datum of 16 bits that crosses the link.
+
+    Parameters
+    ----------
+    number : int
+        Its number in a packet; ours.
+    name : str
+        What it is.
+    kind : {"switch", "command", "measurement", "state"}
+        A measurement changes all the time, a switch once in a while.
+    sources : tuple of str
+        Stations that set it; two for a switch that is there twice.
+    readers : tuple of str
+        Stations that need it, beside those that set it.
+    where : str
+        Section of chung1998 that names it.
+
+    Examples
+    --------
+    The shutdown of the engine can be cancelled on the bridge and at the safety system, and each
+    must know of the other's switch:
+
+    >>> switch = SIGNALS[1]
+    >>> switch.name, switch.mirrored, switch.hops
+    ('shutdown_cancel', True, (('RCS', 'BCS'), ('BCS', 'RCS'), ('RCS', 'SS'), ('SS', 'RCS')))
+    """
+
+    number: int
+    name: str
+    kind: Kind
+    sources: tuple[str, ...]
+    readers: tuple[str, ...]
+    where: str
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether two stations have the same switch."""
+        return len(self.sources) > 1
+
+    @property
+    def routes(self) -> tuple[tuple[str, ...], ...]:
+        """Stations that it passes, one tuple for each source and each other station that uses it.
+
+        BCS and SS have no line between them: whatever one tells the other goes through RCS.
+        """
+        users = (*self.sources, *self.readers)
+        pairs = [(a, b) for a in self.sources for b in users if a != b]
+        return tuple((a, b) if "RCS" in (a, b) else (a, "RCS", b) for a, b in pairs)
+
+    @property
+    def hops(self) -> tuple[Hop, ...]:
+        """Lines that it crosses, in the order of a cycle."""
+        crossed = {hop for route in self.routes for hop in pairwise(route)}
+        return tuple(hop for hop in HOPS if hop in crossed)
+
+
+#: Switches first, so that a link of few items has them.
+SIGNALS = (
+    Signal(0, "control_position", "switch", ("BCS", "RCS"), (), "2; 5"),
+    Signal(1, "shutdown_cancel", "switch", ("BCS", "SS"), ("RCS",), "5"),
+    Signal(2, "slowdown_cancel", "switch", ("BCS", "SS"), ("RCS",), "5"),
+    Signal(3, "speed_command", "command", ("BCS",), ("RCS",), "2"),
+    Signal(4, "speed", "measurement", ("RCS",), ("BCS", "SS"), "2"),
+    Signal(5, "engine_state", "state", ("RCS",), ("BCS", "SS"), "2"),
+    Signal(6, "alarm", "state", ("RCS",), ("BCS", "SS"), "2"),
+    Signal(7, "safety_speed", "measurement", ("SS",), ("RCS", "BCS"), "2"),
+    Signal(8, "overspeed", "state", ("SS",), ("RCS", "BCS"), "2"),
+    Signal(9, "shutdown", "state", ("SS",), ("RCS", "BCS"), "2"),
+    Signal(10, "slowdown", "state", ("SS",), ("RCS", "BCS"), "2"),
+)
+
+
+def signals_on(source: str, target: str) -> tuple[Signal, ...]:
+    """Return what one station sends to another.
+
+    Parameters
+    ----------
+    source, target : str
+        Stations of `STATIONS`, one of them RCS.
+
+    Returns
+    -------
+    tuple of Signal
+        By their numbers.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no line between the two.
+
+    Examples
+    --------
+    >>> [signal.name for signal in signals_on("BCS", "RCS")]
+    ['control_position', 'shutdown_cancel', 'slowdown_cancel', 'speed_command']
+    >>> len(signals_on("RCS", "BCS"))
+    10
+    """
+    if (source, target) not in HOPS:
+        lines = ", ".join(f"{a} to {b}" for a, b in HOPS)
+        raise ArgumentError(f"source and target are {source!r}, {target!r}; the lines are {lines}")
+    return tuple(signal for signal in SIGNALS if (source, target) in signal.hops)
+
+
+def forwarded(source: str, target: str) -> frozenset[int]:
+    """Return the numbers of what RCS passes on from one slave to the other.
+
+    Parameters
+    ----------
+    source, target : {"BCS", "SS"}
+        From whom, and to whom.
+
+    Returns
+    -------
+    frozenset of int
+        Numbers of signals.
+
+    Raises
+    ------
+    ArgumentError
+        If they are not the two slaves.
+
+    Examples
+    --------
+    >>> sorted(forwarded("BCS", "SS")), sorted(forwarded("SS", "BCS"))
+    ([1, 2], [1, 2, 7, 8, 9, 10])
+    """
+    if {source, target} != {"BCS", "SS"}:
+        raise ArgumentError(f"source and target are {source!r}, {target!r}; they must be BCS, SS")
+    route = (source, "RCS", target)
+    return frozenset(signal.number for signal in SIGNALS if route in signal.routes)
+
+
+def signal_table() -> pd.DataFrame:
+    """Return all signals and the lines that they cross.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a signal: ``number``, ``name``, ``kind``, ``sources``, ``readers``, ``mirrored``,
+        ``where`` and, for each line of `HOPS`, whether it crosses it, such as ``RCS-BCS``.
+
+    Examples
+    --------
+    How many items a packet has if every value is sent:
+
+    >>> table = signal_table()
+    >>> table[["RCS-BCS", "BCS-RCS", "RCS-SS", "SS-RCS"]].sum().tolist()
+    [10, 4, 5, 6]
+    """
+    import pandas as pd
+
+    rows = [
+        {
+            "number": signal.number,
+            "name": signal.name,
+            "kind": signal.kind,
+            "sources": ", ".join(signal.sources),
+            "readers": ", ".join(signal.readers),
+            "mirrored": signal.mirrored,
+            "where": signal.where,
+        }
+        | {f"{a}-{b}": (a, b) in signal.hops for a, b in HOPS}
+        for signal in SIGNALS
+    ]
+    return pd.DataFrame(rows)

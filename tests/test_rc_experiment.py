@@ -1,0 +1,284 @@
+from itertools import combinations
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from shipnet.crc import crc_batch
+from shipnet.errors import ArgumentError
+from shipnet.remote_control import Markers, Stuffed, check_batch, encode_batch
+from shipnet.remote_control.experiment import (
+    Criterion,
+    Shares,
+    Trial,
+    candidates,
+    compare_checks,
+    crc_residual,
+    packet_shares,
+    recommend,
+    simulate_switch,
+    switch_staleness,
+    transmit,
+)
+from shipnet.remote_control.experiment.plot import plot_candidates, plot_checks
+from shipnet.remote_control.experiment.residual import code_weights, single_flip_share
+from shipnet.remote_control.experiment.transmission import check_formats, draw_outcomes
+from shipnet.remote_control.link import System
+
+#: What a count may differ from its expectation: once in a million by chance.
+RARE = 1e-6
+
+
+def is_likely(count, sent, share):
+    return min(binom.cdf(count, sent, share), binom.sf(count - 1, sent, share)) > RARE / 2
+
+
+@pytest.mark.parametrize("numbers", ["any", "known", "rising"])
+@pytest.mark.parametrize("reading", ["A", "B"])
+@pytest.mark.parametrize(("n_items", "rate"), [(1, 1e-2), (10, 1e-3), (10, 5e-2), (40, 2e-3)])
+def test_markers_let_pass_what_the_closed_form_says(reading, numbers, n_items, rate):
+    form = Markers(reading, n_items, numbers)
+    trial = transmit(form, n_items, rate, 60_000, np.random.default_rng(2024))
+    shares = packet_shares(form, n_items, rate)
+    assert sum(shares) == pytest.approx(1)
+    for outcome in ("intact", "detected", "undetected"):
+        count = getattr(trial, outcome)
+        assert is_likely(count, trial.sent, getattr(shares, outcome)), outcome
+
+
+@pytest.mark.parametrize(
+    ("reading", "numbers", "share"),
+    # Claims chung1998-019: 240 of 264 and of 336 bits; with the numbers checked about 60 %.
+    [("A", "any", 240 / 264), ("B", "any", 240 / 336)],
+)
+def test_a_single_inverted_bit_passes_markers_as_often_as_all_of_them_say(reading, numbers, share):
+    assert single_flip_share(Markers(reading, 10, numbers), 10) == share
+    # The closed form at a small rate is the same share of what is hit.
+    shares = packet_shares(Markers(reading, 10, numbers), 10, 1e-9)
+    assert shares.undetected / (shares.detected + shares.undetected) == pytest.approx(share)
+
+
+@pytest.mark.parametrize("numbers", ["known", "rising"])
+def test_a_check_of_the_numbers_sees_most_bits_of_them(numbers):
+    form = Markers("A", 10, numbers)
+    share = single_flip_share(form, 10)
+    values = 160 / 264
+    assert values <= share < values + 0.12
+    shares = packet_shares(form, 10, 1e-6)
+    assert shares.undetected / (1 - shares.intact) == pytest.approx(share, rel=1e-3)
+
+
+def test_no_crc_code_word_has_fewer_than_four_bits_and_the_fours_are_counted():
+    # Two routes to the words of weight four: pairs with equal sums, and the residual at a small p.
+    size = 20
+    frame = np.zeros(size + 2, np.uint8)
+    check = int(crc_batch("CRC-16/MODBUS", frame[:size]))
+    frame[size:] = check & 0xFF, check >> 8
+    bits = np.unpackbits(frame)
+    rows = np.packbits(bits ^ np.eye(bits.size, dtype=np.uint8), axis=1)
+    syndrome = crc_batch("CRC-16/MODBUS", rows).astype(int)
+    assert np.unique(syndrome).size == bits.size and 0 not in syndrome
+    pairs = np.bincount([a ^ b for a, b in combinations(syndrome.tolist(), 2)])
+    fours = int((pairs * (pairs - 1) // 2).sum()) // 3
+    rate = 1e-6
+    assert crc_residual(size, rate) / rate**4 == pytest.approx(fours, rel=1e-3)
+
+
+@settings(max_examples=30)
+@given(n=st.integers(0, 120), rate=st.floats(1e-9, 0.5))
+def test_the_residual_of_a_crc_is_a_share_and_at_noise_it_is_two_to_the_minus_sixteen(n, rate):
+    assert 0 <= crc_residual(n, rate) < 2.0**-14
+    exact = 2.0**-16 - 2.0 ** -(8 * n + 16)
+    assert crc_residual(n, 0.5) == pytest.approx(exact)
+    assert sum(code_weights(n)) == 2**16
+
+
+def test_the_crc_lets_pass_what_the_weights_of_its_code_say():
+    form = Markers(crc=True, n_numbers=1)
+    # One item at a rate with which the markers are often whole.
+    trial = transmit(form, 1, 0.03, 2_000_000, np.random.default_rng(2024))
+    expected = packet_shares(form, 1, 0.03).undetected
+    assert trial.undetected > 3
+    assert is_likely(trial.undetected, trial.sent, expected)
+
+
+def test_the_stuffed_packet_keeps_under_its_estimate():
+    form = Stuffed(3)
+    trial = transmit(form, 3, 0.02, 500_000, np.random.default_rng(2024))
+    shares = packet_shares(form, 3, 0.02)
+    assert is_likely(trial.intact, trial.sent, shares.intact)
+    assert trial.interval("undetected", 0.999).low < shares.undetected
+
+
+def test_the_gaps_between_inverted_bits_make_the_same_packets_as_a_coin_for_every_bit():
+    form, n, rate = Markers(numbers="known"), 10, 5e-3
+    rng = np.random.default_rng(2024)
+    values = rng.integers(0, 1 << 16, (50_000, n))
+    sent = encode_batch(form, range(n), values)
+    flips = np.packbits(rng.random((len(sent), 8 * sent.shape[1])) < rate, axis=1)
+    checked = check_batch(form, sent ^ flips)
+    hit = flips.any(axis=1)
+    coin = [int((~hit).sum()), int((~checked.accepted).sum()), int((hit & checked.accepted).sum())]
+    drawn = np.bincount(draw_outcomes(form, n, rate, len(sent), rng), minlength=3)
+    # Both are random: 5 standard deviations of a difference of two counts.
+    assert np.abs(np.array(coin) - drawn).max() < 5 * np.sqrt(2 * max(coin) / 2)
+
+
+@settings(max_examples=30)
+@given(
+    n=st.integers(0, 84),
+    rate=st.sampled_from([0.0, 1e-6, 1e-3, 0.1, 0.5]),
+    count=st.sampled_from([0, 1, 300]),
+    name=st.sampled_from(["markers", "markers + CRC", "CRC"]),
+)
+def test_every_size_and_rate_can_be_drawn(n, rate, count, name):
+    outcome = draw_outcomes(check_formats(84)[name], n, rate, count, np.random.default_rng(1))
+    assert outcome.shape == (count,) and outcome.dtype == np.uint8
+    assert set(outcome) <= ({0} if rate == 0 else {0, 1, 2})
+    shares = packet_shares(check_formats(84)[name], n, rate)
+    assert min(shares) >= -1e-15 and sum(shares) == pytest.approx(1)
+
+
+def test_the_interval_holds_the_truth_as_often_as_it_says():
+    rng = np.random.default_rng(2024)
+    truth, held = 0.004, 0
+    for count in rng.binomial(2000, truth, 200):
+        low, high = Trial(2000, 0, int(count)).interval("undetected")
+        held += low <= truth <= high
+    assert held >= 0.95 * 200 - 3 * np.sqrt(200 * 0.95 * 0.05)
+    assert Trial(0, 0, 0).interval("detected") == (0, 1)
+    # The rule of three.
+    assert Trial(10**6, 0, 0).interval("undetected", 0.9).high == pytest.approx(3e-6, rel=0.01)
+
+
+@pytest.mark.parametrize("check", ["markers", "markers + CRC"])
+@pytest.mark.parametrize("sending", ["changed", "cyclic"])
+@pytest.mark.parametrize(("n_items", "rate", "interval"), [(1, 5e-3, 0.3), (10, 2e-3, 2.0)])
+def test_a_switch_is_as_stale_as_the_chain_says(check, sending, n_items, rate, interval):
+    form, n = check_formats(n_items)[check], 200_000
+    rng = np.random.default_rng(2024)
+    share = simulate_switch(form, n_items, rate, 0.1375, interval, sending, n, rng)
+    shares = packet_shares(form, n_items, rate)
+    expected = switch_staleness(shares, 0.1375, interval, sending).share
+    # Neighbouring packets depend on each other over 1 / (1 - d) of them: a wide margin of 3 %.
+    assert share == pytest.approx(expected, rel=0.03)
+
+
+def test_a_stale_switch_waits_as_long_as_a_walk_from_failure_to_success():
+    rng = np.random.default_rng(2024)
+    d, u, n = 0.3, 0.2, 200_000
+    outcome = rng.choice(3, n, p=[1 - d - u, d, u])
+    position, shown, waits, since = 0, 0, [], None
+    for k, fate in enumerate(outcome.tolist()):
+        position ^= 1
+        shown = position if fate == 0 else -1 if fate == 2 else shown
+        if shown == position:
+            waits += [] if since is None else [k - since]
+            since = None
+        elif since is None:
+            since = k
+    duration = switch_staleness(Shares(1 - d - u, d, u), 1.0, 50.0, "changed").duration
+    assert np.mean(waits) * 50.0 == pytest.approx(duration, rel=0.02)
+
+
+def test_repetition_mends_in_a_cycle_what_a_change_sent_once_leaves_for_an_hour():
+    shares = packet_shares(Markers(crc=True), 10, 1e-5)
+    once = switch_staleness(shares, 0.1375, 3600, "changed")
+    again = switch_staleness(shares, 0.1375, 3600, "cyclic")
+    assert once.duration == pytest.approx(3600, rel=0.01)
+    assert again.duration == pytest.approx(0.1375, rel=0.01)
+    assert once.share > 1000 * again.share
+
+
+def test_markers_miss_the_same_share_whatever_the_items_and_a_crc_misses_none():
+    table = compare_checks([1, 10, 40], [1e-4], 50_000, np.random.default_rng(2024))
+    assert (table.low <= table.expected).all() and (table.expected <= table.high).all()
+    markers = table[table.check == "markers"]
+    assert (markers.missed > 0.4).all() and markers.missed.is_monotonic_increasing
+    assert (table[table.check != "markers"].undetected == 0).all()
+    assert markers.undetected.is_monotonic_increasing
+
+
+@pytest.mark.parametrize("bit_rate", [9600, 600])
+@pytest.mark.parametrize("n_items", [1, 3, 10, 20, 40])
+def test_what_is_recommended_meets_every_limit_and_nothing_that_does_is_quicker(n_items, bit_rate):
+    system, criterion = System(bit_rate=bit_rate), Criterion(stale_time=20)
+    chosen = recommend(n_items, system, criterion=criterion)
+    table = candidates(n_items, system, criterion=criterion)
+    good = table.query("errors_ok and stale_ok and alarm_ok")
+    assert chosen.refresh_time == good.refresh_s.min()
+    assert chosen.wrong_per_year <= 1 and chosen.stale_time <= 20
+    assert "CRC" in chosen.check and chosen.sending == "cyclic"
+
+
+def test_many_items_on_a_noisy_line_go_in_several_packets():
+    assert recommend(40, rate=1e-6).per_packet == 40
+    assert recommend(40, rate=1e-3).per_packet < 20
+
+
+def test_markers_alone_suffice_only_where_the_errors_are_as_rare_as_the_criterion():
+    loose = Criterion(wrong_per_year=1e12)
+    assert recommend(3, rate=1e-5, criterion=loose).check == "markers"
+    assert recommend(3, rate=1e-5).check != "markers"
+
+
+def test_an_impossible_wish_is_refused_with_its_reasons():
+    with pytest.raises(ArgumentError, match=r"n_items is 84: of .* ways to send them"):
+        recommend(84, System(bit_rate=600), criterion=Criterion(stale_time=1))
+
+
+@pytest.fixture
+def ax():
+    matplotlib.use("agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots()
+    yield axes
+    plt.close(figure)
+
+
+def test_the_figures_show_what_the_tables_hold(ax):
+    table = compare_checks([1, 10], [1e-3], 5000, np.random.default_rng(2024))
+    plot_checks(table, ax=ax, bit_error_rate=1e-3)
+    expected = table[table.check == "markers"].expected.tolist()
+    assert ax.lines[0].get_ydata().tolist() == expected
+    assert ax.get_yscale() == "log"
+    with pytest.raises(ArgumentError, match=r"bit_error_rate is 0\.1"):
+        plot_checks(table, ax=ax, bit_error_rate=0.1)
+
+
+def test_the_candidates_are_drawn_and_the_best_is_ringed(ax):
+    table = candidates(10)
+    plot_candidates(table, ax=ax)
+    best = recommend(10)
+    assert ax.lines[-1].get_xdata()[0] == best.per_packet
+    assert ax.lines[-1].get_ydata()[0] == best.refresh_time
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: packet_shares(Markers(), 11, 0.1), r"n_items is 11.*0\.\.10"),
+        (lambda: packet_shares(Markers(), 1, float("nan")), "rate is nan"),
+        (lambda: packet_shares(Markers(), 1, 0.6), "rate is 0.6"),
+        (lambda: crc_residual(-1, 0.1), "n_bytes is -1"),
+        (lambda: single_flip_share(Markers(), 0), "n_items is 0"),
+        (lambda: check_formats(85), r"n_items is 85.*1\.\.84"),
+        (lambda: draw_outcomes(Markers(), 1, 0.1, -1, None), "n_packets is -1"),
+        (lambda: Trial(1, 0, 0).share("lost"), "outcome is 'lost'"),
+        (lambda: Trial(1, 0, 0).interval("intact", 1), "confidence is 1"),
+        (lambda: switch_staleness(Shares(0, 1, 0), 1, 1, "cyclic"), "below 1 in sum"),
+        (lambda: switch_staleness(Shares(1, 0, 0), 0, 1, "cyclic"), "period is 0"),
+        (lambda: switch_staleness(Shares(1, 0, 0), 1, 1, "once"), "sending is 'once'"),
+        (lambda: simulate_switch(Markers(), 1, 0, 1, 1, "once", 1, None), "sending is 'once'"),
+        (lambda: Criterion(wrong_per_year=0), "wrong_per_year is 0"),
+        (lambda: candidates(0), "n_items is 0"),
+        (lambda: recommend(1, rate=0.2), "rate is 0.2"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
