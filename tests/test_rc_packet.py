@@ -97,6 +97,41 @@ def test_any_bytes_are_packets_or_given_up_or_still_open(form, noise):
         assert all(number < 10 for items in packets for number, _ in items)
 
 
+ITEM = bytes([1, 2, 3])
+GOOD = Markers().encode({0: 7})
+
+
+@pytest.mark.parametrize(
+    ("form", "noise", "discarded"),
+    [
+        (Markers(), b"\xcc", 1),
+        (Markers(), b"\xcc\xcc\xcc", 3),
+        (Markers(), b"\xdd\xee", 2),
+        (Markers(numbers="known"), b"\xcc\xdd" + ITEM, 5),
+        (Markers(), b"\xcc\xdd" + 10 * ITEM, 32),
+        (Markers(), b"\xcc\xdd" + 11 * ITEM + b"\xee", 36),
+        (Markers(numbers="known"), b"\xcc\xdd" + 2 * ITEM + b"\xee", None),
+        (Markers(numbers="rising"), b"\xcc\xdd" + 2 * ITEM + b"\xee", 9),
+    ],
+)
+def test_a_packet_is_found_behind_a_broken_one_and_the_bytes_given_up_are_counted(
+    form, noise, discarded
+):
+    parser = form.parser()
+    found = parser.feed(noise + GOOD)
+    assert found[-1] == ((0, 7),)
+    assert len(found) == (2 if discarded is None else 1)
+    assert parser.discarded == (discarded or 0)
+
+
+def test_all_bytes_of_an_endless_packet_are_given_up_at_its_zero():
+    parser = Stuffed().parser()
+    assert parser.feed(bytes([7]) * 100) == []
+    assert parser.feed(b"\0") == []
+    assert parser.discarded == 101
+    assert parser.feed(Stuffed().encode({3: 0})) == [((3, 0),)]
+
+
 @streams
 @given(noise=st.binary(max_size=60), items=ITEMS)
 def test_after_any_noise_the_parser_finds_its_way(form, noise, items):
@@ -227,7 +262,7 @@ def test_stuffed_bytes_hold_no_zero_and_come_back(data):
 
 @pytest.mark.parametrize(
     ("plain", "stuffed"),
-    # S. Cheshire and M. Baker, 1999, Fig 3; the others follow from their rules by hand.
+    # The first is the example of S. Cheshire and M. Baker, 1999; the others are by hand.
     [
         (
             "45 00 00 2c 4c 79 00 00 40 06 4f 37",

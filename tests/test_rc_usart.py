@@ -35,7 +35,8 @@ def test_ready_and_empty_follow_a_byte_through_the_chip():
     assert chip.status(1.01 * BYTE) == Status.TXRDY
     assert chip.status(1.99 * BYTE) == Status.TXRDY
     assert chip.status(2.01 * BYTE) == Status.TXRDY | Status.TXEMPTY
-    assert chip.line == [(0.0, 1), (BYTE, 2)]
+    chip.write(3, 5 * BYTE)
+    assert chip.line == [(0.0, 1), (BYTE, 2), (5 * BYTE, 3)]
 
 
 @given(
