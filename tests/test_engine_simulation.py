@@ -155,3 +155,26 @@ def test_a_long_run_is_its_parts():
 def test_arguments_out_of_range_are_named(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
+
+
+def test_a_cut_destroys_the_frame_on_the_wire_and_those_behind_it():
+    phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.4, "AMS": 0.0}
+    system = System()
+    # 1.5 frames after box 2 has queued its five.
+    cut = 5.2 + system.loop_ns[1] / 1e9 + 1.5 * 135 * 8e-6
+    faults = [CutCan("JB1-JB2", cut, cut + 2)]
+    assert_same(system, 9, faults, phases)
+    run = simulate(system, 9, faults=faults, phases=phases)
+    last = run.sent.arrival[(run.sent.arrival > 5.2e9) & (run.sent.arrival < 5.3e9)]
+    assert len(last) == 1
+
+
+def test_a_box_that_comes_back_has_forgotten_what_others_told_it():
+    phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.4, "AMS": 0.9}
+    # It is back 0.4 ms before the first request that it answers again, and box 2 is dead by then.
+    faults = [DeadBox("JB1", 5.5, 6.8995), DeadBox("JB2", 5.0), CutModbus("2")]
+    run = assert_same(System(), 9, faults, phases)
+    own = System().box_of[0]
+    first = run.views.number[run.views.seen > 6.9e9][0]
+    assert own == 0
+    assert (first[System().sender == 1] == -1).all()
