@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shipnet.engine.faults import DeadBox
 from shipnet.engine.firmware import Cpu, Firmware
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
@@ -110,3 +111,17 @@ def test_a_cpu_does_one_thing_at_a_time_and_loses_no_work():
 def test_arguments_out_of_range_are_named(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
+
+
+def test_the_timer_marks_a_silent_box_once_and_only_where_values_are_read():
+    system = System()
+    run = simulate(system, 20, faults=[DeadBox("JB2", 10)], phases={"JB2": 0.2})
+    table = timeline(run, 0, 20).query("task == 'timer'")
+    # JB1 and JB3 answer the AMS. The last frames of JB2 came with the round before its death.
+    assert table["row"].tolist() == ["JB1", "JB3"]
+    for mark in table.itertuples():
+        assert mark.end_ms - mark.start_ms == pytest.approx(1e3 * system.firmware.mark)
+        assert 13.5e3 < mark.start_ms < 14e3
+    assert timeline(run, 0, 10).query("task == 'timer'").empty
+    mended = simulate(System.mended(), 20, faults=[DeadBox("JB2", 10)])
+    assert timeline(mended, 0, 20).query("task == 'timer'").empty

@@ -25,6 +25,7 @@ _TASKS = {
     "convert": ("#56B4E9", ""),
     "send": ("#0072B2", ""),
     "CAN": ("#E69F00", ""),
+    "timer": ("#000000", ""),
     "Modbus": ("#D55E00", "////"),
     "request": ("#CC79A7", ""),
     "response": ("#009E73", ""),
@@ -236,7 +237,13 @@ def plot_system(system: System, *, ax: Axes, faults: Iterable[Fault] = ()) -> Ax
         if fault.where in system.boxes:
             y -= 0.35  # below the box, whose name stays readable
         ax.plot([x], [y], marker="X", markersize=11, color=LIMIT["color"], zorder=4)
-        ax.text(x, y - 0.15, str(fault), color=LIMIT["color"], fontsize=8, ha="center", va="top")
+        side = (
+            {"ha": "right", "va": "center"}
+            if fault.where in "12"
+            else {"ha": "center", "va": "top"}
+        )
+        place = (x - 0.15, y) if fault.where in "12" else (x, y - 0.15)
+        ax.text(*place, str(fault), color=LIMIT["color"], fontsize=8, **side)
     ax.legend(loc="upper right", fontsize=8)
     ax.set(xlim=(-1.0, 2.0 * last + 1.0), ylim=(-1.2, 2.6), xticks=[], yticks=[])
     ax.grid(visible=False)

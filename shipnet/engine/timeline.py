@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from shipnet.can.schedule.messages import nanoseconds
 from shipnet.engine.exchange import NEVER
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["timeline"]
 
+Integers = npt.NDArray[np.int64]
 _Slices = list[tuple[int, int, str]]
 
 
@@ -34,7 +36,7 @@ def timeline(run: Run, start: float, stop: float) -> pd.DataFrame:
     -------
     pandas.DataFrame
         One row a stretch of work: ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``),
-        ``task`` (``convert``, ``send``, ``CAN``, ``Modbus``; a box whose frame is on the bus;
+        ``task`` (``convert``, ``send``, ``CAN``, ``timer``, ``Modbus``; a box whose frame is on the bus;
         ``request``, ``response``), ``start_ms`` and ``end_ms``.
 
     Raises
@@ -90,18 +92,32 @@ def _cpu(run: Run, box: int) -> _Slices:
     modbus = [(t, t + system.service_ns, "Modbus") for t in cpu.begins.tolist()]
     heard = (run.sent.hearers >> box & 1).astype(bool) & (system.sender[run.sent.message] != box)
     work = nanoseconds(system.firmware.receive)
-    due = np.sort(run.sent.arrival[heard])
+    order = np.argsort(run.sent.arrival[heard], kind="stable")
+    due = run.sent.arrival[heard][order]
     left = cpu.queue(due, work) if due.size else due
     starts, ends = np.maximum(cpu.at(left), due), cpu.at(left + work)
     can = _without(
         [(a, b, "CAN") for a, b in zip(starts.tolist(), ends.tolist(), strict=True)], modbus
     )
+    if system.coding == "printed" and box in system.ports:
+        senders = system.sender[run.sent.message[heard][order]]
+        timer = [m for sender in set(senders) for m in _marks(run, box, ends[senders == sender])]
+        can += _without(timer, [*modbus, *can])
     whole = loop.queued > NEVER
     begins = cpu.at(loop.work[whole]).tolist()
     converted, queued = loop.converted[whole].tolist(), loop.queued[whole].tolist()
     steps = [(a, b, "convert") for a, b in zip(begins, converted, strict=True)]
     steps += [(a, b, "send") for a, b in zip(converted, queued, strict=True)]
     return [*modbus, *can, *_without(steps, [*modbus, *can])]
+
+
+def _marks(run: Run, box: int, heard: Integers) -> _Slices:
+    """Return when the timer of a sender marks its values: each time it was silent for too long."""
+    system, cpu = run.system, run.cpus[box]
+    silent = np.append(np.diff(heard) > nanoseconds(system.stale_limit), True)
+    begins = cpu.until(heard[silent] + nanoseconds(system.stale_limit))
+    ends = cpu.at(begins + nanoseconds(system.firmware.mark))
+    return [(a, b, "timer") for a, b in zip(cpu.at(begins).tolist(), ends.tolist(), strict=True)]
 
 
 def _without(slices: _Slices, busy: _Slices) -> _Slices:

@@ -15,6 +15,7 @@ from shipnet.engine.points import load_points
 from shipnet.engine.redundancy import Redundancy
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
+from shipnet.engine.timeline import timeline
 from shipnet.modbus.server import RegisterDevice, Slave
 from shipnet.papers.lee2012.serial import BIT_RATE, LINE, read, whole_poll
 from shipnet.papers.registry import check, numeric
@@ -134,3 +135,11 @@ def conversion_times_differ(*, inputs: tuple[int, ...] = ()) -> bool:
 def healthy_boxes_are_not_marked(*, update_period: float = System().update_period) -> bool:
     """Whether no healthy box is marked that is heard so often."""
     return not len(simulate(System(update_period=update_period), 60).alarms)
+
+
+@numeric("lee2012-047")
+def interrupts(*, silent_box: bool = True) -> int:
+    """Kinds of interrupts that break into the loop of JB1, one box being silent."""
+    faults = [DeadBox("JB2", 10)] if silent_box else []
+    work = timeline(simulate(System(), 20, faults=faults), 0, 20)
+    return len(set(work.loc[work["row"] == "JB1", "task"]) - {"convert", "send"})

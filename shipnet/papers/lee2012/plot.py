@@ -78,9 +78,7 @@ def plot_outline(boxes: Mapping[str, int], *, cylinders: int = 8, ax: Axes) -> A
     ax.add_patch(Rectangle((0, 0), cylinders, 1, facecolor="0.92", edgecolor="0.4"))
     ax.add_patch(Rectangle((0, 1), cylinders, 1, facecolor="0.96", edgecolor="0.4"))
     for number in range(cylinders):
-        ax.add_patch(
-            Rectangle((number + 0.15, 2), 0.7, 0.9, facecolor="#cfe3f3", edgecolor="0.4")
-        )
+        ax.add_patch(Rectangle((number + 0.15, 2), 0.7, 0.9, facecolor="#cfe3f3", edgecolor="0.4"))
         ax.text(number + 0.5, 2.45, f"{number + 1}", ha="center", va="center", fontsize=8)
     for floor, (box, points) in enumerate(boxes.items()):
         y = 2.1 - floor
