@@ -30,6 +30,7 @@ def loaded(statement):
         ("import shipnet.asi.simulation.poll", ["numpy"]),
         ("import shipnet.can", ["numpy"]),
         ("import shipnet.can.schedule", ["numpy", "scipy"]),
+        ("import shipnet.fuzzy", ["numpy"]),
         ("import shipnet.papers", ["numpy", "pandas"]),
     ],
 )
