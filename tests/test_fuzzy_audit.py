@@ -189,6 +189,12 @@ def test_what_the_published_vectors_are_diagnosed_as(how, wrong, crisp):
     assert dict(zip(missed["expected"], missed["headline"], strict=True)) == wrong
 
 
+def test_on_a_limit_the_comparison_and_the_ramp_differ():
+    tests = pd.DataFrame({"FP": [125], "MC": [2.5]}, index=["P1"])
+    assert diagnose(BASE, tests, crisp=True)["right"].tolist() == [False]
+    assert diagnose(BASE, tests)["right"].tolist() == [True]
+
+
 def test_which_rules_fire_on_a_nested_vector():
     table = diagnose(BASE, published.vectors("kim2014")).set_index("expected")["fired"]
     assert table["Pos1"] == "Pos1 S1 Pos3" and table["Pos2"] == "Pos2 S2 Pos4"

@@ -10,7 +10,11 @@ from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy import (
+    Interval,
+    Rule,
     RuleBase,
+    Term,
+    Variable,
     control_strengths,
     crisp_strengths,
     decide,
@@ -136,6 +140,12 @@ def test_a_value_beyond_the_universe_counts_as_its_end():
     sample = {"FP": 125, "MC": -0.01}
     assert crisp_strengths(BASE, sample).of("G1") == 0
     assert strengths(BASE, sample).of("G1") == 1
+
+
+def test_a_term_that_ends_beyond_the_universe_is_not_left_by_a_wild_value():
+    term = Term("high", (7, 9, 10, 11), Interval.parse("x > 8"))
+    base = RuleBase((Variable("x", "", 0, 10, (term,)),), (Rule("on", (("x", "high"),), 1),))
+    assert strengths(base, {"x": [10, 10.5, 99]}).of("on").tolist() == [1, 1, 1]
 
 
 def test_normal_is_what_no_rule_takes_and_unknown_without_sensors():

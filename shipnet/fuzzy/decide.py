@@ -195,6 +195,6 @@ def decide(firing: Firing, *, cut: float = 0.5, k: int = 1, n: int = 1) -> Decis
         if fires.ndim < 2:
             raise ArgumentError(f"n is {window}; the samples must have an axis of time")
         count = np.cumsum(fires, axis=0, dtype=np.int32)
-        count[window:] -= count[:-window].copy()
+        count[window:] -= count[:-window]
         fires = count >= least
     return Decision(firing, float(cut), fires)
