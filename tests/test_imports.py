@@ -34,6 +34,7 @@ def loaded(statement):
         ("import shipnet.modbus.server, shipnet.modbus.datagram", ["numpy"]),
         ("import shipnet.engine", ["numpy", "pandas", "scipy"]),
         ("import shipnet.remote_control", ["numpy"]),
+        ("import shipnet.fuzzy", ["numpy"]),
         ("import shipnet.papers", ["numpy", "pandas"]),
     ],
 )
