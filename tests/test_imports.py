@@ -32,6 +32,7 @@ def loaded(statement):
         ("import shipnet.can.schedule", ["numpy", "scipy"]),
         ("import shipnet.modbus", []),
         ("import shipnet.modbus.server, shipnet.modbus.datagram", ["numpy"]),
+        ("import shipnet.ballast", ["numpy"]),
         ("import shipnet.papers", ["numpy", "pandas"]),
     ],
 )
