@@ -10,7 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from math import pi, sqrt
 
-from shipnet.line.quantity import Quantity, check_quantity, check_trees
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.errors import ArgumentError
+from shipnet.line.quantity import Quantity, check_quantity
 
 __all__ = ["Actuator"]
 
@@ -146,15 +150,22 @@ class Actuator:
             unit, low, high = _LEGAL[field.name]
             value = check_quantity(field.name, getattr(self, field.name), unit, low=low, high=high)
             object.__setattr__(self, field.name, value)
-        check_trees("actuator", None, *(getattr(self, field.name) for field in fields(self)))
+        lengths = {len(value) for value in self._arrays()}
+        if len(lengths) > 1:
+            raise ArgumentError(
+                f"actuator has numbers for {' and for '.join(map(str, sorted(lengths)))} valves"
+            )
 
     @property
     def n_valves(self) -> int | None:
         """For how many valves there are numbers; None if they hold for any."""
-        values = (getattr(self, field.name) for field in fields(self))
-        return check_trees("actuator", None, *values)
+        return next((len(value) for value in self._arrays()), None)
 
     @property
     def stroke_volume(self) -> Quantity:
         """Oil that a quarter turn takes [m3]."""
         return self.piston_area * self.pinion_radius * (pi / 2)
+
+    def _arrays(self) -> list[npt.NDArray[np.float64]]:
+        values = (getattr(self, field.name) for field in fields(self))
+        return [value for value in values if isinstance(value, np.ndarray)]

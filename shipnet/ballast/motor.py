@@ -65,7 +65,7 @@ def electric_power(actuator: Actuator, current: npt.ArrayLike) -> Floats:
     >>> round(float(electric_power(Actuator(), 1.2)))
     707
     """
-    return np.asarray(np.sqrt(3) * actuator.voltage * np.asarray(current) * actuator.power_factor
+    return np.asarray(np.sqrt(3) * actuator.voltage * np.asarray(current) * actuator.power_factor)
 
 
 def losses(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
