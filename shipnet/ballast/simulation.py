@@ -145,8 +145,8 @@ def blocks(
     opening: npt.ArrayLike = 0.0,
     step: float = 0.1,
     idle_step: float = 1.0,
-    size: int = 2000,
     rng: np.random.Generator | None = None,
+    size: int = 2000,
 ) -> Iterator[Run]:
     """Simulate valves piece by piece, for runs that do not fit into memory.
 
