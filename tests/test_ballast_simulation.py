@@ -27,6 +27,13 @@ def test_a_stroke_takes_the_time_of_the_quadrature_in_both_directions():
     assert run.opening[-1, 0] == 0
 
 
+def test_a_valve_whose_speed_changes_on_its_way_takes_the_time_of_the_quadrature_too():
+    leaking, _ = faulty(Actuator(), [Fault("V2", 0.8)], 1)
+    run = simulate(commands=[Command("open")], duration=20, faults=[Fault("V2", 0.8)])
+    # Steps of the speed at their beginning would be 8 ms off, those at their middle 0.1 ms.
+    assert run.strokes["duration_s"][0] == pytest.approx(stroke_time(leaking)[0], abs=1e-3)
+
+
 def test_a_longer_step_changes_a_stroke_by_less_than_a_thousandth():
     times = [
         simulate(commands=OPEN, duration=15, step=step).strokes["duration_s"][0]

@@ -157,9 +157,9 @@ def blocks(
     size : int, default 2000
         Most instants of a block, 1..1e6.
 
-    Yields
-    ------
-    Run
+    Returns
+    -------
+    iterator of Run
         The blocks in order; strung together they are what `simulate` returns, whatever the size.
 
     Raises
