@@ -35,6 +35,7 @@ def loaded(statement):
         ("import shipnet.engine", ["numpy", "pandas", "scipy"]),
         ("import shipnet.remote_control", ["numpy"]),
         ("import shipnet.fuzzy", ["numpy"]),
+        ("import shipnet.ballast", ["numpy"]),
         ("import shipnet.papers", ["numpy", "pandas"]),
     ],
 )

@@ -1,0 +1,69 @@
+"""How much faster many valves are than a loop over them, and than differential equations.
+
+All in one run. The equations have compliance of the oil and mass besides, so theirs is the cost of
+the second route, not of a slower way to the same numbers; how far both are apart is printed too.
+"""
+
+from timeit import repeat
+
+import numpy as np
+
+from shipnet.ballast import Command, Sensors, blocks, simulate
+from shipnet.ballast.actuator import Actuator
+from shipnet.ballast.compliance import integrate_stroke
+
+N, DURATION = 256, 20.0
+OPEN = [Command("open", 1.0)]
+
+
+def seconds(function, repeats=3):
+    """Return the shortest of several times: the one least disturbed by other work."""
+    return min(repeat(function, number=1, repeat=repeats))
+
+
+def many():
+    return simulate(commands=OPEN, n_valves=N, duration=DURATION, rng=np.random.default_rng(2024))
+
+
+def one():
+    return simulate(commands=OPEN, duration=DURATION, rng=np.random.default_rng(2024))
+
+
+def stroke():
+    return integrate_stroke(Actuator(), np.arange(0, 9, 0.1))
+
+
+def day(n_valves):
+    """Let a day pass with a command an hour to every valve; return how many readings it has."""
+    hours = range(24)
+    orders = [Command(("open", "close")[hour % 2], 3600.0 * hour) for hour in hours]
+    run = blocks(commands=orders, n_valves=n_valves, duration=86400, rng=np.random.default_rng(1))
+    return sum(block.time.size for block in run)
+
+
+def report(what, time, peer=None, peer_time=None, note=""):
+    ratio = "" if peer_time is None else f"{peer_time / time:>9.1f}x  {peer} {peer_time:.3g} s"
+    print(f"{what:<44}{time * 1e3:>9.1f} ms{ratio}{note}")
+
+
+def main():
+    ideal = simulate(commands=[Command("open")], duration=9, sensors=Sensors.ideal())
+    ode = stroke()
+    n = ode.time.size
+    apart = np.abs(ode.opening - ideal.opening[:n, 0]).max()
+    print(f"opening by the equations is within {100 * apart:.2f} % of a stroke of the closed form")
+
+    all_valves, single, equations = seconds(many), seconds(one), seconds(stroke, 2)
+    report("256 valves, 20 s at 10 Hz, with noise", all_valves, "a loop", N * single)
+    report("256 valves, one stroke", all_valves, "equations, 256 such", N * equations)
+
+    readings = day(1)
+    time = seconds(lambda: day(N), 1)
+    note = (
+        f"   {readings} instants, {readings * N / time / 1e6:.1f} million valve readings a second"
+    )
+    report("256 valves, a day in blocks", time, note=note)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,14 @@
+"""Ballast valves with electro-hydraulic actuators: the plant, its faults, its registers."""
+
+from shipnet.ballast.actuator import Actuator
+from shipnet.ballast.commands import Command
+from shipnet.ballast.faults import FAULTS, Fault, fault_table
+from shipnet.ballast.operation import operating_point
+from shipnet.ballast.plant import Plant
+from shipnet.ballast.registers import RegisterMap
+from shipnet.ballast.sensors import Sensors
+from shipnet.ballast.simulation import Run, blocks, simulate
+from shipnet.ballast.slave import ValveDevice, valve_slaves
+
+__all__ = ["FAULTS", "Actuator", "Command", "Fault", "Plant", "RegisterMap", "Run", "Sensors"]
+__all__ += ["ValveDevice", "blocks", "fault_table", "operating_point", "simulate", "valve_slaves"]

@@ -1,0 +1,180 @@
+"""The messages of Tables 2 and 3, byte for byte: as printed, and as the standard wants them."""
+
+from __future__ import annotations
+
+import csv
+from typing import TYPE_CHECKING
+
+from shipnet.ballast.registers import COMMAND_REGISTER
+from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
+from shipnet.datasets import path
+from shipnet.errors import ArgumentError, FrameError, check_whole
+from shipnet.modbus.frame import decode_tcp, encode_tcp
+from shipnet.modbus.reader import decode_request, decode_response
+from shipnet.modbus.request import ReadRequest, WriteRegister
+from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["MESSAGES", "message_table", "printed_adu", "standard_adu"]
+
+#: File and message by name.
+MESSAGES = {
+    "write query": ("kim2014_table2_write_register.csv", "query"),
+    "write response": ("kim2014_table2_write_register.csv", "response"),
+    "write error": ("kim2014_table2_write_register.csv", "error"),
+    "read query": ("kim2014_table3_read_registers.csv", "query"),
+    "read response": ("kim2014_table3_read_registers.csv", "response"),
+}
+
+
+def printed_adu(
+    message: str, *, unit: int = 1, value: int = 0, registers: tuple[int, ...] = (0, 0, 0, 0)
+) -> bytes:
+    """Return a message with the bytes that the paper prints.
+
+    Parameters
+    ----------
+    message : str
+        One of `MESSAGES`.
+    unit : int, default 1
+        Slave id, 0..255.
+    value : int, default 0
+        Value of the command register, 0..65535, in the write query and its response.
+    registers : tuple of int, default four zeros
+        Registers 0x4020 to 0x4023 in the read response.
+
+    Returns
+    -------
+    bytes
+        The whole ADU.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such message, or a value is out of range.
+
+    Examples
+    --------
+    >>> printed_adu("read response", registers=(1, 2, 3, 4)).hex(" ")
+    '00 00 00 00 00 0e 01 04 40 20 08 04 00 01 00 02 00 03 00 04'
+    """
+    words = _checked(message, unit, value, registers)
+    file, kind = MESSAGES[message]
+    with path(file).open(encoding="utf-8") as table:
+        rows = [row for row in csv.DictReader(table) if row["message"] == kind]
+    adu = b""
+    for row in rows:
+        length, text = int(row["length_byte"]), row["value_printed"]
+        match row["field_mended"]:
+            case "unit identifier":
+                number = unit
+            case "position in percent":
+                number = value >> 8
+            case "command" | "status bits":
+                number = value & 0xFF
+            case "input registers":
+                adu += b"".join(word.to_bytes(2, "big") for word in words)
+                continue
+            case "transaction and protocol identifier":
+                adu += bytes(int(part) for part in text.split("."))
+                continue
+            case _:
+                number = int(text, 0)
+        adu += number.to_bytes(length, "big")
+    return adu
+
+
+def standard_adu(
+    message: str,
+    *,
+    unit: int = 1,
+    value: int = 0,
+    registers: tuple[int, ...] = (0, 0, 0, 0),
+    transaction_id: int = 0,
+) -> bytes:
+    """Return the same message as the standard has it.
+
+    Parameters
+    ----------
+    message, unit, value, registers
+        As for `printed_adu`.
+    transaction_id : int, default 0
+        0..65535.
+
+    Returns
+    -------
+    bytes
+        The whole ADU. The error is exception 1, as printed.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such message, or a value is out of range.
+
+    Examples
+    --------
+    >>> standard_adu("read response", registers=(1, 2, 3, 4)).hex(" ")
+    '00 00 00 00 00 0b 01 04 08 00 01 00 02 00 03 00 04'
+    """
+    words = _checked(message, unit, value, registers)
+    pdus = {
+        "write query": WriteRegister(COMMAND_REGISTER, value).pdu,
+        "write response": WriteRegister(COMMAND_REGISTER, value).pdu,
+        "write error": ExceptionResponse(6, 1).pdu,  # type: ignore[arg-type]
+        "read query": ReadRequest(4, FIRST_REGISTER, N_REGISTERS).pdu,  # type: ignore[arg-type]
+        "read response": ReadRegistersResponse(4, words).pdu,  # type: ignore[arg-type]
+    }
+    return encode_tcp(unit, pdus[message], transaction_id)
+
+
+def message_table() -> pd.DataFrame:
+    """Compare the printed messages with the standard's.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by message: ``printed`` and ``standard`` (hexadecimal), ``length_printed`` and
+        ``length_standard`` (length field of the MBAP header [byte]), ``same``, and what a decoder
+        by the standard says of the printed bytes (``decoder``: ``ok`` or the name of the error).
+
+    Examples
+    --------
+    >>> message_table()[["length_printed", "length_standard", "decoder"]].values.tolist()
+    [[6, 6, 'ok'], [6, 6, 'ok'], [3, 3, 'LengthError'], [6, 6, 'ok'], [14, 11, 'LengthError']]
+    """
+    import pandas as pd
+
+    rows = []
+    for message in MESSAGES:
+        printed, standard = printed_adu(message), standard_adu(message)
+        lengths = [int.from_bytes(adu[4:6], "big") for adu in (printed, standard)]
+        rows.append(
+            (printed.hex(" "), standard.hex(" "), *lengths, printed == standard, _verdict(message))
+        )
+    columns = ["printed", "standard", "length_printed", "length_standard", "same", "decoder"]
+    return pd.DataFrame(rows, columns=columns, index=pd.Index(MESSAGES, name="message"))
+
+
+def _verdict(message: str) -> str:
+    request = decode_request(decode_tcp(standard_adu(f"{message.split()[0]} query")).pdu)
+    try:
+        pdu = decode_tcp(printed_adu(message)).pdu
+        if message.endswith("query"):
+            decode_request(pdu)
+        else:
+            decode_response(pdu, request)
+    except FrameError as error:
+        return type(error).__name__
+    return "ok"
+
+
+def _checked(message: str, unit: int, value: int, registers: tuple[int, ...]) -> tuple[int, ...]:
+    if message not in MESSAGES:
+        raise ArgumentError(f"message is {message!r}; it must be one of {', '.join(MESSAGES)}")
+    check_whole("unit", unit, 0, 255)
+    check_whole("value", value, 0, 0xFFFF)
+    if len(registers) != N_REGISTERS:
+        raise ArgumentError(f"registers has {len(registers)} values; it must have {N_REGISTERS}")
+    return tuple(check_whole("register", word, 0, 0xFFFF) for word in registers)

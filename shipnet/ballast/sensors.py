@@ -1,0 +1,124 @@
+"""What the five sensors make of the truth: offsets, noise, scales, 12-bit conversion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.ballast.channels import CHANNELS
+from shipnet.errors import ArgumentError, check_whole
+
+__all__ = ["Sensors"]
+
+Floats = npt.NDArray[np.float64]
+
+_NAMES = tuple(channel.name for channel in CHANNELS)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """The sensors of a slave, in the order FP, OP, MC, OT, VPos and in their units.
+
+    Parameters
+    ----------
+    low, high : tuple of float
+        Ends of the scales; by default 0..160 bar, 0..10 bar, 0..6 A, 0..150 degC, -20..120 %.
+    noise : tuple of float
+        Standard deviations; by default 0.5 bar, 0.03 bar, 0.02 A, 0.3 degC, 0.1 %.
+    bits : int or None, default 12
+        Resolution of the converter, 1..24; None converts without steps.
+
+    Raises
+    ------
+    ArgumentError
+        If a scale is empty, a deviation negative, or there are not five of each.
+
+    Notes
+    -----
+    The paper prints 12 bits and five channels; scales and noise are our assumptions. The
+    potentiometer turns beyond both ends, else it could not show the 105 % and -5 % of the paper's
+    tests.
+
+    Examples
+    --------
+    >>> Sensors().step.round(4).tolist()
+    [0.0391, 0.0024, 0.0015, 0.0366, 0.0342]
+    """
+
+    low: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, -20.0)
+    high: tuple[float, ...] = (160.0, 10.0, 6.0, 150.0, 120.0)
+    noise: tuple[float, ...] = (0.5, 0.03, 0.02, 0.3, 0.1)
+    bits: int | None = 12
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        for name in ("low", "high", "noise"):
+            object.__setattr__(self, name, _five(name, getattr(self, name)))
+        for name, low, high, noise in zip(_NAMES, self.low, self.high, self.noise, strict=True):
+            if not low < high:
+                raise ArgumentError(f"scale of {name} is {low:g}..{high:g}; it must not be empty")
+            if not 0 <= noise < np.inf:
+                raise ArgumentError(f"noise of {name} is {noise:g}; it must be 0 or more")
+        if self.bits is not None:
+            object.__setattr__(self, "bits", check_whole("bits", self.bits, 1, 24))
+            if not np.isfinite([self.low, self.high]).all():
+                raise ArgumentError("low and high must be finite for a converter with bits")
+
+    @classmethod
+    def ideal(cls) -> Sensors:
+        """Return sensors without noise, ends and steps."""
+        return cls((-np.inf,) * 5, (np.inf,) * 5, (0.0,) * 5, None)
+
+    @property
+    def step(self) -> Floats:
+        """Step of the converter, shape (5,), in the units of the channels; 0 without one."""
+        if self.bits is None:
+            return np.zeros(5)
+        return np.asarray((np.array(self.high) - self.low) / (2**self.bits - 1))
+
+    def read(self, truth: npt.ArrayLike, rng: np.random.Generator | None = None) -> Floats:
+        """Return readings of true values.
+
+        Parameters
+        ----------
+        truth : array_like of float, shape (5, n_valves)
+            True values, offsets of faulty sensors included.
+        rng : numpy.random.Generator, optional
+            Draws the noise, as many numbers as there are values; no noise if omitted.
+
+        Returns
+        -------
+        ndarray of float, shape (5, n_valves)
+            Readings; NaN stays NaN.
+
+        Examples
+        --------
+        >>> Sensors().read([[90.06], [2.07], [1.2], [200], [50]])[:, 0].round(3).tolist()
+        [90.061, 2.071, 1.2, 150.0, 49.983]
+        """
+        values = np.asarray(truth, float)
+        if values.ndim != 2 or len(values) != 5:
+            raise ArgumentError(f"truth has the shape {values.shape}; it must be (5, n_valves)")
+        column = np.newaxis
+        if rng is not None:
+            noise = rng.standard_normal(values.shape)
+            values = values + noise * np.array(self.noise)[:, column]
+        low, high = np.array(self.low)[:, column], np.array(self.high)[:, column]
+        values = np.clip(values, low, high)
+        if self.bits is None:
+            return np.asarray(values)
+        step = self.step[:, column]
+        return np.asarray(np.rint((values - low) / step) * step + low)
+
+
+def _five(name: str, values: Any) -> tuple[float, ...]:
+    try:
+        found = tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        found = ()
+    if len(found) != 5 or any(value != value for value in found):
+        raise ArgumentError(f"{name} is {values!r}; it must be five numbers, {', '.join(_NAMES)}")
+    return found

@@ -1,0 +1,306 @@
+"""Commands and faults over time, for many valves: what their sensors read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.ballast.actuator import Actuator
+from shipnet.ballast.channels import CHANNELS
+from shipnet.ballast.commands import Command
+from shipnet.ballast.faults import Fault
+from shipnet.ballast.plant import Movement, Plant
+from shipnet.ballast.sensors import Sensors
+from shipnet.errors import check_whole
+from shipnet.line.quantity import check_scalar
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Run", "blocks", "simulate"]
+
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+#: Over how long the change of the position is taken [s]; the paper does not say.
+_WINDOW = 1.0
+
+#: Fields of a `Run` that have a row an instant.
+_COLUMNS = ("time", "readings", "DVPos", "running", "moving", "active", "opening")
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What was read, one row an instant.
+
+    Parameters
+    ----------
+    time : ndarray of float, shape (n_times,)
+        When [s]; not evenly spaced if it was idle in between.
+    readings : ndarray of float, shape (n_times, 5, n_valves)
+        FP, OP [bar], MC [A], OT [degC], VPos [%].
+    DVPos : ndarray of float, shape (n_times, n_valves)
+        By how much VPos has changed within the last second, up or down [%/s]; NaN unless the motor
+        has been running in one direction for all of it.
+    running, moving, active : ndarray of bool, shape (n_times, n_valves)
+        The motor runs; the valve turns; a command has not been fulfilled.
+    opening : ndarray of float, shape (n_times, n_valves)
+        True opening, 0..1, which no sensor knows.
+    movements : tuple of Movement
+        Runs of motors that ended meanwhile.
+    """
+
+    time: Floats
+    readings: Floats
+    DVPos: Floats
+    running: Flags
+    moving: Flags
+    active: Flags
+    opening: Floats
+    movements: tuple[Movement, ...]
+
+    @property
+    def n_valves(self) -> int:
+        """Number of valves."""
+        return int(self.readings.shape[2])
+
+    @property
+    def FP(self) -> Floats:
+        """Pump pressure, shape (n_times, n_valves) [bar]."""
+        return self.readings[:, 0]
+
+    @property
+    def OP(self) -> Floats:
+        """Operating pressure, shape (n_times, n_valves) [bar]."""
+        return self.readings[:, 1]
+
+    @property
+    def MC(self) -> Floats:
+        """Motor current, shape (n_times, n_valves) [A]."""
+        return self.readings[:, 2]
+
+    @property
+    def OT(self) -> Floats:
+        """Motor temperature, shape (n_times, n_valves) [degC]."""
+        return self.readings[:, 3]
+
+    @property
+    def VPos(self) -> Floats:
+        """Valve position, shape (n_times, n_valves) [%]."""
+        return self.readings[:, 4]
+
+    @property
+    def samples(self) -> dict[str, Floats]:
+        """All channels by their name in the rule table, DVPos included."""
+        found = {channel.name: self.readings[:, k] for k, channel in enumerate(CHANNELS)}
+        return found | {"DVPos": self.DVPos}
+
+    def valve(self, valve: int) -> pd.DataFrame:
+        """Return the columns of one valve, indexed by ``time_s``.
+
+        Parameters
+        ----------
+        valve : int
+            Which, from 0 on.
+        """
+        import pandas as pd
+
+        k = check_whole("valve", valve, 0, self.n_valves - 1)
+        columns = {c.column: self.readings[:, place, k] for place, c in enumerate(CHANNELS)}
+        columns["DVPos_percent_per_s"] = self.DVPos[:, k]
+        flags = {name: getattr(self, name)[:, k] for name in ("running", "moving", "active")}
+        return pd.DataFrame(columns | flags, index=pd.Index(self.time, name="time_s"))
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row an instant and valve, indexed by ``valve`` and ``time_s``."""
+        import pandas as pd
+
+        tables = {k: self.valve(k) for k in range(self.n_valves)}
+        return pd.concat(tables, names=["valve"])
+
+    @cached_property
+    def strokes(self) -> pd.DataFrame:
+        """One row a run of a motor that has ended: fields of `Movement` and ``duration_s``."""
+        import pandas as pd
+
+        frame = pd.DataFrame(self.movements, columns=list(Movement._fields))
+        frame["duration_s"] = frame["end"] - frame["start"]
+        return frame.rename(columns={"start": "start_s", "end": "end_s"})
+
+
+def blocks(
+    actuator: Actuator | None = None,
+    commands: Iterable[Command] = (),
+    *,
+    duration: float,
+    n_valves: int | None = None,
+    faults: Iterable[Fault] = (),
+    sensors: Sensors | None = None,
+    opening: npt.ArrayLike = 0.0,
+    step: float = 0.1,
+    idle_step: float = 1.0,
+    rng: np.random.Generator | None = None,
+    size: int = 2000,
+) -> Iterator[Run]:
+    """Simulate valves piece by piece, for runs that do not fit into memory.
+
+    Parameters
+    ----------
+    actuator, commands, duration, n_valves, faults, sensors, opening, step, idle_step, rng
+        As for `simulate`.
+    size : int, default 2000
+        Most instants of a block, 1..1e6.
+
+    Returns
+    -------
+    iterator of Run
+        The blocks in order; strung together they are what `simulate` returns, whatever the size.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Examples
+    --------
+    An hour of one valve that is opened after half of it:
+
+    >>> half = [Command("open", 1800.0)]
+    >>> [run.time.size for run in blocks(commands=half, duration=3600, size=2000)]
+    [2000, 1683]
+    """
+    plant = Plant(
+        actuator, n_valves=n_valves, sensors=sensors, faults=faults, opening=opening, step=step,
+        rng=rng,
+    )  # fmt: skip
+    last = plant.ticks(check_scalar("duration", duration, "s", 0, 1e8))
+    idle = check_scalar("idle_step", idle_step, "s", step, 3600)
+    most = check_whole("size", size, 1, 10**6)
+    orders = sorted(commands, key=lambda command: command.time)
+    for command in orders:
+        command.mask(plant.n_valves)
+    events = {plant.ticks(fault.start) for fault in plant.faults}
+    events |= {plant.ticks(command.time) for command in orders}
+    pause = max(round(idle / plant.step), 1)
+    return _record(plant, orders, sorted(events), last, pause, most)
+
+
+def simulate(
+    actuator: Actuator | None = None,
+    commands: Iterable[Command] = (),
+    *,
+    duration: float,
+    n_valves: int | None = None,
+    faults: Iterable[Fault] = (),
+    sensors: Sensors | None = None,
+    opening: npt.ArrayLike = 0.0,
+    step: float = 0.1,
+    idle_step: float | None = None,
+    rng: np.random.Generator | None = None,
+) -> Run:
+    """Simulate valves.
+
+    Parameters
+    ----------
+    actuator : Actuator, optional
+        What the valves are; `Actuator` with its defaults if omitted.
+    commands : iterable of Command, optional
+        What they are told, in any order.
+    duration : float
+        Until when, 0..1e8 [s]; the last reading is at or just after this time.
+    n_valves : int, optional
+        How many, 1..10000; 1 if omitted, or what `actuator` has arrays for.
+    faults : iterable of Fault, optional
+        What is wrong, and from when on.
+    sensors : Sensors, optional
+        What measures; `Sensors` with its defaults if omitted.
+    opening : float or array_like of float, shape (n_valves,), default 0
+        Where they stand at first, 0..1.
+    step : float, default 0.1
+        Time between two readings while a motor runs, 1e-3..1 [s].
+    idle_step : float, optional
+        Time between two readings while none does, `step`..3600 [s]; `step` if omitted.
+    rng : numpy.random.Generator, optional
+        Draws the noise of the sensors; there is none if omitted.
+
+    Returns
+    -------
+    Run
+        Readings, flags and movements.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range, or names a valve that is not there.
+
+    Examples
+    --------
+    Four valves open; the pump of the last leaks:
+
+    >>> run = simulate(commands=[Command("open")], n_valves=4, duration=20,
+    ...                faults=[Fault("P2", 0.5, valves=3)], rng=np.random.default_rng(2024))
+    >>> run.FP[50].round().tolist()
+    [91.0, 90.0, 89.0, 28.0]
+    >>> run.strokes[["valve", "duration_s", "outcome"]].round(1).values.tolist()
+    [[0, 9.0, 'limit'], [1, 9.0, 'limit'], [2, 9.0, 'limit'], [3, 16.6, 'limit']]
+    """
+    pieces = list(
+        blocks(
+            actuator, commands, duration=duration, n_valves=n_valves, faults=faults,
+            sensors=sensors, opening=opening, step=step, rng=rng,
+            idle_step=step if idle_step is None else idle_step,
+        )
+    )  # fmt: skip
+    columns = {
+        name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in _COLUMNS
+    }
+    return Run(**columns, movements=tuple(moved for piece in pieces for moved in piece.movements))
+
+
+def _record(
+    plant: Plant, orders: list[Command], events: list[int], last: int, pause: int, size: int
+) -> Iterator[Run]:
+    """Step the plant until its last tick, and yield what it read."""
+    n, window = plant.n_valves, max(round(_WINDOW / plant.step), 1)
+    before = np.full((window, n), np.nan)
+    due = told = 0
+    done = False
+    while not done:
+        time, readings = np.empty(size), np.empty((size, 5, n))
+        flags, opening = np.zeros((3, size, n), bool), np.empty((size, n))
+        ran = np.zeros((size, n), int)
+        row = 0
+        while row < size and not done:
+            while told < len(orders) and plant.ticks(orders[told].time) <= plant.tick:
+                plant.order(orders[told])
+                told += 1
+            while due < len(events) and events[due] <= plant.tick:
+                due += 1
+            readings[row] = plant.measure()
+            time[row], opening[row], ran[row] = plant.time, plant.opening, plant.ran
+            flags[0, row], flags[2, row] = plant.running, plant.active
+            was = plant.opening
+            row += 1
+            done = plant.tick >= last
+            if not done:
+                ahead = 1
+                if not plant.running.any():
+                    upcoming = events[due] if due < len(events) else last
+                    ahead = min(pause, upcoming - plant.tick, last - plant.tick)
+                plant.advance(max(ahead, 1))
+                flags[1, row - 1] = plant.opening != was
+        earlier = np.concatenate([before, readings[:row, 4]])
+        change = np.abs(earlier[window:] - earlier[:-window]) / (window * plant.step)
+        rate = np.where(ran[:row] > window, change, np.nan)
+        before = earlier[-window:]
+        movements, plant.movements = tuple(plant.movements), []
+        yield Run(
+            time[:row], readings[:row], rate, flags[0, :row], flags[1, :row], flags[2, :row],
+            opening[:row], movements,
+        )  # fmt: skip
