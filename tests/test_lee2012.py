@@ -14,6 +14,7 @@ from shipnet.engine import simulate as simulate_engine
 from shipnet.engine.faults import DeadBox
 from shipnet.engine.power import engine_power
 from shipnet.engine.redundancy import part_fault_table
+from shipnet.engine.serial_interface import INTERFACES
 from shipnet.engine.system import RULE
 from shipnet.errors import ArgumentError, MismatchError
 from shipnet.modbus.frame import decode_rtu, encode_rtu
@@ -181,3 +182,8 @@ def test_one_processor_a_box_is_less_than_two():
     table = part_fault_table(load_points(), designs={"printed": (2, 1), "asked for": (2, 2)})
     worst = table.groupby("design")["points_lost"].max()
     assert worst.to_dict() == {"printed": 43, "asked for": 0}
+
+
+def test_rs_482_stands_for_rs_422():
+    assert set(INTERFACES) == {"RS-232", "RS-422", "RS-485"}
+    assert not points.is_an_interface() and points.is_an_interface(printed="RS-422")

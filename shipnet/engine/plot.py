@@ -237,13 +237,12 @@ def plot_system(system: System, *, ax: Axes, faults: Iterable[Fault] = ()) -> Ax
         if fault.where in system.boxes:
             y -= 0.35  # below the box, whose name stays readable
         ax.plot([x], [y], marker="X", markersize=11, color=LIMIT["color"], zorder=4)
-        side = (
-            {"ha": "right", "va": "center"}
-            if fault.where in "12"
-            else {"ha": "center", "va": "top"}
-        )
-        place = (x - 0.15, y) if fault.where in "12" else (x, y - 0.15)
-        ax.text(*place, str(fault), color=LIMIT["color"], fontsize=8, **side)
+        on_cable = fault.where in ("1", "2")  # beside the cable, whose name is below
+        ax.annotate(
+            str(fault), (x, y), (-9, 0) if on_cable else (0, -10),
+            textcoords="offset points", color=LIMIT["color"], fontsize=8,
+            ha="right" if on_cable else "center", va="center" if on_cable else "top",
+        )  # fmt: skip
     ax.legend(loc="upper right", fontsize=8)
     ax.set(xlim=(-1.0, 2.0 * last + 1.0), ylim=(-1.2, 2.6), xticks=[], yticks=[])
     ax.grid(visible=False)

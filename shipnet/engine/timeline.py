@@ -36,8 +36,8 @@ def timeline(run: Run, start: float, stop: float) -> pd.DataFrame:
     -------
     pandas.DataFrame
         One row a stretch of work: ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``),
-        ``task`` (``convert``, ``send``, ``CAN``, ``timer``, ``Modbus``; a box whose frame is on the bus;
-        ``request``, ``response``), ``start_ms`` and ``end_ms``.
+        ``task`` (``convert``, ``send``, ``CAN``, ``timer``, ``Modbus``; a box whose frame is on
+        the bus; ``request``, ``response``), ``start_ms`` and ``end_ms``.
 
     Raises
     ------

@@ -7,6 +7,7 @@ import numpy as np
 from shipnet import datasets
 from shipnet.engine.converters import BURDEN, Adc
 from shipnet.engine.points import CONDITIONS, by_box, load_points
+from shipnet.engine.serial_interface import INTERFACES
 from shipnet.engine.wiring import conductors
 from shipnet.papers.registry import check, numeric
 
@@ -159,3 +160,9 @@ def is_a_kind_of_switch(*, printed: str = "") -> bool:
     last = switches.iloc[-1]
     others = switches.loc[switches["jb"] != last["jb"], "type_printed"]
     return (printed or last["type_printed"]) in set(others)
+
+
+@check("lee2012-042", counter={"printed": "RS-485"})
+def is_an_interface(*, printed: str = "RS-482") -> bool:
+    """Whether the name is that of one of the interfaces that a box can be set to."""
+    return printed in INTERFACES
