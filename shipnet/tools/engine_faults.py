@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -111,12 +112,10 @@ class Result:
         alarms = alarms[alarms["time_s"] <= self.inputs.time]
         box = alarms["source"].str.extract(r"^ME-(JB\d+)-", expand=False)
         source = (box + " points").fillna(alarms["source"])
-        alike = alarms.assign(time_s=alarms["time_s"].round(2), source=source)
-        counted = alike.value_counts(["time_s", "source", "kind"], sort=False)
+        counted = Counter(zip(alarms["time_s"].round(2), source, alarms["kind"], strict=True))
         return [
-            f"{row.time_s:.2f} s: {row.source}, {row.kind}"
-            + (f" ({row.points})" if row.points > 1 else "")
-            for row in counted.reset_index(name="points").itertuples()
+            f"{time:.2f} s: {who}, {kind}" + (f" ({count})" if count > 1 else "")
+            for (time, who, kind), count in counted.items()
         ]
 
     @property
