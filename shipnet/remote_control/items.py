@@ -9,7 +9,7 @@ from typing import Literal
 from shipnet.crc import crc
 from shipnet.errors import ArgumentError, FieldError, check_whole
 
-__all__ = ["Items", "NumberCheck", "check_items", "check_number_check", "check_numbers"]
+__all__ = ["NumberCheck", "check_items", "check_number_check", "check_numbers"]
 __all__ += ["read_items", "trailer"]
 
 #: Number and value of each item, in the order of the packet.

@@ -8,7 +8,7 @@ from shipnet.modbus.ring.bounds import System
 from shipnet.modbus.ring.channels import Channels
 from shipnet.modbus.ring.faults import Fault
 
-__all__ = ["KINDS", "LOST", "A", "B", "Master", "Paths", "Try", "until_answer"]
+__all__ = ["KINDS", "LOST", "A", "B", "Master", "Paths", "until_answer"]
 
 #: Ports, and in place of one: served by none.
 A, B, LOST = range(3)
