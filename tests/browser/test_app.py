@@ -77,3 +77,25 @@ def test_the_can_explorer_follows_its_editor(browser, app):
     editor.blur()
     verdict.filter(has_text="row 2").wait_for(timeout=LONG)
     page.close()
+
+
+def test_the_scan_explorer_waits_for_a_dead_slave(browser, app):
+    page = browser.new_page()
+    page.goto(f"{app}/voila/render/modbus_scan.ipynb", timeout=LONG)
+    verdict = page.locator(".widget-html-content b")
+    verdict.filter(has_text="in time: 1.576 s").wait_for(timeout=LONG)
+    dead = page.locator(".noUi-handle").nth(3)
+    dead.focus()
+    dead.press("ArrowRight")
+    verdict.filter(has_text="too slow: 2.543 s").wait_for(timeout=LONG)
+    page.close()
+
+
+def test_the_engine_explorer_marks_a_dead_box_late(browser, app):
+    page = browser.new_page()
+    page.goto(f"{app}/voila/render/engine_faults.ipynb", timeout=LONG)
+    verdict = page.locator(".widget-html-content b")
+    verdict.filter(has_text="18 old values shown as good").wait_for(timeout=LONG)
+    page.locator("select").nth(1).select_option("mended, CAN as a line")
+    verdict.filter(has_text="0 old values").wait_for(timeout=LONG)
+    page.close()
