@@ -14,7 +14,23 @@ __all__ = ["addresses"]
 
 
 def addresses(bits: int = 8) -> list[int]:
-    """Return the unit ids of single slaves, of those that a number of so many bits can hold."""
+    """Return the unit ids of single slaves.
+
+    Parameters
+    ----------
+    bits : int, default 8
+        Bits of the number that holds an id.
+
+    Returns
+    -------
+    list of int
+        Those that a frame may carry, the broadcast left out.
+
+    Examples
+    --------
+    >>> addresses()[0], addresses()[-1]
+    (1, 247)
+    """
     return [unit for unit in range(1, 2**bits) if _legal(unit)]
 
 

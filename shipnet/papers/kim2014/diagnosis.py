@@ -22,16 +22,53 @@ _ROW_12 = float(published.vectors(_PAPER, reading="printed")["VPos"]["Pos4"])
 
 
 def diagnosed(code: str, *, reading: str = "printed", **inputs: float) -> str:
-    """Return the headline for a row of the rule table, some of its inputs changed."""
+    """Return what the rules as printed make of a row's inputs.
+
+    Parameters
+    ----------
+    code : str
+        Code of the row.
+    reading : {"printed", "meant"}, default "printed"
+        Inputs as printed, or mended.
+    **inputs : float
+        Other values for some of them.
+
+    Returns
+    -------
+    str
+        Headline: the code of the highest priority that fires, or ``normal``.
+
+    Examples
+    --------
+    >>> diagnosed("S2"), diagnosed("S2", VPos=-5.0)
+    ('S1', 'S2')
+    """
     tests = published.vectors(_PAPER, reading=reading).loc[[code]].assign(**inputs)
     return str(diagnose(BASE, tests, crisp=True)["headline"].iloc[0])
 
 
 def through_registers(code: str) -> str:
-    """Return the headline for a row as meant, once its readings have been sent in registers.
+    """Return what the rules make of a row as meant, once its readings came through registers.
 
     What the row does not print is as the plant would have it; the speed is not sent, so it is
     taken from the row.
+
+    Parameters
+    ----------
+    code : str
+        Code of the row.
+
+    Returns
+    -------
+    str
+        Headline.
+
+    Examples
+    --------
+    A position of -5 arrives as 0:
+
+    >>> through_registers("S1"), through_registers("S2")
+    ('S1', 'normal')
     """
     tests = published.vectors(_PAPER, fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]

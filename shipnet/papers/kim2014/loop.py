@@ -21,7 +21,23 @@ __all__ = ["status_poll"]
 def status_poll(rate: float = 9600.0, **settings: float) -> Poll:
     """Return the poll that reads the four status registers of a valve.
 
-    Neither paper prints the character, the timeout or the retries: 8E1, 1 s and none.
+    Parameters
+    ----------
+    rate : float, default 9600
+        Bit rate [bit/s].
+    **settings : float
+        ``processing``, ``timeout`` and ``retries`` of `Poll`. The paper prints none of them, nor
+        the character, which is 8E1 here.
+
+    Returns
+    -------
+    Poll
+        Query of 8 bytes, response of 13.
+
+    Examples
+    --------
+    >>> round(status_poll(115200).scan(247), 2)
+    1.36
     """
     request = ReadRequest(4, FIRST_REGISTER, N_REGISTERS)  # type: ignore[arg-type]
     return Poll.of(request, Serial(rate), **settings)  # type: ignore[arg-type]

@@ -31,7 +31,18 @@ _LENGTH_AT = 4
 
 
 def table_1() -> dict[str, int]:
-    """Return the bytes of PDU that the first Table 1 gives each message of Tables 2 and 3."""
+    """Return how long the first Table 1 makes the messages of Tables 2 and 3.
+
+    Returns
+    -------
+    dict of str to int
+        Message -> length of its PDU, with four registers in a read response [byte].
+
+    Examples
+    --------
+    >>> table_1()["read response"]
+    10
+    """
     sizes = {}
     for name, code in (("write", "0x06"), ("read", "0x04")):
         for message in ("query", "response", "error"):

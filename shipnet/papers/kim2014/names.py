@@ -22,7 +22,18 @@ SUBJECTS = {
 
 
 def captions() -> tuple[str, ...]:
-    """Return the numbers of the tables, as their captions have them."""
+    """Return the numbers of the tables, as their captions have them.
+
+    Returns
+    -------
+    tuple of str
+        In the order of the paper.
+
+    Examples
+    --------
+    >>> captions()
+    ('Table 1', 'Table 2', 'Table 3', 'Table 1')
+    """
     items = datasets.read("figures_tables.csv").query("paper == 'kim2014'")["item"]
     return tuple(item.split(" (")[0] for item in items if item.startswith("Table"))
 
