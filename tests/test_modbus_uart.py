@@ -206,3 +206,19 @@ def test_the_tolerance_is_where_a_simulated_receiver_begins_to_fail(character, o
 def test_arguments_out_of_range_are_named(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
+
+
+def test_every_frame_can_have_a_silence_of_its_own():
+    line = Serial(9600)
+    gaps = [0.5, 0.0, 0.25]
+    time, level = uart_waveform([b"a", b"bc", b"d"], line, gap=gaps, start=1.0)
+    ends = 1.0 + np.cumsum([0.5 + line.character_time, 2 * line.character_time])
+    parts = [uart_waveform(b"a", line, start=1.0), uart_waveform(b"bc", line, start=float(ends[0]))]
+    parts.append(uart_waveform(b"d", line, start=float(ends[1])))
+    falls = [t[1] for t, _ in parts]
+    assert np.isin(np.round(falls, 9), np.round(time[level == 0], 9)).all()
+    assert time[-1] == pytest.approx(ends[1] + line.character_time + 0.25)
+    with pytest.raises(ArgumentError, match="gap has 2 values; there are 3 frames"):
+        uart_waveform([b"a", b"b", b"c"], line, gap=[0.0, 1.0])
+    with pytest.raises(ArgumentError, match=r"gap\[1\] is -1 s"):
+        uart_waveform([b"a", b"b"], line, gap=[0.0, -1.0])

@@ -117,12 +117,12 @@ def plot_age(
     joined = (ages["good_until_s"] == ages["until_s"]) & good
     # A fresh value drops the line at once; behind a mark it begins anew.
     y[:, 2] = np.where(joined, np.append(ages["age_s"].iloc[1:], np.nan), np.nan)
-    ax.plot(x.ravel(), y.ravel(), label=label or None)
+    (line,) = ax.plot(x.ravel(), y.ravel(), label=label or None)
     bad = ages[ages["good_until_s"] < ages["until_s"]]
     if len(bad):
         ax.plot(
-            bad["good_until_s"], np.zeros(len(bad)), linestyle="none", marker="x", color="0.1",
-            clip_on=False, label="marked",
+            bad["good_until_s"], np.zeros(len(bad)), linestyle="none", marker="x",
+            color=line.get_color(), clip_on=False, label=f"{label}, marked".lstrip(", "),
         )  # fmt: skip
     for name, value in (limits or {}).items():
         ax.axhline(value, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
@@ -244,7 +244,8 @@ def plot_system(system: System, *, ax: Axes, faults: Iterable[Fault] = ()) -> Ax
             ha="right" if on_cable else "center", va="center" if on_cable else "top",
         )  # fmt: skip
     ax.legend(loc="upper right", fontsize=8)
-    ax.set(xlim=(-1.0, 2.0 * last + 1.0), ylim=(-1.2, 2.6), xticks=[], yticks=[])
+    lowest = min(y for _, y in spots.values()) - 0.4
+    ax.set(xlim=(-1.0, 2.0 * last + 1.0), ylim=(lowest, 2.6), xticks=[], yticks=[])
     ax.grid(visible=False)
     ax.spines[:].set_visible(False)
     return ax

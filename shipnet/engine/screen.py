@@ -80,6 +80,21 @@ class SyntheticValues:
         angle = self._omega[place] * t + self._phase[place]
         return np.asarray(self._mean[place] + self._amplitude[place] * np.sin(angle))
 
+    def now(self, time: float) -> Floats:
+        """Return the values of all points at one time.
+
+        Parameters
+        ----------
+        time : float
+            When [s].
+
+        Returns
+        -------
+        ndarray of float, shape (n_points,)
+            Values in the units of the points.
+        """
+        return np.array([self.at(place, time) for place in range(len(self.points))])
+
 
 def screen(run: Run, time: float, values: SyntheticValues) -> pd.DataFrame:
     """Return what the AMS shows at a time.

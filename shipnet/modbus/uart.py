@@ -68,7 +68,7 @@ def uart_waveform(
     frames: bytes | Sequence[bytes],
     serial: Serial,
     *,
-    gap: float | None = None,
+    gap: float | Sequence[float] | None = None,
     start: float | None = None,
     differential: float | None = None,
 ) -> tuple[Floats, Floats]:
@@ -80,11 +80,11 @@ def uart_waveform(
         What is sent; the characters of a frame follow each other at once.
     serial : Serial
         Settings of the line.
-    gap : float, optional
-        Silence between two frames and after the last one, 0..3600 [s]; t3.5 if omitted.
+    gap : float or sequence of float, optional
+        Silence behind each frame, 0..3600 [s]; t3.5 if omitted.
     start : float, optional
-        Silence before the first frame, which begins at this time, 0..3600 [s]; as `gap` if
-        omitted.
+        Silence before the first frame, which begins at this time, 0..3600 [s]; t3.5, or one `gap`
+        for all, if omitted.
     differential : float, optional
         Give the voltage of RS-485 instead of the level, D1 against D0: this much for 1, and the
         opposite for 0, 0.2..12 [V]. Drivers have 1.5 V or more, an idle line is held at 1 by its
@@ -112,13 +112,21 @@ def uart_waveform(
     >>> (time * 9600).round(6).tolist(), level.tolist()
     ([0.0, 1.0, 3.0, 5.0, 6.0, 7.0, 8.0, 10.0, 11.0], [0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0])
     """
-    pause = check_scalar("gap", serial.t35 if gap is None else gap, "s", 0, 3600)
-    begin = check_scalar("start", pause if start is None else start, "s", 0, 3600)
+    parts = [frames] if isinstance(frames, bytes | bytearray) else list(frames)
+    single = serial.t35 if gap is None else gap
+    if isinstance(single, Sequence):
+        pauses = [check_scalar(f"gap[{k}]", one, "s", 0, 3600) for k, one in enumerate(single)]
+        if len(pauses) != len(parts):
+            raise ArgumentError(f"gap has {len(pauses)} values; there are {len(parts)} frames")
+        first = serial.t35
+    else:
+        first = check_scalar("gap", single, "s", 0, 3600)
+        pauses = [first] * len(parts)
+    begin = check_scalar("start", first if start is None else start, "s", 0, 3600)
     if differential is not None:
         check_scalar("differential", differential, "V", 0.2, 12)
-    parts = [frames] if isinstance(frames, bytes | bytearray) else list(frames)
     times, levels = [np.zeros(1)], [np.ones(1)]
-    for part in parts:
+    for part, pause in zip(parts, pauses, strict=True):
         bits = uart_bits(part, serial).ravel()
         times.append(begin + np.arange(bits.size + 1) / serial.bit_rate)
         levels.append(np.append(bits, 1))

@@ -293,6 +293,8 @@ def format_computed(value: object, published: str = "") -> str:
     --------
     >>> format_computed(7.36842), format_computed(496.0), format_computed(False)
     ('7.368', '496', 'does not hold')
+    >>> format_computed(22343.75)
+    '22340'
     """
     if value is None or value is pd.NA:
         return ""
@@ -301,4 +303,7 @@ def format_computed(value: object, published: str = "") -> str:
     number = float(value)  # type: ignore[arg-type]
     if published.startswith("0x") and number.is_integer():
         return f"0x{int(number):X}"
-    return f"{number:.0f}" if number.is_integer() else f"{number:.4g}"
+    if number.is_integer():
+        return f"{number:.0f}"
+    text = f"{number:.4g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(number) < 1e9 else text

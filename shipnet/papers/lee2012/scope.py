@@ -1,0 +1,91 @@
+"""What a two-channel scope shows in Figs 12 and 13: the lines as levels over time."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.engine.faults import CutModbus
+from shipnet.engine.simulation import simulate
+from shipnet.engine.system import System
+from shipnet.modbus.frame import encode_rtu
+from shipnet.modbus.uart import uart_waveform
+from shipnet.papers.lee2012.serial import JB1, JB3, LINE, answer, read
+
+__all__ = ["response_scope", "switch_over_scope"]
+
+Trace = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+
+#: A response of 8 bytes, as Fig 4(b) draws it: its own address, a count of two bytes.
+_DRAWN = bytes([JB1, 3, 0, 2, 0, 100, 0, 0])
+
+
+def response_scope() -> dict[str, Trace]:
+    """Return both lines during one request and its response as Fig 4 draws them: Fig 13.
+
+    Returns
+    -------
+    dict of str to (ndarray, ndarray)
+        Time [s] and level of what the AMS and the box send, the request from time 0 on.
+
+    Examples
+    --------
+    >>> time, level = response_scope()["JB1 sends"]
+    >>> round(1e3 * float(time[level == 0][-1]), 1) <= 22.3
+    True
+    """
+    request = encode_rtu(JB1, read(1).pdu)
+    begin = LINE.frame_time(len(request)) + LINE.t35
+    end = begin + LINE.frame_time(len(_DRAWN)) + LINE.t35
+    return {
+        "AMS sends": _trace([request], [0.0], end),
+        "JB1 sends": _trace([_DRAWN], [begin], end),
+    }
+
+
+def _trace(frames: list[bytes], begins: list[float], end: float) -> Trace:
+    """Return the line with frames that begin at these times."""
+    if not frames:
+        return np.array([0.0, end]), np.ones(2)
+    ends = [begin + LINE.frame_time(len(f)) for f, begin in zip(frames, begins, strict=True)]
+    gaps = [after - before for before, after in zip(ends, [*begins[1:], end], strict=True)]
+    return uart_waveform(frames, LINE, gap=gaps, start=begins[0])
+
+
+def switch_over_scope(system: System, *, cut: float = 1.5, end: float = 3.4) -> dict[str, Trace]:
+    """Return what the AMS sends on both channels around a cut of channel 1: Fig 12(b).
+
+    Parameters
+    ----------
+    system : System
+        The system.
+    cut : float, default 1.5
+        When channel 1 is unplugged [s].
+    end : float, default 3.4
+        When the picture ends [s].
+
+    Returns
+    -------
+    dict of str to (ndarray, ndarray)
+        Time [s] and level of each channel: requests, and the responses of the boxes to them.
+
+    Examples
+    --------
+    >>> sorted(switch_over_scope(System()))
+    ['channel 1', 'channel 2']
+    """
+    run = simulate(system, end, faults=[CutModbus("1", cut)])
+    traces = {}
+    for channel, unit in (("channel 1", JB1), ("channel 2", JB3)):
+        frames, begins = [], []
+        own = run.requests[run.requests["channel"] == int(channel[-1])]
+        for time, outcome in zip(own["time_s"], own["outcome"], strict=True):
+            request = encode_rtu(unit, read(system.registers).pdu)
+            frames.append(request)
+            begins.append(float(time))
+            if outcome == "answered":
+                wait = LINE.frame_time(len(request)) + LINE.t35 + system.firmware.processing
+                frames.append(encode_rtu(unit, answer(system.registers).pdu))
+                begins.append(float(time) + wait)
+        traces[channel] = _trace(frames, begins, end)
+    return traces

@@ -1,0 +1,228 @@
+"""The engine explorer: something fails, and the AMS shows what it knows."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import ipywidgets as widgets
+import numpy as np
+from matplotlib.axes import Axes
+
+from shipnet.engine.faults import Fault, single_faults
+from shipnet.engine.plot import plot_screen
+from shipnet.engine.result import Run
+from shipnet.engine.screen import SyntheticValues, screen
+from shipnet.engine.simulation import simulate
+from shipnet.engine.system import RULE, System
+from shipnet.errors import ArgumentError
+from shipnet.tools._view import BAD, GOOD, Board, follow
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["DESIGNS", "FAULTS", "START", "Inputs", "Result", "draw", "explorer", "update"]
+
+#: When the fault begins, and the last time that can be looked at [s].
+START, _END = 10.0, 25.0
+
+#: Designs to choose from.
+DESIGNS = {
+    "as printed, CAN as a line": System(),
+    "as printed, CAN as a ring": System(topology="ring"),
+    "mended, CAN as a line": System.mended(),
+}
+
+#: Faults to choose from, by what they are called.
+FAULTS: dict[str, Fault | None] = {"none": None} | {
+    str(fault): fault for fault in single_faults(System(), START)
+}
+
+#: Seed of phases, losses and values.
+_SEED = 2024
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What the controls say.
+
+    Parameters
+    ----------
+    fault : str, default "box dead JB2"
+        Key of `FAULTS`; it begins at `START`.
+    design : str, default "as printed, CAN as a line"
+        Key of `DESIGNS`.
+    time : float, default 13
+        When the screen is looked at, 2..25 [s].
+
+    Raises
+    ------
+    ArgumentError
+        If a value is outside its range.
+    """
+
+    fault: str = "box dead JB2"
+    design: str = next(iter(DESIGNS))
+    time: float = 13.0
+
+    def __post_init__(self) -> None:
+        """Check all three."""
+        for name, known in (("fault", FAULTS), ("design", DESIGNS)):
+            if getattr(self, name) not in known:
+                legal = ", ".join(map(repr, known))
+                raise ArgumentError(f"{name} is {getattr(self, name)!r}; it must be one of {legal}")
+        if not 2 <= self.time <= _END:
+            raise ArgumentError(f"time is {self.time} s; it must be 2..{_END:g} s")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Result:
+    """What the AMS shows, and what it has raised.
+
+    Attributes
+    ----------
+    inputs : Inputs
+        What was asked.
+    run : Run
+        The simulation.
+    screen : pandas.DataFrame
+        As `shipnet.engine.screen` returns it.
+    """
+
+    inputs: Inputs
+    run: Run
+    screen: pd.DataFrame
+
+    @property
+    def old(self) -> int:
+        """Points shown as good that are older than the rule allows."""
+        return int((self.screen["age_s"] > RULE).sum())
+
+    @property
+    def marked(self) -> int:
+        """Points marked."""
+        return int((self.screen["mark"] != "").sum())
+
+    @property
+    def raised(self) -> list[str]:
+        """Alarms so far, the points of a box together."""
+        alarms = self.run.alarms
+        alarms = alarms[alarms["time_s"] <= self.inputs.time]
+        box = alarms["source"].str.extract(r"^ME-(JB\d+)-", expand=False)
+        source = (box + " points").fillna(alarms["source"])
+        counted = Counter(zip(alarms["time_s"].round(2), source, alarms["kind"], strict=True))
+        return [
+            f"{time:.2f} s: {who}, {kind}" + (f" ({count})" if count > 1 else "")
+            for (time, who, kind), count in counted.items()
+        ]
+
+    @property
+    def numbers(self) -> dict[str, str]:
+        """Counts and the last alarms as text."""
+        last = "; ".join(self.raised[-3:]) or "none"
+        return {
+            "marked": f"{self.marked} points",
+            f"shown as good, but older than {RULE:g} s": f"{self.old} points",
+            "alarms": last,
+        }
+
+
+@lru_cache(maxsize=64)
+def _run(fault: str, design: str) -> Run:
+    chosen = FAULTS[fault]
+    faults = [] if chosen is None else [chosen]
+    return simulate(DESIGNS[design], _END + 1, faults=faults, rng=np.random.default_rng(_SEED))
+
+
+def update(inputs: Inputs) -> Result:
+    """Simulate the fault and look at the screen.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        What the controls say.
+
+    Returns
+    -------
+    Result
+        The run and the screen.
+
+    Examples
+    --------
+    A dead box, three seconds later: its 18 values look as good as ever, but are not.
+
+    >>> result = update(Inputs())
+    >>> result.marked, result.old
+    (0, 18)
+    >>> later = update(Inputs(time=20))
+    >>> later.marked, later.old
+    (18, 0)
+    """
+    run = _run(inputs.fault, inputs.design)
+    values = SyntheticValues(run.system.points, np.random.default_rng(_SEED))
+    return Result(inputs, run, screen(run, inputs.time, values))
+
+
+def draw(result: Result, *, ax: Axes) -> Axes:
+    """Draw the screen of the AMS.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; the values are synthetic.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> ax = draw(update(Inputs()), ax=Figure().subplots())
+    >>> len(ax.patches)
+    99
+    """
+    return plot_screen(result.screen, ax=ax, old=RULE)
+
+
+def explorer() -> widgets.VBox:
+    """Return the controls with the screen that follows them.
+
+    Returns
+    -------
+    ipywidgets.VBox
+        To be shown as the last value of a notebook's cell.
+
+    Examples
+    --------
+    >>> controls, verdict, image = explorer().children
+    >>> "18 points" in verdict.value
+    True
+    """
+    wide = {"style": {"description_width": "6em"}, "layout": {"width": "34em"}}
+    start = Inputs()
+    controls = {
+        "fault": widgets.Dropdown(
+            options=list(FAULTS), value=start.fault, description="fault", **wide
+        ),
+        "design": widgets.Dropdown(options=list(DESIGNS), description="design", **wide),
+        "time": widgets.FloatSlider(
+            start.time, min=2, max=_END, step=0.25, description="time [s]", **wide
+        ),
+    }
+    board = Board()
+
+    def show() -> None:
+        result = update(Inputs(**{name: control.value for name, control in controls.items()}))
+        healthy = not (result.old or result.marked or result.raised)
+        said = "all values fresh" if healthy else f"{result.old} old values shown as good"
+        colour = BAD if result.old else GOOD
+        board.show(said, colour, result.numbers, lambda ax: draw(result, ax=ax), 4.6)
+
+    follow(show, controls.values())
+    return widgets.VBox([widgets.VBox(list(controls.values())), *board.parts])
