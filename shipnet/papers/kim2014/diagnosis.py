@@ -1,0 +1,172 @@
+"""The test inputs of the second Table 1, each diagnosed by the rules as printed."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from shipnet.ballast.channels import CHANNELS
+from shipnet.ballast.registers import RegisterMap
+from shipnet.fuzzy import diagnose, published
+from shipnet.papers.kim2014.rules import BASE
+from shipnet.papers.registry import check, numeric
+
+__all__ = ["diagnosed", "through_registers"]
+
+_PAPER = "kim2014"
+
+#: Ends of the position [%]: CLOSE and OPEN of the rule table, as section 3.2 scales it.
+_CLOSE, _OPEN = 0.0, 100.0
+
+#: Position that row 12 prints below the closed end [%].
+_ROW_12 = float(published.vectors(_PAPER, reading="printed")["VPos"]["Pos4"])
+
+
+def diagnosed(code: str, *, reading: str = "printed", **inputs: float) -> str:
+    """Return what the rules as printed make of a row's inputs.
+
+    Parameters
+    ----------
+    code : str
+        Code of the row.
+    reading : {"printed", "meant"}, default "printed"
+        Inputs as printed, or mended.
+    **inputs : float
+        Other values for some of them.
+
+    Returns
+    -------
+    str
+        Headline: the code of the highest priority that fires, or ``normal``.
+
+    Examples
+    --------
+    >>> diagnosed("S2"), diagnosed("S2", VPos=-5.0)
+    ('S1', 'S2')
+    """
+    tests = published.vectors(_PAPER, reading=reading).loc[[code]].assign(**inputs)
+    return str(diagnose(BASE, tests, crisp=True)["headline"].iloc[0])
+
+
+def through_registers(code: str) -> str:
+    """Return what the rules make of a row as meant, once its readings came through registers.
+
+    What the row does not print is as the plant would have it; the speed is not sent, so it is
+    taken from the row.
+
+    Parameters
+    ----------
+    code : str
+        Code of the row.
+
+    Returns
+    -------
+    str
+        Headline.
+
+    Examples
+    --------
+    A position of -5 arrives as 0:
+
+    >>> through_registers("S1"), through_registers("S2")
+    ('S1', 'normal')
+    """
+    tests = published.vectors(_PAPER, fill="physical").loc[[code]]
+    names = [channel.name for channel in CHANNELS]
+    registers = RegisterMap().pack(tests[names].to_numpy().T, close=False, open=True).registers
+    received = pd.DataFrame(RegisterMap().unpack(registers).readings.T, tests.index, names)
+    tests = received.assign(DVPos=tests["DVPos"])
+    return str(diagnose(BASE, tests, crisp=True)["headline"].iloc[0])
+
+
+@check("kim2014-026", counter={"speed": 11.0})
+def normal_stays_normal(*, speed: float = 0.0) -> bool:
+    """Whether the normal values raise no fault at this speed of the valve [%/s]."""
+    return diagnosed("normal", DVPos=speed) == "normal"
+
+
+@check("kim2014-027", counter={"current": 0.0})
+def pump_overload(*, current: float = 4.0) -> bool:
+    """Whether FP 125 with this current [A] is P1."""
+    return diagnosed("P1", MC=current) == "P1"
+
+
+@check("kim2014-028", counter={"pressure": 90.0})
+def pump_leakage(*, pressure: float = 2.0) -> bool:
+    """Whether MC 2 with this pump pressure [bar] is P2."""
+    return diagnosed("P2", FP=pressure) == "P2"
+
+
+@check("kim2014-029", counter={"pressure": 2.0})
+def valve_stuck(*, pressure: float = 4.0) -> bool:
+    """Whether FP 125 with this operating pressure [bar] is V1, at both ends."""
+    return all(diagnosed("V1", OP=pressure, VPos=end) == "V1" for end in (_CLOSE, _OPEN))
+
+
+@check("kim2014-030", counter={"current": 1.2})
+def gauge_fault(*, current: float = 0.0) -> bool:
+    """Whether FP 125 with this current [A] is G1."""
+    return diagnosed("G1", MC=current) == "G1"
+
+
+@check("kim2014-031", counter={"speed": 0.0})
+def piston_leakage(*, speed: float = float("nan")) -> bool:
+    """Whether OP 2 with this speed [%/s], which the row does not print, is V2."""
+    return all(diagnosed("V2", DVPos=speed, VPos=end) == "V2" for end in (_CLOSE, _OPEN))
+
+
+@check("kim2014-064", counter={"position": 100.0})
+def switch_error(*, position: float = 305.0) -> bool:
+    """Whether MC 0 with this position [%] is S1."""
+    return diagnosed("S1", VPos=position) == "S1"
+
+
+@check("kim2014-035", counter={"temperature": 89.0})
+def motor_too_hot(*, temperature: float = 90.0) -> bool:
+    """Whether this motor temperature [degC] is O1."""
+    return diagnosed("O1", OT=temperature) == "O1"
+
+
+@check("kim2014-065", counter={"current": 1.2})
+def position_error_1(*, current: float = 0.0) -> bool:
+    """Whether OP 2, VPos 305 with this current [A] is Pos1."""
+    return diagnosed("Pos1", MC=current) == "Pos1"
+
+
+@check("kim2014-066", counter={"position": 100.0})
+def position_error_3(*, position: float = 305.0) -> bool:
+    """Whether this position [%] alone is Pos3."""
+    return diagnosed("Pos3", VPos=position) == "Pos3"
+
+
+@check("kim2014-067", counter={"position": 5.0})
+def position_error_4(*, position: float = -5.0) -> bool:
+    """Whether this position [%] alone is Pos4."""
+    return diagnosed("Pos4", VPos=position) == "Pos4"
+
+
+@numeric("kim2014-032")
+def above_open(*, below: float = _ROW_12) -> float:
+    """Position as far above the open end as the input of row 12 is below the closed one [%]."""
+    return _OPEN + (_CLOSE - below)
+
+
+@numeric("kim2014-033", "kim2014-034")
+def below_closed(*, margin: float = 5.0) -> float:
+    """Position below the closed end, for which S2 and Pos2 fire [%]."""
+    position = _CLOSE - margin
+    fired = [diagnosed(code, VPos=position) for code in ("S2", "Pos2")]
+    if fired != ["S2", "Pos2"]:
+        raise ValueError(f"margin is {margin:g}; it must be above 0")
+    return position
+
+
+@check("kim2014-068", counter={"reading": "meant"})
+def all_tests_pass(*, reading: str = "printed") -> bool:
+    """Whether each of the 12 inputs is diagnosed as its row says, as printed or mended."""
+    return all(diagnosed(code, reading=reading) == code for code in BASE.codes)
+
+
+@check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})
+def master_finds(*, codes: tuple[str, ...] = BASE.codes) -> bool:
+    """Whether a master finds these faults from the readings that the registers bring it."""
+    return all(through_registers(code) == code for code in codes)

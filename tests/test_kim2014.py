@@ -1,0 +1,313 @@
+"""Evidence for verdicts against kim2014 that need more than the claim's own function."""
+
+import numpy as np
+import pytest
+from pymodbus.client import ModbusTcpClient, ModbusUdpClient
+from pymodbus.exceptions import ModbusIOException
+from pymodbus.framer import FramerSocket
+from pymodbus.pdu import DecodePDU
+from pymodbus.transport import CommType
+
+from shipnet import datasets
+from shipnet.ballast.answer import answer_table, write_outcome
+from shipnet.ballast.channels import CHANNELS, normal_values, rule_limits
+from shipnet.ballast.codes import Code, code_table, command_codes
+from shipnet.ballast.messages import printed_adu, standard_adu
+from shipnet.ballast.registers import RegisterMap
+from shipnet.ballast.scales import SCALES, survival_table
+from shipnet.ballast.switches import switch_table
+from shipnet.engine.class_rules import RULES
+from shipnet.errors import ArgumentError, LengthError
+from shipnet.fuzzy import crisp_strengths, decide, diagnose, published, strengths
+from shipnet.modbus.datagram import LossyPath, mix_ups, poll
+from shipnet.modbus.frame import decode_rtu, decode_tcp, encode_rtu
+from shipnet.modbus.reader import decode_response
+from shipnet.modbus.request import ReadRequest
+from shipnet.modbus.response import ReadRegistersResponse
+from shipnet.modbus.ring import Break, Loop, Short, fault_table
+from shipnet.modbus.timing import Serial
+from shipnet.papers.kim2014 import addresses, diagnosis, loop, messages, names, rules, valve
+
+READ = ReadRequest(4, 0x4020, 4)
+PRINTED = published.vectors("kim2014", reading="printed")
+
+
+# Addresses.
+
+
+def test_ids_above_247_are_refused():
+    assert addresses.addresses() == list(range(1, 248))
+    for unit in (248, 250, 255):
+        with pytest.raises(ArgumentError, match=r"0\.\.247"):
+            encode_rtu(unit, READ.pdu)
+        with pytest.raises(ArgumentError):
+            Loop(unit, loop.status_poll())
+
+
+def test_256_ids_count_the_broadcast_and_the_reserved_ones():
+    verdicts = switch_table()["verdict"].value_counts()
+    assert verdicts["legal"] == addresses.selectable_ids() == 247
+    assert verdicts["legal"] + verdicts["reserved"] + verdicts["the broadcast"] == 256
+    assert verdicts.sum() == 400 > 256
+
+
+# Messages.
+
+
+def theirs(adu):
+    """What pymodbus makes of a response over TCP."""
+    used, pdu = FramerSocket(DecodePDU(False)).handleFrame(adu, 1, 0)
+    assert used == len(adu)
+    return pdu
+
+
+def test_the_second_byte_is_a_count():
+    for n in (1, 4, 125):
+        assert ReadRegistersResponse(4, [0] * n).pdu[1] == 2 * n
+    assert not messages.names_a_register()
+
+
+def test_the_printed_error_cannot_be_read():
+    with pytest.raises(LengthError):
+        decode_response(decode_tcp(printed_adu("write error")).pdu)
+    error = decode_response(decode_tcp(standard_adu("write error")).pdu)
+    assert (error.function, error.exception) == (6, 1)
+    assert theirs(standard_adu("write error")).exception_code == 1
+    # The same bytes but one.
+    differ = [
+        (a, b)
+        for a, b in zip(printed_adu("write error"), standard_adu("write error"), strict=True)
+        if a != b
+    ]
+    assert differ == [(0x06, 0x86)]
+
+
+def test_the_printed_read_response_is_refused():
+    words = (0x2828, 0x0024, 0x325A, 0x0C15)
+    ours = standard_adu("read response", registers=words)
+    printed = printed_adu("read response", registers=words)
+    assert (ours[5], printed[5]) == (11, 14)
+    assert decode_response(decode_tcp(ours).pdu, READ).registers == words
+    assert theirs(ours).registers == list(words)
+    with pytest.raises(LengthError):
+        decode_response(decode_tcp(printed).pdu, READ)
+    with pytest.raises(ModbusIOException):
+        theirs(printed)
+    # The paper's own first table gives the PDU of the standard.
+    assert messages.table_1()["read response"] == len(ours) - 7 == 10 == len(printed) - 10
+
+
+def test_table_3_has_two_readings_in_a_register():
+    registers = [scale.register for scale in SCALES]
+    assert len(set(registers)) == 3 < len(registers) == len(CHANNELS) == valve.channels()
+    assert messages.registers_in_order(
+        contents=("Position", "operating time", "motor temperature & pressure PP", "pressure OP")
+    )
+
+
+def test_the_crc_has_16_bits_and_a_frame_the_sizes_of_the_note():
+    for size in (2, 5, 10, 253):
+        assert len(encode_rtu(1, bytes(size))) - size - 1 == messages.crc_bits() // 8
+    sizes = {name: size + 3 for name, size in messages.table_1().items()}
+    assert sizes["read response"] == messages.rtu_read_response() == 13
+    assert [sizes[f"write {what}"] for what in ("query", "response", "error")] == [8, 8, 5]
+    assert sizes["read query"] == 8
+    with pytest.raises(LengthError):
+        decode_rtu(bytes(3))
+
+
+# Codes, status bits, registers.
+
+
+def test_two_readings_tell_all_commands_apart():
+    unique = code_table().apply(lambda codes: codes.is_unique)
+    assert unique[unique].index.tolist() == ["flag sum", "one bit"]
+    codes = command_codes("flag sum")
+    assert codes[Code.POSITION_CLOSE] == codes[Code.AUTO] + codes[Code.CLOSE] == 6
+    assert codes[Code.POSITION_OPEN] == codes[Code.AUTO] + codes[Code.OPEN] == 10
+
+
+def test_open_and_close_are_not_echoed():
+    modes, moves = ("Manual", "Auto"), ("Open", "Close")
+    assert valve.status_is_the_command(commands=modes)
+    assert not any(valve.status_is_the_command(commands=(move,)) for move in moves)
+    # By hand: Open is 0x0008; 100 % with auto and open, Bit1 and Bit3, is 0x640A.
+    done = RegisterMap(status="table 2").pack([[0], [0], [0], [50], [100]], close=False, open=True)
+    assert done.registers[0, 0] == 0x640A
+    # At the start of a movement not even a position is.
+    assert RegisterMap().command(Code.POSITION_OPEN, 40) == 0x280A != 0x000A
+
+
+def test_status_bits_are_two_places_apart():
+    words = [
+        int(RegisterMap(status=t).pack([[0]] * 5, close=True, open=True).registers[0, 0])
+        for t in ("table 2", "table 3")
+    ]
+    assert words[1] == words[0] << 2
+    bits = datasets.read("kim2014_table2_write_register_bits.csv").query("message == 'response'")
+    other = datasets.read("kim2014_table3_read_registers_bits.csv").query("part == 'bit'")
+    first = bits.set_index("name_printed")["bit_printed"]
+    second = other.set_index("name_printed")["bit_printed"]
+    moved = {int(second[n][3:]) - int(first[n][3:]) for n in ("Manual", "Auto", "Close", "Open")}
+    assert moved == {2}
+
+
+def test_position_codes_hold_auto():
+    codes = command_codes("flag sum")
+    for code in (Code.POSITION_CLOSE, Code.POSITION_OPEN):
+        assert codes[code] & codes[Code.AUTO] and not codes[code] & codes[Code.MANUAL]
+
+
+def test_65536_is_cut_to_thousands():
+    assert valve.colours() // 1000 == 65 and round(valve.colours(), -3) == 66000
+
+
+# The line and the loop.
+
+
+def test_solas_is_quoted_for_supplies_only():
+    quoting = {rule.name for rule in RULES if "SOLAS" in rule.elsewhere}
+    assert quoting == {"supply duplicated", "supply changes over"}
+    links = next(rule for rule in RULES if rule.name == "links duplicated")
+    assert links.elsewhere.startswith("MSC/Circ.891 4.6.2")
+
+
+def test_one_break_loses_nobody_two_do_and_so_does_a_short():
+    ring = Loop(5, loop.status_poll())
+    table = fault_table(ring).set_index("fault")["lost"]
+    assert (table[[f"break {k}" for k in range(6)]] == 0).all()
+    assert ring.reach([Break(1), Break(4)]).lost == [2, 3, 4]
+    assert len(ring.reach([Short(2)]).lost) == 5
+    assert not loop.survives(breaks=2)
+
+
+def test_a_late_reply_hides_the_sensors():
+    for timeout, answered in ((12.0, True), (1.0, False)):
+        late = write_outcome(Serial(9600), 5, 10.0, at_end=True, timeout=timeout)
+        assert late.answered is answered
+    table = answer_table(Serial(9600), 5, 10.0)
+    assert table.loc["at the start", "polls_while_moving"] >= 60
+    waited = table.loc["at the end, waited for"]
+    assert waited["polls_while_moving"] == 0 and waited["scan_gap_s"] > 10
+
+
+def test_udp_is_not_modbus_tcp():
+    tcp, udp = (client("127.0.0.1") for client in (ModbusTcpClient, ModbusUdpClient))
+    assert tcp.comm_params.comm_type == CommType.TCP != udp.comm_params.comm_type
+    assert tcp.comm_params.port == 502
+    # What is lost stays lost, and nobody asks again.
+    lost = poll([1] * 200, LossyPath(lost=0.05), np.random.default_rng(1))
+    assert lost.timeouts > 0
+
+
+def test_identifier_zero_holds_on_a_path_that_keeps_time():
+    units = np.tile(np.arange(1, 6), 200)
+
+    def mixed(late):
+        path = LossyPath(late=late, lateness=0.6)
+        return mix_ups(units, path, np.random.default_rng(2024))["mixed_up"]
+
+    assert (mixed(0.0) == 0).all()
+    found = mixed(0.02)
+    assert found["nothing"] > 100 and found["transaction id"] == 0
+
+
+# Names.
+
+
+def test_3_2_stands_between_3_1_and_3_3_twice():
+    assert names.SECTIONS.count("3.2") == 2
+    at = names.SECTIONS.index("3.2")
+    assert names.SECTIONS[at - 1] == "3.1" and names.SECTIONS[at + 2] == "3.3"
+    assert sorted(names.SECTIONS) == list(names.SECTIONS)
+
+
+def test_the_rule_table_would_be_table_4():
+    assert names.captions() == ("Table 1", "Table 2", "Table 3", "Table 1")
+
+
+def test_each_subject_names_its_equipment():
+    about = {name for name in names.SUBJECTS if names.is_about_automation(standard=name)}
+    assert about == {"IEC 60092-504", "IACS UR E10"}
+    assert "navigation" in names.SUBJECTS["IEC 60945"]
+
+
+def test_flags_of_the_pump_begin_with_pp():
+    table = datasets.read("kim2014_rule_table.csv").set_index("code")
+    flags = table.loc[["P1", "P2"], "flag_printed"]
+    assert flags.str.startswith("Pp").all()
+    assert table.loc[["P1", "P2"], "antecedent_printed"].str.startswith("FP").all()
+
+
+def test_the_row_of_the_flag_names_the_motor():
+    row = datasets.read("kim2014_rule_table.csv").set_index("code").loc["O1"]
+    assert "motor" in row["diagnosis_printed"] and row["flag_printed"].startswith("Mat")
+
+
+# Rules and their test inputs.
+
+
+@pytest.mark.parametrize(
+    ("code", "fired"),
+    [
+        ("G1", "G1"), ("P1", "P1"), ("P2", "P2"), ("V1", "V1"), ("O1", "O1"), ("S1", "S1 Pos3"),
+        ("Pos1", "Pos1 S1 Pos3"), ("Pos3", "Pos3"), ("Pos4", "Pos4"), ("normal", ""),
+    ],
+)  # fmt: skip
+def test_what_fires_beside_the_headline(code, fired):
+    row = diagnose(rules.BASE, PRINTED.loc[[code]], crisp=True).iloc[0]
+    assert (row["fired"], row["headline"]) == (fired, code)
+
+
+def test_nine_of_twelve_inputs_find_their_row():
+    right = [code for code in rules.BASE.codes if diagnosis.diagnosed(code) == code]
+    assert len(right) == 9 and set(rules.BASE.codes) - set(right) == {"V2", "S2", "Pos2"}
+    mended = [diagnosis.diagnosed(code, reading="meant") for code in rules.BASE.codes]
+    assert tuple(mended) == rules.BASE.codes
+
+
+def test_normal_values_meet_v2_at_standstill():
+    normal = normal_values()
+    assert 0 < normal["OP"] < 2.5
+    assert diagnosis.diagnosed("normal", DVPos=0.0) == "V2"
+    assert diagnosis.diagnosed("normal", DVPos=11.0) == "normal"
+
+
+def test_v2_needs_a_speed():
+    assert np.isnan(PRINTED.loc["V2", "DVPos"])
+    assert diagnosis.diagnosed("V2") == "normal"
+    assert diagnosis.diagnosed("V2", DVPos=0.0) == "V2"
+
+
+def test_positions_as_printed_are_off_the_scale():
+    assert diagnosis.diagnosed("S2") == "S1" and diagnosis.diagnosed("Pos2") == "normal"
+    for code in ("S2", "Pos2"):
+        assert diagnosis.diagnosed(code, VPos=-5.0) == code
+    for code in ("S1", "Pos1", "Pos3"):
+        assert diagnosis.diagnosed(code, VPos=105.0) == diagnosis.diagnosed(code) == code
+    positions = survival_table().query("channel == 'VPos' and not survives")["value"]
+    assert set(positions) == {305.0, -5.0}
+
+
+def test_a_cut_at_a_half_is_a_table_of_comparisons():
+    rng = np.random.default_rng(3)
+    samples = {v.name: rng.uniform(v.low, v.high, 5000) for v in rules.BASE.variables}
+    fuzzy = decide(strengths(rules.BASE, samples)).active
+    crisp = decide(crisp_strengths(rules.BASE, samples, dead_band=True)).active
+    assert fuzzy.any() and (fuzzy == crisp).all()
+
+
+def test_the_motor_temperature_has_no_lower_limit():
+    limits = {(one.channel, one.comparison[0]) for one in rule_limits()}
+    assert {sign for channel, sign in limits if channel == "OT"} == {">"}
+    for channel in ("FP", "OP", "MC"):
+        assert {sign for name, sign in limits if name == channel} == {"<", ">"}
+    assert {one.value for one in rule_limits() if one.channel == "OP"} == {2.5}
+
+
+def test_a_byte_has_no_position_below_closed():
+    found = {code: diagnosis.through_registers(code) for code in rules.BASE.codes}
+    wrong = {code: headline for code, headline in found.items() if code != headline}
+    assert set(wrong) == {"S2", "Pos2", "Pos4"}
+    table = datasets.read("kim2014_rule_table.csv").set_index("code")
+    assert "found by the slave" in table.loc["Pos1", "diagnosis_printed"]

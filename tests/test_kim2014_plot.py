@@ -1,0 +1,110 @@
+"""Outlines, tables and the talk that the notebooks of kim2014 show."""
+
+from itertools import combinations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from shipnet.errors import CrcError
+from shipnet.modbus.frame import decode_rtu, encode_rtu, encode_tcp
+from shipnet.modbus.request import ReadRequest
+from shipnet.modbus.ring import Break, Loop, Supervision, sweep
+from shipnet.modbus.timing import Serial
+from shipnet.papers.kim2014 import outlines, plot
+from shipnet.papers.kim2014.loop import RATES, break_table, scan_table, status_poll
+from shipnet.papers.kim2014.talk import conversation
+
+PDU = ReadRequest(4, 0x4020, 4).pdu
+DIAGRAMS = {
+    "ACTUATOR": plot.plot_actuator,
+    "MODES": plot.plot_modes,
+    "COMMAND": plot.plot_command,
+    "TESTBED": plot.plot_testbed,
+}
+
+
+@pytest.fixture
+def ax():
+    figure, axes = plt.subplots()
+    yield axes
+    plt.close(figure)
+
+
+def words(ax):
+    return [text.get_text() for text in ax.texts]
+
+
+@pytest.mark.parametrize("name", DIAGRAMS)
+def test_a_diagram_has_its_blocks_apart_and_all_ways_lead_from_one_to_another(name, ax):
+    blocks, ways = getattr(outlines, name), getattr(outlines, f"{name}_WAYS")
+    assert all({first, second} <= set(blocks) for first, second, _ in ways)
+    assert DIAGRAMS[name](ax=ax) is ax
+    assert {text for text, *_ in blocks.values()} <= set(words(ax))
+    boxes = [p for p in ax.patches if isinstance(p, plt.Rectangle)]
+    assert len(boxes) == len(blocks)
+    for a, b in combinations(boxes, 2):
+        apart_x = abs(a.get_x() - b.get_x()) >= a.get_width()
+        assert apart_x or abs(a.get_y() - b.get_y()) >= a.get_height()
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    for box in boxes:
+        assert left <= box.get_x() and box.get_x() + box.get_width() <= right
+        assert low <= box.get_y() and box.get_y() + box.get_height() <= high
+
+
+def test_central_has_two_pipes_a_valve_distributed_a_bus_and_power():
+    figure, axes = plt.subplots(1, 2)
+    plot.plot_hydraulics(3, axes=axes)
+    labels = [[line.get_label() for line in ax.lines] for ax in axes]
+    plt.close(figure)
+    assert labels[0].count("_pipe") == 6
+    assert labels[1].count("_bus") == labels[1].count("_power") == 3
+    assert "_pipe" not in labels[1]
+
+
+def test_an_rtu_frame_is_drawn_with_all_its_bytes_and_its_silence(ax):
+    frame = encode_rtu(17, PDU)
+    said = words(plot.plot_rtu_frame(frame, Serial(115200), ax=ax))
+    drawn = "".join(text for text in said if text and set(text) <= set("0123456789abcdef "))
+    assert bytes.fromhex(drawn) == frame
+    assert said.count("18.3 char\nsilence") == 2
+    with pytest.raises(CrcError):
+        plot.plot_rtu_frame(frame[:-1] + b"\0", Serial(9600), ax=ax)
+
+
+def test_a_tcp_frame_is_drawn_twice_with_all_its_bytes(ax):
+    frame = encode_tcp(17, PDU, 0x1501)
+    said = words(plot.plot_tcp_frame(frame, ax=ax))
+    drawn = "".join(text for text in said if set(text) <= set("0123456789abcdef "))
+    assert bytes.fromhex(drawn) == frame + frame
+    assert "PDU, 5 bytes" in said and "unit id\n1 byte" in said
+
+
+def test_scan_times_are_those_of_the_table(ax):
+    plot.plot_scan_times([5, 247], ax=ax)
+    for line, number in zip(ax.lines, (5, 247), strict=True):
+        assert line.get_xdata().tolist() == list(RATES)
+        expected = [number * status_poll(rate).answered for rate in RATES]
+        assert line.get_ydata() == pytest.approx(expected)
+    assert ax.get_xlabel() == "bit rate [kbit/s]" and ax.get_ylabel() == "scan [s]"
+    # By hand: 28 characters of 11 bits.
+    assert scan_table(1)["poll_ms"][9600] == pytest.approx(28 * 11 / 9.6)
+
+
+def test_the_cost_of_a_break_is_what_a_simulation_finds():
+    table = break_table(6, timeouts=[0.1, 1.0])
+    for timeout, row in table.iterrows():
+        for column, move in (("one_by_one_s", "slave"), ("with_those_beyond_s", "beyond")):
+            ring = Loop(6, status_poll(timeout=timeout), Supervision(move=move))
+            assert sweep(ring, [Break(3)]).max() == pytest.approx(row[column], rel=1e-9)
+
+
+def test_a_conversation_is_made_of_sound_frames_and_ends_where_it_was_sent():
+    table = conversation(25, times=(1.0, 4.0))
+    assert table["from"].tolist() == ["master", "valve"] * 3
+    for frame in table["frame"]:
+        assert decode_rtu(bytes.fromhex(frame)).unit_id == 1
+    echoed, *_ = (table["frame"][k] == table["frame"][k + 1] for k in (0, 2))
+    assert echoed and table["says"].iloc[-1].endswith("VPos 25 %")
+    moving = decode_rtu(bytes.fromhex(table["frame"][3])).pdu
+    assert 0 < moving[2] < 25 and np.isclose(moving[2], 100 / 9.0, atol=1)
