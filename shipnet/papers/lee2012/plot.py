@@ -20,9 +20,9 @@ _FILL = {"field": "#8cc4e8", "box": "#f5c56b", "bus": "#7fcfb4", "": "white"}
 
 #: Figure 7: text, kind, and place of each block, and which are joined.
 _BLOCKS = {
-    "RTD": ("62 thermometers", "field", 0, 3),
-    "loop": ("18 loops 4-20 mA", "field", 0, 2),
-    "switch": ("19 switches", "field", 0, 1),
+    "RTD": ("up to 27\nthermometers", "field", 0, 3),
+    "loop": ("up to 17 loops\n4-20 mA", "field", 0, 2),
+    "switch": ("up to 11 switches", "field", 0, 1),
     "R/V": ("2 R/V converters\n32 inputs", "box", 1, 3),
     "I/V": ("I/V converter\n18 inputs", "box", 1, 2),
     "B/V": ("B/V converter\nopto-couplers", "box", 1, 1),
@@ -91,8 +91,7 @@ def plot_outline(boxes: Mapping[str, int], *, cylinders: int = 8, ax: Axes) -> A
             ha="center", va="center", fontsize=8,
         )  # fmt: skip
         ax.text(-0.95, y, f"floor {3 - floor}", ha="right", fontsize=8)
-    labels = ("crankcase and bearings", "frame box", "cylinders")
-    for floor, label in enumerate(labels[:2]):
+    for floor, label in enumerate(("crankcase and bearings", "frame box")):
         ax.text(cylinders / 2, floor + 0.5, label, ha="center", va="center", fontsize=8)
     return _bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
 
@@ -129,7 +128,7 @@ def plot_flow(*, ax: Axes) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        The axes given; the interrupts stand in the order of their priority.
+        The axes given; the interrupts stand in the order of the figure, the Modbus one first.
     """
     for column, (title, steps) in enumerate(_FLOWS.items()):
         x = 2.2 * column

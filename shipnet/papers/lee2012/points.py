@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from shipnet import datasets
-from shipnet.engine.converters import BURDEN, Adc
+from shipnet.engine.converters import Adc
 from shipnet.engine.points import CONDITIONS, by_box, load_points
 from shipnet.engine.serial_interface import INTERFACES
 from shipnet.engine.wiring import conductors
@@ -149,17 +149,17 @@ def _most(condition: str) -> int:
     return max(sum(point.condition == condition for point in own) for own in boxes)
 
 
-@check("lee2012-050", counter={"burden": 500.0})
-def current_becomes_voltage(*, burden: float = BURDEN) -> bool:
-    """Whether a resistor turns 4-20 mA into 1-5 V."""
-    return bool(np.allclose(burden * np.array([4e-3, 20e-3]), [1, 5]))
+@check("lee2012-050", counter={"volts": (0.0, 5.0)})
+def one_resistor_does(*, volts: tuple[float, float] = (1.0, 5.0)) -> bool:
+    """Whether one and the same resistor turns 4 and 20 mA into these voltages [V]."""
+    return bool(np.isclose(volts[0] / 4e-3, volts[1] / 20e-3))
 
 
-@check("lee2012-088", counter={"offset": 0.0})
-def amplifier_fills_the_range(*, offset: float = 1.0) -> bool:
-    """Whether an amplifier with this offset [V] and the gain that fits turns 1-5 V into 0-5 V."""
-    gain = 5 / (5 - offset)
-    return bool(np.allclose(gain * (np.array([1, 5]) - offset), [0, 5]))
+@check("lee2012-088", counter={"low": 0.0})
+def gain_alone_fills_the_range(*, low: float = 1.0) -> bool:
+    """Whether an amplifier with a gain and no offset turns `low` to 5 V into 0 to 5 V."""
+    gain = 5.0 / 5.0
+    return bool(np.isclose(gain * low, 0.0))
 
 
 @numeric("lee2012-051")
