@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.ballast.features import running_time, valve_row
+from shipnet.ballast.features import valve_row
+from shipnet.ballast.inputs import Tail, rule_inputs
 from shipnet.ballast.simulation import Run
 from shipnet.errors import ArgumentError, check_whole
 from shipnet.fuzzy import published
@@ -42,9 +43,6 @@ READINGS = {
 
 #: Valve readings whose strengths are held at once: 12 rules of them take 25 MB.
 _AT_ONCE = 2**18
-
-#: Over how long the change of the position is taken [s]; the paper does not say.
-_WINDOW = 1.0
 
 
 def with_slow_stroke(rules: RuleBase | None = None) -> RuleBase:
@@ -246,31 +244,6 @@ class Diagnosis:
         return Decision(firing, self.cut, self.active[row : row + 1, k]).explain(0)
 
 
-@dataclass(frozen=True, eq=False)
-class Tail:
-    """The end of a run, for the diagnosis of the run that follows it.
-
-    Parameters
-    ----------
-    time : ndarray of float, shape (n_kept,)
-        Last instants [s].
-    samples : dict of str to ndarray, shape (n_kept, n_valves)
-        What the rules were given then.
-    active_before : ndarray of bool, shape (n_valves, n_rules)
-        What was active before the run.
-    active : ndarray of bool, shape (n_valves, n_rules)
-        What is active at its last instant.
-    started : ndarray of float, shape (n_valves,)
-        When the motors that still run were started [s]; NaN for the others.
-    """
-
-    time: Floats
-    samples: dict[str, Floats]
-    active_before: Flags
-    active: Flags
-    started: Floats
-
-
 def diagnose_run(
     run: Run,
     rules: RuleBase | None = None,
@@ -339,7 +312,7 @@ def diagnose_run(
         _check_after(run, after, (base, reading, k, n, cut))
     earlier = after.tail if after is not None else None
     time = run.time if earlier is None else np.concatenate([earlier.time, run.time])
-    samples = _samples(run, base, reading, earlier)
+    samples = rule_inputs(run, base, earlier, any_time=reading == "literal")
     kept = time.size - run.time.size
     active = np.empty((run.time.size, run.n_valves, len(base.rules)), bool)
     size = max(_AT_ONCE // run.n_valves, window)
@@ -350,31 +323,8 @@ def diagnose_run(
         decided = decide(_fire(base, part, reading), cut=cut, k=k, n=n).active
         active[start - kept : start - kept + size] = decided[start - first :]
     own = {name: x[kept:] for name, x in samples.items()}
-    tail = _tail(run, time, samples, active, window, earlier)
+    tail = Tail.keep(run, time, samples, active, window, earlier)
     return Diagnosis(run, base, reading, k, n, cut, own, active, tail)
-
-
-def _tail(
-    run: Run,
-    time: Floats,
-    samples: dict[str, Floats],
-    active: Flags,
-    window: int,
-    earlier: Tail | None,
-) -> Tail:
-    """Copy what the next block needs, so that it does not keep this one in memory."""
-    before = np.zeros(active.shape[1:], bool) if earlier is None else earlier.active
-    last = active[-1].copy() if len(active) else before
-    then = int(np.searchsorted(time, time[-1] - _WINDOW + 1e-9)) - 1 if time.size else 0
-    keep = slice(max(min(then, time.size - window + 1), 0), None)
-    started = np.full(run.n_valves, np.nan)
-    if "Time" in samples and time.size:
-        started = time[-1] - samples["Time"][-1]
-        for moved in run.movements:
-            if moved.end > time[-1]:
-                started[moved.valve] = np.nan
-    kept = {name: x[keep].copy() for name, x in samples.items()}
-    return Tail(time[keep].copy(), kept, before, last, started)
 
 
 def _fire(base: RuleBase, samples: dict[str, Floats], reading: str) -> Firing:
@@ -382,36 +332,6 @@ def _fire(base: RuleBase, samples: dict[str, Floats], reading: str) -> Firing:
     if reading == "fuzzy":
         return strengths(base, given)
     return crisp_strengths(base, given, dead_band=reading == "crisp")
-
-
-def _samples(run: Run, base: RuleBase, reading: str, earlier: Tail | None) -> dict[str, Floats]:
-    """Return the channels that the rules speak of, those of the tail before them."""
-    found = dict(run.samples)
-    if "Time" in base.names:
-        found["Time"] = running_time(run, np.nan if earlier is None else earlier.started)
-    strange = [name for name in base.names if name not in found]
-    if strange:
-        raise ArgumentError(f"rules speak of {', '.join(strange)}; a run has {', '.join(found)}")
-    found["DVPos"] = np.where(run.active, run.DVPos, np.nan)
-    # The change of VPos needs it, whether the rules speak of it or not.
-    found = {name: found[name] for name in dict.fromkeys((*base.names, "VPos"))}
-    if earlier is not None:
-        found = {name: np.concatenate([earlier.samples[name], x]) for name, x in found.items()}
-    if reading == "literal" and "DVPos" in found:
-        kept = 0 if earlier is None else earlier.time.size
-        time = run.time if earlier is None else np.concatenate([earlier.time, run.time])
-        found["DVPos"][kept:] = _change(time, found["VPos"])[kept:]
-    return found
-
-
-def _change(time: Floats, position: Floats) -> Floats:
-    """Return by how much the position has changed since a second ago or longer [1/s]."""
-    then = np.searchsorted(time, time - _WINDOW + 1e-9) - 1
-    rate = np.full(position.shape, np.nan)
-    known = then >= 0
-    lasted = (time[known] - time[then[known]])[:, np.newaxis]
-    rate[known] = np.abs(position[known] - position[then[known]]) / lasted
-    return rate
 
 
 def _check_after(run: Run, after: Diagnosis, settings: tuple[object, ...]) -> None:

@@ -102,7 +102,6 @@ def command_features(run: Run) -> pd.DataFrame:
     names = ["travel_percent", "FP_bar", "MC_A", "OP_max_bar", "OT_max_degC"]
     table = strokes.drop(columns="opening").join(pd.DataFrame(rows, columns=names))
     far = table["travel_percent"].where(table["travel_percent"] >= _SHORTEST)
-    table.insert(table.columns.get_loc("travel_percent") + 1, "stroke_s", np.nan)
     table["stroke_s"] = 100 * table["duration_s"] / far
     return table
 
