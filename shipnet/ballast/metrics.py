@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from shipnet.ballast.commands import Command
 from shipnet.ballast.diagnosis import READINGS, Diagnosis, diagnose_run
+from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
 from shipnet.ballast.trials import CRITERIA, spread_actuator
 from shipnet.errors import ArgumentError, check_whole
@@ -226,6 +227,7 @@ def false_alarms(
     k: int = 3,
     n: int = 5,
     spread: float = 0.02,
+    sensors: Sensors | None = None,
     confidence: float = 0.95,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
@@ -243,6 +245,8 @@ def false_alarms(
         As for `fault_trials`.
     spread : float, default 0.02
         How far the valves differ, see `spread_actuator`.
+    sensors : Sensors, optional
+        What measures; `Sensors` with its defaults if omitted.
     confidence : float, default 0.95
         Of the intervals.
     rng : numpy.random.Generator
@@ -290,7 +294,9 @@ def false_alarms(
     actuator = spread_actuator(valves, spread, rng)
     # The last period is whole: it ends just before the next command would come.
     end = starts[-1] + every - 0.1
-    for run in blocks(actuator, orders, duration=end, rng=rng, size=max(2**19 // valves, 1)):
+    for run in blocks(
+        actuator, orders, duration=end, sensors=sensors, rng=rng, size=max(2**19 // valves, 1)
+    ):
         of = np.minimum((run.time + 1e-6) // every, starts.size - 1).astype(int)
         for reading in wanted:
             found = diagnose_run(run, rules, reading=reading, k=k, n=n, after=last[reading])

@@ -16,6 +16,7 @@ from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.commands import Command
 from shipnet.ballast.diagnosis import READINGS, Diagnosis, diagnose_run
 from shipnet.ballast.faults import FAULTS, Fault
+from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
 from shipnet.errors import ArgumentError, check_whole
 from shipnet.fuzzy import published
@@ -111,6 +112,7 @@ def fault_trials(
     k: int = 3,
     n: int = 5,
     spread: float = 0.02,
+    sensors: Sensors | None = None,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Let valves with each fault open and close once, and diagnose them.
@@ -129,6 +131,8 @@ def fault_trials(
         As for `diagnose_run`.
     spread : float, default 0.02
         How far the valves differ, see `spread_actuator`.
+    sensors : Sensors, optional
+        What measures; `Sensors` with its defaults if omitted.
     rng : numpy.random.Generator
         Draws valves and noise of the sensors.
 
@@ -152,12 +156,8 @@ def fault_trials(
     Examples
     --------
     >>> trials = fault_trials(["normal", "V1"], n_valves=8, rng=np.random.default_rng(2024))
-    >>> trials.groupby(["reading", "fault"])["headline"].unique().str[0].unstack()
-    fault    V1  normal
-    reading
-    crisp    V1  normal
-    fuzzy    V1  normal
-    literal  V1      P2
+    >>> trials.groupby("reading")["headline"].unique().str.join(" ").to_dict()
+    {'crisp': 'normal V1', 'fuzzy': 'normal V1', 'literal': 'P2 V1'}
     """
     import pandas as pd
 
@@ -167,7 +167,7 @@ def fault_trials(
     base = rules if rules is not None else published.rule_base("kim2014")
     faults = np.repeat(np.array(wanted, dtype=object), valves)
     actuator = spread_actuator(faults.size, spread, rng)
-    found = _cycle(actuator, faults, severities, base, list(readings), (k, n), rng)
+    found = _cycle(actuator, faults, severities, base, list(readings), (k, n), sensors, rng)
     ranked = [base.codes.index(code) for code in base.ranking]
     names = np.array(base.ranking, dtype=object)
     tables = []
@@ -196,6 +196,7 @@ def half_found(
     k: int = 3,
     n: int = 5,
     spread: float = 0.02,
+    sensors: Sensors | None = None,
     steps: int = 8,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
@@ -211,7 +212,7 @@ def half_found(
         One of `READINGS`.
     criterion : str, default "named"
         One of `CRITERIA`.
-    rules, k, n, spread
+    rules, k, n, spread, sensors
         As for `fault_trials`.
     steps : int, default 8
         Bisections, 1..20; the last leaves an uncertainty of 2**-(steps + 1).
@@ -254,7 +255,9 @@ def half_found(
     actuator = spread_actuator(faults.size, spread, rng)
 
     def are_found(severities: Floats) -> Flags:
-        outcome = _cycle(actuator, faults, severities, base, [reading], (k, n), rng)[reading]
+        outcome = _cycle(actuator, faults, severities, base, [reading], (k, n), sensors, rng)[
+            reading
+        ]
         return _found(base, faults, outcome, criterion)
 
     low, high = np.zeros(faults.size), np.ones(faults.size)
@@ -288,6 +291,7 @@ def _cycle(
     base: RuleBase,
     readings: list[str],
     persistence: tuple[int, int],
+    sensors: Sensors | None,
     rng: np.random.Generator,
 ) -> dict[str, Outcome]:
     """Simulate one trial of every valve, and diagnose it in every reading."""
@@ -302,7 +306,14 @@ def _cycle(
     active = {reading: np.zeros((faults.size, len(base.rules)), bool) for reading in readings}
     first = {reading: np.full(faults.size, np.nan) for reading in readings}
     for run in blocks(
-        actuator, orders, duration=_END, faults=plan, rng=rng, idle_step=0.5, size=_BLOCK
+        actuator,
+        orders,
+        duration=_END,
+        faults=plan,
+        sensors=sensors,
+        rng=rng,
+        idle_step=0.5,
+        size=_BLOCK,
     ):
         for reading in readings:
             found = diagnose_run(run, base, reading=reading, k=k, n=n, after=last[reading])
