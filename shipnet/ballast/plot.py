@@ -217,14 +217,14 @@ def plot_trend(
         stop = until if until is not None else end + 0.25 * (end - first)
         grid = np.linspace(first, stop, 200)
         low, high = trend.band(grid)
-        ax.plot(grid, trend.at(grid), color="C1", label="trend")
+        ax.plot(grid, trend.at(grid), color="C2", label="trend")
         share = f"{100 * trend.confidence:g} % of it"
-        ax.fill_between(grid, low, high, color="C1", alpha=0.25, linewidth=0, label=share)
+        ax.fill_between(grid, low, high, color="C2", alpha=0.25, linewidth=0, label=share)
         ax.set_xlim(first, stop)
         if found.estimate <= stop:
             ends = np.array([[found.estimate - found.low], [found.high - found.estimate]])
             ax.errorbar(
-                [found.estimate], [limit], xerr=np.clip(ends, 0, stop), fmt="o", color="C1",
+                [found.estimate], [limit], xerr=np.clip(ends, 0, stop), fmt="o", color="C2",
                 capsize=4, markersize=5, label="end of life",
             )  # fmt: skip
     else:
