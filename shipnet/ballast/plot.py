@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
 
 from shipnet.ballast.channels import CHANNELS, rule_limits
+from shipnet.ballast.diagnosis import Diagnosis
 from shipnet.ballast.simulation import Run
+from shipnet.ballast.trend import Trend
 from shipnet.errors import ArgumentError
 from shipnet.style import LIMIT
 
-__all__ = ["plot_channel", "plot_stroke"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["plot_channel", "plot_confusion", "plot_strengths", "plot_stroke", "plot_trend"]
 
 #: Ends of the position, which the rule table calls CLOSE and OPEN [%].
 _ENDS = {"CLOSE": 0.0, "OPEN": 100.0}
@@ -73,6 +81,157 @@ def plot_channel(run: Run, channel: str, *, ax: Axes, valve: int = 0, limits: bo
         top = max([*lines, float(np.nanmax(frame[known.column]))])
         ax.set_ylim(top=max(ax.get_ylim()[1], 1.15 * top))
     ax.set(xlabel="time [s]", ylabel=f"{channel} [{known.unit}]")
+    return ax
+
+
+def plot_confusion(table: pd.DataFrame, *, ax: Axes) -> Axes:
+    """Draw what was said first of which fault, as shares of the rows.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        What `confusion` returned.
+    ax : matplotlib.axes.Axes
+        Where to draw; 7.5 x 4 inches are enough for all faults.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given: one row a fault, one column a headline, percent in every cell above 0; right
+        ones are framed.
+    """
+    count = table.to_numpy(float)
+    total = count.sum(axis=1, keepdims=True)
+    share = np.divide(count, total, out=np.zeros_like(count), where=total > 0)
+    ax.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
+    for (row, column), value in np.ndenumerate(share):
+        right = table.index[row] == table.columns[column]
+        if right:
+            ax.add_patch(
+                Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, edgecolor="0.3", linewidth=1)
+            )
+        if value > 0:
+            ax.text(
+                column, row, f"{100 * value:.0f}" if value >= 0.005 else "<1", fontsize=8,
+                ha="center", va="center", color="white" if value > 0.6 else "0.1",
+            )  # fmt: skip
+    ax.set_xticks(range(len(table.columns)), [str(name) for name in table.columns], fontsize=8)
+    ax.set_yticks(range(len(table.index)), [str(name) for name in table.index], fontsize=8)
+    ax.set_xticks(np.arange(len(table.columns) - 1) + 0.5, minor=True)
+    ax.set_yticks(np.arange(len(table.index) - 1) + 0.5, minor=True)
+    ax.grid(visible=False)
+    ax.grid(visible=True, which="minor", color="0.88")
+    ax.tick_params(which="both", length=0)
+    ax.set(xlabel="headline of the diagnosis [% of the row]", ylabel="fault of the valve")
+    return ax
+
+
+def plot_strengths(diagnosis: Diagnosis, valve: int, *, ax: Axes) -> Axes:
+    """Draw how strongly every rule fires for one valve over time.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        What `diagnose_run` returned, of two instants or more.
+    valve : int
+        Which, from 0 on.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given: one row a rule, the highest priority on top, as dark as its strength; a line
+        along its foot while its code is active.
+
+    Raises
+    ------
+    ArgumentError
+        If there are fewer instants, or no such valve.
+    """
+    strength = diagnosis.firing(valve).strength
+    time = diagnosis.time
+    if time.size < 2:
+        raise ArgumentError(f"diagnosis has {time.size} instants; it must have 2 or more")
+    ranking, codes = diagnosis.base.ranking, diagnosis.base.codes
+    places = [codes.index(code) for code in ranking]
+    # What was read holds until the next reading.
+    edges = np.append(time, 2 * time[-1] - time[-2])
+    rows = np.arange(len(ranking) + 1) - 0.5
+    mesh = ax.pcolormesh(edges, rows, strength[:, places].T, cmap="Blues", vmin=0, vmax=1)
+    for row, place in enumerate(places):
+        active = np.append(diagnosis.active[:, valve, place], False)
+        ax.fill_between(
+            edges, row + 0.28, row + 0.5, where=active, step="post", color=LIMIT["color"],
+            linewidth=0, label="active" if row == 0 else "_again",
+        )  # fmt: skip
+    ax.set_ylim(len(ranking) - 0.5, -0.5)
+    ax.set_yticks(range(len(ranking)), ranking, fontsize=8)
+    ax.grid(visible=False)
+    ax.tick_params(axis="y", length=0)
+    ax.set(xlabel="time [s]", ylabel="rule")
+    ax.legend(loc="upper left", bbox_to_anchor=(0, 1.14), fontsize=8, borderpad=0)
+    ax.figure.colorbar(mesh, ax=ax, label="firing strength", pad=0.02)
+    return ax
+
+
+def plot_trend(
+    trend: Trend,
+    x: npt.ArrayLike,
+    y: npt.ArrayLike,
+    *,
+    limit: float,
+    ax: Axes,
+    until: float | None = None,
+) -> Axes:
+    """Draw points, their trend with its interval, and the limit that it runs to.
+
+    Parameters
+    ----------
+    trend : Trend
+        What `fit_trend` made of the points, or of some of them.
+    x, y : array_like of float, shape (n,)
+        The points.
+    limit : float
+        Limit, on the scale of the points.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+    until : float, optional
+        Where the line ends; a quarter beyond the crossing, or beyond the points, if omitted.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; without a trend there is no line, and the legend says so. The scale of y is
+        logarithmic for a log-linear trend. Labels of the axes are the caller's.
+    """
+    places, values = np.asarray(x, float), np.asarray(y, float)
+    ax.plot(places, values, ".", color="C0", markersize=3, label="read")
+    ax.axhline(limit, **LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
+    found = trend.crossing(limit)
+    first, last = float(places.min()), float(places.max())
+    if trend.found:
+        # A crossing far away, or in the past, does not set the scale.
+        far = first + 5 * (last - first)
+        end = found.estimate if last < found.estimate < far else last
+        stop = until if until is not None else end + 0.25 * (end - first)
+        grid = np.linspace(first, stop, 200)
+        low, high = trend.band(grid)
+        ax.plot(grid, trend.at(grid), color="C2", label="trend")
+        share = f"{100 * trend.confidence:g} % of it"
+        ax.fill_between(grid, low, high, color="C2", alpha=0.25, linewidth=0, label=share)
+        ax.set_xlim(first, stop)
+        if found.estimate <= stop:
+            ends = np.array([[found.estimate - found.low], [found.high - found.estimate]])
+            ax.errorbar(
+                [found.estimate], [limit], xerr=np.clip(ends, 0, stop), fmt="o", color="C2",
+                capsize=4, markersize=5, label="end of life",
+            )  # fmt: skip
+    else:
+        ax.plot([], [], " ", label="no trend")
+    if trend.method == "log-linear":
+        ax.set_yscale("log")
+    ax.legend(fontsize=8)
     return ax
 
 

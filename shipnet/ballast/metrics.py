@@ -1,0 +1,342 @@
+"""How good a diagnosis is, in numbers with intervals: rates, confusion, false alarms, delay.
+
+What they are taken of here comes from our own simulator, whose faults are made to fit the rules:
+that verifies code, it does not validate the method. Every table says so in ``attrs["basis"]``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.ballast.commands import Command
+from shipnet.ballast.diagnosis import READINGS, Diagnosis, diagnose_run
+from shipnet.ballast.sensors import Sensors
+from shipnet.ballast.simulation import blocks
+from shipnet.ballast.trials import CRITERIA, spread_actuator
+from shipnet.errors import ArgumentError, check_whole
+from shipnet.fuzzy.rules import NORMAL, UNKNOWN, RuleBase
+from shipnet.line.quantity import check_scalar
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["BASIS", "confusion", "event_interval", "false_alarms", "rates", "share_interval"]
+
+Floats = npt.NDArray[np.float64]
+
+#: What stands behind the numbers.
+BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
+
+#: A year [s].
+_YEAR = 365.25 * 86400
+
+
+def share_interval(
+    hits: npt.ArrayLike, trials: npt.ArrayLike, *, confidence: float = 0.95
+) -> tuple[Floats, Floats]:
+    r"""Return the interval of Clopper and Pearson for a share, both sides alike.
+
+    .. math:: B^{-1} \left( \frac{\alpha}{2}; x, n - x + 1 \right) \le p \le
+              B^{-1} \left( 1 - \frac{\alpha}{2}; x + 1, n - x \right)
+
+    Parameters
+    ----------
+    hits, trials : array_like of int
+        How often it happened, 0..trials, and could have happened, 0 or more.
+    confidence : float, default 0.95
+        Above 0, below 1.
+
+    Returns
+    -------
+    low, high : ndarray of float
+        Ends, 0..1. No trials leave 0..1.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of its range.
+
+    Notes
+    -----
+    It covers the true share at least as often as it says. C. J. Clopper, E. S. Pearson, "The use of
+    confidence or fiducial limits", Biometrika 26 (1934), 404-413.
+
+    Examples
+    --------
+    No false alarm in 2048 commands leaves up to 0.18 %:
+
+    >>> low, high = share_interval(0, 2048)
+    >>> float(low), round(100 * float(high), 2)
+    (0.0, 0.18)
+    """
+    from scipy.stats import beta
+
+    alpha = 1 - _confidence(confidence)
+    x, n = _counts("hits", hits), _counts("trials", trials)
+    if (x > n).any():
+        raise ArgumentError(f"hits is {hits!r} of {trials!r} trials; it must not be more")
+    with np.errstate(invalid="ignore"):
+        low = np.where(x > 0, beta.ppf(alpha / 2, x, n - x + 1), 0.0)
+        high = np.where(x < n, beta.ppf(1 - alpha / 2, x + 1, n - x), 1.0)
+    return np.asarray(low), np.asarray(high)
+
+
+def event_interval(
+    events: npt.ArrayLike, exposure: npt.ArrayLike, *, confidence: float = 0.95
+) -> tuple[Floats, Floats]:
+    r"""Return the exact interval for the rate of independent events.
+
+    .. math:: \frac{\chi^2_{\alpha/2} \left( 2 x \right)}{2 T} \le \lambda \le
+              \frac{\chi^2_{1 - \alpha/2} \left( 2 x + 2 \right)}{2 T}
+
+    Parameters
+    ----------
+    events : array_like of int
+        How many were seen, 0 or more.
+    exposure : array_like of float
+        For how long, above 0, in any unit.
+    confidence : float, default 0.95
+        Above 0, below 1.
+
+    Returns
+    -------
+    low, high : ndarray of float
+        Events per unit of the exposure.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of its range.
+
+    Notes
+    -----
+    F. Garwood, "Fiducial limits for the Poisson distribution", Biometrika 28 (1936), 437-442.
+
+    Examples
+    --------
+    >>> low, high = event_interval(0, 0.7)
+    >>> float(low), round(float(high), 2)
+    (0.0, 5.27)
+    """
+    from scipy.stats import chi2
+
+    alpha = 1 - _confidence(confidence)
+    x, time = _counts("events", events), np.asarray(exposure, float)
+    if not ((time > 0) & np.isfinite(time)).all():
+        raise ArgumentError(f"exposure is {exposure!r}; it must be above 0")
+    with np.errstate(invalid="ignore"):
+        low = np.where(x > 0, chi2.ppf(alpha / 2, 2 * x), 0.0) / (2 * time)
+    return np.asarray(low), np.asarray(chi2.ppf(1 - alpha / 2, 2 * x + 2) / (2 * time))
+
+
+def rates(trials: pd.DataFrame, *, confidence: float = 0.95) -> pd.DataFrame:
+    """Return how often faults were found, for each reading and fault.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        What `fault_trials` returned.
+    confidence : float, default 0.95
+        Of the intervals.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by ``reading`` and ``fault``, in the order of the trials: number ``n``; the shares
+        of `CRITERIA`, each with its ends ``_low`` and ``_high`` (`share_interval`); and the median
+        ``delay_s``. For ``normal`` valves ``detected`` is the share with a false alarm, ``named``
+        is 0, and ``isolated`` is the share without one.
+
+    Examples
+    --------
+    >>> from shipnet.ballast.trials import fault_trials
+    >>> trials = fault_trials(["O1"], n_valves=20, readings=["fuzzy"],
+    ...                       rng=np.random.default_rng(2024))
+    >>> rates(trials).loc[("fuzzy", "O1"), ["n", "isolated", "isolated_low"]].round(3).tolist()
+    [20.0, 1.0, 0.832]
+    """
+    import pandas as pd
+
+    groups = trials.groupby(["reading", "fault"], sort=False)
+    table = pd.DataFrame({"n": groups.size()})
+    for name in CRITERIA:
+        hits = groups[name].sum().astype(int)
+        table[name] = hits / table["n"]
+        ends = share_interval(hits, table["n"], confidence=confidence)
+        table[f"{name}_low"], table[f"{name}_high"] = ends
+    table["delay_s"] = groups["delay_s"].median()
+    table.attrs["basis"] = BASIS
+    return table
+
+
+def confusion(trials: pd.DataFrame, *, reading: str = "fuzzy") -> pd.DataFrame:
+    """Return what was said first of which fault.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        What `fault_trials` returned.
+    reading : str, default "fuzzy"
+        Which of its readings.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Trials by ``fault`` (rows) and ``headline`` (columns): both in the order of the trials, then
+        headlines that are no fault of theirs.
+
+    Raises
+    ------
+    ArgumentError
+        If the trials are of other readings.
+
+    Examples
+    --------
+    With the motor off, a position far too high is a switch error as well, of higher rank:
+
+    >>> from shipnet.ballast.trials import fault_trials
+    >>> trials = fault_trials(["S1", "Pos3"], n_valves=9, readings=["fuzzy"],
+    ...                       rng=np.random.default_rng(2024))
+    >>> confusion(trials).loc["Pos3"].to_dict()
+    {'S1': 9, 'Pos3': 0}
+    """
+    import pandas as pd
+
+    mine = trials[trials["reading"] == reading]
+    if mine.empty:
+        known = ", ".join(trials["reading"].unique())
+        raise ArgumentError(f"reading is {reading!r}; the trials are of {known}")
+    order = list(dict.fromkeys([*mine["fault"], *sorted(mine["headline"].unique())]))
+    counted = pd.crosstab(mine["fault"], mine["headline"])
+    table = counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)
+    table.attrs["basis"] = BASIS
+    return table
+
+
+def false_alarms(
+    *,
+    duration: float = 3600.0,
+    period: float = 600.0,
+    n_valves: int = 256,
+    readings: Iterable[str] = tuple(READINGS),
+    rules: RuleBase | None = None,
+    k: int = 3,
+    n: int = 5,
+    spread: float = 0.02,
+    sensors: Sensors | None = None,
+    confidence: float = 0.95,
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """Let healthy valves work, and count what is reported of them.
+
+    Parameters
+    ----------
+    duration : float, default 3600
+        For how long, `period`..1e7 [s].
+    period : float, default 600
+        Time between two commands, which open and close all valves in turn, 60..1e6 [s].
+    n_valves : int, default 256
+        How many, 1..10000.
+    readings, rules, k, n
+        As for `fault_trials`.
+    spread : float, default 0.02
+        How far the valves differ, see `spread_actuator`.
+    sensors : Sensors, optional
+        What measures; `Sensors` with its defaults if omitted.
+    confidence : float, default 0.95
+        Of the intervals.
+    rng : numpy.random.Generator
+        Draws valves and noise of the sensors.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by ``reading``: ``commands``; those with an ``alarmed`` period, its share
+        ``per_command`` with ``_low`` and ``_high`` (`share_interval`); ``valve_years``, the
+        ``alarms`` in them (a headline other than normal that follows normal), and
+        ``per_valve_year`` with ``_low`` and ``_high`` (`event_interval`).
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Notes
+    -----
+    Sensors are read every second, and ten times as often while a motor runs. A period lasts from a
+    command to the next. Noise is white here, sensors neither drift nor age: a lower bound of what a
+    ship would see.
+
+    Examples
+    --------
+    >>> table = false_alarms(duration=120, period=60, n_valves=16, rng=np.random.default_rng(2024))
+    >>> table[["commands", "alarmed"]].T
+    reading   literal  crisp  fuzzy
+    commands       32     32     32
+    alarmed        32      0      0
+    """
+    import pandas as pd
+
+    every = check_scalar("period", period, "s", 60, 1e6)
+    time = check_scalar("duration", duration, "s", every, 1e7)
+    valves = check_whole("n_valves", n_valves, 1, 10_000)
+    starts = np.arange(0.0, time - every + 1e-6, every)
+    orders = [Command(("open", "close")[i % 2], start) for i, start in enumerate(starts)]
+    wanted = list(readings)
+    alarmed = {reading: np.zeros((starts.size, valves), bool) for reading in wanted}
+    alarms = dict.fromkeys(wanted, 0)
+    last: dict[str, Diagnosis | None] = dict.fromkeys(wanted)
+    quiet = {reading: np.ones((1, valves), bool) for reading in wanted}
+    actuator = spread_actuator(valves, spread, rng)
+    # The last period is whole: it ends just before the next command would come.
+    end = starts[-1] + every - 0.1
+    for run in blocks(
+        actuator, orders, duration=end, sensors=sensors, rng=rng, size=max(2**19 // valves, 1)
+    ):
+        of = np.minimum((run.time + 1e-6) // every, starts.size - 1).astype(int)
+        for reading in wanted:
+            found = diagnose_run(run, rules, reading=reading, k=k, n=n, after=last[reading])
+            calm = np.isin(found.headline, [NORMAL, UNKNOWN])
+            before = np.concatenate([quiet[reading], calm[:-1]])
+            alarms[reading] += int((before & ~calm).sum())
+            np.logical_or.at(alarmed[reading], of, ~calm)
+            last[reading], quiet[reading] = found, calm[-1:]
+    hits = np.array([int(alarmed[reading].sum()) for reading in wanted])
+    seen = np.array([alarms[reading] for reading in wanted])
+    commands, years = starts.size * valves, valves * (starts.size * every) / _YEAR
+    share = share_interval(hits, np.full(hits.shape, commands), confidence=confidence)
+    rate = event_interval(seen, years, confidence=confidence)
+    table = pd.DataFrame(
+        {
+            "commands": commands,
+            "alarmed": hits,
+            "per_command": hits / commands,
+            "per_command_low": share[0],
+            "per_command_high": share[1],
+            "valve_years": years,
+            "alarms": seen,
+            "per_valve_year": seen / years,
+            "per_valve_year_low": rate[0],
+            "per_valve_year_high": rate[1],
+        },
+        index=pd.Index(wanted, name="reading"),
+    )
+    table.attrs["basis"] = BASIS
+    return table
+
+
+def _confidence(value: float) -> float:
+    if not isinstance(value, float) or not 0 < value < 1:
+        raise ArgumentError(f"confidence is {value!r}; it must be above 0 and below 1")
+    return value
+
+
+def _counts(name: str, values: npt.ArrayLike) -> Floats:
+    counts = np.asarray(values, float)
+    if not ((counts >= 0) & (counts == np.floor(counts)) & np.isfinite(counts)).all():
+        raise ArgumentError(f"{name} is {values!r}; it must be whole numbers, 0 or more")
+    return counts

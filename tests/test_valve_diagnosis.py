@@ -1,0 +1,178 @@
+from math import nan
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from shipnet.ballast import (
+    FAULTS,
+    Actuator,
+    Command,
+    Fault,
+    diagnose_run,
+    operating_point,
+    simulate,
+)
+from shipnet.ballast.faults import faulty
+from shipnet.ballast.life import predict_life
+from shipnet.ballast.metrics import confusion
+from shipnet.ballast.plot import plot_confusion, plot_strengths, plot_trend
+from shipnet.ballast.trend import fit_trend
+from shipnet.ballast.trials import fault_trials
+from shipnet.ballast.wear import leak_from_pressure, limit_leak, synthetic_wear
+from shipnet.errors import ArgumentError
+from shipnet.fuzzy import published
+from shipnet.tools.valve_diagnosis import STATES, Inputs, draw, explorer, from_plant, update
+
+
+def axes():
+    return Figure().subplots()
+
+
+@pytest.mark.parametrize("code", ["normal", "P1", "P2", "O1"])
+def test_the_plant_sets_the_sensors_to_its_operating_point(code):
+    sick, _ = faulty(Actuator(), [] if code == "normal" else [Fault(code)], 1)
+    point = operating_point(sick)
+    read = from_plant(code)
+    # Readings are near the open end, the point is half open: the flow's torque is gone.
+    assert read.FP == pytest.approx(np.ravel(point.FP)[0], abs=0.5)
+    assert read.OP == pytest.approx(np.ravel(point.OP)[0], abs=0.5)
+    assert read.MC == pytest.approx(np.ravel(point.MC)[0], abs=0.02)
+
+
+@pytest.mark.parametrize("code", FAULTS)
+def test_every_fault_is_active_in_some_state_and_health_in_all_is_normal(code):
+    found = {state: update(from_plant(code, state=state)) for state in STATES}
+    assert any(code in result.active for result in found.values())
+    assert all(update(from_plant(state=state)).headline == "normal" for state in STATES)
+    mild = [update(from_plant(code, 0.0, state)).headline for state in STATES]
+    assert mild == ["normal"] * 4
+
+
+def test_the_vectors_of_the_paper_are_diagnosed_as_it_says():
+    table = published.vectors("kim2014", fill="physical")
+    for code, row in table.iterrows():
+        commanded = bool(row["DVPos"] == row["DVPos"])
+        values = {name: float(x) for name, x in row.items()}
+        assert update(Inputs(**values, commanded=commanded)).headline == code
+
+
+def test_standstill_without_a_command_and_a_missing_sensor_fire_nothing():
+    assert update(Inputs(DVPos=0.0)).headline == "V2"
+    assert update(Inputs(DVPos=0.0, commanded=False)).headline == "normal"
+    lost = update(Inputs(FP=nan, MC=4.0))
+    assert lost.headline == "normal"
+    assert "missing FP" in lost.decision.explain(0)
+
+
+def test_the_cut_decides_what_is_active_and_print_does_not_heed_it():
+    half = Inputs(FP=119.0, OP=4.0)
+    assert update(half).active == update(half).printed == ()
+    low = update(Inputs(FP=119.0, OP=4.0, cut=0.4))
+    assert low.active == ("V1",)
+    assert low.strength["V1"] == pytest.approx(0.4)
+    noise = update(Inputs(FP=0.0, MC=0.0, VPos=100.1))
+    assert noise.printed == ("Pos1", "S1", "Pos3")
+    assert noise.active == ()
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("FP", 161.0, "FP is 161 bar; it must be 0..160 bar"),
+        ("VPos", 321.0, "VPos is 321 %"),
+        ("OP", "x", "OP is 'x'"),
+        ("MC", None, "MC is None"),
+        ("cut", 0.0, "cut is 0"),
+        ("cut", nan, "cut is nan"),
+    ],
+)
+def test_a_value_out_of_range_is_named(field, value, message):
+    with pytest.raises(ArgumentError, match=message):
+        Inputs(**{field: value})
+
+
+def test_a_fault_or_state_that_there_is_not_is_named():
+    with pytest.raises(ArgumentError, match="code is 'V9'"):
+        from_plant("V9")
+    with pytest.raises(ArgumentError, match="state is 'flying'"):
+        from_plant("V1", state="flying")
+    with pytest.raises(ArgumentError, match=r"severity of V1 is 1\.5"):
+        from_plant("V1", 1.5)
+
+
+def test_the_bars_are_the_strengths_and_crosses_mark_what_is_printed():
+    result = update(from_plant("P2", 0.96))
+    ax = draw(result, ax=axes())
+    assert [bar.get_width() for bar in ax.patches] == list(result.strength.values())
+    active = [bar.get_facecolor() for bar in ax.patches]
+    assert len(set(active)) == 2
+    cut, crosses = ax.lines
+    assert set(cut.get_xdata()) == {0.5}
+    codes = list(result.strength)
+    assert [codes[int(y)] for y in crosses.get_ydata()] == ["P2"]
+
+
+def test_the_sliders_start_where_the_inputs_do_and_a_fault_sets_them():
+    controls, verdict, image = explorer().children
+    (fault, severity, state, commanded, cut), sliders = (c.children for c in controls.children)
+    names = published.rule_base("kim2014").names
+    assert [s.value for s in sliders] == [getattr(Inputs(), name) for name in names]
+    assert commanded.value
+    assert cut.value == 0.5
+    assert "normal" in verdict.value
+    picture = bytes(image.value)
+    fault.value = "V1"
+    assert "V1: valve stuck" in verdict.value
+    assert bytes(image.value) != picture
+    assert sliders[0].value == pytest.approx(from_plant("V1").FP)
+    severity.value = 0.0
+    assert "normal" in verdict.value
+    severity.value, state.value = 1.0, "at rest, closed"
+    assert not commanded.value
+    sliders[0].value, sliders[2].value = 125.0, 0.0
+    assert "G1: pressure gauge fault" in verdict.value
+    cut.value = 1.0
+    sliders[0].value = 124.0
+    assert "closest G1 0.90" in verdict.value
+
+
+def test_the_confusion_matrix_shows_percent_and_frames_what_is_right():
+    trials = fault_trials(["normal", "Pos3"], n_valves=4, readings=["fuzzy"],
+                          rng=np.random.default_rng(1))  # fmt: skip
+    table = confusion(trials)
+    ax = plot_confusion(table, ax=axes())
+    assert [text.get_text() for text in ax.texts] == ["100", "100"]
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["normal", "Pos3", "S1"]
+    assert sorted(p.get_xy() for p in ax.patches) == [(-0.5, -0.5), (0.5, 0.5)]
+    assert ax.get_xlabel() == "headline of the diagnosis [% of the row]"
+
+
+def test_the_strengths_over_time_are_those_of_the_diagnosis():
+    run = simulate(commands=[Command("open", 1.0)], duration=15, n_valves=2,
+                   faults=[Fault("S1", valves=1)])  # fmt: skip
+    diagnosis = diagnose_run(run)
+    ax = plot_strengths(diagnosis, 1, ax=axes())
+    drawn = ax.collections[0].get_array()
+    base = diagnosis.base
+    for row, code in enumerate(base.ranking):
+        np.testing.assert_array_equal(drawn[row], diagnosis.firing(1).of(code))
+    assert [label.get_text() for label in ax.get_yticklabels()] == list(base.ranking)
+    with pytest.raises(ArgumentError, match="diagnosis has 1 instants"):
+        plot_strengths(diagnose_run(simulate(duration=0)), 0, ax=axes())
+
+
+def test_the_trend_is_drawn_up_to_its_limit_and_no_trend_is_said():
+    wear = synthetic_wear(1, 300, spread=0.0, rng=np.random.default_rng(1))
+    trend, remaining = predict_life(wear, 0, 300)
+    leaks = leak_from_pressure(wear.FP[:, 0])
+    ax = plot_trend(trend, np.arange(300), leaks, limit=limit_leak(), ax=axes())
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert labels == ["read", "limit", "trend", "95 % of it", "end of life"]
+    line = next(one for one in ax.lines if one.get_label() == "trend")
+    np.testing.assert_allclose(line.get_ydata(), trend.at(line.get_xdata()))
+    assert ax.get_xlim()[1] > 300 + remaining.estimate
+    assert ax.get_yscale() == "log"
+    flat = fit_trend(np.arange(50), np.random.default_rng(5).normal(90, 1, 50))
+    ax = plot_trend(flat, np.arange(50), np.full(50, 90.0), limit=73.0, ax=axes())
+    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["read", "limit", "no trend"]
