@@ -2,6 +2,7 @@
 
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.commands import Command
+from shipnet.ballast.diagnosis import Diagnosis, diagnose_run
 from shipnet.ballast.faults import FAULTS, Fault, fault_table
 from shipnet.ballast.operation import operating_point
 from shipnet.ballast.plant import Plant
@@ -10,5 +11,6 @@ from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import Run, blocks, simulate
 from shipnet.ballast.slave import ValveDevice, valve_slaves
 
-__all__ = ["FAULTS", "Actuator", "Command", "Fault", "Plant", "RegisterMap", "Run", "Sensors"]
-__all__ += ["ValveDevice", "blocks", "fault_table", "operating_point", "simulate", "valve_slaves"]
+__all__ = ["FAULTS", "Actuator", "Command", "Diagnosis", "Fault", "Plant", "RegisterMap", "Run"]
+__all__ += ["Sensors", "ValveDevice", "blocks", "diagnose_run", "fault_table", "operating_point"]
+__all__ += ["simulate", "valve_slaves"]

@@ -11,15 +11,49 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError, check_whole
-from shipnet.fuzzy.rules import NORMAL, UNKNOWN, Rule
+from shipnet.fuzzy.rules import NORMAL, UNKNOWN, Rule, RuleBase
 from shipnet.fuzzy.strengths import Firing
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Decision", "decide"]
+__all__ = ["Decision", "decide", "headlines"]
 
 Bools = npt.NDArray[np.bool_]
+
+
+def headlines(
+    base: RuleBase, active: Bools, silent: npt.ArrayLike = False
+) -> npt.NDArray[np.object_]:
+    """Return the active code of the highest priority; else ``normal``, or ``unknown``.
+
+    Parameters
+    ----------
+    base : RuleBase
+        The rules.
+    active : ndarray of bool, shape (..., n_rules)
+        Which of them are reported, in the order of `base.codes`.
+    silent : array_like of bool, shape (...), default False
+        Where no sensor says anything: unknown, unless a rule is active all the same.
+
+    Returns
+    -------
+    ndarray of str, shape (...)
+        What is said first.
+
+    Examples
+    --------
+    >>> from shipnet.fuzzy import published
+    >>> base = published.rule_base("kim2014")
+    >>> active = np.isin(base.codes, ["Pos3", "S1"])
+    >>> headlines(base, np.stack([active, ~active, active & ~active])).tolist()
+    ['S1', 'G1', 'normal']
+    """
+    places = [base.codes.index(code) for code in base.ranking]
+    ranked = active[..., places]
+    first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))
+    names = np.array([*base.ranking, NORMAL, UNKNOWN], dtype=object)
+    return np.asarray(names[first + (np.asarray(silent) & (first == len(places)))], dtype=object)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +80,7 @@ class Decision:
 
         It is unknown where no sensor says anything.
         """
-        base = self.firing.base
-        places = [base.codes.index(code) for code in base.ranking]
-        ranked = self.active[..., places]
-        first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))
-        silent = self.firing.missing.all(axis=-1) & (first == len(places))
-        names = np.array([*base.ranking, NORMAL, UNKNOWN], dtype=object)
-        return np.asarray(names[np.where(silent, len(places) + 1, first)], dtype=object)
+        return headlines(self.firing.base, self.active, self.firing.missing.all(axis=-1))
 
     def codes(self, *index: int) -> tuple[str, ...]:
         """Return all active codes of one sample, the highest priority first.
