@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from textwrap import shorten
+from typing import Any
 
 __all__ = ["main"]
 
@@ -95,7 +96,11 @@ def _parser() -> argparse.ArgumentParser:
         "--host", metavar="ADDRESS", default="127.0.0.1", help="address (default this machine only)"
     )
     serving.add_argument(
-        "--port", metavar="N", type=int, default=5020, help="port (default 5020; 0 takes a free one)"
+        "--port",
+        metavar="N",
+        type=int,
+        default=5020,
+        help="port (default 5020; 0: any free one)",
     )
     serving.add_argument("--udp", action="store_true", help="datagrams instead of TCP")
     serving.add_argument("--serial", metavar="DEVICE", help="RTU on this serial port instead")
@@ -184,14 +189,17 @@ def _decode(arguments: argparse.Namespace) -> None:
 
 
 def _serve(arguments: argparse.Namespace) -> None:
+    import logging
     from threading import Event
 
     from shipnet.ballast.serving import parse_fault, valve_server
     from shipnet.errors import ArgumentError
     from shipnet.modbus.timing import Serial
 
+    # What goes wrong is told in one line, not in the library's log besides.
+    logging.getLogger("pymodbus").addHandler(logging.NullHandler())
     n_valves = arguments.valves
-    options: dict[str, object] = {"host": arguments.host, "port": arguments.port}
+    options: dict[str, Any] = {"host": arguments.host, "port": arguments.port}
     if arguments.serial is not None:
         if arguments.udp:
             raise ArgumentError("--udp and --serial exclude each other")

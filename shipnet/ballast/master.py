@@ -76,7 +76,7 @@ class Station(Master):
     >>> station.command("open", 2).answered
     True
     >>> station.run_until(12.0)
-    >>> station.run.screen().state.tolist()
+    >>> station.seen.screen().state.tolist()
     ['closed', 'open', 'closed', 'closed', 'closed']
     """
 
@@ -115,7 +115,7 @@ class Station(Master):
         self._next = self._skipped = 0
 
     @property
-    def run(self) -> MasterRun:
+    def seen(self) -> MasterRun:
         """What the master has seen up to now."""
         return MasterRun(
             self.system, self.registers, self.time, list(self.shown), list(self.writes),
@@ -254,7 +254,8 @@ class Station(Master):
         """Return whether an answer that nobody waits for falls into a transaction."""
         if not self._late:
             return False
-        self.plant.run_until(end)
+        # A motor that stops between two readings is known to have stopped at the second.
+        self.plant.run_until(end + self.plant.step)
         serial, garbled = self.system.poll.serial, False
         for unit, started in list(self._late.items()):
             begins = self._stopped(unit, started) + serial.t35
@@ -320,4 +321,4 @@ def operate(
         if station.time < end:
             station.command(order.action, int(unit), order.position)
     station.run_until(end)
-    return station.run
+    return station.seen

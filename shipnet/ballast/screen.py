@@ -19,16 +19,19 @@ from shipnet.modbus.ring.master import Try
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["STATES", "MasterRun", "Shown", "Write"]
+__all__ = ["LEAST_CURRENT", "STATES", "MasterRun", "Shown", "Write", "valve_states"]
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 #: What a valve can be on the screen. The first that holds counts.
-STATES = ("silent", "not seen", "fault", "open", "closed", "moving", "part open")
+STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
 
 #: A valve within this of an end counts as open or closed [%]; the paper does not say.
 _END = 1.0
+
+#: A motor runs whose current reaches half the last bit of its register [A].
+LEAST_CURRENT = 0.05
 
 
 class Shown(NamedTuple):
@@ -86,6 +89,40 @@ class Write(NamedTuple):
         return ExceptionCode(self.response[1]).name.replace("_", " ").lower()
 
 
+def valve_states(
+    position: npt.ArrayLike, current: npt.ArrayLike, fault: npt.ArrayLike, *, silent: npt.ArrayLike
+) -> npt.NDArray[np.str_]:
+    """Return what valves are shown as.
+
+    Parameters
+    ----------
+    position : array_like of float
+        Position [%]; NaN before the first status.
+    current : array_like of float
+        Motor current [A]: while there is any, the valve moves.
+    fault : array_like of int
+        Fault that the slave reports, 0 for none.
+    silent : array_like of bool
+        Whether the valve did not answer.
+
+    Returns
+    -------
+    ndarray of str
+        One of `STATES` each.
+
+    Examples
+    --------
+    >>> valve_states([0, 100, 40, 40], [0, 0, 1.2, 0], [0, 0, 0, 2], silent=False).tolist()
+    ['closed', 'open', 'moving', 'fault']
+    """
+    place, amps, row = np.asarray(position), np.asarray(current), np.asarray(fault)
+    conditions = [
+        np.broadcast_to(silent, place.shape), np.isnan(place), row > 0, amps >= LEAST_CURRENT,
+        place >= 100 - _END, place <= _END,
+    ]  # fmt: skip
+    return np.select(conditions, STATES[:-1], STATES[-1])
+
+
 @dataclass(frozen=True, eq=False)
 class MasterRun:
     """What a master has seen; unit ids count from 1 on.
@@ -120,8 +157,7 @@ class MasterRun:
     def answers(self) -> pd.DataFrame:
         """One row a status: ``unit``, ``read_s``, ``shown_s``, readings, flags, ``fault``.
 
-        ``operating_s`` is how long the motor ran last, and ``moving`` says that this has changed
-        since the status before.
+        ``operating_s`` is how long the motor ran last.
         """
         import pandas as pd
 
@@ -131,9 +167,7 @@ class MasterRun:
         columns: dict[str, object] = {"unit": unit, "read_s": read, "shown_s": time}
         columns |= {c.column: status.readings[k] for k, c in enumerate(CHANNELS)}
         columns |= {name: getattr(status, name) for name in ("auto", "close", "open", "fault")}
-        table = pd.DataFrame(columns | {"operating_s": status.operating_time})
-        change = table.groupby("unit")["operating_s"].diff()
-        return table.assign(moving=change.fillna(0.0) != 0)
+        return pd.DataFrame(columns | {"operating_s": status.operating_time})
 
     @cached_property
     def commands(self) -> pd.DataFrame:
@@ -214,11 +248,7 @@ class MasterRun:
         rows = self.answers.reindex(np.where(seen, last, -1))
         position = rows["VPos_percent"].to_numpy()
         fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
-        moving = rows["moving"].eq(True).to_numpy()
-        conditions = [
-            self._silent(at), ~seen, fault > 0, position >= 100 - _END, position <= _END, moving
-        ]  # fmt: skip
-        state = np.select(conditions, STATES[:-1], STATES[-1])
+        state = valve_states(position, rows["MC_A"].to_numpy(), fault, silent=self._silent(at))
         return pd.DataFrame(
             {
                 "position_percent": position,
