@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -191,7 +193,7 @@ def test_modes_and_refusals():
     station.slaves[3].device.fault = 4
     station.run_until(9.0)
     assert station.seen.screen()[["state", "fault"]].values.tolist()[2] == ["fault", 4]
-    with pytest.raises(ArgumentError, match="has no code|no code for it"):
+    with pytest.raises(ArgumentError, match="no code for it"):
         station.command("stop", 1)
     with pytest.raises(ArgumentError, match="unit is 4"):
         station.command("open", 4)
@@ -263,7 +265,7 @@ def test_time_moves_on_and_nothing_overlaps_whatever_happens(orders, at_end, fau
     spans = [(t[0], t[0] + (system.poll.answered if t[4] else system.poll.unanswered))
              for t in run.tries]  # fmt: skip
     spans = sorted(spans + [(w.time, w.end) for w in run.writes])
-    assert all(a[1] <= b[0] + 1e-9 for a, b in zip(spans, spans[1:], strict=False))
+    assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(spans))
     assert all(shown.read < shown.time for shown in run.shown)
     assert len(run.writes) == len([c for c in commands if c.time < 8]) or at_end or faults
     assert set(run.screen().state) <= {

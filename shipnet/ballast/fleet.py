@@ -235,7 +235,8 @@ class FleetReport:
             begin[sick] = np.minimum(begin[sick], fault.start)
         alarms: pd.DataFrame = self.alarms
         wrong = alarms["time_s"].to_numpy() < begin[alarms["valve"].to_numpy(int)]
-        return alarms.loc[wrong].reset_index(drop=True)
+        false: pd.DataFrame = alarms.loc[wrong].reset_index(drop=True)
+        return false
 
     @cached_property
     def summary(self) -> pd.DataFrame:

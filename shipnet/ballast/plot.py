@@ -158,7 +158,7 @@ def plot_screen(
     units = screen.index.to_numpy()
     wide = min(len(units), columns)
     rows = -(-len(units) // wide)
-    size = 9 if wide <= 16 else 6
+    size = 9 if wide <= 20 else 6
     for place, (unit, row) in enumerate(screen.iterrows()):
         x, y = place % wide, rows - 1 - place // wide
         colour = STATE_COLOURS[row["state"]]

@@ -91,12 +91,25 @@ def received_run(seen: MasterRun, unit: int, *, target: float, plant: Plant | No
     -------
     Run
         One valve, an instant a scan, in the steps of the registers; the master takes a motor for
-        running whose current is not 0.
+        running whose current is 0.2 A or more.
 
     Raises
     ------
     ArgumentError
         If there is no such valve, or nothing came from it.
+
+    Examples
+    --------
+    >>> from shipnet.ballast import Command
+    >>> from shipnet.ballast.master import operate
+    >>> from shipnet.ballast.scan import status_poll
+    >>> from shipnet.modbus.ring import Loop
+    >>> from shipnet.modbus.timing import Serial
+    >>> plant = Plant(n_valves=5)
+    >>> seen = operate(plant, Loop(5, status_poll(Serial(9600))), [Command("open")], duration=4)
+    >>> run = received_run(seen, 2, target=100.0)
+    >>> run.VPos[-3:, 0], run.MC[-3:, 0]
+    (array([39., 41., 42.]), array([1.2, 1.2, 1.2]))
     """
     known = check_whole("unit", unit, 1, seen.system.n_slaves)
     rows = seen.answers[seen.answers["unit"] == known]

@@ -49,6 +49,11 @@ def status_poll(
     processing, timeout, retries
         As for `Poll`.
 
+    Returns
+    -------
+    Poll
+        Request of 8 bytes, response of 13.
+
     Examples
     --------
     >>> poll = status_poll(Serial(9600))
@@ -67,6 +72,11 @@ def command_poll(serial: Serial, *, processing: float = 0.0, timeout: float = 1.
         Settings of the line.
     processing, timeout
         As for `Poll`.
+
+    Returns
+    -------
+    Poll
+        Request and response of 8 bytes; it is not repeated.
 
     Examples
     --------

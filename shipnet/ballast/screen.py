@@ -30,8 +30,8 @@ STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open"
 #: A valve within this of an end counts as open or closed [%]; the paper does not say.
 _END = 1.0
 
-#: A motor runs whose current reaches half the last bit of its register [A].
-LEAST_CURRENT = 0.05
+#: A motor runs whose current is sent as two steps of its register or more; one may be noise [A].
+LEAST_CURRENT = 0.15
 
 
 class Shown(NamedTuple):

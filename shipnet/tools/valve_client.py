@@ -6,7 +6,6 @@ machine, or to one whose address is typed.
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -17,32 +16,26 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from shipnet.ballast import Fault, Plant, RegisterMap, valve_slaves
+from shipnet.ballast import RegisterMap
 from shipnet.ballast.codes import Code
 from shipnet.ballast.plot import plot_screen
 from shipnet.ballast.registers import COMMAND_REGISTER, Status
 from shipnet.ballast.scan import READ_STATUS
 from shipnet.ballast.screen import valve_states
 from shipnet.ballast.serving import valve_server
-from shipnet.errors import ArgumentError, FrameError, check_whole
+from shipnet.errors import ArgumentError, check_whole
 from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.frame import LAST_UNIT, decode_tcp, encode_tcp
-from shipnet.modbus.reader import decode_response
-from shipnet.modbus.request import Request, WriteRegister
-from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse, Response
-from shipnet.modbus.server import answer
+from shipnet.modbus.frame import LAST_UNIT
+from shipnet.modbus.request import WriteRegister
+from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
+from shipnet.tools._valve_link import Ask, Link, ModelValves
 from shipnet.tools._view import BAD, GOOD, Board
 
 __all__ = ["Explorer", "Inputs", "Link", "ModelValves", "Result"]
 __all__ += ["draw", "explorer", "send", "update"]
 
-#: Takes unit id and request, returns the response: a `Link`, or `ModelValves`.
-Ask = Callable[[int, Request], Response]
-
 #: Valves of the server that the explorer starts, and how it reads their registers.
 _OWN, _MAP = 16, RegisterMap()
-
-_MBAP = 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,101 +71,6 @@ class Inputs:
         check_whole("port", self.port, 1, 0xFFFF)
         check_whole("valves", self.valves, 1, LAST_UNIT)
         check_whole("valve", self.valve, 1, self.valves)
-
-
-class Link:
-    """A connection to a server, to be called with unit id and request, or closed.
-
-    Parameters
-    ----------
-    address : str
-        Name or address.
-    port : int
-        Port.
-    timeout : float, default 1
-        How long to wait for a connection, or for an answer [s].
-
-    Raises
-    ------
-    OSError
-        If nobody answers, when it is made or called; the message is a sentence.
-    """
-
-    def __init__(self, address: str, port: int, timeout: float = 1.0) -> None:
-        self.where, self._last = f"{address}, port {port}", 0
-        try:
-            self._socket = socket.create_connection((address, port), timeout)
-        except (OSError, UnicodeError) as problem:
-            raise OSError(f"no server at {self.where}: {problem}") from None
-
-    def __call__(self, unit: int, request: Request) -> Response:
-        """Send a request and return the response."""
-        self._last = (self._last + 1) % 0x10000
-        try:
-            self._socket.sendall(encode_tcp(unit, request.pdu, self._last))
-            while True:
-                head = self._receive(_MBAP)
-                body = self._receive(int.from_bytes(head[4:6], "big") - 1)
-                adu = decode_tcp(head + body)
-                # The answer to a request that timed out is not for this one.
-                if adu.transaction_id == self._last:
-                    return decode_response(adu.pdu, request)
-        except (OSError, FrameError) as problem:
-            raise OSError(f"{self.where} does not answer for valve {unit}: {problem}") from None
-
-    def _receive(self, size: int) -> bytes:
-        got = b""
-        while len(got) < size:
-            more = self._socket.recv(size - len(got))
-            if not more:
-                raise OSError("the connection was closed")
-            got += more
-        return got
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._socket.close()
-
-
-class ModelValves:
-    """Valves without a server, whose time is set.
-
-    Parameters
-    ----------
-    n_valves : int, default 16
-        How many, 1..247.
-    faults : sequence of Fault, optional
-        What is wrong with them.
-    rng : numpy.random.Generator, optional
-        Draws the noise of the sensors; there is none if omitted.
-
-    Attributes
-    ----------
-    time : float
-        Model time [s]; it only moves on.
-
-    Examples
-    --------
-    >>> valves = ModelValves(4)
-    >>> send(valves, 2, "open")
-    'valve 2: open'
-    >>> valves.time = 3.0
-    >>> update(Inputs(valves=4, valve=2), valves).positions.tolist()
-    [0.0, 33.0, 0.0, 0.0]
-    """
-
-    def __init__(
-        self,
-        n_valves: int = _OWN,
-        faults: tuple[Fault, ...] = (),
-        rng: np.random.Generator | None = None,
-    ) -> None:
-        self._slaves = valve_slaves(Plant(n_valves=n_valves, faults=faults, rng=rng))
-        self.time = 0.0
-
-    def __call__(self, unit: int, request: Request) -> Response:
-        """Answer a request."""
-        return decode_response(answer(self._slaves, unit, request.pdu, self.time).pdu, request)
 
 
 @dataclass(frozen=True, eq=False)
