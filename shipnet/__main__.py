@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from textwrap import shorten
+from typing import Any
 
 __all__ = ["main"]
 
@@ -22,6 +23,18 @@ Decode an AS-i line voltage that an oscilloscope recorded: its CSV file,
 
 example:
   shipnet decode scope.csv --channel CH2 --csv transactions.csv --figure transactions.png
+"""
+
+_SERVE = """\
+Serve simulated ballast valves over Modbus/TCP, or its frames in datagrams, or
+on a serial port. Unit id n is valve n. Function code 6 writes its command to
+register 0x4001, code 4 reads its status from 0x4020 to 0x4023: position in
+percent and flags, operating time, motor temperature and pump pressure, motor
+current and operating pressure. Ctrl-C stops it.
+
+examples:
+  shipnet serve ballast --valves 64 --fault 3:V1 --fault 7:P2:0.5
+  shipnet serve ballast --serial /dev/ttyUSB0 --bit-rate 19200 --speed 10
 """
 
 #: Rows of a table that the terminal shows, and the part of a record that a figure does [s].
@@ -68,6 +81,43 @@ def _parser() -> argparse.ArgumentParser:
     decode.add_argument("--csv", metavar="OUT", help="also write the whole table to this file")
     decode.add_argument("--figure", metavar="OUT", help="also draw the first 400 us to this file")
     decode.set_defaults(run=_decode)
+
+    serving = commands.add_parser(
+        "serve",
+        help="simulated devices that real Modbus clients talk to",
+        description=_SERVE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    serving.add_argument("device", choices=["ballast"], help="what to simulate: ballast valves")
+    serving.add_argument(
+        "--valves", metavar="N", type=int, default=64, help="how many, 1..247 (default 64)"
+    )
+    serving.add_argument(
+        "--host", metavar="ADDRESS", default="127.0.0.1", help="address (default this machine only)"
+    )
+    serving.add_argument(
+        "--port",
+        metavar="N",
+        type=int,
+        default=5020,
+        help="port (default 5020; 0: any free one)",
+    )
+    serving.add_argument("--udp", action="store_true", help="datagrams instead of TCP")
+    serving.add_argument("--serial", metavar="DEVICE", help="RTU on this serial port instead")
+    serving.add_argument(
+        "--bit-rate", metavar="N", type=float, default=9600, help="of the serial port: 9600"
+    )
+    serving.add_argument(
+        "--character", metavar="C", default="8E1", help="of the serial port: 8E1, 8O1, 8N2 or 8N1"
+    )
+    serving.add_argument(
+        "--fault", metavar="V:CODE:SEVERITY", action="append", default=[],
+        help="a fault of valve V, such as 3:P2:0.5; may be repeated",
+    )  # fmt: skip
+    serving.add_argument(
+        "--speed", metavar="FACTOR", type=float, default=1.0, help="model seconds a second: 1"
+    )
+    serving.set_defaults(run=_serve)
     return parser
 
 
@@ -138,6 +188,43 @@ def _decode(arguments: argparse.Namespace) -> None:
         print("\n" + "\n".join(written))
 
 
+def _serve(arguments: argparse.Namespace) -> None:
+    import logging
+    from threading import Event
+
+    from shipnet.ballast.serving import parse_fault, valve_server
+    from shipnet.errors import ArgumentError
+    from shipnet.modbus.timing import Serial
+
+    # What goes wrong is told in one line, not in the library's log besides.
+    logging.getLogger("pymodbus").addHandler(logging.NullHandler())
+    n_valves = arguments.valves
+    options: dict[str, Any] = {"host": arguments.host, "port": arguments.port}
+    if arguments.serial is not None:
+        if arguments.udp:
+            raise ArgumentError("--udp and --serial exclude each other")
+        line = Serial(arguments.bit_rate, arguments.character)
+        options = {"transport": "rtu", "serial_port": arguments.serial, "serial": line}
+    elif arguments.udp:
+        options["transport"] = "udp"
+    server = valve_server(
+        n_valves,
+        faults=[parse_fault(text, n_valves) for text in arguments.fault],
+        speed=arguments.speed,
+        **options,
+    )
+    try:
+        with server:
+            where = f"{arguments.host}, port {server.port} ({'UDP' if arguments.udp else 'TCP'})"
+            if arguments.serial is not None:
+                where = f"{arguments.serial}, {line.bit_rate:g} bit/s {line.character}"
+            units = "unit id 1" if n_valves == 1 else f"unit ids 1..{n_valves}"
+            print(f"listening on {where}: {units}; Ctrl-C stops", flush=True)
+            Event().wait()
+    except KeyboardInterrupt:
+        print("stopped", flush=True)
+
+
 def _number(value: float, digits: int) -> str:
     """Return a number, or a dash where there is none."""
     return "-" if value != value else f"{value:.{digits}f}"
@@ -162,7 +249,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         # Whoever reads the output has had enough; the interpreter must not complain at its end.
         sys.stdout = None
-    except (ValueError, OSError) as mistake:
+    except (ValueError, OSError, ImportError) as mistake:
         print(f"shipnet: {mistake}", file=sys.stderr)
         return 2
     return 0

@@ -335,10 +335,12 @@ class Plant:
             load = load_pressure(a, self.opening, self.direction)
             # The lock valve keeps a stuck valve's load too, which has no bound: what is finite.
             kept = np.where(resting > 0, np.where(np.isfinite(load), load, 0.0) * resting, 0.0)
-            state = hydraulics(a, load)
-            truth[0] = np.where(on, state.pump_pressure, 0.0) / 1e5
-            truth[1] = np.where(on, state.cylinder_pressure, kept) / 1e5
-            truth[2] = np.where(on, motor_current(a, state.pump_pressure), 0.0)
+            truth[1] = kept / 1e5
+            if on.any():
+                state = hydraulics(a, load)
+                truth[0] = np.where(on, state.pump_pressure, 0.0) / 1e5
+                truth[1] = np.where(on, state.cylinder_pressure, kept) / 1e5
+                truth[2] = np.where(on, motor_current(a, state.pump_pressure), 0.0)
         truth[3] = self.temperature
         truth[_VPOS] = 100 * self.opening
         return truth

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 
 from shipnet.ballast.channels import CHANNELS, rule_limits
 from shipnet.ballast.diagnosis import Diagnosis
@@ -20,7 +20,8 @@ from shipnet.style import LIMIT
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["plot_channel", "plot_confusion", "plot_strengths", "plot_stroke", "plot_trend"]
+__all__ = ["STATE_COLOURS", "plot_channel", "plot_confusion", "plot_diagnosis", "plot_operation"]
+__all__ += ["plot_screen", "plot_strengths", "plot_stroke", "plot_trend"]
 
 #: Ends of the position, which the rule table calls CLOSE and OPEN [%].
 _ENDS = {"CLOSE": 0.0, "OPEN": 100.0}
@@ -264,3 +265,157 @@ def plot_stroke(run: Run, *, axes: Sequence[Axes], valve: int = 0) -> Sequence[A
     for ax in axes[:-1]:
         ax.set_xlabel("")
     return axes
+
+
+#: Colour of each state on the master's screen.
+STATE_COLOURS = {
+    "open": "C2",
+    "closed": "C0",
+    "part open": "C9",
+    "moving": "C1",
+    "fault": LIMIT["color"],
+    "silent": "0.35",
+    "not seen": "0.8",
+}
+
+#: What 100 % of the operating display is for each sensor, in its unit.
+_FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
+
+
+def plot_screen(
+    screen: pd.DataFrame, *, ax: Axes, chosen: int | None = None, columns: int = 32
+) -> Axes:
+    """Draw the master's screen: a bar and a number for each valve, coloured by its state.
+
+    Parameters
+    ----------
+    screen : DataFrame
+        As `MasterRun.screen` returns it.
+    ax : matplotlib.axes.Axes
+        Where to draw; half an inch for each row of valves is high enough.
+    chosen : int, optional
+        Unit id of a valve that is framed.
+    columns : int, default 32
+        Most valves in a row.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given, with a legend of the states that occur.
+
+    Notes
+    -----
+    After Figure 11 of the paper as its text tells it; the figure was not available.
+    """
+    units = screen.index.to_numpy()
+    wide = min(len(units), columns)
+    rows = -(-len(units) // wide)
+    size = 9 if wide <= 20 else 6
+    for place, (unit, row) in enumerate(screen.iterrows()):
+        x, y = place % wide, rows - 1 - place // wide
+        colour = STATE_COLOURS[row["state"]]
+        framed = unit == chosen
+        ax.bar(
+            x, 0.62, 0.84, y, color="0.94", linewidth=2 if framed else 0.5,
+            edgecolor="k" if framed else "0.7",
+        )  # fmt: skip
+        known = row["position_percent"] == row["position_percent"]
+        part = 0.62 * min(row["position_percent"], 100) / 100 if known else 0.0
+        # A strip of colour is left of a closed valve.
+        ax.bar(x, max(part, 0.05), 0.84, y, color=colour)
+        said = f"{row['position_percent']:.0f}" if known else "-"
+        ax.text(x, y + 0.33, said, ha="center", va="center", fontsize=size)
+        ax.text(x, y - 0.04, str(unit), ha="center", va="top", fontsize=size - 1, color="0.4")
+    ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[], yticks=[])
+    ax.grid(False)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    present = [state for state in STATE_COLOURS if (screen["state"] == state).any()]
+    handles = [Patch(color=STATE_COLOURS[state], label=state) for state in present]
+    ax.legend(
+        handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncols=len(handles), frameon=False,
+        fontsize="small",
+    )  # fmt: skip
+    ax.text(
+        1, 1.02, "position [%]", transform=ax.transAxes, ha="right", va="bottom", fontsize="small"
+    )
+    return ax
+
+
+def plot_operation(run: Run, *, ax: Axes, valve: int = 0) -> Axes:
+    """Draw all sensors of a valve over time on one pair of axes, in percent of full scale.
+
+    Parameters
+    ----------
+    run : Run
+        What was read.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+    valve : int, default 0
+        Which valve.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; times while the motor runs are shaded.
+
+    Notes
+    -----
+    After Figure 12 of the paper as its text tells it; the figure was not available. The scales are
+    ours: 160 bar, 10 bar, 6 A, 150 degC.
+    """
+    frame = run.valve(valve)
+    ax.fill_between(
+        frame.index, 0, 1, where=frame["running"].to_numpy(), transform=ax.get_xaxis_transform(),
+        color="0.92", zorder=0, step="post", linewidth=0, label="motor runs",
+    )  # fmt: skip
+    for place, channel in enumerate(CHANNELS):
+        full = _FULL[channel.name]
+        said = f"{channel.name}, 100 % = {full:g} {channel.unit}"
+        if channel.name == "VPos":
+            said = "VPos"
+        ax.plot(frame.index, 100 * frame[channel.column] / full, color=f"C{place}", label=said)
+    ax.set(xlabel="time [s]", ylabel="of full scale [%]")
+    ax.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize="small", frameon=False)
+    return ax
+
+
+def plot_diagnosis(diagnosis: Diagnosis, *, ax: Axes, valve: int = 0) -> Axes:
+    """Draw what is shown after a command: the greatest strength of each rule, and the finding.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Of a run with the command in it.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+    valve : int, default 0
+        Which valve.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; rules that were active are coloured, the first of them is named above.
+
+    Notes
+    -----
+    After Figure 13 of the paper as its text tells it; the figure was not available.
+    """
+    base = diagnosis.base
+    strength = diagnosis.firing(valve).strength.max(axis=0)
+    active = [bool(diagnosis.active[:, valve, place].any()) for place in range(len(base.codes))]
+    colours = [LIMIT["color"] if on else "0.75" for on in active]
+    places = np.arange(len(base.codes))
+    ax.barh(places, strength, color=colours)
+    names = [f"{rule.english or rule.flag} ({rule.code})" for rule in base.rules]
+    ax.set_yticks(places, names, fontsize="small")
+    ax.invert_yaxis()
+    ax.axvline(diagnosis.cut, color="0.3", linestyle=":", linewidth=1)
+    ax.set(xlim=(0, 1.02), xlabel="greatest firing strength [-]")
+    found = [code for code in base.ranking if active[base.codes.index(code)]]
+    others = f", also {', '.join(found[1:])}" if found[1:] else ""
+    ax.set_title(
+        f"diagnosis: {found[0]}{others}" if found else "diagnosis: normal", loc="left",
+        fontsize="medium", color=LIMIT["color"] if found else "C2",
+    )  # fmt: skip
+    return ax

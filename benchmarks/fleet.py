@@ -1,0 +1,68 @@
+"""A day of 256 valves, simulated and diagnosed in blocks: time, peak memory, and what is found.
+
+The peer is the same day with all of it held at once instead of in blocks, measured over an hour and
+in a process of its own, for a peak never falls. A second figure is the day's share of diagnosis.
+"""
+
+import subprocess
+import sys
+from resource import RUSAGE_SELF, getrusage
+from time import perf_counter
+
+import numpy as np
+
+from shipnet.ballast import blocks
+from shipnet.ballast.fleet import random_commands, random_faults, watch
+
+DAY, N = 86400.0, 256
+
+
+def peak():
+    """Return the most memory that this process has had [MB]; Linux counts in kB, macOS in byte."""
+    return getrusage(RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def scenario(duration):
+    rng = np.random.default_rng(2024)
+    plan = random_commands(rng, duration=duration, operations=max(round(6 * duration / DAY), 2))
+    return plan, random_faults(24, rng, duration=0.9 * duration), rng
+
+
+def day(duration=DAY, size=2000):
+    plan, faults, rng = scenario(duration)
+    start = perf_counter()
+    report = watch(plan, faults, rng=rng, duration=duration, size=size)
+    return report, perf_counter() - start
+
+
+def simulated_only():
+    plan, faults, rng = scenario(DAY)
+    start = perf_counter()
+    for _ in blocks(commands=plan, duration=DAY, n_valves=N, faults=faults, rng=rng):
+        pass
+    return perf_counter() - start
+
+
+def alone(*arguments):
+    """Run a part in a process of its own and return what it prints."""
+    return subprocess.check_output([sys.executable, __file__, *arguments], text=True).strip()
+
+
+def main():
+    if sys.argv[1:2] == ["hour"]:
+        day(3600.0, int(sys.argv[2]))
+        print(peak())
+        return
+    report, time = day()
+    memory = peak()
+    print(report)
+    print(f"time {time:.1f} s, {report.n_samples / time / 1e6:.2f} million samples a second")
+    print(f"of which simulation {simulated_only() / time:.0%}")
+    print(f"peak memory {memory:.0f} MB")
+    small, large = float(alone("hour", "2000")), float(alone("hour", "1000000"))
+    print(f"an hour at once takes {large / small:.1f}x the memory of blocks, {large:.0f} MB")
+    print(report.summary.round(1).to_string())
+
+
+if __name__ == "__main__":
+    main()

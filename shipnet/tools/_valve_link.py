@@ -1,0 +1,119 @@
+"""How the valve client reaches valves: over Modbus/TCP, or in model time without a server."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+
+import numpy as np
+
+from shipnet.ballast import Fault, Plant, valve_slaves
+from shipnet.errors import FrameError
+from shipnet.modbus.frame import decode_tcp, encode_tcp
+from shipnet.modbus.reader import decode_response
+from shipnet.modbus.request import Request
+from shipnet.modbus.response import Response
+from shipnet.modbus.server import answer
+
+__all__ = ["Ask", "Link", "ModelValves"]
+
+#: Takes unit id and request, returns the response: a `Link`, or `ModelValves`.
+Ask = Callable[[int, Request], Response]
+
+_MBAP = 7
+
+
+class Link:
+    """A connection to a server, to be called with unit id and request, or closed.
+
+    Parameters
+    ----------
+    address : str
+        Name or address.
+    port : int
+        Port.
+    timeout : float, default 1
+        How long to wait for a connection, or for an answer [s].
+
+    Raises
+    ------
+    OSError
+        If nobody answers, when it is made or called; the message is a sentence.
+    """
+
+    def __init__(self, address: str, port: int, timeout: float = 1.0) -> None:
+        self.where, self._last = f"{address}, port {port}", 0
+        try:
+            self._socket = socket.create_connection((address, port), timeout)
+        except (OSError, UnicodeError) as problem:
+            raise OSError(f"no server at {self.where}: {problem}") from None
+
+    def __call__(self, unit: int, request: Request) -> Response:
+        """Send a request and return the response."""
+        self._last = (self._last + 1) % 0x10000
+        try:
+            self._socket.sendall(encode_tcp(unit, request.pdu, self._last))
+            while True:
+                head = self._receive(_MBAP)
+                body = self._receive(int.from_bytes(head[4:6], "big") - 1)
+                adu = decode_tcp(head + body)
+                # The answer to a request that timed out is not for this one.
+                if adu.transaction_id == self._last:
+                    return decode_response(adu.pdu, request)
+        except (OSError, FrameError) as problem:
+            raise OSError(f"{self.where} does not answer for valve {unit}: {problem}") from None
+
+    def _receive(self, size: int) -> bytes:
+        got = b""
+        while len(got) < size:
+            more = self._socket.recv(size - len(got))
+            if not more:
+                raise OSError("the connection was closed")
+            got += more
+        return got
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._socket.close()
+
+
+class ModelValves:
+    """Valves without a server, whose time is set.
+
+    Parameters
+    ----------
+    n_valves : int, default 16
+        How many, 1..247.
+    faults : sequence of Fault, optional
+        What is wrong with them.
+    rng : numpy.random.Generator, optional
+        Draws the noise of the sensors; there is none if omitted.
+
+    Attributes
+    ----------
+    time : float
+        Model time [s]; it only moves on.
+
+    Examples
+    --------
+    >>> from shipnet.modbus.request import ReadRequest, WriteRegister
+    >>> valves = ModelValves(4)
+    >>> valves(2, WriteRegister(0x4001, 8)).value
+    8
+    >>> valves.time = 3.0
+    >>> valves(2, ReadRequest(4, 0x4020, 1)).registers[0] >> 8
+    33
+    """
+
+    def __init__(
+        self,
+        n_valves: int = 16,
+        faults: tuple[Fault, ...] = (),
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        self._slaves = valve_slaves(Plant(n_valves=n_valves, faults=faults, rng=rng))
+        self.time = 0.0
+
+    def __call__(self, unit: int, request: Request) -> Response:
+        """Answer a request."""
+        return decode_response(answer(self._slaves, unit, request.pdu, self.time).pdu, request)

@@ -1,0 +1,363 @@
+"""The valve client: open, close and set ballast valves over Modbus/TCP, as the paper's PC does.
+
+Static pictures talk to valves in model time; the explorer talks to a server of its own on this
+machine, or to one whose address is typed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+from weakref import finalize
+
+import ipywidgets as widgets
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from shipnet.ballast import RegisterMap
+from shipnet.ballast.codes import Code
+from shipnet.ballast.plot import plot_screen
+from shipnet.ballast.registers import COMMAND_REGISTER, Status
+from shipnet.ballast.scan import READ_STATUS
+from shipnet.ballast.screen import valve_states
+from shipnet.ballast.serving import valve_server
+from shipnet.errors import ArgumentError, check_whole
+from shipnet.modbus.codes import ExceptionCode
+from shipnet.modbus.frame import LAST_UNIT
+from shipnet.modbus.request import WriteRegister
+from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
+from shipnet.tools._valve_link import Ask, Link, ModelValves
+from shipnet.tools._view import BAD, GOOD, Board
+
+__all__ = ["Explorer", "Inputs", "Link", "ModelValves", "Result"]
+__all__ += ["draw", "explorer", "send", "update"]
+
+#: Valves of the server that the explorer starts, and how it reads their registers.
+_OWN, _MAP = 16, RegisterMap()
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What is typed.
+
+    Parameters
+    ----------
+    address : str, default ""
+        Where the server is; empty is the explorer's own.
+    port : int, default 5020
+        Its port, 1..65535; not looked at without an address.
+    valves : int, default 16
+        How many are shown, 1..247.
+    valve : int, default 1
+        Unit id of the chosen one, 1..valves.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is outside its range.
+    """
+
+    address: str = ""
+    port: int = 5020
+    valves: int = _OWN
+    valve: int = 1
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not isinstance(self.address, str):
+            raise ArgumentError(f"address is {self.address!r}; it must be text")
+        check_whole("port", self.port, 1, 0xFFFF)
+        check_whole("valves", self.valves, 1, LAST_UNIT)
+        check_whole("valve", self.valve, 1, self.valves)
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What the valves answered.
+
+    Attributes
+    ----------
+    inputs : Inputs
+        What was asked.
+    status : Status
+        Of all valves that answered, in order.
+    units : ndarray of int
+        Their unit ids.
+    """
+
+    inputs: Inputs
+    status: Status
+    units: np.ndarray[tuple[int], np.dtype[np.int64]]
+
+    @property
+    def positions(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        """Position of all valves from 1 on, shape (valves,) [%]; NaN where none answered."""
+        found = np.full(self.inputs.valves, np.nan)
+        found[self.units - 1] = self.status.readings[4]
+        return found
+
+    @property
+    def screen(self) -> pd.DataFrame:
+        """One row a valve, as `MasterRun.screen` has them, for the picture."""
+        position = self.positions
+        current = np.zeros(self.inputs.valves)
+        current[self.units - 1] = self.status.readings[2]
+        fault = np.zeros(self.inputs.valves, np.int64)
+        fault[self.units - 1] = self.status.fault
+        state = valve_states(position, current, fault, silent=np.isnan(position))
+        columns = {"position_percent": position, "fault": fault, "state": state}
+        return pd.DataFrame(columns, index=pd.RangeIndex(1, position.size + 1, name="unit"))
+
+    @property
+    def numbers(self) -> dict[str, str]:
+        """What the chosen valve says, as text with units; nothing if it does not answer."""
+        place = np.flatnonzero(self.units == self.inputs.valve)
+        if not place.size:
+            return {}
+        k, status = int(place[0]), self.status
+        fp, op, mc, ot, position = status.readings[:, k]
+        mode = "auto" if status.auto[k] else "manual"
+        way = "open" if status.open[k] else "close" if status.close[k] else "not told yet"
+        return {
+            "position": f"{position:.0f} %",
+            "pump pressure": f"{fp:.0f} bar",
+            "operating pressure": f"{op:.1f} bar",
+            "motor current": f"{mc:.1f} A",
+            "motor temperature": f"{ot:.0f} degC",
+            "motor ran": f"{status.operating_time[k]:.1f} s",
+            "mode": f"{mode}, last command {way}",
+            "fault reported": str(int(status.fault[k])) if status.fault[k] else "none",
+        }
+
+    @property
+    def verdict(self) -> str:
+        """The chosen valve in a few words."""
+        row = self.screen.loc[self.inputs.valve]
+        if row["state"] == "silent":
+            return f"valve {self.inputs.valve} does not answer"
+        return f"valve {self.inputs.valve}: {row['state']}, {row['position_percent']:.0f} %"
+
+
+def send(ask: Ask, valve: int, action: str, position: int | None = None) -> str:
+    """Command a valve.
+
+    Parameters
+    ----------
+    ask : callable
+        A `Link`, or `ModelValves`.
+    valve : int
+        Unit id, 1..247.
+    action : str
+        ``open``, ``close``, ``position``, ``manual`` or ``auto``.
+    position : int, optional
+        Where to go, 0..100 [%]; with ``position`` only.
+
+    Returns
+    -------
+    str
+        What was done, or why the valve refuses, as a sentence.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+    OSError
+        If the server does not answer.
+
+    Examples
+    --------
+    >>> send(ModelValves(4), 5, "close")
+    'valve 5 refuses: gateway target failed to respond'
+    """
+    unit = check_whole("valve", valve, 1, LAST_UNIT)
+    codes = {code.value.lower(): code for code in Code}
+    codes["position"] = Code.POSITION_OPEN
+    if action not in ("open", "close", "position", "manual", "auto"):
+        raise ArgumentError(
+            f"action is {action!r}; it must be open, close, position, manual or auto"
+        )
+    value = _MAP.command(codes[action], position if position is not None else 0)
+    response = ask(unit, WriteRegister(COMMAND_REGISTER, value))
+    if isinstance(response, ExceptionResponse):
+        return f"valve {unit} refuses: {_words(response.exception)}"
+    where = f" {position} %" if action == "position" else ""
+    return f"valve {unit}: {action}{where}"
+
+
+def update(inputs: Inputs, ask: Ask) -> Result:
+    """Read all valves.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        How many valves, and which is chosen.
+    ask : callable
+        A `Link`, or `ModelValves`.
+
+    Returns
+    -------
+    Result
+        Their status; a valve that answers with an exception is left out.
+
+    Raises
+    ------
+    OSError
+        If the server does not answer.
+
+    Examples
+    --------
+    >>> result = update(Inputs(valves=3), ModelValves(2))
+    >>> result.units.tolist(), result.verdict
+    ([1, 2], 'valve 1: closed, 0 %')
+    """
+    words, units = [], []
+    for unit in range(1, inputs.valves + 1):
+        response = ask(unit, READ_STATUS)
+        if isinstance(response, ReadRegistersResponse):
+            words.append(response.registers)
+            units.append(unit)
+    status = _MAP.unpack(np.array(words, np.int64).reshape(-1, 4))
+    return Result(inputs, status, np.array(units, np.int64))
+
+
+def draw(result: Result, *, ax: Axes) -> Axes:
+    """Draw the openings of all valves, the chosen one framed.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> ax = draw(update(Inputs(valves=3), ModelValves(3)), ax=Figure().subplots())
+    >>> [text.get_text() for text in ax.get_legend().get_texts()]
+    ['closed']
+    """
+    return plot_screen(result.screen, ax=ax, chosen=result.inputs.valve)
+
+
+class Explorer(widgets.VBox):  # type: ignore[misc]
+    """The client's controls; its server is closed by `close`, and at the end of the kernel.
+
+    Attributes
+    ----------
+    server : Server
+        The explorer's own, of 16 valves in real time.
+    """
+
+    def __init__(self) -> None:
+        self.server = valve_server(_OWN, rng=np.random.default_rng()).__enter__()
+        self._end = finalize(self, self.server.__exit__)
+        self._link: Link | None = None
+        self._place: tuple[str, int] | None = None
+        wide = {"style": {"description_width": "8em"}, "layout": {"width": "24em"}}
+        start = Inputs()
+        self._address = widgets.Text("", placeholder="own server", description="address", **wide)
+        self._port = widgets.BoundedIntText(
+            start.port, min=1, max=0xFFFF, description="port", **wide
+        )
+        self._valves = widgets.BoundedIntText(
+            start.valves, min=1, max=LAST_UNIT, description="valves shown", **wide
+        )
+        self._valve = widgets.IntSlider(1, min=1, max=start.valves, description="valve", **wide)
+        self._target = widgets.IntSlider(40, min=0, max=100, description="position [%]", **wide)
+        buttons = [widgets.Button(description=name) for name in ("open", "close", "position")]
+        for button in buttons:
+            button.on_click(lambda clicked: self._tell(clicked.description))
+        again = widgets.Button(description="read again")
+        again.on_click(lambda _: self._show())
+        # The browser counts, and each count is a reading: no thread is needed.
+        clock = widgets.Play(min=0, max=10**6, interval=500, repeat=True, show_repeat=False)
+        clock.observe(lambda _: self._show(), "value")
+        for control in (self._address, self._port, self._valves, self._valve):
+            control.observe(lambda _: self._show(), "value")
+        self._said, self._board = "", Board()
+        left = widgets.VBox([self._address, self._port, self._valves])
+        right = widgets.VBox(
+            [self._valve, self._target, widgets.HBox(buttons), widgets.HBox([again, clock])]
+        )
+        super().__init__([widgets.HBox([left, right]), *self._board.parts])
+        self._show()
+
+    def close(self) -> None:
+        """Close connection and server, and the view."""
+        self._hang_up()
+        self._end()
+        super().close()
+
+    def _hang_up(self) -> None:
+        if self._link is not None:
+            self._link.close()
+        self._link = self._place = None
+
+    def _connected(self) -> Link:
+        address = self._address.value.strip()
+        place = (address, self._port.value) if address else ("127.0.0.1", self.server.port)
+        if self._link is None or self._place != place:
+            self._hang_up()
+            self._link, self._place = Link(*place), place
+        return self._link
+
+    def _tell(self, action: str) -> None:
+        target = self._target.value if action == "position" else None
+        self._try(lambda: send(self._connected(), self._valve.value, action, target))
+
+    def _show(self) -> None:
+        self._valve.max = self._valves.value
+        self._try(lambda: "")
+
+    def _try(self, act: Callable[[], str]) -> None:
+        """Act, read all valves, and show them; what goes wrong is said."""
+        try:
+            self._said = act() or self._said
+            inputs = Inputs(
+                self._address.value, self._port.value, self._valves.value, self._valve.value
+            )
+            result = update(inputs, self._connected())
+        except (ArgumentError, OSError) as problem:
+            self._hang_up()
+            self._board.say(str(problem), BAD)
+            return
+        colour = BAD if "not answer" in result.verdict or "refuses" in self._said else GOOD
+        numbers: dict[str, str] = {"last command": self._said} if self._said else {}
+        rows = -(-inputs.valves // 32)
+
+        def picture(ax: Axes) -> Any:
+            return draw(result, ax=ax)
+
+        self._board.show(
+            result.verdict, colour, numbers | result.numbers, picture, 0.7 + 0.7 * rows
+        )
+
+
+def explorer() -> Explorer:
+    """Return the client, with a server of its own that listens on this machine only.
+
+    Returns
+    -------
+    Explorer
+        To be shown as the last value of a notebook's cell.
+
+    Examples
+    --------
+    >>> client = explorer()
+    >>> client.children[1].value.count("valve 1: closed, 0 %")
+    1
+    >>> client.close()
+    """
+    return Explorer()
+
+
+def _words(exception: int) -> str:
+    return ExceptionCode(exception).name.replace("_", " ").lower()

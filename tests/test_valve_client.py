@@ -1,0 +1,195 @@
+import gc
+import socket
+import threading
+from contextlib import contextmanager
+
+import pytest
+from matplotlib.figure import Figure
+
+from shipnet.ballast import Fault
+from shipnet.ballast.serving import valve_server
+from shipnet.errors import ArgumentError
+from shipnet.modbus.frame import decode_tcp, encode_tcp
+from shipnet.tools.valve_client import Inputs, Link, ModelValves, draw, explorer, send, update
+
+
+@contextmanager
+def linked(port, timeout=5.0):
+    link = Link("127.0.0.1", port, timeout)
+    try:
+        yield link
+    finally:
+        link.close()
+
+
+def test_a_valve_travels_in_model_time():
+    valves = ModelValves(8)
+    assert send(valves, 3, "open") == "valve 3: open"
+    assert send(valves, 5, "position", 40) == "valve 5: position 40 %"
+    places = []
+    for valves.time in (0.0, 3.0, 12.0):
+        result = update(Inputs(valves=8, valve=3), valves)
+        places.append(result.positions[[0, 2, 4]].tolist())
+    assert places == [[0, 0, 0], [0, 33, 33], [0, 100, 40]]
+    assert result.verdict == "valve 3: open, 100 %"
+    assert result.numbers["motor ran"] == "9.0 s"
+    assert result.numbers["mode"] == "auto, last command open"
+    assert result.screen.state.tolist()[:5] == ["closed", "closed", "open", "closed", "part open"]
+
+
+def test_the_numbers_have_their_units_while_it_moves():
+    valves = ModelValves(2)
+    send(valves, 2, "open")
+    valves.time = 4.5
+    assert update(Inputs(valves=2, valve=2), valves).numbers == {
+        "position": "50 %", "pump pressure": "90 bar", "operating pressure": "2.1 bar",
+        "motor current": "1.2 A", "motor temperature": "50 degC", "motor ran": "4.5 s",
+        "mode": "auto, last command open", "fault reported": "none",
+    }  # fmt: skip
+
+
+def test_refusals_are_sentences():
+    valves = ModelValves(2)
+    assert send(valves, 1, "manual") == "valve 1: manual"
+    assert send(valves, 1, "open") == "valve 1 refuses: server device failure"
+    assert send(valves, 3, "open") == "valve 3 refuses: gateway target failed to respond"
+    assert update(Inputs(valves=3, valve=3), valves).verdict == "valve 3 does not answer"
+    assert update(Inputs(valves=3, valve=3), valves).numbers == {}
+
+
+def test_over_a_socket_it_is_the_same_as_in_model_time():
+    with valve_server(4, speed=0, faults=[Fault("Pos3", valves=1)]) as server:
+        with linked(server.port) as link:
+            assert send(link, 3, "open") == "valve 3: open"
+            result = update(Inputs(valves=5, valve=3), link)
+    assert result.positions.tolist()[:4] == [0, 15, 0, 0]
+    assert result.units.tolist() == [1, 2, 3, 4]
+    assert result.verdict == "valve 3: moving, 0 %"
+
+
+def test_what_is_no_server_is_told_in_a_sentence():
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        port = closed.getsockname()[1]
+        with pytest.raises(OSError, match=f"no server at 127.0.0.1, port {port}: "):
+            Link("127.0.0.1", port)
+    with pytest.raises(OSError, match=r"no server at .*\.invalid, port 1"):
+        Link("no.such.invalid", 1)
+
+
+@pytest.mark.parametrize("reply", [b"", b"\x00" * 9, "silence", "other unit"])
+def test_a_server_that_answers_nonsense_is_told_in_a_sentence(reply):
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def answer():
+            peer, _ = listener.accept()
+            with peer:
+                asked = decode_tcp(peer.recv(260))
+                if reply == "other unit":
+                    # An answer that is not to this request, then the right one, cut off.
+                    late = encode_tcp(1, b"\x84\x01", (asked.transaction_id + 5) % 65536)
+                    peer.sendall(late + late[:3])
+                elif reply != "silence":
+                    peer.sendall(reply)
+                else:
+                    peer.recv(1)
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with linked(listener.getsockname()[1], 0.3) as link:
+            with pytest.raises(OSError, match="does not answer for valve 1"):
+                update(Inputs(valves=1), link)
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Inputs(port=0), "port is 0"),
+        (lambda: Inputs(valves=248), "valves is 248"),
+        (lambda: Inputs(valves=4, valve=5), "valve is 5"),
+        (lambda: Inputs(address=7), "address is 7"),
+        (lambda: send(ModelValves(), 0, "open"), "valve is 0"),
+        (lambda: send(ModelValves(), 1, "stop"), "action is 'stop'"),
+        (lambda: send(ModelValves(), 1, "position", 101), "position is 101"),
+        (lambda: send(ModelValves(), 1, "open", 5), "position is 5"),
+    ],
+)
+def test_a_value_out_of_range_is_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
+
+
+def test_the_picture_has_a_bar_for_every_valve_and_frames_the_chosen_one():
+    valves = ModelValves(6)
+    send(valves, 4, "open")
+    valves.time = 3.0
+    ax = draw(update(Inputs(valves=7, valve=4), valves), ax=Figure().subplots())
+    said = [text.get_text() for text in ax.texts]
+    assert said[:14:2] == ["0", "0", "0", "33", "0", "0", "-"]
+    assert said[1:14:2] == [str(unit) for unit in range(1, 8)]
+    framed = [bar for bar in ax.patches if bar.get_linewidth() == 2]
+    assert [round(bar.get_x() + bar.get_width() / 2) for bar in framed] == [3]
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == ["closed", "moving", "silent"]
+
+
+def controls(box):
+    left, right = (column.children for column in box.children[0].children)
+    buttons = {b.description: b for b in (*right[2].children, right[3].children[0])}
+    return {"address": left[0], "port": left[1], "valves": left[2], "valve": right[0]}, buttons
+
+
+def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it():
+    before = threading.active_count()
+    box = explorer()
+    fields, buttons = controls(box)
+    device = box.server.slaves[3].device
+    picture = bytes(box.children[2].value)
+    fields["valve"].value = 3
+    assert bytes(box.children[2].value) != picture
+    buttons["open"].click()
+    assert device.plant.running.tolist() == [False, False, True] + [False] * 13
+    assert "last command: valve 3: open" in box.children[1].value
+    assert "valve 3: moving" in box.children[1].value
+    buttons["position"].click()
+    assert device.plant.running[2]
+    fields["valves"].value = 17
+    fields["valve"].value = 17
+    assert "valve 17 does not answer" in box.children[1].value
+    port = box.server.port
+    box.close()
+    assert threading.active_count() == before
+    with pytest.raises(OSError, match="no server"):
+        Link("127.0.0.1", port)
+    box.close()
+
+
+def test_the_explorer_goes_to_a_server_that_is_typed_and_says_where_none_is():
+    box = explorer()
+    try:
+        fields, buttons = controls(box)
+        with valve_server(2, speed=0, faults=[Fault("Pos3", valves=0)]) as other:
+            fields["port"].value = other.port
+            fields["valves"].value = 2
+            fields["address"].value = "127.0.0.1"
+            assert "valve 1: part open, 15 %" in box.children[1].value
+        buttons["read again"].click()
+        assert "127.0.0.1" in box.children[1].value
+        assert "no server" in box.children[1].value or "does not answer" in box.children[1].value
+        fields["address"].value = ""
+        assert "valve 1: closed" in box.children[1].value
+    finally:
+        box.close()
+
+
+def test_a_client_that_nobody_holds_any_more_closes_its_server():
+    before = threading.active_count()
+    box = explorer()
+    assert threading.active_count() == before + 1
+    box._end()
+    assert threading.active_count() == before
+    box.close()
+    del box
+    gc.collect()
+    assert threading.active_count() == before
