@@ -49,7 +49,7 @@ def engine_server(
     --------
     >>> server = engine_server(speed=0)
     >>> server.slaves[2].answer(bytes.fromhex("03 0000 0002")).hex(" ")
-    '03 04 03 ae 04 5f'
+    '03 04 03 ae 04 03'
     """
     factor = check_scalar("speed", speed, "s/s", 0, 1e4)
     points = load_points()
