@@ -19,7 +19,7 @@ from shipnet.style import LIMIT
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["plot_channel", "plot_confusion", "plot_strengths", "plot_stroke", "plot_trend"]
+__all__ = ["plot_channel", "plot_confusion", "plot_stroke", "plot_trend"]
 
 #: Ends of the position, which the rule table calls CLOSE and OPEN [%].
 _ENDS = {"CLOSE": 0.0, "OPEN": 100.0}
