@@ -19,6 +19,8 @@ from shipnet.style import LIMIT
 if TYPE_CHECKING:
     import pandas as pd
 
+    from shipnet.ballast.diagnosis import Diagnosis
+
 __all__ = ["STATE_COLOURS", "plot_channel", "plot_confusion", "plot_diagnosis", "plot_operation"]
 __all__ += ["plot_screen", "plot_stroke", "plot_trend"]
 
