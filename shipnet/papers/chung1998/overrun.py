@@ -1,0 +1,173 @@
+"""Sections 4.3 and 5: the ring overrun, its repair by Fig 9, and the three trials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from shipnet.papers.chung1998.link import as_printed
+from shipnet.papers.chung1998.packets import ITEMS, length
+from shipnet.papers.chung1998.ring import SIZE
+from shipnet.papers.registry import check, numeric
+from shipnet.remote_control.link.faults import Stall
+from shipnet.remote_control.link.run import simulate
+from shipnet.remote_control.link.timing import fill_time as fill_time_of
+from shipnet.remote_control.link.trials import BYTES_PER_PRESS, WRITE_TIME
+from shipnet.remote_control.packet import PACKET_START, Markers
+from shipnet.remote_control.ring_buffer import Ring, pointer_case
+
+__all__ = ["full_rings", "overrun_rings", "packets_stored"]
+
+
+def packets_stored(n: int, items: int, phase: int = 0, size: int = SIZE) -> Ring:
+    """Return a ring in which so many bytes of packets have been stored and none read.
+
+    Parameters
+    ----------
+    n : int
+        How many bytes.
+    items : int
+        Data of each packet, 1..204.
+    phase : int, default 0
+        With which byte of a packet the stream begins.
+    size : int, optional
+        Places of the ring.
+
+    Returns
+    -------
+    Ring
+        The ring, by the printed rules.
+    """
+    packet = Markers(n_numbers=items).encode(dict.fromkeys(range(items), 1000))
+    ring = Ring(size)
+    for k in range(n):
+        ring.store(packet[(phase + k) % len(packet)])
+    return ring
+
+
+def overrun_rings(items: int) -> Iterator[Ring]:
+    """Return rings that show case c, for every place of the writer and every phase of a stream.
+
+    Parameters
+    ----------
+    items : int
+        Data of each packet.
+
+    Yields
+    ------
+    Ring
+        A ring whose reader stands at 0, a round and more behind the writer.
+    """
+    for no in range(SIZE):
+        for phase in range(length("A", items)):
+            yield packets_stored(SIZE + no, items, phase)
+
+
+def full_rings(size: int) -> Iterator[Ring]:
+    """Return rings of packet starts only that show case c, for every place of the writer.
+
+    Parameters
+    ----------
+    size : int
+        Places of the ring.
+
+    Yields
+    ------
+    Ring
+        A ring whose reader stands at 0.
+    """
+    for no in range(size):
+        ring = Ring(size)
+        for _ in range(size + no):
+            ring.store(PACKET_START)
+        yield ring
+
+
+@check("chung1998-013", counter={"shift": 2})
+def repair_restores_order(*, shift: int = 1) -> bool:
+    """Whether the reader ends at the first 0xCC from SIZE >> shift or from 0, in a normal case."""
+    for ring in overrun_rings(ITEMS):
+        cells, no = ring.cells, ring.state.no
+        ring.extract()
+        place = cells.find(PACKET_START, SIZE >> shift if no < SIZE >> shift else 0)
+        if ring.state.get_no != place or ring.case not in ("b", "d"):
+            return False
+    return True
+
+
+@check("chung1998-057", counter={"toggled": False})
+def toggled_flag_restores_order(*, toggled: bool = True) -> bool:
+    """Whether a reader moved to the start of the ring, its flag turned over, is in case b."""
+    for ring in full_rings(SIZE):
+        before = ring.state
+        ring.extract()
+        if before.no >= SIZE >> 1:
+            flag = ring.state.ring_get_f if toggled else before.ring_get_f
+            if pointer_case(ring.state._replace(ring_get_f=flag)) != "b":
+                return False
+    return True
+
+
+@check("chung1998-055", counter={"items": 45})
+def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
+    """Whether some of the bytes that the ring holds are left after every repair."""
+    for ring in overrun_rings(items):
+        ring.extract()
+        if ring.unread == 0:
+            return False
+    return True
+
+
+@numeric("chung1998-056")
+def bytes_given_up(*, size: int = SIZE) -> float:
+    """Bytes of those still held that a repair gives up, mean over the places of the writer."""
+    given_up = 0
+    for ring in full_rings(size):
+        ring.extract()
+        given_up += size - ring.unread
+    return given_up / size
+
+
+@numeric("chung1998-060")
+def fill_time(*, size: int = SIZE, rate: float = 9600.0) -> float:
+    """Seconds in which unbroken reception fills the ring."""
+    return size / SIZE * fill_time_of(as_printed(rate))
+
+
+@numeric("chung1998-061")
+def packets_held(*, size: int = SIZE, items: int = ITEMS) -> float:
+    """Packets of so many data that the ring holds."""
+    return size / length("A", items)
+
+
+@numeric("chung1998-015")
+def abnormal_states(*, empty_is_empty: bool = True) -> int:
+    """Repairs in 100 packets, read byte by byte; or if an empty ring is read on, as printed."""
+    ring = Ring(SIZE, "meant" if empty_is_empty else "literal")
+    packet = Markers(n_numbers=ITEMS).encode(dict.fromkeys(range(ITEMS), 1000))
+    repairs = 0
+    for byte in 100 * packet:
+        ring.store(byte)
+        # As many steps as there are places: an empty ring that is read on has no end.
+        for _ in range(SIZE):
+            step = ring.extract()
+            repairs += step.action == "repair"
+            if step.action in ("wait", "stop"):
+                break
+    return repairs
+
+
+@check("chung1998-058", counter={"stall": 14.0})
+def parameter_change_does_no_harm(*, stall: float = BYTES_PER_PRESS * WRITE_TIME) -> bool:
+    """Whether a task that stalls so long [s] leaves the ring in order.
+
+    How long the paper's task stalled is not printed; 20 ms are assumed for an integer.
+    """
+    run = simulate(as_printed(), 25.0, faults=[Stall("BCS", 5.0, 5.0 + stall)])
+    return not bool(run.table["event"].str.startswith("ring").any())
+
+
+@check("chung1998-021", counter={"size": SIZE})
+def larger_ring_is_not_overrun(*, size: int = 2 * SIZE, stall: float = 0.2) -> bool:
+    """Whether bytes that come without a break during a stall [s] leave a ring in a normal case."""
+    came = round(stall / as_printed().character_time)
+    return packets_stored(came, ITEMS, size=size).case in ("b", "d")
