@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from shipnet.papers.chung1998.link import as_printed
 from shipnet.papers.chung1998.packets import ITEMS, length
@@ -13,12 +14,17 @@ from shipnet.remote_control.link.run import simulate
 from shipnet.remote_control.link.timing import fill_time as fill_time_of
 from shipnet.remote_control.link.trials import BYTES_PER_PRESS, WRITE_TIME
 from shipnet.remote_control.packet import PACKET_START, Markers
-from shipnet.remote_control.ring_buffer import Ring, pointer_case
+from shipnet.remote_control.ring_buffer import Ring, Rule, pointer_case
 
-__all__ = ["full_rings", "overrun_rings", "packets_stored"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["full_rings", "overrun_rings", "packets_stored", "recovered", "recovered_table"]
 
 
-def packets_stored(n: int, items: int, phase: int = 0, size: int = SIZE) -> Ring:
+def packets_stored(
+    n: int, items: int, phase: int = 0, size: int = SIZE, rule: Rule = "literal"
+) -> Ring:
     """Return a ring in which so many bytes of packets have been stored and none read.
 
     Parameters
@@ -31,14 +37,16 @@ def packets_stored(n: int, items: int, phase: int = 0, size: int = SIZE) -> Ring
         With which byte of a packet the stream begins.
     size : int, optional
         Places of the ring.
+    rule : {"literal", "meant", "mended"}, default "literal"
+        How the reader decides.
 
     Returns
     -------
     Ring
-        The ring, by the printed rules.
+        The ring.
     """
     packet = Markers(n_numbers=items).encode(dict.fromkeys(range(items), 1000))
-    ring = Ring(size)
+    ring = Ring(size, rule)
     for k in range(n):
         ring.store(packet[(phase + k) % len(packet)])
     return ring
@@ -80,6 +88,57 @@ def full_rings(size: int) -> Iterator[Ring]:
         for _ in range(size + no):
             ring.store(PACKET_START)
         yield ring
+
+
+def recovered(waiting: int, rule: Rule, items: int = ITEMS) -> int:
+    """Return how many packets are found behind so many bytes that nobody read.
+
+    Parameters
+    ----------
+    waiting : int
+        Bytes stored before the reader begins.
+    rule : {"meant", "mended"}
+        How the reader decides.
+    items : int, optional
+        Data of each packet; all data of the n-th have the value n.
+
+    Returns
+    -------
+    int
+        Packets found as they were sent.
+    """
+    form = Markers(n_numbers=items)
+    count = waiting // form.size(items) + 1
+    sent = [dict.fromkeys(range(items), n) for n in range(1, count + 1)]
+    ring = Ring(SIZE, rule)
+    for byte in b"".join(map(form.encode, sent))[:waiting]:
+        ring.store(byte)
+    taken = bytearray()
+    while (step := ring.extract()).action in ("take", "repair"):
+        taken += bytes([] if step.byte is None else [step.byte])
+    found = form.parser().feed(bytes(taken))
+    return sum(tuple(packet.items()) in found for packet in sent)
+
+
+def recovered_table(most: int = 3 * SIZE) -> pd.DataFrame:
+    """Return how many packets the printed ring and the mended one still hold.
+
+    Parameters
+    ----------
+    most : int, optional
+        Most bytes that wait.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a number of ``waiting`` bytes: packets ``sent`` whole, and found in the ``printed``
+        ring, which knows an empty ring as empty, and in the ``mended`` one.
+    """
+    import pandas as pd
+
+    size = length("A", ITEMS)
+    rows = [(n, n // size, recovered(n, "meant"), recovered(n, "mended")) for n in range(most)]
+    return pd.DataFrame(rows, columns=["waiting", "sent", "printed", "mended"])
 
 
 @check("chung1998-013", counter={"shift": 2})

@@ -20,7 +20,7 @@ from shipnet.remote_control.link.system import System
 from shipnet.remote_control.link.timing import cycle_time
 from shipnet.remote_control.packet import Markers
 
-__all__ = ["ITEMS", "PATIENCE", "flags_at", "length"]
+__all__ = ["FLAGS", "ITEMS", "PATIENCE", "flags_at", "length"]
 
 #: Section 5: data sent and received in the trial.
 ITEMS = int(PRINTED["data_count"])

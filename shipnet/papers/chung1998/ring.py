@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from itertools import pairwise, product
+from typing import TYPE_CHECKING
 
-from shipnet.papers.chung1998.packets import ITEMS
+from shipnet.papers.chung1998.packets import FLAGS, ITEMS
 from shipnet.papers.chung1998.stations import PRINTED
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.extraction import extraction_table
@@ -12,7 +13,10 @@ from shipnet.remote_control.packet import Markers
 from shipnet.remote_control.ring_buffer import Case, Ring, State, pointer_case
 from shipnet.remote_control.ring_states import case_table
 
-__all__ = ["SIZE", "states", "stored"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["SIZE", "reader_steps", "ring_with", "states", "stored"]
 
 #: Section 5: places of the ring.
 SIZE = int(PRINTED["ring_size"])
@@ -39,6 +43,65 @@ def stored(n: int, size: int = SIZE) -> list[State]:
         found.append(ring.state)
         ring.store(0)
     return found
+
+
+def ring_with(unread: int, get_no: int, size: int = SIZE) -> Ring:
+    """Return a ring with so many bytes unread and the reader at a place.
+
+    Parameters
+    ----------
+    unread : int
+        Bytes stored since the last was read; the n-th byte of all has the value n.
+    get_no : int
+        Where the reader stands, 0..size - 1.
+    size : int, optional
+        Places of the ring.
+
+    Returns
+    -------
+    Ring
+        The ring, by the printed rules, an empty one known as empty.
+    """
+    ring = Ring(size, "meant")
+    for n in range(get_no + unread):
+        ring.store(n % 256)
+        if n < get_no:
+            ring.extract()
+    return ring
+
+
+def reader_steps(stream: bytes, get_no: int, size: int = SIZE) -> pd.DataFrame:
+    """Return what the reader of Fig 8 takes each byte for.
+
+    Parameters
+    ----------
+    stream : bytes
+        What lies in the ring: any bytes, then a packet in reading A.
+    get_no : int
+        Where the first byte lies.
+    size : int, optional
+        Places of the ring.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a byte: ``get_no``, ``byte`` and ``taken_as``.
+    """
+    import pandas as pd
+
+    start = stream.find(bytes(FLAGS[:2]))
+    rows = []
+    for place, byte in enumerate(stream):
+        if place < start:
+            what = "passed over"
+        elif place < start + 2:
+            what = ("start of the packet", "start of the data")[place - start]
+        elif (place - start) % 3 == 2:
+            what = "end of the packet" if byte == FLAGS[2] else "number"
+        else:
+            what = ("low byte", "high byte")[(place - start) % 3]
+        rows.append(((get_no + place) % size, f"0x{byte:02X}", what))
+    return pd.DataFrame(rows, columns=["get_no", "byte", "taken_as"])
 
 
 def states(places: int, flags: int) -> list[State]:
