@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shipnet.papers import counts
-from shipnet.papers.chung1998 import link, overrun, packets, ring
+from shipnet.papers.chung1998 import integrity, link, overrun, packets, ring
 from shipnet.papers.chung1998.stations import PRINTED
 from shipnet.remote_control import Markers, Ring
 from shipnet.remote_control.experiment import Criterion, candidates, recommend
@@ -87,10 +87,7 @@ def test_it_takes_three_more_packets_to_overrun_the_ring():
 
 
 def test_with_the_search_a_repair_gives_up_a_packet_more_at_most():
-    given_up = []
-    for full in overrun.overrun_rings(10):
-        full.extract()
-        given_up.append(ring.SIZE - full.unread)
+    given_up = overrun.given_up(overrun.overrun_rings(10))
     assert (min(given_up), max(given_up)) == (1, 64 + 32)
     assert np.mean(given_up) == pytest.approx(32.5 + 16)
 
@@ -104,5 +101,5 @@ def test_a_crc_is_recommended_for_one_datum_too():
 
 
 def test_what_a_lost_packet_costs_depends_on_how_often_the_value_moves():
-    assert not packets.loss_does_no_harm(interval=3.1)
-    assert packets.loss_does_no_harm(interval=2.9)
+    assert not integrity.loss_does_no_harm(interval=3.1)
+    assert integrity.loss_does_no_harm(interval=2.9)

@@ -59,7 +59,7 @@ def plot_ring(ring: Ring, *, ax: Axes) -> Axes:
             ax.text(x, y, f"{byte:02X}" if written else "", ha="center", va="center", fontsize=8)
     for name, cell, radius, tip in (
         ("no", state.no, 1.38, 1.02),
-        ("get_no", state.get_no, 0.42, 0.74),
+        ("get_no", state.get_no, 0.15, 0.74),
     ):
         angle = 90 - (cell + 0.5) * step
         ax.annotate(

@@ -4,6 +4,6 @@ K. Y. Chung, K. S. Rhyu, "A study on the communication method for a ship main en
 system", J. Korean Soc. Marine Eng., 1998. Its drawings are not in the text that we have.
 """
 
-from shipnet.papers.chung1998 import link, overrun, packets, ring, stations
+from shipnet.papers.chung1998 import integrity, link, overrun, packets, ring, stations
 
-__all__ = ["link", "overrun", "packets", "ring", "stations"]
+__all__ = ["integrity", "link", "overrun", "packets", "ring", "stations"]

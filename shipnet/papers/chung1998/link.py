@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from shipnet.papers.chung1998.packets import ITEMS, PATIENCE
+from shipnet.papers.chung1998.integrity import PATIENCE
+from shipnet.papers.chung1998.packets import ITEMS
 from shipnet.papers.chung1998.stations import PRINTED
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.link.cascade import cascade
@@ -20,7 +23,10 @@ from shipnet.remote_control.link.timing import quiet_time
 from shipnet.remote_control.link.trials import switch_trials
 from shipnet.remote_control.packet import Markers
 
-__all__ = ["as_printed"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["as_printed", "cascade_table"]
 
 #: Section 4: period of the timer [s], and the limits of the two counters.
 _TICK = float(PRINTED["tick"])
@@ -43,6 +49,12 @@ def as_printed(rate: float = BIT_RATES[0], items: int = ITEMS, bits: int = 10) -
     -------
     System
         The link.
+
+    Examples
+    --------
+    >>> link = as_printed(600)
+    >>> link.n_items, link.repeat
+    (10, 10)
     """
     form = Markers(n_numbers=items)
     return System(form, bit_rate=rate, character_bits=bits, repeat=items)
@@ -115,6 +127,45 @@ def longest_silence(*, rate: float = 600.0, items: int = ITEMS, bits: int = 10) 
 def silence_while_waiting(*, rate: float = 9600.0, items: int = ITEMS) -> float:
     """Seconds without a 0xDD, at most, that BCS sees while RCS waits for a dead SS."""
     return cascade(as_printed(rate, items)).quiet[1]
+
+
+def cascade_table(
+    mends: Mapping[str, Mapping[str, Any]], rates: Sequence[float] = (9600, 600)
+) -> pd.DataFrame:
+    """Return what BCS sees while RCS waits for a dead SS, as printed or mended.
+
+    Parameters
+    ----------
+    mends : mapping of str to mapping
+        Name of each rule, and the fields of `System` that it changes.
+    rates : sequence of float, optional
+        Bit rates [bit/s].
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a rule and bit rate: ``rule``, ``bit/s``, ``RCS waits [s]`` and ``BCS hears nothing
+        [s]``, both at most, and ``false alarm``: never, possible or certain.
+
+    Raises
+    ------
+    ArgumentError
+        If `System` does not take the fields.
+
+    Examples
+    --------
+    >>> cascade_table({"as printed": {}})["false alarm"].tolist()
+    ['possible', 'certain']
+    """
+    import pandas as pd
+
+    rows = []
+    for name, fields in mends.items():
+        for rate in rates:
+            seen = cascade(replace(as_printed(rate), **fields))
+            rows.append((name, rate, seen.wait[1], seen.quiet[1], seen.alarm))
+    columns = ["rule", "bit/s", "RCS waits [s]", "BCS hears nothing [s]", "false alarm"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 @check("chung1998-017", counter={"all_data": False})

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyBboxPatch, Patch, Rectangle
 
 from shipnet import style
-from shipnet.papers.chung1998.overrun import full_rings, overrun_rings
+from shipnet.papers.chung1998.overrun import full_rings, given_up, overrun_rings
 from shipnet.papers.chung1998.ring import SIZE, ring_with, stored
 from shipnet.remote_control.link.supervision import Counter, Supervision
 from shipnet.remote_control.packet import Markers
@@ -165,7 +165,7 @@ def plot_counters(rules: Mapping[str, Supervision], *, ax: Axes) -> Axes:
         line = "-" if place == 0 else "--"
         ax.plot(times, counts, line, drawstyle="steps-post", color=f"C{place}", label=name)
     ax.set(xlabel="time since the last 0xDD [s]", ylabel="count [tick]", ylim=(0, 15.5))
-    ax.set_xlim(0, 5.4)
+    ax.set(xlim=(0, 5.4), yticks=range(0, 11, 2))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return ax
 
@@ -336,14 +336,8 @@ def plot_given_up(*, ax: Axes, items: int = 10) -> Axes:
         band for all ways in which packets can lie.
     """
     places = np.arange(SIZE)
-    alone, searched = [], []
-    for ring in full_rings(SIZE):
-        ring.extract()
-        alone.append(SIZE - ring.unread)
-    for ring in overrun_rings(items):
-        ring.extract()
-        searched.append(SIZE - ring.unread)
-    band = np.reshape(searched, (SIZE, -1))
+    alone = given_up(full_rings())
+    band = np.reshape(given_up(overrun_rings(items)), (SIZE, -1))
     ax.fill_between(
         places, band.min(axis=1), band.max(axis=1), color="#f5c56b", alpha=0.6,
         label="with the search for 0xCC",

@@ -36,6 +36,11 @@ def stored(n: int, size: int = SIZE) -> list[State]:
     -------
     list of State
         One a byte.
+
+    Examples
+    --------
+    >>> [(state.no, state.ring_f) for state in stored(5, size=3)]
+    [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
     """
     ring = Ring(size)
     found = []
@@ -61,6 +66,12 @@ def ring_with(unread: int, get_no: int, size: int = SIZE) -> Ring:
     -------
     Ring
         The ring, by the printed rules, an empty one known as empty.
+
+    Examples
+    --------
+    >>> ring = ring_with(unread=6, get_no=14, size=16)
+    >>> ring.state, ring.case
+    (State(no=4, ring_f=1, get_no=14, ring_get_f=0), 'd')
     """
     ring = Ring(size, "meant")
     for n in range(get_no + unread):
@@ -86,6 +97,12 @@ def reader_steps(stream: bytes, get_no: int, size: int = SIZE) -> pd.DataFrame:
     -------
     pandas.DataFrame
         A row a byte: ``get_no``, ``byte`` and ``taken_as``.
+
+    Examples
+    --------
+    >>> steps = reader_steps(bytes.fromhex("41 cc dd 03 34 12 ee"), get_no=126)
+    >>> steps.iloc[[0, 1, 3]].values.tolist()
+    [[126, '0x41', 'passed over'], [127, '0xCC', 'start of the packet'], [1, '0x03', 'number']]
     """
     import pandas as pd
 
@@ -118,6 +135,11 @@ def states(places: int, flags: int) -> list[State]:
     -------
     list of State
         Every combination.
+
+    Examples
+    --------
+    >>> len(states(2, 2))
+    16
     """
     return [State(*four) for four in product(*2 * (range(places), range(flags)))]
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from shipnet import datasets
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.signals import HOPS, SIGNALS, Hop
 from shipnet.remote_control.usart import Status, Usart, send_meant, send_printed
 
-__all__ = ["PRINTED"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["PRINTED", "loop_table"]
 
 #: What the paper prints, by its name: `chung1998_parameters.csv`.
 _TABLE = datasets.read("chung1998_parameters.csv")
@@ -37,6 +42,40 @@ def serial_chips(*, station: str = "RCS") -> int:
 def flows_are_enough(*, flows: tuple[Hop, ...] = HOPS) -> bool:
     """Whether every value comes to all who need it on these flows, by RCS where it must."""
     return all(hop in flows for signal in SIGNALS for hop in signal.hops)
+
+
+def loop_table(packet: bytes, waiting: bytes = b"12") -> pd.DataFrame:
+    """Return what the printed loop and the meant one send, on an idle chip and on a busy one.
+
+    Parameters
+    ----------
+    packet : bytes
+        What to send at 9600 bit/s.
+    waiting : bytes, optional
+        What a busy chip has still to send, 2 bytes.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a chip and loop: ``chip``, ``loop``, ``on the line`` behind the byte that is being
+        shifted out, ``writes`` to the chip, ``bytes lost``.
+
+    Examples
+    --------
+    >>> loop_table(b"abc")["on the line"].tolist()[:2]
+    ['', '61 62 63']
+    """
+    import pandas as pd
+
+    rows = []
+    for state, before in (("idle", b""), ("busy", waiting)):
+        for loop, send in (("printed", send_printed), ("meant", send_meant)):
+            chip = Usart(10 / 9600)
+            for byte in before:
+                chip.write(byte, 0.0)
+            sent = send(chip, packet)
+            rows.append((state, loop, sent.line.hex(" "), sent.writes, sent.lost))
+    return pd.DataFrame(rows, columns=["chip", "loop", "on the line", "writes", "bytes lost"])
 
 
 @check("chung1998-008", counter={"printed": False})
