@@ -66,6 +66,18 @@ def test_reading_on_without_end_is_cut_off():
     # The reader stands behind the writer's last place, and comes back to it for ever.
     result = update(Inputs(8, "literal", (*7 * ("byte",), *ALL)))
     assert "for ever" in result.said
+    # The packet in the ring is found once, and then again: that one is old.
+    assert (result.packets, result.wrong) == (2, 1)
+
+
+def test_more_packets_than_a_byte_can_number_are_told_apart():
+    result = update(Inputs(8, "meant", 450 * (*PACKET, *ALL)))
+    assert (result.packets, result.wrong) == (450, 0)
+
+
+def test_a_packet_that_is_begun_is_stored_to_its_end():
+    assert update(Inputs(actions=("byte", "packet"))).ring.unread == 6
+    assert update(Inputs(actions=("packet", "packet"))).ring.unread == 12
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ class Result:
     packets : int
         Packets that the reader found.
     wrong : int
-        Packets among them that are not the next ones that were sent: old ones again, or mixtures.
+        Packets among them that were found before, or never sent.
     given_up : int
         Bytes that the reader took and could make no packet of.
     """
@@ -202,8 +202,8 @@ class _Game:
 
 
 def _value(number: int) -> int:
-    # Low bytes only, and none that is a marker.
-    return number % 200 + 1
+    # They rise, and neither byte is a marker or 0.
+    return (number // 200 + 1) << 8 | number % 200 + 1
 
 
 def _in_words(step: Step, where: int, ring: Ring) -> str:
@@ -242,9 +242,10 @@ def update(inputs: Inputs) -> Result:
     'repaired: reader moved from 0 to 12, 12 bytes lost'
     """
     game = _Game(inputs)
-    due, wrong = 1, 0
+    sent = {_value(number) for number in range(game.ring.written // _FORM.size(_ITEMS))}
+    due, wrong = 0, 0
     for value in game.found:
-        wrong += value < due
+        wrong += value < due or value not in sent
         due = max(due, value + 1)
     return Result(game.ring, game.said, len(game.found), wrong, game.parser.discarded)
 
