@@ -26,6 +26,9 @@ COMMAND_REGISTER = 0x4001
 #: Step of the operating time [s]; our assumption, as all scales are.
 _TIME_STEP = 0.1
 
+#: Step of each reading, shape (5, 1).
+_STEPS = np.array([[scale.step] for scale in SCALES])
+
 
 class Packed(NamedTuple):
     """What a slave sends.
@@ -142,26 +145,27 @@ class RegisterMap:
         if values.ndim != 2 or len(values) != len(SCALES):
             raise ArgumentError(f"readings have the shape {values.shape}; it must be (5, n_valves)")
         n = values.shape[1]
+        flags, faults, times = np.empty((3, n), bool), np.asarray(fault), np.empty(n)
         try:
-            flags = [np.broadcast_to(np.asarray(f, bool), n) for f in (auto, close, open)]
-            faults = np.broadcast_to(np.asarray(fault), n)
-            times = np.broadcast_to(np.asarray(operating_time, float), n)
+            # An assignment costs a tenth of broadcast_to, and a slave is packed at every poll.
+            flags[0], flags[1], flags[2], times[:] = auto, close, open, operating_time
+            faults = faults if faults.shape == (n,) else np.broadcast_to(faults, n)
         except ValueError:
             raise ArgumentError(f"a flag, fault or time does not fit {n} valves") from None
         if faults.dtype.kind not in "iu" or ((faults < 0) | (faults > 12)).any():
             raise ArgumentError(f"fault is {fault!r}; it must be a whole number 0..12")
         registers, saturated = np.zeros((N_REGISTERS, n), int), np.zeros((6, n), bool)
-        for k, scale in enumerate(SCALES):
-            number, saturated[k] = whole_steps(values[k] / scale.step, 0xFF)
+        numbers, saturated[:5] = whole_steps(values / _STEPS, 0xFF)
+        for scale, number in zip(SCALES, numbers, strict=True):
             registers[scale.register - FIRST_REGISTER] |= number << scale.shift
         in_status = self.status == "table 2"
-        number, saturated[5] = whole_steps(times / _TIME_STEP, 0xFFFF if in_status else 0xFF)
+        ticks, saturated[5] = whole_steps(times / _TIME_STEP, 0xFFFF if in_status else 0xFF)
         status = (~flags[0]).astype(int)
         for place, flag in enumerate(flags, 1):
             status |= flag.astype(int) << place
         registers[0] |= status << self._first_bit
         registers[0 if in_status else 1] |= faults.astype(int) << (4 if in_status else 8)
-        registers[1] |= number
+        registers[1] |= ticks
         return Packed(registers.T.astype(np.uint16), saturated.T)
 
     def unpack(self, registers: npt.ArrayLike) -> Status:

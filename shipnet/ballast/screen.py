@@ -272,8 +272,8 @@ class MasterRun:
 
     def _silent(self, time: float) -> npt.NDArray[np.bool_]:
         silent = np.zeros(self.system.n_slaves, bool)
+        spent = (self.system.poll.unanswered, self.system.poll.answered)
         for start, slave, _, _, answered in self.tries:
-            spent = self.system.poll.answered if answered else self.system.poll.unanswered
-            if start + spent <= time + 1e-9:
+            if start + spent[answered] <= time + 1e-9:
                 silent[slave] = not answered
         return silent
