@@ -29,6 +29,15 @@ _TIME_STEP = 0.1
 #: Step of each reading, shape (5, 1).
 _STEPS = np.array([[scale.step] for scale in SCALES])
 
+#: What a step of each reading, and of the operating time, adds to each register, shape (4, 6).
+_PLACES = np.zeros((N_REGISTERS, len(SCALES) + 1), np.int64)
+for _k, _scale in enumerate(SCALES):
+    _PLACES[_scale.register - FIRST_REGISTER, _k] = 1 << _scale.shift
+_PLACES[1, -1] = 1
+
+#: Bits of Manual, Auto, Close and Open, from the first of them on.
+_FLAGS = np.array([1, 2, 4, 8])
+
 
 class Packed(NamedTuple):
     """What a slave sends.
@@ -145,27 +154,22 @@ class RegisterMap:
         if values.ndim != 2 or len(values) != len(SCALES):
             raise ArgumentError(f"readings have the shape {values.shape}; it must be (5, n_valves)")
         n = values.shape[1]
-        flags, faults, times = np.empty((3, n), bool), np.asarray(fault), np.empty(n)
+        flags, faults, times = np.empty((4, n), bool), np.asarray(fault), np.empty(n)
         try:
             # An assignment costs a tenth of broadcast_to, and a slave is packed at every poll.
-            flags[0], flags[1], flags[2], times[:] = auto, close, open, operating_time
+            flags[1], flags[2], flags[3], times[:] = auto, close, open, operating_time
             faults = faults if faults.shape == (n,) else np.broadcast_to(faults, n)
         except ValueError:
             raise ArgumentError(f"a flag, fault or time does not fit {n} valves") from None
         if faults.dtype.kind not in "iu" or ((faults < 0) | (faults > 12)).any():
             raise ArgumentError(f"fault is {fault!r}; it must be a whole number 0..12")
-        registers, saturated = np.zeros((N_REGISTERS, n), int), np.zeros((6, n), bool)
-        numbers, saturated[:5] = whole_steps(values / _STEPS, 0xFF)
-        for scale, number in zip(SCALES, numbers, strict=True):
-            registers[scale.register - FIRST_REGISTER] |= number << scale.shift
+        flags[0] = ~flags[1]
         in_status = self.status == "table 2"
-        ticks, saturated[5] = whole_steps(times / _TIME_STEP, 0xFFFF if in_status else 0xFF)
-        status = (~flags[0]).astype(int)
-        for place, flag in enumerate(flags, 1):
-            status |= flag.astype(int) << place
-        registers[0] |= status << self._first_bit
+        highest = np.array([[0xFF]] * 5 + [[0xFFFF if in_status else 0xFF]])
+        numbers, saturated = whole_steps(np.vstack([values / _STEPS, times / _TIME_STEP]), highest)
+        registers = _PLACES @ numbers
+        registers[0] |= (_FLAGS @ flags) << self._first_bit
         registers[0 if in_status else 1] |= faults.astype(int) << (4 if in_status else 8)
-        registers[1] |= ticks
         return Packed(registers.T.astype(np.uint16), saturated.T)
 
     def unpack(self, registers: npt.ArrayLike) -> Status:
