@@ -9,6 +9,7 @@ from shipnet.ballast.messages import MESSAGES, message_table, printed_adu, stand
 from shipnet.ballast.scales import SCALES, scale_table, survival_table
 from shipnet.ballast.switches import switch_table, unit_id
 from shipnet.errors import ArgumentError, FieldError, LengthError
+from shipnet.fuzzy import published, strengths
 from shipnet.modbus.frame import decode_tcp
 from shipnet.modbus.reader import decode_response
 from shipnet.modbus.request import ReadRequest, WriteRegister
@@ -16,12 +17,12 @@ from shipnet.modbus.request import ReadRequest, WriteRegister
 MAPS = st.builds(
     RegisterMap, st.sampled_from(["table 2", "table 3"]), st.sampled_from(list(READINGS))
 )
-BYTES = st.integers(0, 255)
+BYTES, STEPS = st.integers(0, 255), st.integers(0, 254)
 
 
 @given(
     map_=MAPS,
-    rows=st.lists(st.tuples(*[BYTES] * 5), min_size=1, max_size=4),
+    rows=st.lists(st.tuples(*[STEPS] * 5), min_size=1, max_size=4),
     flags=st.tuples(*[st.booleans()] * 3),
     fault=st.integers(0, 12),
     ticks=BYTES,
@@ -47,7 +48,10 @@ def test_what_is_packed_comes_back(map_, rows, flags, fault, ticks):
 @given(words=st.lists(st.integers(0, 0xFFFF), min_size=4, max_size=4), map_=MAPS)
 def test_any_registers_can_be_read(words, map_):
     status = map_.unpack([words])
-    assert ((status.readings >= 0) & (status.readings <= 255)).all()
+    known = status.readings[~np.isnan(status.readings)]
+    assert ((known >= 0) & (known <= 254)).all()
+    whole = [words[0] >> 8, *(byte for word in words[2:] for byte in divmod(word, 256))]
+    assert np.isnan(status.readings).sum() == whole.count(255)
 
 
 def test_each_byte_stands_where_table_3_prints_it():
@@ -66,9 +70,24 @@ def test_what_does_not_fit_is_flagged_and_sent_as_the_nearest_that_does():
         [False, False, False, False, True, True],
     ]
     read = RegisterMap().unpack(packed.registers).readings
-    assert read[:, 0] == pytest.approx([255, 25.5, 0, 50, 0])
+    assert read[:, 0] == pytest.approx([254, np.nan, 0, 50, 0], nan_ok=True)
+    assert read[4, 1] == 254
     long = RegisterMap("table 2").pack(readings[:, 1:], close=0, open=0, operating_time=6000.0)
     assert not long.saturated[0, 5]
+
+
+def test_a_dead_sensor_fires_no_rule_on_its_way_through_the_registers():
+    base, rest = published.rule_base("kim2014"), [90.0, 2.0, 1.2, 50.0, 40.0]
+    for k, name in enumerate(["FP", "OP", "MC", "OT", "VPos"]):
+        dead = np.array(rest)
+        dead[k] = np.nan
+        packed = RegisterMap().pack(dead[:, np.newaxis], close=0, open=0)
+        read = RegisterMap().unpack(packed.registers).readings[:, 0]
+        assert np.isnan(read).nonzero()[0].tolist() == [k]
+        samples = dict(zip(["FP", "OP", "MC", "OT", "VPos"], read, strict=True))
+        fired = strengths(base, samples).strength
+        assert fired.max() == 0, name
+    assert (scale_table()["missing"] == 255).all()
 
 
 def test_no_reading_within_its_scale_is_off_by_more_than_the_table_says():

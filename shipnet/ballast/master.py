@@ -12,6 +12,7 @@ from shipnet.ballast.codes import Code
 from shipnet.ballast.commands import Command
 from shipnet.ballast.plant import Plant
 from shipnet.ballast.registers import COMMAND_REGISTER, RegisterMap
+from shipnet.ballast.scales import MISSING
 from shipnet.ballast.scan import READ_STATUS, command_poll
 from shipnet.ballast.screen import MasterRun, Shown, Write
 from shipnet.ballast.slave import valve_slaves
@@ -227,7 +228,8 @@ class Station(Master):
         read = start + poll.serial.frame_time(poll.request_size)
         response = answer(self.slaves, unit, READ_STATUS.pdu, read, serial=True).pdu
         words = tuple(int.from_bytes(response[k : k + 2], "big") for k in (2, 4, 6, 8))
-        self._position[unit] = words[0] >> 8
+        if words[0] >> 8 != MISSING:
+            self._position[unit] = words[0] >> 8
         self.shown.append(Shown(unit, read, start + self.needed, words))
         return True
 

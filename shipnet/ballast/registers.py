@@ -13,7 +13,14 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.ballast.codes import Code, command_codes
-from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS, SCALES, whole_steps
+from shipnet.ballast.scales import (
+    FIRST_REGISTER,
+    HIGHEST,
+    MISSING,
+    N_REGISTERS,
+    SCALES,
+    whole_steps,
+)
 from shipnet.errors import ArgumentError, FieldError, check_whole
 
 __all__ = ["COMMAND_REGISTER", "Packed", "RegisterMap", "Status"]
@@ -47,7 +54,8 @@ class Packed(NamedTuple):
     registers : ndarray of uint16, shape (n_valves, 4)
         Registers 0x4020 to 0x4023.
     saturated : ndarray of bool, shape (n_valves, 6)
-        Whether FP, OP, MC, OT, VPos or the operating time did not fit into its bits.
+        Whether FP, OP, MC, OT, VPos or the operating time did not fit into its bits, or was
+        missing.
     """
 
     registers: npt.NDArray[np.uint16]
@@ -60,7 +68,7 @@ class Status(NamedTuple):
     Attributes
     ----------
     readings : ndarray of float, shape (5, n_valves)
-        FP, OP, MC, OT and VPos, in steps of their scale.
+        FP, OP, MC, OT and VPos, in steps of their scale; NaN where the slave had none.
     manual, auto, close, open : ndarray of bool, shape (n_valves,)
         Mode, and which way the valve was sent last.
     fault : ndarray of int, shape (n_valves,)
@@ -130,7 +138,8 @@ class RegisterMap:
         Parameters
         ----------
         readings : array_like of float, shape (5, n_valves)
-            FP, OP, MC, OT and VPos; NaN is sent as 255, and flagged.
+            FP, OP, MC, OT and VPos; up to 254 steps of their scale. NaN, such as of a dead sensor,
+            is sent as 255, which stands for nothing else.
         auto : array_like of bool, default True
             Mode: auto, else manual.
         close, open : array_like of bool
@@ -165,8 +174,11 @@ class RegisterMap:
             raise ArgumentError(f"fault is {fault!r}; it must be a whole number 0..12")
         flags[0] = ~flags[1]
         in_status = self.status == "table 2"
-        highest = np.array([[0xFF]] * 5 + [[0xFFFF if in_status else 0xFF]])
-        numbers, saturated = whole_steps(np.vstack([values / _STEPS, times / _TIME_STEP]), highest)
+        longest = 0xFFFF if in_status else 0xFF
+        highest = np.array([[HIGHEST]] * 5 + [[longest]])
+        steps = np.vstack([values / _STEPS, times / _TIME_STEP])
+        missing = np.array([[MISSING]] * 5 + [[longest]])
+        numbers, saturated = whole_steps(steps, highest, missing)
         registers = _PLACES @ numbers
         registers[0] |= (_FLAGS @ flags) << self._first_bit
         registers[0 if in_status else 1] |= faults.astype(int) << (4 if in_status else 8)
@@ -183,7 +195,7 @@ class RegisterMap:
         Returns
         -------
         Status
-            Readings and flags of each valve.
+            Readings and flags of each valve; a byte of 255 is a reading that is missing.
 
         Raises
         ------
@@ -196,9 +208,10 @@ class RegisterMap:
         if rows.size and (rows.min() < 0 or rows.max() > 0xFFFF):
             raise ArgumentError("registers must be 0..65535")
         words = rows.astype(np.int64).T
-        readings = np.stack(
-            [((words[s.register - FIRST_REGISTER] >> s.shift) & 0xFF) * s.step for s in SCALES]
+        numbers = np.stack(
+            [(words[s.register - FIRST_REGISTER] >> s.shift) & 0xFF for s in SCALES]
         )
+        readings = np.where(numbers == MISSING, np.nan, numbers * _STEPS)
         bits = words[0] >> self._first_bit
         if self.status == "table 2":
             fault, ticks = words[0] >> 4 & 0xF, words[1]

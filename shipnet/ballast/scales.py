@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FIRST_REGISTER",
+    "HIGHEST",
+    "MISSING",
     "N_REGISTERS",
     "SCALES",
     "Scale",
@@ -28,6 +30,10 @@ Floats = npt.NDArray[np.float64]
 
 #: Input registers of the status; Tables 1 and 3 of the paper.
 FIRST_REGISTER, N_REGISTERS = 0x4020, 4
+
+#: Largest number of steps that a byte holds, and what it holds when a sensor says nothing. The
+#: paper names no such value; without one a dead sensor reads as the end of its scale.
+HIGHEST, MISSING = 0xFE, 0xFF
 
 
 class Scale(NamedTuple):
@@ -42,7 +48,8 @@ class Scale(NamedTuple):
     shift : int
         8 for the high byte, 0 for the low byte.
     step : float
-        Value of the last bit, in the unit of the channel; the byte holds 0..255 steps.
+        Value of the last bit, in the unit of the channel; the byte holds 0..254 steps, and
+        255 if the reading is missing.
     """
 
     channel: str
@@ -72,14 +79,15 @@ def scale_table(sensors: Sensors | None = None) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Indexed by channel: ``unit``, ``register``, ``byte``, ``step``, ``highest``,
-        ``converter_step``, and ``largest_error`` of converter and register together, within the
-        scale of the sensor and of the byte.
+        Indexed by channel: ``unit``, ``register``, ``byte``, ``step``, ``highest`` reading
+        that fits, ``missing``, the byte that stands for NaN, ``converter_step``, and
+        ``largest_error`` of converter and register together, within the scale of the sensor and of
+        the byte.
 
     Examples
     --------
     >>> scale_table()[["step", "highest", "largest_error"]].round(3).loc["OP"].tolist()
-    [0.1, 25.5, 0.051]
+    [0.1, 25.4, 0.051]
     """
     import pandas as pd
 
@@ -91,7 +99,8 @@ def scale_table(sensors: Sensors | None = None) -> pd.DataFrame:
             "register": f"0x{scale.register:04X}",
             "byte": "high" if scale.shift else "low",
             "step": scale.step,
-            "highest": 255 * scale.step,
+            "highest": HIGHEST * scale.step,
+            "missing": MISSING,
             "converter_step": step,
             "largest_error": (scale.step + step) / 2,
         }
@@ -126,7 +135,7 @@ def survival_table() -> pd.DataFrame:
             texts = [rule[f"{name}_printed"]] + [rule.get("vpos_mended_percent")] * (name == "vpos")
             numbers = [str(t).split(" or ") for t in texts if isinstance(t, str)]
             for value in dict.fromkeys(float(n) for several in numbers for n in several):
-                sent, saturated = whole_steps(np.array([value]) / scale.step, 0xFF)
+                sent, saturated = whole_steps(np.array([value]) / scale.step, HIGHEST)
                 got = float(sent[0]) * scale.step
                 survives = abs(got - value) <= scale.step / 2 + 1e-9
                 rows.append((rule["code"], CHANNELS[k].name, value, got, saturated[0], survives))
@@ -135,16 +144,18 @@ def survival_table() -> pd.DataFrame:
 
 
 def whole_steps(
-    values: Floats, highest: npt.ArrayLike
+    values: Floats, highest: npt.ArrayLike, missing: npt.ArrayLike | None = None
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
     """Return values as whole numbers that fit, and where they did not.
 
     Parameters
     ----------
     values : ndarray of float
-        Values in steps; NaN is sent as the highest number.
+        Values in steps.
     highest : array_like of int
         Largest number that fits, one for all or one for each; the smallest is 0.
+    missing : array_like of int, optional
+        What NaN is sent as; `highest` if omitted.
 
     Returns
     -------
@@ -155,10 +166,11 @@ def whole_steps(
 
     Examples
     --------
-    >>> [a.tolist() for a in whole_steps(np.array([-5, 2.6, 305]), 255)]
-    [[0, 3, 255], [True, False, True]]
+    >>> [a.tolist() for a in whole_steps(np.array([-5, 2.6, 305, np.nan]), 254, 255)]
+    [[0, 3, 254, 255], [True, False, True, True]]
     """
     unknown = np.isnan(values)
     rounded = np.rint(np.where(unknown, highest, values))
     kept = np.clip(rounded, 0, highest)
-    return kept.astype(np.int64), unknown | (kept != rounded)
+    sent = kept if missing is None else np.where(unknown, missing, kept)
+    return sent.astype(np.int64), unknown | (kept != rounded)

@@ -121,11 +121,11 @@ class Result:
         mode = "auto" if status.auto[k] else "manual"
         way = "open" if status.open[k] else "close" if status.close[k] else "not told yet"
         return {
-            "position": f"{position:.0f} %",
-            "pump pressure": f"{fp:.0f} bar",
-            "operating pressure": f"{op:.1f} bar",
-            "motor current": f"{mc:.1f} A",
-            "motor temperature": f"{ot:.0f} degC",
+            "position": _said(position, 0, "%"),
+            "pump pressure": _said(fp, 0, "bar"),
+            "operating pressure": _said(op, 1, "bar"),
+            "motor current": _said(mc, 1, "A"),
+            "motor temperature": _said(ot, 0, "degC"),
             "motor ran": f"{status.operating_time[k]:.1f} s",
             "mode": f"{mode}, last command {way}",
             "fault reported": str(int(status.fault[k])) if status.fault[k] else "none",
@@ -137,7 +137,8 @@ class Result:
         row = self.screen.loc[self.inputs.valve]
         if row["state"] == "silent":
             return f"valve {self.inputs.valve} does not answer"
-        return f"valve {self.inputs.valve}: {row['state']}, {row['position_percent']:.0f} %"
+        where = _said(row["position_percent"], 0, "%")
+        return f"valve {self.inputs.valve}: {row['state']}, {where}"
 
 
 def send(ask: Ask, valve: int, action: str, position: int | None = None) -> str:
@@ -357,6 +358,10 @@ def explorer() -> Explorer:
     >>> client.close()
     """
     return Explorer()
+
+
+def _said(value: float, digits: int, unit: str) -> str:
+    return "missing" if np.isnan(value) else f"{value:.{digits}f} {unit}"
 
 
 def _words(exception: int) -> str:
