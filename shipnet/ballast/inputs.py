@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from shipnet.ballast.features import running_time
 from shipnet.ballast.simulation import Run
+from shipnet.ballast.speed import WINDOW, position_speed
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.rules import RuleBase
 
@@ -16,9 +17,6 @@ __all__ = ["Tail", "rule_inputs"]
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-
-#: Over how long the change of the position is taken [s]; the paper does not say.
-_WINDOW = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +77,7 @@ class Tail:
         """
         before = np.zeros(active.shape[1:], bool) if earlier is None else earlier.active
         last = active[-1].copy() if len(active) else before
-        then = int(np.searchsorted(time, time[-1] - _WINDOW + 1e-9)) - 1 if time.size else 0
+        then = int(np.searchsorted(time, time[-1] - WINDOW + 1e-9)) - 1 if time.size else 0
         keep = slice(max(min(then, time.size - window + 1), 0), None)
         started = np.full(run.n_valves, np.nan)
         if "Time" in samples and time.size:
@@ -140,15 +138,5 @@ def rule_inputs(
     if any_time and "DVPos" in found:
         kept = 0 if earlier is None else earlier.time.size
         time = run.time if earlier is None else np.concatenate([earlier.time, run.time])
-        found["DVPos"][kept:] = _change(time, found["VPos"])[kept:]
+        found["DVPos"][kept:] = position_speed(time, found["VPos"])[kept:]
     return found
-
-
-def _change(time: Floats, position: Floats) -> Floats:
-    """Return by how much the position has changed since a second ago or longer [1/s]."""
-    then = np.searchsorted(time, time - _WINDOW + 1e-9) - 1
-    rate = np.full(position.shape, np.nan)
-    known = then >= 0
-    lasted = (time[known] - time[then[known]])[:, np.newaxis]
-    rate[known] = np.abs(position[known] - position[then[known]]) / lasted
-    return rate

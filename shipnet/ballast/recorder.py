@@ -8,15 +8,13 @@ import numpy.typing as npt
 from shipnet.ballast.plant import Plant
 from shipnet.ballast.screen import LEAST_CURRENT, MasterRun
 from shipnet.ballast.simulation import Run
+from shipnet.ballast.speed import position_speed
 from shipnet.errors import ArgumentError, check_whole
 
 __all__ = ["Recorder", "received_run"]
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-
-#: Over how long the change of the position is taken, as in `shipnet.ballast.simulation` [s].
-_WINDOW = 1.0
 
 
 class Recorder:
@@ -63,9 +61,8 @@ class Recorder:
             raise ArgumentError("nothing has been recorded")
         columns = [np.array(column) for column in zip(*self._rows, strict=True)]
         time, readings, running, active, opening, ran = columns
-        rate = _change(time, readings[:, 4])
         # A reading taken at the start is the first of the motor's run.
-        rate[(ran - 1) * self.plant.step < _WINDOW - 1e-9] = np.nan
+        rate = position_speed(time, readings[:, 4], (ran - 1) * self.plant.step)
         moving = np.zeros_like(running)
         moving[:-1] = opening[1:] != opening[:-1]
         movements = tuple(self.plant.movements[self._first :])
@@ -124,21 +121,10 @@ def received_run(seen: MasterRun, unit: int, *, target: float, plant: Plant | No
     for k in range(1, time.size):
         both = running[k, 0] and running[k - 1, 0]
         ran[k] = ran[k - 1] + time[k] - time[k - 1] if both else 0.0
-    rate = _change(time, readings[:, 4])
-    rate[ran < _WINDOW] = np.nan
+    rate = position_speed(time, readings[:, 4], ran[:, np.newaxis])
     moved = () if plant is None else tuple(
         m._replace(valve=0) for m in plant.movements if m.valve == known - 1
     )  # fmt: skip
     return Run(
         time, readings, rate, running, running & (rate != 0), active, readings[:, 4] / 100, moved
     )
-
-
-def _change(time: Floats, position: Floats) -> Floats:
-    """Return by how much the position has changed since a second ago or longer [1/s]."""
-    then = np.searchsorted(time, time - _WINDOW + 1e-9, side="right") - 1
-    rate = np.full(position.shape, np.nan)
-    known = then >= 0
-    lasted = (time[known] - time[then[known]])[:, np.newaxis]
-    rate[known] = np.abs(position[known] - position[then[known]]) / lasted
-    return rate

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from shipnet.ballast.commands import Command
 from shipnet.ballast.faults import Fault
 from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.sensors import Sensors
+from shipnet.ballast.speed import WINDOW, position_speed
 from shipnet.errors import check_whole
 from shipnet.line.quantity import check_scalar
 
@@ -26,9 +28,6 @@ __all__ = ["Run", "blocks", "simulate"]
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-
-#: Over how long the change of the position is taken [s]; the paper does not say.
-_WINDOW = 1.0
 
 #: Fields of a `Run` that have a row an instant.
 _COLUMNS = ("time", "readings", "DVPos", "running", "moving", "active", "opening")
@@ -267,8 +266,8 @@ def _record(
     plant: Plant, orders: list[Command], events: list[int], last: int, pause: int, size: int
 ) -> Iterator[Run]:
     """Step the plant until its last tick, and yield what it read."""
-    n, window = plant.n_valves, max(round(_WINDOW / plant.step), 1)
-    before = np.full((window, n), np.nan)
+    n, window = plant.n_valves, ceil(WINDOW / plant.step - 1e-6)
+    before, since = np.empty((0, n)), np.empty(0)
     due = told = 0
     done = False
     while not done:
@@ -296,9 +295,10 @@ def _record(
                 plant.advance(max(ahead, 1))
                 flags[1, row - 1] = plant.opening != was
         earlier = np.concatenate([before, readings[:row, 4]])
-        change = np.abs(earlier[window:] - earlier[:-window]) / (window * plant.step)
-        rate = np.where(ran[:row] > window, change, np.nan)
-        before = earlier[-window:]
+        instants, kept = np.concatenate([since, time[:row]]), len(since)
+        lasted = np.concatenate([np.zeros((kept, n)), (ran[:row] - 1) * plant.step])
+        rate = position_speed(instants, earlier, lasted)[kept:]
+        before, since = earlier[-window:], instants[-window:]
         movements, plant.movements = tuple(plant.movements), []
         yield Run(
             time[:row], readings[:row], rate, flags[0, :row], flags[1, :row], flags[2, :row],
