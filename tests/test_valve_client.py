@@ -3,6 +3,7 @@ import socket
 import threading
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -10,6 +11,7 @@ from shipnet.ballast import Fault
 from shipnet.ballast.serving import valve_server
 from shipnet.errors import ArgumentError
 from shipnet.modbus.frame import decode_tcp, encode_tcp
+from shipnet.tools._view import BAD
 from shipnet.tools.valve_client import Inputs, Link, ModelValves, draw, explorer, send, update
 
 
@@ -113,6 +115,7 @@ def test_a_server_that_answers_nonsense_is_told_in_a_sentence(reply):
         (lambda: send(ModelValves(), 1, "stop"), "action is 'stop'"),
         (lambda: send(ModelValves(), 1, "position", 101), "position is 101"),
         (lambda: send(ModelValves(), 1, "open", 5), "position is 5"),
+        (lambda: send(ModelValves(), 1, "position"), r"position is None.*0\.\.100"),
     ],
 )
 def test_a_value_out_of_range_is_named(make, message):
@@ -163,6 +166,46 @@ def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it():
     with pytest.raises(OSError, match="no server"):
         Link("127.0.0.1", port)
     box.close()
+
+
+def test_a_reading_that_is_missing_is_said_and_is_no_silence():
+    valves = ModelValves(2)
+    valves._slaves[1].device.plant._offsets[:] = np.nan
+    result = update(Inputs(valves=3), valves)
+    assert result.numbers["position"] == result.numbers["pump pressure"] == "missing"
+    assert result.verdict == "valve 1: not seen, missing"
+    assert result.screen.state.tolist() == ["not seen", "not seen", "silent"]
+
+
+def test_a_refusal_colours_its_valve_only_until_that_obeys():
+    box = explorer()
+    try:
+        fields, buttons = controls(box)
+        device = box.server.slaves[2].device
+        device.local = True
+        colours = []
+
+        def look(valve):
+            fields["valve"].value = valve
+            colours.append(BAD in box.children[1].value)
+
+        look(2)
+        buttons["open"].click()
+        for valve in (2, 3, 2):
+            look(valve)
+        device.local = False
+        buttons["open"].click()
+        look(2)
+        assert colours == [False, True, False, True, False]
+    finally:
+        box.close()
+
+
+def test_what_is_typed_counts_when_it_is_finished():
+    box = explorer()
+    fields, _ = controls(box)
+    box.close()
+    assert not any(fields[name].continuous_update for name in ("address", "port", "valves"))
 
 
 def test_the_explorer_goes_to_a_server_that_is_typed_and_says_where_none_is():

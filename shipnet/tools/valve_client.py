@@ -106,7 +106,9 @@ class Result:
         current[self.units - 1] = self.status.readings[2]
         fault = np.zeros(self.inputs.valves, np.int64)
         fault[self.units - 1] = self.status.fault
-        state = valve_states(position, current, fault, silent=np.isnan(position))
+        silent = np.ones(self.inputs.valves, bool)
+        silent[self.units - 1] = False
+        state = valve_states(position, current, fault, silent=silent)
         columns = {"position_percent": position, "fault": fault, "state": state}
         return pd.DataFrame(columns, index=pd.RangeIndex(1, position.size + 1, name="unit"))
 
@@ -179,6 +181,8 @@ def send(ask: Ask, valve: int, action: str, position: int | None = None) -> str:
         raise ArgumentError(
             f"action is {action!r}; it must be open, close, position, manual or auto"
         )
+    if position is None and action == "position":
+        raise ArgumentError("position is None; it must be a whole number 0..100 for position")
     value = _MAP.command(codes[action], position if position is not None else 0)
     response = ask(unit, WriteRegister(COMMAND_REGISTER, value))
     if isinstance(response, ExceptionResponse):
@@ -264,12 +268,16 @@ class Explorer(widgets.VBox):  # type: ignore[misc]
         self._place: tuple[str, int] | None = None
         wide = {"style": {"description_width": "8em"}, "layout": {"width": "24em"}}
         start = Inputs()
-        self._address = widgets.Text("", placeholder="own server", description="address", **wide)
+        # A number that is half typed is no place to connect to.
+        late = {"continuous_update": False}
+        self._address = widgets.Text(
+            "", placeholder="own server", description="address", **late, **wide
+        )
         self._port = widgets.BoundedIntText(
-            start.port, min=1, max=0xFFFF, description="port", **wide
+            start.port, min=1, max=0xFFFF, description="port", **late, **wide
         )
         self._valves = widgets.BoundedIntText(
-            start.valves, min=1, max=LAST_UNIT, description="valves shown", **wide
+            start.valves, min=1, max=LAST_UNIT, description="valves shown", **late, **wide
         )
         self._valve = widgets.IntSlider(1, min=1, max=start.valves, description="valve", **wide)
         self._target = widgets.IntSlider(40, min=0, max=100, description="position [%]", **wide)
@@ -283,7 +291,8 @@ class Explorer(widgets.VBox):  # type: ignore[misc]
         clock.observe(lambda _: self._show(), "value")
         for control in (self._address, self._port, self._valves, self._valve):
             control.observe(lambda _: self._show(), "value")
-        self._said, self._board = "", Board()
+        self._said, self._refused = "", 0
+        self._board = Board()
         left = widgets.VBox([self._address, self._port, self._valves])
         right = widgets.VBox(
             [self._valve, self._target, widgets.HBox(buttons), widgets.HBox([again, clock])]
@@ -312,7 +321,14 @@ class Explorer(widgets.VBox):  # type: ignore[misc]
 
     def _tell(self, action: str) -> None:
         target = self._target.value if action == "position" else None
-        self._try(lambda: send(self._connected(), self._valve.value, action, target))
+        unit = self._valve.value
+
+        def act() -> str:
+            said = send(self._connected(), unit, action, target)
+            self._refused = unit if "refuses" in said else 0
+            return said
+
+        self._try(act)
 
     def _show(self) -> None:
         self._valve.max = self._valves.value
@@ -330,7 +346,9 @@ class Explorer(widgets.VBox):  # type: ignore[misc]
             self._hang_up()
             self._board.say(str(problem), BAD)
             return
-        colour = BAD if "not answer" in result.verdict or "refuses" in self._said else GOOD
+        # The refusal stays said, but it is bad news of one valve only.
+        bad = "not answer" in result.verdict or self._refused == inputs.valve
+        colour = BAD if bad else GOOD
         numbers: dict[str, str] = {"last command": self._said} if self._said else {}
         rows = -(-inputs.valves // 32)
 
