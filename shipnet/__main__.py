@@ -127,6 +127,10 @@ def _parser() -> argparse.ArgumentParser:
     serving.add_argument(
         "--speed", metavar="FACTOR", type=float, default=1.0, help="model seconds a second: 1"
     )
+    serving.add_argument(
+        "--watchdog", metavar="SECONDS", type=float,
+        help="stop a motor whose valve has had no request for so long, 0.1..3600 (default never)",
+    )  # fmt: skip
     serving.set_defaults(run=_serve)
     return parser
 
@@ -221,11 +225,19 @@ def _serve(arguments: argparse.Namespace) -> None:
     if arguments.device == "engine":
         if arguments.fault:
             raise ArgumentError("--fault names a fault of a valve; the engine has none here")
+        if arguments.watchdog is not None:
+            raise ArgumentError("--watchdog stops the motor of a valve; the engine has none here")
         server, units = engine_server(speed=arguments.speed, **options), "unit ids 2 and 3"
     else:
         units = "unit id 1" if n_valves == 1 else f"unit ids 1..{n_valves}"
         faults = [parse_fault(text, n_valves) for text in arguments.fault]
-        server = valve_server(n_valves, faults=faults, speed=arguments.speed, **options)
+        server = valve_server(
+            n_valves,
+            faults=faults,
+            speed=arguments.speed,
+            watchdog=arguments.watchdog,
+            **options,
+        )
     try:
         with server:
             where = f"{arguments.host}, port {server.port} ({'UDP' if arguments.udp else 'TCP'})"

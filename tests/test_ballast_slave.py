@@ -7,13 +7,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from shipnet.ballast import Command, Fault, Plant, RegisterMap, ValveDevice, simulate, valve_slaves
+from shipnet.ballast import (
+    FAULTS,
+    Command,
+    Fault,
+    Plant,
+    RegisterMap,
+    ValveDevice,
+    diagnose_run,
+    operate,
+    simulate,
+    status_poll,
+    valve_slaves,
+)
 from shipnet.ballast.answer import answer_table, write_outcome
 from shipnet.ballast.codes import Code
+from shipnet.ballast.diagnosis import with_slow_stroke
+from shipnet.ballast.monitor import Monitor
 from shipnet.ballast.plot import plot_channel, plot_stroke
+from shipnet.ballast.recorder import Recorder
+from shipnet.ballast.serving import valve_server
 from shipnet.errors import ArgumentError
 from shipnet.modbus.reader import decode_response
 from shipnet.modbus.request import ReadRequest, WriteRegister
+from shipnet.modbus.ring import Break, Loop
 from shipnet.modbus.server import Device, DeviceError, Table
 from shipnet.modbus.timing import Poll, Serial
 from shipnet.style import LIMIT
@@ -123,13 +140,79 @@ def test_any_request_gets_an_answer_or_none_and_breaks_nothing(pdu, time):
     assert answer == b"" or answer[0] == pdu[0] or answer[1] in (1, 2, 3)
 
 
-def test_a_fault_number_and_what_does_not_fit_reach_the_master():
+def test_a_slave_finds_its_fault_and_what_does_not_fit_reaches_the_master():
     device = ValveDevice(Plant(faults=[Fault("Pos4")]))
-    device.fault = 12
-    seen = status(device, 0.0)
-    assert seen.fault[0] == 12
+    # Three of five readings; S2, in row 7, is Pos4 without motor current, and ranks higher.
+    assert [status(device, 0.1 * k).fault[0] for k in range(4)] == [0, 0, 7, 7]
+    seen = status(device, 0.4)
+    assert device.monitor.codes(0) == ("S2", "Pos4")
     assert seen.readings[4, 0] == 0
     assert [name for name, lost in device.saturated.items() if lost] == ["VPos"]
+
+
+@pytest.mark.parametrize(("code", "row"), [("Pos1", 9), ("Pos2", 10), ("Pos3", 6), ("Pos4", 7)])
+def test_the_four_faults_of_the_position_are_found_by_the_slave(code, row):
+    slaves = valve_slaves(
+        Plant(n_valves=3, faults=[Fault(code, valves=1)], opening=float(code in ("Pos1", "Pos3"))),
+    )
+    device = slaves[2].device
+    # Pos1 and Pos2 need a pressure that only a stroke traps.
+    write(device, Code.CLOSE if device.plant.opening[1] else Code.OPEN, 0.0)
+    status(device, 25.0)
+    write(device, Code.OPEN if code in ("Pos1", "Pos3") else Code.CLOSE, 25.0)
+    for time in (60.0, 61.0, 62.0):
+        found = status(device, time).fault[0]
+    assert found == row
+    assert code in device.monitor.codes(1)
+    assert [status(slaves[unit].device, 60.0).fault[0] for unit in (1, 3)] == [0, 0]
+
+
+def test_a_slave_finds_what_the_offline_diagnosis_of_the_same_readings_finds():
+    faults = [Fault(code, valves=k) for k, code in enumerate(FAULTS)]
+    plant = Plant(n_valves=13, faults=faults, rng=np.random.default_rng(7))
+    monitor, recorder = Monitor(plant), Recorder(plant)
+    for action, until in (("open", 25.0), ("close", 50.0)):
+        plant.order(Command(action))
+        while plant.time < until:
+            recorder.take()
+            plant.advance()
+    recorder.take()
+    active = diagnose_run(recorder.run).active.any(axis=0)
+    np.testing.assert_array_equal(monitor.found, active)
+    # Without cooling the motor was too warm before; a healthy valve has nothing.
+    assert active.any(axis=1).tolist() == [True] * 12 + [False]
+
+
+def test_a_found_fault_stays_until_the_next_command_and_a_dead_sensor_finds_none():
+    plant = Plant(faults=[Fault("V1")])
+    device = ValveDevice(plant)
+    write(device, Code.OPEN, 0.0)
+    assert status(device, 0.1).fault[0] == 0
+    assert [status(device, time).fault[0] for time in (0.3, 5.0, 100.0)] == [4, 4, 4]
+    write(device, Code.CLOSE, 100.0)
+    assert status(device, 101.0).fault[0] == 0
+    dead = Plant(rng=np.random.default_rng(1))
+    dead._offsets = np.full((5, 1), np.nan)
+    blind = ValveDevice(dead)
+    assert [status(blind, 0.1 * k).fault[0] for k in range(8)] == [0] * 8
+
+
+def test_the_watchdog_is_reached_through_slaves_station_and_server():
+    slaves = valve_slaves(Plant(n_valves=2), watchdog=2.0)
+    write(slaves[1].device, Code.OPEN, 0.0)
+    assert status(slaves[1].device, 12.0).readings[4, 0] == 22
+    # Cut off from both ends, the first valve hears nothing more.
+    loop = Loop(2, status_poll(Serial(9600)))
+    lost = [Break(0, 3.0), Break(1, 3.0)]
+    ends = []
+    for watchdog in (None, 5.0):
+        plant = Plant(n_valves=2)
+        operate(plant, loop, [Command("open", 1.0)], duration=15, faults=lost, watchdog=watchdog)
+        ends.append({moved.valve: moved.outcome for moved in plant.movements})
+    assert ends[0] == {0: "limit", 1: "limit"}
+    assert ends[1] == {0: "time", 1: "limit"}
+    with valve_server(2, watchdog=1.5) as server:
+        assert [slave.device.watchdog for slave in server.slaves.values()] == [1.5, 1.5]
 
 
 def test_an_ambiguous_map_cannot_command_a_valve():
@@ -182,6 +265,12 @@ def test_at_the_end_the_master_times_out_or_sees_nothing_of_the_movement():
         (lambda: write_outcome(Serial(9600), 5, 9, at_end=True, timeout=0), "timeout is 0"),
         (lambda: ValveDevice(Plant(), 1), "valve is 1"),
         (lambda: ValveDevice(Plant(), watchdog=0), "watchdog is 0"),
+        (lambda: valve_slaves(Plant(), watchdog=0), "watchdog is 0"),
+        (lambda: valve_server(1, watchdog=4000), "watchdog is 4000"),
+        (lambda: ValveDevice(Plant(), monitor=Monitor(Plant())), "monitor looks on at another"),
+        (lambda: Monitor(Plant(), k=6), "k is 6"),
+        (lambda: Monitor(Plant(), with_slow_stroke()), "rules has 13 rules"),
+        (lambda: setattr(ValveDevice(Plant()), "fault", 13), "row is 13"),
         (lambda: valve_slaves(Plant(n_valves=248)), "plant has 248 valves"),
         (lambda: valve_slaves(Plant(n_valves=2), first=247), "there are 1"),
         (lambda: ValveDevice(Plant()).turn("position", 0.0), "action is 'position'"),

@@ -23,7 +23,20 @@ def test_the_slaves_find_all_twelve_faults_and_nothing_where_nothing_is_wrong():
     table = acceptance(np.random.default_rng(2024), tests=["diagnosis"])
     assert table["passed"].all(), table[~table["passed"]]
     assert table["expected"].tolist()[::2] == ["normal", *FAULTS]
-    assert table["expected"].tolist()[1::2] == ["open"] + ["fault"] * 12
+    screens = table[1::2].set_index("step")
+    assert screens.loc["screen with V1", ["expected", "found"]].tolist() == ["fault 4", "fault 4"]
+    assert screens["expected"].iloc[-2:].tolist() == [
+        "fault 11 or fault 6 or fault 9", "fault 12 or fault 7 or fault 10",
+    ]  # fmt: skip
+    found = [f"fault {row}" for row in (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 6, 7)]
+    assert sorted(screens["found"]) == sorted(["open", *found])
+
+
+def test_a_slave_that_finds_nothing_or_reports_another_row_does_not_pass(monkeypatch):
+    for wrong, left in ((0, ["screen with nothing wrong"]), (8, ["screen with O1"])):
+        monkeypatch.setattr("shipnet.ballast.monitor.Monitor.row", lambda *_, row=wrong: row)
+        table = acceptance(tests=["diagnosis"])
+        assert table[1::2].query("passed")["step"].tolist() == left
 
 
 def test_the_master_cannot_see_a_position_below_zero_for_its_byte_has_no_sign():

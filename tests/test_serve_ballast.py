@@ -128,6 +128,7 @@ def test_a_wrong_fault_is_told_in_one_line(text, message, capsys):
         (["--valves", "0"], "n_valves is 0; it must be a whole number 1..247"),
         (["--valves", "248"], "n_valves is 248; it must be a whole number 1..247"),
         (["--speed", "-1"], "speed is -1"),
+        (["--watchdog", "0"], "watchdog is 0"),
         (["--port", "65536"], "port is 65536"),
         (["--udp", "--serial", "line"], "exclude each other"),
         (["--serial", "line", "--character", "7E1"], "character is '7E1'"),

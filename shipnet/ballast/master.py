@@ -44,6 +44,9 @@ class Station(Master):
         at once.
     timeout : float, optional
         How long the master waits for the answer to a command [s]; that of the poll if omitted.
+    watchdog : float, optional
+        As for `ValveDevice`: a motor stops that has had no request for so long [s]; never if
+        omitted.
 
     Attributes
     ----------
@@ -90,6 +93,7 @@ class Station(Master):
         registers: RegisterMap | None = None,
         answer_at_end: bool = False,
         timeout: float | None = None,
+        watchdog: float | None = None,
     ) -> None:
         if system.n_slaves != plant.n_valves:
             raise ArgumentError(
@@ -101,7 +105,9 @@ class Station(Master):
         super().__init__(system, failed)
         self.plant, self.system = plant, system
         self.registers = registers if registers is not None else RegisterMap()
-        self.slaves: dict[int, Slave] = valve_slaves(plant, registers=self.registers)
+        self.slaves: dict[int, Slave] = valve_slaves(
+            plant, registers=self.registers, watchdog=watchdog
+        )
         self.at_end = answer_at_end
         poll = system.poll
         self._command = command_poll(
@@ -277,6 +283,7 @@ def operate(
     faults: Iterable[Fault] = (),
     answer_at_end: bool = False,
     timeout: float | None = None,
+    watchdog: float | None = None,
 ) -> MasterRun:
     """Let a master scan its valves and send commands at their times.
 
@@ -290,7 +297,7 @@ def operate(
         What the master is told, in any order; it sends one for each valve, between two polls.
     duration : float
         No transaction begins after it, 0..1e5 [s].
-    faults, answer_at_end, timeout
+    faults, answer_at_end, timeout, watchdog
         As for `Station`.
 
     Returns
@@ -315,7 +322,9 @@ def operate(
     [0.0, 0.0, 4.0, 22.0, 40.0, 58.0, 76.0, 93.0, 100.0, 100.0]
     """
     end = check_scalar("duration", duration, "s", 0, 1e5)
-    station = Station(plant, system, faults, answer_at_end=answer_at_end, timeout=timeout)
+    station = Station(
+        plant, system, faults, answer_at_end=answer_at_end, timeout=timeout, watchdog=watchdog
+    )
     orders = sorted(commands, key=lambda command: command.time)
     due = [(c.time, c, k + 1) for c in orders for k in c.mask(plant.n_valves).nonzero()[0]]
     for time, order, unit in due:

@@ -6,7 +6,7 @@ instant.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import ceil, floor
 from typing import NamedTuple
@@ -99,6 +99,8 @@ class Plant:
         an earlier time [s].
     movements : list of Movement
         What has ended.
+    watchers : list of callable
+        Called without arguments after every reading of the sensors.
 
     Raises
     ------
@@ -159,6 +161,7 @@ class Plant:
         self.started, self.last_run = np.zeros(n), np.zeros(n)
         self.latest, self.deadline = np.full(n, np.inf), np.full(n, np.inf)
         self.movements: list[Movement] = []
+        self.watchers: list[Callable[[], None]] = []
         self._target, self._action = np.full(n, np.nan), ["open"] * n
         self._break()
         # The strokes before were those of a healthy valve, but perhaps without cooling.
@@ -231,6 +234,8 @@ class Plant:
         self.ran = np.where(self.running, self.ran + (self._measured != self.tick), 0)
         self.readings = self.sensors.read(self._truth() + self._offsets, self._rng)
         self._measured, self._stale = self.tick, False
+        for look in self.watchers:
+            look()
         return self.readings
 
     def advance(self, ticks: int = 1) -> None:

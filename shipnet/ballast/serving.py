@@ -69,6 +69,7 @@ def valve_server(
     faults: Iterable[Fault] = (),
     speed: float = 1.0,
     rng: np.random.Generator | None = None,
+    watchdog: float | None = None,
     **options: Any,
 ) -> Server:
     """Return a server for the valves of a new plant, all closed, to be used in ``with``.
@@ -83,6 +84,9 @@ def valve_server(
         Seconds of the valves in a real one, 0..1e4.
     rng : numpy.random.Generator, optional
         Draws the noise of the sensors; there is none if omitted.
+    watchdog : float, optional
+        A motor stops when its valve has had no request for so long, 0.1..3600 [s] of the valves;
+        never if omitted.
     **options
         As `shipnet.modbus.server.serve` takes them: transport, host, port, and for a serial line
         serial_port and serial.
@@ -111,4 +115,4 @@ def valve_server(
     for fault in failed:
         fault.severities(count)
     plant = Plant(n_valves=count, faults=failed, rng=rng)
-    return serve(valve_slaves(plant), clock=real_clock(factor), **options)
+    return serve(valve_slaves(plant, watchdog=watchdog), clock=real_clock(factor), **options)

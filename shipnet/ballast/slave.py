@@ -1,4 +1,4 @@
-"""A valve as a Modbus slave: its registers, its switches, its watchdog.
+"""A valve as a Modbus slave: its registers, its switches, its diagnosis, its watchdog.
 
 Time is that of the model and comes with every request, so that the same slave stands behind a real
 server and in a simulation.
@@ -13,6 +13,7 @@ import numpy as np
 from shipnet.ballast.channels import CHANNELS
 from shipnet.ballast.codes import Code
 from shipnet.ballast.commands import Command
+from shipnet.ballast.monitor import Monitor
 from shipnet.ballast.plant import Plant
 from shipnet.ballast.registers import COMMAND_REGISTER, RegisterMap
 from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
@@ -43,6 +44,8 @@ class ValveDevice:
     watchdog : float or None, default None
         A motor that runs by a command of the master stops when no request has come for so long,
         0.1..3600 [s]; never if None. The paper names no watchdog.
+    monitor : Monitor, optional
+        Applies the rules to the readings, for all devices of the plant; one of its own if omitted.
 
     Attributes
     ----------
@@ -51,15 +54,14 @@ class ValveDevice:
         `turn` moves the valve.
     auto : bool
         The master has the valve; False after code Manual, until code Auto.
-    fault : int
-        Row of the rule table that the status reports, 0 for none; whoever diagnoses sets it.
     saturated : dict of str to bool
         What did not fit into the registers read last.
 
     Raises
     ------
     ArgumentError
-        If an argument is out of its range, or if a code stands for two commands.
+        If an argument is out of its range, if a code stands for two commands, or if the monitor
+        is that of another plant.
 
     Notes
     -----
@@ -86,6 +88,7 @@ class ValveDevice:
         *,
         registers: RegisterMap | None = None,
         watchdog: float | None = None,
+        monitor: Monitor | None = None,
     ) -> None:
         self.plant = plant
         self.valve = check_whole("valve", valve, 0, plant.n_valves - 1)
@@ -99,8 +102,22 @@ class ValveDevice:
             None if watchdog is None else check_scalar("watchdog", watchdog, "s", 0.1, 3600)
         )
         self.local, self.auto = False, True
-        self.fault = 0
+        self.monitor = monitor if monitor is not None else Monitor(plant)
+        if self.monitor.plant is not plant:
+            raise ArgumentError("monitor looks on at another plant; it must be that of the device")
         self.saturated = dict.fromkeys([*(channel.name for channel in CHANNELS), "time"], False)
+
+    @property
+    def fault(self) -> int:
+        """Row of the rule table that the status reports, 0 for none.
+
+        It is what the slave has found since its last command; what is set stays until the next.
+        """
+        return self.monitor.row(self.valve)
+
+    @fault.setter
+    def fault(self, row: int) -> None:
+        self.monitor.report(self.valve, row)
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
         """Return registers of the status.
@@ -197,6 +214,7 @@ class ValveDevice:
 
     def _order(self, action: str, position: int | None = None) -> None:
         target = None if position is None else float(position)
+        self.monitor.report(self.valve, 0)
         self.plant.order(Command(action, position=target, valves=self.valve))
 
     def _attend(self, time: float) -> None:
@@ -212,7 +230,11 @@ class ValveDevice:
 
 
 def valve_slaves(
-    plant: Plant, *, first: int = 1, registers: RegisterMap | None = None
+    plant: Plant,
+    *,
+    first: int = 1,
+    registers: RegisterMap | None = None,
+    watchdog: float | None = None,
 ) -> dict[int, Slave]:
     """Return the valves of a plant as slaves, which `shipnet.modbus.server.serve` takes.
 
@@ -222,8 +244,8 @@ def valve_slaves(
         The valves, 1..247.
     first : int, default 1
         Unit id of valve 0; the others follow, up to 247.
-    registers : RegisterMap, optional
-        As for `ValveDevice`.
+    registers, watchdog
+        As for `ValveDevice`; one `Monitor` serves all.
 
     Returns
     -------
@@ -233,7 +255,7 @@ def valve_slaves(
     Raises
     ------
     ArgumentError
-        If there are more valves than unit ids.
+        If there are more valves than unit ids, or the watchdog is out of its range.
 
     Examples
     --------
@@ -247,5 +269,9 @@ def valve_slaves(
             f"plant has {plant.n_valves} valves; from unit id {unit} on there are "
             f"{LAST_UNIT + 1 - unit}"
         )
-    devices = (ValveDevice(plant, valve, registers=registers) for valve in range(plant.n_valves))
+    monitor = Monitor(plant)
+    devices = (
+        ValveDevice(plant, valve, registers=registers, watchdog=watchdog, monitor=monitor)
+        for valve in range(plant.n_valves)
+    )
     return {id_: Slave(device, functions=_FUNCTIONS) for id_, device in enumerate(devices, unit)}
