@@ -83,6 +83,16 @@ def test_severity_0_is_no_fault():
     assert len(report.commands) == len(report.alarms) == 0
 
 
+def test_a_healthy_fleet_has_a_report_too():
+    report = watch([Command("open", 5.0)], n_valves=2, duration=60)
+    assert "0 faults: 0 alarmed, 0 with their own code; 0 false alarms" in str(report)
+    assert report.summary.empty
+    sick = watch([], [Fault("G1", valves=1)], n_valves=2, duration=60)
+    assert report.summary.columns.tolist() == sick.summary.columns.tolist()
+    assert report.faults.dtypes.to_dict() == sick.faults.dtypes.to_dict()
+    assert sick.summary.loc["G1", ["faults", "alarmed", "isolated"]].tolist() == [1, 1, 1]
+
+
 def test_faults_are_drawn_evenly_and_in_order():
     faults = random_faults(256, np.random.default_rng(3), severity=(0.2, 0.9))
     counts = {code: sum(f.code == code for f in faults) for code in FAULTS}

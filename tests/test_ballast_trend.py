@@ -280,3 +280,32 @@ def test_arguments_of_wear_are_named():
         life_comparison(wear, parts=(1.0,))
     with pytest.raises(ArgumentError, match="k is 4"):
         alarm_strokes(wear, k=4, n=3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("points", "limit", "worse"),
+    [
+        # Already past the limit, whichever way it goes, or with no trend at all.
+        ([20, 18.1, 16, 14.2, 12, 10], 5.0, "rising"),
+        ([10, 12, 14.2, 16, 18.1, 20], 5.0, "rising"),
+        ([20] * 6, 5.0, "rising"),
+        ([20, 21, 19, 21, 19, 20], 5.0, "rising"),
+        ([10, 12, 14.2, 16, 18.1, 20], 30.0, "falling"),
+        ([20] * 6, 30.0, "falling"),
+        ([20] * 6, 20.0, "falling"),
+    ],
+)
+def test_a_limit_that_has_been_passed_leaves_no_life(points, limit, worse, method):
+    trend = fit_trend(np.arange(6), points, method=method)
+    assert remaining_life(trend, limit, now=5, worse=worse) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_limit_ahead_leaves_life_or_says_that_nothing_is_known(method):
+    falling = fit_trend(np.arange(6), [20, 18.1, 16, 14.2, 12, 10], method=method)
+    assert remaining_life(falling, 25.0, now=5) == (np.inf,) * 3
+    assert 1 < remaining_life(falling, 5.0, now=5, worse="falling").estimate < 8
+    steady = fit_trend(np.arange(6), [20, 21, 19, 21, 19, 20], method=method)
+    estimate, low, high = remaining_life(steady, 25.0, now=5)
+    assert np.isnan([estimate, low]).all() and high == np.inf

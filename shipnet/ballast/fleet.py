@@ -30,6 +30,13 @@ __all__ = ["FleetReport", "random_commands", "random_faults", "watch"]
 #: longest run of a motor.
 _GROUP_PAUSE = 30.0
 
+#: Columns of `FleetReport.faults`, and their types.
+_FAULT_COLUMNS = {
+    "valve": np.int64, "code": object, "severity": float, "start_s": float, "alarm_s": float,
+    "headline": object, "diagnosed_s": float, "isolated": bool, "delay_s": float,
+    "command_s": float, "after_command_s": float,
+}  # fmt: skip
+
 
 def random_faults(
     n_faults: int,
@@ -224,7 +231,8 @@ class FleetReport:
                         "after_command_s": alarm - command,
                     }
                 )
-        return pd.DataFrame(rows)
+        # Types of a report without faults: what counts and compares them must work there too.
+        return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
 
     @cached_property
     def false_alarms(self) -> pd.DataFrame:

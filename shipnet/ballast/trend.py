@@ -60,6 +60,8 @@ class Trend:
         Number of points.
     margin : float
         Half-width of the interval of the line at the centre; 0 if Theil-Sen, which has none.
+    median : float
+        Median of the points, on their own scale.
     """
 
     method: str
@@ -71,6 +73,7 @@ class Trend:
     confidence: float
     n: int
     margin: float
+    median: float
 
     @property
     def found(self) -> bool:
@@ -203,8 +206,9 @@ def remaining_life(trend: Trend, limit: float, now: float, *, worse: str = "risi
     Returns
     -------
     Crossing
-        In units of x from now on, 0 where the limit has been passed; NaN, NaN, inf if there is no
-        trend, and inf throughout if it leads the other way.
+        In units of x from now on. 0 throughout if the line has passed the limit at `now`, or
+        without a trend the median of the points has; else NaN, NaN, inf if there is no trend, and
+        inf throughout if it leads the other way.
 
     Raises
     ------
@@ -218,11 +222,17 @@ def remaining_life(trend: Trend, limit: float, now: float, *, worse: str = "risi
     [4.9, 4.3, 5.6]
     >>> remaining_life(line, 0.0, now=4, worse="falling").estimate
     inf
+    >>> remaining_life(line, 0.0, now=4).estimate
+    0.0
     """
     if worse not in ("rising", "falling"):
         raise ArgumentError(f"worse is {worse!r}; it must be rising or falling")
     present = check_scalar("now", now, "", -1e300, 1e300)
     found = trend.crossing(limit)
+    # Without a trend its slope says nothing: the level counts.
+    level = trend.at(present) if trend.found else trend.median
+    if (level >= limit) if worse == "rising" else (level <= limit):
+        return Crossing(0.0, 0.0, 0.0)
     if not trend.found:
         return found
     if (trend.slope > 0) != (worse == "rising"):
@@ -286,11 +296,13 @@ def fit_trend(
         raise ArgumentError(f"confidence is {confidence!r}; it must be above 0 and below 1")
     places, values = _points(x, y, positive=method == "log-linear")
     n = places.size
+    middle = float(np.median(values))
+    median = float(np.exp(middle)) if method == "log-linear" else middle
     if np.ptp(values) == 0:
         # All alike: no test can say anything, and there is nothing to say.
         return Trend(
             method, 0.0, 0.0, 0.0, (float(np.median(places)), float(values[0])), 1.0, confidence, n,
-            0.0,
+            0.0, median,
         )  # fmt: skip
     if method == "theil-sen":
         slope, _, low, high = theilslopes(values, places, alpha=confidence)
@@ -307,7 +319,7 @@ def fit_trend(
     # A straight line without errors leaves 0 / 0.
     p_value = 0.0 if isnan(p_value) else p_value
     return Trend(
-        method, float(slope), float(low), float(high), centre, p_value, confidence, n, margin
+        method, float(slope), float(low), float(high), centre, p_value, confidence, n, margin, median
     )
 
 
