@@ -231,7 +231,7 @@ def test_blocks_do_not_change_the_count_of_false_alarms(monkeypatch):
     ("call", "message"),
     [
         (lambda r: fault_trials(["V9"], n_valves=2, rng=r), "code is 'V9'"),
-        (lambda r: fault_trials([], n_valves=2, rng=r), "n_valves is 0"),
+        (lambda r: fault_trials([], n_valves=2, rng=r), "codes is empty"),
         (lambda r: fault_trials(["V1"], n_valves=0, rng=r), "n_valves is 0"),
         (lambda r: fault_trials(["V1"], n_valves=2, severity=2.0, rng=r), "severity of V1"),
         (lambda r: fault_trials(["V1"], n_valves=2, readings=["x"], rng=r), "reading is 'x'"),

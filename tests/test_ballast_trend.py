@@ -96,7 +96,7 @@ def test_without_a_trend_there_is_no_crossing_and_it_is_said():
     trend = fit_trend(X, np.random.default_rng(5).normal(90, 1, 60))
     assert not trend.found
     assert trend.text.startswith("no trend in 60 points (p = ")
-    estimate, low, high = remaining_life(trend, 80.0, 60)
+    estimate, low, high = remaining_life(trend, 100.0, 60)
     assert np.isnan(estimate)
     assert np.isnan(low)
     assert high == np.inf

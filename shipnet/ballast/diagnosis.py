@@ -306,7 +306,7 @@ def diagnose_run(
     'V1 1.00: FP 126.7 bar high 1.00, OP 10 bar high 1.00'
     """
     base = rules if rules is not None else published.rule_base("kim2014")
-    if reading not in READINGS:
+    if not isinstance(reading, str) or reading not in READINGS:
         raise ArgumentError(f"reading is {reading!r}; it must be one of {', '.join(READINGS)}")
     window = check_whole("n", n, 1, 1000)
     if after is not None:

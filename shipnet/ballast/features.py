@@ -132,7 +132,10 @@ def valve_row(run: Run, time: float) -> int:
     >>> valve_row(simulate(duration=2), 0.35)
     3
     """
-    if not run.time.size or not time >= run.time[0] - 1e-9:
-        first = f"{run.time[0]:g}" if run.time.size else "never"
-        raise ArgumentError(f"time is {time!r} s; the run begins at {first} s")
+    if not run.time.size:
+        raise ArgumentError(f"time is {time!r}; the run has no instants")
+    if not isinstance(time, int | float | np.number) or not time >= run.time[0] - 1e-9:
+        raise ArgumentError(
+            f"time is {time!r} s; it must be a number, and the run begins at {run.time[0]:g} s"
+        )
     return int(np.searchsorted(run.time, time + 1e-9, side="right")) - 1

@@ -336,7 +336,10 @@ def _confidence(value: float) -> float:
 
 
 def _counts(name: str, values: npt.ArrayLike) -> Floats:
-    counts = np.asarray(values, float)
+    try:
+        counts = np.asarray(values, float)
+    except (TypeError, ValueError):
+        counts = np.array(np.nan)
     if not ((counts >= 0) & (counts == np.floor(counts)) & np.isfinite(counts)).all():
         raise ArgumentError(f"{name} is {values!r}; it must be whole numbers, 0 or more")
     return counts

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.ballast.codes import Code, command_codes
+from shipnet.ballast.codes import READINGS, Code, command_codes
 from shipnet.ballast.scales import (
     FIRST_REGISTER,
     HIGHEST,
@@ -121,6 +121,8 @@ class RegisterMap:
         """Check both."""
         if self.status not in ("table 2", "table 3"):
             raise ArgumentError(f"status is {self.status!r}; it must be 'table 2' or 'table 3'")
+        if not isinstance(self.codes, str):
+            raise ArgumentError(f"codes is {self.codes!r}; it must be one of {', '.join(READINGS)}")
         command_codes(self.codes)
 
     def pack(
@@ -157,18 +159,25 @@ class RegisterMap:
         Raises
         ------
         ArgumentError
-            If a fault is out of range, or if the shapes do not fit.
+            If a fault is out of range, a flag is not True or False (or 1 or 0), a reading is no
+            number, or if the shapes do not fit.
         """
-        values = np.asarray(readings, float)
+        try:
+            values = np.asarray(readings, float)
+        except (TypeError, ValueError):
+            raise ArgumentError("readings must be five rows of numbers of one length") from None
         if values.ndim != 2 or len(values) != len(SCALES):
             raise ArgumentError(f"readings have the shape {values.shape}; it must be (5, n_valves)")
         n = values.shape[1]
-        flags, faults, times = np.empty((4, n), bool), np.asarray(fault), np.empty(n)
+        flags, times = np.empty((4, n), bool), np.empty(n)
+        for name, flag in (("auto", auto), ("close", close), ("open", open)):
+            _check_flag(name, flag)
         try:
+            faults = np.asarray(fault)
             # An assignment costs a tenth of broadcast_to, and a slave is packed at every poll.
             flags[1], flags[2], flags[3], times[:] = auto, close, open, operating_time
             faults = faults if faults.shape == (n,) else np.broadcast_to(faults, n)
-        except ValueError:
+        except (TypeError, ValueError):
             raise ArgumentError(f"a flag, fault or time does not fit {n} valves") from None
         if faults.dtype.kind not in "iu" or ((faults < 0) | (faults > 12)).any():
             raise ArgumentError(f"fault is {fault!r}; it must be a whole number 0..12")
@@ -202,15 +211,16 @@ class RegisterMap:
         ArgumentError
             If they are no rows of four registers.
         """
-        rows = np.asarray(registers)
+        try:
+            rows = np.asarray(registers)
+        except ValueError:
+            raise ArgumentError("registers must be rows of four whole numbers") from None
         if rows.ndim != 2 or rows.shape[1] != N_REGISTERS or rows.dtype.kind not in "iu":
             raise ArgumentError("registers must be rows of four whole numbers")
         if rows.size and (rows.min() < 0 or rows.max() > 0xFFFF):
             raise ArgumentError("registers must be 0..65535")
         words = rows.astype(np.int64).T
-        numbers = np.stack(
-            [(words[s.register - FIRST_REGISTER] >> s.shift) & 0xFF for s in SCALES]
-        )
+        numbers = np.stack([(words[s.register - FIRST_REGISTER] >> s.shift) & 0xFF for s in SCALES])
         readings = np.where(numbers == MISSING, np.nan, numbers * _STEPS)
         bits = words[0] >> self._first_bit
         if self.status == "table 2":
@@ -238,13 +248,16 @@ class RegisterMap:
         Raises
         ------
         ArgumentError
-            If the position is out of range, or not 0 with another code.
+            If it is no `Code`, or if the position is out of range, or not 0 with another code.
 
         Examples
         --------
         >>> f"0x{RegisterMap().command(Code.POSITION_OPEN, 40):04X}"
         '0x280A'
         """
+        if not isinstance(code, Code):
+            names = ", ".join(f"Code.{known.name}" for known in Code)
+            raise ArgumentError(f"code is {code!r}; it must be one of {names}")
         highest = 100 if code in (Code.POSITION_CLOSE, Code.POSITION_OPEN) else 0
         percent = check_whole("position", position, 0, highest, f" for {code.value}")
         return percent << 8 | command_codes(self.codes)[code]
@@ -291,3 +304,15 @@ class RegisterMap:
     @property
     def _first_bit(self) -> int:
         return 0 if self.status == "table 2" else 2
+
+
+def _check_flag(name: str, flag: npt.ArrayLike) -> None:
+    if isinstance(flag, bool | np.bool_):
+        return
+    try:
+        values = np.asarray(flag)
+        good = values.dtype.kind in "biu" and bool(((values == 0) | (values == 1)).all())
+    except ValueError:
+        good = False
+    if not good:
+        raise ArgumentError(f"{name} is {flag!r}; it must be True or False, one or a row of them")

@@ -18,7 +18,7 @@ from shipnet.ballast.faults import Fault
 from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.speed import WINDOW, position_speed
-from shipnet.errors import check_whole
+from shipnet.errors import ArgumentError, check_whole
 from shipnet.line.quantity import check_scalar
 
 if TYPE_CHECKING:
@@ -181,7 +181,10 @@ def blocks(
     last = plant.ticks(check_scalar("duration", duration, "s", 0, 1e8))
     idle = check_scalar("idle_step", idle_step, "s", step, 3600)
     most = check_whole("size", size, 1, 10**6)
-    orders = sorted(commands, key=lambda command: command.time)
+    try:
+        orders = sorted(commands, key=lambda command: command.time)
+    except (AttributeError, TypeError):
+        raise ArgumentError(f"commands is {commands!r}; it must have `Command`s only") from None
     for command in orders:
         command.mask(plant.n_valves)
     events = {plant.ticks(fault.start) for fault in plant.faults}

@@ -196,8 +196,9 @@ def acceptance(
     The paper prints that all tests were passed, but neither steps nor criteria; these are ours. A
     fault is found when its code is among those active after the command, for the rules are nested:
     where S1 fires, Pos3 does. The slave's status has room for one of them, the first in rank; it
-    passes if its row is that of the fault, or of a rule that implies it. The faults are made to fit the rules, so that this verifies code and
-    validates no method. The master misses what the position byte cannot carry: below 0 %.
+    passes if its row is that of the fault, or of a rule that implies it. The faults are made to fit
+    the rules, so that this verifies code and validates no method. The master misses what the
+    position byte cannot carry: below 0 %.
 
     Examples
     --------

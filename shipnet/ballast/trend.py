@@ -319,12 +319,24 @@ def fit_trend(
     # A straight line without errors leaves 0 / 0.
     p_value = 0.0 if isnan(p_value) else p_value
     return Trend(
-        method, float(slope), float(low), float(high), centre, p_value, confidence, n, margin, median
+        method,
+        float(slope),
+        float(low),
+        float(high),
+        centre,
+        p_value,
+        confidence,
+        n,
+        margin,
+        median,
     )
 
 
 def _points(x: npt.ArrayLike, y: npt.ArrayLike, *, positive: bool) -> tuple[Floats, Floats]:
-    places, values = np.asarray(x, float), np.asarray(y, float)
+    try:
+        places, values = np.asarray(x, float), np.asarray(y, float)
+    except (TypeError, ValueError):
+        raise ArgumentError("x and y must be rows of numbers, NaN where one is missing") from None
     if places.ndim != 1 or places.shape != values.shape:
         raise ArgumentError(
             f"x and y have the shapes {places.shape} and {values.shape}; they must be equal rows"

@@ -161,13 +161,20 @@ def fault_trials(
     """
     import pandas as pd
 
-    wanted = list(codes)
-    valves = check_whole("n_valves", n_valves, 1, 10_000 // max(len(wanted), 1))
-    severities = np.tile(np.broadcast_to(np.asarray(severity, float), valves), len(wanted))
+    wanted, asked = _some("codes", codes), _some("readings", readings)
+    valves = check_whole("n_valves", n_valves, 1, 10_000 // len(wanted))
+    try:
+        each = np.broadcast_to(np.asarray(severity, float), valves)
+    except (TypeError, ValueError):
+        raise ArgumentError(
+            f"severity is {severity!r}; it must be 0..1, one for all or one for each of {valves} "
+            "valves"
+        ) from None
+    severities = np.tile(each, len(wanted))
     base = rules if rules is not None else published.rule_base("kim2014")
     faults = np.repeat(np.array(wanted, dtype=object), valves)
     actuator = spread_actuator(faults.size, spread, rng)
-    found = _cycle(actuator, faults, severities, base, list(readings), (k, n), sensors, rng)
+    found = _cycle(actuator, faults, severities, base, asked, (k, n), sensors, rng)
     ranked = [base.codes.index(code) for code in base.ranking]
     names = np.array(base.ranking, dtype=object)
     tables = []
@@ -248,10 +255,11 @@ def half_found(
 
     if criterion not in CRITERIA:
         raise ArgumentError(f"criterion is {criterion!r}; it must be one of {', '.join(CRITERIA)}")
-    valves = check_whole("n_valves", n_valves, 1, 10_000 // max(len(codes), 1))
+    wanted = _some("codes", codes)
+    valves = check_whole("n_valves", n_valves, 1, 10_000 // len(wanted))
     turns = check_whole("steps", steps, 1, 20)
     base = rules if rules is not None else published.rule_base("kim2014")
-    faults = np.repeat(np.array(list(codes), dtype=object), valves)
+    faults = np.repeat(np.array(wanted, dtype=object), valves)
     actuator = spread_actuator(faults.size, spread, rng)
 
     def are_found(severities: Floats) -> Flags:
@@ -266,13 +274,22 @@ def half_found(
         middle = (low + high) / 2
         yes = are_found(middle)
         low, high = np.where(yes, low, middle), np.where(yes, middle, high)
-    severity = np.where(never, np.inf, (low + high) / 2).reshape(len(codes), valves)
+    severity = np.where(never, np.inf, (low + high) / 2).reshape(len(wanted), valves)
     rows = np.quantile(severity, [0.1, 0.5, 0.9], axis=1, method="higher").T
     return pd.DataFrame(
         np.where(np.isinf(rows), np.nan, rows),
         columns=["tenth", "half", "nine_tenths"],
-        index=pd.Index(list(codes), name="fault"),
+        index=pd.Index(wanted, name="fault"),
     )
+
+
+def _some(name: str, words: Iterable[str]) -> list[str]:
+    given = [words] if isinstance(words, str) else list(words)
+    if not given:
+        raise ArgumentError(f"{name} is empty; it must have one or more")
+    if len(given) > 10_000:
+        raise ArgumentError(f"{name} has {len(given)} words; it must have 10000 at most")
+    return given
 
 
 def _found(base: RuleBase, faults: npt.NDArray[np.object_], outcome: Outcome, how: str) -> Flags:

@@ -203,6 +203,10 @@ def _fire(
 
 def _arrays(base: RuleBase, samples: Samples) -> dict[str, Floats]:
     """Return one array a variable, all of one shape."""
+    if not hasattr(samples, "keys"):
+        raise ArgumentError(
+            f"samples is {samples!r}; it must give the variables {', '.join(base.names)} by name"
+        )
     strangers = [str(name) for name in samples if name not in base.names]
     if strangers:
         raise ArgumentError(

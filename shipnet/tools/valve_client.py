@@ -139,7 +139,7 @@ class Result:
         row = self.screen.loc[self.inputs.valve]
         if row["state"] == "silent":
             return f"valve {self.inputs.valve} does not answer"
-        where = _said(row["position_percent"], 0, "%")
+        where = _said(self.positions[self.inputs.valve - 1], 0, "%")
         return f"valve {self.inputs.valve}: {row['state']}, {where}"
 
 
