@@ -10,6 +10,7 @@ from shipnet.ballast.tank import Tank
 from shipnet.ballast.testbed import TestBed as Bed
 from shipnet.ballast.testbed import acceptance
 from shipnet.errors import ArgumentError
+from shipnet.modbus.timing import Serial
 
 
 def test_the_three_tests_of_control_are_passed_with_noise():
@@ -118,3 +119,9 @@ def test_what_the_master_received_has_the_steps_of_the_registers():
 def test_a_bad_argument_is_named(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
+
+
+def test_all_tests_are_passed_at_the_slowest_printed_rate():
+    table = acceptance(np.random.default_rng(2024), serial=Serial(2400))
+    assert table["passed"].all(), table[~table["passed"]]
+    assert len(table) == 77

@@ -263,21 +263,25 @@ def plot_screen(
     wide = min(len(units), columns)
     rows = -(-len(units) // wide)
     size = 9 if wide <= 20 else 6
-    for place, (unit, row) in enumerate(screen.iterrows()):
-        x, y = place % wide, rows - 1 - place // wide
-        colour = STATE_COLOURS[row["state"]]
-        framed = unit == chosen
-        ax.bar(
-            x, 0.62, 0.84, y, color="0.94", linewidth=2 if framed else 0.5,
-            edgecolor="k" if framed else "0.7",
+    places = np.arange(len(units))
+    x, y = places % wide, rows - 1 - places // wide
+    position, framed = screen["position_percent"].to_numpy(float), units == chosen
+    colours = [STATE_COLOURS[state] for state in screen["state"]]
+    ax.bar(
+        x, 0.62, 0.84, y, color="0.94", linewidth=np.where(framed, 2.0, 0.5),
+        edgecolor=["k" if frame else "0.7" for frame in framed],
+    )  # fmt: skip
+    part = 0.62 * np.clip(np.nan_to_num(position), 0, 100) / 100
+    # A strip of colour is left of a closed valve.
+    ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=colours)
+    for place, unit in enumerate(units):
+        said = "-" if np.isnan(position[place]) else f"{position[place]:.0f}"
+        where = x[place], y[place]
+        ax.text(where[0], where[1] + 0.33, said, ha="center", va="center", fontsize=size)
+        ax.text(
+            where[0], where[1] - 0.04, str(unit), ha="center", va="top", fontsize=size - 1,
+            color="0.4",
         )  # fmt: skip
-        known = row["position_percent"] == row["position_percent"]
-        part = 0.62 * min(row["position_percent"], 100) / 100 if known else 0.0
-        # A strip of colour is left of a closed valve.
-        ax.bar(x, max(part, 0.05), 0.84, y, color=colour)
-        said = f"{row['position_percent']:.0f}" if known else "-"
-        ax.text(x, y + 0.33, said, ha="center", va="center", fontsize=size)
-        ax.text(x, y - 0.04, str(unit), ha="center", va="top", fontsize=size - 1, color="0.4")
     ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[], yticks=[])
     ax.grid(False)
     for spine in ax.spines.values():

@@ -26,6 +26,18 @@ COMMAND_REGISTER = 0x4001
 #: Step of the operating time [s]; our assumption, as all scales are.
 _TIME_STEP = 0.1
 
+#: Step of each reading, shape (5, 1).
+_STEPS = np.array([[scale.step] for scale in SCALES])
+
+#: What a step of each reading, and of the operating time, adds to each register, shape (4, 6).
+_PLACES = np.zeros((N_REGISTERS, len(SCALES) + 1), np.int64)
+for _k, _scale in enumerate(SCALES):
+    _PLACES[_scale.register - FIRST_REGISTER, _k] = 1 << _scale.shift
+_PLACES[1, -1] = 1
+
+#: Bits of Manual, Auto, Close and Open, from the first of them on.
+_FLAGS = np.array([1, 2, 4, 8])
+
 
 class Packed(NamedTuple):
     """What a slave sends.
@@ -142,26 +154,22 @@ class RegisterMap:
         if values.ndim != 2 or len(values) != len(SCALES):
             raise ArgumentError(f"readings have the shape {values.shape}; it must be (5, n_valves)")
         n = values.shape[1]
+        flags, faults, times = np.empty((4, n), bool), np.asarray(fault), np.empty(n)
         try:
-            flags = [np.broadcast_to(np.asarray(f, bool), n) for f in (auto, close, open)]
-            faults = np.broadcast_to(np.asarray(fault), n)
-            times = np.broadcast_to(np.asarray(operating_time, float), n)
+            # An assignment costs a tenth of broadcast_to, and a slave is packed at every poll.
+            flags[1], flags[2], flags[3], times[:] = auto, close, open, operating_time
+            faults = faults if faults.shape == (n,) else np.broadcast_to(faults, n)
         except ValueError:
             raise ArgumentError(f"a flag, fault or time does not fit {n} valves") from None
         if faults.dtype.kind not in "iu" or ((faults < 0) | (faults > 12)).any():
             raise ArgumentError(f"fault is {fault!r}; it must be a whole number 0..12")
-        registers, saturated = np.zeros((N_REGISTERS, n), int), np.zeros((6, n), bool)
-        for k, scale in enumerate(SCALES):
-            number, saturated[k] = whole_steps(values[k] / scale.step, 0xFF)
-            registers[scale.register - FIRST_REGISTER] |= number << scale.shift
+        flags[0] = ~flags[1]
         in_status = self.status == "table 2"
-        number, saturated[5] = whole_steps(times / _TIME_STEP, 0xFFFF if in_status else 0xFF)
-        status = (~flags[0]).astype(int)
-        for place, flag in enumerate(flags, 1):
-            status |= flag.astype(int) << place
-        registers[0] |= status << self._first_bit
+        highest = np.array([[0xFF]] * 5 + [[0xFFFF if in_status else 0xFF]])
+        numbers, saturated = whole_steps(np.vstack([values / _STEPS, times / _TIME_STEP]), highest)
+        registers = _PLACES @ numbers
+        registers[0] |= (_FLAGS @ flags) << self._first_bit
         registers[0 if in_status else 1] |= faults.astype(int) << (4 if in_status else 8)
-        registers[1] |= number
         return Packed(registers.T.astype(np.uint16), saturated.T)
 
     def unpack(self, registers: npt.ArrayLike) -> Status:

@@ -135,7 +135,7 @@ def survival_table() -> pd.DataFrame:
 
 
 def whole_steps(
-    values: Floats, highest: int
+    values: Floats, highest: npt.ArrayLike
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
     """Return values as whole numbers that fit, and where they did not.
 
@@ -143,8 +143,8 @@ def whole_steps(
     ----------
     values : ndarray of float
         Values in steps; NaN is sent as the highest number.
-    highest : int
-        Largest number that fits; the smallest is 0.
+    highest : array_like of int
+        Largest number that fits, one for all or one for each; the smallest is 0.
 
     Returns
     -------

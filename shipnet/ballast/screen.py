@@ -272,8 +272,13 @@ class MasterRun:
 
     def _silent(self, time: float) -> npt.NDArray[np.bool_]:
         silent = np.zeros(self.system.n_slaves, bool)
-        for start, slave, _, _, answered in self.tries:
-            spent = self.system.poll.answered if answered else self.system.poll.unanswered
-            if start + spent <= time + 1e-9:
+        spent = (self.system.poll.unanswered, self.system.poll.answered)
+        ended = (t for t in reversed(self.tries) if t[0] + spent[t[4]] <= time + 1e-9)
+        unknown = set(range(self.system.n_slaves))
+        for _, slave, _, _, answered in ended:
+            if slave in unknown:
                 silent[slave] = not answered
+                unknown.remove(slave)
+                if not unknown:
+                    break
         return silent

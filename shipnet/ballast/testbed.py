@@ -7,7 +7,8 @@ the real test bed measured is not printed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -164,6 +165,7 @@ def acceptance(
     *,
     diagnosed_by: str = "slave",
     tests: Iterable[str] = TESTS,
+    serial: Serial | None = None,
 ) -> pd.DataFrame:
     """Carry out the four tests of section 4, each on a new test bed.
 
@@ -176,6 +178,8 @@ def acceptance(
         what the registers brought it once a scan.
     tests : iterable of str, optional
         Which of `TESTS`; all if omitted.
+    serial : Serial, optional
+        Settings of the line, as for `TestBed`.
 
     Returns
     -------
@@ -208,24 +212,24 @@ def acceptance(
     strange = [repr(test) for test in chosen if test not in TESTS]
     if strange:
         raise ArgumentError(f"tests has {', '.join(strange)}; there are {', '.join(TESTS)}")
-    steps = []
+    steps, make = [], partial(TestBed, rng, serial=serial)
     for test in chosen:
         match test:
             case "manual":
-                steps += _manual(rng)
+                steps += _manual(make)
             case "remote":
-                steps += _remote(rng)
+                steps += _remote(make)
             case "PC":
-                steps += _pc(rng)
+                steps += _pc(make)
             case _:
                 for code in (None, *FAULTS):
-                    steps += _diagnosis(rng, code, diagnosed_by)
+                    steps += _diagnosis(make, code, diagnosed_by)
     return pd.DataFrame(steps, columns=list(Step._fields))
 
 
-def _manual(rng: np.random.Generator | None) -> list[Step]:
+def _manual(make: Callable[..., TestBed]) -> list[Step]:
     """Move every valve by its switches, while commands of the master are refused."""
-    bed, steps = TestBed(rng), []
+    bed, steps = make(), []
     for unit in range(1, N_SLAVES + 1):
         device = bed.device(unit)
         device.local = True
@@ -249,9 +253,9 @@ def _manual(rng: np.random.Generator | None) -> list[Step]:
     return steps
 
 
-def _remote(rng: np.random.Generator | None) -> list[Step]:
+def _remote(make: Callable[..., TestBed]) -> list[Step]:
     """Open, set and close every valve from the master."""
-    bed, steps = TestBed(rng), []
+    bed, steps = make(), []
     for unit in range(1, N_SLAVES + 1):
         echo = bed.station.command("open", unit).outcome
         steps.append(_same("remote", f"S{unit} told to open", "done", echo))
@@ -263,9 +267,9 @@ def _remote(rng: np.random.Generator | None) -> list[Step]:
     return steps
 
 
-def _pc(rng: np.random.Generator | None) -> list[Step]:
+def _pc(make: Callable[..., TestBed]) -> list[Step]:
     """Command every valve from the PC, in frames of Modbus/TCP, and fill the tank."""
-    bed, steps = TestBed(rng), []
+    bed, steps = make(), []
     registers = bed.station.registers
 
     def ask(message: str, unit: int, value: int = 0) -> bytes:
@@ -295,10 +299,10 @@ def _pc(rng: np.random.Generator | None) -> list[Step]:
     return steps
 
 
-def _diagnosis(rng: np.random.Generator | None, code: str | None, by: str) -> list[Step]:
+def _diagnosis(make: Callable[..., TestBed], code: str | None, by: str) -> list[Step]:
     """Let the simulator imitate a fault, move the valve, and see what is reported."""
     closing = code in _CLOSING
-    bed = TestBed(rng, fault=code, opening=float(closing))
+    bed = make(fault=code, opening=float(closing))
     bed.wait(1.0)
     bed.station.command("close" if closing else "open", _SIMULATOR)
     # A valve that does not arrive runs until its motor time is over.

@@ -1,0 +1,84 @@
+"""What a master shows of a fleet of valves, beside what is true of them."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from shipnet.ballast import Command, Fault, simulate
+from shipnet.ballast.fleet import watch
+from shipnet.ballast.scan import status_poll, worst_age
+from shipnet.errors import ArgumentError
+from shipnet.modbus.ring import Loop
+from shipnet.modbus.timing import Serial
+from shipnet.papers.kim2014.fleet import age_table, broken_loops, picture_table, seen_strokes
+from shipnet.papers.kim2014.fleet.plot import plot_ages, plot_history, plot_seen_strokes
+
+SLOW, QUICK = "one by one, time-out 1 s", "all beyond, time-out 0.1 s"
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    return broken_loops(120, opened=50, start=9.0, duration=40.0)
+
+
+def test_a_master_of_more_valves_sees_less_of_the_same_stroke():
+    seen = seen_strokes([5, 64])
+    counts = [run.time.size for run in seen.values()]
+    period = Loop(64, status_poll(Serial(9600))).period
+    assert counts[0] > 10 * counts[1]
+    assert np.diff(seen[64].time) == pytest.approx(np.full(counts[1] - 1, period), abs=0.03)
+    true = simulate(commands=[Command("open", 3.0)], duration=15)
+    for run in seen.values():
+        # The command goes out after the poll under way, and a register has steps of 1 %.
+        there = np.interp(run.time, true.time, true.VPos[:, 0])
+        assert np.abs(run.VPos[:, 0] - there).max() < 3.0
+
+
+def test_the_oldest_position_of_a_simulated_run_is_that_of_the_formula():
+    table = age_table([0, 1, 30], n_valves=60)
+    assert table["simulated_s"].to_numpy() == pytest.approx(table["formula_s"].to_numpy(), abs=1e-6)
+    assert table.loc[0, "formula_s"] == worst_age(Loop(60, status_poll(Serial(9600))))
+    with pytest.raises(ArgumentError, match="duration is 20 s; it must be"):
+        age_table([0], n_valves=247, duration=20.0)
+
+
+def test_a_slow_rule_leaves_a_wrong_picture_and_a_quick_one_does_not(pictures):
+    table = picture_table(pictures)
+    assert (table["moving"] == 0).all()
+    assert table.loc[SLOW, "shown_moving"] == table.loc[SLOW, "wrong"] == 50
+    assert table.loc[["no break", QUICK], "wrong"].tolist() == [0, 0]
+    assert table.loc["no break", "unanswered"] == 0 < table.loc[QUICK, "unanswered"]
+    # From before the break to the end nobody beyond it is heard again.
+    assert 40.0 - 9.0 < table.loc[SLOW, "oldest_s"] < 40.0
+    assert pictures[SLOW].seen.screen()["state"].eq("silent").sum() == 0
+
+
+def test_the_ages_drawn_are_those_of_the_masters(pictures):
+    ax = plot_ages(pictures, ax=Figure().subplots(), start=9.0)
+    lines = {line.get_label(): line.get_ydata() for line in ax.lines}
+    oldest = pictures[SLOW].seen.age([20.0, 39.0]).max(axis=1)
+    assert lines[SLOW][[200, 390]] == pytest.approx(oldest)
+    assert np.isnan(lines[SLOW][0])
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == list(pictures)
+    assert ax.get_ylabel() == "oldest position shown [s]"
+
+
+def test_one_marker_is_drawn_for_each_status():
+    true, seen = simulate(commands=[Command("open", 3.0)], duration=15), seen_strokes([5, 64])
+    ax = plot_seen_strokes(true, seen, ax=Figure().subplots())
+    assert [len(line.get_xdata()) for line in ax.lines[1:]] == [r.time.size for r in seen.values()]
+    assert ax.lines[0].get_ydata() == pytest.approx(true.VPos[:, 0])
+
+
+def test_the_history_has_a_line_from_each_fault_to_its_report_or_to_the_end():
+    orders = [Command("open", 600.0), Command("close", 1500.0)]
+    faults = [Fault("V1", start=900.0, valves=1), Fault("O1", start=1000.0, valves=0)]
+    report = watch(orders, faults, n_valves=2, duration=1800.0)
+    ax = plot_history(report, ax=Figure().subplots())
+    (lines,) = ax.collections
+    ends = [(3600 * a[0], 3600 * b[0]) for a, b in lines.get_segments()]
+    assert ends[0] == pytest.approx((900.0, report.faults["alarm_s"][0]))
+    assert ends[1] == pytest.approx((1000.0, 1800.0))
+    assert [text.get_text() for text in ax.get_yticklabels()] == ["V1, valve 2", "O1, valve 1"]
+    reported = next(line for line in ax.lines if line.get_label() == "reported")
+    assert len(reported.get_xdata()) == 1
