@@ -26,15 +26,22 @@ example:
 """
 
 _SERVE = """\
-Serve simulated ballast valves over Modbus/TCP, or its frames in datagrams, or
-on a serial port. Unit id n is valve n. Function code 6 writes its command to
-register 0x4001, code 4 reads its status from 0x4020 to 0x4023: position in
-percent and flags, operating time, motor temperature and pump pressure, motor
-current and operating pressure. Ctrl-C stops it.
+Serve simulated devices over Modbus/TCP, or its frames in datagrams, or on a
+serial port. Ctrl-C stops it.
+
+ballast: unit id n is valve n. Function code 6 writes its command to register
+0x4001, code 4 reads its status from 0x4020 to 0x4023: position in percent and
+flags, operating time, motor temperature and pump pressure, motor current and
+operating pressure.
+
+engine: unit ids 2 and 3 are junction boxes with all 99 points of an engine, whose
+values are synthetic. Function code 3 reads registers 0 to 98, temperatures in
+tenths of a degree.
 
 examples:
   shipnet serve ballast --valves 64 --fault 3:V1 --fault 7:P2:0.5
   shipnet serve ballast --serial /dev/ttyUSB0 --bit-rate 19200 --speed 10
+  shipnet serve engine --port 1502
 """
 
 #: Rows of a table that the terminal shows, and the part of a record that a figure does [s].
@@ -88,9 +95,12 @@ def _parser() -> argparse.ArgumentParser:
         description=_SERVE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    serving.add_argument("device", choices=["ballast"], help="what to simulate: ballast valves")
     serving.add_argument(
-        "--valves", metavar="N", type=int, default=64, help="how many, 1..247 (default 64)"
+        "device", choices=["ballast", "engine"],
+        help="what to simulate: ballast valves, or the junction boxes of an engine",
+    )  # fmt: skip
+    serving.add_argument(
+        "--valves", metavar="N", type=int, default=64, help="how many valves, 1..247 (default 64)"
     )
     serving.add_argument(
         "--host", metavar="ADDRESS", default="127.0.0.1", help="address (default this machine only)"
@@ -193,6 +203,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     from threading import Event
 
     from shipnet.ballast.serving import parse_fault, valve_server
+    from shipnet.engine.serving import engine_server
     from shipnet.errors import ArgumentError
     from shipnet.modbus.timing import Serial
 
@@ -207,18 +218,19 @@ def _serve(arguments: argparse.Namespace) -> None:
         options = {"transport": "rtu", "serial_port": arguments.serial, "serial": line}
     elif arguments.udp:
         options["transport"] = "udp"
-    server = valve_server(
-        n_valves,
-        faults=[parse_fault(text, n_valves) for text in arguments.fault],
-        speed=arguments.speed,
-        **options,
-    )
+    if arguments.device == "engine":
+        if arguments.fault:
+            raise ArgumentError("--fault names a fault of a valve; the engine has none here")
+        server, units = engine_server(speed=arguments.speed, **options), "unit ids 2 and 3"
+    else:
+        units = "unit id 1" if n_valves == 1 else f"unit ids 1..{n_valves}"
+        faults = [parse_fault(text, n_valves) for text in arguments.fault]
+        server = valve_server(n_valves, faults=faults, speed=arguments.speed, **options)
     try:
         with server:
             where = f"{arguments.host}, port {server.port} ({'UDP' if arguments.udp else 'TCP'})"
             if arguments.serial is not None:
                 where = f"{arguments.serial}, {line.bit_rate:g} bit/s {line.character}"
-            units = "unit id 1" if n_valves == 1 else f"unit ids 1..{n_valves}"
             print(f"listening on {where}: {units}; Ctrl-C stops", flush=True)
             Event().wait()
     except KeyboardInterrupt:

@@ -34,7 +34,7 @@ def test_a_scan_is_counted_in_characters(rate):
     assert row["valves_in_2_s"] == int(2 / read)
 
 
-@pytest.mark.parametrize("n", [1, 247, 248, 256, 494, 495, 1000])
+@pytest.mark.parametrize("n", [1, 247, 248, 249, 256, 494, 495, 1000])
 def test_every_valve_has_a_master_and_no_master_too_many(n):
     shares = assignment(n)
     sizes = shares["master"].value_counts()

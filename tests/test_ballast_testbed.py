@@ -94,6 +94,10 @@ def test_what_the_master_received_has_the_steps_of_the_registers():
     moving = run.DVPos[np.isfinite(run.DVPos) & run.active]
     # Two roundings to whole percent, and readings that are up to 0.1 s old.
     assert moving == pytest.approx(11.1, abs=1 + 1.11)
+    passed = float(run.VPos[run.running[:, 0], 0][20])
+    there = received_run(bed.station.seen, 5, target=passed)
+    assert (there.active == (there.running & (there.VPos != passed))).all()
+    assert (there.running & ~there.active).any()
     assert np.nanmax(run.time[run.running[:, 0]]) == pytest.approx(10.0, abs=0.2)
     assert (diagnose_run(run).headline == "normal").all()
 

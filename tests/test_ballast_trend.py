@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
+from scipy.stats import t
 
 from shipnet.ballast import Actuator, Command, Fault, operating_point, simulate
 from shipnet.ballast.faults import faulty
@@ -69,6 +70,17 @@ def test_the_band_reaches_the_limit_where_the_crossing_says(method):
     assert float(trend.at(found.estimate)) == pytest.approx(limit)
     assert brentq(lambda x: meets(1, x), X.mean(), 1000) == pytest.approx(found.low)
     assert brentq(lambda x: meets(0, x), X.mean(), 1000) == pytest.approx(found.high)
+
+
+def test_the_band_of_least_squares_is_that_of_the_covariance_of_polyfit():
+    y = line(np.random.default_rng(9), "linear", 0.5, 3.0)
+    trend = fit_trend(X, y, method="linear", confidence=0.9)
+    (slope, offset), cov = np.polyfit(X, y, 1, cov=True)
+    at = np.array([-10.0, 29.5, 100.0])
+    deviation = np.sqrt([x @ cov @ x for x in np.stack([at, np.ones(3)], axis=1)])
+    low, high = trend.band(at)
+    np.testing.assert_allclose((high + low) / 2, slope * at + offset)
+    np.testing.assert_allclose((high - low) / 2, t.ppf(0.95, 58) * deviation)
 
 
 def test_theil_sen_is_not_moved_by_wild_points_and_least_squares_is():

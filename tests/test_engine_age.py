@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from shipnet.engine.age import can_response, hop_ns, marking, poll_spacing, worst_age
 from shipnet.engine.ams import switch_over, timeout_for
@@ -112,6 +114,69 @@ def test_the_worst_phases_of_a_dead_box_attain_the_bound():
     assert after == pytest.approx(5.25, abs=0.01)
 
 
+def noticed(system, box, start, rng):
+    """Return how long after its death a box looks good, and the greatest age shown as good."""
+    bound = marking(system)
+    run = simulate(system, start + bound.after + 5, faults=[DeadBox(box, start)], rng=rng)
+    own = run.table[run.table["box"] == box]
+    return own["good_until_s"].max() - start, own["worst_s"].max()
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        # The AMS asks JB1 eleven times and waits half a second for each, 5.6 s altogether.
+        System(retries=10, timeout=0.5),
+        System(retries=10, timeout=0.5, switch_rule="return"),
+        # The first answer on the other channel comes later than the mark is made.
+        System(timeout=0.72, stale_limit=0.1),
+        System(timeout=0.72, stale_limit=0.1, switch_rule="return"),
+    ],
+    ids=["stay", "return", "stay, early mark", "return, early mark"],
+)
+def test_time_outs_of_a_dead_port_box_are_part_of_the_bound(system):
+    rng = np.random.default_rng(2024)
+    bound = marking(system)
+    found = [noticed(system, "JB1", 10 + rng.uniform(0, 1), rng) for _ in range(40)]
+    after, oldest = np.max(found, axis=0)
+    # With long time-outs the bound is a safe one: it lets the mark come at any time of a poll.
+    assert 0.6 * bound.after < after <= bound.after
+    assert oldest <= bound.oldest
+
+
+LEGAL = {
+    "firmware": st.builds(
+        Firmware,
+        receive=st.sampled_from([1e-9, 50e-6, 400e-6]),
+        processing=st.sampled_from([1e-6, 5e-3, 30e-3]),
+        holds_cpu=st.booleans(),
+    ),
+    "can_bit_rate": st.sampled_from([125_000, 250_000, 1_000_000]),
+    "update_period": st.sampled_from([0.2, 0.35, 0.5]),
+    "topology": st.sampled_from(["line", "ring"]),
+    "serial": st.just(Serial(19200)),
+    "retries": st.integers(0, 10),
+    "timeout": st.sampled_from([0.04, 0.1238, 0.5, 1.3]),
+    "switch_rule": st.sampled_from(["stay", "return"]),
+    "stale_limit": st.sampled_from([0.6, 1.1, 4.0]),
+    "poll_period": st.sampled_from([0.4, 0.7, 1.0]),
+}
+
+
+@settings(max_examples=40)
+@given(
+    system=st.builds(System, **LEGAL) | st.builds(System.mended, **LEGAL),
+    box=st.sampled_from(["JB1", "JB2", "JB3"]),
+    start=st.floats(5, 6),
+    seed=st.integers(0, 10**6),
+)
+def test_no_dead_box_of_any_system_is_shown_for_longer_than_the_bound(system, box, start, seed):
+    bound = marking(system)
+    after, oldest = noticed(system, box, start, np.random.default_rng(seed))
+    assert after <= bound.after + 1e-9
+    assert oldest <= bound.oldest + 1e-9
+
+
 def test_a_cut_channel_is_left_after_133_ms_and_answered_within_2_s():
     system = System()
     told = switch_over(system)
@@ -130,6 +195,27 @@ def test_the_timeout_that_gives_a_switch_over_gives_it(retries):
     wanted = 0.5
     timeout = timeout_for(System(), wanted, retries=retries)
     assert switch_over(System(timeout=timeout, retries=retries)).request == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize("bit_rate", [1200, 2400, 9600, 19200, 115200])
+@pytest.mark.parametrize("retries", range(11))
+def test_the_shortest_and_the_longest_timeout_are_taken_too(bit_rate, retries):
+    serial = Serial(bit_rate)
+    for timeout in (serial.t35 + Firmware().processing, 100.0):
+        time = (1 + retries) * (serial.frame_time(8) + timeout)
+        found = timeout_for(System(serial=serial), time, retries=retries)
+        assert System(serial=serial, timeout=found).timeout == pytest.approx(timeout, rel=1e-12)
+
+
+@given(st.floats(0, 1200), st.integers(0, 10))
+def test_a_timeout_that_is_given_is_one_that_a_system_takes(time, retries):
+    try:
+        timeout = timeout_for(System(), time, retries=retries)
+    except ArgumentError:
+        shortest = 8 * 11 / 9600 + System().serial.t35 + Firmware().processing
+        assert not (1 + retries) * shortest <= time <= (1 + retries) * 100
+    else:
+        assert System(timeout=timeout, retries=retries).timeout == timeout
 
 
 def test_only_the_reading_of_figure_4_with_11_bits_gives_22_3_ms():
@@ -159,6 +245,10 @@ def test_the_known_age_is_never_below_the_true_one_and_marks_nothing_in_health()
         ),
         (lambda: switch_over(System.mended()), "polled is 'both'"),
         (lambda: timeout_for(System(), 0.001), "time is 0.001"),
+        (lambda: timeout_for(System(), 0.0095), "time is 0.0095"),
+        (lambda: timeout_for(System(), 101), "time is 101"),
+        (lambda: hop_ns(System(), "JB1"), "reader is 'JB1'"),
+        (lambda: hop_ns(System(), 3), r"reader is 3.*0\.\.2"),
         (lambda: timeout_for(System(), 0.133, retries=-1), "retries is -1"),
     ],
 )

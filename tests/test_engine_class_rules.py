@@ -4,10 +4,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from shipnet.can.frame import Frame
+from shipnet.can.reader import decode
 from shipnet.crc import ALGORITHMS, crc
 from shipnet.engine.class_rules import RULES, check
 from shipnet.engine.description import Description, printed_system
-from shipnet.engine.error_detection import undetected
+from shipnet.engine.error_detection import undetected, undetected_on_can
 from shipnet.engine.points import by_box, load_points
 from shipnet.engine.redundancy import Part, Redundancy, part_fault_table
 from shipnet.errors import ArgumentError
@@ -117,6 +119,27 @@ def test_no_one_or_two_wrong_bits_pass_a_crc(name, flips):
     assert missed == undetected(name, 2, flips)
 
 
+#: Two wrong bits in it remove one stuff bit and make another.
+STUFFED = Frame(0x1F3, bytes.fromhex("00F0FFFF00647B0F"))
+
+
+def test_two_wrong_bits_behind_the_bit_stuffing_can_pass_the_crc_of_can():
+    found = undetected_on_can(STUFFED)
+    assert found.loc[found["first"] == 39, "second"].tolist() == [85]
+    wrong = list(STUFFED.bits)
+    for place in (39, 85):
+        wrong[place] = "10"[int(wrong[place])]
+    assert decode("".join(wrong)).data.hex() == "00f0bbff80323d8f"
+    assert undetected_on_can(STUFFED, flips=1).empty
+    # What the CRC itself is given never passes.
+    assert undetected("CRC-15/CAN", payload=8) == 0
+
+
+def test_the_measure_of_the_crc_says_where_it_ends():
+    measure = next(rule.measure for rule in RULES if rule.name == "CRC")
+    assert "before bit stuffing" in measure
+
+
 def test_a_useless_crc_is_seen_to_miss(monkeypatch):
     import shipnet.engine.error_detection as module
 
@@ -157,6 +180,13 @@ def test_a_shared_supply_takes_all_boxes_along():
     assert Redundancy(POINTS, supplies=2, cpus=2, shared_supply=True).worst() == 0
 
 
+def test_lists_of_names_are_as_good_as_tuples():
+    listed = Description(POINTS, protocols=["CAN"], links={"1": ["JB1"], "2": ["JB3"]})
+    assert listed.protocols == ("CAN",)
+    assert listed.links == {"1": ("JB1",), "2": ("JB3",)}
+    assert hash(listed) == hash(Description(POINTS, protocols=("CAN",)))
+
+
 def test_what_is_no_description_is_refused():
     for action, message in (
         (lambda: check(POINTS), "must be a Description"),
@@ -173,6 +203,22 @@ def test_what_is_no_description_is_refused():
         (lambda: Redundancy(POINTS).lost([Part("cpu", "JB9", 1)]), "are no parts"),
         (lambda: Redundancy(POINTS).worst(5), "failures is 5"),
         (lambda: part_fault_table(POINTS, failures=0), "failures is 0"),
+        (lambda: Description(POINTS, protocols=["CAN", ""]), "protocols hold ''"),
+        (lambda: Description(POINTS, protocols=[]), r"protocols is \[\]"),
+        (lambda: Description(POINTS, protocols=("CAN", 5)), "protocols hold 5"),
+        (lambda: Description(POINTS, protocols=5), "protocols is 5"),
+        (lambda: Description(POINTS, links={"1": "JB1"}), "links of '1' is 'JB1'"),
+        (lambda: Description(POINTS, links=("1", "2")), r"links is \('1', '2'\)"),
+        (lambda: Description(POINTS, links={}), r"links is \{\}"),
+        (lambda: Description(POINTS, links={"": ("JB1",)}), "links hold ''"),
+        (lambda: Description(POINTS, links={"1": ("JB1", None)}), "links of '1' hold None"),
+        (
+            lambda: Description(POINTS, links={"1": ("JB1",)}, routes={"1": "port"}),
+            "routes of '1' is 'port'",
+        ),
+        (lambda: Description(POINTS, routes=5), "routes is 5"),
+        (lambda: undetected_on_can("1F3#00"), "frame is '1F3#00'; it must be a Frame"),
+        (lambda: undetected_on_can(STUFFED, 3), "flips is 3"),
         (lambda: undetected("CRC-8"), "algorithm is 'CRC-8'"),
         (lambda: undetected("CRC-16/MODBUS", 17), "payload is 17"),
         (lambda: undetected("CRC-16/MODBUS", 6, 3), "flips is 3"),

@@ -107,6 +107,21 @@ def test_no_mixture_of_faults_makes_the_mended_design_show_an_old_value(kinds, s
     assert (worst[worst.notna()] <= MENDED.age_limit).all()
 
 
+@pytest.mark.parametrize("system", [PRINTED, MENDED], ids=["printed", "mended"])
+def test_an_age_that_grows_for_ever_is_infinite_and_one_that_ends_is_not(system):
+    tag = system.points[0].tag
+    table = fault_table(
+        system, [StuckSensor(tag, AT), StuckSensor(tag, AT, 14), DeadBox("JB2", AT)], trials=2
+    )
+    stuck, passing, dead = table["oldest_s"].iloc[1:]
+    assert stuck == np.inf
+    # It moves again after four seconds; then it takes the age of a healthy value to be seen.
+    assert 4 < passing < 4 + worst_age(system)["worst_s"].max()
+    assert dead <= marking(system).oldest
+    both = row(PRINTED, CutModbus("1", AT))
+    assert both["oldest_s"] < 2
+
+
 def test_bus_off_in_the_middle_is_a_box_that_nobody_hears():
     phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.3, "AMS": 0.4}
     off = simulate(PRINTED, 20, faults=[BusOff("JB2", AT)], phases=phases)
@@ -116,7 +131,7 @@ def test_bus_off_in_the_middle_is_a_box_that_nobody_hears():
 
 
 def test_one_timer_a_box_keeps_a_lost_frame_alive_for_longer_than_its_limit():
-    # Every second frame of box 2 is lost. Any other one restarts the timer of them all.
+    # Four of five frames of box 2 are lost. Any other one restarts the timer of them all.
     run = simulate(
         PRINTED, 600, faults=[LostCan("JB2", probability=0.8)], rng=np.random.default_rng(3)
     )
@@ -186,6 +201,14 @@ def test_a_share_of_requests_is_lost_as_the_probability_says():
         (lambda: simulate(PRINTED, 1, faults=[DeadBox("JB9")]), "JB1, JB2, JB3"),
         (lambda: simulate(PRINTED, 1, faults=["JB1"]), "faults hold 'JB1'"),
         (lambda: simulate(PRINTED, 1, faults=[LostCan("JB1")]), "rng is None"),
+        (lambda: simulate(PRINTED, 1, faults=DeadBox("JB2", 10)), "faults is DeadBox.*in a list"),
+        (lambda: simulate(PRINTED, 1, faults=None), "faults is None"),
+        (lambda: fault_table(PRINTED, DeadBox("JB2", 10)), "faults is DeadBox"),
+        (lambda: DeadBox("JB2", 10, None), "stop is None"),
+        (lambda: DeadBox("JB2", 10, "20"), "stop is '20'"),
+        (lambda: simulate(PRINTED, 1, rng=1), "rng is 1; it must be a numpy.random.Generator"),
+        (lambda: fault_table(PRINTED, rng=1), "rng is 1"),
+        (lambda: single_faults(PRINTED, every_sensor="x"), "every_sensor is 'x'"),
         (lambda: fault_table(PRINTED, trials=0), "trials is 0"),
         (lambda: fault_table(PRINTED, rule=0), "rule is 0"),
     ],

@@ -9,9 +9,17 @@ from shipnet.tools.engine_faults import DESIGNS, FAULTS, START, Inputs, draw, ex
 PRINTED, RING, MENDED = DESIGNS
 
 
+#: The cable that closes the ring; a line has none.
+CLOSING = "CAN cable cut JB3-JB1"
+
+
 @pytest.mark.parametrize("design", DESIGNS)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_every_fault_can_be_looked_at_in_every_design(fault, design):
+    if fault == CLOSING and design != RING:
+        with pytest.raises(ArgumentError, match="has no such cable"):
+            Inputs(fault, design)
+        return
     for time in (2, START, 25):
         result = update(Inputs(fault, design, time))
         assert len(result.screen) == 99
@@ -41,6 +49,10 @@ def test_alarms_of_a_box_are_counted_together_and_only_so_far():
     ("field", "value", "message"),
     [
         ("fault", "fire", "fault is 'fire'; it must be one of 'none'"),
+        ("fault", [], r"fault is \[\]; it must be one of 'none'"),
+        ("fault", "CAN cable cut JB3-JB1", "'as printed, CAN as a line' has no such cable"),
+        ("design", [], r"design is \[\]; it must be one of"),
+        ("time", None, "time is None"),
         ("design", "other", "design is 'other'; it must be one of 'as printed"),
         ("time", 1.9, "time is 1.9 s; it must be 2..25 s"),
         ("time", float("nan"), "time is nan s"),
@@ -55,6 +67,17 @@ def test_old_values_have_a_colour_and_a_star_of_their_own():
     ax = draw(update(Inputs()), ax=Figure().subplots())
     stars = [text.get_text() for text in ax.texts if "*" in text.get_text()]
     assert len(stars) == 18
+
+
+def test_a_cable_that_only_the_ring_has_can_be_cut_there():
+    result = update(Inputs(CLOSING, RING, 20))
+    assert (result.old, result.marked, result.raised) == (0, 0, [])
+    box = explorer()
+    fault, design, _ = box.children[0].children
+    fault.value = CLOSING
+    assert "has no such cable" in box.children[1].value
+    design.value = RING
+    assert "all values fresh" in box.children[1].value
 
 
 def test_the_controls_start_where_the_inputs_do():

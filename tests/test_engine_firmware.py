@@ -104,7 +104,8 @@ def test_a_cpu_does_one_thing_at_a_time_and_loses_no_work():
         (lambda: Firmware(receive=float("nan")), "receive is nan"),
         (lambda: Firmware(processing=0), "processing is 0"),
         (lambda: Firmware().conversion_time(-1), r"n_analogue is -1.*0\.\.1000"),
-        (lambda: Firmware().loop_time(1, 2.5), "n_frames is 2.5"),
+        (lambda: Firmware(holds_cpu=None), "holds_cpu is None"),
+        (lambda: timeline(simulate(System(), 1), 0, None), "stop is None"),
         (lambda: timeline(simulate(System(), 1), 1, 1), "stop is 1 s"),
     ],
 )

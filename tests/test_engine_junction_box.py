@@ -1,7 +1,13 @@
+import re
+import signal
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from pymodbus.client import ModbusTcpClient
 
+from shipnet.__main__ import main
 from shipnet.engine import SyntheticValues, load_points
 from shipnet.engine.junction_box import JunctionBox, junction_box
 from shipnet.engine.registers import RegisterMap
@@ -46,3 +52,29 @@ def test_what_is_no_box_is_refused():
         JunctionBox(5, lambda time: [])
     with pytest.raises(ArgumentError, match="values is 5; it must take a time"):
         JunctionBox(RegisterMap(POINTS), 5)
+
+
+def test_the_program_serves_the_boxes_and_stops_upon_an_interrupt():
+    command = [sys.executable, "-m", "shipnet", "serve", "engine", "--port", "0", "--speed", "0"]
+    program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        said = program.stdout.readline()
+        port = int(re.search(r"port (\d+) \(TCP\): unit ids 2 and 3", said)[1])
+        client = ModbusTcpClient("127.0.0.1", port=port)
+        found = [
+            client.read_holding_registers(0, count=99, device_id=unit).registers for unit in (2, 3)
+        ]
+        client.close()
+        program.send_signal(signal.SIGINT)
+        out, error = program.communicate(timeout=20)
+        assert (program.returncode, out, error) == (0, "stopped\n", "")
+    finally:
+        program.kill()
+        program.wait()
+    sensors = SyntheticValues(POINTS, np.random.default_rng(2024))
+    assert found[0] == found[1] == RegisterMap(POINTS).encode(sensors.now(0.0)).tolist()
+
+
+def test_the_engine_has_no_valve_to_break(capsys):
+    assert main(["serve", "engine", "--fault", "3:V1"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

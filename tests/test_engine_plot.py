@@ -43,7 +43,7 @@ def test_a_timeline_has_a_row_for_each_cpu_and_line(ax, run):
     assert drawn == len(table)
     assert ax.get_xlabel() == "time [ms]"
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert {"Modbus", "convert", "frame of JB2"} <= set(legend)
+    assert {"Modbus interrupt", "CAN interrupt", "convert", "frame of JB2"} <= set(legend)
     with pytest.raises(ArgumentError, match="table has 0 rows"):
         plot_timeline(table.iloc[:0], ax=ax)
 
@@ -56,6 +56,10 @@ def test_an_age_is_a_saw_whose_tips_are_those_of_the_table(ax, run):
     assert np.nanmax(saw) == pytest.approx(run.table.set_index("tag").loc["ME-JB2-044", "worst_s"])
     crosses = ax.lines[1].get_xdata()
     assert crosses.tolist() == ages.loc[ages["age_s"].isna(), "seen_s"].tolist()
+    # They stand at the top edge, whatever the ages: at the foot they would read as fresh values.
+    ax.set_ylim(0, 9)
+    _, y = ax.lines[1].get_transform().transform(ax.lines[1].get_xydata()).T
+    assert y == pytest.approx(ax.get_window_extent().y1)
     assert ax.lines[2].get_ydata()[0] == 2.0
     assert texts(ax) == ["rule"]
 
@@ -69,6 +73,20 @@ def test_a_screen_tells_good_old_and_marked_by_text_too(ax, run, values):
     ax.clear()
     plot_screen(screen(run, 16.0, values), ax=ax)
     assert texts(ax).count("0xFF") == 18
+
+
+def test_a_screen_can_be_read_and_has_units(run, values):
+    figure, ax = plt.subplots(figsize=(7.5, 4.6), layout="constrained")
+    table = screen(run, 13.0, values)
+    plot_screen(table, ax=ax)
+    figure.canvas.draw()
+    width = ax.transData.transform([1, 0])[0] - ax.transData.transform([0, 0])[0]
+    assert min(text.get_fontsize() for text in ax.texts) >= 6.5
+    assert max(text.get_window_extent().width for text in ax.texts) < 0.94 * width
+    shown = [text.rstrip("*") for text in texts(ax)[::2]]
+    expected = [f"{v:g} {u}".rstrip() for v, u in zip(table["value"], table["unit"], strict=True)]
+    assert shown == expected
+    plt.close(figure)
 
 
 def test_a_value_on_the_screen_is_the_one_of_its_sample(run, values):

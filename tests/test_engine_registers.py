@@ -149,15 +149,47 @@ def test_an_old_value_is_never_called_younger():
         assert read.ages == pytest.approx(shown)
 
 
-def test_8_switches_in_alarm_are_an_error_to_a_packed_word():
+def test_8_switches_in_alarm_are_no_error_to_a_packed_word():
     # JB3 has 11 switches; the first eight of them make 0x00FF.
     layout = RegisterMap(POINTS, switches="box")
     values = LOW.copy()
     jb3 = [k for k, point in enumerate(POINTS) if point.box == "JB3" and not point.analogue]
     values[jb3[:8]] = 1
-    assert np.isnan(layout.decode(layout.encode(values)).values[jb3]).all()
+    assert (layout.decode(layout.encode(values)).values[jb3] == values[jb3]).all()
+    failed = np.isin(np.arange(len(POINTS)), jb3[3])
+    marked = layout.decode(layout.encode(values, failed)).values
+    assert np.isnan(marked[jb3]).all() and not np.isnan(np.delete(marked, jb3)).any()
     mended = RegisterMap(POINTS, MENDED, "box", True)
     assert (mended.decode(mended.encode(values)).values[jb3] == values[jb3]).all()
+
+
+SWITCHES = tuple(Point(f"S{k}", f"B{k % 3}", "switch", "level") for k in range(40))
+
+
+@pytest.mark.parametrize("coding", CODINGS)
+@pytest.mark.parametrize("status", [False, True])
+@given(
+    states=st.lists(st.booleans(), min_size=40, max_size=40),
+    packing=st.sampled_from(["box", "all"]),
+)
+def test_no_states_of_packed_switches_look_like_their_mark(coding, status, states, packing):
+    layout = RegisterMap(SWITCHES, CODINGS[coding], packing, status)
+    # Each switch alone, all but each, all, and any.
+    values = np.vstack([np.eye(40), 1 - np.eye(40), np.ones(40), states])
+    assert (layout.decode(layout.encode(values)).values == values).all()
+    assert not layout.collisions().collides.any()
+
+
+def test_a_map_judges_its_packed_switches_apart_from_its_values():
+    # With the mark 1, every switch in a register of its own collides, and a packed one does not.
+    ones = Coding("mark 1", 0.1, 1)
+    single, packed = (RegisterMap(POINTS, ones, way).collisions() for way in ("single", "box"))
+    switch = np.array([not point.analogue for point in POINTS])
+    assert single.collides[switch].all() and not packed.collides[switch].any()
+    assert single[~switch].equals(packed[~switch])
+    values = np.where(switch, 1.0, LOW)
+    layout = RegisterMap(POINTS, ones, "box")
+    assert (layout.decode(layout.encode(values)).values[switch] == 1).all()
 
 
 def answer(pdu, registers, first_address=0):

@@ -147,6 +147,10 @@ def test_a_long_run_is_its_parts():
         (lambda: simulate(System(), 0), "duration is 0"),
         (lambda: simulate(System(), float("nan")), "duration is nan"),
         (lambda: simulate(System(), 1e6), "frames are sent"),
+        (
+            lambda: simulate(System(update_period=100, poll_period=0.3), 1e6),
+            "frames are sent and read",
+        ),
         (lambda: simulate(System(), 1, phases={"JB4": 0}), "JB4"),
         (lambda: simulate(System(), 1, phases={"JB1": -1}), "phase of JB1 is -1"),
         (lambda: simulate(System(), 1).shown("x"), "tag is 'x'"),

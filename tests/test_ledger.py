@@ -270,6 +270,19 @@ OURS = {
     "kim2014-081": 2**8 - 1,
     "kim2014-082": 120 - 2.5,
     "kim2014-100": 3,
+    "chung1998-003": 4 * 33 * 10 / 9600,
+    "chung1998-004": 33,
+    "chung1998-018": 200 / 33,
+    "chung1998-020": 100 * (1 - (253 / 256) ** 20),
+    "chung1998-038": 42,
+    "chung1998-039": 60,
+    "chung1998-045": 11 * 4 * 0.1,
+    "chung1998-046": (2 * 33 + 2) * 10 / 600,
+    "chung1998-047": 4.4 + (33 + 2) * 10 / 9600,
+    "chung1998-056": (64 * 65 / 2 * 2) / 128,
+    "chung1998-060": 1280 / 9600,
+    "chung1998-061": 128 / 33,
+    "chung1998-067": 200 / 6,
 }
 
 
@@ -320,7 +333,7 @@ def test_every_module_of_a_paper_is_found():
 
 
 #: Two figures named at once.
-SEVERAL = re.compile(r"Figs ([\w.-]+) and ([\w.-]+)")
+SEVERAL = re.compile(r"Figs ([\w.()-]+) and ([\w.()-]+)")
 
 
 def test_figures_and_tables():

@@ -71,14 +71,14 @@ def test_a_master_that_empties_its_socket_is_mixed_up_once_a_late_answer():
     seed=st.integers(0, 2**32),
     lost=st.floats(0, 1),
     late=st.floats(0, 1),
-    doubled=st.floats(0, 1),
+    duplicated=st.floats(0, 1),
     period=st.sampled_from([0, 0.3, 0.7]),
     flush=st.booleans(),
 )
 def test_counted_ids_are_never_mixed_up_whatever_the_network_does(
-    seed, lost, late, doubled, period, flush
+    seed, lost, late, duplicated, period, flush
 ):
-    path = LossyPath(lost, late, doubled, delay=0.01, lateness=0.6)
+    path = LossyPath(lost, late, duplicated, delay=0.01, lateness=0.6)
     keywords = dict(period=period, flush=flush, timeout=0.5)
     units = np.arange(60) % 5
     runs = {
@@ -136,9 +136,9 @@ def test_the_path_does_what_its_probabilities_say():
     assert path.transit(0, np.random.default_rng(1)).shape == (0, 2)
 
 
-def test_a_doubled_request_is_answered_twice_and_the_second_answer_is_left_over():
-    run = poll([1, 2], LossyPath(doubled=1.0), np.random.default_rng(1), transaction_ids="zero")
-    # Two copies there, each answered, each answer doubled: three too many for the next request.
+def test_a_duplicated_request_is_answered_twice_and_the_second_answer_is_left_over():
+    run = poll([1, 2], LossyPath(duplicated=1.0), np.random.default_rng(1), transaction_ids="zero")
+    # Two copies there, each answered, each answer duplicated: three too many for the next request.
     assert run.table.answer_of.tolist() == [0, 0]
     assert run.mixed_up == run.wrong_unit == 1
 
@@ -154,6 +154,9 @@ def test_a_doubled_request_is_answered_twice_and_the_second_answer_is_left_over(
         (lambda: poll([1.0], LossyPath(), np.random.default_rng(1)), "whole numbers"),
         (lambda: poll([256], LossyPath(), np.random.default_rng(1)), r"0\.\.255"),
         (lambda: poll([1], LossyPath(), np.random.default_rng(1), timeout=0), "timeout is 0"),
+        (lambda: poll([1], LossyPath(), np.random.default_rng(1), flush="x"), "flush is 'x'"),
+        (lambda: poll([1], LossyPath(), np.random.default_rng(1), check_unit=1), "check_unit is 1"),
+        (lambda: mix_ups([1], LossyPath(), np.random.default_rng(1), flush="x"), "flush is 'x'"),
         (
             lambda: poll([1], LossyPath(), np.random.default_rng(1), transaction_ids="none"),
             "transaction_ids is 'none'",

@@ -193,6 +193,7 @@ def test_the_largest_of_each_kind_fits_the_longest_frame():
         (lambda: encode_tcp(1, b"\1", 65536), "transaction_id"),
         (lambda: decode_rtu("11"), "must be bytes"),
         (lambda: decode_request([3]), "must be bytes"),
+        (lambda: decode_response(bytes([3, 2, 0, 1]), 5), "request is 5; it must be a request"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):

@@ -337,6 +337,16 @@ def test_no_time_is_no_polls():
         (lambda: sweep(loop(), [Break(1)], []), "instants"),
         (lambda: sweep(loop(), [Break(1)], [-1.0]), "start is -1"),
         (lambda: fault_table(loop(), order=3), "order is 3"),
+        (lambda: simulate(loop(), Break(1), duration=1), "faults is Break.*in a list"),
+        (lambda: worst_gap(loop(), Break(1)), "faults is Break"),
+        (lambda: worst_gap(Channels(loop().poll), Break(1)), "faults is Break"),
+        (lambda: sweep(loop(), Break(1)), "faults is Break"),
+        (lambda: Break(1, 10, None), "stop is None"),
+        (lambda: DeadSlave(1, 10, "20"), "stop is '20'"),
+        (lambda: Loop(5, None), "poll is None; it must be a Poll"),
+        (lambda: Loop(5, loop().poll, None), "supervision is None"),
+        (lambda: Channels(None), "poll is None; it must be a Poll"),
+        (lambda: Channels(loop().poll, None), "supervision is None"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):

@@ -53,6 +53,7 @@ def test_the_curve_holds_the_chosen_scan_and_leaves_out_what_cannot_be():
         ("retries", 11, "retries is 11"),
         ("processing_ms", 501, "processing_ms is 501 ms; it must be 0..500 ms"),
         ("timeout_ms", float("nan"), "timeout_ms is nan ms"),
+        ("limit", None, "limit is None"),
         ("limit", 0, "limit is 0 s; it must be 0.1..60 s"),
     ],
 )

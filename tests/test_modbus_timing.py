@@ -144,6 +144,8 @@ def test_a_dead_slave_costs_its_timeouts_instead_of_its_transaction():
         (lambda: Poll(Serial(9600), 8, 13).scan(2, dead=3), r"dead is 3.*0\.\.2"),
         (lambda: Poll(Serial(9600), 8, 13).expected(1.1), "failure is 1.1"),
         (lambda: Poll(Serial(9600), 8, 13).budget(247, 7.9), "247 slaves take 7.92"),
+        (lambda: Poll.of(None, Serial(9600)), "request is None; it must be a request"),
+        (lambda: Poll(None, 8, 13), "serial is None; it must be a Serial"),
         (lambda: broadcast_time(Serial(9600), 8, turnaround=0), "turnaround is 0"),
     ],
 )

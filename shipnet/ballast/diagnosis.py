@@ -184,11 +184,12 @@ class Diagnosis:
         table = self.run.strokes[["valve", "action", "start_s", "end_s", "outcome"]].copy()
         found = np.zeros((len(table), len(self.base.codes)), bool)
         delay = np.full(len(table), np.nan)
-        next_start = table.groupby("valve")["start_s"].shift(-1).to_numpy()
-        for place, (moved, until) in enumerate(zip(self.run.movements, next_start, strict=True)):
-            first, last = np.searchsorted(
-                self.time, [moved.start - 1e-9, np.fmin(moved.end + wait + 1e-9, until - 1e-9)]
+        for place, moved in enumerate(self.run.movements):
+            first, ended, last = np.searchsorted(
+                self.time, [moved.start - 1e-9, moved.end - 1e-9, moved.end + wait + 1e-9]
             )
+            again = np.flatnonzero(self.run.running[ended:last, moved.valve])
+            last = ended + again[0] if again.size else last
             seen = self.active[first:last, moved.valve]
             if seen.any():
                 found[place] = seen.any(axis=0)

@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
 from shipnet.ballast.channels import CHANNELS, rule_limits
-from shipnet.ballast.diagnosis import Diagnosis
 from shipnet.ballast.simulation import Run
 from shipnet.ballast.trend import Trend
 from shipnet.errors import ArgumentError
@@ -20,8 +19,10 @@ from shipnet.style import LIMIT
 if TYPE_CHECKING:
     import pandas as pd
 
+    from shipnet.ballast.diagnosis import Diagnosis
+
 __all__ = ["STATE_COLOURS", "plot_channel", "plot_confusion", "plot_diagnosis", "plot_operation"]
-__all__ += ["plot_screen", "plot_strengths", "plot_stroke", "plot_trend"]
+__all__ += ["plot_screen", "plot_stroke", "plot_trend"]
 
 #: Ends of the position, which the rule table calls CLOSE and OPEN [%].
 _ENDS = {"CLOSE": 0.0, "OPEN": 100.0}
@@ -124,55 +125,6 @@ def plot_confusion(table: pd.DataFrame, *, ax: Axes) -> Axes:
     ax.grid(visible=True, which="minor", color="0.88")
     ax.tick_params(which="both", length=0)
     ax.set(xlabel="headline of the diagnosis [% of the row]", ylabel="fault of the valve")
-    return ax
-
-
-def plot_strengths(diagnosis: Diagnosis, valve: int, *, ax: Axes) -> Axes:
-    """Draw how strongly every rule fires for one valve over time.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        What `diagnose_run` returned, of two instants or more.
-    valve : int
-        Which, from 0 on.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given: one row a rule, the highest priority on top, as dark as its strength; a line
-        along its foot while its code is active.
-
-    Raises
-    ------
-    ArgumentError
-        If there are fewer instants, or no such valve.
-    """
-    strength = diagnosis.firing(valve).strength
-    time = diagnosis.time
-    if time.size < 2:
-        raise ArgumentError(f"diagnosis has {time.size} instants; it must have 2 or more")
-    ranking, codes = diagnosis.base.ranking, diagnosis.base.codes
-    places = [codes.index(code) for code in ranking]
-    # What was read holds until the next reading.
-    edges = np.append(time, 2 * time[-1] - time[-2])
-    rows = np.arange(len(ranking) + 1) - 0.5
-    mesh = ax.pcolormesh(edges, rows, strength[:, places].T, cmap="Blues", vmin=0, vmax=1)
-    for row, place in enumerate(places):
-        active = np.append(diagnosis.active[:, valve, place], False)
-        ax.fill_between(
-            edges, row + 0.28, row + 0.5, where=active, step="post", color=LIMIT["color"],
-            linewidth=0, label="active" if row == 0 else "_again",
-        )  # fmt: skip
-    ax.set_ylim(len(ranking) - 0.5, -0.5)
-    ax.set_yticks(range(len(ranking)), ranking, fontsize=8)
-    ax.grid(visible=False)
-    ax.tick_params(axis="y", length=0)
-    ax.set(xlabel="time [s]", ylabel="rule")
-    ax.legend(loc="upper left", bbox_to_anchor=(0, 1.14), fontsize=8, borderpad=0)
-    ax.figure.colorbar(mesh, ax=ax, label="firing strength", pad=0.02)
     return ax
 
 

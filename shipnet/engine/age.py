@@ -10,7 +10,8 @@ import numpy.typing as npt
 from shipnet.can.schedule import Convention, response_times
 from shipnet.can.schedule.messages import nanoseconds
 from shipnet.engine.system import System
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, check_whole
+from shipnet.line.quantity import check_scalar
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,18 +60,25 @@ def can_response(system: System) -> Floats:
     return np.array([response.response for response in found])
 
 
-def poll_spacing(system: System) -> float:
-    """Return the time from poll to poll of a healthy system [s].
+def poll_spacing(system: System, lost: float = 0.0) -> float:
+    """Return the time from poll to poll [s].
 
     Parameters
     ----------
     system : System
         The system. A poll that lasts longer than the period makes the AMS skip some.
+    lost : float, default 0
+        How long each poll asks in vain before it is answered, 0..1e6 [s].
 
     Returns
     -------
     float
         A multiple of the poll period [s].
+
+    Raises
+    ------
+    ArgumentError
+        If `lost` is out of range.
 
     Examples
     --------
@@ -78,7 +86,8 @@ def poll_spacing(system: System) -> float:
     (1.0, 0.4)
     """
     period = nanoseconds(system.poll_period)
-    return -(-nanoseconds(system.poll.answered) // period) * period / 1e9
+    whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + system.poll.answered)
+    return -(-whole // period) * period / 1e9
 
 
 def worst_age(system: System) -> pd.DataFrame:
@@ -179,7 +188,7 @@ def hop_ns(system: System, reader: int) -> Integers:
     system : System
         The system.
     reader : int
-        Number of the box that answers.
+        Number of the box that answers, from 0 on.
 
     Returns
     -------
@@ -187,11 +196,17 @@ def hop_ns(system: System, reader: int) -> Integers:
         Longest time from the begin of the sender's round until the values are in the table [ns].
         The mended design adds it to the time since then, which the reader knows.
 
+    Raises
+    ------
+    ArgumentError
+        If there is no such box, or the CAN bus is overloaded.
+
     Examples
     --------
     >>> (hop_ns(System.mended(), 0) / 1e6).round(1).tolist()[::7]
     [45.8, 45.8, 40.6, 64.4]
     """
+    check_whole("reader", reader, 0, len(system.boxes) - 1)
     sender = system.sender
     pile = system.service_ns + nanoseconds(system.firmware.receive) * sender.size
     sent = np.ceil(can_response(system) * 1e9).astype(np.int64)
@@ -219,10 +234,21 @@ def marking(system: System) -> Marking:
 
     .. math:: t_{after} = t_{stale} + t_{mark} + h + T + t_{response}
 
+    with the time T from poll to poll. If the box itself is the one that is asked, it does not
+    answer either: the AMS first asks it in vain for :math:`t_{lost}`, time-outs and retries
+    included, and a poll with that in it has a longer spacing :math:`T_{lost}`. An AMS that stays
+    on the other channel does so once, and the marks may be seen later for it,
+
+    .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
+
+    One that returns to channel 1 does so in every poll: T is :math:`T_{lost}` then, and
+
+    .. math:: t_{after} \ge T + t_{lost} + t_{request} + t_{response}
+
     Parameters
     ----------
     system : System
-        The system; one channel still answers.
+        The system, in which one box fails and nothing else does.
 
     Returns
     -------
@@ -241,21 +267,35 @@ def marking(system: System) -> Marking:
     frame of a round and its last, values of the round before are held alive. In the mended one
     the AMS marks by age, and needs no poll for it.
 
+    The greatest age is that of any value that comes over CAN, those of the polled box included:
+    the other one hears them. With long time-outs both bounds are safe ones that need not be
+    attained, and they hold for one failure: two at once may take longer.
+
     Examples
     --------
     The 4 s of the paper, one poll, and the transfer:
 
     >>> [round(time, 3) for time in marking(System())]
-    [5.248, 5.795]
+    [5.248, 5.8]
     >>> marking(System.mended())
     Marking(after=2.0, oldest=2.0)
     """
     if system.coding == "mended":
         return Marking(system.age_limit, system.age_limit)
-    ages = worst_age(system)
-    others = ages[ages["can_s"] > 0]
+    transaction = float(worst_age(system)["transaction_s"].iloc[0])
+    request = system.serial.frame_time(8)
+    lost = (1 + system.retries) * (request + system.timeout)
+    healthy, hindered = poll_spacing(system), poll_spacing(system, lost)
     pile = system.service_ns / 1e9 + system.firmware.receive * system.sender.size
-    tail = float(ages["poll_s"].iloc[0] + ages["transaction_s"].iloc[0])
-    after = system.stale_limit + system.firmware.mark + pile + tail
-    old = others[["sampling_s", "update_s", "interrupt_s", "can_s"]].sum(axis=1).max()
-    return Marking(after, after + float(old))
+    marked = system.stale_limit + system.firmware.mark + pile
+    read = request + system.serial.t35
+    if system.switch_rule == "stay":
+        seen = healthy + max(marked, hindered + read)
+    else:
+        seen = max(marked + hindered, healthy + lost + read)
+    after = seen + transaction
+    box = system.box_of
+    served = system.service_ns * np.isin(box, system.ports)
+    old = system.loop_ns[box] - system.offset_ns + system.period_ns[box] + served
+    queued = can_response(system)[system.message_of]
+    return Marking(after, after + float((old / 1e9 + queued).max()))

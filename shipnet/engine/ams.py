@@ -17,7 +17,7 @@ from shipnet.engine.faults import (
     LostModbus,
     outages,
 )
-from shipnet.engine.system import System
+from shipnet.engine.system import LONGEST, System
 from shipnet.errors import ArgumentError, check_whole
 from shipnet.line.quantity import check_scalar
 
@@ -234,7 +234,9 @@ def timeout_for(system: System, time: float, *, retries: int = 0) -> float:
     system : System
         The system, for its serial line.
     time : float
-        From the request that stays unanswered to the request on the other channel [s].
+        From the request that stays unanswered to the request on the other channel [s]. Each time
+        the AMS asks takes the request, and a time-out that a `System` takes: the silence behind it
+        and the work of the box at least, and 100 s at most.
     retries : int, default 0
         How many more times the AMS asks, 0..10.
 
@@ -246,7 +248,7 @@ def timeout_for(system: System, time: float, *, retries: int = 0) -> float:
     Raises
     ------
     ArgumentError
-        If the time is too short for as many requests.
+        If the time is too short or too long for as many requests.
 
     Examples
     --------
@@ -255,5 +257,8 @@ def timeout_for(system: System, time: float, *, retries: int = 0) -> float:
     """
     request = system.serial.frame_time(8)
     tries = 1 + check_whole("retries", retries, 0, 10)
-    check_scalar("time", time, "s", tries * request, 1e3)
-    return time / tries - request
+    shortest = system.serial.t35 + system.firmware.processing
+    low, high = (tries * (request + timeout) for timeout in (shortest, LONGEST))
+    check_scalar("time", time, "s", low, high)
+    # At both ends a rounding must not make a time-out that is out of range.
+    return min(max(time / tries - request, shortest), LONGEST)

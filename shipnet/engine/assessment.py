@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.can.schedule.messages import nanoseconds
 from shipnet.engine.age import marking
 from shipnet.engine.faults import Fault, check_faults, single_faults
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
-from shipnet.errors import check_whole
+from shipnet.errors import ArgumentError, check_whole
 from shipnet.line.quantity import check_scalar
 
 if TYPE_CHECKING:
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
     from shipnet.engine.result import Run
 
 __all__ = ["fault_table"]
+
+#: From a fault that lasts to the end of its run [s]: the same for all designs, unless marks take
+#: longer in one.
+_LENGTH = 20.0
 
 
 def fault_table(
@@ -54,7 +59,8 @@ def fault_table(
     pandas.DataFrame
         One row a fault: ``fault``; ``lost`` (points of which no newer value arrives as long as
         the fault lasts), ``old`` (points shown as good beyond the age of `rule`), ``oldest_s``
-        (greatest age shown as good), ``marked`` (points marked at some time), ``marked_after_s``
+        (greatest age shown as good; infinite if it grows for as long as the fault lasts, and the
+        fault lasts for good), ``marked`` (points marked at some time), ``marked_after_s``
         (longest time from the fault until the last of them was first marked, NaN if none),
         ``noticed`` (what the AMS raises: ``link``, ``path``, ``mark``, or ``no``), ``answer_s``
         (longest answer), ``answer_ok`` (rule a: an answer within the time), and ``age_ok`` (rule
@@ -82,6 +88,8 @@ def fault_table(
 
     check_scalar("rule", rule, "s", 0.1, 100)
     check_whole("trials", trials, 1, 1000)
+    if rng is not None and not isinstance(rng, np.random.Generator):
+        raise ArgumentError(f"rng is {rng!r}; it must be a numpy.random.Generator")
     chance = np.random.default_rng(2024) if rng is None else rng
     chosen = check_faults(system, single_faults(system) if faults is None else faults)
     rows = []
@@ -95,7 +103,7 @@ def _run(system: System, fault: Fault | None, rule: float, rng: np.random.Genera
     # Long enough for the last mark, and for two more polls.
     settled = max(marking(system).after, rule) + 3 * system.poll_period
     start, stop = (10.0, inf) if fault is None else (fault.start, fault.stop)
-    end = start + 2 * settled if stop == inf else stop + settled
+    end = start + max(2 * settled, _LENGTH) if stop == inf else stop + settled
     # No phase between fault and clocks is special: the fault itself begins a little later.
     late = float(rng.uniform(0, system.poll_period))
     moved = [] if fault is None else [replace(fault, start=start + late, stop=stop + late)]
@@ -107,11 +115,14 @@ def _row(fault: Fault | None, runs: Sequence[Run], rule: float) -> dict[str, obj
     begins = [run.faults[0].start if run.faults else inf for run in runs]
     ends = [min(run.faults[0].stop, run.end / 1e9) if run.faults else 0.0 for run in runs]
     worst = np.max([table["worst_s"] for table in tables], axis=0)
-    lost = np.zeros(worst.size, dtype=bool)
+    lost, growing = (np.zeros(worst.size, dtype=bool) for _ in range(2))
     after = []
     for run, begin, end in zip(runs, begins, ends, strict=True):
         if run.faults:
-            lost |= _lost(run, begin, end)
+            gone = _lost(run, begin, end)
+            lost |= gone
+            if run.faults[0].stop == inf:
+                growing |= gone & (run.table["good_until_s"] == run.end / 1e9).to_numpy()
         alarms = run.alarms[run.alarms["time_s"] >= begin]
         first = alarms[alarms["kind"].isin(["0xFF", "too old"])].groupby("source")["time_s"].min()
         after.append(first.max() - begin if len(first) else np.nan)
@@ -124,7 +135,7 @@ def _row(fault: Fault | None, runs: Sequence[Run], rule: float) -> dict[str, obj
         "fault": "none" if fault is None else str(fault),
         "lost": int(lost.sum()),
         "old": int((worst > rule).sum()),
-        "oldest_s": float(np.nanmax(worst)),
+        "oldest_s": inf if growing.any() else float(np.nanmax(worst)),
         "marked": int(marked.sum()),
         "marked_after_s": float(np.nanmax(after)) if not np.isnan(after).all() else np.nan,
         "noticed": ", ".join(noticed) or "no",
@@ -137,5 +148,7 @@ def _row(fault: Fault | None, runs: Sequence[Run], rule: float) -> dict[str, obj
 def _lost(run: Run, begin: float, end: float) -> npt.NDArray[np.bool_]:
     """Return of which points nothing newer than the fault is seen while it lasts."""
     shown = [run.shown(point.tag) for point in run.system.points]
-    newer = [s.good & (s.sampled > begin * 1e9) & (s.seen <= end * 1e9) for s in shown]
+    # A stuck sensor's values are of the very nanosecond at which it got stuck.
+    first, last = nanoseconds(begin), nanoseconds(end)
+    newer = [s.good & (s.sampled > first) & (s.seen <= last) for s in shown]
     return np.asarray(~np.any(newer, axis=1))

@@ -246,7 +246,7 @@ RULES = (
     Rule(
         "CRC",
         "transmission is verified by a CRC",
-        "single and double bit errors unseen",
+        "single and double bit errors unseen (CAN: before bit stuffing)",
         0,
         _crc,
         f"{_CIRCULAR} 4.6.1: the link checks itself",

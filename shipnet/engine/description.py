@@ -28,12 +28,12 @@ class Description:
         How long a change of the supply takes, 0..3600 [s].
     volatile : bool, optional
         Whether settings or programs lie in memory that forgets without supply.
-    protocols : tuple of str, optional
-        Names of the protocols.
-    links : mapping of str to tuple of str, optional
-        Stations beside the master on each link to the boxes.
-    routes : mapping of str to tuple of str, optional
-        Spaces or trays that each link runs through.
+    protocols : sequence of str, optional
+        Names of the protocols, one or more.
+    links : mapping of str to sequence of str, optional
+        Stations beside the master on each link to the boxes, one or more.
+    routes : mapping of str to sequence of str, optional
+        Spaces or trays that each link runs through, one or more; for the same links.
     poll : Poll, optional
         The poll that asks one junction box for all points.
     retries_known : bool, default False
@@ -73,12 +73,35 @@ class Description:
             raise ArgumentError(f"volatile is {self.volatile!r}; it must be True, False or None")
         if not isinstance(self.retries_known, bool):
             raise ArgumentError(f"retries_known is {self.retries_known!r}; it must be a bool")
-        if isinstance(self.protocols, str) or self.protocols == ():
-            raise ArgumentError(f"protocols is {self.protocols!r}; it must be a tuple of names")
+        if self.protocols is not None:
+            object.__setattr__(self, "protocols", _names("protocols", self.protocols))
+        for name in ("links", "routes"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _ways(name, getattr(self, name)))
         if self.poll is not None and not isinstance(self.poll, Poll):
             raise ArgumentError(f"poll is {self.poll!r}; it must be a Poll")
         if self.routes is not None and set(self.routes) != set(self.links or ()):
             raise ArgumentError("routes must name the same links as links")
+
+
+def _names(what: str, given: object) -> tuple[str, ...]:
+    """Return names as a tuple; a bare string would fall apart into its letters."""
+    if not isinstance(given, tuple | list) or not given:
+        raise ArgumentError(f"{what} is {given!r}; it must be a tuple of one or more names")
+    for name in given:
+        if not isinstance(name, str) or not name.strip():
+            raise ArgumentError(f"{what} hold {name!r}; all must be names that are not empty")
+    return tuple(given)
+
+
+def _ways(what: str, given: object) -> dict[str, tuple[str, ...]]:
+    """Return what each link touches, as tuples of names."""
+    if not isinstance(given, Mapping) or not given:
+        raise ArgumentError(
+            f"{what} is {given!r}; it must be a mapping of links to tuples of names"
+        )
+    links = _names(what, list(given))
+    return {link: _names(f"{what} of {link!r}", given[link]) for link in links}
 
 
 def printed_system() -> Description:

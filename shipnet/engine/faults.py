@@ -58,6 +58,7 @@ class Fault:
         if not isinstance(self.where, str):
             raise ArgumentError(f"where is {self.where!r}; it must be a name as text")
         check_scalar("start", self.start, "s", 0.0, 1e6)
+        check_scalar("stop", self.stop, "s", 0.0, inf)
         if not self.start < self.stop:
             raise ArgumentError(f"stop is {self.stop!r} s; it must be after start, {self.start} s")
         for name in {"probability", "request", "response"} & {f.name for f in fields(self)}:
@@ -240,7 +241,7 @@ def check_faults(system: System, faults: Iterable[Fault]) -> tuple[Fault, ...]:
     Raises
     ------
     ArgumentError
-        If one is no fault, or at a place that is not there.
+        If they are no list, or one is no fault, or at a place that is not there.
 
     Examples
     --------
@@ -249,6 +250,8 @@ def check_faults(system: System, faults: Iterable[Fault]) -> tuple[Fault, ...]:
         ...
     shipnet.errors.ArgumentError: where is 'JB3-JB1'; it must be one of JB1-JB2, JB2-JB3
     """
+    if isinstance(faults, Fault | str) or not isinstance(faults, Iterable):
+        raise ArgumentError(f"faults is {faults!r}; faults must come in a list")
     found = tuple(faults)
     for fault in found:
         if not isinstance(fault, Fault) or type(fault) not in _WORDS or type(fault) is Fault:
@@ -305,11 +308,18 @@ def single_faults(
         Every cable cut, every port and box dead, every node off the bus, the frames of every box
         and both channels lost by one half, and stuck sensors.
 
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
     Examples
     --------
     >>> len(single_faults(System())), len(single_faults(System(topology="ring"), every_sensor=True))
     (20, 117)
     """
+    if not isinstance(every_sensor, bool):
+        raise ArgumentError(f"every_sensor is {every_sensor!r}; it must be True or False")
     boxes = dict.fromkeys(point.box for point in system.points)
     stuck = [point for point in system.points if every_sensor or boxes.pop(point.box, 1) is None]
     found: list[Fault] = [CutCan(segment, start) for segment in system.segments]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.errors import check_whole
+from shipnet.errors import ArgumentError, check_whole
 from shipnet.line.quantity import check_scalar
 
 __all__ = ["Cpu", "Firmware"]
@@ -97,7 +97,8 @@ class Firmware:
         for name, (low, high) in _RANGES.items():
             value = check_scalar(name, getattr(self, name), "s", low, high)
             object.__setattr__(self, name, value)
-        object.__setattr__(self, "holds_cpu", bool(check_whole("holds_cpu", +self.holds_cpu, 0, 1)))
+        if not isinstance(self.holds_cpu, bool):
+            raise ArgumentError(f"holds_cpu is {self.holds_cpu!r}; it must be True or False")
 
     @property
     def input_time(self) -> float:
@@ -113,19 +114,6 @@ class Firmware:
             Number of its analogue inputs, 0..1000.
         """
         return check_whole("n_analogue", n_analogue, 0, 1000) * self.input_time
-
-    def loop_time(self, n_analogue: int, n_frames: int) -> float:
-        """Return how long one round of the main loop takes that nobody interrupts [s].
-
-        Parameters
-        ----------
-        n_analogue : int
-            Number of analogue inputs, 0..1000.
-        n_frames : int
-            Number of CAN frames, 0..1000.
-        """
-        frames = check_whole("n_frames", n_frames, 0, 1000)
-        return self.conversion_time(n_analogue) + frames * self.send
 
 
 class Cpu:

@@ -75,7 +75,7 @@ def input_fault_table(card: InputCard) -> pd.DataFrame:
 
     Notes
     -----
-    Without margin the amplifier takes the living zero of 4-20 mA away: 4 mA and a broken wire are
+    Without margin the amplifier takes the live zero of 4-20 mA away: 4 mA and a broken wire are
     both 0 V. A switch that opens on alarm shows a broken wire as an alarm, which is safe, and
     hides every later alarm if its wires touch.
 

@@ -31,6 +31,9 @@ _TASKS = {
     "response": ("#009E73", ""),
 }
 
+#: What the legend calls a task whose own name is that of a bus or a device.
+_LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
+
 #: Frames on the bus, by sender.
 _SENDERS = ("0.25", "0.55", "0.8")
 
@@ -76,11 +79,11 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes) -> Axes:
     handles = [
         Patch(
             facecolor=looks[t][0], hatch=looks[t][1], edgecolor="white",
-            label=t if t in _TASKS else f"frame of {t}",
+            label=_LABELS.get(t, t) if t in _TASKS else f"frame of {t}",
         )
         for t in used
     ]  # fmt: skip
-    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, fontsize=8)
+    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=8)
     ax.set_yticks(range(len(names)), names)
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.set_xlim(table["start_ms"].min(), table["end_ms"].max())
@@ -107,8 +110,8 @@ def plot_age(
     Returns
     -------
     matplotlib.axes.Axes
-        The axes given, time and age in seconds. Where the point is marked, crosses stand on the
-        time axis.
+        The axes given, time and age in seconds. Where the point is marked, crosses stand at the
+        top edge of the axes: a mark has no age.
     """
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
@@ -121,8 +124,9 @@ def plot_age(
     bad = ages[ages["good_until_s"] < ages["until_s"]]
     if len(bad):
         ax.plot(
-            bad["good_until_s"], np.zeros(len(bad)), linestyle="none", marker="x",
+            bad["good_until_s"], np.ones(len(bad)), linestyle="none", marker="x",
             color=line.get_color(), clip_on=False, label=f"{label}, marked".lstrip(", "),
+            transform=ax.get_xaxis_transform(),
         )  # fmt: skip
     for name, value in (limits or {}).items():
         ax.axhline(value, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
@@ -153,25 +157,25 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes, old: float = 2.0) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        The axes given: good values on pale blue, old ones on orange with a star, marked ones
-        dark with their mark. The values are synthetic.
+        The axes given: good values with their units on pale blue, old ones on orange with a star,
+        marked ones dark with their mark. The values are synthetic.
     """
-    columns = [table[name].tolist() for name in ("tag", "value", "age_s", "mark")]
-    for place, (tag, value, age, mark) in enumerate(zip(*columns, strict=True)):
+    columns = [table[name].tolist() for name in ("tag", "value", "unit", "age_s", "mark")]
+    for place, (tag, value, unit, age, mark) in enumerate(zip(*columns, strict=True)):
         y, x = divmod(place, _TILES)
-        colour, text, ink = "#d6eaf8", f"{value:g}", "0.1"
+        colour, text, ink = "#d6eaf8", f"{value:g} {unit}".rstrip(), "0.1"
         if mark:
             colour, text, ink = "0.2", mark, "1.0"
         elif age > old:
-            colour, text = "#E69F00", f"{value:g}*"
+            colour, text = "#E69F00", f"{text}*"
         ax.add_patch(
             Rectangle(
                 (x, y), 0.94, 0.9, facecolor=colour, edgecolor="0.3", linewidth=0.5,
                 hatch="//" if mark == "0xFF?" else "",
             )
         )  # fmt: skip
-        ax.text(x + 0.47, y + 0.58, text, ha="center", va="center", color=ink, fontsize=7)
-        ax.text(x + 0.47, y + 0.2, tag[-7:], ha="center", va="center", color=ink, fontsize=5)
+        ax.text(x + 0.47, y + 0.63, text, ha="center", va="center", color=ink, fontsize=6.5)
+        ax.text(x + 0.47, y + 0.27, tag[-7:], ha="center", va="center", color=ink, fontsize=6.5)
     handles = [
         Patch(facecolor="#d6eaf8", edgecolor="0.3", label="good"),
         Patch(facecolor="#E69F00", edgecolor="0.3", label=f"* older than {old:g} s"),

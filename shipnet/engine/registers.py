@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.engine.coding import CODINGS, MENDED, Coding
+from shipnet.engine.coding import CODINGS, MENDED, Coding, collisions
 from shipnet.engine.points import Point, by_box, check_points
 from shipnet.errors import ArgumentError, check_whole
 from shipnet.modbus.codes import FunctionCode
@@ -23,7 +23,7 @@ from shipnet.modbus.request import ReadRequest
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["AGE_STEP", "Decoded", "RegisterMap", "Word"]
+__all__ = ["AGE_STEP", "PACKED_MARK", "Decoded", "RegisterMap", "Word"]
 
 _Floats = npt.NDArray[np.float64]
 _Registers = npt.NDArray[np.uint16]
@@ -31,8 +31,13 @@ _Registers = npt.NDArray[np.uint16]
 #: What one more in an age register is worth [s]; the highest content is "so old or older".
 AGE_STEP = 0.1
 
-#: Points in one word of switches or of validity bits, and registers in one request.
-_WORD, _REQUEST = 16, 125
+#: What marks a word of packed switches. Its highest bit holds no switch, so no states look like it,
+#: as eight switches in alarm would look like 0x00FF.
+PACKED_MARK = 0x8000
+
+#: Points in one word of validity bits, switches in one that can be marked, and registers in one
+#: request.
+_WORD, _SWITCHES, _REQUEST = 16, 15, 125
 
 Packing = Literal["single", "box", "all"]
 
@@ -84,8 +89,10 @@ class RegisterMap:
     coding : Coding, optional
         How values become registers; tenths with the error mark 0x00FF if not given.
     switches : {"single", "box", "all"}, default "single"
-        Whether each switch has a register, or sixteen share one, those of a box or all in a row.
-        Packed switches follow the other values; those of a word are marked together.
+        Whether each switch has a register, or fifteen share one, those of a box or all in a row.
+        Packed switches follow the other values. Those of a word are marked together, by
+        `PACKED_MARK`, whatever the coding; with status words each has a validity bit instead, and
+        sixteen share a register.
     status : bool, default False
         Whether age, heartbeat and validity bits follow.
     first_address : int, default 0
@@ -152,16 +159,17 @@ class RegisterMap:
         words = [Word("value", self.points[k].box, (k,)) for k in own]
         rest = [k for k in range(len(self.points)) if k not in set(own)]
         boxes = tuple(by_box(self.points))
+        most = _WORD if self.status else _SWITCHES
         if self.switches == "all":
-            words += [Word("switches", self._box(part), part) for part in _cut(rest)]
+            words += [Word("switches", self._box(part), part) for part in _cut(rest, most)]
         else:
             for box in boxes:
                 part = [k for k in rest if self.points[k].box == box]
-                words += [Word("switches", box, places) for places in _cut(part)]
+                words += [Word("switches", box, places) for places in _cut(part, most)]
         for box in boxes if self.status else ():
             places = [k for k, point in enumerate(self.points) if point.box == box]
             words += [Word("age", box, ()), Word("heartbeat", box, ())]
-            words += [Word("valid", box, part) for part in _cut(places)]
+            words += [Word("valid", box, part) for part in _cut(places, _WORD)]
         return tuple(words)
 
     def __len__(self) -> int:
@@ -199,6 +207,33 @@ class RegisterMap:
                 step, unit = self.coding.step_of(point), point.unit
             rows.append((address, word.kind, word.box, tags, step, unit))
         return pd.DataFrame(rows, columns=["address", "kind", "box", "tags", "step", "unit"])
+
+    def collisions(self) -> pd.DataFrame:
+        """Return which legal readings this map cannot tell from a mark.
+
+        Returns
+        -------
+        pandas.DataFrame
+            As `shipnet.engine.coding.collisions`; a packed switch has no reading that is taken for
+            the mark of its word.
+
+        Examples
+        --------
+        A coding whose mark is 1 cannot show a switch in alarm, unless its word is packed:
+
+        >>> from shipnet.engine.points import load_points
+        >>> points, coding = load_points(), Coding("mark 1", 1.0, 1)
+        >>> maps = [RegisterMap(points, coding, way) for way in ("single", "box")]
+        >>> tables = [one.collisions().query("condition == 'switch'") for one in maps]
+        >>> [int(table.collides.sum()) for table in tables]
+        [19, 0]
+        """
+        table = collisions(self.points, self.coding)
+        packed = [k for word in self.words if word.kind == "switches" for k in word.places]
+        table.loc[packed, "collides"] = False
+        table.loc[packed, ["reads", "from", "to"]] = np.nan
+        table.loc[packed, "percent"] = 0.0
+        return table
 
     def encode(
         self,
@@ -252,8 +287,8 @@ class RegisterMap:
                 gone = missing[..., places]
                 # With status words a switch is marked there, and its neighbours stay readable.
                 marked = gone.any(axis=-1) & (not self.status)
-                states = np.where(gone, False, single[..., places] == 1)
-                registers[..., n] = np.where(marked, self.coding.error, _bits(states))
+                states = np.where(gone, False, given[..., places] >= 0.5)
+                registers[..., n] = np.where(marked, PACKED_MARK, _bits(states))
         return registers
 
     def decode(self, registers: npt.ArrayLike) -> Decoded:
@@ -268,18 +303,18 @@ class RegisterMap:
         if r.dtype.kind not in "iu" or not r.ndim or r.shape[-1] != len(self):
             raise ArgumentError(f"registers have shape {r.shape}; it must be (..., {len(self)})")
         boxes = tuple(by_box(self.points))
-        values = np.full((*r.shape[:-1], len(self.points)), np.nan)
-        single = np.zeros(values.shape, np.int64)
+        single = np.zeros((*r.shape[:-1], len(self.points)), np.int64)
         ages, beats = (np.full((*r.shape[:-1], len(boxes)), np.nan) for _ in range(2))
-        good = np.ones(values.shape, np.bool_)
+        good = np.ones(single.shape, np.bool_)
+        packed = []
         for n, word in enumerate(self.words):
             places, content = list(word.places), r[..., n]
             if word.kind == "value":
                 single[..., places[0]] = content
             elif word.kind == "switches":
-                marked = (content == self.coding.error) & (not self.status)
+                marked = (content == PACKED_MARK) & (not self.status)
                 states = content[..., np.newaxis] >> np.arange(len(places)) & 1
-                single[..., places] = np.where(marked[..., np.newaxis], self.coding.error, states)
+                packed.append((places, np.where(marked[..., np.newaxis], np.nan, states)))
             elif word.kind == "age":
                 ages[..., boxes.index(word.box)] = content * AGE_STEP
             elif word.kind == "heartbeat":
@@ -287,6 +322,8 @@ class RegisterMap:
             else:
                 good[..., places] = content[..., np.newaxis] >> np.arange(len(places)) & 1 == 1
         values = self.coding.decode(self.points, single)
+        for places, states in packed:
+            values[..., places] = states
         return Decoded(np.where(good, values, np.nan), ages, beats)
 
     def _box(self, places: tuple[int, ...]) -> str:
@@ -301,8 +338,8 @@ class RegisterMap:
             raise ArgumentError(f"{name} have shape {array.shape}; it must fit {wanted}") from None
 
 
-def _cut(places: list[int]) -> list[tuple[int, ...]]:
-    return [tuple(places[k : k + _WORD]) for k in range(0, len(places), _WORD)]
+def _cut(places: list[int], most: int) -> list[tuple[int, ...]]:
+    return [tuple(places[k : k + most]) for k in range(0, len(places), most)]
 
 
 def _bits(states: npt.NDArray[np.bool_]) -> Any:

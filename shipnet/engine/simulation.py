@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.can.schedule.messages import nanoseconds
-from shipnet.engine.age import hop_ns
+from shipnet.engine.age import hop_ns, poll_spacing
 from shipnet.engine.ams import ask
 from shipnet.engine.exchange import NEVER, Frames, Rounds, rounds, send
 from shipnet.engine.faults import DeadBox, Fault, LostCan, LostModbus, check_faults, outages
@@ -25,7 +25,8 @@ __all__ = ["simulate"]
 
 Integers = npt.NDArray[np.int64]
 
-#: Most frames that one run may send: some gigabytes of memory.
+#: Most frames that one run may send, and the AMS read: some gigabytes of memory. A poll reads all
+#: of them.
 _MOST_FRAMES = 20_000_000
 
 
@@ -61,7 +62,8 @@ def simulate(
     Raises
     ------
     ArgumentError
-        If an argument is out of its range, or more than 20 million frames would be sent.
+        If an argument is out of its range, or more than 20 million frames would be sent and read;
+        each poll reads the newest frame of every message.
 
     Notes
     -----
@@ -79,14 +81,18 @@ def simulate(
     """
     horizon = nanoseconds(check_scalar("duration", duration, "s", 1e-3, 1e6))
     wrong = check_faults(system, faults)
+    if rng is not None and not isinstance(rng, np.random.Generator):
+        raise ArgumentError(f"rng is {rng!r}; it must be a numpy.random.Generator")
     if rng is None and any(isinstance(fault, LostCan | LostModbus) for fault in wrong):
         raise ArgumentError("rng is None; frames are lost at random, so there must be one")
     begins = _phases(system, phases or {}, rng)
     frames = sum(horizon / period for period in system.period_ns[system.sender].tolist())
+    polls = duration / poll_spacing(system) * (2 if system.polled == "both" else 1)
+    frames += polls * system.sender.size
     if frames > _MOST_FRAMES:
         raise ArgumentError(
-            f"duration is {duration} s, in which {frames:.0f} frames are sent; they must be "
-            f"{_MOST_FRAMES} at most"
+            f"duration is {duration} s, in which {frames:.0f} frames are sent and read; they must "
+            f"be {_MOST_FRAMES} at most"
         )
     attempts = ask(system, horizon, begins["AMS"], wrong, rng)
     answered = nanoseconds(system.poll.answered)

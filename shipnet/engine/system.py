@@ -19,12 +19,15 @@ from shipnet.line.quantity import check_scalar
 from shipnet.modbus.request import ReadRequest
 from shipnet.modbus.timing import Poll, Serial
 
-__all__ = ["RULE", "System"]
+__all__ = ["LONGEST", "RULE", "System"]
 
 Integers = npt.NDArray[np.int64]
 
 #: What lee2012 quotes from the class rules, section II: a response takes 2 s at most [s].
 RULE = 2.0
+
+#: Longest period, time-out and limit of a system [s].
+LONGEST = 100.0
 
 #: Clocks from the start of a conversion until the input is sampled; Atmel, AT90CAN128 data sheet.
 _HOLD = 1.5
@@ -132,7 +135,7 @@ class System:
             "age_limit": 0.01,
         }
         for name, low in limits.items():
-            value = check_scalar(name, getattr(self, name), "s", low, 100.0)
+            value = check_scalar(name, getattr(self, name), "s", low, LONGEST)
             object.__setattr__(self, name, value)
         for name, legal in _CHOICES.items():
             if getattr(self, name) not in legal:

@@ -64,6 +64,7 @@ def timeline(run: Run, start: float, stop: float) -> pd.DataFrame:
     import pandas as pd
 
     check_scalar("start", start, "s", -1.0, 1e6)
+    check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
     if not start < stop <= start + 60:
         raise ArgumentError(f"stop is {stop!r} s; it must be in the 60 s after {start!r} s")
     span = nanoseconds(start), nanoseconds(stop)

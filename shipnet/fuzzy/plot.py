@@ -10,14 +10,15 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from shipnet.errors import ArgumentError
+from shipnet.fuzzy.decide import Decision
 from shipnet.fuzzy.strengths import Firing
 from shipnet.fuzzy.terms import Variable
-from shipnet.style import PAPER
+from shipnet.style import LIMIT, PAPER
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["plot_firing", "plot_overlaps", "plot_terms"]
+__all__ = ["plot_decision", "plot_firing", "plot_overlaps", "plot_terms"]
 
 #: Most columns in which a number can be read.
 _MOST_NUMBERS = 20
@@ -98,6 +99,58 @@ def plot_firing(firing: Firing, *, ax: Axes, labels: Sequence[object] | None = N
     ax.set_yticks(range(len(firing.base.codes)), firing.base.codes)
     ax.set_xlabel("sample")
     ax.set_ylabel("rule")
+    return ax
+
+
+def plot_decision(decision: Decision, time: npt.ArrayLike, *, ax: Axes) -> Axes:
+    """Draw how strongly every rule fires over time, and when it is active.
+
+    Parameters
+    ----------
+    decision : Decision
+        Of samples along one axis, which is that of time.
+    time : array_like of float, shape (n_samples,)
+        When, increasing [s]; 2 or more.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given: one row a rule, the highest priority on top, as dark as its strength; a line
+        along its foot while its code is active.
+
+    Raises
+    ------
+    ArgumentError
+        If there are fewer samples, or not as many as times.
+    """
+    strength, when = decision.firing.strength, np.asarray(time, float)
+    if when.size < 2 or strength.shape[:-1] != when.shape:
+        raise ArgumentError(
+            f"time has the shape {when.shape}, the samples {strength.shape[:-1]}; they must be "
+            "equal rows of 2 or more"
+        )
+    base = decision.firing.base
+    ranking, codes = base.ranking, base.codes
+    places = [codes.index(code) for code in ranking]
+    # What was read holds until the next reading.
+    edges = np.append(when, 2 * when[-1] - when[-2])
+    rows = np.arange(len(ranking) + 1) - 0.5
+    mesh = ax.pcolormesh(edges, rows, strength[:, places].T, cmap="Blues", vmin=0, vmax=1)
+    for row, place in enumerate(places):
+        active = np.append(decision.active[:, place], False)
+        ax.fill_between(
+            edges, row + 0.28, row + 0.5, where=active, step="post", color=LIMIT["color"],
+            linewidth=0, label="active" if row == 0 else "_again",
+        )  # fmt: skip
+    ax.set_ylim(len(ranking) - 0.5, -0.5)
+    ax.set_yticks(range(len(ranking)), ranking, fontsize=8)
+    ax.grid(visible=False)
+    ax.tick_params(axis="y", length=0)
+    ax.set(xlabel="time [s]", ylabel="rule")
+    ax.legend(loc="upper left", bbox_to_anchor=(0, 1.14), fontsize=8, borderpad=0)
+    ax.figure.colorbar(mesh, ax=ax, label="firing strength", pad=0.02)
     return ax
 
 

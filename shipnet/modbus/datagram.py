@@ -33,7 +33,7 @@ _MOST = 10**6
 
 @dataclass(frozen=True)
 class LossyPath:
-    """A network that loses, delays and doubles datagrams, each one independently of the others.
+    """A network that loses, delays and duplicates datagrams, each one independently of the others.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class LossyPath:
         Probability that a copy of a datagram never arrives, 0..1.
     late : float, default 0
         Probability that a copy is late, 0..1.
-    doubled : float, default 0
+    duplicated : float, default 0
         Probability that a datagram is sent on as two copies, 0..1.
     delay : float, default 1e-3
         How long a datagram takes, 0..3600 [s].
@@ -62,7 +62,7 @@ class LossyPath:
 
     lost: float = 0.0
     late: float = 0.0
-    doubled: float = 0.0
+    duplicated: float = 0.0
     delay: float = 1e-3
     lateness: float = 1.0
 
@@ -91,7 +91,7 @@ class LossyPath:
         n = check_whole("n", n, 0, 4 * _MOST)
         fate = rng.random((n, 2, 3))
         gone = fate[..., 0] < self.lost
-        gone[:, 1] |= fate[:, 0, 2] >= self.doubled
+        gone[:, 1] |= fate[:, 0, 2] >= self.duplicated
         time = np.where(fate[..., 1] < self.late, self.delay + self.lateness, self.delay)
         return np.where(gone, np.inf, time)
 
@@ -214,6 +214,9 @@ def poll(
         raise ArgumentError(
             f"transaction_ids is {transaction_ids!r}; it must be 'counted' or 'zero'"
         )
+    for name, flag in (("check_unit", check_unit), ("flush", flush)):
+        if not isinstance(flag, bool):
+            raise ArgumentError(f"{name} is {flag!r}; it must be True or False")
     wait = check_scalar("timeout", timeout, "s", 1e-9, 3600)
     step = check_scalar("period", period, "s", 0, 3600)
     work = check_scalar("processing", processing, "s", 0, 3600)

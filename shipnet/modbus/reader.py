@@ -105,7 +105,7 @@ def decode_response(pdu: bytes, request: Request | None = None) -> Response:
     MismatchError
         If it does not answer `request`.
     ArgumentError
-        If `pdu` are no bytes.
+        If `pdu` are no bytes, or `request` is no request.
 
     Examples
     --------
@@ -117,6 +117,8 @@ def decode_response(pdu: bytes, request: Request | None = None) -> Response:
         ...
     shipnet.errors.MismatchError: byte count is 4, but what was asked makes 8
     """
+    if request is not None and not isinstance(request, Request):
+        raise ArgumentError(f"request is {request!r}; it must be a request")
     data, function = _opened(pdu, "response")
     try:
         response = _response(function, data)

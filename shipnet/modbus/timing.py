@@ -150,6 +150,8 @@ class Poll:
 
     def __post_init__(self) -> None:
         """Check every field."""
+        if not isinstance(self.serial, Serial):
+            raise ArgumentError(f"serial is {self.serial!r}; it must be a Serial")
         for name in ("request_size", "response_size"):
             size = check_whole(name, getattr(self, name), _SHORTEST, _LONGEST)
             object.__setattr__(self, name, size)
@@ -180,6 +182,8 @@ class Poll:
         processing, timeout, retries
             As above.
         """
+        if not isinstance(request, Request):
+            raise ArgumentError(f"request is {request!r}; it must be a request")
         sizes = (len(request.pdu) + _OVERHEAD, request.response_size + _OVERHEAD)
         return cls(serial, *sizes, processing, timeout, retries)
 

@@ -221,7 +221,7 @@ def counts(paper: str | None = None) -> pd.DataFrame:
     )
     keys = [key for key in PAPERS if key in counted.index]
     counted = counted.reindex(index=keys, columns=list(STATUSES), fill_value=0)
-    counted.columns.name = None
+    counted.columns.name, counted.index.name = None, "paper"
     return counted.assign(claims=counted.sum(axis=1))
 
 

@@ -36,7 +36,7 @@ def plot_ring(ring: Ring, *, ax: Axes) -> Axes:
     -------
     matplotlib.axes.Axes
         The axes given. Cells that hold unread bytes are shaded, in red when others have been
-        overwritten unread; flags and case stand in the middle. Rings of up to 32 cells show their
+        overwritten unread; flags and case stand below. Rings of up to 32 cells show their
         bytes.
     """
     size, state = ring.size, ring.state
@@ -59,17 +59,18 @@ def plot_ring(ring: Ring, *, ax: Axes) -> Axes:
             ax.text(x, y, f"{byte:02X}" if written else "", ha="center", va="center", fontsize=8)
     for name, cell, radius, tip in (
         ("no", state.no, 1.38, 1.02),
-        ("get_no", state.get_no, 0.58, 0.74),
+        ("get_no", state.get_no, 0.15, 0.74),
     ):
         angle = 90 - (cell + 0.5) * step
         ax.annotate(
             name, xy=_at(tip, angle), xytext=_at(radius, angle), ha="center", va="center",
             arrowprops={"arrowstyle": "->", "color": "0.2"},
         )  # fmt: skip
-    text = f"ring_f = {state.ring_f}\nring_get_f = {state.ring_get_f}\ncase {ring.case}"
-    ax.text(0, 0, f"{text}\n{ring.unread} unread", ha="center", va="center", fontsize="small")
+    text = f"ring_f = {state.ring_f}, ring_get_f = {state.ring_get_f}"
+    text += f"\ncase {ring.case}, {ring.unread} unread"
+    ax.text(0, -1.55, text, ha="center", va="top", fontsize="small")
     ax.set_xlim(-1.6, 1.6)
-    ax.set_ylim(-1.6, 1.6)
+    ax.set_ylim(-2.1, 1.5)
     ax.set_aspect("equal")
     ax.set_axis_off()
     return ax

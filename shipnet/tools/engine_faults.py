@@ -18,6 +18,7 @@ from shipnet.engine.screen import SyntheticValues, screen
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
+from shipnet.line.quantity import check_scalar
 from shipnet.tools._view import BAD, GOOD, Board, follow
 
 if TYPE_CHECKING:
@@ -35,9 +36,9 @@ DESIGNS = {
     "mended, CAN as a line": System.mended(),
 }
 
-#: Faults to choose from, by what they are called.
+#: Faults of any design to choose from, by what they are called. A line lacks a cable of the ring.
 FAULTS: dict[str, Fault | None] = {"none": None} | {
-    str(fault): fault for fault in single_faults(System(), START)
+    str(fault): fault for design in DESIGNS.values() for fault in single_faults(design, START)
 }
 
 #: Seed of phases, losses and values.
@@ -51,7 +52,7 @@ class Inputs:
     Parameters
     ----------
     fault : str, default "box dead JB2"
-        Key of `FAULTS`; it begins at `START`.
+        Key of `FAULTS` that the design can have; it begins at `START`.
     design : str, default "as printed, CAN as a line"
         Key of `DESIGNS`.
     time : float, default 13
@@ -68,13 +69,15 @@ class Inputs:
     time: float = 13.0
 
     def __post_init__(self) -> None:
-        """Check all three."""
+        """Check all three, and that the design can have the fault."""
         for name, known in (("fault", FAULTS), ("design", DESIGNS)):
-            if getattr(self, name) not in known:
+            if getattr(self, name) not in list(known):
                 legal = ", ".join(map(repr, known))
                 raise ArgumentError(f"{name} is {getattr(self, name)!r}; it must be one of {legal}")
-        if not 2 <= self.time <= _END:
-            raise ArgumentError(f"time is {self.time} s; it must be 2..{_END:g} s")
+        chosen = FAULTS[self.fault]
+        if chosen is not None and chosen.where not in chosen.places(DESIGNS[self.design]):
+            raise ArgumentError(f"fault is {self.fault!r}; {self.design!r} has no such cable")
+        check_scalar("time", self.time, "s", 2, _END)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -218,7 +221,11 @@ def explorer() -> widgets.VBox:
     board = Board()
 
     def show() -> None:
-        result = update(Inputs(**{name: control.value for name, control in controls.items()}))
+        try:
+            result = update(Inputs(**{name: control.value for name, control in controls.items()}))
+        except ArgumentError as error:
+            board.say(str(error), BAD)
+            return
         healthy = not (result.old or result.marked or result.raised)
         said = "all values fresh" if healthy else f"{result.old} old values shown as good"
         colour = BAD if result.old else GOOD

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 
 from shipnet import style
 from shipnet.errors import ArgumentError, check_whole
+from shipnet.line.quantity import check_scalar
 from shipnet.modbus.codes import FunctionCode
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import ReadRequest
@@ -79,9 +80,7 @@ class Inputs:
             ("timeout_ms", "ms", 10, 5000),
             ("limit", "s", 0.1, 60),
         ]:
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ArgumentError(f"{name} is {value} {unit}; it must be {low}..{high} {unit}")
+            check_scalar(name, getattr(self, name), unit, low, high)
 
     @property
     def poll(self) -> Poll:

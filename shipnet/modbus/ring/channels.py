@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from shipnet.errors import ArgumentError, check_whole
 from shipnet.line.quantity import check_scalar
-from shipnet.modbus.ring.faults import Break, DeadPort, DeadSlave, Fault, Short
+from shipnet.modbus.ring.faults import Break, DeadPort, DeadSlave, Fault, Short, check_faults
 from shipnet.modbus.ring.reach import Reach
-from shipnet.modbus.ring.supervision import Supervision
+from shipnet.modbus.ring.supervision import Supervision, check_rule
 from shipnet.modbus.timing import Poll
 
 __all__ = ["Channels"]
@@ -71,6 +71,7 @@ class Channels:
 
     def __post_init__(self) -> None:
         """Check every field."""
+        check_rule(self.poll, self.supervision)
         period = check_scalar("period", self.period, "s", self.poll.answered, 3600)
         object.__setattr__(self, "period", period)
         self.supervision.check_scan(period)
@@ -98,7 +99,7 @@ class Channels:
         ArgumentError
             If a fault names a section or a slave that is not there.
         """
-        dead = {self._channel(fault) for fault in faults}
+        dead = {self._channel(fault) for fault in check_faults(faults)}
         return Reach(1, int("A" not in dead), 1 + int("B" in dead), frozenset())
 
     def spans(self, cases: Sequence[Sequence[Fault]]) -> tuple[Ints, Ints]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 from shipnet.errors import ArgumentError, check_whole
 from shipnet.line.quantity import check_scalar
 
-__all__ = ["Break", "DeadPort", "DeadSlave", "Fault", "Port", "Short"]
+__all__ = ["Break", "DeadPort", "DeadSlave", "Fault", "Port", "Short", "check_faults"]
 
 Port = Literal["A", "B"]
 
@@ -24,6 +25,7 @@ class Fault:
     def __post_init__(self) -> None:
         """Check the times."""
         check_scalar("start", self.start, "s", 0, 1e9)
+        check_scalar("stop", self.stop, "s", 0, _NEVER)
         if not self.stop > self.start:
             raise ArgumentError(f"stop is {self.stop} s; it must be later than {self.start} s")
 
@@ -158,3 +160,34 @@ class DeadPort(Fault):
     def __str__(self) -> str:
         """Return the short name that tables use."""
         return f"port {self.port}"
+
+
+def check_faults(faults: Iterable[Fault]) -> tuple[Fault, ...]:
+    """Return faults as a tuple, or raise if they are no list; one alone is none.
+
+    Parameters
+    ----------
+    faults : iterable of Fault
+        What was given. Whether a line has what fails is for `Loop.reach` and `Channels.reach`.
+
+    Returns
+    -------
+    tuple of Fault
+        The faults.
+
+    Raises
+    ------
+    ArgumentError
+        If they are no list.
+
+    Examples
+    --------
+    >>> check_faults(DeadPort("A"))
+    Traceback (most recent call last):
+        ...
+    shipnet.errors.ArgumentError: faults is DeadPort(port='A', start=0.0, stop=inf); faults must \
+come in a list
+    """
+    if isinstance(faults, Fault | str) or not isinstance(faults, Iterable):
+        raise ArgumentError(f"faults is {faults!r}; faults must come in a list")
+    return tuple(faults)

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError, check_whole
-from shipnet.modbus.ring.faults import Break, DeadPort, DeadSlave, Fault, Short
+from shipnet.modbus.ring.faults import Break, DeadPort, DeadSlave, Fault, Short, check_faults
 from shipnet.modbus.ring.reach import Reach
-from shipnet.modbus.ring.supervision import Supervision
+from shipnet.modbus.ring.supervision import Supervision, check_rule
 from shipnet.modbus.timing import Poll
 
 __all__ = ["Loop"]
@@ -80,6 +80,7 @@ class Loop:
         object.__setattr__(self, "n_slaves", check_whole("n_slaves", self.n_slaves, 1, 247))
         if not isinstance(self.isolators, bool):
             raise ArgumentError(f"isolators is {self.isolators!r}; it must be True or False")
+        check_rule(self.poll, self.supervision)
         self.supervision.check_scan(self.period)
 
     @property
@@ -105,7 +106,7 @@ class Loop:
         ArgumentError
             If a fault names a section or a slave that is not there.
         """
-        failed = list(faults)
+        failed = check_faults(faults)
         last_a, first_b = self.spans([failed])
         dead = frozenset(f.slave for f in failed if isinstance(f, DeadSlave))
         return Reach(self.n_slaves, int(last_a[0]), int(first_b[0]), dead)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from shipnet.errors import ArgumentError
 from shipnet.line.quantity import check_scalar
 from shipnet.modbus.ring.bounds import System
-from shipnet.modbus.ring.faults import Fault
+from shipnet.modbus.ring.faults import Fault, check_faults
 from shipnet.modbus.ring.master import Master
 from shipnet.modbus.ring.run import Run
 
@@ -64,7 +64,7 @@ def simulate(system: System, faults: Iterable[Fault] = (), *, duration: float) -
     [1.309]
     """
     end = check_scalar("duration", duration, "s", 0, 1e5)
-    failed = tuple(faults)
+    failed = check_faults(faults)
     return Run(system, failed, end, Master(system, failed).run(end))
 
 
@@ -101,7 +101,7 @@ def sweep(system: System, faults: Iterable[Fault], instants: npt.ArrayLike | Non
     >>> sweep(loop, [Break(2)]).max(axis=0).round(6) == worst_gap(loop, [Break(2)]).round(6)
     array([ True,  True,  True,  True])
     """
-    failed = tuple(faults)
+    failed = check_faults(faults)
     reach = system.reach(failed)
     if instants is None:
         begin, each = system.period, system.poll.answered

@@ -7,8 +7,9 @@ from typing import Literal
 
 from shipnet.errors import ArgumentError, check_whole
 from shipnet.line.quantity import check_scalar
+from shipnet.modbus.timing import Poll
 
-__all__ = ["Supervision"]
+__all__ = ["Supervision", "check_rule"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,3 +77,30 @@ class Supervision:
             raise ArgumentError(
                 f"recheck is {self.recheck:g} s; it must not be shorter than a scan, {period:g} s"
             )
+
+
+def check_rule(poll: Poll, supervision: Supervision) -> None:
+    """Raise unless a master knows what it asks and when it gives up.
+
+    Parameters
+    ----------
+    poll : Poll
+        What each slave is asked.
+    supervision : Supervision
+        When the master uses which port.
+
+    Raises
+    ------
+    ArgumentError
+        If one is of another class.
+
+    Examples
+    --------
+    >>> check_rule(None, Supervision())
+    Traceback (most recent call last):
+        ...
+    shipnet.errors.ArgumentError: poll is None; it must be a Poll
+    """
+    for name, given, kind in (("poll", poll, Poll), ("supervision", supervision, Supervision)):
+        if not isinstance(given, kind):
+            raise ArgumentError(f"{name} is {given!r}; it must be a {kind.__name__}")

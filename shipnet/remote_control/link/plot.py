@@ -82,6 +82,7 @@ def plot_time_chart(
         ax.annotate(
             f"{one['partner']} failed", (one["time_s"], place), (3, 3),
             textcoords="offset points", color=style.LIMIT["color"], fontsize="small",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
         )  # fmt: skip
     ax.set_xlim(start, min(end, run.duration))
     ax.set_ylim(2.5, -0.75)

@@ -1,0 +1,9 @@
+"""What chung1998 prints, recomputed: the serial link of a main engine's remote control.
+
+K. Y. Chung, K. S. Rhyu, "A study on the communication method for a ship main engine remote control
+system", J. Korean Soc. Marine Eng., 1998. Its drawings are not in the text that we have.
+"""
+
+from shipnet.papers.chung1998 import integrity, link, overrun, packets, ring, stations
+
+__all__ = ["integrity", "link", "overrun", "packets", "ring", "stations"]

@@ -1,0 +1,286 @@
+"""Sections 4.3 and 5: the ring overrun, its repair by Fig 9, and the three trials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from shipnet.papers.chung1998.link import as_printed
+from shipnet.papers.chung1998.packets import ITEMS, length
+from shipnet.papers.chung1998.ring import SIZE
+from shipnet.papers.registry import check, numeric
+from shipnet.remote_control.link.faults import Stall
+from shipnet.remote_control.link.run import simulate
+from shipnet.remote_control.link.timing import fill_time as fill_time_of
+from shipnet.remote_control.link.trials import BYTES_PER_PRESS, WRITE_TIME
+from shipnet.remote_control.packet import PACKET_START, Markers
+from shipnet.remote_control.ring_buffer import Ring, Rule, pointer_case
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["full_rings", "given_up", "overrun_rings", "packets_stored", "recovered"]
+__all__ += ["recovered_table"]
+
+
+def packets_stored(
+    n: int, items: int, phase: int = 0, size: int = SIZE, rule: Rule = "literal"
+) -> Ring:
+    """Return a ring in which so many bytes of packets have been stored and none read.
+
+    Parameters
+    ----------
+    n : int
+        How many bytes.
+    items : int
+        Data of each packet, 1..204.
+    phase : int, default 0
+        With which byte of a packet the stream begins.
+    size : int, optional
+        Places of the ring.
+    rule : {"literal", "meant", "mended"}, default "literal"
+        How the reader decides.
+
+    Returns
+    -------
+    Ring
+        The ring.
+
+    Examples
+    --------
+    >>> ring = packets_stored(21, items=1, size=16)
+    >>> ring.case, ring.extract().lost, ring.unread
+    ('c', 12, 9)
+    """
+    packet = Markers(n_numbers=items).encode(dict.fromkeys(range(items), 1000))
+    ring = Ring(size, rule)
+    for k in range(n):
+        ring.store(packet[(phase + k) % len(packet)])
+    return ring
+
+
+def overrun_rings(items: int) -> Iterator[Ring]:
+    """Return rings that show case c, for every place of the writer and every phase of a stream.
+
+    Parameters
+    ----------
+    items : int
+        Data of each packet.
+
+    Returns
+    -------
+    iterator of Ring
+        Each a ring whose reader stands at 0, a round and more behind the writer.
+
+    Examples
+    --------
+    128 places of the writer, 33 phases:
+
+    >>> sum(ring.case == "c" for ring in overrun_rings(10)) == 128 * 33
+    True
+    """
+    for no in range(SIZE):
+        for phase in range(length("A", items)):
+            yield packets_stored(SIZE + no, items, phase)
+
+
+def full_rings(size: int = SIZE) -> Iterator[Ring]:
+    """Return rings of packet starts only that show case c, for every place of the writer.
+
+    Parameters
+    ----------
+    size : int, optional
+        Places of the ring.
+
+    Returns
+    -------
+    iterator of Ring
+        Each a ring whose reader stands at 0.
+
+    Examples
+    --------
+    >>> [ring.unread for ring in full_rings(4)]
+    [4, 5, 6, 7]
+    """
+    for no in range(size):
+        ring = Ring(size)
+        for _ in range(size + no):
+            ring.store(PACKET_START)
+        yield ring
+
+
+def given_up(rings: Iterable[Ring]) -> list[int]:
+    """Return how many bytes that a ring still holds each repair gives up.
+
+    Parameters
+    ----------
+    rings : iterable of Ring
+        Overrun rings; each is repaired.
+
+    Returns
+    -------
+    list of int
+        Bytes, one a ring; those overwritten before the repair are not counted.
+
+    Examples
+    --------
+    Of a ring of 8, with the writer in each of its places:
+
+    >>> given_up(full_rings(8))
+    [4, 3, 2, 1, 4, 3, 2, 1]
+    """
+    found = []
+    for ring in rings:
+        ring.extract()
+        found.append(ring.size - ring.unread)
+    return found
+
+
+def recovered(waiting: int, rule: Rule, items: int = ITEMS) -> int:
+    """Return how many packets are found behind so many bytes that nobody read.
+
+    Parameters
+    ----------
+    waiting : int
+        Bytes stored before the reader begins.
+    rule : {"meant", "mended"}
+        How the reader decides.
+    items : int, optional
+        Data of each packet; all data of the n-th have the value n.
+
+    Returns
+    -------
+    int
+        Packets found as they were sent.
+
+    Examples
+    --------
+    Of the six packets in 200 bytes:
+
+    >>> recovered(200, "meant"), recovered(200, "mended")
+    (2, 3)
+    """
+    form = Markers(n_numbers=items)
+    count = waiting // form.size(items) + 1
+    sent = [dict.fromkeys(range(items), n) for n in range(1, count + 1)]
+    ring = Ring(SIZE, rule)
+    for byte in b"".join(map(form.encode, sent))[:waiting]:
+        ring.store(byte)
+    taken = bytearray()
+    while (step := ring.extract()).action in ("take", "repair"):
+        taken += bytes([] if step.byte is None else [step.byte])
+    found = form.parser().feed(bytes(taken))
+    return sum(tuple(packet.items()) in found for packet in sent)
+
+
+def recovered_table(most: int = 3 * SIZE) -> pd.DataFrame:
+    """Return how many packets the printed ring and the mended one still hold.
+
+    Parameters
+    ----------
+    most : int, optional
+        Most bytes that wait.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a number of ``waiting`` bytes: packets ``sent`` whole, and found in the ``printed``
+        ring, which knows an empty ring as empty, and in the ``mended`` one.
+
+    Examples
+    --------
+    >>> recovered_table(101).iloc[-1].tolist()
+    [100, 3, 3, 3]
+    """
+    import pandas as pd
+
+    size = length("A", ITEMS)
+    rows = [(n, n // size, recovered(n, "meant"), recovered(n, "mended")) for n in range(most)]
+    return pd.DataFrame(rows, columns=["waiting", "sent", "printed", "mended"])
+
+
+@check("chung1998-013", counter={"shift": 2})
+def repair_restores_order(*, shift: int = 1) -> bool:
+    """Whether the reader ends at the first 0xCC from SIZE >> shift or from 0, in a normal case."""
+    for ring in overrun_rings(ITEMS):
+        cells, no = ring.cells, ring.state.no
+        ring.extract()
+        place = cells.find(PACKET_START, SIZE >> shift if no < SIZE >> shift else 0)
+        if ring.state.get_no != place or ring.case not in ("b", "d"):
+            return False
+    return True
+
+
+@check("chung1998-057", counter={"toggled": False})
+def toggled_flag_restores_order(*, toggled: bool = True) -> bool:
+    """Whether a reader moved to the start of the ring, its flag turned over, is in case b."""
+    for ring in full_rings(SIZE):
+        before = ring.state
+        ring.extract()
+        if before.no >= SIZE >> 1:
+            flag = ring.state.ring_get_f if toggled else before.ring_get_f
+            if pointer_case(ring.state._replace(ring_get_f=flag)) != "b":
+                return False
+    return True
+
+
+@check("chung1998-055", counter={"items": 45})
+def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
+    """Whether some of the bytes that the ring holds are left after every repair."""
+    for ring in overrun_rings(items):
+        ring.extract()
+        if ring.unread == 0:
+            return False
+    return True
+
+
+@numeric("chung1998-056")
+def bytes_given_up(*, size: int = SIZE) -> float:
+    """Bytes of those still held that a repair gives up, mean over the places of the writer."""
+    return sum(given_up(full_rings(size))) / size
+
+
+@numeric("chung1998-060")
+def fill_time(*, size: int = SIZE, rate: float = 9600.0) -> float:
+    """Seconds in which unbroken reception fills the ring."""
+    return size / SIZE * fill_time_of(as_printed(rate))
+
+
+@numeric("chung1998-061")
+def packets_held(*, size: int = SIZE, items: int = ITEMS) -> float:
+    """Packets of so many data that the ring holds."""
+    return size / length("A", items)
+
+
+@numeric("chung1998-015")
+def abnormal_states(*, empty_is_empty: bool = True) -> int:
+    """Repairs in 100 packets, read byte by byte; or if an empty ring is read on, as printed."""
+    ring = Ring(SIZE, "meant" if empty_is_empty else "literal")
+    packet = Markers(n_numbers=ITEMS).encode(dict.fromkeys(range(ITEMS), 1000))
+    repairs = 0
+    for byte in 100 * packet:
+        ring.store(byte)
+        # As many steps as there are places: an empty ring that is read on has no end.
+        for _ in range(SIZE):
+            step = ring.extract()
+            repairs += step.action == "repair"
+            if step.action in ("wait", "stop"):
+                break
+    return repairs
+
+
+@check("chung1998-058", counter={"stall": 14.0})
+def parameter_change_does_no_harm(*, stall: float = BYTES_PER_PRESS * WRITE_TIME) -> bool:
+    """Whether a task that stalls so long [s] leaves the ring in order.
+
+    How long the paper's task stalled is not printed; 20 ms are assumed for an integer.
+    """
+    run = simulate(as_printed(), 25.0, faults=[Stall("BCS", 5.0, 5.0 + stall)])
+    return not bool(run.table["event"].str.startswith("ring").any())
+
+
+@check("chung1998-021", counter={"size": SIZE})
+def larger_ring_is_not_overrun(*, size: int = 2 * SIZE, stall: float = 0.2) -> bool:
+    """Whether bytes that come without a break during a stall [s] leave a ring in a normal case."""
+    came = round(stall / as_printed().character_time)
+    return packets_stored(came, ITEMS, size=size).case in ("b", "d")

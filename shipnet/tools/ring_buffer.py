@@ -1,0 +1,337 @@
+"""The ring explorer: store and extract by hand, and see what the four variables make of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import ipywidgets as widgets
+from matplotlib.axes import Axes
+
+from shipnet.errors import ArgumentError
+from shipnet.remote_control.packet import MarkerParser, Markers
+from shipnet.remote_control.plot import plot_ring
+from shipnet.remote_control.ring_buffer import Ring, Rule, Step
+from shipnet.tools._view import BAD, GOOD, Board, follow
+
+__all__ = ["ACTIONS", "CASES", "RULES", "SIZES", "Inputs", "Result", "draw", "explorer", "update"]
+
+#: Sizes to choose from; 128 is that of chung1998.
+SIZES = (8, 16, 32, 64, 128)
+
+#: Rules to choose from, and what each does.
+RULES: MappingProxyType[Rule, str] = MappingProxyType(
+    {
+        "literal": "as printed: an empty ring is read on",
+        "meant": "as meant: an empty ring is left alone",
+        "mended": "mended: bytes are counted without starting again",
+    }
+)
+
+#: What can be done, by the text on its button.
+ACTIONS = MappingProxyType(
+    {
+        "byte": "store a byte",
+        "packet": "store a packet",
+        "extract": "extract a byte",
+        "empty": "extract all",
+        "repair": "repair",
+    }
+)
+
+#: The four cases in words.
+CASES = MappingProxyType(
+    {
+        "a": "same flags, no < get_no: the reader seems to have passed the writer",
+        "b": "same flags, no >= get_no: in order, or empty",
+        "c": "flags differ, no >= get_no: the writer seems to have passed the reader",
+        "d": "flags differ, no < get_no: in order, across the end",
+    }
+)
+
+#: Data of a packet, and the bytes it has.
+_ITEMS = 1
+_FORM = Markers(n_numbers=_ITEMS)
+
+_MOST = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What has been chosen and done.
+
+    Parameters
+    ----------
+    size : int, default 16
+        Places of the ring, one of `SIZES`.
+    rule : str, default "literal"
+        Key of `RULES`.
+    actions : tuple of str, default ()
+        Keys of `ACTIONS`, in the order in which they are done; up to 2000.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is none of those to choose from.
+    """
+
+    size: int = 16
+    rule: Rule = "literal"
+    actions: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the choices."""
+        for name, value, known in [
+            ("size", self.size, SIZES),
+            ("rule", self.rule, tuple(RULES)),
+            *(("action", action, tuple(ACTIONS)) for action in self.actions),
+        ]:
+            if value not in known:
+                raise ArgumentError(f"{name} is {value!r}; it must be one of {known}")
+        if len(self.actions) > _MOST:
+            raise ArgumentError(f"there are {len(self.actions)} actions; there may be {_MOST}")
+
+    def then(self, action: str) -> Inputs:
+        """Return the same with one action more.
+
+        Parameters
+        ----------
+        action : str
+            Key of `ACTIONS`.
+        """
+        return replace(self, actions=(*self.actions, action))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Result:
+    """What has become of the ring.
+
+    Attributes
+    ----------
+    ring : Ring
+        The ring.
+    said : str
+        What the last action did.
+    packets : int
+        Packets that the reader found.
+    wrong : int
+        Packets among them that were found before, or never sent.
+    given_up : int
+        Bytes that the reader took and could make no packet of.
+    """
+
+    ring: Ring
+    said: str
+    packets: int
+    wrong: int
+    given_up: int
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing has been lost, nothing read twice, and the ring is not overrun."""
+        ring = self.ring
+        return not (ring.lost or ring.stale or ring.unread > ring.size)
+
+    @property
+    def numbers(self) -> dict[str, str]:
+        """State, case and counts as text."""
+        ring = self.ring
+        overwritten = max(0, ring.unread - ring.size)
+        return {
+            f"case {ring.case}": CASES[ring.case],
+            "unread": f"{ring.unread} bytes, of which {overwritten} are overwritten; the variables "
+            f"show {ring.seems_unread}",
+            "lost": f"{ring.lost} bytes",
+            "read though not due": f"{ring.stale} bytes",
+            "packets found": f"{self.packets}, of which {self.wrong} old or false; "
+            f"{self.given_up} bytes given up as no packet",
+        }
+
+
+class _Game:
+    """A ring with somebody who writes packets and somebody who reads them."""
+
+    def __init__(self, inputs: Inputs) -> None:
+        self.ring = Ring(inputs.size, inputs.rule)
+        self.parser: MarkerParser = _FORM.parser()
+        self.said = "nothing done yet"
+        self.found: list[int] = []
+        for action in inputs.actions:
+            getattr(self, f"_{action}")()
+
+    def _byte(self) -> None:
+        size = _FORM.size(_ITEMS)
+        number, place = divmod(self.ring.written, size)
+        byte = _FORM.encode({0: _value(number)})[place]
+        where = self.ring.state.no
+        self.ring.store(byte)
+        self.said = f"byte {place + 1} of packet {number + 1}, 0x{byte:02X}, stored at {where}"
+
+    def _packet(self) -> None:
+        size = _FORM.size(_ITEMS)
+        first = self.ring.written
+        for _ in range(size - first % size):
+            self._byte()
+        self.said = (
+            f"{self.ring.written - first} bytes stored, to the end of packet {first // size + 1}"
+        )
+
+    def _extract(self) -> Step:
+        where = self.ring.state.get_no
+        step = self.ring.extract()
+        if step.byte is not None:
+            packets = self.parser.feed(bytes([step.byte]))
+            self.found += [items[0][1] if items else 0 for items in packets]
+        self.said = _in_words(step, where, self.ring)
+        return step
+
+    def _empty(self) -> None:
+        # An empty ring that is read on may have no end: two rounds show that.
+        for taken in range(2 * self.ring.size):
+            if self._extract().action in ("wait", "stop"):
+                self.said = f"{taken} steps, then: {self.said}"
+                return
+        self.said = f"stopped after {2 * self.ring.size} steps: this goes on for ever"
+
+    def _repair(self) -> None:
+        trial = self.ring.copy().extract()
+        if trial.action == "repair":
+            self._extract()
+        else:
+            self.said = "by the rule chosen there is nothing to repair"
+
+
+def _value(number: int) -> int:
+    # They rise, and neither byte is a marker or 0.
+    return (number // 200 + 1) << 8 | number % 200 + 1
+
+
+def _in_words(step: Step, where: int, ring: Ring) -> str:
+    if step.action == "wait":
+        return "the ring is known to be empty: the reader waits"
+    if step.action == "stop":
+        return "case a: the reader stops receiving and turns to sending"
+    if step.action == "repair":
+        return f"repaired: reader moved from {where} to {ring.state.get_no}, {step.lost} bytes lost"
+    what = ", which was not due" if step.stale else ""
+    skipped = f", {step.lost} bytes lost unnoticed" if step.lost else ""
+    return f"0x{step.byte:02X} taken from {where}{what}{skipped}"
+
+
+def update(inputs: Inputs) -> Result:
+    """Do all actions from an empty ring on.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        What has been chosen and done.
+
+    Returns
+    -------
+    Result
+        The ring, and what its reader found.
+
+    Examples
+    --------
+    Three packets into a ring of 16, of which two fit:
+
+    >>> result = update(Inputs(actions=3 * ("packet",)))
+    >>> result.numbers["unread"]
+    '18 bytes, of which 2 are overwritten; the variables show 18'
+    >>> update(Inputs(actions=(*3 * ("packet",), "repair"))).said
+    'repaired: reader moved from 0 to 12, 12 bytes lost'
+    """
+    game = _Game(inputs)
+    sent = {_value(number) for number in range(game.ring.written // _FORM.size(_ITEMS))}
+    due, wrong = 0, 0
+    for value in game.found:
+        wrong += value < due or value not in sent
+        due = max(due, value + 1)
+    return Result(game.ring, game.said, len(game.found), wrong, game.parser.discarded)
+
+
+def draw(result: Result, *, ax: Axes) -> Axes:
+    """Draw the ring with its writer and its reader.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> ax = draw(update(Inputs(actions=("packet",))), ax=Figure().subplots())
+    >>> print(ax.texts[-1].get_text())
+    ring_f = 0, ring_get_f = 0
+    case b, 6 unread
+    """
+    return plot_ring(result.ring, ax=ax)
+
+
+def explorer() -> widgets.VBox:
+    """Return the buttons with the ring that follows them.
+
+    Returns
+    -------
+    ipywidgets.VBox
+        To be shown as the last value of a notebook's cell. Another size or rule does the same
+        actions again with it.
+
+    Examples
+    --------
+    >>> choices, buttons, verdict, image = explorer().children
+    >>> "nothing done yet" in verdict.value
+    True
+    >>> buttons.children[1].click()
+    >>> "6 bytes stored" in verdict.value
+    True
+    """
+    wide = {"style": {"description_width": "5em"}, "layout": {"width": "28em"}}
+    start = Inputs()
+    size = widgets.Dropdown(options=SIZES, value=start.size, description="places", **wide)
+    rule = widgets.Dropdown(
+        options=[(text, key) for key, text in RULES.items()],
+        value=start.rule,
+        description="reader",
+        **wide,
+    )
+    done: list[str] = []
+    board = Board()
+
+    def show() -> None:
+        result = update(Inputs(size.value, rule.value, tuple(done)))
+        colour = GOOD if result.sound else BAD
+        board.show(result.said, colour, result.numbers, lambda ax: draw(result, ax=ax), 4.2)
+
+    def act(action: str) -> None:
+        if len(done) < _MOST:
+            done.append(action)
+        show()
+
+    def back() -> None:
+        del done[-1:]
+        show()
+
+    def restart() -> None:
+        done.clear()
+        show()
+
+    buttons = []
+    for text, do in [
+        *((text, lambda action=key: act(action)) for key, text in ACTIONS.items()),
+        ("one back", back),
+        ("start again", restart),
+    ]:
+        button = widgets.Button(description=text)
+        button.on_click(lambda _, do=do: do())
+        buttons.append(button)
+    follow(show, [size, rule])
+    return widgets.VBox([widgets.HBox([size, rule]), widgets.HBox(buttons), *board.parts])

@@ -1,0 +1,126 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from shipnet.errors import ArgumentError
+from shipnet.tools.ring_buffer import ACTIONS, CASES, RULES, SIZES, Inputs, draw, explorer, update
+
+PACKET = ("packet",)
+ALL = ("empty",)
+
+
+@given(
+    size=st.sampled_from(SIZES),
+    rule=st.sampled_from(list(RULES)),
+    actions=st.lists(st.sampled_from(list(ACTIONS)), max_size=40).map(tuple),
+)
+def test_any_order_of_buttons_leaves_a_ring_that_is_accounted_for(size, rule, actions):
+    result = update(Inputs(size, rule, actions))
+    ring = result.ring
+    assert ring.case in CASES and f"case {ring.case}" in result.numbers
+    # Every byte stored is read once, lost, or still unread.
+    assert 0 <= ring.lost + ring.unread <= ring.written
+    assert result.wrong <= result.packets
+    assert (result.said and "nothing done" not in result.said) or not actions
+    if rule != "literal":
+        assert ring.stale == 0
+
+
+@pytest.mark.parametrize("rule", ["meant", "mended"])
+@pytest.mark.parametrize("size", SIZES)
+def test_a_reader_that_keeps_up_finds_every_packet(size, rule):
+    result = update(Inputs(size, rule, 60 * (*PACKET, *ALL)))
+    assert (result.packets, result.wrong, result.given_up) == (60, 0, 0)
+    assert result.sound and result.ring.lost == 0
+
+
+def test_by_the_letter_even_a_reader_that_keeps_up_reads_what_is_not_due():
+    result = update(Inputs(16, "literal", 60 * (*PACKET, *ALL)))
+    assert result.ring.stale > 0 and not result.sound
+    assert result.packets != 60 or result.wrong
+
+
+def test_the_printed_repair_gives_up_what_the_mended_ring_still_has():
+    late = 3 * PACKET
+    printed, mended = (update(Inputs(16, rule, (*late, "repair"))) for rule in ("meant", "mended"))
+    # Of 18 bytes in a ring of 16, two are overwritten. Place 8 is the middle, 12 a packet's start.
+    assert (printed.ring.lost, mended.ring.lost) == (12, 2)
+    found = [update(Inputs(16, rule, (*late, *ALL))).packets for rule in ("meant", "mended")]
+    assert found == [1, 2]
+
+
+def test_two_rounds_late_the_printed_ring_takes_itself_for_empty():
+    actions = (*(5 * PACKET), "byte", "byte")
+    late = update(Inputs(16, "meant", (*actions, "extract")))
+    assert late.ring.unread == 32 and "known to be empty" in late.said
+    assert update(Inputs(16, "mended", (*actions, *ALL))).packets == 2
+
+
+def test_a_repair_is_refused_where_none_is_due():
+    result = update(Inputs(actions=(*PACKET, "repair")))
+    assert "nothing to repair" in result.said and result.ring.unread == 6
+
+
+def test_reading_on_without_end_is_cut_off():
+    # The reader stands behind the writer's last place, and comes back to it for ever.
+    result = update(Inputs(8, "literal", (*7 * ("byte",), *ALL)))
+    assert "for ever" in result.said
+    # The packet in the ring is found once, and then again: that one is old.
+    assert (result.packets, result.wrong) == (2, 1)
+
+
+def test_more_packets_than_a_byte_can_number_are_told_apart():
+    result = update(Inputs(8, "meant", 450 * (*PACKET, *ALL)))
+    assert (result.packets, result.wrong) == (450, 0)
+
+
+def test_a_packet_that_is_begun_is_stored_to_its_end():
+    assert update(Inputs(actions=("byte", "packet"))).ring.unread == 6
+    assert update(Inputs(actions=("packet", "packet"))).ring.unread == 12
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"size": 12}, r"size is 12; it must be one of \(8, 16"),
+        ({"size": 0}, "size is 0"),
+        ({"rule": "printed"}, "rule is 'printed'"),
+        ({"actions": ("byte", "read")}, "action is 'read'"),
+        ({"actions": 2001 * ("byte",)}, "there are 2001 actions"),
+    ],
+)
+def test_a_value_that_is_no_choice_is_named(fields, message):
+    with pytest.raises(ArgumentError, match=message):
+        Inputs(**fields)
+
+
+def test_the_figure_shows_the_ring():
+    result = update(Inputs().then("packet").then("extract"))
+    ax = draw(result, ax=Figure().subplots())
+    assert len(ax.patches) == 16
+    assert "case b, 5 unread" in ax.texts[-1].get_text()
+
+
+def test_the_buttons_do_what_they_say():
+    box = explorer()
+    (size, rule), buttons = box.children[0].children, box.children[1].children
+    named = {button.description: button for button in buttons}
+    assert list(named) == [*ACTIONS.values(), "one back", "start again"]
+    assert (size.value, rule.value) == (Inputs().size, Inputs().rule)
+    text, image = box.children[2:]
+    empty = bytes(image.value)
+    for _ in range(3):
+        named["store a packet"].click()
+    assert "to the end of packet 3" in text.value and bytes(image.value) != empty
+    assert "case c: flags differ" in text.value
+    named["repair"].click()
+    assert "12 bytes lost" in text.value
+    rule.value = "mended"
+    assert "2 bytes lost" in text.value and "12 bytes" not in text.value
+    size.value = 128
+    assert "nothing to repair" in text.value
+    named["one back"].click()
+    assert "to the end of packet 3" in text.value
+    named["start again"].click()
+    assert "nothing done yet" in text.value
