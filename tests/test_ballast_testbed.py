@@ -138,3 +138,6 @@ def test_all_tests_are_passed_at_the_slowest_printed_rate():
     table = acceptance(np.random.default_rng(2024), serial=Serial(2400))
     assert table["passed"].all(), table[~table["passed"]]
     assert len(table) == 77
+    # So slow that the screen is older than what is left of the 10 s after a stroke.
+    late = acceptance(serial=Serial(300), tests=["remote"])
+    assert not late["passed"].all()

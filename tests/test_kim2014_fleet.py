@@ -48,6 +48,8 @@ def test_a_slow_rule_leaves_a_wrong_picture_and_a_quick_one_does_not(pictures):
     assert table.loc[SLOW, "shown_moving"] == table.loc[SLOW, "wrong"] == 50
     assert table.loc[["no break", QUICK], "wrong"].tolist() == [0, 0]
     assert table.loc["no break", "unanswered"] == 0 < table.loc[QUICK, "unanswered"]
+    # With the rule of all beyond the break hardly a request is in vain.
+    assert table.loc["all beyond, time-out 1 s", "unanswered"] < 5 < table.loc[SLOW, "unanswered"]
     # From before the break to the end nobody beyond it is heard again.
     assert 40.0 - 9.0 < table.loc[SLOW, "oldest_s"] < 40.0
     assert pictures[SLOW].seen.screen()["state"].eq("silent").sum() == 0

@@ -6,13 +6,16 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from shipnet.errors import CrcError
+from shipnet.ballast.wear import synthetic_wear
+from shipnet.errors import ArgumentError, CrcError
 from shipnet.modbus.frame import decode_rtu, encode_rtu, encode_tcp
 from shipnet.modbus.request import ReadRequest
 from shipnet.modbus.ring import Break, Loop, Supervision, sweep
 from shipnet.modbus.timing import Serial
 from shipnet.papers.kim2014 import outlines, plot
+from shipnet.papers.kim2014.diagnosis import score_table
 from shipnet.papers.kim2014.loop import RATES, break_table, scan_table, status_poll
+from shipnet.papers.kim2014.severity import graded_trials, life_table
 from shipnet.papers.kim2014.talk import conversation
 
 PDU = ReadRequest(4, 0x4020, 4).pdu
@@ -20,6 +23,7 @@ DIAGRAMS = {
     "ACTUATOR": plot.plot_actuator,
     "MODES": plot.plot_modes,
     "COMMAND": plot.plot_command,
+    "ALGORITHM": plot.plot_algorithm,
     "TESTBED": plot.plot_testbed,
 }
 
@@ -108,3 +112,42 @@ def test_a_conversation_is_made_of_sound_frames_and_ends_where_it_was_sent():
     assert echoed and table["says"].iloc[-1].endswith("VPos 25 %")
     moving = decode_rtu(bytes.fromhex(table["frame"][3])).pdu
     assert 0 < moving[2] < 25 and np.isclose(moving[2], 100 / 9.0, atol=1)
+
+
+def test_a_score_and_the_rows_that_are_not_found_make_13_rows():
+    table = score_table()
+    missed = table["not found"].str.split(", ").map(lambda names: sum(map(bool, names)))
+    assert (table["crisp"] + missed == 13).all()
+    assert (table["crisp"] == table["fuzzy"]).all()
+    assert table["crisp"].unstack()[["absent", "normal", "physical"]].to_numpy().tolist() == [
+        [13, 11, 13],
+        [10, 9, 10],
+    ]
+
+
+def test_a_fault_without_severity_is_not_reported_and_the_worst_is():
+    table = graded_trials(["V1", "Pos4", "O1"], n_valves=3, rng=np.random.default_rng(2024))
+    assert table["severity"].tolist() == 3 * [0, 0.5, 1]
+    assert (table.loc[table["severity"] == 0, "said"] == "nothing").all()
+    worst = table[table["severity"] == 1].set_index("fault")["said"]
+    assert worst.to_dict() == {
+        "V1": "its own name", "Pos4": "another fault's name", "O1": "its own name",
+    }  # fmt: skip
+    own = table["said"] == "its own name"
+    assert (own == (table["headline"] == table["fault"])).all()
+
+
+def test_more_strokes_tell_the_end_of_a_pump_more_closely():
+    wear = synthetic_wear(2, 300, rng=np.random.default_rng(2024))
+    table = life_table(wear, 1, [20, 60, 180])
+    assert table.index.tolist() == [20, 60, 180]
+    assert np.allclose(table["true"] + table.index, wear.life[1])
+    width = table["high"] - table["low"]
+    assert (width.diff().dropna() < 0).all()
+    assert (abs(table["to_go"] - table["true"]) <= width).all()
+
+
+@pytest.mark.parametrize("valves", [0, 9999, -1])
+def test_too_few_or_too_many_graded_valves_are_refused(valves):
+    with pytest.raises(ArgumentError, match="n_valves"):
+        graded_trials(["V1", "O1"], n_valves=valves, rng=np.random.default_rng(0))

@@ -99,3 +99,35 @@ def test_the_engine_explorer_marks_a_dead_box_late(browser, app):
     page.locator("select").nth(1).select_option("mended, CAN as a line")
     verdict.filter(has_text="0 old values").wait_for(timeout=LONG)
     page.close()
+
+
+def test_the_ring_explorer_is_stepped_by_its_buttons(browser, app):
+    page = browser.new_page()
+    page.goto(f"{app}/voila/render/ring_buffer.ipynb", timeout=LONG)
+    verdict = page.locator(".widget-html-content b")
+    verdict.filter(has_text="nothing done yet").wait_for(timeout=LONG)
+    page.get_by_role("button", name="store a packet").click()
+    page.locator(".widget-html-content").filter(has_text="unread: 6 bytes").wait_for(timeout=LONG)
+    page.get_by_role("button", name="one back").click()
+    verdict.filter(has_text="nothing done yet").wait_for(timeout=LONG)
+    page.close()
+
+
+def test_the_diagnosis_explorer_names_a_fault(browser, app):
+    page = browser.new_page()
+    page.goto(f"{app}/voila/render/valve_diagnosis.ipynb", timeout=LONG)
+    verdict = page.locator(".widget-html-content b")
+    verdict.filter(has_text="normal").wait_for(timeout=LONG)
+    page.locator("select").first.select_option("V1")
+    verdict.filter(has_text="V1").wait_for(timeout=LONG)
+    page.close()
+
+
+def test_the_valve_client_opens_a_valve_of_the_server_that_it_starts(browser, app):
+    page = browser.new_page()
+    page.goto(f"{app}/voila/render/valve_client.ipynb", timeout=LONG)
+    verdict = page.locator(".widget-html-content b")
+    verdict.filter(has_text="valve 1: closed").wait_for(timeout=LONG)
+    page.get_by_role("button", name="open", exact=True).click()
+    verdict.filter(has_text="valve 1: moving").wait_for(timeout=LONG)
+    page.close()

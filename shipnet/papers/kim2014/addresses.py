@@ -64,9 +64,3 @@ def selectable_ids(*, positions: int = 10, pins: int = 2) -> int:
         except ArgumentError:
             continue
     return len(found)
-
-
-@numeric("kim2014-004")
-def nodes(*, unit_loads: int = 32, load: float = 1 / 8) -> float:
-    """Receivers of so many unit loads each that a line carries, if it carries 32 unit loads."""
-    return unit_loads / load

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import pandas as pd
 
 from shipnet.ballast.channels import CHANNELS
@@ -10,7 +12,7 @@ from shipnet.fuzzy import diagnose, published
 from shipnet.papers.kim2014.rules import BASE
 from shipnet.papers.registry import check, numeric
 
-__all__ = ["diagnosed", "through_registers"]
+__all__ = ["diagnosed", "score_table", "through_registers"]
 
 _PAPER = "kim2014"
 
@@ -45,6 +47,33 @@ def diagnosed(code: str, *, reading: str = "printed", **inputs: float) -> str:
     """
     tests = published.vectors(_PAPER, reading=reading).loc[[code]].assign(**inputs)
     return str(diagnose(BASE, tests, crisp=True)["headline"].iloc[0])
+
+
+def score_table() -> pd.DataFrame:
+    """Return how many of the 13 rows are found, as printed and mended, with every fill.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by reading of the ``inputs`` and ``fill`` of what they leave out: rows found by
+        ``crisp`` comparisons and by ``fuzzy`` strengths, and what the comparisons make of the
+        others, ``not found``.
+
+    Examples
+    --------
+    >>> score_table().loc[("printed", "absent")].tolist()
+    [10, 10, 'V2 as normal, S2 as S1, Pos2 as normal']
+    """
+    rows = {}
+    for reading, fill in product(published.READINGS, published.FILLS):
+        tests = published.vectors(_PAPER, reading=reading, fill=fill)
+        crisp, fuzzy = diagnose(BASE, tests, crisp=True), diagnose(BASE, tests)
+        missed = crisp[~crisp["right"]]
+        said = missed["expected"] + " as " + missed["headline"]
+        found = [int(one["right"].sum()) for one in (crisp, fuzzy)]
+        rows[reading, fill] = (*found, ", ".join(said))
+    table = pd.DataFrame(rows, index=["crisp", "fuzzy", "not found"]).T
+    return table.rename_axis(["inputs", "fill"])
 
 
 def through_registers(code: str) -> str:

@@ -1,6 +1,6 @@
 """What stands in the outlines of kim2014: blocks, their places, and what leads where.
 
-Words are from sections 1, 2.1, 3.1, 3.2 and 4; places are ours.
+Words are from sections 1, 2.1, 2.3, 3.1, 3.2 and 4, and from the rule table; places are ours.
 """
 
 from __future__ import annotations
@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
-__all__ = ["ACTUATOR", "ACTUATOR_WAYS", "CENTRAL", "COMMAND", "COMMAND_WAYS", "MASTER", "MODES"]
-__all__ += ["MODES_WAYS", "TESTBED", "TESTBED_WAYS", "Blocks", "Ways"]
+__all__ = ["ACTUATOR", "ACTUATOR_WAYS", "ALGORITHM", "ALGORITHM_WAYS", "CENTRAL", "COMMAND"]
+__all__ += ["COMMAND_WAYS", "MASTER", "MODES", "MODES_WAYS", "TESTBED", "TESTBED_WAYS", "Blocks"]
+__all__ += ["Ways"]
 
 #: Text, kind, and place of a block; pairs that are joined, and the word on the way.
 Blocks: TypeAlias = Mapping[str, tuple[str, str, float, float]]
@@ -72,6 +73,24 @@ COMMAND: Blocks = {
 COMMAND_WAYS: Ways = [
     ("receive", "id", ""), ("id", "ignore", "no"), ("id", "way", "yes"), ("way", "run", ""),
     ("run", "there", ""), ("there", "reply", "yes"), ("run", "echo", ""),
+]  # fmt: skip
+
+ALGORITHM: Blocks = {
+    "sensors": ("five sensors\nof a valve", "", 0, 2),
+    "poll": ("master reads\nby Modbus RTU", "control", 1.3, 2),
+    "limits": ("upper and lower\nlimit of a sensor", "control", 2.6, 3),
+    "compare": ("above or below\na limit?", "ask", 2.6, 2),
+    "rules": ("rule table:\nif ... then flag", "oil", 3.9, 2),
+    "ramps": ("ramps, minimum,\ncut: our assumption", "valve", 3.9, 3),
+    "cause": ("fault\nand its cause", "oil", 5.2, 2),
+    "slave": ("slave finds\nPos1 to Pos4", "control", 0, 1),
+    "display": ("display\nof the master", "control", 5.2, 1),
+}
+ALGORITHM_WAYS: Ways = [
+    ("sensors", "poll", ""), ("poll", "compare", ""), ("limits", "compare", ""),
+    ("compare", "rules", ""), ("ramps", "rules", ""), ("rules", "cause", ""),
+    ("cause", "display", ""), ("sensors", "slave", ""),
+    ("slave", "display", "row 9 of the table"),
 ]  # fmt: skip
 
 TESTBED: Blocks = {

@@ -18,6 +18,8 @@ from shipnet.papers.kim2014.loop import scan_table
 from shipnet.papers.kim2014.outlines import (
     ACTUATOR,
     ACTUATOR_WAYS,
+    ALGORITHM,
+    ALGORITHM_WAYS,
     CENTRAL,
     COMMAND,
     COMMAND_WAYS,
@@ -32,6 +34,7 @@ from shipnet.papers.kim2014.outlines import (
 
 __all__ = [
     "plot_actuator",
+    "plot_algorithm",
     "plot_command",
     "plot_hydraulics",
     "plot_modes",
@@ -250,6 +253,23 @@ def plot_command(*, ax: Axes) -> Axes:
     _arrow(ax, (x - 0.45, 2.35), (x - 0.45, 3 - _HALF[1]))
     ax.text(left - 0.05, y + 0.3, "no", ha="right", va="center", fontsize=8)
     return _bare(ax, (-1.0, 9.6), (1.25, 3.5))
+
+
+def plot_algorithm(*, ax: Axes) -> Axes:
+    """Draw how a fault is found, from section 2.3 and row 9 of the rule table: Fig 7.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; what the paper does not print, and we assume, is green.
+    """
+    _diagram(ax, _spread(ALGORITHM, 1.65), ALGORITHM_WAYS)
+    return _bare(ax, (-1.0, 9.6), (0.5, 3.5))
 
 
 def plot_testbed(*, ax: Axes) -> Axes:
