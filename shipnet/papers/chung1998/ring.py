@@ -14,6 +14,8 @@ from shipnet.remote_control.ring_buffer import Case, Ring, State, pointer_case
 from shipnet.remote_control.ring_states import case_table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import pandas as pd
 
 __all__ = ["SIZE", "reader_steps", "ring_with", "states", "stored"]
@@ -220,17 +222,21 @@ def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
     return all(len(group) == 2 and len(group & shown(rounds)) == 1 for group in groups)
 
 
-@check("chung1998-051", counter={"places": 1})
-def every_overrun_shows(*, places: int = SIZE) -> bool:
-    """Whether a ring overrun by up to a round shows case c wherever the reader stands.
+def case_of(get_no: int, lead: int) -> Case:
+    """Return the case that shows with so many bytes stored ahead of the reader at a place."""
+    ring_f, no = divmod((get_no + lead) % (2 * SIZE), SIZE)
+    return pointer_case(State(no, ring_f, get_no, 0))
 
-    Or only with the reader on the first few places.
+
+@check("chung1998-051", counter={"leads": range(SIZE + 1, 2 * SIZE)})
+def case_c_means_an_overrun(*, leads: Sequence[int] = range(-SIZE, 2 * SIZE)) -> bool:
+    """Whether bytes are overwritten wherever case c shows, for these leads of the writer.
+
+    A lead below 0 is that of a reader which has passed the writer.
     """
-    for get_no, lead in product(range(places), range(SIZE + 1, 2 * SIZE)):
-        ring_f, no = divmod((get_no + lead) % (2 * SIZE), SIZE)
-        if pointer_case(State(no, ring_f, get_no, 0)) != "c":
-            return False
-    return True
+    return all(
+        lead > SIZE for get_no, lead in product(range(SIZE), leads) if case_of(get_no, lead) == "c"
+    )
 
 
 @check("chung1998-053", counter={"while_receiving": False})
