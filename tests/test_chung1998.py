@@ -3,14 +3,18 @@
 import numpy as np
 import pytest
 
+from shipnet.errors import ArgumentError
 from shipnet.papers import counts
 from shipnet.papers.chung1998 import integrity, link, overrun, packets, ring
-from shipnet.papers.chung1998.stations import PRINTED
+from shipnet.papers.chung1998.stations import PRINTED, chips_needed
 from shipnet.remote_control import Markers, Ring
 from shipnet.remote_control.experiment import Criterion, candidates, recommend
 from shipnet.remote_control.link import BIT_RATES, MEANT, Supervision, System, cascade, worst_age
 from shipnet.remote_control.link import PRINTED as PRINTED_RULE
+from shipnet.remote_control.link.faults import Stall
+from shipnet.remote_control.link.run import simulate
 from shipnet.remote_control.link.trials import overrun_stall, ring_trials, switch_trials
+from shipnet.remote_control.signals import STATIONS
 
 
 def test_no_claim_is_open():
@@ -84,6 +88,37 @@ def test_it_takes_three_more_packets_to_overrun_the_ring():
     assert stall == pytest.approx((13.14, 13.54), abs=0.01)
     assert overrun.parameter_change_does_no_harm(stall=stall[0] - 0.2)
     assert not overrun.parameter_change_does_no_harm(stall=stall[1] + 0.01)
+
+
+def test_only_the_remote_control_has_two_partners():
+    assert {name: chips_needed(name) for name in STATIONS} == {"RCS": 2, "BCS": 1, "SS": 1}
+    with pytest.raises(ArgumentError, match="station is 'ECR'"):
+        chips_needed("ECR")
+
+
+def test_of_overruns_by_less_than_a_round_half_show_the_case_that_means_one():
+    places, leads = range(ring.SIZE), range(ring.SIZE + 1, 2 * ring.SIZE)
+    shown = [ring.case_of(place, lead) for place in places for lead in leads]
+    assert (shown.count("a"), shown.count("c")) == (8128, 8128)
+    assert len(shown) == 2 * 8128
+    # A ring that is just full shows case c as well, with nothing overwritten.
+    assert {ring.case_of(place, ring.SIZE) for place in places} == {"c"}
+
+
+def test_where_the_ring_stops_in_case_a_the_printed_reader_finds_nothing():
+    table = overrun.recovered_table([100, 160, 200, 240], places=range(0, 128, 8))
+    stops = [sum(place + n >= 256 for place in range(0, 128, 8)) / 16 for n in table.waiting]
+    assert table.stops.tolist() == stops
+    assert table.fewest.tolist() == [3, 0, 0, 0] and table.mended.tolist() == [3, 3, 3, 3]
+    with pytest.raises(ArgumentError, match="rule is 'literal'"):
+        overrun.recovered(127, "literal")
+
+
+@pytest.mark.parametrize(("stall", "unread"), [(0.2, 33), (3.8, 33), (5.0, 66), (9.0, 99)])
+def test_up_to_three_packets_wait_in_a_stall_that_leaves_the_ring_in_order(stall, unread):
+    run = simulate(link.as_printed(), 25.0, faults=[Stall("BCS", 5.0, 5.0 + stall)])
+    assert unread - 33 < run.most_unread <= unread
+    assert overrun.parameter_change_does_no_harm(stall=stall)
 
 
 def test_with_the_search_a_repair_gives_up_a_packet_more_at_most():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
+from shipnet.errors import check_whole
 from shipnet.papers.chung1998.packets import FLAGS, ITEMS
 from shipnet.papers.chung1998.stations import PRINTED
 from shipnet.papers.registry import check, numeric
@@ -58,7 +59,7 @@ def ring_with(unread: int, get_no: int, size: int = SIZE) -> Ring:
     Parameters
     ----------
     unread : int
-        Bytes stored since the last was read; the n-th byte of all has the value n.
+        Bytes stored since the last was read, 0..1e6; the n-th byte of all has the value n.
     get_no : int
         Where the reader stands, 0..size - 1.
     size : int, optional
@@ -69,6 +70,11 @@ def ring_with(unread: int, get_no: int, size: int = SIZE) -> Ring:
     Ring
         The ring, by the printed rules, an empty one known as empty.
 
+    Raises
+    ------
+    ArgumentError
+        If a number is out of range.
+
     Examples
     --------
     >>> ring = ring_with(unread=6, get_no=14, size=16)
@@ -76,6 +82,8 @@ def ring_with(unread: int, get_no: int, size: int = SIZE) -> Ring:
     (State(no=4, ring_f=1, get_no=14, ring_get_f=0), 'd')
     """
     ring = Ring(size, "meant")
+    check_whole("get_no", get_no, 0, size - 1)
+    check_whole("unread", unread, 0, 10**6)
     for n in range(get_no + unread):
         ring.store(n % 256)
         if n < get_no:

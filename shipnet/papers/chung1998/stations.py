@@ -34,13 +34,15 @@ def chips_are_enough(*, lines: int = int(PRINTED["chips_8251"])) -> bool:
     return lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
 
 
-def chips_needed(station: str) -> int:
+def chips_needed(station: str, hops: tuple[Hop, ...] = HOPS) -> int:
     """Return how many serial chips a station needs, one for each partner.
 
     Parameters
     ----------
     station : {"RCS", "BCS", "SS"}
         The station.
+    hops : tuple of Hop, optional
+        Flows from station to station; those of the paper if omitted.
 
     Returns
     -------
@@ -59,13 +61,13 @@ def chips_needed(station: str) -> int:
     """
     if station not in STATIONS:
         raise ArgumentError(f"station is {station!r}; it must be one of {STATIONS}")
-    return sum(station == source for source, _ in HOPS)
+    return sum(station == source for source, _ in hops)
 
 
 @numeric("chung1998-029")
-def serial_chips(*, stations: tuple[str, ...] = STATIONS) -> int:
-    """Serial chips that each station needs, one for each partner: the fewest of these stations."""
-    return min(chips_needed(station) for station in stations)
+def serial_chips(*, hops: tuple[Hop, ...] = HOPS) -> int:
+    """Serial chips that each station needs on these flows: the fewest of the three stations."""
+    return min(chips_needed(station, hops) for station in STATIONS)
 
 
 @check("chung1998-030", counter={"flows": HOPS[:3]})

@@ -158,12 +158,14 @@ def candidates(
 
     Notes
     -----
-    The closed forms of `packet_shares` and `switch_staleness`; a packet that is given up costs
-    the wait of a turn as well, and no other packet (what is left of it in the ring is not counted
-    against the next one). A check and size whose answer takes longer than a turn has no row. The
-    errors of "CRC" are an upper estimate. Where the items are split, all packets are taken as long as the longest, a cycle carries one of each station, and a value
-    comes again when all have had their turn. Where only changes are sent, a
-    packet is as long as the most items that change at once, taken as all; its failures are
+    The closed forms of `packet_shares` and `switch_staleness`. A packet that is given up costs the
+    wait of a turn as well, and no other packet: what is left of it in the ring is not counted
+    against the next one. A check and size whose answer takes longer than a turn has no row. The
+    errors of "CRC" are an upper estimate.
+
+    Where the items are split, all packets are taken as long as the longest, a cycle carries one of
+    each station, and a value comes again when all have had their turn. Where only changes are
+    sent, a packet is as long as the most items that change at once, taken as all; its failures are
     counted for packets of one item. With packets without items reading A still shows a sign of
     life.
 
