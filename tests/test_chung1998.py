@@ -5,15 +5,20 @@ import pytest
 
 from shipnet.errors import ArgumentError
 from shipnet.papers import counts
-from shipnet.papers.chung1998 import integrity, link, overrun, packets, ring
+from shipnet.papers.chung1998 import integrity, link, overrun, packets, ring, stations
 from shipnet.papers.chung1998.stations import PRINTED, chips_needed
 from shipnet.remote_control import Markers, Ring
 from shipnet.remote_control.experiment import Criterion, candidates, recommend
 from shipnet.remote_control.link import BIT_RATES, MEANT, Supervision, System, cascade, worst_age
 from shipnet.remote_control.link import PRINTED as PRINTED_RULE
-from shipnet.remote_control.link.faults import Stall
+from shipnet.remote_control.link.faults import LostPacket, Stall
 from shipnet.remote_control.link.run import simulate
-from shipnet.remote_control.link.trials import overrun_stall, ring_trials, switch_trials
+from shipnet.remote_control.link.trials import (
+    PAPER_EVENTS,
+    overrun_stall,
+    ring_trials,
+    switch_trials,
+)
 from shipnet.remote_control.signals import STATIONS
 
 
@@ -30,6 +35,12 @@ def test_three_seconds_need_both_tests_to_be_reached():
     )
     assert MEANT.detection_time[1] == pytest.approx(count * miss * tick) == pytest.approx(3.0)
     assert PRINTED_RULE == Supervision(tick, int(count), int(miss))
+
+
+def test_the_events_of_the_trials_are_those_of_the_paper():
+    names = ("without_parameter_change", "with_enter_presses")
+    printed = [int(PRINTED[f"abnormal_events_{name}"]) for name in names]
+    assert [PAPER_EVENTS[0], PAPER_EVENTS[2]] == printed == [0, 1]
 
 
 def test_the_rates_are_those_of_the_paper():
@@ -52,15 +63,23 @@ def test_bcs_may_take_rcs_as_failed_and_at_600_bit_per_s_must():
 
 
 def test_no_reading_lets_the_flags_show_every_single_error():
-    passed = {"A": 30 / 33, "B": 30 / 42, "C": 30 / 60}
-    for reading, share in passed.items():
-        size = packets.length(reading, 10)
-        flags = (
-            len(packets.flags_at("A", 1)) * 10
-            if reading == "C"
-            else len(packets.flags_at(reading, 10))
-        )
-        assert 1 - flags / size == pytest.approx(share)
+    values = {number: 1000 + number for number in range(10)}
+    passed = {}
+    for reading in "ABC":
+        form = Markers("A" if reading == "C" else reading, numbers="any")
+        parts = [{n: v} for n, v in values.items()] if reading == "C" else [values]
+        stream = b"".join(form.encode(part) for part in parts)
+        sent = form.parser().feed(stream)
+        assert len(stream) == packets.length(reading, 10)
+        count = 0
+        for bit in range(8 * len(stream)):
+            hit = bytearray(stream)
+            hit[bit >> 3] ^= 1 << (bit & 7)
+            found = form.parser().feed(bytes(hit))
+            count += len(found) == len(sent) and found != sent
+        passed[reading] = count / (8 * len(stream))
+    # A bit that turns a number into 0xEE would end the packet: of 0..9 none is one bit from it.
+    assert passed == {"A": 30 / 33, "B": 30 / 42, "C": 30 / 60}
 
 
 def test_by_the_letter_an_empty_ring_is_repaired_again_and_again():
@@ -88,6 +107,33 @@ def test_it_takes_three_more_packets_to_overrun_the_ring():
     assert stall == pytest.approx((13.14, 13.54), abs=0.01)
     assert overrun.parameter_change_does_no_harm(stall=stall[0] - 0.2)
     assert not overrun.parameter_change_does_no_harm(stall=stall[1] + 0.01)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: packets.length("C", -2), "items is -2"),
+        (lambda: ring.ring_with(-3, 2), "unread is -3"),
+        (lambda: ring.ring_with(3, 500), r"get_no is 500.*0\.\.127"),
+        (lambda: ring.reader_steps(b"\xcc", 128), r"get_no is 128.*0\.\.127"),
+        (lambda: stations.loop_table(b"a", polls=()), "polls is empty"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
+
+
+def test_the_reader_takes_each_byte_for_what_the_parser_finds():
+    stream = bytes.fromhex("41 cc dd 03 34 12 09 01 02 ee 03 ee cc dd ee")
+    steps = ring.reader_steps(stream, get_no=122)
+    words = ["number", "low byte", "high byte"]
+    packet = ["start of the packet", "start of the data"]
+    assert steps.taken_as.tolist() == [
+        "passed over", *packet, *words, *words, "end of the packet",
+        "passed over", "passed over", *packet, "end of the packet",
+    ]  # fmt: skip
+    assert steps.get_no.tolist() == [(122 + k) % 128 for k in range(len(stream))]
 
 
 def test_only_the_remote_control_has_two_partners():
@@ -138,3 +184,11 @@ def test_a_crc_is_recommended_for_one_datum_too():
 def test_what_a_lost_packet_costs_depends_on_how_often_the_value_moves():
     assert not integrity.loss_does_no_harm(interval=3.1)
     assert integrity.loss_does_no_harm(interval=2.9)
+    # The same on a simulated link: the move at 1 s is lost, and SS is right after the next one.
+    system = System(turn_timeout=0.1)
+    for interval in (2.0, 4.0):
+        moves = [(1.0 + k * interval, "BCS", 1, k + 1) for k in range(3)]
+        run = simulate(system, 14, faults=[LostPacket("BCS", "RCS", 1.0)], changes=moves)
+        second = next(u.time for u in run.updates if (u.station, u.value) == ("SS", 2))
+        assert not [u for u in run.updates if (u.station, u.value) == ("SS", 1)]
+        assert interval < second - 1.0 < interval + worst_age(system)

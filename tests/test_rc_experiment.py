@@ -314,6 +314,7 @@ def test_the_candidates_are_drawn_and_the_best_is_ringed(ax):
         (lambda: simulate_switch(Markers(), 1, 0, 1, 1, "once", 1, None), "sending is 'once'"),
         (lambda: Criterion(wrong_per_year=0), "wrong_per_year is 0"),
         (lambda: candidates(0), "n_items is 0"),
+        (lambda: compare_checks([1], [0.1], 10, None), "rng is None"),
         (lambda: recommend(1, rate=0.2), "rate is 0.2"),
     ],
 )

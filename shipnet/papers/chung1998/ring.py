@@ -6,10 +6,11 @@ from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
 from shipnet.errors import check_whole
-from shipnet.papers.chung1998.packets import FLAGS, ITEMS
+from shipnet.papers.chung1998.packets import ITEMS
 from shipnet.papers.chung1998.stations import PRINTED
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.extraction import extraction_table
+from shipnet.remote_control.items import check_bytes
 from shipnet.remote_control.packet import Markers
 from shipnet.remote_control.ring_buffer import Case, Ring, State, pointer_case
 from shipnet.remote_control.ring_states import case_table
@@ -97,9 +98,9 @@ def reader_steps(stream: bytes, get_no: int, size: int = SIZE) -> pd.DataFrame:
     Parameters
     ----------
     stream : bytes
-        What lies in the ring: any bytes, then a packet in reading A.
+        What comes into the ring: any bytes, read one by one as packets in reading A.
     get_no : int
-        Where the first byte lies.
+        Where the first byte lies, 0..size - 1.
     size : int, optional
         Places of the ring.
 
@@ -107,6 +108,11 @@ def reader_steps(stream: bytes, get_no: int, size: int = SIZE) -> pd.DataFrame:
     -------
     pandas.DataFrame
         A row a byte: ``get_no``, ``byte`` and ``taken_as``.
+
+    Raises
+    ------
+    ArgumentError
+        If the stream is no bytes, or the place is out of range.
 
     Examples
     --------
@@ -116,18 +122,20 @@ def reader_steps(stream: bytes, get_no: int, size: int = SIZE) -> pd.DataFrame:
     """
     import pandas as pd
 
-    start = stream.find(bytes(FLAGS[:2]))
+    ring, parser = ring_with(0, get_no, size), Markers(n_numbers=ITEMS).parser()
     rows = []
-    for place, byte in enumerate(stream):
-        if place < start:
-            what = "passed over"
-        elif place < start + 2:
-            what = ("start of the packet", "start of the data")[place - start]
-        elif (place - start) % 3 == 2:
-            what = "end of the packet" if byte == FLAGS[2] else "number"
+    for byte in check_bytes("stream", stream):
+        place = ring.state.get_no
+        ring.store(byte)
+        taken = bytes([ring.extract().byte or 0])
+        complete, held = parser.feed(taken), parser.pending
+        if complete:
+            what = "end of the packet"
+        elif held < 3:
+            what = ("passed over", "start of the packet", "start of the data")[held]
         else:
-            what = ("low byte", "high byte")[(place - start) % 3]
-        rows.append(((get_no + place) % size, f"0x{byte:02X}", what))
+            what = ("number", "low byte", "high byte")[held % 3]
+        rows.append((place, f"0x{taken[0]:02X}", what))
     return pd.DataFrame(rows, columns=["get_no", "byte", "taken_as"])
 
 
