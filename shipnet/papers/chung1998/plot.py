@@ -88,7 +88,7 @@ def plot_packets(items: Mapping[int, int], *, ax: Axes) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        The axes given, a row a reading; flags, numbers and values have colours of their own.
+        The axes given, a row a reading; markers, numbers and values have colours of their own.
     """
     colours = {"flag": "control", "number": "address", "low": "information", "high": "parity"}
     rows = {
@@ -115,7 +115,11 @@ def plot_packets(items: Mapping[int, int], *, ax: Axes) -> Axes:
     ax.set_xticks([])
     ax.grid(visible=False)
     handles = [
-        Patch(facecolor=style.FIELD[colour], edgecolor="0.3", label=kind)
+        Patch(
+            facecolor=style.FIELD[colour],
+            edgecolor="0.3",
+            label="marker" if kind == "flag" else kind,
+        )
         for kind, colour in colours.items()
     ]
     ax.legend(handles=handles, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
