@@ -156,6 +156,8 @@ def test_where_the_ring_stops_in_case_a_the_printed_reader_finds_nothing():
     stops = [sum(place + n >= 256 for place in range(0, 128, 8)) / 16 for n in table.waiting]
     assert table.stops.tolist() == stops
     assert table.fewest.tolist() == [3, 0, 0, 0] and table.mended.tolist() == [3, 3, 3, 3]
+    for place in (5, 64, 127):
+        assert [overrun.recovered(n, "mended", get_no=place) for n in table.waiting] == [3, 3, 3, 3]
     with pytest.raises(ArgumentError, match="rule is 'literal'"):
         overrun.recovered(127, "literal")
 

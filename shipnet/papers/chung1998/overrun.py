@@ -211,7 +211,7 @@ def recovered_table(
     waiting : sequence of int, optional
         Numbers of bytes that wait, 0..1e6.
     places : sequence of int, optional
-        Places of the reader, 0..127.
+        Places of the reader, 0..127, at least one.
 
     Returns
     -------
@@ -219,12 +219,12 @@ def recovered_table(
         A row a number of ``waiting`` bytes: packets ``sent`` whole; found in the ``printed`` ring,
         which knows an empty ring as empty, as the mean over the places, with the ``fewest`` and
         the ``most``; share of the places at which its reader ``stops`` in case a; and found in
-        the ``mended`` ring, the mean.
+        the ``mended`` ring.
 
     Raises
     ------
     ArgumentError
-        If a number is out of range.
+        If a number is out of range, or there is no place.
 
     Examples
     --------
@@ -233,13 +233,16 @@ def recovered_table(
     """
     import pandas as pd
 
+    if not len(places):
+        raise ArgumentError("places is empty; it must hold a place")
     size, rows = length("A", ITEMS), []
     for n in waiting:
         found = [recovered(n, "meant", get_no=place) for place in places]
         stops = [packets_stored(n, ITEMS, get_no=place).case == "a" for place in places]
-        mended = [recovered(n, "mended", get_no=place) for place in places]
-        shares = [sum(column) / len(places) for column in (found, stops, mended)]
-        rows.append((n, n // size, shares[0], min(found), max(found), *shares[1:]))
+        # The mended ring counts on: where its reader stands makes no difference.
+        mended = recovered(n, "mended", get_no=places[0])
+        mean, stopped = (sum(column) / len(places) for column in (found, stops))
+        rows.append((n, n // size, mean, min(found), max(found), stopped, mended))
     columns = ["waiting", "sent", "printed", "fewest", "most", "stops", "mended"]
     return pd.DataFrame(rows, columns=columns)
 

@@ -374,10 +374,16 @@ def plot_recovered(table: pd.DataFrame, *, ax: Axes) -> Axes:
     waiting = table["waiting"]
     ax.plot(waiting, table["sent"], color="0.6", linewidth=1, label="packets that came")
     for name, colour in (("mended", "C2"), ("printed", "C0")):
-        ax.plot(waiting, table[name], color=colour, label=f"{name} ring, mean")
+        ax.plot(
+            waiting,
+            table[name],
+            drawstyle="steps-post",
+            color=colour,
+            label=f"{name} ring" + ", mean" * (name == "printed"),
+        )
     ax.fill_between(
         waiting, table["fewest"], table["most"], color="C0", alpha=0.15,
-        label="printed ring, all places",
+        label="from place to place", step="post",
     )  # fmt: skip
     for full, text in ((SIZE, "ring full"), (2 * SIZE, "looks empty")):
         ax.axvline(full, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])

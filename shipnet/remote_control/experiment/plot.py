@@ -49,7 +49,7 @@ def plot_checks(table: pd.DataFrame, *, ax: Axes, bit_error_rate: float) -> Axes
         count = rows["undetected"].to_numpy(dtype=float)
         share = count / rows["sent"].to_numpy(dtype=float)
         # Beside each other, so that none hides another.
-        beside = items + 0.4 * (place - 1)
+        beside = items + 0.4 * place
         low, high = (rows[name].to_numpy(dtype=float) for name in ("low", "high"))
         ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=f"{check}")
         some = count > 0
@@ -61,9 +61,8 @@ def plot_checks(table: pd.DataFrame, *, ax: Axes, bit_error_rate: float) -> Axes
     ax.set_yscale("log")
     ax.set_xlabel("items a packet")
     ax.set_ylabel("share of packets taken wrong [-]")
-    grey = {"color": "0.4", "linestyle": "none"}
-    ax.plot([], [], marker="o", label="counted, 95 % bounds", **grey)
-    ax.plot([], [], marker="v", label="none counted, upper bound", **grey)
+    for marker, meaning in (("o", "counted, 95 % bounds"), ("v", "none counted, upper bound")):
+        ax.plot([], [], color="0.4", marker=marker, linestyle="none", label=meaning)
     ax.legend()
     return ax
 

@@ -183,9 +183,9 @@ def draw_outcomes(
     [76837, 2395, 20768]
     """
     p = check_scalar("rate", rate, "", 0, 0.5)
+    n = check_whole("n_packets", n_packets, 0, 10**9)
     if not isinstance(rng, np.random.Generator):
         raise ArgumentError(f"rng is {rng!r}; it must be a numpy.random.Generator")
-    n = check_whole("n_packets", n_packets, 0, 10**9)
     size = packet_format.size(n_items)
     outcome = np.zeros(n, np.uint8)
     numbers = np.arange(n_items)
