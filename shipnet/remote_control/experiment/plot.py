@@ -51,7 +51,9 @@ def plot_checks(table: pd.DataFrame, *, ax: Axes, bit_error_rate: float) -> Axes
         # Beside each other, so that none hides another.
         beside = items + 0.4 * place
         low, high = (rows[name].to_numpy(dtype=float) for name in ("low", "high"))
-        ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=f"{check}")
+        # See `packet_shares`: of the stuffed packet the share is an estimate from above.
+        label = f"{check}" + ", upper estimate" * (check == "CRC")
+        ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=label)
         some = count > 0
         ax.errorbar(
             beside[some], share[some], yerr=[(share - low)[some], (high - share)[some]],
