@@ -3,14 +3,23 @@
 import numpy as np
 import pytest
 
+from shipnet.errors import ArgumentError
 from shipnet.papers import counts
-from shipnet.papers.chung1998 import integrity, link, overrun, packets, ring
-from shipnet.papers.chung1998.stations import PRINTED
+from shipnet.papers.chung1998 import integrity, link, overrun, packets, ring, stations
+from shipnet.papers.chung1998.stations import PRINTED, chips_needed
 from shipnet.remote_control import Markers, Ring
 from shipnet.remote_control.experiment import Criterion, candidates, recommend
 from shipnet.remote_control.link import BIT_RATES, MEANT, Supervision, System, cascade, worst_age
 from shipnet.remote_control.link import PRINTED as PRINTED_RULE
-from shipnet.remote_control.link.trials import overrun_stall, ring_trials, switch_trials
+from shipnet.remote_control.link.faults import LostPacket, Stall
+from shipnet.remote_control.link.run import simulate
+from shipnet.remote_control.link.trials import (
+    PAPER_EVENTS,
+    overrun_stall,
+    ring_trials,
+    switch_trials,
+)
+from shipnet.remote_control.signals import STATIONS
 
 
 def test_no_claim_is_open():
@@ -26,6 +35,12 @@ def test_three_seconds_need_both_tests_to_be_reached():
     )
     assert MEANT.detection_time[1] == pytest.approx(count * miss * tick) == pytest.approx(3.0)
     assert PRINTED_RULE == Supervision(tick, int(count), int(miss))
+
+
+def test_the_events_of_the_trials_are_those_of_the_paper():
+    names = ("without_parameter_change", "with_enter_presses")
+    printed = [int(PRINTED[f"abnormal_events_{name}"]) for name in names]
+    assert [PAPER_EVENTS[0], PAPER_EVENTS[2]] == printed == [0, 1]
 
 
 def test_the_rates_are_those_of_the_paper():
@@ -48,15 +63,23 @@ def test_bcs_may_take_rcs_as_failed_and_at_600_bit_per_s_must():
 
 
 def test_no_reading_lets_the_flags_show_every_single_error():
-    passed = {"A": 30 / 33, "B": 30 / 42, "C": 30 / 60}
-    for reading, share in passed.items():
-        size = packets.length(reading, 10)
-        flags = (
-            len(packets.flags_at("A", 1)) * 10
-            if reading == "C"
-            else len(packets.flags_at(reading, 10))
-        )
-        assert 1 - flags / size == pytest.approx(share)
+    values = {number: 1000 + number for number in range(10)}
+    passed = {}
+    for reading in "ABC":
+        form = Markers("A" if reading == "C" else reading, numbers="any")
+        parts = [{n: v} for n, v in values.items()] if reading == "C" else [values]
+        stream = b"".join(form.encode(part) for part in parts)
+        sent = form.parser().feed(stream)
+        assert len(stream) == packets.length(reading, 10)
+        count = 0
+        for bit in range(8 * len(stream)):
+            hit = bytearray(stream)
+            hit[bit >> 3] ^= 1 << (bit & 7)
+            found = form.parser().feed(bytes(hit))
+            count += len(found) == len(sent) and found != sent
+        passed[reading] = count / (8 * len(stream))
+    # A bit that turns a number into 0xEE would end the packet: of 0..9 none is one bit from it.
+    assert passed == {"A": 30 / 33, "B": 30 / 42, "C": 30 / 60}
 
 
 def test_by_the_letter_an_empty_ring_is_repaired_again_and_again():
@@ -86,6 +109,66 @@ def test_it_takes_three_more_packets_to_overrun_the_ring():
     assert not overrun.parameter_change_does_no_harm(stall=stall[1] + 0.01)
 
 
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: packets.length("C", -2), "items is -2"),
+        (lambda: ring.ring_with(-3, 2), "unread is -3"),
+        (lambda: ring.ring_with(3, 500), r"get_no is 500.*0\.\.127"),
+        (lambda: ring.reader_steps(b"\xcc", 128), r"get_no is 128.*0\.\.127"),
+        (lambda: stations.loop_table(b"a", polls=()), "polls is empty"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
+
+
+def test_the_reader_takes_each_byte_for_what_the_parser_finds():
+    stream = bytes.fromhex("41 cc dd 03 34 12 09 01 02 ee 03 ee cc dd ee")
+    steps = ring.reader_steps(stream, get_no=122)
+    words = ["number", "low byte", "high byte"]
+    packet = ["start of the packet", "start of the data"]
+    assert steps.taken_as.tolist() == [
+        "passed over", *packet, *words, *words, "end of the packet",
+        "passed over", "passed over", *packet, "end of the packet",
+    ]  # fmt: skip
+    assert steps.get_no.tolist() == [(122 + k) % 128 for k in range(len(stream))]
+
+
+def test_only_the_remote_control_has_two_partners():
+    assert {name: chips_needed(name) for name in STATIONS} == {"RCS": 2, "BCS": 1, "SS": 1}
+    with pytest.raises(ArgumentError, match="station is 'ECR'"):
+        chips_needed("ECR")
+
+
+def test_of_overruns_by_less_than_a_round_half_show_the_case_that_means_one():
+    places, leads = range(ring.SIZE), range(ring.SIZE + 1, 2 * ring.SIZE)
+    shown = [ring.case_of(place, lead) for place in places for lead in leads]
+    assert (shown.count("a"), shown.count("c")) == (8128, 8128)
+    assert len(shown) == 2 * 8128
+    # A ring that is just full shows case c as well, with nothing overwritten.
+    assert {ring.case_of(place, ring.SIZE) for place in places} == {"c"}
+
+
+def test_where_the_ring_stops_in_case_a_the_printed_reader_finds_nothing():
+    table = overrun.recovered_table([100, 160, 200, 240], places=range(0, 128, 8))
+    stops = [sum(place + n >= 256 for place in range(0, 128, 8)) / 16 for n in table.waiting]
+    assert table.stops.tolist() == stops
+    assert table.fewest.tolist() == [3, 0, 0, 0] and table.mended.tolist() == [3, 3, 3, 3]
+    for place in (5, 64, 127):
+        assert [overrun.recovered(n, "mended", get_no=place) for n in table.waiting] == [3, 3, 3, 3]
+    with pytest.raises(ArgumentError, match="rule is 'literal'"):
+        overrun.recovered(127, "literal")
+
+
+@pytest.mark.parametrize(("stall", "unread"), [(0.2, 33), (3.8, 33), (5.0, 66), (9.0, 99)])
+def test_up_to_three_packets_wait_in_a_stall_that_leaves_the_ring_in_order(stall, unread):
+    run = simulate(link.as_printed(), 25.0, faults=[Stall("BCS", 5.0, 5.0 + stall)])
+    assert unread - 33 < run.most_unread <= unread
+    assert overrun.parameter_change_does_no_harm(stall=stall)
+
+
 def test_with_the_search_a_repair_gives_up_a_packet_more_at_most():
     given_up = overrun.given_up(overrun.overrun_rings(10))
     assert (min(given_up), max(given_up)) == (1, 64 + 32)
@@ -103,3 +186,11 @@ def test_a_crc_is_recommended_for_one_datum_too():
 def test_what_a_lost_packet_costs_depends_on_how_often_the_value_moves():
     assert not integrity.loss_does_no_harm(interval=3.1)
     assert integrity.loss_does_no_harm(interval=2.9)
+    # The same on a simulated link: the move at 1 s is lost, and SS is right after the next one.
+    system = System(turn_timeout=0.1)
+    for interval in (2.0, 4.0):
+        moves = [(1.0 + k * interval, "BCS", 1, k + 1) for k in range(3)]
+        run = simulate(system, 14, faults=[LostPacket("BCS", "RCS", 1.0)], changes=moves)
+        second = next(u.time for u in run.updates if (u.station, u.value) == ("SS", 2))
+        assert not [u for u in run.updates if (u.station, u.value) == ("SS", 1)]
+        assert interval < second - 1.0 < interval + worst_age(system)

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import combinations
 
 import matplotlib
@@ -26,7 +27,7 @@ from shipnet.remote_control.experiment import (
 from shipnet.remote_control.experiment.plot import plot_candidates, plot_checks
 from shipnet.remote_control.experiment.residual import code_weights, single_flip_share
 from shipnet.remote_control.experiment.transmission import check_formats, draw_outcomes
-from shipnet.remote_control.link import System
+from shipnet.remote_control.link import LostPacket, System, simulate
 
 #: What a count may differ from its expectation: once in a million by chance.
 RARE = 1e-6
@@ -111,6 +112,22 @@ def test_the_stuffed_packet_keeps_under_its_estimate():
     shares = packet_shares(form, 3, 0.02)
     assert is_likely(trial.intact, trial.sent, shares.intact)
     assert trial.interval("undetected", 0.999).low < shares.undetected
+
+
+@pytest.mark.parametrize("n_items", [1, 10])
+def test_no_single_inverted_bit_passes_the_stuffed_packet_whatever_its_values(n_items):
+    form, rng = Stuffed(10), np.random.default_rng(7)
+    values = rng.integers(0, 2**16, (40, n_items)) * rng.integers(0, 2, (40, n_items))
+    rows = encode_batch(form, np.arange(n_items), values)
+    bits = 8 * rows.shape[1]
+    flipped = np.repeat(rows, bits, axis=0)
+    bit = np.tile(np.arange(bits), len(rows))
+    flipped[np.arange(len(flipped)), bit >> 3] ^= (0x80 >> (bit & 7)).astype(np.uint8)
+    assert check_batch(form, rows).accepted.all()
+    assert not check_batch(form, flipped).accepted.any()
+    # So of the estimate only packets with two inverted bits and more are left.
+    two = 1 - (1 - 1e-6) ** bits - bits * 1e-6 * (1 - 1e-6) ** (bits - 1)
+    assert packet_shares(form, n_items, 1e-6).undetected == pytest.approx(two / 2**16, rel=1e-3)
 
 
 def test_the_gaps_between_inverted_bits_make_the_same_packets_as_a_coin_for_every_bit():
@@ -214,6 +231,27 @@ def test_what_is_recommended_meets_every_limit_and_nothing_that_does_is_quicker(
     assert "CRC" in chosen.check and chosen.sending == "cyclic"
 
 
+def test_a_lost_packet_costs_the_cycle_and_the_turn_that_are_said():
+    best = recommend(10, rate=1e-7)
+    assert best.check == "CRC"
+    link = System(Stuffed(10), repeat=10, turn_timeout=best.turn_timeout)
+    run = simulate(link, 3, faults=[LostPacket("BCS", "RCS", 1.0)], changes=[(1.0, "BCS", 1, 1)])
+    lost = next(packet for packet in run.packets if packet.disturbed)
+    seen = next(u.time for u in run.updates if (u.station, u.number, u.value) == ("RCS", 1, 1))
+    assert seen - lost.end == pytest.approx(best.stale_time, rel=1e-4)
+    # As printed, RCS waits until its counters run out: four seconds and more.
+    printed = simulate(
+        replace(link, turn_timeout=None), 9, faults=[LostPacket("BCS", "RCS", 1.0)],
+        changes=[(1.0, "BCS", 1, 1)],
+    )  # fmt: skip
+    assert 4.3 < printed.delays("SS").delay_s[0] < 4.9
+
+
+def test_a_turn_shorter_than_an_answer_is_no_way_to_send():
+    with pytest.raises(ArgumentError, match="turn_timeout is shorter"):
+        recommend(10, System(turn_timeout=0.005, bit_rate=600))
+
+
 def test_many_items_on_a_noisy_line_go_in_several_packets():
     assert recommend(40, rate=1e-6).per_packet == 40
     assert recommend(40, rate=1e-3).per_packet < 20
@@ -276,6 +314,7 @@ def test_the_candidates_are_drawn_and_the_best_is_ringed(ax):
         (lambda: simulate_switch(Markers(), 1, 0, 1, 1, "once", 1, None), "sending is 'once'"),
         (lambda: Criterion(wrong_per_year=0), "wrong_per_year is 0"),
         (lambda: candidates(0), "n_items is 0"),
+        (lambda: compare_checks([1], [0.1], 10, None), "rng is None"),
         (lambda: recommend(1, rate=0.2), "rate is 0.2"),
     ],
 )

@@ -195,6 +195,27 @@ def test_a_dead_slave_costs_the_wait_and_the_silence_of_the_closed_form(bit_rate
     assert seen.alarm == {9600: "possible", 600: "certain"}[bit_rate]
 
 
+@pytest.mark.parametrize("bit_rate", [9600, 600])
+@pytest.mark.parametrize(
+    "mend",
+    [{}, *({"master": Supervision(miss_limit=m)} for m in (0, 1)), {"turn_timeout": 1.0}],
+    ids=["printed", "limit 0", "limit 1", "turn"],
+)
+def test_no_death_anywhere_in_the_cycle_silences_bcs_longer_than_the_bound(mend, bit_rate):
+    system, rng = full(bit_rate=bit_rate, **mend), np.random.default_rng(5)
+    seen, pairs, longest = cascade(system), set(), 0.0
+    for k in range(30):
+        died = 3 + cycle_time(system) * (k + 0.5) / 30
+        run = simulate(system, died + 16, faults=[Dead("SS", died)], rng=rng)
+        pairs |= set(zip(run.alarms.station, run.alarms.partner, strict=True))
+        longest = max(longest, run.silences("BCS").max())
+    # Half an answer in the ring spoils that of BCS in some of the runs: the bound is nearly met.
+    assert seen.longest - 2 * system.master.tick <= longest <= seen.longest + 1e-9
+    assert (seen.alarm == "never") == (("BCS", "RCS") not in pairs)
+    # Only a turn that ends before the counters run out keeps RCS from failing BCS, which lives.
+    assert (("RCS", "BCS") in pairs) == (system.turn_timeout is None)
+
+
 @pytest.mark.parametrize(
     "mend", [{"turn_timeout": 0.2}, {"master": Supervision(miss_limit=0)}], ids=["turn", "limit"]
 )
@@ -343,6 +364,13 @@ def test_the_margins_are_drawn_under_their_limit(ax):
         (lambda: Supervision(count_limit=0), "count_limit is 0"),
         (lambda: Supervision(miss_limit=0, strict=False), "miss_limit is 0"),
         (lambda: Supervision(strict=1), "strict is 1"),
+        (lambda: System(None), "packet_format is None"),
+        (lambda: System(master=None), "master is None"),
+        (lambda: Dead("SS", start=None), "start is None"),
+        (lambda: Dead("SS", start="1"), "start is '1'"),
+        (lambda: BitErrors(None), "rate is None"),
+        (lambda: simulate(System(), 1, changes=[(0.1, "SS", 1)]), r"change is \(0\.1, 'SS', 1\)"),
+        (lambda: simulate(System(), 1, faults=Dead("SS")), "must be a list"),
         (lambda: Dead("XCS"), "station is 'XCS'"),
         (lambda: Dead("SS", 2.0, 1.0), "start is 2.0 s and stop is 1.0 s"),
         (lambda: Stall("SS", 0, float("inf")), "a stall must end"),

@@ -358,6 +358,8 @@ def test_the_map_of_cases_agrees_with_the_table(axes):
         (lambda: explore(4, most_unread=17), "most_unread is 17"),
         (lambda: case_table(1), "size is 1"),
         (lambda: case_table(8, 0), "rounds is 0"),
+        (lambda: extract_value(None, 0), "cells is None"),
+        (lambda: extract_items(b"", 0, 1), "cells has 0 bytes"),
         (lambda: extract_value(b"", 0), "cells and beyond have 0"),
         (lambda: extract_value(bytes(8), 8), r"get_no is 8.*0\.\.7"),
         (lambda: extract_value(bytes(8), 0, beyond=b""), "2 and 0|8 and 0"),

@@ -106,6 +106,14 @@ def test_the_printed_loop_on_a_busy_chip_repeats_its_first_byte_and_loses_the_re
     assert chip.overwritten[0] == 0x31
 
 
+def test_a_printed_loop_without_end_is_refused():
+    chip = Usart(2**-10)
+    chip.write(1, 0.0)
+    chip.write(2, 0.0)
+    with pytest.raises(ArgumentError, match=r"poll is 6\.1.*byte 0 is still written"):
+        send_printed(chip, b"a", start=2**-14, poll=2**-14)
+
+
 def test_how_often_the_first_byte_is_repeated_depends_on_the_moment():
     counts = {
         len(send_printed(busy_chip(2), PACKET, poll=poll * 1e-6).line) for poll in range(15, 30)

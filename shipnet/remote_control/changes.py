@@ -28,7 +28,7 @@ def changed(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
     Raises
     ------
     ArgumentError
-        If there are not as many of both.
+        If there are not as many of both, or one is no whole number 0..65535.
 
     References
     ----------
@@ -44,11 +44,15 @@ def changed(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
         raise ArgumentError(
             f"sending has {len(sending)} data; it must have {len(sended)}, as many as sended"
         )
-    return {
-        number: value
+    pairs = [
+        (_value("sending", number, value), _value("sended", number, last))
         for number, (value, last) in enumerate(zip(sending, sended, strict=True))
-        if value != last
-    }
+    ]
+    return {number: value for number, (value, last) in enumerate(pairs) if value != last}
+
+
+def _value(name: str, number: int, value: int) -> int:
+    return check_whole(f"{name}[{number}]", value, 0, 0xFFFF)
 
 
 class Sender:

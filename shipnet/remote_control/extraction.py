@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from shipnet.errors import ArgumentError, check_whole
-from shipnet.remote_control.items import Items
+from shipnet.remote_control.items import Items, check_bytes
 from shipnet.remote_control.packet import Markers
 
 if TYPE_CHECKING:
@@ -56,6 +56,7 @@ def extract_value(cells: bytes, get_no: int, *, wrap: bool = False, beyond: byte
     >>> [hex(extract_value(cells, 6, wrap=wrap)) for wrap in (False, True)]
     ['0x34', '0x1234']
     """
+    cells, beyond = check_bytes("cells", cells), check_bytes("beyond", beyond)
     size = len(cells)
     if size < 3 or len(beyond) != 2:
         raise ArgumentError(
@@ -115,6 +116,8 @@ def extract_items(
     ((0, 120), (1, 16372))
     """
     form = packet_format or Markers()
+    if len(check_bytes("cells", cells)) < 3:
+        raise ArgumentError(f"cells has {len(cells)} bytes; it must have 3 or more")
     check_whole("n_items", n_items, 0, form.n_numbers)
     check_whole("get_no", get_no, 0, len(cells) - 1)
     head, step = len(form.head), len(form.lead) + 3

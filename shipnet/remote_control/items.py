@@ -9,7 +9,7 @@ from typing import Literal
 from shipnet.crc import crc
 from shipnet.errors import ArgumentError, FieldError, check_whole
 
-__all__ = ["NumberCheck", "check_items", "check_number_check", "check_numbers"]
+__all__ = ["NumberCheck", "check_bytes", "check_items", "check_number_check", "check_numbers"]
 __all__ += ["read_items", "trailer"]
 
 #: Number and value of each item, in the order of the packet.
@@ -41,6 +41,36 @@ def trailer(data: bytes) -> bytes:
     '374b'
     """
     return crc("CRC-16/MODBUS", data).to_bytes(_CRC, "little")
+
+
+def check_bytes(name: str, data: object) -> bytes:
+    """Return bytes, or raise: of a number, `bytes` would make so many zeros.
+
+    Parameters
+    ----------
+    name : str
+        What it is.
+    data : bytes-like
+        What was given.
+
+    Returns
+    -------
+    bytes
+        The same.
+
+    Raises
+    ------
+    ArgumentError
+        If these are no bytes.
+
+    Examples
+    --------
+    >>> check_bytes("data", bytearray(b"ab"))
+    b'ab'
+    """
+    if not isinstance(data, (bytes, bytearray, memoryview)):
+        raise ArgumentError(f"{name} is {data!r}; it must be bytes")
+    return bytes(data)
 
 
 def check_number_check(numbers: str) -> None:

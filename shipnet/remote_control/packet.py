@@ -19,6 +19,7 @@ from shipnet.errors import ArgumentError, CrcError, FormError, LengthError, chec
 from shipnet.remote_control.items import (
     Items,
     NumberCheck,
+    check_bytes,
     check_items,
     check_number_check,
     check_numbers,
@@ -192,7 +193,7 @@ class Markers:
         FieldError
             If a number is none that `numbers` allows.
         """
-        data, step = bytes(packet), len(self.lead) + _ITEM
+        data, step = check_bytes("packet", packet), len(self.lead) + _ITEM
         end = len(data) - 1 - _CRC * self.crc
         n_items, rest = divmod(end - len(self.head), step)
         if rest or not 0 <= n_items <= self.n_numbers:
@@ -232,6 +233,11 @@ class MarkerParser:
         self._packet = bytearray()
         self._size = 0
 
+    @property
+    def pending(self) -> int:
+        """How many bytes of a packet that is not complete it holds."""
+        return len(self._packet)
+
     def feed(self, data: bytes) -> list[Items]:
         """Return the packets that these bytes complete.
 
@@ -241,7 +247,7 @@ class MarkerParser:
             Any bytes, any number of them.
         """
         packets: list[Items] = []
-        for byte in bytes(data):
+        for byte in check_bytes("data", data):
             if not self._fits(byte):
                 self.discarded += len(self._packet)
                 self._packet.clear()

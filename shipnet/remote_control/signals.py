@@ -106,8 +106,8 @@ SIGNALS = (
     Signal(6, "alarm", "state", ("RCS",), ("BCS", "SS"), "2"),
     Signal(7, "safety_speed", "measurement", ("SS",), ("RCS", "BCS"), "2"),
     Signal(8, "overspeed", "state", ("SS",), ("RCS", "BCS"), "2"),
-    Signal(9, "shutdown", "state", ("SS",), ("RCS", "BCS"), "2"),
-    Signal(10, "slowdown", "state", ("SS",), ("RCS", "BCS"), "2"),
+    # Shutdown and slowdown fit into one datum of 16 bits: the paper sends ten data.
+    Signal(9, "shutdown_slowdown", "state", ("SS",), ("RCS", "BCS"), "2"),
 )
 
 
@@ -134,7 +134,7 @@ def signals_on(source: str, target: str) -> tuple[Signal, ...]:
     >>> [signal.name for signal in signals_on("BCS", "RCS")]
     ['control_position', 'shutdown_cancel', 'slowdown_cancel', 'speed_command']
     >>> len(signals_on("RCS", "BCS"))
-    10
+    9
     """
     if (source, target) not in HOPS:
         lines = ", ".join(f"{a} to {b}" for a, b in HOPS)
@@ -163,7 +163,7 @@ def forwarded(source: str, target: str) -> frozenset[int]:
     Examples
     --------
     >>> sorted(forwarded("BCS", "SS")), sorted(forwarded("SS", "BCS"))
-    ([1, 2], [1, 2, 7, 8, 9, 10])
+    ([1, 2], [1, 2, 7, 8, 9])
     """
     if {source, target} != {"BCS", "SS"}:
         raise ArgumentError(f"source and target are {source!r}, {target!r}; they must be BCS, SS")
@@ -186,7 +186,7 @@ def signal_table() -> pd.DataFrame:
 
     >>> table = signal_table()
     >>> table[["RCS-BCS", "BCS-RCS", "RCS-SS", "SS-RCS"]].sum().tolist()
-    [10, 4, 5, 6]
+    [9, 4, 5, 5]
     """
     import pandas as pd
 

@@ -14,6 +14,7 @@ from shipnet.errors import CrcError, FormError, FrameError, LengthError, check_w
 from shipnet.remote_control.items import (
     Items,
     NumberCheck,
+    check_bytes,
     check_items,
     check_number_check,
     check_numbers,
@@ -186,7 +187,7 @@ class Stuffed:
         FieldError
             If a number is none that `numbers` allows.
         """
-        data = bytes(packet)
+        data = check_bytes("packet", packet)
         n_items, rest = divmod(len(data) - 4, 3)
         if rest or not 0 <= n_items <= self.n_numbers:
             raise LengthError(f"the packet has {len(data)} bytes, which no number of items gives")
@@ -228,7 +229,7 @@ class StuffedParser:
         """
         packets: list[Items] = []
         longest = self._format.size(self._format.n_numbers)
-        for byte in bytes(data):
+        for byte in check_bytes("data", data):
             if len(self._packet) < longest:
                 self._packet.append(byte)
             else:

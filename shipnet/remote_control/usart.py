@@ -16,6 +16,9 @@ __all__ = ["Sent", "Status", "Usart", "send_meant", "send_printed"]
 
 _NEVER = float("inf")
 
+#: Characters for which a program may stay with one byte; then its loop is taken as endless.
+_MOST_CHARACTERS = 10_000
+
 
 class Status(IntFlag):
     """Bits of the status register.
@@ -232,7 +235,8 @@ def send_printed(usart: Usart, data: bytes, *, start: float = 0.0, poll: float =
     Raises
     ------
     ArgumentError
-        If an argument is out of its range.
+        If an argument is out of its range, or the loop does not get away from a byte within
+        10 000 characters: with some times of polling it never does.
 
     Notes
     -----
@@ -325,7 +329,15 @@ def _send(usart: Usart, data: bytes, start: float, poll: float, *, printed: bool
         writes += 1
 
     for place in range(len(data)):
+        begun = time
         while not usart.status(time) & Status.TXRDY:
+            # Each round of the printed loop fills the buffer again; if it always asks too early
+            # it has no end.
+            if time - begun > _MOST_CHARACTERS * usart.character_time:
+                raise ArgumentError(
+                    f"poll is {step:g} s: byte {place} is still written again after "
+                    f"{_MOST_CHARACTERS} characters, for the loop never asks in time"
+                )
             time += step
             if printed:
                 write(place)

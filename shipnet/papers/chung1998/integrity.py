@@ -97,7 +97,7 @@ def recommendation_table(items: Sequence[int], patience: Mapping[float, float]) 
     Examples
     --------
     >>> recommendation_table([40], {600: 20}).iloc[0].tolist()[:5]
-    [600, 40, 'markers + CRC', 'cyclic', 10]
+    [600, 40, 'CRC', 'cyclic', 10]
     """
     import pandas as pd
 

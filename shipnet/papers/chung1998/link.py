@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from shipnet.errors import check_whole
 from shipnet.papers.chung1998.integrity import PATIENCE
 from shipnet.papers.chung1998.packets import ITEMS
 from shipnet.papers.chung1998.stations import PRINTED
@@ -26,7 +27,7 @@ from shipnet.remote_control.packet import Markers
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["as_printed", "cascade_table"]
+__all__ = ["as_printed", "cascade_table", "deaths_table"]
 
 #: Section 4: period of the timer [s], and the limits of the two counters.
 _TICK = float(PRINTED["tick"])
@@ -125,7 +126,7 @@ def longest_silence(*, rate: float = 600.0, items: int = ITEMS, bits: int = 10) 
 
 @numeric("chung1998-047")
 def silence_while_waiting(*, rate: float = 9600.0, items: int = ITEMS) -> float:
-    """Seconds without a 0xDD, at most, that BCS sees while RCS waits for a dead SS."""
+    """Seconds without a 0xDD for BCS while RCS waits for an SS that died silent, as printed."""
     return cascade(as_printed(rate, items)).quiet[1]
 
 
@@ -145,7 +146,9 @@ def cascade_table(
     -------
     pandas.DataFrame
         A row a rule and bit rate: ``rule``, ``bit/s``, ``RCS waits [s]`` and ``BCS hears nothing
-        [s]``, both at most, and ``false alarm``: never, possible or certain.
+        [s]`` at the first turn of an SS that died silent, as the timers stand at worst, ``later,
+        up to [s]`` for any moment of death and any turn, and ``false alarm`` of BCS: never,
+        possible or certain.
 
     Raises
     ------
@@ -163,8 +166,57 @@ def cascade_table(
     for name, fields in mends.items():
         for rate in rates:
             seen = cascade(replace(as_printed(rate), **fields))
-            rows.append((name, rate, seen.wait[1], seen.quiet[1], seen.alarm))
-    columns = ["rule", "bit/s", "RCS waits [s]", "BCS hears nothing [s]", "false alarm"]
+            rows.append((name, rate, seen.wait[1], seen.quiet[1], seen.longest, seen.alarm))
+    columns = ["rule", "bit/s", "RCS waits [s]", "BCS hears nothing [s]", "later, up to [s]"]
+    columns += ["false alarm"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def deaths_table(
+    mends: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
+) -> pd.DataFrame:
+    """Return who is taken as failed when SS dies, its deaths spread over a cycle.
+
+    Parameters
+    ----------
+    mends : mapping of str to mapping
+        Name of each rule, and the fields of `System` that it changes.
+    rate : float, default 600
+        Bit rate [bit/s].
+    n : int, default 30
+        How many deaths, 1..1000; the timers of the stations stand by chance, seed 2024.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a rule: ``rule``, ``deaths``, and in how many of these ``RCS fails SS``, which is
+        right, ``RCS fails BCS`` and ``BCS fails RCS``, which are not.
+
+    Raises
+    ------
+    ArgumentError
+        If `System` does not take the fields, or an argument is out of range.
+
+    Examples
+    --------
+    >>> deaths_table({"a turn ends": {"turn_timeout": 1.0}}, n=3).iloc[0].astype(str).tolist()
+    ['a turn ends', '3', '3', '0', '0']
+    """
+    import pandas as pd
+
+    pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
+    runs, rows = check_whole("n", n, 1, 1000), []
+    for name, fields in mends.items():
+        system = replace(as_printed(rate), **fields)
+        rng, cycle, found = np.random.default_rng(2024), cycle_of(system), []
+        for k in range(runs):
+            # After a cycle; the last failure is found by four waits later.
+            death = (1 + (k + 0.5) / runs) * cycle
+            end = death + 4 * system.master.detection_time[1] + cycle
+            alarms = simulate(system, end, faults=[Dead("SS", death)], rng=rng).alarms
+            found.append(set(zip(alarms["station"], alarms["partner"], strict=True)))
+        rows.append((name, runs, *(sum(pair in seen for seen in found) for pair in pairs)))
+    columns = ["rule", "deaths", *(f"{a} fails {b}" for a, b in pairs)]
     return pd.DataFrame(rows, columns=columns)
 
 

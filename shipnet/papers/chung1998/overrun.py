@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from shipnet.errors import ArgumentError, check_whole
 from shipnet.papers.chung1998.link import as_printed
 from shipnet.papers.chung1998.packets import ITEMS, length
 from shipnet.papers.chung1998.ring import SIZE
@@ -24,7 +25,12 @@ __all__ += ["recovered_table"]
 
 
 def packets_stored(
-    n: int, items: int, phase: int = 0, size: int = SIZE, rule: Rule = "literal"
+    n: int,
+    items: int,
+    phase: int = 0,
+    size: int = SIZE,
+    rule: Rule = "literal",
+    get_no: int = 0,
 ) -> Ring:
     """Return a ring in which so many bytes of packets have been stored and none read.
 
@@ -40,6 +46,8 @@ def packets_stored(
         Places of the ring.
     rule : {"literal", "meant", "mended"}, default "literal"
         How the reader decides.
+    get_no : int, default 0
+        Where the reader stands, 0..size - 1: so many zeros were stored and read before.
 
     Returns
     -------
@@ -54,7 +62,10 @@ def packets_stored(
     """
     packet = Markers(n_numbers=items).encode(dict.fromkeys(range(items), 1000))
     ring = Ring(size, rule)
-    for k in range(n):
+    for _ in range(check_whole("get_no", get_no, 0, ring.size - 1)):
+        ring.store(0)
+        ring.extract()
+    for k in range(check_whole("n", n, 0, 10**6)):
         ring.store(packet[(phase + k) % len(packet)])
     return ring
 
@@ -136,34 +147,50 @@ def given_up(rings: Iterable[Ring]) -> list[int]:
     return found
 
 
-def recovered(waiting: int, rule: Rule, items: int = ITEMS) -> int:
+def recovered(waiting: int, rule: Rule, items: int = ITEMS, get_no: int = 0) -> int:
     """Return how many packets are found behind so many bytes that nobody read.
 
     Parameters
     ----------
     waiting : int
-        Bytes stored before the reader begins.
+        Bytes stored before the reader begins, 0..1e6.
     rule : {"meant", "mended"}
-        How the reader decides.
+        How the reader decides. By "literal" it has no end.
     items : int, optional
         Data of each packet; all data of the n-th have the value n.
+    get_no : int, default 0
+        Where the reader stands, 0..127.
 
     Returns
     -------
     int
-        Packets found as they were sent.
+        Packets found as they were sent; none where the reader stops, in case a.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of range, or the rule is none of the two.
 
     Examples
     --------
-    Of the six packets in 200 bytes:
+    Of the six packets in 200 bytes, with the reader at the start and in the last place; there the
+    printed ring shows the case that was left out, and its reader stops:
 
     >>> recovered(200, "meant"), recovered(200, "mended")
     (2, 3)
+    >>> recovered(200, "meant", get_no=127), recovered(200, "mended", get_no=127)
+    (0, 3)
     """
+    if rule not in ("meant", "mended"):
+        raise ArgumentError(f"rule is {rule!r}; it must be 'meant' or 'mended'")
+    check_whole("waiting", waiting, 0, 10**6)
     form = Markers(n_numbers=items)
     count = waiting // form.size(items) + 1
     sent = [dict.fromkeys(range(items), n) for n in range(1, count + 1)]
     ring = Ring(SIZE, rule)
+    for _ in range(check_whole("get_no", get_no, 0, SIZE - 1)):
+        ring.store(0)
+        ring.extract()
     for byte in b"".join(map(form.encode, sent))[:waiting]:
         ring.store(byte)
     taken = bytearray()
@@ -173,35 +200,59 @@ def recovered(waiting: int, rule: Rule, items: int = ITEMS) -> int:
     return sum(tuple(packet.items()) in found for packet in sent)
 
 
-def recovered_table(most: int = 3 * SIZE) -> pd.DataFrame:
+def recovered_table(
+    waiting: Sequence[int] = range(0, 3 * SIZE + 1, 8),
+    places: Sequence[int] = range(0, SIZE, 8),
+) -> pd.DataFrame:
     """Return how many packets the printed ring and the mended one still hold.
 
     Parameters
     ----------
-    most : int, optional
-        Most bytes that wait.
+    waiting : sequence of int, optional
+        Numbers of bytes that wait, 0..1e6.
+    places : sequence of int, optional
+        Places of the reader, 0..127, at least one.
 
     Returns
     -------
     pandas.DataFrame
-        A row a number of ``waiting`` bytes: packets ``sent`` whole, and found in the ``printed``
-        ring, which knows an empty ring as empty, and in the ``mended`` one.
+        A row a number of ``waiting`` bytes: packets ``sent`` whole; found in the ``printed`` ring,
+        which knows an empty ring as empty, as the mean over the places, with the ``fewest`` and
+        the ``most``; share of the places at which its reader ``stops`` in case a; and found in
+        the ``mended`` ring.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of range, or there is no place.
 
     Examples
     --------
-    >>> recovered_table(101).iloc[-1].tolist()
-    [100, 3, 3, 3]
+    >>> recovered_table([100, 200]).values.tolist()
+    [[100.0, 3.0, 3.0, 3.0, 3.0, 0.0, 3.0], [200.0, 6.0, 1.0625, 0.0, 3.0, 0.5625, 3.0]]
     """
     import pandas as pd
 
-    size = length("A", ITEMS)
-    rows = [(n, n // size, recovered(n, "meant"), recovered(n, "mended")) for n in range(most)]
-    return pd.DataFrame(rows, columns=["waiting", "sent", "printed", "mended"])
+    if not len(places):
+        raise ArgumentError("places is empty; it must hold a place")
+    size, rows = length("A", ITEMS), []
+    for n in waiting:
+        found = [recovered(n, "meant", get_no=place) for place in places]
+        stops = [packets_stored(n, ITEMS, get_no=place).case == "a" for place in places]
+        # The mended ring counts on: where its reader stands makes no difference.
+        mended = recovered(n, "mended", get_no=places[0])
+        mean, stopped = (sum(column) / len(places) for column in (found, stops))
+        rows.append((n, n // size, mean, min(found), max(found), stopped, mended))
+    columns = ["waiting", "sent", "printed", "fewest", "most", "stops", "mended"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 @check("chung1998-013", counter={"shift": 2})
 def repair_restores_order(*, shift: int = 1) -> bool:
-    """Whether the reader ends at the first 0xCC from SIZE >> shift or from 0, in a normal case."""
+    """Whether a repair ends at the first 0xCC from SIZE >> shift or from 0, in a normal case.
+
+    Of rings in case c only: in case a there is no repair.
+    """
     for ring in overrun_rings(ITEMS):
         cells, no = ring.cells, ring.state.no
         ring.extract()
@@ -226,7 +277,7 @@ def toggled_flag_restores_order(*, toggled: bool = True) -> bool:
 
 @check("chung1998-055", counter={"items": 45})
 def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
-    """Whether some of the bytes that the ring holds are left after every repair."""
+    """Whether some of the bytes that the ring holds are left after every repair, in case c."""
     for ring in overrun_rings(items):
         ring.extract()
         if ring.unread == 0:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from shipnet import datasets
+from shipnet.errors import check_whole
 from shipnet.papers.chung1998.stations import PRINTED
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.batch import encode_batch
@@ -49,7 +50,7 @@ def length(reading: Literal["A", "B", "C"], items: int) -> int:
     [33, 42, 60]
     """
     if reading == "C":
-        return items * Markers("A").size(1)
+        return check_whole("items", items, 0, 204) * Markers("A").size(1)
     return Markers(reading, max(items, 1)).size(items)
 
 

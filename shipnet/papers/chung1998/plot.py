@@ -88,7 +88,7 @@ def plot_packets(items: Mapping[int, int], *, ax: Axes) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        The axes given, a row a reading; flags, numbers and values have colours of their own.
+        The axes given, a row a reading; markers, numbers and values have colours of their own.
     """
     colours = {"flag": "control", "number": "address", "low": "information", "high": "parity"}
     rows = {
@@ -115,7 +115,11 @@ def plot_packets(items: Mapping[int, int], *, ax: Axes) -> Axes:
     ax.set_xticks([])
     ax.grid(visible=False)
     handles = [
-        Patch(facecolor=style.FIELD[colour], edgecolor="0.3", label=kind)
+        Patch(
+            facecolor=style.FIELD[colour],
+            edgecolor="0.3",
+            label="marker" if kind == "flag" else kind,
+        )
         for kind, colour in colours.items()
     ]
     ax.legend(handles=handles, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
@@ -364,12 +368,23 @@ def plot_recovered(table: pd.DataFrame, *, ax: Axes) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        The axes given, a line for each rule.
+        The axes given, a line for each rule, and a band from the fewest to the most of the
+        printed one.
     """
     waiting = table["waiting"]
     ax.plot(waiting, table["sent"], color="0.6", linewidth=1, label="packets that came")
     for name, colour in (("mended", "C2"), ("printed", "C0")):
-        ax.plot(waiting, table[name], drawstyle="steps-post", color=colour, label=f"{name} ring")
+        ax.plot(
+            waiting,
+            table[name],
+            drawstyle="steps-post",
+            color=colour,
+            label=f"{name} ring" + ", mean" * (name == "printed"),
+        )
+    ax.fill_between(
+        waiting, table["fewest"], table["most"], color="C0", alpha=0.15,
+        label="from place to place", step="post",
+    )  # fmt: skip
     for full, text in ((SIZE, "ring full"), (2 * SIZE, "looks empty")):
         ax.axvline(full, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
         ax.annotate(

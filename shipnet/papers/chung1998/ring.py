@@ -5,15 +5,19 @@ from __future__ import annotations
 from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
-from shipnet.papers.chung1998.packets import FLAGS, ITEMS
+from shipnet.errors import check_whole
+from shipnet.papers.chung1998.packets import ITEMS
 from shipnet.papers.chung1998.stations import PRINTED
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.extraction import extraction_table
+from shipnet.remote_control.items import check_bytes
 from shipnet.remote_control.packet import Markers
 from shipnet.remote_control.ring_buffer import Case, Ring, State, pointer_case
 from shipnet.remote_control.ring_states import case_table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import pandas as pd
 
 __all__ = ["SIZE", "reader_steps", "ring_with", "states", "stored"]
@@ -56,7 +60,7 @@ def ring_with(unread: int, get_no: int, size: int = SIZE) -> Ring:
     Parameters
     ----------
     unread : int
-        Bytes stored since the last was read; the n-th byte of all has the value n.
+        Bytes stored since the last was read, 0..1e6; the n-th byte of all has the value n.
     get_no : int
         Where the reader stands, 0..size - 1.
     size : int, optional
@@ -67,6 +71,11 @@ def ring_with(unread: int, get_no: int, size: int = SIZE) -> Ring:
     Ring
         The ring, by the printed rules, an empty one known as empty.
 
+    Raises
+    ------
+    ArgumentError
+        If a number is out of range.
+
     Examples
     --------
     >>> ring = ring_with(unread=6, get_no=14, size=16)
@@ -74,6 +83,8 @@ def ring_with(unread: int, get_no: int, size: int = SIZE) -> Ring:
     (State(no=4, ring_f=1, get_no=14, ring_get_f=0), 'd')
     """
     ring = Ring(size, "meant")
+    check_whole("get_no", get_no, 0, size - 1)
+    check_whole("unread", unread, 0, 10**6)
     for n in range(get_no + unread):
         ring.store(n % 256)
         if n < get_no:
@@ -87,9 +98,9 @@ def reader_steps(stream: bytes, get_no: int, size: int = SIZE) -> pd.DataFrame:
     Parameters
     ----------
     stream : bytes
-        What lies in the ring: any bytes, then a packet in reading A.
+        What comes into the ring: any bytes, read one by one as packets in reading A.
     get_no : int
-        Where the first byte lies.
+        Where the first byte lies, 0..size - 1.
     size : int, optional
         Places of the ring.
 
@@ -97,6 +108,11 @@ def reader_steps(stream: bytes, get_no: int, size: int = SIZE) -> pd.DataFrame:
     -------
     pandas.DataFrame
         A row a byte: ``get_no``, ``byte`` and ``taken_as``.
+
+    Raises
+    ------
+    ArgumentError
+        If the stream is no bytes, or the place is out of range.
 
     Examples
     --------
@@ -106,18 +122,20 @@ def reader_steps(stream: bytes, get_no: int, size: int = SIZE) -> pd.DataFrame:
     """
     import pandas as pd
 
-    start = stream.find(bytes(FLAGS[:2]))
+    ring, parser = ring_with(0, get_no, size), Markers(n_numbers=ITEMS).parser()
     rows = []
-    for place, byte in enumerate(stream):
-        if place < start:
-            what = "passed over"
-        elif place < start + 2:
-            what = ("start of the packet", "start of the data")[place - start]
-        elif (place - start) % 3 == 2:
-            what = "end of the packet" if byte == FLAGS[2] else "number"
+    for byte in check_bytes("stream", stream):
+        place = ring.state.get_no
+        ring.store(byte)
+        taken = bytes([ring.extract().byte or 0])
+        complete, held = parser.feed(taken), parser.pending
+        if complete:
+            what = "end of the packet"
+        elif held < 3:
+            what = ("passed over", "start of the packet", "start of the data")[held]
         else:
-            what = ("low byte", "high byte")[(place - start) % 3]
-        rows.append(((get_no + place) % size, f"0x{byte:02X}", what))
+            what = ("number", "low byte", "high byte")[held % 3]
+        rows.append((place, f"0x{taken[0]:02X}", what))
     return pd.DataFrame(rows, columns=["get_no", "byte", "taken_as"])
 
 
@@ -220,17 +238,21 @@ def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
     return all(len(group) == 2 and len(group & shown(rounds)) == 1 for group in groups)
 
 
-@check("chung1998-051", counter={"places": 1})
-def every_overrun_shows(*, places: int = SIZE) -> bool:
-    """Whether a ring overrun by up to a round shows case c wherever the reader stands.
+def case_of(get_no: int, lead: int) -> Case:
+    """Return the case that shows with so many bytes stored ahead of the reader at a place."""
+    ring_f, no = divmod((get_no + lead) % (2 * SIZE), SIZE)
+    return pointer_case(State(no, ring_f, get_no, 0))
 
-    Or only with the reader on the first few places.
+
+@check("chung1998-051", counter={"leads": range(SIZE + 1, 2 * SIZE)})
+def case_c_means_an_overrun(*, leads: Sequence[int] = range(-SIZE, 2 * SIZE)) -> bool:
+    """Whether bytes are overwritten wherever case c shows, for these leads of the writer.
+
+    A lead below 0 is that of a reader which has passed the writer.
     """
-    for get_no, lead in product(range(places), range(SIZE + 1, 2 * SIZE)):
-        ring_f, no = divmod((get_no + lead) % (2 * SIZE), SIZE)
-        if pointer_case(State(no, ring_f, get_no, 0)) != "c":
-            return False
-    return True
+    return all(
+        lead > SIZE for get_no, lead in product(range(SIZE), leads) if case_of(get_no, lead) == "c"
+    )
 
 
 @check("chung1998-053", counter={"while_receiving": False})

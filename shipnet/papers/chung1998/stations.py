@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from shipnet import datasets
+from shipnet.errors import ArgumentError
 from shipnet.papers.registry import check, numeric
-from shipnet.remote_control.signals import HOPS, SIGNALS, Hop
+from shipnet.remote_control.signals import HOPS, SIGNALS, STATIONS, Hop
 from shipnet.remote_control.usart import Status, Usart, send_meant, send_printed
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["PRINTED", "loop_table"]
+__all__ = ["PRINTED", "chips_needed", "loop_table"]
 
 #: What the paper prints, by its name: `chung1998_parameters.csv`.
 _TABLE = datasets.read("chung1998_parameters.csv")
@@ -32,10 +34,40 @@ def chips_are_enough(*, lines: int = int(PRINTED["chips_8251"])) -> bool:
     return lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
 
 
+def chips_needed(station: str, hops: tuple[Hop, ...] = HOPS) -> int:
+    """Return how many serial chips a station needs, one for each partner.
+
+    Parameters
+    ----------
+    station : {"RCS", "BCS", "SS"}
+        The station.
+    hops : tuple of Hop, optional
+        Flows from station to station; those of the paper if omitted.
+
+    Returns
+    -------
+    int
+        Number of its lines.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such station.
+
+    Examples
+    --------
+    >>> [chips_needed(station) for station in STATIONS]
+    [2, 1, 1]
+    """
+    if station not in STATIONS:
+        raise ArgumentError(f"station is {station!r}; it must be one of {STATIONS}")
+    return sum(station == source for source, _ in hops)
+
+
 @numeric("chung1998-029")
-def serial_chips(*, station: str = "RCS") -> int:
-    """Serial chips of a station: one for each line."""
-    return sum(station == source for source, _ in HOPS)
+def serial_chips(*, hops: tuple[Hop, ...] = HOPS) -> int:
+    """Serial chips that each station needs on these flows: the fewest of the three stations."""
+    return min(chips_needed(station, hops) for station in STATIONS)
 
 
 @check("chung1998-030", counter={"flows": HOPS[:3]})
@@ -44,7 +76,9 @@ def flows_are_enough(*, flows: tuple[Hop, ...] = HOPS) -> bool:
     return all(hop in flows for signal in SIGNALS for hop in signal.hops)
 
 
-def loop_table(packet: bytes, waiting: bytes = b"12") -> pd.DataFrame:
+def loop_table(
+    packet: bytes, waiting: bytes = b"12", polls: Sequence[float] = (20e-6,)
+) -> pd.DataFrame:
     """Return what the printed loop and the meant one send, on an idle chip and on a busy one.
 
     Parameters
@@ -53,12 +87,21 @@ def loop_table(packet: bytes, waiting: bytes = b"12") -> pd.DataFrame:
         What to send at 9600 bit/s.
     waiting : bytes, optional
         What a busy chip has still to send, 2 bytes.
+    polls : sequence of float, optional
+        Times to read the status or to write a byte, 1e-7..1 [s]; assumed, the paper names none.
+        How often the printed loop repeats a byte on a busy chip depends on them by chance.
 
     Returns
     -------
     pandas.DataFrame
-        A row a chip and loop: ``chip``, ``loop``, ``on the line`` behind the byte that is being
-        shifted out, ``writes`` to the chip, ``bytes lost``.
+        A row a chip, loop and poll: ``chip``, ``loop``, ``poll [us]``, ``on the line`` behind the
+        byte that is being shifted out, ``writes`` to the chip, ``bytes lost``; an idle chip and
+        the meant loop only with the first poll, which makes no difference there.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of range, or there is no poll.
 
     Examples
     --------
@@ -67,15 +110,21 @@ def loop_table(packet: bytes, waiting: bytes = b"12") -> pd.DataFrame:
     """
     import pandas as pd
 
+    if not polls:
+        raise ArgumentError("polls is empty; it must hold a time")
+    ways = [("idle", b"", "printed", polls[0]), ("idle", b"", "meant", polls[0])]
+    ways += [("busy", waiting, "printed", poll) for poll in polls]
+    ways += [("busy", waiting, "meant", polls[0])]
+    loops = {"printed": send_printed, "meant": send_meant}
     rows = []
-    for state, before in (("idle", b""), ("busy", waiting)):
-        for loop, send in (("printed", send_printed), ("meant", send_meant)):
-            chip = Usart(10 / 9600)
-            for byte in before:
-                chip.write(byte, 0.0)
-            sent = send(chip, packet)
-            rows.append((state, loop, sent.line.hex(" "), sent.writes, sent.lost))
-    return pd.DataFrame(rows, columns=["chip", "loop", "on the line", "writes", "bytes lost"])
+    for state, before, loop, poll in ways:
+        chip = Usart(10 / 9600)
+        for byte in before:
+            chip.write(byte, 0.0)
+        sent = loops[loop](chip, packet, poll=poll)
+        rows.append((state, loop, 1e6 * poll, sent.line.hex(" "), sent.writes, sent.lost))
+    columns = ["chip", "loop", "poll [us]", "on the line", "writes", "bytes lost"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 @check("chung1998-008", counter={"printed": False})

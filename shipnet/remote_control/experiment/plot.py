@@ -48,17 +48,23 @@ def plot_checks(table: pd.DataFrame, *, ax: Axes, bit_error_rate: float) -> Axes
         items = rows["n_items"].to_numpy(dtype=float)
         count = rows["undetected"].to_numpy(dtype=float)
         share = count / rows["sent"].to_numpy(dtype=float)
+        # Beside each other, so that none hides another.
+        beside = items + 0.4 * place
         low, high = (rows[name].to_numpy(dtype=float) for name in ("low", "high"))
-        ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=f"{check}")
+        # See `packet_shares`: of the stuffed packet the share is an estimate from above.
+        label = f"{check}" + ", upper estimate" * (check == "CRC")
+        ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=label)
         some = count > 0
         ax.errorbar(
-            items[some], share[some], yerr=[(share - low)[some], (high - share)[some]],
+            beside[some], share[some], yerr=[(share - low)[some], (high - share)[some]],
             color=colour, marker="o", linestyle="none", capsize=3,
         )  # fmt: skip
-        ax.plot(items[~some], high[~some], color=colour, marker="v", linestyle="none")
+        ax.plot(beside[~some], high[~some], color=colour, marker="v", linestyle="none")
     ax.set_yscale("log")
     ax.set_xlabel("items a packet")
-    ax.set_ylabel("wrong packets taken, share")
+    ax.set_ylabel("share of packets taken wrong [-]")
+    for marker, meaning in (("o", "counted, 95 % bounds"), ("v", "none counted, upper bound")):
+        ax.plot([], [], color="0.4", marker=marker, linestyle="none", label=meaning)
     ax.legend()
     return ax
 

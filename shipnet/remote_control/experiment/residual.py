@@ -68,9 +68,9 @@ def packet_shares(packet_format: Markers | Stuffed, n_items: int, rate: float) -
     Shares
         Exact for `Markers` without CRC. With CRC, ``undetected`` is an upper bound, but for less
         than a thousandth equal: that the numbers are looked at as well is left out. For `Stuffed`
-        it is an estimate from above, as if every packet that is hit were noise: a bit that is
-        inverted in a byte which says where the next 0 is moves bytes, not bits, and the code of
-        the CRC promises nothing for that.
+        it is an upper estimate, no bound: single inverted bits that pass are counted by trying
+        them all on a packet with the values 0, and two or more are taken as noise, of which
+        2**-16 passes. Noise it is not: of four million pairs of inverted bits none passed.
 
     Raises
     ------
@@ -94,7 +94,10 @@ def packet_shares(packet_format: Markers | Stuffed, n_items: int, rate: float) -
     # Of the difference 1 - intact nothing is left at small p unless it is taken like this.
     hit = -float(np.expm1(8 * size * np.log1p(-p)))
     if isinstance(packet_format, Stuffed):
-        undetected = hit * 2.0**-_CRC_BITS
+        bits = 8 * size
+        single = bits * p * (1 - p) ** (bits - 1)
+        passing = _stuffed_single_share(packet_format, n_items)
+        undetected = passing * single + max(hit - single, 0.0) * 2.0**-_CRC_BITS
     elif packet_format.crc:
         markers = len(packet_format.head) + n_items * len(packet_format.lead) + 1
         undetected = (1 - p) ** (8 * markers) * _residual(
@@ -149,6 +152,15 @@ def single_flip_share(packet_format: Markers, n_items: int) -> float:
 
     n = check_whole("n_items", n_items, 1, packet_format.n_numbers)
     frame = np.frombuffer(packet_format.encode(dict.fromkeys(range(n), 0)), np.uint8)
+    return float(check_batch(packet_format, _single_flips(frame)).accepted.mean())
+
+
+@cache
+def _stuffed_single_share(packet_format: Stuffed, n_items: int) -> float:
+    """Return which share of the single inverted bits passes, with the values 0."""
+    from shipnet.remote_control.batch import check_batch
+
+    frame = np.frombuffer(packet_format.encode(dict.fromkeys(range(n_items), 0)), np.uint8)
     return float(check_batch(packet_format, _single_flips(frame)).accepted.mean())
 
 

@@ -184,6 +184,8 @@ def draw_outcomes(
     """
     p = check_scalar("rate", rate, "", 0, 0.5)
     n = check_whole("n_packets", n_packets, 0, 10**9)
+    if not isinstance(rng, np.random.Generator):
+        raise ArgumentError(f"rng is {rng!r}; it must be a numpy.random.Generator")
     size = packet_format.size(n_items)
     outcome = np.zeros(n, np.uint8)
     numbers = np.arange(n_items)

@@ -15,31 +15,41 @@ __all__ = ["Cascade", "cascade"]
 class Cascade(NamedTuple):
     """What BCS sees while RCS waits for a dead SS.
 
+    The pairs of times hold for the first turn of an SS that died while it was silent, and go from
+    the shortest to the longest, as the timers stand.
+
     Attributes
     ----------
     wait : tuple of float
-        Shortest and longest wait of RCS for an answer [s].
+        How long RCS waits for an answer [s].
     quiet : tuple of float
         Time that BCS hears nothing, from its last byte to the next 0xDD [s].
     counted : tuple of float
         Time that its counters run without a 0xDD [s].
+    longest : float
+        Bound of the time that BCS hears nothing [s], over every moment of death and all later
+        turns. An SS that dies inside its answer leaves half a packet in the ring of RCS, which
+        can spoil the answer of BCS: RCS then waits for both, one after the other.
     alarm : str
-        Whether BCS takes RCS, which is alive, as failed too: "never", "possible" (as the timers
-        stand) or "certain".
+        Whether BCS takes RCS, which is alive, as failed too: "certain" (at the first turn
+        already), "possible" (as the timers stand and as SS dies, or later) or "never", whenever SS
+        dies.
     """
 
     wait: tuple[float, float]
     quiet: tuple[float, float]
     counted: tuple[float, float]
+    longest: float
     alarm: str
 
 
 def cascade(system: System, n_items: int | None = None) -> Cascade:
-    r"""Return what BCS sees at the first failure of SS.
+    r"""Return what BCS sees when SS dies.
 
     .. math:: T_q' = t + P + W + b \, t_c
 
-    with a wait W of RCS that ends when its counters run out, or with its turn.
+    with a wait W of RCS that ends when its counters run out, or with its turn. If half an answer
+    spoils that of BCS as well, RCS waits twice.
 
     Parameters
     ----------
@@ -51,7 +61,7 @@ def cascade(system: System, n_items: int | None = None) -> Cascade:
     Returns
     -------
     Cascade
-        Shortest and longest times, and whether there is a false alarm.
+        Times of the first turn, a bound for all, and whether there is a false alarm.
 
     Raises
     ------
@@ -61,7 +71,12 @@ def cascade(system: System, n_items: int | None = None) -> Cascade:
     Notes
     -----
     The counters of RCS hold what they had counted for SS since its last 0xDD, so that the wait is
-    a little shorter than the time to detect a failure.
+    a little shorter than the time to detect a failure; if SS dies behind the 0xDD of an answer,
+    it is longer by what came before. `longest` takes it that half an answer always spoils that of
+    BCS; it often does not.
+
+    That BCS is not alarmed does not keep the failure at SS: with half an answer in its ring RCS
+    can take BCS, which is alive, as failed, unless its turn ends before the counters run out.
 
     Examples
     --------
@@ -93,10 +108,17 @@ def cascade(system: System, n_items: int | None = None) -> Cascade:
     first = quiet - 2 * packet - 3 * process
     silent = (process + packet + wait[0] + first, process + packet + wait[1] + first)
     counted = (silent[0] + rest + sending, silent[1] + rest + sending)
+    # SS dies behind its last 0xDD: RCS counts anew from there. Later, it waits for BCS as well.
+    again = rule.n_ticks * rule.tick
+    # Rest is the end of a packet behind its last 0xDD, and the work on it.
+    anew = again + packet + 2 * process - rest
+    if system.turn_timeout is not None:
+        anew, again = min(anew, system.turn_timeout), min(again, system.turn_timeout)
+    longest = first + max(process + packet + anew, anew - process + again)
     limit, tick = system.slave.n_ticks, system.slave.tick
     if floor((rest + sending) / tick) + floor(silent[0] / tick) >= limit:
         alarm = "certain"
     else:
-        possible = ceil((rest + sending) / tick) + ceil(silent[1] / tick) >= limit
+        possible = ceil((rest + sending) / tick) + ceil(longest / tick) >= limit
         alarm = "possible" if possible else "never"
-    return Cascade(wait, silent, counted, alarm)
+    return Cascade(wait, silent, counted, longest, alarm)

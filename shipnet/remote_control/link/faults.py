@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from numbers import Real
 
 from shipnet.errors import ArgumentError
 from shipnet.remote_control.signals import HOPS, STATIONS
@@ -26,6 +27,9 @@ class Fault:
                 f"source and target are {values['source']!r}, {values['target']!r}; one must be "
                 "RCS, the other BCS or SS"
             )
+        for name in values.keys() & {"start", "stop", "rate"}:
+            if isinstance(values[name], bool) or not isinstance(values[name], Real):
+                raise ArgumentError(f"{name} is {values[name]!r}; it must be a number")
         start, stop = values.get("start", 0.0), values.get("stop", _NEVER)
         if not 0 <= start < stop or start == _NEVER:
             raise ArgumentError(

@@ -93,8 +93,12 @@ def plot_time_chart(
         handles=[
             Patch(facecolor=style.FIELD[colour[name]], edgecolor="0.3", label=f"to {name}")
             for name in STATIONS
+        ]
+        + [
+            Patch(facecolor="white", edgecolor="0.3", hatch="////", label="lost")
+            for _ in range(any(packet.outcome == "lost" for packet in shown))
         ],
-        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False,
+        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False,
     )  # fmt: skip
     return ax
 

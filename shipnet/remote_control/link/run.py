@@ -119,6 +119,8 @@ class _Simulation:
         self.losses: list[LostPacket] = []
         # Of each station: packets whose last byte is in its ring and not yet read.
         self.waiting: dict[str, list[Packet]] = {name: [] for name in STATIONS}
+        if isinstance(faults, Fault):
+            raise ArgumentError(f"faults is {faults!r}; it must be a list of such")
         self._prepare(list(faults), list(changes), dict(phases or {}))
 
     def _prepare(
@@ -142,7 +144,12 @@ class _Simulation:
                 self._at(fault.start, partial(self._stall, fault))
             else:
                 raise ArgumentError(f"fault is {fault!r}; it must be one of this package")
-        for time, name, number, value in changes:
+        for change_ in changes:
+            if not isinstance(change_, tuple) or len(change_) != 4:
+                raise ArgumentError(
+                    f"change is {change_!r}; it must be a time, a station, a number and a value"
+                )
+            time, name, number, value = change_
             if name not in self.stations:
                 raise ArgumentError(
                     f"station of a change is {name!r}; it must be one of {STATIONS}"

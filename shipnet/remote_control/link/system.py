@@ -75,6 +75,13 @@ class System:
     def __post_init__(self) -> None:
         """Check every field."""
         put = object.__setattr__
+        if not hasattr(self.packet_format, "n_numbers"):
+            raise ArgumentError(
+                f"packet_format is {self.packet_format!r}; it must be a format such as Markers()"
+            )
+        for name in ("master", "slave"):
+            if not isinstance(getattr(self, name), Supervision):
+                raise ArgumentError(f"{name} is {getattr(self, name)!r}; it must be a Supervision")
         put(self, "bit_rate", check_scalar("bit_rate", self.bit_rate, "bit/s", 1, 10e6))
         check_whole("character_bits", self.character_bits, 10, 11)
         check_whole("repeat", self.repeat, 0, self.n_items)
