@@ -14,6 +14,8 @@ BIN := .venv/bin
 PY  := $(BIN)/python
 
 export OMP_NUM_THREADS := 1
+# A list of fonts of this environment's own: a stale one of another would warn in the notebooks.
+export MPLCONFIGDIR := $(CURDIR)/.venv/matplotlib
 # No Python interpreter is ever downloaded.
 export UV_PYTHON_DOWNLOADS := never
 # With a backend set, no figure would reach a notebook.
@@ -39,6 +41,7 @@ setup: .venv/installed
 	@$(UV) venv --quiet --allow-existing --python '>=3.11' .venv
 	@$(UV) pip sync --quiet --python $(PY) --require-hashes requirements.lock
 	@$(UV) pip install --quiet --python $(PY) --no-deps --no-build-isolation --editable .
+	@$(PY) -c "import matplotlib.font_manager" 2>/dev/null
 	@touch $@
 
 site: setup

@@ -240,7 +240,9 @@ def test_what_the_next_block_needs_does_not_keep_this_one_in_memory():
 
 def test_an_instant_before_the_run_or_no_valve_of_it_is_named():
     diagnosis = diagnose_run(simulate(duration=1))
-    with pytest.raises(ArgumentError, match=r"time is -1 s; the run begins at 0 s"):
+    with pytest.raises(
+        ArgumentError, match=r"time is -1 s; it must be a number, and the run begins at 0 s"
+    ):
         diagnosis.explain(0, -1)
     with pytest.raises(ArgumentError, match="valve is 1"):
         diagnosis.explain(1, 0.0)

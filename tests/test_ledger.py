@@ -4,6 +4,8 @@ import itertools
 import json
 import math
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -348,3 +350,15 @@ def test_figures_and_tables():
         for item in row.item.replace("/", "/Fig ").split("/"):
             named = SEVERAL.sub(r"Fig \1 and Fig \2", text)
             assert re.search(rf"(?<!\w){re.escape(item)}(?!\w)", named), row.item
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_a_paper_alone_is_judged_as_among_all(paper):
+    program = f"""
+import shipnet.papers as papers
+alone = papers.ledger({paper!r})
+print(alone[["id", "status", "match"]].to_csv())
+"""
+    said = subprocess.check_output([sys.executable, "-c", program], text=True)
+    among = LEDGER[LEDGER["paper"] == paper].reset_index(drop=True)
+    assert said.strip() == among[["id", "status", "match"]].to_csv().strip()
