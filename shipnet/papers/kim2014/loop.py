@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Literal
 
+from shipnet.ballast import scan
 from shipnet.ballast.answer import write_outcome
-from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
 from shipnet.engine.class_rules import RULES
 from shipnet.engine.serial_interface import INTERFACES
 from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.request import ReadRequest
 from shipnet.modbus.ring import Break, DeadPort, Loop, Supervision, worst_gap
 from shipnet.modbus.timing import SILENCE_LIMIT, Poll, Serial
 from shipnet.papers.registry import check, numeric
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["RATES", "break_table", "scan_table", "status_poll"]
 
 #: Common rates between the ends that sections 3.2 and 3.3 print [bit/s].
-RATES = (2400, 4800, 9600, 19200, 38400, 57600, 115200)
+RATES = scan.BIT_RATES
 
 _RULES = (Supervision(), Supervision(move="beyond"))
 
@@ -48,8 +47,7 @@ def status_poll(rate: float = 9600.0, **settings: float) -> Poll:
     >>> round(status_poll(115200).scan(247), 2)
     1.36
     """
-    request = ReadRequest(4, FIRST_REGISTER, N_REGISTERS)  # type: ignore[arg-type]
-    return Poll.of(request, Serial(rate), **settings)  # type: ignore[arg-type]
+    return scan.status_poll(Serial(rate), **settings)  # type: ignore[arg-type]
 
 
 @numeric("kim2014-005")
@@ -132,12 +130,9 @@ def scan_table(n_slaves: int = LAST_UNIT, *, processing: float = 0.0) -> pd.Data
     >>> scan_table(processing=5e-3).loc[115200].round(2).to_dict()
     {'poll_ms': 10.51, 'scan_s': 2.59, 'slaves_in_2_s': 190.0}
     """
-    import pandas as pd
-
-    polls = {rate: status_poll(rate, processing=processing) for rate in RATES}
-    rows = [(1e3 * p.answered, p.scan(n_slaves), p.most_slaves(2.0)) for p in polls.values()]
-    columns = ["poll_ms", "scan_s", "slaves_in_2_s"]
-    return pd.DataFrame(rows, columns=columns, index=pd.Index(polls, name="bit_rate"))
+    table = scan.scan_table(n_slaves, bit_rates=RATES, processing=processing)
+    named = table.rename(columns={"read_ms": "poll_ms", "valves_in_2_s": "slaves_in_2_s"})
+    return named[["poll_ms", "scan_s", "slaves_in_2_s"]]
 
 
 def break_table(

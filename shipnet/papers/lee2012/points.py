@@ -156,10 +156,10 @@ def one_resistor_does(*, volts: tuple[float, float] = (1.0, 5.0)) -> bool:
 
 
 @check("lee2012-088", counter={"low": 0.0})
-def gain_alone_fills_the_range(*, low: float = 1.0) -> bool:
-    """Whether an amplifier with a gain and no offset turns `low` to 5 V into 0 to 5 V."""
-    gain = 5.0 / 5.0
-    return bool(np.isclose(gain * low, 0.0))
+def gain_alone_fills_the_range(*, low: float = 1.0, high: float = 5.0) -> bool:
+    """Whether an amplifier with a gain and no offset turns `low` to `high` [V] into 0 to 5 V."""
+    gain = 5.0 / high
+    return bool(np.allclose(gain * np.array([low, high]), [0, 5]))
 
 
 @numeric("lee2012-051")
