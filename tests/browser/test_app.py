@@ -39,10 +39,15 @@ def app(tmp_path_factory):
             print(log.read_text())
 
 
-def test_the_line_explorer_follows_its_sliders(browser, app):
+def opened(browser, app, tool):
+    """Open a tool; return its page, and where it writes its verdict."""
     page = browser.new_page()
-    page.goto(f"{app}/voila/render/asi_line.ipynb", timeout=LONG)
-    verdict = page.locator(".widget-html-content b")
+    page.goto(f"{app}/voila/render/{tool}.ipynb", timeout=LONG)
+    return page, page.locator(".widget-html-content b")
+
+
+def test_the_line_explorer_follows_its_sliders(browser, app):
+    page, verdict = opened(browser, app, "asi_line")
     verdict.filter(has_text="read 0011001").wait_for(timeout=LONG)
     length = page.locator(".noUi-handle").first
     length.focus()
@@ -55,9 +60,7 @@ def test_the_line_explorer_follows_its_sliders(browser, app):
 
 
 def test_the_network_explorer_names_a_broken_rule(browser, app):
-    page = browser.new_page()
-    page.goto(f"{app}/voila/render/asi_network.ipynb", timeout=LONG)
-    verdict = page.locator(".widget-html-content b")
+    page, verdict = opened(browser, app, "asi_network")
     verdict.filter(has_text="all rules kept").wait_for(timeout=LONG)
     length = page.locator(".noUi-handle").nth(2)
     length.focus()
@@ -68,9 +71,7 @@ def test_the_network_explorer_names_a_broken_rule(browser, app):
 
 
 def test_the_can_explorer_follows_its_editor(browser, app):
-    page = browser.new_page()
-    page.goto(f"{app}/voila/render/can_load.ipynb", timeout=LONG)
-    verdict = page.locator(".widget-html-content b")
+    page, verdict = opened(browser, app, "can_load")
     verdict.filter(has_text="meet their deadlines").wait_for(timeout=LONG)
     editor = page.locator("textarea")
     editor.fill("name,arbitration_id,dlc,period_ms\noil,1,9,10\n")
@@ -80,9 +81,7 @@ def test_the_can_explorer_follows_its_editor(browser, app):
 
 
 def test_the_scan_explorer_waits_for_a_dead_slave(browser, app):
-    page = browser.new_page()
-    page.goto(f"{app}/voila/render/modbus_scan.ipynb", timeout=LONG)
-    verdict = page.locator(".widget-html-content b")
+    page, verdict = opened(browser, app, "modbus_scan")
     verdict.filter(has_text="in time: 1.576 s").wait_for(timeout=LONG)
     dead = page.locator(".noUi-handle").nth(3)
     dead.focus()
@@ -92,9 +91,7 @@ def test_the_scan_explorer_waits_for_a_dead_slave(browser, app):
 
 
 def test_the_engine_explorer_marks_a_dead_box_late(browser, app):
-    page = browser.new_page()
-    page.goto(f"{app}/voila/render/engine_faults.ipynb", timeout=LONG)
-    verdict = page.locator(".widget-html-content b")
+    page, verdict = opened(browser, app, "engine_faults")
     verdict.filter(has_text="18 old values shown as good").wait_for(timeout=LONG)
     page.locator("select").nth(1).select_option("mended, CAN as a line")
     verdict.filter(has_text="0 old values").wait_for(timeout=LONG)
@@ -102,9 +99,7 @@ def test_the_engine_explorer_marks_a_dead_box_late(browser, app):
 
 
 def test_the_ring_explorer_is_stepped_by_its_buttons(browser, app):
-    page = browser.new_page()
-    page.goto(f"{app}/voila/render/ring_buffer.ipynb", timeout=LONG)
-    verdict = page.locator(".widget-html-content b")
+    page, verdict = opened(browser, app, "ring_buffer")
     verdict.filter(has_text="nothing done yet").wait_for(timeout=LONG)
     page.get_by_role("button", name="store a packet").click()
     page.locator(".widget-html-content").filter(has_text="unread: 6 bytes").wait_for(timeout=LONG)
@@ -114,9 +109,7 @@ def test_the_ring_explorer_is_stepped_by_its_buttons(browser, app):
 
 
 def test_the_diagnosis_explorer_names_a_fault(browser, app):
-    page = browser.new_page()
-    page.goto(f"{app}/voila/render/valve_diagnosis.ipynb", timeout=LONG)
-    verdict = page.locator(".widget-html-content b")
+    page, verdict = opened(browser, app, "valve_diagnosis")
     verdict.filter(has_text="normal").wait_for(timeout=LONG)
     page.locator("select").first.select_option("V1")
     verdict.filter(has_text="V1").wait_for(timeout=LONG)
@@ -124,9 +117,7 @@ def test_the_diagnosis_explorer_names_a_fault(browser, app):
 
 
 def test_the_valve_client_opens_a_valve_of_the_server_that_it_starts(browser, app):
-    page = browser.new_page()
-    page.goto(f"{app}/voila/render/valve_client.ipynb", timeout=LONG)
-    verdict = page.locator(".widget-html-content b")
+    page, verdict = opened(browser, app, "valve_client")
     verdict.filter(has_text="valve 1: closed").wait_for(timeout=LONG)
     page.get_by_role("button", name="open", exact=True).click()
     verdict.filter(has_text="valve 1: moving").wait_for(timeout=LONG)
