@@ -45,11 +45,13 @@ setup: .venv/installed
 	@touch $@
 
 site: setup
-	@$(PY) docs/build.py
+	@$(PY) docs/build.py $(STORED)
 
 notebooks: setup
 	@$(PY) docs/notebooks.py store $(if $(filter 1,$(ACCEPT)),--accept)
 
+# The unit tests run the notebooks and compare what is stored, so the book need not run them again.
+test: STORED := --stored
 test: lint unit site browser
 	@echo "all tests passed"
 

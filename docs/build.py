@@ -1,8 +1,9 @@
 """Build the book: execute the stale notebooks, write the generated pages, run Sphinx.
 
-    python docs/build.py
+    python docs/build.py [--stored]
 
-The Sphinx source is put together in build/book, the pages are in build/site. Any warning is an
+With --stored, only notebooks with widgets are executed: of the others, the outputs that are stored
+go into the book, as long as the tests compare them. The Sphinx source is put together in build/book, the pages are in build/site. Any warning is an
 error. What did not change is not built again.
 """
 
@@ -189,11 +190,11 @@ def assemble(folder: Path, files: dict[str, bytes]) -> bool:
     return bool(gone)
 
 
-def main(root: Path = ROOT) -> int:
+def main(root: Path = ROOT, *, stored: bool = False) -> int:
     """Build the book and return the exit code."""
     build = root / "build"
     book, site, stamp = build / "book", build / "site", build / "site.json"
-    if failed := notebooks.run(root):
+    if failed := notebooks.run(root, stored=stored):
         print(f"the book is not built: {failed} notebook{'s' * (failed > 1)} failed")
         return 1
     now = {
@@ -223,4 +224,4 @@ def main(root: Path = ROOT) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(stored=sys.argv[1:] == ["--stored"]))

@@ -14,6 +14,7 @@ import difflib
 import hashlib
 import os
 import re
+import shutil
 import sys
 import time
 from collections.abc import Iterable, Iterator
@@ -126,25 +127,32 @@ def execute(path: Path) -> Executed:
 
 def execute_all(root: Path, paths: list[Path]) -> Iterator[Executed]:
     """Execute notebooks on all cores, with a line for each as it finishes."""
-    if not paths:
+    for count, done in enumerate(_executed(paths), start=1):
+        name = done.path.relative_to(root).as_posix()
+        place = f"[{count:{len(str(len(paths)))}}/{len(paths)}]"
+        print(f"{place} {done.seconds:5.1f} s  {name}", flush=True)
+        if done.failure:
+            block = done.failure.replace("\n", "\n    ")
+            print(f"FAILED {name}\n    {block}", flush=True)
+        yield done
+
+
+def _executed(paths: list[Path]) -> Iterator[Executed]:
+    if len(paths) < 2:
+        yield from map(execute, paths)
         return
     # Spawned, not forked: the same on every platform, and a fork would copy pytest's threads.
     workers = min(len(paths), os.cpu_count() or 1)
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         jobs = [pool.submit(execute, path) for path in paths]
-        for count, job in enumerate(as_completed(jobs), start=1):
-            done = job.result()
-            name = done.path.relative_to(root).as_posix()
-            place = f"[{count:{len(str(len(jobs)))}}/{len(jobs)}]"
-            print(f"{place} {done.seconds:5.1f} s  {name}", flush=True)
-            if done.failure:
-                block = done.failure.replace("\n", "\n    ")
-                print(f"FAILED {name}\n    {block}", flush=True)
-            yield done
+        yield from (job.result() for job in as_completed(jobs))
 
 
-def run(root: Path) -> int:
-    """Bring build/notebooks up to date; return the number of notebooks that failed."""
+def run(root: Path, *, stored: bool = False) -> int:
+    """Bring build/notebooks up to date; return the number of notebooks that failed.
+
+    With `stored`, a notebook without widgets is copied as it is: its outputs are complete.
+    """
     copies = root / "build" / "notebooks"
     marks: dict[Path, str] = {}
     kept: set[Path] = set()
@@ -153,7 +161,14 @@ def run(root: Path) -> int:
         mark = copy.with_suffix(".sha256")
         kept |= {copy, mark}
         now = fingerprint(root, [*INPUTS, path.relative_to(root)])
-        if not (copy.is_file() and mark.is_file() and mark.read_text() == now):
+        if copy.is_file() and mark.is_file() and mark.read_text() == now:
+            continue
+        if stored and not _has_widgets(path):
+            # Without a mark, the next run executes it.
+            mark.unlink(missing_ok=True)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(path, copy)
+        else:
             marks[path] = now
     for file in copies.rglob("*"):
         if file.is_file() and file not in kept:
@@ -171,6 +186,11 @@ def run(root: Path) -> int:
         copy.write_text(done.text, encoding="utf-8", newline="\n")
         mark.write_text(marks[done.path])
     return failed
+
+
+def _has_widgets(path: Path) -> bool:
+    cells = nbformat.read(path, as_version=4).cells
+    return any("widget" in cell.metadata.get("tags", []) for cell in cells)
 
 
 def store(root: Path, paths: list[Path], *, accept: bool) -> int:

@@ -138,6 +138,9 @@ def _parser() -> argparse.ArgumentParser:
 def _ledger(arguments: argparse.Namespace) -> None:
     from shipnet.papers.ledger import counts, format_computed, ledger
 
+    if arguments.summary and arguments.csv is None:
+        print(counts(arguments.paper).to_string())
+        return
     table = ledger(arguments.paper)
     # The file comes first: whoever reads the output may stop reading.
     if arguments.csv is not None:

@@ -69,7 +69,9 @@ def test_help_and_usage(arguments, capsys):
 def test_module_runs_as_a_program_and_into_a_closed_pipe():
     program = [sys.executable, "-m", "shipnet"]
     assert subprocess.check_output([*program, "--version"], text=True).startswith("shipnet 0.")
-    reader = subprocess.Popen([*program, "ledger"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    reader = subprocess.Popen(
+        [*program, "ledger", "--paper", "lee2012"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
     reader.stdout.close()
     assert reader.stderr.read() == b""
     reader.stderr.close()
@@ -78,8 +80,8 @@ def test_module_runs_as_a_program_and_into_a_closed_pipe():
 
 def test_the_file_is_written_even_if_nobody_reads_on(tmp_path):
     file = tmp_path / "all.csv"
-    command = [sys.executable, "-m", "shipnet", "ledger", "--csv", str(file)]
+    command = [sys.executable, "-m", "shipnet", "ledger", "--paper", "lee2012", "--csv", str(file)]
     reader = subprocess.Popen(command, stdout=subprocess.PIPE)
     reader.stdout.close()
     assert reader.wait() == 0
-    assert len(file.read_text(encoding="utf-8").splitlines()) > len(ledger())
+    assert len(file.read_text(encoding="utf-8").splitlines()) > len(ledger("lee2012"))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.papers import counts, ledger, show
-from shipnet.papers.ledger import PAPERS, STATUSES, VERDICTS, _status, as_number, match
+from shipnet.papers.ledger import _LEANS_ON, PAPERS, STATUSES, VERDICTS, _status, as_number, match
 from shipnet.papers.registry import REGISTRY, check, numeric
 
 LEDGER = ledger()
@@ -353,7 +353,15 @@ def test_figures_and_tables():
 
 
 @pytest.mark.parametrize("paper", PAPERS)
-def test_a_paper_alone_is_judged_as_among_all(paper):
+def test_what_recomputes_a_paper_is_loaded_with_it(paper):
+    loaded = {paper, _LEANS_ON.get(paper)}
+    for claim in CLAIMS.loc[CLAIMS["paper"] == paper, "id"]:
+        if claim in REGISTRY:
+            assert REGISTRY[claim].evidence.split(".")[2] in loaded, claim
+
+
+def test_a_paper_alone_is_judged_as_among_all():
+    paper = "icn2007"  # the one which leans on another
     program = f"""
 import shipnet.papers as papers
 alone = papers.ledger({paper!r})

@@ -10,7 +10,8 @@ from __future__ import annotations
 import importlib
 import math
 import pkgutil
-from collections.abc import Collection, Hashable
+from collections.abc import Callable, Collection, Hashable
+from functools import cache
 from typing import Any
 
 import pandas as pd
@@ -172,10 +173,16 @@ _COLUMNS = (
 )
 
 
+@cache
+def _computed(function: Callable[[], Any]) -> Any:
+    """Call what recomputes a claim, once: it has no other inputs than its defaults."""
+    return function()
+
+
 def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
     """Put one claim beside its recomputation."""
     recomputation = REGISTRY.get(claim["id"])
-    computed: Any = recomputation.function() if recomputation else None
+    computed: Any = _computed(recomputation.function) if recomputation else None
     difference, outcome = math.nan, ""
     if recomputation and claim["kind"] == "numeric":
         published = as_number(claim["value"])

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy import stats
 
 from shipnet.asi.apm import HALF_BIT
 from shipnet.asi.batch import bits_of
@@ -302,7 +301,9 @@ def _row(
         undetected += int(np.count_nonzero(wrong))
         broken[:-1] += violations(received.slots[bad & ~silent], n_bits).sum(axis=0)
         broken[-1] += np.count_nonzero(silent)
-    low, high = stats.binomtest(failed, count).proportion_ci()
+    from scipy.stats import binomtest  # half of what loading this module took
+
+    low, high = binomtest(failed, count).proportion_ci()
     share = broken / failed if failed else np.full(broken.shape, np.nan)
     return {
         "amplitude_V": amplitude,
@@ -312,6 +313,6 @@ def _row(
         "rate": failed / count,
         "rate_low": float(low),
         "rate_high": float(high),
-        "undetected_high": float(stats.binomtest(undetected, count).proportion_ci().high),
+        "undetected_high": float(binomtest(undetected, count).proportion_ci().high),
         **dict(zip([*CLASSES, "silence"], share.tolist(), strict=True)),
     }
