@@ -4,9 +4,15 @@ Theory is a line, measurement or data are markers, a value that a paper prints i
 and a limit is one red dashed line with its name on it.
 """
 
-from importlib.resources import as_file, files
+from __future__ import annotations
 
-__all__ = ["FIELD", "LIMIT", "PAPER", "use"]
+from importlib.resources import as_file, files
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["FIELD", "LIMIT", "PAPER", "bare", "use"]
 
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
@@ -40,3 +46,31 @@ def use() -> None:
     pd.set_option("display.max_colwidth", None, "display.max_rows", 200)
     with as_file(files("shipnet") / "shipnet.mplstyle") as sheet:
         plt.style.use(sheet)
+
+
+def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
+    """Show nothing of the axes but what is drawn on them, as a diagram wants it.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        The axes.
+    x, y : tuple of float
+        Limits of the drawing, in its own units.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> ax = bare(Figure().subplots(), (0, 2), (0, 1))
+    >>> ax.get_xlim() == (0, 2), len(ax.get_xticks())
+    (True, 0)
+    """
+    ax.set(xlim=x, ylim=y, xticks=[], yticks=[])
+    ax.grid(visible=False)
+    ax.spines[:].set_visible(False)
+    return ax

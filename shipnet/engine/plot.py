@@ -11,7 +11,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from shipnet.engine.faults import Fault, check_faults
 from shipnet.errors import ArgumentError
-from shipnet.style import LIMIT
+from shipnet.style import LIMIT, bare
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -249,10 +249,7 @@ def plot_system(system: System, *, ax: Axes, faults: Iterable[Fault] = ()) -> Ax
         )  # fmt: skip
     ax.legend(loc="upper right", fontsize=8)
     lowest = min(y for _, y in spots.values()) - 0.4
-    ax.set(xlim=(-1.0, 2.0 * last + 1.0), ylim=(lowest, 2.6), xticks=[], yticks=[])
-    ax.grid(visible=False)
-    ax.spines[:].set_visible(False)
-    return ax
+    return bare(ax, (-1.0, 2.0 * last + 1.0), (lowest, 2.6))
 
 
 def _box(ax: Axes, place: tuple[float, float], text: str) -> None:

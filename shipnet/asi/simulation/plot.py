@@ -152,7 +152,4 @@ def plot_states(*, ax: Axes) -> Axes:
             (x0 + x1) / 2, lane + (0.08 if lane > 0 else -0.08), "\n".join(said), ha="center",
             va="bottom" if lane > 0 else "top", fontsize=7,
         )  # fmt: skip
-    ax.set(xlim=(-1.4, 13.4), ylim=(-0.9, 1.6), xticks=[], yticks=[])
-    ax.grid(visible=False)
-    ax.spines[:].set_visible(False)
-    return ax
+    return style.bare(ax, (-1.4, 13.4), (-0.9, 1.6))

@@ -92,7 +92,7 @@ def plot_hydraulics(n_valves: int = 4, *, axes: Sequence[Axes]) -> None:
             ax.plot([1, 1], [1.65, 1.82], color="C1", lw=1.2)
             ax.text(left + 0.08, 2.55, "closed loop\nof Modbus", fontsize=8, color="C0")
             _diagram(ax, blocks, [])
-        _bare(ax, (-1.4, 3.5), (-0.25, 3.5))
+        style.bare(ax, (-1.4, 3.5), (-0.25, 3.5))
     axes[0].set_title("central: pipes to every valve", loc="left")
     axes[1].set_title("distributed: a pump in every valve", loc="left")
 
@@ -121,7 +121,7 @@ def plot_actuator(*, ax: Axes) -> Axes:
     left, top = x - _HALF[0] - 0.2, blocks["bus"][3]
     ax.plot([x - _HALF[0], left, left], [y, y, top], color="0.3", lw=1)
     _arrow(ax, (left, top), (x - _HALF[0], top))
-    return _bare(ax, (-1.1, 8.9), (0.2, 3.45))
+    return style.bare(ax, (-1.1, 8.9), (0.2, 3.45))
 
 
 def plot_rtu_frame(frame: bytes, serial: Serial, *, ax: Axes) -> Axes:
@@ -227,7 +227,7 @@ def plot_modes(*, ax: Axes) -> Axes:
         The axes given.
     """
     _diagram(ax, _spread(MODES, 1.65), MODES_WAYS)
-    return _bare(ax, (-1.0, 9.6), (0.5, 3.5))
+    return style.bare(ax, (-1.0, 9.6), (0.5, 3.5))
 
 
 def plot_command(*, ax: Axes) -> Axes:
@@ -252,7 +252,7 @@ def plot_command(*, ax: Axes) -> Axes:
     ax.plot([left, x - 0.45], [2.35, 2.35], color="0.3", lw=1)
     _arrow(ax, (x - 0.45, 2.35), (x - 0.45, 3 - _HALF[1]))
     ax.text(left - 0.05, y + 0.3, "no", ha="right", va="center", fontsize=8)
-    return _bare(ax, (-1.0, 9.6), (1.25, 3.5))
+    return style.bare(ax, (-1.0, 9.6), (1.25, 3.5))
 
 
 def plot_algorithm(*, ax: Axes) -> Axes:
@@ -269,7 +269,7 @@ def plot_algorithm(*, ax: Axes) -> Axes:
         The axes given; what the paper does not print, and we assume, is green.
     """
     _diagram(ax, _spread(ALGORITHM, 1.65), ALGORITHM_WAYS)
-    return _bare(ax, (-1.0, 9.6), (0.5, 3.5))
+    return style.bare(ax, (-1.0, 9.6), (0.5, 3.5))
 
 
 def plot_testbed(*, ax: Axes) -> Axes:
@@ -302,7 +302,7 @@ def plot_testbed(*, ax: Axes) -> Axes:
     ax.plot([left, x - _HALF[0]], [y, y], color="C1", lw=1.5, zorder=0)
     ax.text((left + x - _HALF[0]) / 2, y + 0.06, "Ethernet, UDP port 502", ha="center", fontsize=8)
     _diagram(ax, blocks, TESTBED_WAYS)
-    return _bare(ax, (-1.1, 9.2), (0.55, 3.65))
+    return style.bare(ax, (-1.1, 9.2), (0.55, 3.65))
 
 
 def _spread(blocks: Blocks, step: float = 2.0) -> Blocks:
@@ -384,11 +384,4 @@ def _fields(ax: Axes, rows: Mapping[str, Sequence[tuple[str, str, str]]]) -> Axe
             )
             x += width
         widest = max(widest, x)
-    return _bare(ax, (-8, widest + 1), (-1.6 * (len(rows) - 1) - 0.55, 1.1))
-
-
-def _bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
-    ax.set(xlim=x, ylim=y, xticks=[], yticks=[])
-    ax.grid(visible=False)
-    ax.spines[:].set_visible(False)
-    return ax
+    return style.bare(ax, (-8, widest + 1), (-1.6 * (len(rows) - 1) - 0.55, 1.1))

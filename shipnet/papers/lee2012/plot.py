@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
+from shipnet import style
 from shipnet.engine.converters import InputCard
 
 __all__ = ["plot_blocks", "plot_flow", "plot_inputs", "plot_outline"]
@@ -93,7 +94,7 @@ def plot_outline(boxes: Mapping[str, int], *, cylinders: int = 8, ax: Axes) -> A
         ax.text(-0.95, y, f"floor {3 - floor}", ha="right", fontsize=8)
     for floor, label in enumerate(("crankcase and bearings", "frame box")):
         ax.text(cylinders / 2, floor + 0.5, label, ha="center", va="center", fontsize=8)
-    return _bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
+    return style.bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
 
 
 def plot_blocks(*, ax: Axes) -> Axes:
@@ -114,7 +115,7 @@ def plot_blocks(*, ax: Axes) -> Axes:
         ax.plot([2 * x, 2 * u], [y, v], color="0.45", lw=1, zorder=1)
     for text, kind, x, y in _BLOCKS.values():
         _block(ax, (2 * x, y), text, _FILL[kind])
-    return _bare(ax, (-0.95, 8.95), (0.55, 3.45))
+    return style.bare(ax, (-0.95, 8.95), (0.55, 3.45))
 
 
 def plot_flow(*, ax: Axes) -> Axes:
@@ -140,7 +141,7 @@ def plot_flow(*, ax: Axes) -> Axes:
     # The loop goes back to the conversion: the mode is read once.
     ax.plot([-0.82, -1.05, -1.05], [0.3, 0.3, 2.3], color="0.3", lw=1)
     _arrow(ax, (-1.05, 2.3), (-0.82, 2.3))
-    return _bare(ax, (-1.3, 7.6), (-0.1, 4.25))
+    return style.bare(ax, (-1.3, 7.6), (-0.1, 4.25))
 
 
 def plot_inputs(card: InputCard, mended: InputCard, *, axes: Sequence[Axes]) -> None:
@@ -178,10 +179,3 @@ def _block(ax: Axes, place: tuple[float, float], text: str, fill: str) -> None:
 
 def _arrow(ax: Axes, tail: tuple[float, float], head: tuple[float, float]) -> None:
     ax.annotate("", head, tail, arrowprops={"arrowstyle": "->", "color": "0.3"})
-
-
-def _bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
-    ax.set(xlim=x, ylim=y, xticks=[], yticks=[])
-    ax.grid(visible=False)
-    ax.spines[:].set_visible(False)
-    return ax
