@@ -3,8 +3,9 @@
     python docs/build.py [--stored]
 
 With --stored, only notebooks with widgets are executed: of the others, the outputs that are stored
-go into the book, as long as the tests compare them. The Sphinx source is put together in build/book, the pages are in build/site. Any warning is an
-error. What did not change is not built again.
+go into the book, as long as the tests compare them. The Sphinx source is put together in
+build/book, the pages are in build/site. Any warning is an error. What did not change is not built
+again.
 """
 
 from __future__ import annotations
@@ -29,8 +30,9 @@ INPUTS = ("notebooks", "shipnet", "data", "docs", "requirements.lock", "CHANGELO
 # Sphinx follows its sources, not the code that turns them into pages.
 MACHINERY = ("docs/_ext", "docs/_static", "docs/build.py", "docs/conf.py", "requirements.lock")
 FOLDERS = ("", "papers", "lessons", "explore")
-REFERENCE = ("ledger.md", "data/SOURCES.md", "api/shipnet.rst", "CHANGELOG.md")
+REFERENCE = ("ledger.md", "errata.md", "data/SOURCES.md", "api/shipnet.rst", "CHANGELOG.md")
 CLAIM_ID = re.compile(r"\b[a-z]+\d{4}-\d{3}\b")
+NO_ERRATUM = ("agrees", "rounding", "not reproducible", "open")
 COLUMNS = ["id", "where", "claim", "the paper says", "we compute", "verdict"]
 
 
@@ -55,6 +57,7 @@ def contents(names: set[str]) -> str:
         (_caption(folder) or "Start here", chapters[folder])
         for folder in sorted(chapters, key=place)
     ]
+    trees.append(("How to", sorted(name for name in names if name.startswith("howto/"))))
     guide = sorted(name for name in names if re.fullmatch(r"[a-z_]+\.md", name))
     trees.append(("Guide", [name for name in guide if name not in ("index.md", *REFERENCE)]))
     trees.append(("Reference", [name for name in REFERENCE if name in names]))
@@ -122,6 +125,44 @@ def ledger_page() -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def errata_page() -> str:
+    """Return the errata as a page: what a reader of the papers should correct, and why."""
+    from shipnet.papers.ledger import format_computed, ledger
+
+    frame = ledger()
+    wrong = frame[~frame["verdict"].isin(["", *NO_ERRATUM])]
+    parts = [
+        "# Errata",
+        f"{len(wrong)} places of the five papers that need a correction, or a condition beside "
+        "them. A charitable reading came first; the reason stands below each. All claims, also "
+        "those that agree, are in the [ledger](ledger.md).",
+    ]
+    for key, claims in wrong.groupby("paper", sort=False):
+        rows = (
+            _erratum(claim, format_computed(claim["computed"], claim["published"]))
+            for claim in claims.to_dict("records")
+        )
+        parts += [f"## {key}", _table(["where", "printed", "instead", "verdict"], rows)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _erratum(claim: dict[str, Any], computed: str) -> str:
+    """Return the table row of one erratum, which leads to its claim."""
+    unit = "" if isinstance(claim["computed"], bool) or not computed else claim["unit"]
+    printed = f"{claim['published']} {claim['unit']}" if claim["published"] else ""
+    where = f'<a href="ledger.html#{claim["id"]}">{claim["id"]}</a>'
+    cells = [
+        (where, html.escape(claim["where"])),
+        (html.escape(claim["claim"]), html.escape(printed)),
+        (html.escape(f"{computed} {unit}"), html.escape(claim["note"])),
+        (html.escape(claim["verdict"]), ""),
+    ]
+    row = "".join(
+        f"<td>{text}{f'<small>{small}</small>' if small else ''}</td>" for text, small in cells
+    )
+    return f"<tr>{row}</tr>"
+
+
 def _claim(claim: dict[str, Any], computed: str) -> str:
     """Return the table row of one claim."""
     unit = "" if isinstance(claim["computed"], bool) or not computed else claim["unit"]
@@ -159,14 +200,15 @@ def _table(titles: list[str], rows: Iterable[str]) -> str:
 def sources(root: Path) -> dict[str, bytes]:
     """Return the whole Sphinx source: name -> content."""
     copies = root / "build" / "notebooks"
-    files = {path.name: path.read_bytes() for path in (root / "docs").glob("*.md")}
+    docs = root / "docs"
+    files = {path.relative_to(docs).as_posix(): path.read_bytes() for path in docs.rglob("*.md")}
     for path in copies.rglob("*.ipynb"):
         files[f"notebooks/{path.relative_to(copies).as_posix()}"] = path.read_bytes()
     # The data lie where a notebook's relative link finds them, as downloads.
     others = [*(root / "data").rglob("*"), root / "CHANGELOG.md"]
     for path in (path for path in others if path.is_file()):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
-    pages = {"ledger.md": ledger_page(), **dict(api_pages(root))}
+    pages = {"ledger.md": ledger_page(), "errata.md": errata_page(), **dict(api_pages(root))}
     files |= {name: text.encode() for name, text in pages.items()}
     files["index.md"] += contents(set(files)).encode()
     return files
