@@ -160,7 +160,7 @@ def test_a_thousand_faulty_rows_are_all_kept_and_ten_are_shown():
 @pytest.mark.parametrize(
     ("given", "fault"),
     [
-        ("", "has no row of titles of an I/O list"),
+        ("", "is empty; expected a row of titles of an I/O list"),
         ("a,b\n1,2", "has no row of titles of an I/O list"),
         (GOOD, "has no points"),
         ("type,x,y,z\nDI,1,2,3", "no column tag"),
@@ -168,7 +168,7 @@ def test_a_thousand_faulty_rows_are_all_kept_and_ten_are_shown():
         ("tag,type,x,y\nLS,DI,1,2", "no column z_m; expected x_m, y_m, z_m or none"),
         ("tag,type,Tag no,home run\nLS,DI,1,2", "'tag' and 'Tag no' both mean tag"),
         ("tag,type,home run\nLS,DI,12,5", "row 2 has 4 cells; expected 3"),
-        ('tag,type,home run\n"LS,DI,12', "row 2 is not as in a CSV file"),
+        ('tag,type,home run\n"LS,DI,12', "is no CSV file: unexpected end of data, in row 2"),
         ("tag;type;home run\nLS;DI;1.234,5", "'1.234,5'; expected a number 0..10000 m with a dec"),
         ("tag;type;x;y;z\nLS;DI;1,5;2.5;3", "column y: '2.5'; expected a number"),
     ],

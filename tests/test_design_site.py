@@ -180,7 +180,7 @@ TWO = "node,A,0,0,0,,\nnode,B,9,0,0,,\n"
 @pytest.mark.parametrize(
     ("text", "found"),
     [
-        ("", ["has no row of column titles"]),
+        ("", ["is empty; expected a row of column titles"]),
         ("kind,name\nnode,A", ["row 1: no column x_m"]),
         (TITLES.replace("from", "form"), ["title 'form' is unknown", "row 1: no column from"]),
         (TITLES, ["there is no tray"]),
