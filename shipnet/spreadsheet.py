@@ -183,7 +183,7 @@ def parse_sheet(
     line = above + 1
     try:
         for row in reader:
-            cells = [cell.strip() for cell in row]
+            cells = list(map(str.strip, row))
             if any(cells):
                 rows.append((line, cells))
             line = above + reader.line_num + 1

@@ -73,11 +73,11 @@ class Cells:
 
     def column(self, place: int) -> list[str]:
         """Return the cells of a column by its place."""
-        return list(self._columns[place]) if place < len(self._columns) else [""] * len(self.rows)
+        return self._columns[place] if place < len(self._columns) else [""] * len(self.rows)
 
     @cached_property
-    def _columns(self) -> list[tuple[str, ...]]:
-        return list(zip_longest(*(cells for _, cells in self.sheet.rows), fillvalue=""))
+    def _columns(self) -> list[list[str]]:
+        return [list(c) for c in zip_longest(*(row for _, row in self.sheet.rows), fillvalue="")]
 
     def given(self, name: str) -> NDArray[np.bool_]:
         """Return whether each cell of a column holds something."""
@@ -169,7 +169,6 @@ def clean(cell: str) -> str:
     >>> clean("jacket  water"), clean("'=A1")
     ('jacket water', '=A1')
     """
-    if cell.isalnum():
-        return cell
-    text = " ".join(cell.split())
+    # Of all blanks, only the common one can be printed.
+    text = cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
     return text[1:] if text[:1] == "'" and _FORMULA.match(text) else text

@@ -64,18 +64,13 @@ def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, _Floats]:
 
 def _numbers(cells: Cells, name: str, comma: bool) -> _Floats:
     low, high = RANGES[name]
-    values = np.full(len(cells.rows), np.nan)
     if name not in cells.places:
-        return values
-    match = NUMBER.fullmatch
-    bad = []
-    for row, cell in enumerate(cells[name]):
-        # With a decimal comma, a point may part thousands: then the number is not certain.
-        text = cell.replace(",", ".") if comma and "." not in cell else cell
-        if match(text) and (text is not cell or not comma or "." not in cell):
-            values[row] = float(text)
-        elif cell:
-            bad.append(row)
+        return np.full(len(cells.rows), np.nan)
+    # A list holds few different numbers; each is read once.
+    known = {cell: _number(cell, comma) for cell in set(cells[name])}
+    wrong = {cell for cell, value in known.items() if cell and value is None}
+    bad = [row for row, cell in enumerate(cells[name]) if cell in wrong] if wrong else []
+    values = np.array([known[cell] for cell in cells[name]], dtype=np.float64)
     scale = cells.scales[name]
     values = values if scale == 1 else values * scale
     outside = (values < low) | (values > high) | ((values == 0) & (name == "update_ms"))
@@ -85,6 +80,14 @@ def _numbers(cells: Cells, name: str, comma: bool) -> _Floats:
     expected = f"a number {above}{high / scale:.7g} {unit}{point}"
     cells.wrong([*bad, *np.flatnonzero(outside).tolist()], name, expected)
     return values
+
+
+def _number(cell: str, comma: bool) -> float | None:
+    """Return the number that a cell holds; None, which numpy takes for NaN, if it holds none."""
+    if comma:
+        # A point beside a decimal comma may part thousands: then the number is not certain.
+        cell = cell.replace(",", ".") if "." not in cell else ""
+    return float(cell) if NUMBER.fullmatch(cell) else None
 
 
 def _check_positions(cells: Cells) -> None:

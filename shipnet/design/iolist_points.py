@@ -98,9 +98,11 @@ def points_of(sheet: Sheet) -> tuple[pd.DataFrame, tuple[str, ...]]:
 
 def _text(cells: Cells, name: str) -> list[str]:
     texts = [clean(cell) for cell in cells[name]]
+    # One look at all of them suffices where nothing is wrong.
+    suspect = cells.sheet.odd or not "".join(texts).isprintable()
     bad = [
-        row for row, text in enumerate(texts)
-        if not text.isprintable() or (cells.sheet.odd and cells.odd(row, name))
+        row for row, text in enumerate(texts if suspect else ())
+        if not text.isprintable() or cells.odd(row, name)
     ]  # fmt: skip
     cells.wrong(bad, name, "printable text")
     return texts
@@ -133,8 +135,8 @@ def _check_tags(cells: Cells, tags: list[str]) -> None:
 def _look_up(cells: Cells, name: str, known: Mapping[str, str], expected: str) -> list[str]:
     """Return what the words of a column stand for; an empty cell stands for nothing."""
     found = {cell: known.get(plain(cell), "") for cell in set(cells[name])}
-    cells.wrong([row for row, cell in enumerate(cells[name]) if cell and not found[cell]],
-                name, expected)  # fmt: skip
+    rows = [row for row, cell in enumerate(cells[name]) if cell and not found[cell]]
+    cells.wrong(rows, name, expected)
     return [found[cell] for cell in cells[name]]
 
 
