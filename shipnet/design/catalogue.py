@@ -233,7 +233,7 @@ largest cable for hardwired has 74
     conductors = check_whole("conductors", conductors, 1, 10**9)
     if isinstance(spare, bool) or not isinstance(spare, int | float) or not 0 <= spare <= 10:
         raise ArgumentError(f"spare is {spare!r}; it must be a number 0..10")
-    # A share such as 0.2 is no binary number, but 5 conductors with 20 % are 6.
+    # A share such as 0.12 is no binary number, but 25 conductors with 12 % are 28.
     needed = ceil(round(conductors * (1 + spare), 9))
     own = [cable for cable in cables().values() if bus in cable.buses]
     fit = [cable for cable in own if cable.conductors >= needed]
