@@ -1,0 +1,126 @@
+"""How fast 20 000 points are loaded and checked, and routed, beside plain loops over the rows."""
+
+import csv
+import math
+import tempfile
+from pathlib import Path
+from time import process_time
+from timeit import repeat
+
+import networkx as nx
+import numpy as np
+
+from shipnet import datasets
+from shipnet.design.iolist import load_iolist, save_iolist
+from shipnet.design.iolist_numbers import RANGES
+from shipnet.design.signals import KINDS, SIGNALS
+from shipnet.design.site import Site
+from shipnet.design.trays import load_trays
+
+POINTS = 20_000
+ROUTES = 500  # what the loop over networkx gets; its time is scaled up
+
+
+def seconds(function, repeats=3):
+    """Return the shortest of several processor times: other work on the machine counts little."""
+    return min(repeat(function, timer=process_time, number=1, repeat=repeats))
+
+
+def enlarged(folder):
+    """Write the example ship over and over, up to the number of points, as CSV and workbook."""
+    points = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
+    rows = np.arange(POINTS) % len(points)
+    large = points.iloc[rows].reset_index(drop=True)
+    large["tag"] += [f"/{number}" for number in np.arange(POINTS) // len(points)]
+    large.to_csv(folder / "list.csv", index=False)
+    large.to_excel(folder / "list.xlsx", index=False)
+    return large
+
+
+def row_by_row(path):
+    """Check a list as a script does it: one dictionary a row, columns under our own names."""
+    faults, first, boxes = [], {}, {}
+    with path.open(newline="", encoding="utf-8") as stream:
+        for number, row in enumerate(csv.DictReader(stream), start=2):
+            row = {name: cell.strip() for name, cell in row.items()}
+            if not row["tag"] or not row["tag"].isprintable():
+                faults.append((number, "tag"))
+            if first.setdefault(row["tag"].casefold(), number) != number:
+                faults.append((number, "tag"))
+            signal = SIGNALS.get(row["signal"])
+            if signal is None or row["type"] not in KINDS or signal.kind != row["type"]:
+                faults.append((number, "signal"))
+            elif int(row["conductors"]) != signal.conductors:
+                faults.append((number, "conductors"))
+            values = {}
+            for name, (low, high) in RANGES.items():
+                try:
+                    values[name] = float(row[name]) if row[name] else math.nan
+                except ValueError:
+                    faults.append((number, name))
+                    continue
+                if not (math.isnan(values[name]) or low <= values[name] <= high):
+                    faults.append((number, name))
+            here = [values[name] for name in ("x_m", "y_m", "z_m")]
+            box = tuple(values[name] for name in ("box_x_m", "box_y_m", "box_z_m"))
+            if any(map(math.isnan, here)) and math.isnan(values["home_run_m"]):
+                faults.append((number, "x_m"))
+            if row["box"] and boxes.setdefault(row["box"], box) != box:
+                faults.append((number, "box"))
+            if values["to_box_m"] < math.dist(here, box) - 0.2:
+                faults.append((number, "to_box_m"))
+            if row["category"] not in ("", "I", "II", "III") or not row["update_ms"]:
+                faults.append((number, "category"))
+    return faults
+
+
+def main():
+    trays = load_trays(datasets.path("synthetic_trays_ship.csv"))
+    site = Site(trays.cabinets["engine control room"], trays)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        large = enlarged(folder)
+        assert row_by_row(folder / "list.csv") == []
+        iolist = load_iolist(folder / "list.csv")
+        assert iolist.points.equals(large)
+        assert load_iolist(folder / "list.xlsx").points.equals(large)
+        times = {
+            "CSV, ours": seconds(lambda: load_iolist(folder / "list.csv")),
+            "CSV, csv.DictReader": seconds(lambda: row_by_row(folder / "list.csv")),
+            "workbook, ours": seconds(lambda: load_iolist(folder / "list.xlsx"), 1),
+            "CSV, saved": seconds(lambda: save_iolist(iolist, folder / "again.csv")),
+        }
+        print(f"{f'{POINTS} points loaded and checked':<32}{'seconds':>10}")
+        for what, time in times.items():
+            print(f"{what:<32}{time:>10.3f}")
+        ratio = times["CSV, csv.DictReader"] / times["CSV, ours"]
+        print(f"CSV: ours against the loop {ratio:.2f}x")
+
+    graph = nx.Graph()
+    for tray, length in zip(trays.trays, trays.lengths.tolist(), strict=True):
+        graph.add_edge(tray.a, tray.b, weight=length)
+    nodes = list(trays.nodes)
+    rng = np.random.default_rng(2024)
+    pairs = rng.integers(0, len(nodes), size=(POINTS, 2))
+    starts, ends = trays.places[pairs.T]
+
+    def loop():
+        return [
+            nx.dijkstra_path_length(graph, nodes[a], nodes[b]) for a, b in pairs[:ROUTES].tolist()
+        ]
+
+    np.testing.assert_allclose(site.route(starts, ends)[:ROUTES], loop())
+    ours = seconds(lambda: Site(site.cabinet, trays).route(starts, ends)) / POINTS
+    names = seconds(lambda: Site(site.cabinet, trays).ways(starts, ends)) / POINTS
+    theirs = seconds(loop) / ROUTES
+    print(f"{'routes along trays':<32}{'per second':>10}{'faster by':>12}")
+    for what, time in (
+        ("ours", ours),
+        ("ours, with names", names),
+        ("networkx, one by one", theirs),
+    ):
+        print(f"{what:<32}{1 / time:>10.3g}{theirs / time:>11.1f}x")
+
+
+if __name__ == "__main__":
+    main()
