@@ -70,9 +70,9 @@ def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
     """
     table = draft.iolist.points
     names = table["box"].to_numpy(object)
-    at_box = table[["box_x_m", "box_y_m", "box_z_m"]].to_numpy(np.float64)
+    at_box = draft.iolist.box_places
     given = table["to_box_m"].to_numpy(np.float64)
-    located = np.isfinite(draft.places).all(axis=1)
+    located = draft.iolist.located
     limits = draft.settings.boxes
     found: list[Box] = []
     for name in dict.fromkeys(names[rows]):

@@ -39,8 +39,8 @@ class Laid(NamedTuple):
         What is added to the way [m]; NaN for the tails of the site.
     share : float
         Share of the way between both ends that is this cable's, where a repeater cuts it.
-    site : int
-        Number of the site among those of the draft, where a second route has trays of its own.
+    avoid : frozenset of str
+        Trays that it uses only where there is no other way.
     """
 
     start: Place
@@ -48,7 +48,7 @@ class Laid(NamedTuple):
     length: float = np.nan
     slack: float = np.nan
     share: float = 1.0
-    site: int = 0
+    avoid: frozenset[str] = frozenset()
 
 
 @dataclass(eq=False)
@@ -82,14 +82,13 @@ class Draft:
         """Take what every planner asks for from the list, and put the cabinet down."""
         points = self.iolist.points
         n = len(points)
-        self.places: Floats = points[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
+        self.places: Floats = self.iolist.places
         self.need: Floats = points["update_ms"].to_numpy(np.float64) / 1e3
         self.need = np.where(np.isnan(self.need), self.settings.update, self.need)
         self.common = np.array([SIGNALS[str(s)].common for s in points["signal"]], dtype=np.int64)
         self.wires = points["conductors"].to_numpy(np.int64) + self.common
         self.types: list[str] = points["type"].tolist()
         self.tags: list[str] = points["tag"].tolist()
-        self.sites = [self.site]
         self._point: dict[str, npt.NDArray[Any]] = {
             name: np.full(n, "", dtype=object) for name in ("bus", "segment", "device", "address")
         }
@@ -186,14 +185,13 @@ class Draft:
         route = np.full(len(rows), np.nan)
         length = runs["length"].to_numpy(np.float64, copy=True)
         ways: list[tuple[str, ...]] = [()] * len(rows)
-        for number, site in enumerate(self.sites):
-            mine = np.flatnonzero(known & (runs["site"] == number))
-            if not len(mine):
-                continue
-            for row, way in zip(mine, site.way(start[mine], end[mine]), strict=True):
-                ways[row] = tuple(way)
+        share = runs["share"].to_numpy(np.float64)
+        for avoid in dict.fromkeys(row["avoid"] for row in rows):
+            mine = np.flatnonzero(known & np.array([row["avoid"] == avoid for row in rows]))
+            for row, way in zip(mine, self.site.ways(start[mine], end[mine], avoid=avoid), strict=True):
+                ways[row] = way
             asked = mine[np.isnan(length[mine])]
-            route[asked] = site.route(start[asked], end[asked]) * runs["share"].to_numpy()[asked]
+            route[asked] = self.site.route(start[asked], end[asked], avoid=avoid) * share[asked]
         slack = runs["slack"].to_numpy(np.float64)
         open_ = np.isnan(length)
         length[open_] = np.where(

@@ -38,7 +38,7 @@ def plan_home_runs(draft: Draft, rows: Rows) -> None:
     [['MI1P075', 16.5, 2], ['MI2P075', 28.0, 3]]
     """
     given = draft.iolist.points["home_run_m"].to_numpy(np.float64)
-    known = np.isfinite(given) | np.isfinite(draft.places).all(axis=1)
+    known = np.isfinite(given) | draft.iolist.located
     without_place(draft, rows[~known[rows]])
     for row in rows[known[rows]]:
         wires = int(draft.wires[row])

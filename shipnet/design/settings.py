@@ -102,9 +102,8 @@ class AsiLimits(_Checked):
         Repeaters in series between the master and a module [2]_.
     tree : bool, default True
         Whether the cable branches; else it goes from module to module.
-    cable, feeder : str, default "ASI_MARINE", "MI1P150"
-        The line, and what brings the supply or auxiliary power: keys of the catalogue. The flat
-        cable is not type-approved for ships as it is.
+    cable : str, default "ASI_MARINE"
+        The line, a key of the catalogue. The flat cable is not type-approved for ships as it is.
     slack : float, default 1
         Cable that is needed at each module beside the way [m]; assumed.
     current, loop_current : float, default 0.065, 0.022
@@ -114,8 +113,6 @@ class AsiLimits(_Checked):
         Supply [V], and the most that it gives [A] [5]_.
     auxiliary : bool, default True
         Whether a second pair feeds the outputs, from the cabinet along the line.
-    fed : bool, default True
-        Whether supplies in the field are fed from the cabinet, else from where they stand.
     conversion : float, default 0.06
         Conversion of an analogue value [s]; makers print 20 to 60 ms a channel.
     repetitions : int, default 1
@@ -140,14 +137,12 @@ class AsiLimits(_Checked):
     repeaters: int = 2
     tree: bool = True
     cable: str = "ASI_MARINE"
-    feeder: str = "MI1P150"
     slack: float = 1.0
     current: float = 0.065
     loop_current: float = 0.022
     voltage: float = 30.0
     rating: float = 8.0
     auxiliary: bool = True
-    fed: bool = True
     conversion: float = 0.06
     repetitions: int = 1
 
@@ -236,6 +231,11 @@ class Settings(_Checked):
     update : float, default 1
         Update need of a point where the list names none [s]: "other indications" of DNV-OS-D202,
         Ch. 2 Sec. 3 Table A1.
+    fed : bool, default True
+        Whether stations, and supplies in the field, are fed from the cabinet by a cable of their
+        own; else from a board beside them, which is not counted.
+    feeder : str, default "MI1P150"
+        That cable, a key of the catalogue.
     boxes : BoxLimits, optional
         Junction boxes where the list names none.
     asi, can, modbus : AsiLimits, CanLimits, ModbusLimits, optional
@@ -255,6 +255,8 @@ class Settings(_Checked):
     spare: float = 0.2
     redundant: bool = False
     update: float = 1.0
+    fed: bool = True
+    feeder: str = "MI1P150"
     boxes: BoxLimits = field(default_factory=BoxLimits)
     asi: AsiLimits = field(default_factory=AsiLimits)
     can: CanLimits = field(default_factory=CanLimits)
