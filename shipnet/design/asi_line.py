@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil, inf, isfinite
+from math import ceil, isfinite
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -15,8 +15,9 @@ from shipnet.asi.network import Plan, Slave, check, rule_limits, worst
 from shipnet.design.asi_cable import Drawn, draw, plan_of
 from shipnet.design.asi_modules import Module, analogue_response, digital_response
 from shipnet.design.settings import AsiLimits
+from shipnet.errors import ArgumentError
 
-__all__ = ["Broken", "Line", "assign_addresses", "build"]
+__all__ = ["Broken", "Line", "addresses_needed", "assign_addresses", "build"]
 
 Floats = npt.NDArray[np.float64]
 
@@ -103,6 +104,9 @@ def assign_addresses(
     >>> [slave.label for slave in slaves[::15]], slaves[-1].label
     (['1A', '16A', '31A'], '31B')
     """
+    needed = addresses_needed(group)
+    if needed > ADDRESSES:
+        raise ArgumentError(f"{len(group)} modules need {needed} addresses; there are {ADDRESSES}")
     pairs = max(0, len(group) - ADDRESSES)
     sharing = [place for place, module in enumerate(group) if module.shares]
     waiting = sorted(sharing, key=lambda place: -need[place])[: 2 * pairs]
@@ -120,8 +124,8 @@ def assign_addresses(
 
 def build(
     group: Sequence[Module], ways: Floats, cable: Floats, need: Floats, limits: AsiLimits
-) -> tuple[Line, float]:
-    """Draw up a line, and say in how many it has to be divided at least.
+) -> Line:
+    """Draw up a line.
 
     Parameters
     ----------
@@ -136,26 +140,22 @@ def build(
 
     Returns
     -------
-    line : Line
-        What comes of it.
-    parts : float
-        At most 1 if all limits are kept, infinite if it is not the number of modules that breaks
-        one; see `shipnet.design.clusters.divided`.
+    Line
+        What comes of it, with the limit that it breaks if there is one.
+
+    Raises
+    ------
+    ArgumentError
+        If there are more modules than addresses.
 
     Examples
     --------
     >>> group = [Module("S-0.A", (400.0, 0.0, 0.0), np.array([0]), ["I1"])]
     >>> away = np.array([[0.0, 400.0], [400.0, 0.0]])
-    >>> build(group, away, away, np.array([1.0]), AsiLimits())[0].broken
+    >>> build(group, away, away, np.array([1.0]), AsiLimits()).broken
     Broken(limit='length', value=400.0, bound=300.0, unit='m')
     """
-    drawn = draw(ways, cable, limits)
     most = [float(min(need[module.rows])) for module in group]
-    sharing = sum(module.shares for module in group)
-    taken = len(group) - sharing + ceil(sharing / 2)
-    if taken > ADDRESSES:
-        many = Broken("addresses", taken, ADDRESSES, "")
-        return Line(list(group), drawn, [], None, np.nan, [], many), taken / ADDRESSES
     slaves = assign_addresses(group, most, limits)
     pairs = sum(slave.half == "B" for slave in slaves)
     cycle = float(cycle_time(len(group) - 2 * pairs, pairs))
@@ -164,13 +164,36 @@ def build(
         _responses(module, cycle, slave.address in paired, limits)
         for module, slave in zip(group, slaves, strict=True)
     ]
+    drawn = draw(ways, cable, limits)
     fault = _too_late(group, responses, need) or _too_long(drawn, limits)
     plan = None
     if fault is None:
         plan = plan_of(drawn, slaves, limits)
         fault = _against_rules(plan, limits)
-    line = Line(list(group), drawn, slaves, plan, cycle, responses, fault)
-    return line, 1 if fault is None else inf
+    return Line(list(group), drawn, slaves, plan, cycle, responses, fault)
+
+
+def addresses_needed(group: Sequence[Module]) -> int:
+    """Return how many addresses modules need, where all share that can.
+
+    Parameters
+    ----------
+    group : sequence of Module
+        Modules.
+
+    Returns
+    -------
+    int
+        Addresses; a line has 31.
+
+    Examples
+    --------
+    >>> digital = Module("S-0.A", (0.0, 0.0, 0.0), np.array([0]), ["I1"])
+    >>> addresses_needed([digital] * 5), addresses_needed([digital._replace(profile="S-7.3")] * 5)
+    (3, 5)
+    """
+    sharing = sum(module.shares for module in group)
+    return len(group) - sharing + ceil(sharing / 2)
 
 
 def _responses(module: Module, cycle: float, paired: bool, limits: AsiLimits) -> Floats:

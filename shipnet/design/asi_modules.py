@@ -29,6 +29,9 @@ _DIGITAL = {
     (True, True): "S-7.A.7",
 }
 
+#: Most points that are shared out among modules at once; the time grows with their cube.
+_MOST = 400
+
 
 class Module(NamedTuple):
     """A module with its points.
@@ -217,7 +220,7 @@ def _grouped(
     limits: AsiLimits,
 ) -> list[Module]:
     found = []
-    labels = zones(places[mine], reach=limits.reach)
+    labels = zones(places[mine], reach=limits.reach, most=_MOST)
     for zone in range(labels.max(initial=-1) + 1):
         inside = mine[labels == zone]
         kind = np.array([names.index(str(name)) for name in kinds[inside]], dtype=np.intp)

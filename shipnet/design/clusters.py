@@ -22,6 +22,9 @@ __all__ = ["balanced", "divided", "zones"]
 #: Above so many places the tree of all distances takes too much memory, and they are halved first.
 _MOST = 3000
 
+#: Above so many items groups of equal size are not worth the time that the best ones take.
+_MANY = 1000
+
 #: Rounds of moving the centres; assignments settle in a few.
 _ROUNDS = 20
 
@@ -210,7 +213,9 @@ def _pieces(
     group: list[Item], place: Callable[[Item], Sequence[float]], parts: float
 ) -> list[list[Item]]:
     xyz = _places([place(item) for item in group])
-    if parts == inf:
+    if len(group) > _MANY:
+        labels = _halves(xyz).astype(np.intp)
+    elif parts == inf:
         labels = fcluster(linkage(xyz, "complete", "cityblock"), 2, "maxclust")
         if len(np.unique(labels)) < 2:  # all in one place
             labels = np.arange(len(group)) % 2

@@ -123,8 +123,8 @@ def mix(
     Examples
     --------
     >>> from shipnet.design.iolist import parse_iolist
-    >>> iolist = parse_iolist("tag,signal,x,y,z\nLS-1,switch,30,0,0\nT-2,pot,34,1,0\nT-3,pot,33,0,2")
-    >>> network = mix(iolist, Site((0, 0, 0)), {"AI": "CAN", "T-3": "home runs"})
+    >>> iolist = parse_iolist("tag,signal,x,y,z\nS1,switch,30,0,0\nT2,pot,34,1,0\nT3,pot,33,0,2")
+    >>> network = mix(iolist, Site((0, 0, 0)), {"AI": "CAN", "T3": "home runs"})
     >>> network.points["bus"].tolist()
     ['hardwired', 'CAN', 'hardwired']
     """
@@ -138,8 +138,10 @@ def mix(
         named = values.map(lambda value: choose.get(value, ""))
         chosen = np.where(named != "", named, chosen)
     if left:
-        raise ArgumentError(f"choose names {sorted(left)[0]!r}; no tag, signal, system, category or "
-                            "type of the list is called so")  # fmt: skip
+        raise ArgumentError(
+            f"choose names {sorted(left)[0]!r}; it is no tag, signal, system, category or type of "
+            "the list"
+        )
     draft = Draft(iolist, site, Settings() if settings is None else settings)
     for option, planner in _PLANNERS.items():
         rows = np.flatnonzero(chosen == option)

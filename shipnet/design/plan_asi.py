@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.asi.cycle import ADDRESSES
 from shipnet.asi.network.electrical import device_voltages, supply_current
-from shipnet.design.asi_line import Line, build
+from shipnet.design.asi_line import Line, addresses_needed, build
 from shipnet.design.asi_modules import modules
 from shipnet.design.boxes import without_place
 from shipnet.design.catalogue import cables
@@ -60,19 +61,21 @@ def plan_asi(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
     rows = rows[known]
     found = modules(draft, rows, places[rows])
     spots = np.array([draft.middle, *(module.place for module in found)])
-    # All ways at once; a line takes those of its own modules.
-    ways = draft.site.route(spots[:, None], spots[None, :])
-    cable = draft.site.detour * ways + limits.slack
 
-    def judge(group: Sequence[int]) -> tuple[Line, float]:
-        own = np.array([0, *(number + 1 for number in group)])
-        square = np.ix_(own, own)
-        return build(
-            [found[number] for number in group], ways[square], cable[square], draft.need, limits
-        )
+    def judge(group: Sequence[int]) -> tuple[Line | None, float]:
+        own = [found[place] for place in group]
+        needed = addresses_needed(own)
+        if needed > ADDRESSES:
+            return None, needed / ADDRESSES
+        at = spots[[0, *(place + 1 for place in group)]]
+        ways = draft.site.route(at[:, None], at[None, :])
+        cable = draft.site.detour * ways + limits.slack
+        line = build(own, ways, cable, draft.need, limits)
+        return line, 1 if line.broken is None else inf
 
     number = 0
     for _, line in divided(range(len(found)), lambda place: found[place].place, judge):
+        assert line is not None
         if line.broken is None:
             number += 1
             _lay(draft, f"AS-i {number}", line)

@@ -88,7 +88,10 @@ def plan_can(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
     limits = draft.settings.can
     stations = [part for box in boxes(draft, rows) for part in _screened(draft, box)]
 
-    def judge(group: Sequence[Box]) -> tuple[_Segment, float]:
+    def judge(group: Sequence[Box]) -> tuple[_Segment | None, float]:
+        # The host is a node of each segment.
+        if len(group) >= limits.nodes:
+            return None, len(group) / (limits.nodes - 1)
         return _judge(draft, group)
 
     def halve(box: Box) -> list[Box]:
@@ -99,6 +102,7 @@ def plan_can(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
 
     segments = divided(stations, lambda box: box.place, judge, halve)
     for number, (group, segment) in enumerate(segments, 1):
+        assert segment is not None
         name = f"CAN {number}"
         ordered = [group[place] for place in segment.trunk.order]
         names = lay(draft, name, "CAN", ordered, segment.trunk, limits.cable)
@@ -175,8 +179,7 @@ def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Segment, float]:
     ]
     # Priorities are deadline monotonic: the deadline is the same share of every need.
     packed.sort(key=lambda item: item[0].need)
-    # The host is a node of each segment.
-    parts: float = max(len(group) / (limits.nodes - 1), len(packed) / _MESSAGES)
+    parts: float = len(packed) / _MESSAGES
     period = np.array([message.need for message, _ in packed]) * limits.period_share
     bits = frame_bits([message.dlc for message, _ in packed])
     load = float((bits / period).sum()) / rate

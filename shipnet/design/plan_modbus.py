@@ -86,8 +86,12 @@ def plan_modbus(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
     """
     stations = [part for box in boxes(draft, rows) for part in _screened(draft, box)]
 
-    def judge(group: Sequence[Box]) -> tuple[_Loop, float]:
-        return _judge(draft, group)
+    limits = draft.settings.modbus
+    # The master takes a unit load, and a repeater one on either side.
+    most = min(limits.units, (1 + limits.repeaters) * (limits.unit_loads - 2) + 1)
+
+    def judge(group: Sequence[Box]) -> tuple[_Loop | None, float]:
+        return _judge(draft, group) if len(group) <= most else (None, len(group) / most)
 
     def halve(box: Box) -> list[Box]:
         if len(box.rows) < 2:
@@ -97,10 +101,10 @@ def plan_modbus(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
 
     loops = divided(stations, lambda box: box.place, judge, halve)
     for number, (group, loop) in enumerate(loops, 1):
+        assert loop is not None
         name = f"Modbus {number}"
         ordered = [group[place] for place in loop.trunk.order]
-        cable = draft.settings.modbus.cable
-        names = lay(draft, name, "Modbus", ordered, loop.trunk, cable, loop.repeaters)
+        names = lay(draft, name, "Modbus", ordered, loop.trunk, limits.cable, loop.repeaters)
         response = []
         for unit, (place, device) in enumerate(zip(loop.trunk.order, names, strict=True), 1):
             box, registers = group[place], loop.registers[place]
@@ -205,11 +209,7 @@ def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     limits = draft.settings.modbus
     trunk = route_past(draft, group)
     repeaters = sections(trunk.hops.tolist(), length=limits.length, unit_loads=limits.unit_loads)
-    parts = len(group) / limits.units
-    if repeaters is None or len(repeaters) > limits.repeaters:
-        # The cable or the stations: one of them is more than all sections together can take.
-        loads = len(group) / (limits.unit_loads - 1 + limits.repeaters * (limits.unit_loads - 2))
-        parts = max(parts, loads) if loads > 1 else inf
+    parts = inf if repeaters is None or len(repeaters) > limits.repeaters else 1.0
     registers = [registers_of([draft.types[row] for row in box.rows]) for box in group]
     needs = np.array([draft.need[box.rows].min() for box in group])
     for rate in sorted(limits.bit_rates):

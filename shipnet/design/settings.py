@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from math import isfinite
 
+from shipnet.design.catalogue import cables
 from shipnet.errors import ArgumentError, check_whole
 
 __all__ = ["AsiLimits", "BoxLimits", "CanLimits", "ModbusLimits", "Settings"]
@@ -34,6 +35,9 @@ _RANGES: dict[str, tuple[str, float, float]] = {
     "processing": ("s", 0.0, 60.0),
 }
 
+#: Parts of the settings, and what each must be.
+_PARTS = {"boxes": "BoxLimits", "asi": "AsiLimits", "can": "CanLimits", "modbus": "ModbusLimits"}
+
 
 class _Checked:
     """Checks the numbers of a set of limits by their names."""
@@ -59,11 +63,17 @@ class _Checked:
                     raise ArgumentError(
                         f"{own.name} is {value!r}; it must be {low:g}..{high:g} {unit}".rstrip()
                     )
+            elif own.name in ("cable", "feeder") and value not in cables():
+                raise ArgumentError(
+                    f"{own.name} is {value!r}; it must be one of {', '.join(cables())}"
+                )
             elif own.name == "bit_rates":
-                if not value:
-                    raise ArgumentError("bit_rates is empty; at least one is needed")
+                if not isinstance(value, tuple) or not value:
+                    raise ArgumentError(f"bit_rates is {value!r}; it must be a tuple of bit rates")
                 for rate in value:
                     check_whole("bit rate", rate, 1000, 1_000_000)
+            elif own.name in _PARTS and type(value).__name__ != _PARTS[own.name]:
+                raise ArgumentError(f"{own.name} is {value!r}; it must be {_PARTS[own.name]}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from shipnet.errors import ArgumentError
 
 __all__ = ["chain", "tree"]
 
-#: What keeps two devices in one place apart: a distance of 0 is no edge to scipy [m].
-_APART = 1e-9
+#: What keeps two devices in one place apart: scipy takes a distance below 1e-8 for no edge [m].
+_APART = 1e-6
 
 Floats = npt.NDArray[np.float64]
 
