@@ -113,7 +113,7 @@ def modules(
     kinds = np.array([draft.types[row] for row in rows], dtype=object)
     channels = _channels(draft, rows, kinds)
     found = []
-    digital = np.flatnonzero(np.isin(kinds, ["DI", "DO"]))
+    digital = np.flatnonzero(np.isin(kinds, ["DI", "DO"]) & (channels > 0))
     found += _grouped(
         digital, rows, places, kinds, ("DI", "DO"), (limits.inputs, limits.outputs), limits
     )
@@ -192,21 +192,29 @@ def digital_response(
 def _channels(
     draft: Draft, rows: npt.NDArray[np.intp], kinds: npt.NDArray[np.object_]
 ) -> npt.NDArray[np.intp]:
-    """Return how many channels the module of each value may have; 0 if even one is too slow."""
+    """Return how many points of its kind a point's module may have; 0 if even one is too slow."""
     limits = draft.settings.asi
-    channels = np.zeros(len(rows), dtype=np.intp)
-    analogue = np.isin(kinds, ["AI", "AO"])
     need = draft.need[rows]
-    for number in range(1, limits.channels + 1):
-        channels[analogue & (need >= analogue_response(number, limits))] = number
-    single = 1e3 * analogue_response(1, limits)
-    for place in np.flatnonzero(analogue & (channels == 0)):
-        tag, wanted = draft.tags[rows[place]], 1e3 * float(need[place])
+    channels = np.zeros(len(rows), dtype=np.intp)
+    least = np.empty(len(rows))
+    for kind, most in (("DI", limits.inputs), ("DO", limits.outputs)):
+        output = kind == "DO"
+        profile = _DIGITAL[output, limits.shared]
+        alone = digital_response(float(cycle_time(1)), False, profile, output, limits)
+        least[kinds == kind] = alone
+        channels[(kinds == kind) & (need >= alone)] = most
+    for kind in ("AI", "AO"):
+        least[kinds == kind] = analogue_response(1, limits)
+        for number in range(1, limits.channels + 1):
+            quick = need >= analogue_response(number, limits)
+            channels[(kinds == kind) & quick] = number
+    for place in np.flatnonzero(channels == 0):
+        tag, wanted, alone = draft.tags[rows[place]], 1e3 * need[place], 1e3 * least[place]
         text = (
-            f"{tag} needs an update every {wanted:g} ms; a value on AS-i takes up to "
-            f"{single:.0f} ms with a module of its own"
+            f"{tag} needs an update every {wanted:g} ms; with an AS-i module of its own it has a "
+            f"response of {alone:.3g} ms"
         )
-        draft.reason(tag, "update", single, wanted, "ms", text)
+        draft.reason(tag, "update", float(alone), float(wanted), "ms", text)
     return channels
 
 
