@@ -1,6 +1,6 @@
 """Clusters, groups of equal size and trunks, beside brute force and beside networkx."""
 
-from itertools import permutations, product
+from itertools import pairwise, permutations, product
 from math import inf
 
 import networkx as nx
@@ -129,9 +129,7 @@ def test_the_tree_is_as_short_as_that_of_networkx(places):
     edges = tree(ways)
     graph = nx.Graph()
     graph.add_nodes_from(range(len(places)))
-    graph.add_weighted_edges_from(
-        (a, b, ways[a, b]) for a in range(len(places)) for b in range(a)
-    )
+    graph.add_weighted_edges_from((a, b, ways[a, b]) for a in range(len(places)) for b in range(a))
     assert sum(ways[a, b] for a, b in edges) == pytest.approx(
         nx.minimum_spanning_tree(graph).size("weight"), abs=1e-6
     )
@@ -149,7 +147,7 @@ def test_a_chain_is_no_shorter_than_the_tree_and_near_the_best_of_all(places):
     assert order[0] == 0 and sorted(order) == list(range(len(places)))
 
     def length(order):
-        return sum(ways[a, b] for a, b in zip(order, order[1:], strict=False))
+        return sum(ways[a, b] for a, b in pairwise(order))
 
     best = min(length((0, *rest)) for rest in permutations(range(1, len(places))))
     shortest = sum(ways[a, b] for a, b in tree(ways))

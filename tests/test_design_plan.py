@@ -74,9 +74,10 @@ def test_a_trunk_has_its_pairs_and_their_reserve(example):
     for box, own in trunks.groupby("b"):
         needed = 2 * pairs[network.points["device"] == box].sum()
         assert own["conductors"].sum() >= 1.5 * needed
-        assert own["used"].sum() == example.points.loc[
-            network.points["device"] == box, "conductors"
-        ].sum()
+        assert (
+            own["used"].sum()
+            == example.points.loc[network.points["device"] == box, "conductors"].sum()
+        )
 
 
 def test_a_common_return_counts_once_a_trunk_and_once_a_home_run():
@@ -88,7 +89,11 @@ def test_a_common_return_counts_once_a_trunk_and_once_a_home_run():
 
 @pytest.mark.parametrize(
     ("option", "away", "limit", "bound"),
-    [("AS-i", 400, "length", 300), ("CAN", 900, "length", 1000), ("Modbus RTU", 1100, "length", 1200)],
+    [
+        ("AS-i", 400, "length", 300),
+        ("CAN", 900, "length", 1000),
+        ("Modbus RTU", 1100, "length", 1200),
+    ],
 )
 def test_what_is_too_far_away_is_left_out_with_value_and_bound(option, away, limit, bound):
     iolist = table([("contact", (away - 200, 200, 0), 1000), ("contact", (20, 0, 0), 1000)])
@@ -158,7 +163,9 @@ def test_two_lines_keep_to_trays_of_their_own_where_there_are_some(example):
         network = plan(example, site, option, settings=limits)
         assert network.fits
         for segment in network.segments["segment"]:
-            runs = network.runs[(network.runs["segment"] == segment) & (network.runs["kind"] == "trunk")]
+            runs = network.runs[
+                (network.runs["segment"] == segment) & (network.runs["kind"] == "trunk")
+            ]
             used = {
                 line: {tray for way in runs.loc[runs["line"] == line, "way"] for tray in way}
                 for line in "AB"

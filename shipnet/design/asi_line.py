@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil, isfinite
+from math import ceil
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -234,6 +234,6 @@ def _against_rules(plan: Plan, limits: AsiLimits) -> Broken | None:
     if table["passed"].all():
         return None
     first = worst(table).query("margin < 0 or margin.isna()").sort_values("margin").iloc[0]
-    bound = first["highest"] if isfinite(first["highest"]) else first["lowest"]
+    bound = first["lowest"] if first["value"] < first["lowest"] else first["highest"]
     name = str(first.name).replace("_", " ")
     return Broken(name, float(first["value"]), float(bound), str(first["unit"]))
