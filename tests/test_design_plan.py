@@ -141,6 +141,11 @@ def test_more_than_31_modules_share_addresses_and_then_need_two_lines():
         assert network.segments["addresses"].tolist() == addresses
         assert network.segments["slaves"].sum() == modules
         check_everything(network, limits)
+    # kim2023, section 3.3: 62 modules of four contacts, 496 conductors, are 2 on the bus.
+    local = Settings(asi=AsiLimits(slack=0.1), fed=False)
+    for option, conductors in (("home runs", 496), ("AS-i", 2)):
+        runs = plan(crowd(62), SITE, option, settings=local).runs
+        assert runs.loc[runs["at_cabinet"], "used"].sum() == conductors
     alone = Settings(asi=AsiLimits(slack=0.1, shared=False))
     assert len(plan(crowd(32), SITE, "AS-i", settings=alone).segments) == 2
 

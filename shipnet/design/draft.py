@@ -72,6 +72,14 @@ class Draft:
         Update need of each point [s]; that of the settings where the list names none.
     wires : ndarray of int, shape (n_points,)
         Conductors of a cable of each point's own, its common return included.
+    common : ndarray of int, shape (n_points,)
+        Conductors of them that points of the same kind can share.
+    types, tags : list of str
+        Columns of the list.
+    middle : Place
+        Where the cabinet is [m].
+    cabinet : str
+        Its name among the devices.
     """
 
     iolist: IoList

@@ -100,13 +100,15 @@ def mix(
 
     Parameters
     ----------
-    iolist, site, settings
+    iolist, site
         As for `plan`.
     choose : mapping of str to str
         Option by tag, signal, system, category or type. Where several name a point, the first in
         this order decides.
     default : str, default "home runs"
         Option of all other points.
+    settings : Settings, optional
+        As for `plan`.
     name : str, default "mix"
         What the network is called.
 
