@@ -125,6 +125,14 @@ def test_an_urgent_crowd_is_spread_over_several_segments():
         check_everything(network, Settings(can=CanLimits(bit_rates=(50_000,))))
 
 
+def test_messages_that_would_arrive_too_late_go_to_segments_of_their_own():
+    # Sent every 57 ms, due 3 ms later: at 50 kbit/s a frame takes 2.7 ms, and two come too late.
+    limits = Settings(can=CanLimits(bit_rates=(50_000,), period_share=0.95, load=1.0))
+    network = plan(table([("current_loop", (20, 0, 0), 60)] * 12), SITE, "CAN", settings=limits)
+    assert network.fits and network.segments["messages"].tolist() == [1] * len(network.segments)
+    check_everything(network, limits)
+
+
 def test_a_value_that_is_needed_soon_gets_a_module_with_fewer_channels():
     for need, modules in ((1000, 1), (400, 2), (140, 4)):
         network = plan(table([("current_loop", (20, 0, 0), need)] * 4), SITE, "AS-i")
