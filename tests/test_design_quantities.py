@@ -29,7 +29,7 @@ def mixed():
     """Return a network with every kind of device, and points of both types on every bus."""
     kinds = {"hardwired": "box", "AS-i": "module", "CAN": "station", "Modbus RTU": "station"}
     iolist = Plant(modules=5, contacts=2).iolist
-    points = iolist.points.assign(type=["AI", "DI"] * 5)
+    points = iolist.points.assign(type=["AI", "DI", "AO", "DO", "AO", "DI", "AI", "DI", "AI", "DI"])
     buses = np.repeat([*kinds, ""], 2)
     devices = [("cabinet", "cabinet", "")]
     devices += [(f"{kind} of {bus}", kind, bus) for bus, kind in kinds.items()]
@@ -387,6 +387,18 @@ def test_networks_and_formulas_count_alike(modules, contacts, lines):
     runs = plant.on_asi.runs
     assert (runs["kind"] == "trunk").sum() == modules
     assert set(plant.on_asi.points["device"]) == set(runs["a"][runs["kind"] == "drop"])
+
+
+def test_each_line_is_a_chain_from_its_master():
+    network = Plant(modules=7, contacts=1, lines=3).on_asi
+    devices = network.devices.set_index("device")
+    trunks = network.runs[network.runs["kind"] == "trunk"]
+    assert sorted(trunks["b"]) == sorted(devices.index[devices["kind"] == "module"])
+    assert trunks["a"].is_unique
+    for run in trunks.itertuples():
+        assert devices.loc[run.a, "segment"] == devices.loc[run.b, "segment"] == run.segment
+        assert run.at_cabinet == (devices.loc[run.a, "kind"] == "master")
+    assert trunks["at_cabinet"].sum() == 3
 
 
 def test_a_long_line_pays_for_its_repeaters():

@@ -253,7 +253,8 @@ def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
     width, rise, fall = high - low, nominal - low, high - nominal
     left = low + np.sqrt(u * width * rise)
     right = high - np.sqrt((1 - u) * width * fall)
-    return np.clip(np.where(u * width < rise, left, right), low, high)
+    drawn: Floats = np.clip(np.where(u * width < rise, left, right), low, high)
+    return drawn
 
 
 def words(name: str) -> str:
