@@ -32,6 +32,9 @@ NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 #: Most bytes of a file that are read, and most that a workbook may unpack to.
 _LARGEST, _UNPACKED = 2**24, 2**28
 
+#: What a row without anything in its cells is made of.
+_BLANK = ' ,;\t"\r\n'
+
 #: Lines among which the row of titles is looked for.
 _TOP = 50
 
@@ -103,25 +106,18 @@ def read_bytes(path: str | PathLike[str]) -> bytes:
     return data
 
 
-def decode(data: bytes, source: str = "text") -> str:
+def decode(data: bytes) -> str:
     r"""Return the text of a file.
 
     Parameters
     ----------
     data : bytes
         UTF-8 with or without a mark, UTF-16 with a mark, or else Windows-1252.
-    source : str, default "text"
-        What to call it in an error.
 
     Returns
     -------
     str
-        The text, without the mark.
-
-    Raises
-    ------
-    InputError
-        If there are zero bytes in it, as no text has.
+        The text, without the mark; a byte that the encoding does not know is replaced.
 
     Examples
     --------
@@ -129,15 +125,11 @@ def decode(data: bytes, source: str = "text") -> str:
     ('µ', 'µ', 'µ')
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        text = data.decode("utf-16", errors="replace")
-    else:
-        try:
-            text = data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = data.decode("cp1252", errors="replace")
-    if "\0" in text:
-        raise InputError(source, "is not text: it holds zero bytes; expected a CSV file")
-    return text
+        return data.decode("utf-16", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
 
 
 def parse_sheet(
@@ -169,7 +161,8 @@ def parse_sheet(
     Raises
     ------
     InputError
-        If there is no row of titles, or a quotation mark is left open.
+        If there is no row of titles, a quotation mark is left open, or zero bytes show that it is
+        no text.
 
     Examples
     --------
@@ -177,10 +170,13 @@ def parse_sheet(
     >>> sheet.titles, sheet.rows, sheet.separator
     (('tag', 'x_m'), [(4, ['LS-1', '3,5'])], ';')
     """
+    if "\0" in text:
+        raise InputError(source, "is not text: it holds zero bytes; expected a CSV file")
     lines = list(StringIO(text, newline=""))
     found = _top(lines, is_titles)
     if found is None:
-        raise InputError(source, f"has no row of {what}")
+        empty = not text.strip(_BLANK)
+        raise InputError(source, f"{'is empty; expected a' if empty else 'has no'} row of {what}")
     above, separator = found
     reader = csv.reader(lines[above:], delimiter=separator, strict=True)
     rows = []
@@ -192,7 +188,7 @@ def parse_sheet(
                 rows.append((line, cells))
             line = above + reader.line_num + 1
     except csv.Error as error:
-        raise InputError(source, f"row {line} is not as in a CSV file: {error}") from None
+        raise InputError(source, f"is no CSV file: {error}, in row {line}") from None
     (top, titles), *rows = rows
     return Sheet(source, top, _trim(titles), rows, separator)
 
@@ -203,7 +199,7 @@ def _top(
     """Return the place of the row of titles, and the separator that makes it one."""
     for place, line in enumerate(lines[:_TOP]):
         # A spreadsheet may have told itself the separator in a line of its own.
-        if place == 0 and re.fullmatch(r"sep=.\s*", line):
+        if not line.strip(_BLANK) or (place == 0 and re.fullmatch(r"sep=.\s*", line)):
             continue
         for separator in sorted(";\t,", key=line.count, reverse=True):
             try:
@@ -264,7 +260,7 @@ def read_sheet(
         raise InputError(source, "is an old Excel file (.xls), or has a password; save it as .xlsx")
     if sheet is not None:
         raise InputError(source, f"has no sheet {sheet!r}; expected an Excel workbook (.xlsx)")
-    return parse_sheet(decode(data, source), source, is_titles=is_titles, what=what)
+    return parse_sheet(decode(data), source, is_titles=is_titles, what=what)
 
 
 def _workbook(

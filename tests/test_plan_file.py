@@ -164,7 +164,7 @@ def test_faults_of_the_structure_come_with_those_of_cells_if_the_cables_are_righ
         ("kind;length\n", "row 1: no column node"),
         ("kind,node,node\n", "row 1: title 'node' stands twice"),
         ("node,kind\na\n", "row 2, column kind: ''; expected one of master"),
-        ("kind,node,\nmaster,a,x\n", "row 2, column #3: 'x'; expected nothing"),
+        ("kind,node,\nmaster,a,x\n", "row 2 has 3 cells; expected 2"),
         (b"kind\0node", "is not text"),
         ('kind,node\nmaster,"a\nb"\n', "a node is 'a\\nb'"),
         ("kind,node\nmaster," + 200_000 * "a" + "\n", "is no CSV file: field larger"),

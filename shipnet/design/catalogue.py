@@ -152,13 +152,13 @@ def cables() -> Mapping[str, Cable]:
     Returns
     -------
     mapping of str to Cable
-        Cables by their id, those of a bus in the order of their size. Most geometry is **estimated**
-        and all prices are **assumed**, as `status` says of each; replace them by those of a supplier.
+        Cables by their id. Most geometry is **estimated** and all prices are **assumed**, as
+        `status` says of each; replace them by those of a supplier.
 
     Notes
     -----
-    Bounds of mass and work follow from the status by `SPREAD`; those of the price stand in the file,
-    and the nominal price is their middle.
+    Bounds of mass and work follow from the status by `SPREAD`; those of the price stand in the
+    file, and the nominal price is their middle.
 
     Examples
     --------
@@ -233,14 +233,14 @@ largest cable for hardwired has 74
     conductors = check_whole("conductors", conductors, 1, 10**9)
     if isinstance(spare, bool) or not isinstance(spare, int | float) or not 0 <= spare <= 10:
         raise ArgumentError(f"spare is {spare!r}; it must be a number 0..10")
-    # A share such as 0.2 is no binary number: 10 conductors with 20 % are 12, not 12.000000000000002.
+    # A share such as 0.2 is no binary number, but 5 conductors with 20 % are 6.
     needed = ceil(round(conductors * (1 + spare), 9))
     own = [cable for cable in cables().values() if bus in cable.buses]
     fit = [cable for cable in own if cable.conductors >= needed]
     if not fit:
         most = max(cable.conductors for cable in own)
         raise ArgumentError(
-            f"conductors is {conductors}; with a reserve of {100 * spare:g} % that is {needed}, and "
-            f"the largest cable for {bus} has {most}"
+            f"conductors is {conductors}; with a reserve of {100 * spare:g} % that is {needed}, "
+            f"and the largest cable for {bus} has {most}"
         )
     return min(fit, key=lambda cable: cable.diameter_mm)

@@ -6,7 +6,9 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-__all__ = ["COLUMNS", "UNITS", "Column", "column_of", "is_titles", "plain"]
+from shipnet.design.signals import plain
+
+__all__ = ["COLUMNS", "UNITS", "Column", "column_of", "is_titles"]
 
 #: Columns of a list of points, in their order: what they hold ("text", or a quantity whose unit
 #: the name ends with), and what lists call them. Case, blanks and punctuation do not matter.
@@ -33,7 +35,7 @@ COLUMNS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "box_z_m": ("length", ("jb z", "junction box z", "z box", "z jb", "z of box")),
     "to_box_m": ("length", ("len to jb", "len to box", "length to jb", "length to box",
                             "length to junction box", "cable to box", "cable to jb",
-                            "distance to box", "distance to jb", "drop", "drop length")),
+                            "distance to box", "distance to jb", "to jb", "drop", "drop length")),
     "home_run_m": ("length", ("len home run", "length home run", "home run length", "length",
                               "cable length", "cable length to cabinet", "length to cabinet",
                               "distance to cabinet")),
@@ -59,29 +61,8 @@ class Column(NamedTuple):
     scale: float = 1.0
 
 
-def plain(text: str) -> str:
-    """Return a name without case, blanks and punctuation, so that spellings compare equal.
-
-    Parameters
-    ----------
-    text : str
-        A title or a word.
-
-    Returns
-    -------
-    str
-        Its letters and digits.
-
-    Examples
-    --------
-    >>> plain("I/O type"), plain("Tag no.")
-    ('iotype', 'tagno')
-    """
-    return "".join(re.findall(r"[^\W_]+", text.casefold()))
-
-
 def _titles() -> dict[str, str]:
-    titles = {}
+    titles: dict[str, str] = {}
     for name, (holds, others) in COLUMNS.items():
         base = name.rpartition("_")[0] if holds in UNITS else name
         titles |= {plain(title): name for title in (base, *others)}

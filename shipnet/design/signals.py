@@ -10,7 +10,7 @@ from typing import Literal, get_args
 
 from shipnet.errors import ArgumentError
 
-__all__ = ["KINDS", "SIGNALS", "Kind", "Signal", "find_signal"]
+__all__ = ["KINDS", "SIGNALS", "Kind", "Signal", "find_signal", "plain"]
 
 Kind = Literal["DI", "DO", "AI", "AO"]
 
@@ -103,20 +103,39 @@ SIGNALS: Mapping[str, Signal] = {
 }  # fmt: skip
 
 
-def _words(text: str) -> str:
-    """Return a name without case and punctuation, so that spellings compare equal."""
-    return " ".join(re.findall(r"[^\W_]+", text.casefold()))
+def plain(text: str) -> str:
+    """Return a name without case, blanks and punctuation, so that spellings compare equal.
+
+    Parameters
+    ----------
+    text : str
+        A word as lists write it.
+
+    Returns
+    -------
+    str
+        Its letters and digits.
+
+    Examples
+    --------
+    >>> plain("I/O type"), plain("4-20 mA")
+    ('iotype', '420ma')
+    """
+    return "".join(re.findall(r"[^\W_]+", text.casefold()))
 
 
-def _named() -> dict[str, tuple[str, ...]]:
+def _named() -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
+    """Return the signals that a plain word may mean, and the word as it is written."""
     named: dict[str, tuple[str, ...]] = {}
+    written: dict[str, str] = {}
     for name, signal in SIGNALS.items():
-        for word in {_words(synonym) for synonym in (name, *signal.synonyms)}:
+        for word, text in {plain(text): text for text in (*signal.synonyms, name)}.items():
             named[word] = (*named.get(word, ()), name)
-    return named
+            written.setdefault(word, text)
+    return named, written
 
 
-_NAMED = _named()
+_NAMED, _WRITTEN = _named()
 
 
 def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str:
@@ -154,7 +173,7 @@ def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str
         ...
     shipnet.errors.ArgumentError: signal is 'limt switch'; the nearest known is 'limit switch'
     """
-    word = _words(text)
+    word = plain(text)
     found = _NAMED.get(word, ())
     if len(found) > 1:
         if kind in KINDS:
@@ -168,6 +187,10 @@ def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str
             )
     if not found:
         near = get_close_matches(word, _NAMED, n=1)
-        legal = f"the nearest known is {near[0]!r}" if near else f"known are {', '.join(SIGNALS)}"
+        legal = (
+            f"the nearest known is {_WRITTEN[near[0]]!r}"
+            if near
+            else f"known are {', '.join(SIGNALS)}"
+        )
         raise ArgumentError(f"signal is {text!r}; {legal}")
     return found[0]

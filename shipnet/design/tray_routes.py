@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -152,19 +153,14 @@ class TrayRoutes:
         numbers = [n for n in reversed(path) if n >= 0]
         return tuple(dict.fromkeys(self.trays.names[n] for n in numbers))
 
-    def _both(
-        self, a: _Floats, b: _Floats
-    ) -> tuple[_Entry, _Entry, _Floats, tuple[int, ...]]:
+    def _both(self, a: _Floats, b: _Floats) -> tuple[_Entry, _Entry, _Floats, tuple[int, ...]]:
         """Return the entries of places and their direct distance, flat, and the shape of all."""
         direct = np.abs(a - b).sum(axis=-1)
-        start, end = (
-            _Entry(*(np.broadcast_to(column, direct.shape).ravel() for column in self._enter(one)))
-            for one in (a, b)
-        )
+        start, end = (_spread(self._enter(one), one.shape[:-1], direct.shape) for one in (a, b))
         return start, end, direct.ravel(), direct.shape
 
     def _enter(self, places: _Floats) -> _Entry:
-        """Return where places reach the nearest tray, the first of several as near."""
+        """Return where places reach the nearest tray, the first of several as near; flat."""
         points = places.reshape(-1, 3)
         a, b = self.trays.places[self.trays.ends.T]
         span, square = b - a, self.trays.lengths**2
@@ -183,8 +179,7 @@ class TrayRoutes:
             each = np.arange(len(rows))
             tray[rows], off[rows] = best, far[each, best]
             along[rows] = share[each, best] * self.trays.lengths[best]
-        shape = places.shape[:-1]
-        return _Entry(tray.reshape(shape), along.reshape(shape), off.reshape(shape))
+        return _Entry(tray, along, off)
 
     def _join(self, start: _Entry, end: _Entry) -> _Join:
         """Return the way that counts least, over either end of either tray or along one tray."""
@@ -203,5 +198,12 @@ class TrayRoutes:
                 other = _Join(a, b, out, into, out + self._length[a, b] + into)
                 better = cost < best
                 best = np.where(better, cost, best)
-                join = _Join(*(np.where(better, new, old) for new, old in zip(other, join)))
+                join = _Join._make(map(partial(np.where, better), other, join))
         return join
+
+
+def _spread(entry: _Entry, own: tuple[int, ...], shape: tuple[int, ...]) -> _Entry:
+    """Return entries of places of one shape for another to which it is broadcast, flat."""
+    tray = np.broadcast_to(entry.tray.reshape(own), shape).ravel()
+    along = np.broadcast_to(entry.along.reshape(own), shape).ravel()
+    return _Entry(tray, along, np.broadcast_to(entry.off.reshape(own), shape).ravel())

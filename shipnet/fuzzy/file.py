@@ -25,6 +25,7 @@ from typing import Any, TypeVar
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fuzzy.rules import Rule, RuleBase, rule_faults
 from shipnet.fuzzy.terms import Interval, Term, Variable, number_text
+from shipnet.spreadsheet import NUMBER, parse_sheet, read_bytes
 
 __all__ = ["RULE_COLUMNS", "TERM_COLUMNS", "load_rules", "save_rules"]
 
@@ -35,11 +36,6 @@ TERM_COLUMNS = ("variable", "term", "unit", "low", "high", *_CORNERS, "crisp", "
 
 #: Columns that a row of each kind leaves empty.
 _NOT_OF_A_VARIABLE, _NOT_OF_A_TERM = (*_CORNERS, "crisp"), ("unit", "low", "high")
-
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
-
-#: Most bytes of a file that are read.
-_LARGEST = 2**24
 
 _Row = tuple[str, Mapping[str, str]]
 _Made = TypeVar("_Made", Rule, Term, Variable)
@@ -143,29 +139,11 @@ def _rows(path: str | PathLike[str], known: tuple[str, ...], needed: tuple[str, 
     """Return the rows that are not blank, each with its place; the titles are checked."""
     file = str(path)
     try:
-        with Path(path).open("rb") as stream:
-            data = stream.read(_LARGEST + 1)
-        text = data.decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(file, f"cannot be read: {error.strerror or error}") from None
+        # No other encoding is guessed: it would make other letters of the labels.
+        sheet = parse_sheet(read_bytes(path).decode("utf-8-sig"), file)
     except UnicodeDecodeError as error:
         raise InputError(file, f"is not UTF-8: byte {error.start} is wrong") from None
-    if len(data) > _LARGEST or "\0" in text:
-        fault = "holds zero bytes" if "\0" in text else f"is larger than {_LARGEST} bytes"
-        raise InputError(file, f"{fault}; expected a CSV file")
-    lines = text.splitlines(keepends=True)
-    titles = next((line for line in lines if line.strip(' ,;\t"\r\n')), "")
-    if not titles:
-        raise InputError(file, "is empty; expected a row of column titles")
-    reader = csv.reader(lines, delimiter=max(",;\t", key=titles.count))
-    try:
-        table = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
-    except csv.Error as error:
-        raise InputError(file, f"is no CSV file: {error}") from None
-    (_, head), *rest = [(number, row) for number, row in table if any(row)]
-    columns = [title.lower() for title in head]
-    while not columns[-1]:
-        columns.pop()
+    columns = [title.lower() for title in sheet.titles]
     faults = [
         f"column {place}: title {title!r} is unknown; expected one of {', '.join(known)}, note"
         for place, title in enumerate(columns, start=1)
@@ -176,13 +154,15 @@ def _rows(path: str | PathLike[str], known: tuple[str, ...], needed: tuple[str, 
     # A row that is too long is shifted: its cells cannot be trusted.
     faults += [
         f"row {number} has {len(row)} cells; expected {len(columns)}"
-        for number, row in rest
+        for number, row in sheet.rows
         if any(row[len(columns) :])
     ]
     if faults:
         raise InputError(file, *faults)
     blank = dict.fromkeys(known, "")
-    return [(f"row {n}", {**blank, **dict(zip(columns, row, strict=False))}) for n, row in rest]
+    return [
+        (f"row {n}", {**blank, **dict(zip(columns, row, strict=False))}) for n, row in sheet.rows
+    ]
 
 
 def _rule(cells: Mapping[str, str]) -> Rule:
@@ -248,7 +228,7 @@ def _number(cells: Mapping[str, str], column: str, default: float | None = None)
     cell = cells[column]
     if not cell and default is not None:
         return default
-    if not _NUMBER.fullmatch(cell):
+    if not NUMBER.fullmatch(cell):
         raise ArgumentError(f"column {column}: {cell!r}; expected a number")
     return float(cell)
 

@@ -36,6 +36,7 @@ from shipnet.asi.network.elements import (
 from shipnet.asi.network.plan import Plan, structure_faults
 from shipnet.asi.profile import Profile
 from shipnet.errors import ArgumentError, InputError
+from shipnet.spreadsheet import NUMBER, Sheet, read_sheet
 
 __all__ = ["COLUMNS", "load_plan", "save_plan"]
 
@@ -81,11 +82,6 @@ _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]]
 COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "current_ma",
            "voltage_v", "rating_a", "delay_us", "resistance_ohm")  # fmt: skip
 
-_IS_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
-
-#: Most bytes of a file that are read.
-_LARGEST = 2**24
-
 
 def load_plan(path: str | PathLike[str]) -> Plan:
     """Read a plan from a CSV file.
@@ -96,6 +92,7 @@ def load_plan(path: str | PathLike[str]) -> Plan:
         File with a row of column titles, upper or lower case, and one row an element. Separated
         by commas, semicolons or tabs; with semicolons or tabs a decimal comma is understood.
         UTF-8 with or without a mark, UTF-16 with a mark, or Windows-1252. Blank rows are skipped.
+        Or an Excel workbook with such a sheet.
 
     Returns
     -------
@@ -115,15 +112,7 @@ def load_plan(path: str | PathLike[str]) -> Plan:
     >>> len(plan.slaves), [f"{segment.length:.0f} m" for segment in plan.segments]
     (62, ['100 m', '100 m', '100 m'])
     """
-    file = Path(path)
-    try:
-        with file.open("rb") as stream:
-            data = stream.read(_LARGEST + 1)
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read: {error.strerror or error}") from None
-    if len(data) > _LARGEST:
-        raise InputError(str(path), f"is larger than {_LARGEST} bytes; expected a plan")
-    return _parse(str(path), _text(str(path), data))
+    return _parse(read_sheet(path))
 
 
 def save_plan(plan: Plan, path: str | PathLike[str]) -> None:
@@ -173,46 +162,21 @@ def _row(element: Element) -> dict[str, str]:
     return row
 
 
-def _text(file: str, data: bytes) -> str:
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        text = data.decode("utf-16", errors="replace")
-    else:
-        try:
-            text = data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = data.decode("cp1252", errors="replace")
-    if "\0" in text:
-        raise InputError(file, "is not text: it holds zero bytes; expected a CSV file")
-    return text
-
-
-def _parse(file: str, text: str) -> Plan:
-    lines = text.splitlines(keepends=True)
-    # A spreadsheet may have told itself the separator in a line of its own.
-    above = 1 if lines and re.fullmatch(r"sep=.\s*", lines[0]) else 0
-    while above < len(lines) and not lines[above].strip(' ,;\t"\r\n'):
-        above += 1
-    if above == len(lines):
-        raise InputError(file, "is empty; expected a row of column titles and one row an element")
-    separator = max(";\t,", key=lines[above].count)
-    try:
-        (top, titles), *table = _rows(lines, above, separator)
-    except csv.Error as error:
-        raise InputError(file, f"is no CSV file: {error}") from None
-    columns = [title.lower() or f"#{n}" for n, title in enumerate(titles, start=1)]
-    faults = _title_faults(top, columns)
+def _parse(sheet: Sheet) -> Plan:
+    columns = [title.lower() or f"#{n}" for n, title in enumerate(sheet.titles, start=1)]
+    faults = _title_faults(sheet.top, columns)
     if faults:
-        raise InputError(file, *faults)
+        raise InputError(sheet.source, *faults)
     elements: list[Element] = []
     rows: dict[int, int] = {}
     faulty_cables = False
-    comma = separator != "," and any(
+    comma = sheet.separator != "," and any(
         "," in cell
-        for _, row in table
+        for _, row in sheet.rows
         for column, cell in zip(columns, row, strict=False)
         if column in _NUMBERS
     )
-    for number, row in table:
+    for number, row in sheet.rows:
         if any(row[len(columns) :]):
             faults.append(f"row {number} has {len(row)} cells; expected {len(columns)}")
             faulty_cables = True
@@ -234,7 +198,7 @@ def _parse(file: str, text: str) -> Plan:
             found = structure_faults(elements)
             faults += [f"row {rows[id(element)]}: {fault}" for element, fault in found]
     if faults:
-        raise InputError(file, *faults)
+        raise InputError(sheet.source, *faults)
     return Plan(
         [e for e in elements if isinstance(e, CableRun)],
         [e for e in elements if isinstance(e, Master)],
@@ -243,13 +207,6 @@ def _parse(file: str, text: str) -> Plan:
         [e for e in elements if isinstance(e, Repeater)],
         [e for e in elements if isinstance(e, Terminator)],
     )
-
-
-def _rows(lines: list[str], above: int, separator: str) -> list[tuple[int, list[str]]]:
-    """Return the rows that are not blank, each with its number in the file."""
-    reader = csv.reader(lines[above:], delimiter=separator)
-    rows = ((above + reader.line_num, [cell.strip() for cell in row]) for row in reader)
-    return [(number, row) for number, row in rows if any(row)]
 
 
 def _title_faults(row: int, columns: list[str]) -> list[str]:
@@ -324,7 +281,7 @@ def _number(column: str, cell: str, point: str) -> float:
     if other in cell:
         raise ArgumentError(f"{legal}, with a decimal {'point' if point == '.' else 'comma'}")
     text = cell.replace(",", ".")
-    if not _IS_NUMBER.fullmatch(text):
+    if not NUMBER.fullmatch(text):
         raise ArgumentError(legal)
     value = float(Decimal(text).scaleb(power))
     if not low <= value <= high:

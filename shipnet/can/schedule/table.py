@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from shipnet.can.schedule.messages import RANGES, Message, MessageSet, nanoseconds, set_faults
 from shipnet.errors import ArgumentError, InputError
+from shipnet.spreadsheet import NUMBER, Sheet, parse_sheet, read_sheet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,12 +35,8 @@ COLUMNS = ("name", "arbitration_id", "dlc", "period_ms", "deadline_ms", "jitter_
            "extended", "sender", "bits")  # fmt: skip
 _NEEDED = COLUMNS[:4]
 
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 _WHOLE = re.compile(r"[0-9]{1,12}(\.0)?|0[xX][0-9a-fA-F]{1,8}")
 _YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
-
-#: Most bytes of a file that are read.
-_LARGEST = 2**24
 
 
 def load_messages(path: str | PathLike[str]) -> MessageSet:
@@ -49,7 +46,8 @@ def load_messages(path: str | PathLike[str]) -> MessageSet:
     ----------
     path : path
         File with a row of column titles and one row a message, separated by commas, semicolons or
-        tabs, numbers with a decimal point; UTF-8 or Windows-1252. Blank rows are skipped.
+        tabs, numbers with a decimal point; UTF-8, UTF-16 with a mark, or Windows-1252. Blank rows
+        are skipped. Or an Excel workbook with such a sheet.
 
     Returns
     -------
@@ -71,18 +69,7 @@ def load_messages(path: str | PathLike[str]) -> MessageSet:
     >>> len(messages), sum(message.dlc for message in messages)
     (22, 164)
     """
-    try:
-        with Path(path).open("rb") as stream:
-            data = stream.read(_LARGEST + 1)
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read: {error.strerror or error}") from None
-    if len(data) > _LARGEST:
-        raise InputError(str(path), f"is larger than {_LARGEST} bytes; expected a message set")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("cp1252", errors="replace")
-    return parse_messages(text, str(path))
+    return _from_sheet(read_sheet(path))
 
 
 def parse_messages(text: str, source: str = "text") -> MessageSet:
@@ -110,32 +97,7 @@ def parse_messages(text: str, source: str = "text") -> MessageSet:
     >>> parse_messages("name;arbitration_id;dlc;period_ms\noil;0x120;8;100").names
     ('oil',)
     """
-    if "\0" in text:
-        raise InputError(source, "is not text: it holds zero bytes; expected a CSV file")
-    lines = text.splitlines(keepends=True)
-    titles = next((line for line in lines if line.strip(' ,;\t"\r\n')), "")
-    if not titles:
-        raise InputError(source, "is empty; expected a row of column titles")
-    reader = csv.reader(lines, delimiter=max(",;\t", key=titles.count))
-    try:
-        rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
-    except csv.Error as error:
-        raise InputError(source, f"is no CSV file: {error}") from None
-    rows = [(number, row) for number, row in rows if any(row)]
-    columns = [title.lower() for title in rows[0][1]]
-    while not columns[-1]:
-        columns.pop()
-    long = [
-        f"row {number} has {len(row)} cells; expected {len(columns)}"
-        for number, row in rows[1:]
-        if any(row[len(columns) :])
-    ]
-    cells = (
-        (f"row {number}", dict(zip(columns, row, strict=False)))
-        for number, row in rows[1:]
-        if not any(row[len(columns) :])
-    )
-    return _message_set(source, columns, cells, long)
+    return _from_sheet(parse_sheet(text, source))
 
 
 def save_messages(messages: MessageSet, path: str | PathLike[str]) -> None:
@@ -243,6 +205,22 @@ def from_table(table: pd.DataFrame) -> MessageSet:
     return _message_set("table", columns, rows)
 
 
+def _from_sheet(sheet: Sheet) -> MessageSet:
+    columns = [title.lower() for title in sheet.titles]
+    width = len(columns)
+    long = [
+        f"row {number} has {len(row)} cells; expected {width}"
+        for number, row in sheet.rows
+        if any(row[width:])
+    ]
+    cells = (
+        (f"row {number}", dict(zip(columns, row, strict=False)))
+        for number, row in sheet.rows
+        if not any(row[width:])
+    )
+    return _message_set(sheet.source, columns, cells, long)
+
+
 def _message_set(
     source: str,
     columns: list[str],
@@ -307,7 +285,7 @@ def _within(value: float, low: float, high: float) -> float:
 
 def _time(low: float, high: float) -> tuple[Callable[[str], float], str]:
     def read(cell: str) -> float:
-        if not _NUMBER.fullmatch(cell):
+        if not NUMBER.fullmatch(cell):
             raise ValueError
         return _within(float(Decimal(cell).scaleb(-3)), low, high)
 
