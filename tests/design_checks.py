@@ -1,0 +1,247 @@
+"""The limits of each bus, counted again from the tables of a network alone."""
+
+import re
+from collections import Counter, defaultdict
+from itertools import pairwise
+from math import ceil
+
+import networkx as nx
+import numpy as np
+import pandas as pd
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from shipnet import datasets
+
+CLOSE = 1e-6
+
+
+def check_everything(network, settings):
+    """Assert all that holds for every network."""
+    check_points(network, settings)
+    check_connection(network)
+    check_lengths(network)
+    for segment in network.segments.itertuples():
+        own = Segment(network, segment, settings)
+        {"AS-i": check_asi, "CAN": check_can, "Modbus RTU": check_modbus}[segment.bus](own)
+
+
+def check_points(network, settings):
+    """Every point is connected by one cable of its own, or has a reason."""
+    points, runs = network.points, network.runs
+    ends = Counter(runs.loc[runs["kind"].isin(["drop", "home run"]), "b"])
+    reasons = set(network.reasons["subject"])
+    for point in points.itertuples():
+        if point.fits:
+            assert ends[point.tag] == 1
+            assert point.device and point.bus
+            assert point.tag not in reasons
+            own = runs[(runs["b"] == point.tag) & runs["kind"].isin(["drop", "home run"])]
+            assert own["a"].item() == point.device
+        else:
+            assert ends[point.tag] == 0
+            assert point.tag in reasons
+            assert not point.device and not point.bus and np.isnan(point.response_ms)
+    need = network.iolist.points["update_ms"].fillna(1e3 * settings.update)
+    fit = points["fits"]
+    assert (points.loc[fit, "response_ms"] <= need[fit] + CLOSE).all()
+    assert (network.reasons["text"].str.len() > 20).all()
+
+
+def check_connection(network):
+    """Every device and every point that fits hangs on the cabinet."""
+    links = network.links
+    fit = network.points.loc[network.points["fits"], "tag"]
+    names = pd.Index([*network.devices["device"], *fit])
+    assert names.is_unique
+    a, b = names.get_indexer(links["a"]), names.get_indexer(links["b"])
+    assert (a >= 0).all() and (b >= 0).all()
+    graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(names),) * 2)
+    assert connected_components(graph, directed=False)[0] == 1
+
+
+def check_lengths(network):
+    """A cable that lies alone between two places is as long as the site says."""
+    places = {d.device: (d.x_m, d.y_m, d.z_m) for d in network.devices.itertuples()}
+    places |= {
+        p.tag: (p.x_m, p.y_m, p.z_m) for p in network.iolist.points.itertuples() if p.x_m == p.x_m
+    }
+    repeaters = set(network.devices.loc[network.devices["kind"] == "repeater", "device"])
+    for run in network.runs.itertuples():
+        if np.isnan(run.route_m) or {run.a, run.b} & repeaters or run.line == "B":
+            continue
+        assert run.route_m == float(network.site.route(places[run.a], places[run.b])), run
+        slack = run.length_m - network.site.detour * run.route_m
+        assert slack >= -CLOSE
+        if run.kind in ("home run", "drop"):
+            assert abs(slack - network.site.tails) < CLOSE
+
+
+class Segment:
+    """A segment with its share of each table."""
+
+    def __init__(self, network, row, settings):
+        self.row, self.settings, self.network = row, settings, network
+        self.points = network.points[network.points["segment"] == row.segment]
+        self.devices = network.devices[network.devices["segment"] == row.segment]
+        runs = network.runs[network.runs["segment"] == row.segment]
+        self.trunk = runs[(runs["kind"] == "trunk") & (runs["line"] != "B")]
+        self.second = runs[(runs["kind"] == "trunk") & (runs["line"] == "B")]
+        table = network.iolist.points.loc[self.points.index]
+        self.type = table["type"]
+        self.need = table["update_ms"].fillna(1e3 * settings.update) / 1e3
+        assert len(self.points) == row.points > 0
+        assert self.need.min() * 1e3 == row.slowest_update_ms
+        assert abs(self.points["response_ms"].max() - row.response_ms) < CLOSE
+        assert 0 < row.load <= 1
+
+    def count(self, kind):
+        return int((self.devices["kind"] == kind).sum())
+
+
+def check_chain(own, longest):
+    """The trunk goes from the master through each station once, and so does the second line."""
+    lines = [own.trunk, own.second] if own.settings.redundant else [own.trunk]
+    for trunk in lines:
+        assert len(trunk) == own.count("station")
+        assert trunk["length_m"].sum() <= longest + CLOSE
+        assert set(trunk["b"]) == set(own.devices.loc[own.devices["kind"] == "station", "device"])
+    assert own.count("master") == len(lines)
+    assert own.count("terminator") == 2 * len(lines)
+    longer = max(trunk["length_m"].sum() for trunk in lines)
+    assert own.row.length_m >= longer - CLOSE
+
+
+def check_can(own):
+    """Bits that do not overlap, messages of one station and need, load, nodes, length."""
+    limits = own.settings.can
+    table = datasets.read("can_bus_lengths.csv").astype({"bit_rate_kbit_per_s": float})
+    reach = table.loc[table["bit_rate_kbit_per_s"] * 1e3 >= own.row.bit_rate, "length_m"]
+    check_chain(own, reach.astype(float).max())
+    assert own.count("station") + 1 <= limits.nodes
+    bits = defaultdict(set)
+    about = defaultdict(set)
+    for point in own.points.itertuples():
+        identifier, bit = re.fullmatch(r"(0x[0-9a-f]+) bit (\d+)", point.address).groups()
+        kind = own.type[point.Index]
+        taken = set(range(int(bit), int(bit) + (16 if kind[0] == "A" else 1)))
+        assert not taken & bits[identifier] and max(taken) < 64
+        bits[identifier] |= taken
+        about[identifier].add((point.device, kind[1], own.need[point.Index]))
+    assert all(len(kinds) == 1 for kinds in about.values())
+    assert len(bits) == own.row.messages
+    load, order = 0.0, {}
+    for identifier, taken in bits.items():
+        ((_, _, need),) = about[identifier]
+        frame = (55 + 10 * ceil(max(taken) / 8 + 1e-9)) / own.row.bit_rate
+        load += frame / (limits.period_share * need)
+        order[int(identifier, 16)] = need
+    assert abs(load - own.row.load) < 1e-9 and load <= limits.load + 1e-9
+    assert all(order[a] <= order[b] for a, b in pairwise(sorted(order)))
+
+
+def check_modbus(own):
+    """Unit ids, registers that do not overlap, unit loads, length, and the scan by hand."""
+    limits = own.settings.modbus
+    check_chain(own, limits.length * (1 + limits.repeaters))
+    stations = own.count("station")
+    assert stations <= limits.units
+    repeaters = own.count("repeater") // (2 if own.settings.redundant else 1)
+    assert repeaters == own.row.repeaters <= limits.repeaters
+    assert stations + 1 + 2 * repeaters <= limits.unit_loads * (1 + repeaters)
+    units = defaultdict(lambda: {"input": set(), "holding": set()})
+    devices = defaultdict(set)
+    for point in own.points.itertuples():
+        unit, kind, register, _, bit = re.fullmatch(
+            r"(\d+) (input|holding) register (\d+)( bit (\d+))?", point.address
+        ).groups()
+        analogue, output = own.type[point.Index][0] == "A", own.type[point.Index][1] == "O"
+        assert (bit is None) == analogue and (kind == "holding") == output
+        place = (int(register), -1 if bit is None else int(bit))
+        assert place not in units[unit][kind] and place[1] < 16
+        units[unit][kind].add(place)
+        devices[unit].add(point.device)
+    assert sorted(map(int, units)) == list(range(1, stations + 1))
+    assert all(len(names) == 1 for names in devices.values())
+    character = 11 / own.row.bit_rate
+    silence = 1.75e-3 if own.row.bit_rate > 19200 else 3.5 * character
+    scan, slowest = 0.0, {}
+    for unit, kinds in units.items():
+        times = []
+        # Function 4: 8 bytes there, 5 and two a register back; 16: 9 and two a register, and 8.
+        for kind, fixed in (("input", 13), ("holding", 17)):
+            count = len({register for register, _ in kinds[kind]})
+            if count:
+                bytes_ = fixed + 2 * count
+                times.append(bytes_ * character + 2 * silence + limits.processing)
+        scan += sum(times)
+        slowest[unit] = max(times)
+    assert abs(1e3 * scan - own.row.scan_ms) < CLOSE
+    for point in own.points.itertuples():
+        response = scan + slowest[point.address.split()[0]]
+        assert abs(1e3 * response - point.response_ms) < CLOSE
+    slower = [rate for rate in limits.bit_rates if rate < own.row.bit_rate]
+    assert own.row.bit_rate in limits.bit_rates and (not slower or own.row.scan_ms > 0)
+
+
+def check_asi(own):
+    """Addresses, ports, cable between repeaters, repeaters in series, and the cycle by hand."""
+    limits = own.settings.asi
+    modules = own.points.groupby("device")
+    labels, ports = {}, defaultdict(list)
+    for device, points in modules:
+        label, *_ = {address.split()[0] for address in points["address"]}
+        assert all(address.split()[0] == label for address in points["address"])
+        labels[device] = label
+        ports[device] = [address.split()[1] for address in points["address"]]
+    assert len(set(labels.values())) == len(labels) == own.row.slaves == own.count("module")
+    on_address = defaultdict(list)
+    for label in labels.values():
+        number, half = re.fullmatch(r"(\d+)([AB]?)", label).groups()
+        on_address[int(number)].append(half)
+    assert set(on_address) <= set(range(1, 32))
+    for halves in on_address.values():
+        assert sorted(halves) in ([""], ["A"], ["A", "B"])
+        assert limits.shared or halves == [""]
+    assert len(labels) <= (62 if limits.shared else 31)
+    cycle = 156e-6 * (len(on_address) + 2)
+    assert abs(own.row.cycle_ms - 1e3 * cycle) < CLOSE
+    for device, names in ports.items():
+        assert len(set(names)) == len(names)
+        kinds = Counter(re.sub(r"\d", "", name) for name in names)
+        assert kinds["I"] <= limits.inputs and kinds["Q"] <= limits.outputs
+        assert kinds["AI"] + kinds["AQ"] <= limits.channels
+        assert not (kinds["AI"] + kinds["AQ"] and (len(kinds) > 1 or labels[device][-1] in "AB"))
+    parts, series = _asi_parts(own)
+    assert max(parts) <= limits.length + CLOSE
+    assert abs(sum(parts) - own.row.length_m) < 0.02 * len(own.trunk)
+    assert series <= limits.repeaters
+    assert own.count("supply") == len(parts)
+    assert own.row.supply_current_a <= 8 and own.row.lowest_v >= 26.5 - CLOSE
+
+
+def _asi_parts(own):
+    """Return the cable of each electrical segment, and the most repeaters on the way to a node."""
+    repeaters = own.devices[own.devices["kind"] == "repeater"].set_index("device")["at"]
+    graph = nx.Graph()
+    line = nx.Graph()
+    for run in own.trunk.itertuples():
+        a = f"{run.a} out" if run.a in repeaters else run.a
+        b = f"{run.b} in" if run.b in repeaters else run.b
+        graph.add_edge(a, b, length=run.length_m)
+        line.add_edge(run.a, run.b)
+    for name, at in repeaters.items():
+        if at:
+            master = own.devices.loc[own.devices["kind"] == "master", "device"].item()
+            line.add_edge(name, master if at == own.network.cabinet else at)
+    parts = [
+        sum(length for *_, length in graph.subgraph(part).edges(data="length"))
+        for part in nx.connected_components(graph)
+    ]
+    master = own.devices.loc[own.devices["kind"] == "master", "device"].item()
+    if master not in graph:
+        parts.append(0.0)
+        line.add_node(master)
+    ways = nx.single_source_shortest_path(line, master)
+    assert set(ways) >= set(own.points["device"])
+    return parts, max(sum(node in repeaters for node in way[:-1]) for way in ways.values())
