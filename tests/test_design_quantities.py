@@ -10,13 +10,17 @@ from scipy.stats import triang
 from shipnet import datasets
 from shipnet.design.assumptions import Assumption, Assumptions, values_at
 from shipnet.design.bill import bill_of, conductors_at_cabinet
-from shipnet.design.cabling import asi_conductors, hardwired_conductors
+from shipnet.design.cabling import asi_conductors, count_points, hardwired_conductors
 from shipnet.design.catalogue import Range, cables
+from shipnet.design.iolist import load_iolist
 from shipnet.design.network import Network, frame
+from shipnet.design.plan import OPTIONS as OPTIONS_OF_A_PLAN
+from shipnet.design.plan import plan
 from shipnet.design.plants import Plant
 from shipnet.design.quantities import CABLE_RANGES, FIGURES, Model, quantities
 from shipnet.design.savings import conductor_saving, cost_saving
 from shipnet.design.sensitivity import tornado
+from shipnet.design.site import Site
 from shipnet.design.uncertainty import draw, likely
 from shipnet.errors import ArgumentError
 
@@ -73,8 +77,9 @@ def by_hand(network, level, assumptions=None):
     for run in network.runs.itertuples():
         cable = known[run.cable]
         length = run.length_m * assumed.at("laid_length", level)
-        assert cable.height_mm == cable.diameter_mm  # round ones only
-        area = np.pi * (cable.diameter_mm / 2e3 * assumed.at("cable_diameter", level)) ** 2
+        width, height = cable.diameter_mm / 1e3, cable.height_mm / 1e3
+        area = width * height * (1 if height < width else np.pi / 4)
+        area *= assumed.at("cable_diameter", level) ** 2
         total["cable mass"] += length * getattr(cable.mass, level)
         total["cable volume"] += 1000 * length * area
         total["cross-section"] += 1e4 * area * run.at_cabinet
@@ -115,6 +120,33 @@ def test_every_figure_is_the_sum_over_single_cables_and_devices(network, level):
     table = quantities(network).table
     for figure, value in by_hand(network, level).items():
         assert table.loc[figure, level] == pytest.approx(value, rel=1e-12), figure
+
+
+@pytest.fixture(scope="module")
+def ship():
+    """Every sixth point of the example ship."""
+    iolist = load_iolist(datasets.path("synthetic_iolist_ship.csv"))
+    return replace(iolist, points=iolist.points.iloc[::6].reset_index(drop=True))
+
+
+@pytest.mark.parametrize("option", OPTIONS_OF_A_PLAN)
+def test_planned_networks_are_summed_in_the_same_way(ship, option):
+    network = plan(ship, Site((22.0, 0.0, 14.0)), option)
+    table = quantities(network).table
+    for figure, value in by_hand(network, "high").items():
+        assert table.loc[figure, "high"] == pytest.approx(value, rel=1e-12), figure
+    if option in ("home runs", "junction boxes"):
+        wired = hardwired_conductors(count_points(ship.points))
+        assert table.loc["conductors at the cabinet", "nominal"] == wired
+
+
+def test_the_planner_wires_the_plants_of_the_papers_with_as_many_conductors():
+    for plant, wired in ((Plant(62, 4), 496), (Plant(190, 1, 14), 380)):
+        planned = plan(plant.iolist, Site((0.0, 0.0, 0.0)), "home runs")
+        assert conductors_at_cabinet(planned) == wired
+        assert planned.runs["length_m"].sum() == pytest.approx(
+            plant.hardwired.runs["length_m"].sum()
+        )
 
 
 def test_counts_are_exact_and_have_no_range():
