@@ -81,7 +81,7 @@ def solved(source: str) -> str:
 def student_edition(lesson: NotebookNode) -> NotebookNode:
     """Return the lesson without solutions."""
     kept = (cell for cell in lesson.cells if "solution" not in tags(cell))
-    return _notebook(_copy(cell, stub(cell.source)) for cell in kept)
+    return notebook_of(copy_of(cell, stub(cell.source)) for cell in kept)
 
 
 def solutions_edition(lesson: NotebookNode) -> NotebookNode:
@@ -98,18 +98,18 @@ def solutions_edition(lesson: NotebookNode) -> NotebookNode:
             if inside or "setup" in tags(cell):
                 # The edition lies one folder deeper.
                 text = re.sub(r"\]\((?!#|\w+:)", "](../", cell.source)
-                yield _copy(cell, text if cell.cell_type == "markdown" else solved(cell.source))
+                yield copy_of(cell, text if cell.cell_type == "markdown" else solved(cell.source))
 
-    return _notebook(cells())
+    return notebook_of(cells())
 
 
-def _copy(cell: NotebookNode, source: str) -> NotebookNode:
+def copy_of(cell: NotebookNode, source: str) -> NotebookNode:
     new = new_code_cell if cell.cell_type == "code" else new_markdown_cell
     marks = cell.metadata.get("tags", [])
     return new(source, metadata={"tags": marks} if marks else {})
 
 
-def _notebook(cells: Iterator[NotebookNode]) -> NotebookNode:
+def notebook_of(cells: Iterator[NotebookNode]) -> NotebookNode:
     """Return a notebook whose cells are named by what they say, so that a diff stays small."""
     notebook = new_notebook(cells=list(cells), metadata=nbformat.from_dict(notebooks.METADATA))
     seen: dict[str, int] = {}
