@@ -2,6 +2,8 @@
 # make test       lint, types, floors, tests, notebooks under strict nbval, wheel, browser
 # make notebooks  re-execute the notebooks; show what would change; store it with ACCEPT=1
 # make counts     record how many tests each file holds, after adding or removing some
+# make lessons    derive the editions of the lessons whose source changed, and their slides
+# make wheels     fill build/wheels for a room without a network; SYSTEM=windows PYTHON=3.12
 # make lab        open JupyterLab
 # make app        serve the interactive tools of notebooks/explore/ as web pages, on this machine
 # make bench      ratios against peers, measured side by side
@@ -24,7 +26,7 @@ unexport VIRTUAL_ENV
 
 .DEFAULT_GOAL := all
 .NOTPARALLEL:
-.PHONY: all setup site notebooks test lint unit browser counts lab app bench lock clean
+.PHONY: all setup site notebooks test lint unit browser counts lessons wheels lab app bench lock clean
 
 all: site
 	@$(PY) -m shipnet ledger --summary
@@ -81,6 +83,13 @@ counts: setup site
 	@$(UNIT) --counts-write
 	@$(WEB) --counts-write
 	@git diff --stat tests/expected_counts.json
+
+lessons: setup
+	@$(PY) docs/editions.py derive
+	@$(PY) docs/editions.py slides
+
+wheels: setup
+	@$(PY) docs/wheels.py $(UV) $(SYSTEM) $(PYTHON)
 
 lab: setup
 	@$(BIN)/jupyter lab --notebook-dir=notebooks

@@ -98,6 +98,16 @@ def _summary(path: Path) -> str:
     return docstring.partition("\n\n")[0].replace("\n", " ")
 
 
+def glossary_page() -> str:
+    """Return the glossary as a page."""
+    from shipnet.exercises import glossary
+
+    rows = (f"| {term} | {word.korean} | {word.meaning} |" for term, word in glossary().iterrows())
+    about = "The field's words, with the Korean terms of the papers where they print one."
+    table = ["| term | Korean | meaning |", "|---|---|---|", *rows]
+    return "\n".join(["# Glossary", "", about, "", *table, ""])
+
+
 def ledger_page() -> str:
     """Return the ledger as a page: counts on top, then a table with an anchor for each claim."""
     from shipnet.papers.ledger import counts, format_computed, ledger
@@ -203,12 +213,18 @@ def sources(root: Path) -> dict[str, bytes]:
     docs = root / "docs"
     files = {path.relative_to(docs).as_posix(): path.read_bytes() for path in docs.rglob("*.md")}
     for path in copies.rglob("*.ipynb"):
-        files[f"notebooks/{path.relative_to(copies).as_posix()}"] = path.read_bytes()
+        if path.parent.name != "solutions":  # teachers have the notebooks
+            files[f"notebooks/{path.relative_to(copies).as_posix()}"] = path.read_bytes()
     # The data lie where a notebook's relative link finds them, as downloads.
     others = [*(root / "data").rglob("*"), root / "CHANGELOG.md"]
     for path in (path for path in others if path.is_file()):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
-    pages = {"ledger.md": ledger_page(), "errata.md": errata_page(), **dict(api_pages(root))}
+    pages = {
+        "errata.md": errata_page(),
+        "glossary.md": glossary_page(),
+        "ledger.md": ledger_page(),
+        **dict(api_pages(root)),
+    }
     files |= {name: text.encode() for name, text in pages.items()}
     files["index.md"] += contents(set(files)).encode()
     return files
@@ -251,8 +267,8 @@ def main(root: Path = ROOT, *, stored: bool = False) -> int:
         stamp.unlink(missing_ok=True)
         vanished = assemble(book, sources(root))
         # A page is built anew when its notebook was executed anew, even to the same outputs.
-        for copy in (build / "notebooks").rglob("*.ipynb"):
-            shutil.copystat(copy, book / "notebooks" / copy.relative_to(build / "notebooks"))
+        for copied in (book / "notebooks").rglob("*.ipynb"):
+            shutil.copystat(build / copied.relative_to(book), copied)
         if vanished or before.get("machinery") != now["machinery"]:
             for folder in (site, build / "doctrees", build / "jupyter_execute"):
                 shutil.rmtree(folder, ignore_errors=True)

@@ -20,6 +20,15 @@ HEADINGS = {
         "References",
     ],
     "lessons": ["The problem on the ship", "What we learned", "References"],
+    "course": [
+        "The problem on the ship",
+        "Explore",
+        "Exercises",
+        "Words",
+        "What we learned",
+        "References",
+    ],
+    "solutions": ["Exercises"],
     "explore": ["What to try", "What it assumes"],
     "notebooks": [
         "The problem on the ship",
@@ -61,7 +70,7 @@ def faults(notebook, kind):
     text = prose(notebook)
     if len(re.findall(r"^# ", text, re.M)) != 1:
         found.append("there is not exactly one heading of level 1")
-    if "**You will be able to**" not in text:
+    if kind != "solutions" and "**You will be able to**" not in text:
         found.append("it does not say what you will be able to do")
     places = [text.find(f"\n## {heading}") for heading in HEADINGS.get(kind, [])]
     if -1 in places or places != sorted(places):
@@ -74,8 +83,11 @@ def faults(notebook, kind):
             continue
         number += 1
         found += [f"cell {place}: {fault}" for fault in cell_faults(cell, number)]
-    if sum(len(cell.source.splitlines()) for cell in code(notebook)) > 180:
-        found.append("more than 180 lines of code; it belongs in the package")
+    most = 110 if kind == "course" else 180
+    if (lines := sum(len(cell.source.splitlines()) for cell in code(notebook))) > most:
+        found.append(f"{lines} lines of code, more than {most}; they belong in the package")
+    if kind == "course" and not 25 <= len(notebook.cells) <= 50:
+        found.append(f"{len(notebook.cells)} cells, not 25 to 50")
     return found
 
 
@@ -108,19 +120,32 @@ def cell_faults(cell, number):
         yield "does not end with plt.show()"
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_form(path):
+def kind_of(path):
+    """Return which headings a notebook has to have."""
+    if path.parent.name == "solutions":
+        return "solutions"
+    if path.parent.name == "lessons" and re.match(r"\d\d_", path.name):
+        return "course"
     kind = path.relative_to(ROOT / "notebooks").parts[0]
-    assert faults(read(path), kind if kind in HEADINGS else "notebooks") == []
+    return kind if kind in HEADINGS else "notebooks"
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def name_of(path):
+    return f"solutions-{path.stem}" if path.parent.name == "solutions" else path.stem
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=name_of)
+def test_form(path):
+    assert faults(read(path), kind_of(path)) == []
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=name_of)
 def test_links_lead_somewhere(path):
     for target in re.findall(r"\]\(([^)#]+)\)", prose(read(path))):
         assert (path.parent / target).resolve().is_file(), target
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=name_of)
 def test_every_figure_is_described_below_it(path):
     cells = read(path).cells
     for cell, below in zip(cells, [*cells[1:], None], strict=True):
@@ -140,7 +165,7 @@ def test_a_tool_and_its_notebook_go_together(path):
 
 def test_every_tool_has_a_notebook():
     tools = {path.stem for path in (ROOT / "shipnet" / "tools").glob("[a-z]*.py")}
-    assert tools == {path.stem for path in EXPLORE}
+    assert tools - {"step"} == {path.stem for path in EXPLORE}  # `step` is for the lessons
 
 
 def sample(**changes):

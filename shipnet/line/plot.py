@@ -9,9 +9,10 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from shipnet.line.network import Network
+from shipnet.line.travel import Travel
 from shipnet.line.tree import rooted
 
-__all__ = ["Layout", "layout", "plot_network", "plot_waveform"]
+__all__ = ["Layout", "layout", "plot_network", "plot_travel", "plot_waveform"]
 
 
 def plot_waveform(
@@ -37,6 +38,42 @@ def plot_waveform(
     """
     ax.plot(np.multiply(t, 1e6), u, label=label)
     ax.set(xlabel="time [us]", ylabel="voltage [V]")
+    return ax
+
+
+def plot_travel(pulse: Travel, step: int, *, ax: Axes) -> Axes:
+    """Draw a pulse on its way at one time, with all that it has reached in grey.
+
+    Parameters
+    ----------
+    pulse : Travel
+        What `travel` returned.
+    step : int
+        Which of its times, from 0.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; x is the place.
+    """
+    lowest, highest = min(pulse.v.min(), 0.0), max(pulse.v.max(), 0.0)
+    margin = 0.08 * (highest - lowest)
+    reached = pulse.v[: step + 1]
+    ax.fill_between(
+        pulse.x, reached.min(axis=0), reached.max(axis=0), color="0.9", label="reached so far"
+    )
+    ax.plot(pulse.x, pulse.v[step], label="now")
+    ax.set(
+        xlim=(pulse.x[0], pulse.x[-1]),
+        ylim=(lowest - margin, highest + margin),
+        xlabel="place [m]",
+        ylabel="voltage [V]",
+    )
+    ax.text(
+        0.98, 0.95, f"{pulse.t[step] * 1e9:.0f} ns", transform=ax.transAxes, ha="right", va="top"
+    )
     return ax
 
 

@@ -1,0 +1,215 @@
+"""Derive the editions of a lesson from its one source, notebooks/lessons/source/NN_name.md.
+
+    python docs/editions.py derive [NN ...]     write what is committed, with outputs
+    python docs/editions.py check               say which committed edition is not what derives
+    python docs/editions.py slides [NN ...]     build/slides/NN_name.html, needs no network
+    python docs/editions.py nbgrader [NN ...]   build/nbgrader/source/NN_name/NN_name.ipynb
+    python docs/editions.py otter [NN ...]      build/otter/NN_name.ipynb, for `otter assign`
+
+A source is a MyST notebook: Markdown with code cells. The students' edition drops the solutions;
+the solutions' edition holds the exercises only, solved.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Iterator
+from hashlib import sha256
+from pathlib import Path
+
+import nbformat
+from myst_nb.core.read import read_myst_markdown_notebook
+from nbformat import NotebookNode
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import notebooks
+
+ROOT = Path(__file__).resolve().parent.parent
+LESSONS = Path("notebooks/lessons")
+#: A stub line, and the region that holds the solution, as nbgrader marks it.
+SOLUTION = re.compile(
+    r"^(?P<stub>[^\n]*\n)[ ]*### BEGIN SOLUTION\n(?P<body>.*?)"
+    r"[ ]*### END SOLUTION$\n?",
+    re.DOTALL | re.MULTILINE,
+)
+EXERCISE = re.compile(r"ex-\d\d-\d+")
+
+
+def sources(root: Path = ROOT, numbers: list[str] | None = None) -> list[Path]:
+    """Return the sources of the lessons with these numbers, or of all."""
+    found = sorted((root / LESSONS / "source").glob("[0-9][0-9]_*.md"))
+    return [path for path in found if not numbers or path.name[:2] in numbers]
+
+
+def tags(cell: NotebookNode) -> set[str]:
+    return set(cell.metadata.get("tags", []))
+
+
+def keys(cell: NotebookNode) -> list[str]:
+    """Return the exercises that a cell belongs to."""
+    return sorted(filter(EXERCISE.fullmatch, tags(cell)))
+
+
+def read(path: Path) -> NotebookNode:
+    """Read a source, with solutions and stubs."""
+    notebook = read_myst_markdown_notebook(path.read_text("utf-8"))
+    for number, cell in enumerate(notebook.cells, start=1):
+        marked = "### BEGIN SOLUTION" in cell.source
+        if marked and not SOLUTION.search(cell.source + "\n"):
+            raise ValueError(f"{path.name}, cell {number}: no stub line above the solution")
+        if marked != ("exercise" in tags(cell) and cell.cell_type == "code"):
+            raise ValueError(
+                f"{path.name}, cell {number}: solutions and `exercise` tags go together"
+            )
+    return notebook
+
+
+def stub(source: str) -> str:
+    """Return an exercise cell as students get it."""
+    return SOLUTION.sub(lambda found: found["stub"], source + "\n").rstrip("\n")
+
+
+def solved(source: str) -> str:
+    """Return an exercise cell with its solution."""
+    return SOLUTION.sub(lambda found: found["body"], source + "\n").rstrip("\n")
+
+
+def student_edition(lesson: NotebookNode) -> NotebookNode:
+    """Return the lesson without solutions."""
+    kept = (cell for cell in lesson.cells if "solution" not in tags(cell))
+    return notebook_of(copy_of(cell, stub(cell.source)) for cell in kept)
+
+
+def solutions_edition(lesson: NotebookNode) -> NotebookNode:
+    """Return the title, the cells tagged `setup`, and the section of the exercises, solved."""
+    title = lesson.cells[0].source.partition("\n")[0].removeprefix("# ")
+    about = f"# Solutions: {title}\n\nFor the teacher: the exercises of the lesson, solved."
+
+    def cells() -> Iterator[NotebookNode]:
+        yield new_markdown_cell(about)
+        inside = False
+        for cell in lesson.cells:
+            if cell.cell_type == "markdown" and cell.source.startswith("## "):
+                inside = cell.source.startswith("## Exercises")
+            if inside or "setup" in tags(cell):
+                # The edition lies one folder deeper.
+                text = re.sub(r"\]\((?!#|\w+:)", "](../", cell.source)
+                yield copy_of(cell, text if cell.cell_type == "markdown" else solved(cell.source))
+
+    return notebook_of(cells())
+
+
+def copy_of(cell: NotebookNode, source: str) -> NotebookNode:
+    new = new_code_cell if cell.cell_type == "code" else new_markdown_cell
+    marks = cell.metadata.get("tags", [])
+    return new(source, metadata={"tags": marks} if marks else {})
+
+
+def notebook_of(cells: Iterator[NotebookNode]) -> NotebookNode:
+    """Return a notebook whose cells are named by what they say, so that a diff stays small."""
+    notebook = new_notebook(cells=list(cells), metadata=nbformat.from_dict(notebooks.METADATA))
+    seen: dict[str, int] = {}
+    for cell in notebook.cells:
+        name = sha256(f"{cell.cell_type}\n{cell.source}".encode()).hexdigest()[:10]
+        seen[name] = seen.get(name, 0) + 1
+        cell.id = name if seen[name] == 1 else f"{name}-{seen[name]}"
+    return notebook
+
+
+def editions(root: Path, source: Path) -> dict[Path, NotebookNode]:
+    """Return path -> notebook for what is committed of a lesson, without outputs."""
+    lesson, name = read(source), f"{source.stem}.ipynb"
+    folder = root / LESSONS
+    return {
+        folder / name: student_edition(lesson),
+        folder / "solutions" / name: solutions_edition(lesson),
+    }
+
+
+def same(one: NotebookNode, other: NotebookNode) -> bool:
+    """Return whether two notebooks have the same cells, whatever their outputs."""
+
+    def parts(notebook: NotebookNode) -> list[tuple[str, str, str, frozenset[str]]]:
+        return [(c.id, c.cell_type, c.source, frozenset(tags(c))) for c in notebook.cells]
+
+    return parts(one) == parts(other)
+
+
+def executed(notebook: NotebookNode) -> bool:
+    """Return whether every code cell but those of widgets was executed."""
+    return all(
+        cell.execution_count or "widget" in tags(cell)
+        for cell in notebook.cells
+        if cell.cell_type == "code"
+    )
+
+
+def stale(root: Path, numbers: list[str] | None = None) -> dict[Path, NotebookNode]:
+    """Return path -> notebook for each committed edition that is not what its source says."""
+    return {
+        path: notebook
+        for source in sources(root, numbers)
+        for path, notebook in editions(root, source).items()
+        if not (path.is_file() and same(nbformat.read(path, as_version=4), notebook))
+    }
+
+
+def orphans(root: Path) -> list[Path]:
+    """Return the numbered lessons that have no source."""
+    known = {source.stem for source in sources(root)}
+    folder = root / LESSONS
+    found = [*folder.glob("[0-9][0-9]_*.ipynb"), *folder.glob("solutions/*.ipynb")]
+    return sorted(path for path in found if path.stem not in known)
+
+
+def derive(root: Path, numbers: list[str] | None = None) -> int:
+    """Write what has changed and execute it; return how many notebooks failed."""
+    todo = stale(root, numbers)
+    for source in sources(root, numbers):
+        for path in editions(root, source):
+            if path not in todo and not executed(stored := nbformat.read(path, as_version=4)):
+                todo[path] = stored
+    for path, notebook in todo.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        nbformat.write(notebook, path)
+    failed = 0
+    for done in notebooks.execute_all(root, list(todo)):
+        failed += bool(done.failure)
+        if not done.failure:
+            done.path.write_text(done.text, encoding="utf-8", newline="\n")
+    return failed
+
+
+def main(argv: list[str] | None = None, root: Path = ROOT) -> int:
+    """Run the command line and return the exit code."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("command", choices=["derive", "check", "slides", "nbgrader", "otter"])
+    parser.add_argument("numbers", nargs="*", metavar="NN", help="lessons; all when none is named")
+    given = parser.parse_args(argv)
+    if given.command == "derive":
+        return 1 if derive(root, given.numbers) else 0
+    if given.command == "check":
+        wrong = [*stale(root, given.numbers), *orphans(root)]
+        for path in wrong:
+            print(f"not derived: {path.relative_to(root).as_posix()}")
+        return 1 if wrong else 0
+    write: Callable[[Path, Path], Path]
+    if given.command == "slides":
+        from slides import write
+    elif given.command == "nbgrader":
+        from graders import write_nbgrader as write
+    else:
+        from graders import write_otter as write
+    for source in sources(root, given.numbers):
+        print(write(root, source).relative_to(root).as_posix())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

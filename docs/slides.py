@@ -1,0 +1,89 @@
+"""Slides of a lesson: one file with everything in it, which needs no network.
+
+A heading of level 2 begins a column, any other text a slide below it. Figures stand without their
+code; exercises show what they ask for; what only a kernel can show is left out.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from pathlib import Path
+from typing import Any
+
+import editions
+import nbformat
+from docutils.utils.math.latex2mathml import tex2mathml
+from jinja2 import pass_context
+from nbconvert.exporters import SlidesExporter
+from nbformat import NotebookNode
+
+TEMPLATE = Path(__file__).parent / "slides_template"
+REVEAL = TEMPLATE / "vendor" / "reveal-5.2.1"
+#: Cells that a class does not watch.
+HIDDEN = {"setup", "widget", "exercise", "check"}
+#: Formulas in rendered Markdown, unless they stand in code.
+FORMULA = re.compile(r"(<code>.*?</code>|<pre.*?</pre>)|\$\$(.+?)\$\$|\$(.+?)\$", re.DOTALL)
+
+
+class Slides(SlidesExporter):
+    """nbconvert's slides with formulas as MathML."""
+
+    @pass_context
+    def markdown2html(self, context: Any, source: str) -> str:
+        return FORMULA.sub(_formula, super().markdown2html(context, source))
+
+
+def _formula(found: re.Match[str]) -> str:
+    if found[1]:
+        return found[1]
+    latex = html.unescape(found[2] or found[3]).strip()
+    return tex2mathml(latex, as_block=bool(found[2]))
+
+
+def mark(notebook: NotebookNode) -> None:
+    """Set the kind of slide of every cell."""
+    below = ""
+    for cell in notebook.cells:
+        shows = any("image/png" in output.get("data", {}) for output in cell.get("outputs", []))
+        kind = "-"
+        if cell.cell_type == "markdown":
+            if cell.source.startswith(("# ", "## ")):
+                kind = "slide"
+            # What stands below a figure stays there, and all exercises stand on one slide.
+            elif not re.match(r"\*[^*]|\*\*\d", cell.source):
+                kind = "subslide"
+        elif HIDDEN & editions.tags(cell) or re.match(r"(import|from) ", cell.source):
+            kind = "skip"
+        elif shows:
+            kind = "subslide"
+            cell.metadata["transient"] = {"remove_source": True}
+        elif re.match(r"\*[^*].*\n\n", below):  # a figure with this much text fills its slide
+            kind = "subslide"
+        below = cell.source if cell.cell_type == "markdown" else ""
+        cell.metadata["slideshow"] = {"slide_type": kind}
+
+
+def write(root: Path, source: Path) -> Path:
+    """Write the slides of a lesson from its students' edition, which holds the outputs."""
+    notebook = nbformat.read(root / editions.LESSONS / f"{source.stem}.ipynb", as_version=4)
+    mark(notebook)
+    notebook.metadata["title"] = notebook.cells[0].source.partition("\n")[0].removeprefix("# ")
+    exporter = Slides(
+        template_name="shipnet",
+        extra_template_basedirs=[str(TEMPLATE)],
+        exclude_input_prompt=True,
+        exclude_output_prompt=True,
+        exclude_anchor_links=True,
+    )
+    script = (REVEAL / "reveal.js").read_text("utf-8").partition("//# sourceMappingURL")[0]
+    resources = {
+        "reveal_js": script.replace("</script", r"<\/script"),
+        "reveal_css": (REVEAL / "reveal.css").read_text("utf-8"),
+        "slides_css": (TEMPLATE / "slides.css").read_text("utf-8"),
+    }
+    page, _ = exporter.from_notebook_node(notebook, resources)
+    path = root / "build" / "slides" / f"{source.stem}.html"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(page, encoding="utf-8", newline="\n")
+    return path

@@ -1,0 +1,94 @@
+"""Fill build/wheels, from which a room without a network installs shipnet and JupyterLab.
+
+    make wheels [SYSTEM=linux|windows|macos [PYTHON=3.12]]
+
+UV is the program uv. The wheels are of the versions in the lock, checked by hash; by default they
+are for a system and a Python like these. Only this command needs a network.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+#: Tags of wheels that run there, newest first; a 64-bit PC, or an Apple with its own chip.
+TAGS = {
+    "linux": [*(f"manylinux_2_{n}_x86_64" for n in (28, 27, 24, 17, 12)), "manylinux2014_x86_64"],
+    "windows": ["win_amd64"],
+    "macos": [f"macosx_{n}_0_{chip}" for n in (14, 13, 12, 11) for chip in ("arm64", "universal2")],
+}
+README = """\
+shipnet without a network, for {system} and Python {python}
+{line}
+
+In a terminal, in the folder that holds this folder "wheels":
+
+    {python_command} -m venv course
+    {bin}python -m pip install --no-index --find-links wheels "shipnet[notebooks]"
+    {bin}jupyter lab
+
+Copy notebooks/lessons beside it, for students without solutions/ and source/.
+"""
+
+
+def here() -> str:
+    """Return the name of this system."""
+    return {"win32": "windows", "darwin": "macos"}.get(sys.platform, "linux")
+
+
+def readme(system: str, python: str) -> str:
+    """Return how to install from the folder."""
+    windows = system == "windows"
+    text = README.format(
+        system=system,
+        python=python,
+        line="=" * len(f"shipnet without a network, for {system} and Python {python}"),
+        python_command=f"py -{python}" if windows else f"python{python}",
+        bin="course\\Scripts\\" if windows else "course/bin/",
+    )
+    return text.replace("\n", "\r\n") if windows else text
+
+
+def commands(uv: str, folder: Path, system: str, python: str) -> list[list[str]]:
+    """Return what resolves, fetches and builds the wheels."""
+    listed = str(folder / "requirements.txt")
+    tags = [part for tag in TAGS[system] for part in ("--platform", tag)]
+    return [
+        [
+            *(uv, "pip", "compile", "--quiet", "--no-header", "--generate-hashes"),
+            *("--extra", "notebooks", "--constraint", "requirements.lock"),
+            *("--python-platform", system, "--python-version", python),
+            *("--output-file", listed, "pyproject.toml"),
+        ],
+        [
+            *(sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"),
+            *("--require-hashes", "--no-deps", "--only-binary", ":all:", *tags),
+            *("--python-version", python, "--dest", str(folder), "--requirement", listed),
+        ],
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)],
+    ]
+
+
+def main(uv: str, system: str = here(), python: str = "") -> int:
+    """Fill the folder and return the exit code."""
+    python = python or "{}.{}".format(*sys.version_info)
+    folder = ROOT / "build" / "wheels"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for command in commands(uv, folder, system, python):
+        if code := subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL).returncode:
+            return code
+    (folder / "README.txt").write_text(readme(system, python), encoding="utf-8", newline="")
+    found = list(folder.glob("*.whl"))
+    size = sum(file.stat().st_size for file in found) / 1e6
+    print(f"build/wheels: {len(found)} wheels, {size:.0f} MB, for {system} and Python {python}")
+    return 0
+
+
+if __name__ == "__main__":
+    if not 2 <= len(sys.argv) <= 4 or (len(sys.argv) > 2 and sys.argv[2] not in TAGS):
+        sys.exit(__doc__)
+    sys.exit(main(*sys.argv[1:]))

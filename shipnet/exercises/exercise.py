@@ -1,0 +1,89 @@
+"""An exercise: the numbers that it draws, the right answer, and the mistakes it expects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from shipnet.exercises.answers import Answer
+from shipnet.exercises.student import Student
+
+__all__ = ["Exercise"]
+
+
+@dataclass(frozen=True)
+class Exercise:
+    """One exercise of a lesson.
+
+    Parameters
+    ----------
+    key : str
+        ``"ex-01-2"``: exercise 2 of lesson 1, which is also the tag of its cell.
+    answer : callable
+        Takes the numbers drawn as keywords, returns the kind of answer with the right value,
+        recomputed by the package.
+    draws : mapping, optional
+        Name -> options; each student gets one of them.
+    traps : mapping, optional
+        Hint -> wrong answer (a callable as `answer`, that returns what a student would). Whoever
+        answers this is told the hint.
+    slips : mapping, optional
+        Part of a hint -> wrong answer. The kind of answer knows this mistake; a test sees that
+        its hint has this part.
+    """
+
+    key: str
+    answer: Callable[..., Answer]
+    draws: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    traps: Mapping[str, Callable[..., object]] = field(default_factory=dict)
+    slips: Mapping[str, Callable[..., object]] = field(default_factory=dict)
+
+    def given(self, me: Student) -> dict[str, Any]:
+        """Return the numbers of a student.
+
+        Parameters
+        ----------
+        me : Student
+            Who.
+
+        Returns
+        -------
+        dict
+            Name -> value.
+        """
+        return {
+            name: me.pick(f"{self.key} {name}", options) for name, options in self.draws.items()
+        }
+
+    def fault(self, answered: object, me: Student) -> str | None:
+        """Say what is wrong with an answer.
+
+        Parameters
+        ----------
+        answered : object
+            What the student answered.
+        me : Student
+            Who.
+
+        Returns
+        -------
+        str or None
+            What is wrong, with a hint; None if the answer is right.
+
+        Raises
+        ------
+        NotSolved
+            If there is no answer yet.
+        """
+        numbers = self.given(me)
+        right = self.answer(**numbers)
+        fault = right.fault(answered)
+        if fault is None:
+            return None
+        for hint, wrong in self.traps.items():
+            # The same kind of answer, with the trap as what is right.
+            trapped: Answer = replace(right, value=wrong(**numbers))  # type: ignore[type-var]
+            if trapped.fault(answered) is None:
+                return hint
+        return fault

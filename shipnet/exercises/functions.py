@@ -1,0 +1,157 @@
+"""Answers that are functions or tables: tried on inputs, compared row by row."""
+
+from __future__ import annotations
+
+import linecache
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+from traceback import walk_tb
+from types import TracebackType
+from typing import Any
+
+from shipnet.exercises.answers import Answer, Number, blank, shown
+
+__all__ = ["Function", "NotSolved", "Table"]
+
+
+class NotSolved(Exception):
+    """There is no answer yet."""
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of the student's, tried on several inputs.
+
+    Parameters
+    ----------
+    value : callable
+        The reference: takes the inputs, returns the right result.
+    cases : sequence of tuple
+        Inputs to try, each the arguments of one call; an edge of the range among them.
+    answer : callable
+        Takes a right result, returns the kind of answer that it is.
+
+    Examples
+    --------
+    >>> asked = Function(lambda n: 6.0 * n, [(1,), (7,)], lambda right: Number(right, "us"))
+    >>> def length_of(bits):
+    ...     return 6e-6 * bits
+    >>> print(asked.fault(length_of))
+    length_of(1) returned 6e-06: the digits are right, but it is 1000000 times too small: is it in \
+us, or in another unit?
+    """
+
+    value: Callable[..., Any]
+    cases: Sequence[tuple[Any, ...]]
+    answer: Callable[[Any], Answer] = Number
+
+    def fault(self, given: object) -> str | None:
+        """Say what is wrong with a function; None if it is right.
+
+        Parameters
+        ----------
+        given : object
+            The student's function.
+
+        Returns
+        -------
+        str or None
+            The first case that fails: its input, what came back, and a hint.
+
+        Raises
+        ------
+        NotSolved
+            If the function is still the stub.
+        """
+        if not callable(given):
+            return f"a function is asked for, not a {type(given).__name__}"
+        name = getattr(given, "__name__", "your function")
+        for case in self.cases:
+            call = f"{name}({', '.join(map(shown, case))})"
+            try:
+                # A function that changes what it is given must not spoil the comparison.
+                result = given(*deepcopy(case))
+            except NotImplementedError:
+                raise NotSolved from None
+            except Exception as error:
+                return f"{call} stops{_place(given, error.__traceback__)}: {_said(error)}"
+            if result is None:
+                return f"{call} returned nothing: is there a `return`?"
+            if result is ...:
+                raise NotSolved
+            if fault := self.answer(self.value(*case)).fault(result):
+                return f"{call} returned {shown(result)}: {fault}"
+        return None
+
+
+def _said(error: Exception) -> str:
+    kind = type(error).__name__
+    text = str(error).partition("\n")[0]
+    return f"{kind}, {text}" if text else kind
+
+
+def _place(function: Callable[..., Any], trace: TracebackType | None) -> str:
+    """Return the last line of the function that was being executed."""
+    code = getattr(function, "__code__", None)
+    lines = [
+        (line, linecache.getline(code.co_filename, line).strip())
+        for frame, line in walk_tb(trace)
+        if code and frame.f_code is code
+    ]
+    if not (code and lines):
+        return ""
+    line, text = lines[-1]
+    return f" in its line {line - code.co_firstlineno + 1}{f', `{text}`' if text else ''}"
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A table, compared row by row.
+
+    Parameters
+    ----------
+    value : list of dict
+        The right rows: column -> value, in order; the first column says what the row is about.
+    units : dict, optional
+        Unit of a column of numbers.
+    tolerance : float, default 0.005
+        Relative tolerance of the numbers [1].
+
+    Examples
+    --------
+    >>> asked = Table([{"slaves": 31, "cycle": 5.0}], {"cycle": "ms"})
+    >>> asked.fault([{"slaves": 31, "cycle": 0.005}])
+    'row 1 (slaves = 31), cycle is 0.005: the digits are right, but it is 1000 times too small: \
+is it in ms, or in another unit?'
+    """
+
+    value: Sequence[dict[str, Any]]
+    units: dict[str, str] = field(default_factory=dict)
+    tolerance: float = 0.005
+
+    def fault(self, given: object) -> str | None:
+        """Say what is wrong with a table, a DataFrame or a list of dicts; None if it is right."""
+        to_rows = getattr(given, "to_dict", None)
+        rows = to_rows("records") if to_rows and hasattr(given, "columns") else given
+        if not isinstance(rows, Sequence) or not all(isinstance(row, dict) for row in rows):
+            return f"a table is asked for, a DataFrame, not a {type(given).__name__}"
+        columns = list(self.value[0])
+        if missing := [name for name in columns if any(name not in row for row in rows)]:
+            return f"column {missing[0]!r} is missing; asked for are {', '.join(columns)}"
+        if len(rows) != len(self.value):
+            return f"{len(rows)} rows, but {len(self.value)} are asked for"
+        first = columns[0]
+        for number, (row, right) in enumerate(zip(rows, self.value, strict=True), start=1):
+            for name in columns:
+                if blank(row[name]):
+                    raise NotSolved
+                if fault := self._cell(name, row[name], right[name]):
+                    where = f"row {number} ({first} = {shown(right[first])}), {name}"
+                    return f"{where} is {shown(row[name])}: {fault}"
+        return None
+
+    def _cell(self, name: str, cell: object, right: object) -> str | None:
+        if isinstance(right, float | int) and not isinstance(right, bool):
+            return Number(right, self.units.get(name, ""), self.tolerance).fault(cell)
+        return None if cell == right else "this is not it"

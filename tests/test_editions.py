@@ -1,0 +1,211 @@
+"""Editions of a small lesson, and what they must not lose or show."""
+
+import re
+
+import nbformat
+import pytest
+
+from docs import editions, graders, slides, wheels
+
+SOURCE = '''# 01 A title?
+
++++
+
+## The problem on the ship
+
+See [the start](../00_start.ipynb) and $T = \\frac{1}{R}$; `$HOME` is code.
+
+```{code-cell}
+:tags: [setup]
+two = 2
+```
+
+```{code-cell}
+print("only the lesson")
+```
+
+## Exercises
+
+```{code-cell}
+:tags: [exercise, ex-01-1]
+answer = ...
+### BEGIN SOLUTION
+answer = two + 40
+### END SOLUTION
+```
+
+```{code-cell}
+:tags: [check, ex-01-1]
+check("ex-01-1", answer)
+```
+
++++ {"tags": ["solution"]}
+
+A secret, as [the start](../00_start.ipynb) says.
+
++++
+
+```{code-cell}
+:tags: [exercise, ex-01-2]
+def double(x):
+    """Return twice x."""
+    raise NotImplementedError
+    ### BEGIN SOLUTION
+    return two * x
+    ### END SOLUTION
+```
+
+## What we learned
+
+Much.
+'''
+
+
+@pytest.fixture
+def source(tmp_path):
+    path = tmp_path / editions.LESSONS / "source" / "01_small.md"
+    path.parent.mkdir(parents=True)
+    path.write_text(SOURCE)
+    return path
+
+
+def texts(notebook):
+    return [cell.source for cell in notebook.cells]
+
+
+def test_students_get_stubs_and_no_solutions(source):
+    student = "\n".join(texts(editions.student_edition(editions.read(source))))
+    assert "answer = ...\n" in student
+    assert student.count("raise NotImplementedError") == 1
+    for secret in ("40", "two * x", "SOLUTION", "secret"):
+        assert secret not in student
+
+
+def test_solutions_hold_the_exercises_only(source):
+    cells = texts(editions.solutions_edition(editions.read(source)))
+    assert cells[0].startswith("# Solutions: 01 A title?")
+    assert "two = 2" in cells
+    assert "answer = two + 40" in cells
+    assert 'def double(x):\n    """Return twice x."""\n    return two * x' in cells
+    assert "A secret, as [the start](../../00_start.ipynb) says." in cells
+    for text in ("only the lesson", "Much.", "NotImplemented", "..."):
+        assert not any(text in cell.replace("../", "") for cell in cells)
+
+
+def test_a_cell_keeps_its_id_when_another_comes_before_it(source):
+    def names():
+        edition = editions.student_edition(editions.read(source))
+        return {cell.source: cell.id for cell in edition.cells}
+
+    before = names()
+    source.write_text(SOURCE.replace("## The", "New.\n\n+++\n\n## The"))
+    assert before.items() < names().items()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("answer = ...\n### BEGIN", "### BEGIN", "no stub line"),
+        ("[exercise, ex-01-1]", "[ex-01-1]", "go together"),
+        ("### BEGIN SOLUTION\nanswer = two + 40\n### END SOLUTION\n", "", "go together"),
+        ("### END SOLUTION\n```", "```", "no stub line"),
+    ],
+)
+def test_a_source_of_another_form_is_refused(source, old, new, fault):
+    source.write_text(SOURCE.replace(old, new, 1))
+    with pytest.raises(ValueError, match=rf"01_small.md, cell \d+: .*{fault}"):
+        editions.read(source)
+
+
+def write_editions(root, source):
+    for path, notebook in editions.editions(root, source).items():
+        path.parent.mkdir(exist_ok=True)
+        nbformat.write(notebook, path)
+
+
+def test_an_edition_that_differs_from_its_source_is_found(source, tmp_path, capsys):
+    assert editions.main(["check"], tmp_path) == 1
+    write_editions(tmp_path, source)
+    assert editions.main(["check"], tmp_path) == 0
+    edited = tmp_path / editions.LESSONS / "solutions" / "01_small.ipynb"
+    edited.write_text(edited.read_text().replace("two + 40", "two + 41"))
+    (tmp_path / editions.LESSONS / "02_orphan.ipynb").write_text("{}")
+    capsys.readouterr()
+    assert editions.main(["check"], tmp_path) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        "not derived: notebooks/lessons/solutions/01_small.ipynb",
+        "not derived: notebooks/lessons/02_orphan.ipynb",
+    ]
+
+
+def test_derive_executes_only_what_has_changed(source, tmp_path, monkeypatch):
+    executed = []
+
+    def execute(root, paths):
+        executed.append(sorted(path.parent.name for path in paths))
+        for path in paths:
+            notebook = nbformat.read(path, as_version=4)
+            for cell in notebook.cells:
+                if cell.cell_type == "code":
+                    cell.execution_count = 1
+            yield editions.notebooks.Executed(path, 0.0, nbformat.writes(notebook))
+
+    monkeypatch.setattr(editions.notebooks, "execute_all", execute)
+    assert editions.main(["derive"], tmp_path) == 0
+    assert editions.main(["derive"], tmp_path) == 0
+    source.write_text(SOURCE.replace("two + 40", "two + 40.0"))
+    assert editions.main(["derive"], tmp_path) == 0
+    assert executed == [["lessons", "solutions"], [], ["solutions"]]
+
+
+def test_nbgrader_gets_solutions_and_graded_checks(source, tmp_path):
+    notebook = nbformat.read(graders.write_nbgrader(tmp_path, source), as_version=4)
+    about = {c.metadata.nbgrader.grade_id: c for c in notebook.cells if "nbgrader" in c.metadata}
+    assert list(about) == ["ex-01-1", "ex-01-1-check", "ex-01-2"]
+    solution = "### BEGIN SOLUTION\nanswer = two + 40\n### END SOLUTION"
+    assert about["ex-01-1"].source == f"answer = ...\n{solution}"
+    assert "raise" not in about["ex-01-2"].source
+    assert about["ex-01-1"].metadata.nbgrader.solution
+    assert about["ex-01-1-check"].source.endswith("\nassert verdict, verdict")
+    assert about["ex-01-1-check"].metadata.nbgrader.points == 1
+    assert "secret" not in "".join(texts(notebook))
+
+
+def test_otter_gets_questions_with_solutions_and_tests(source, tmp_path):
+    notebook = nbformat.read(graders.write_otter(tmp_path, source), as_version=4)
+    raw = [cell.source.partition("\n")[0] for cell in notebook.cells if cell.cell_type == "raw"]
+    assert raw[:7] == [
+        "# ASSIGNMENT CONFIG",
+        "# BEGIN QUESTION",
+        "# BEGIN SOLUTION",
+        "# END SOLUTION",
+        "# BEGIN TESTS",
+        "# END TESTS",
+        "# END QUESTION",
+    ]
+
+
+def test_slides_ask_no_address(source, tmp_path):
+    write_editions(tmp_path, source)
+    page = slides.write(tmp_path, source).read_text("utf-8")
+    body = page[page.index("<body") :]
+    assert "<math" in body and "<code>$HOME</code>" in body
+    assert "A title?" in body and "two = 2" not in body
+    assert not re.search(r"""(src|href)=["']?(https?:)?//|@import|url\(["']?http""", page)
+    assert "sourceMappingURL" not in page
+    assert len(re.findall(r"<section", body)) >= 4
+    assert body.count("<section") == body.count("</section")
+
+
+def test_reveal_comes_with_its_licence():
+    assert "Permission is hereby granted" in (slides.REVEAL / "LICENSE").read_text()
+    assert (slides.REVEAL / "reveal.js").stat().st_size > 100_000
+
+
+@pytest.mark.parametrize("system", wheels.TAGS)
+def test_wheels_are_those_of_the_lock_and_of_the_system(system, tmp_path):
+    resolve, fetch, build = wheels.commands("uv", tmp_path, system, "3.12")
+    assert resolve[resolve.index("--constraint") + 1] == "requirements.lock"
+    assert "--require-hashes" in fetch and fetch.count("--platform") == len(wheels.TAGS[system])
+    assert build[1:3] == ["-m", "hatchling"]
+    assert ("Scripts" in wheels.readme(system, "3.12")) == (system == "windows")
