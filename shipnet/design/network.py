@@ -132,7 +132,8 @@ class Network:
         to the host, at worst; 0 if hardwired, where nothing lies between), fits.
     devices : pandas.DataFrame
         device (a name of its own), kind (one of `DEVICE_KINDS`), segment, x_m, y_m, z_m (NaN where
-        the list gives no place). One of them is the cabinet.
+        the list gives no place), at (the device in whose housing it stands, empty if in one of its
+        own). One of them is the cabinet. Without a column `at`, masters and gateways stand in it.
     runs : pandas.DataFrame
         One row a cable: run (a name of its own), cable (a key of `shipnet.design.catalogue`), a, b
         (devices; the `b` of a drop or home run is a point's tag), segment, kind (one of
@@ -195,6 +196,9 @@ class Network:
         """Check that the tables hang together."""
         for table in COLUMNS:
             object.__setattr__(self, table, frame(table, getattr(self, table)))
+        if "at" not in self.devices.columns:
+            inside = self.devices["kind"].isin(["master", "gateway"])
+            self.devices["at"] = inside.map({True: _cabinet(self.devices), False: ""})
         faults = list(_faults(self))
         if faults:
             more = f"; and {len(faults) - 10} more" if len(faults) > 10 else ""
@@ -220,7 +224,25 @@ class Network:
     @property
     def cabinet(self) -> str:
         """Name of the cabinet among the devices."""
-        return str(self.devices.loc[self.devices["kind"] == "cabinet", "device"].iloc[0])
+        return _cabinet(self.devices)
+
+    @property
+    def links(self) -> pd.DataFrame:
+        """What holds the network together: a, b and run, for counts of what a failure cuts off.
+
+        One row a cable, and one for each device that stands in the housing of another, whose `run`
+        is empty. Points are named by their tags.
+        """
+        import pandas as pd
+
+        inside = self.devices[self.devices["at"] != ""]
+        housed = pd.DataFrame({"a": inside["at"], "b": inside["device"], "run": ""})
+        return pd.concat([self.runs[["a", "b", "run"]], housed], ignore_index=True)
+
+
+def _cabinet(devices: pd.DataFrame) -> str:
+    names = devices.loc[devices["kind"] == "cabinet", "device"]
+    return str(names.iloc[0]) if len(names) else ""
 
 
 def _faults(network: Network) -> Iterator[str]:
@@ -243,6 +265,7 @@ def _faults(network: Network) -> Iterator[str]:
         ("device of a point", points["device"], {"", *names}),
         ("segment of a point", points["segment"], segments),
         ("kind of device", devices["kind"], set(DEVICE_KINDS)),
+        ("housing of a device", devices["at"], {"", *names}),
         ("segment of a device", devices["segment"], segments),
         ("kind of run", runs["kind"], set(RUN_KINDS)),
         ("line of a run", runs["line"], set(LINES)),
