@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import TYPE_CHECKING
 
+from shipnet.design.signals import SIGNALS, Signal
 from shipnet.errors import ArgumentError, check_whole
 
 if TYPE_CHECKING:
@@ -27,40 +28,6 @@ __all__ = [
     "lines_needed",
     "slaves_needed",
 ]
-
-
-@dataclass(frozen=True, slots=True)
-class Signal:
-    """A kind of point and the conductors that it needs when it is wired on its own.
-
-    Parameters
-    ----------
-    meaning : str
-        What is connected.
-    conductors : int
-        Conductors of its own.
-    common : int, default 0
-        Conductors that all points of this kind in one group share.
-    """
-
-    meaning: str
-    conductors: int
-    common: int = 0
-
-
-#: The kinds of points; `conductors` follow from the connection, not from a cable catalogue.
-SIGNALS: Mapping[str, Signal] = {
-    "contact": Signal("switch or limit contact, both wires its own", 2),
-    "contact_common": Signal("contact with a common return for its group", 1, common=1),
-    "solenoid": Signal("coil of a valve or relay, both wires its own", 2),
-    "solenoid_common": Signal("coil with a common return for its group", 1, common=1),
-    "rtd_2wire": Signal("resistance thermometer, two wires", 2),
-    "rtd_3wire": Signal("resistance thermometer, three wires", 3),
-    "rtd_4wire": Signal("resistance thermometer, four wires", 4),
-    "thermocouple": Signal("thermocouple, compensating pair", 2),
-    "current_loop": Signal("4-20 mA transmitter fed by its loop", 2),
-    "current_loop_4wire": Signal("4-20 mA transmitter with a supply of its own", 4),
-}
 
 
 def hardwired_conductors(points: Mapping[str, int], *, groups: int = 1) -> int:

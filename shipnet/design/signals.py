@@ -1,0 +1,173 @@
+"""The kinds of points: what is connected, with how many conductors, and what lists call it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Literal, get_args
+
+from shipnet.errors import ArgumentError
+
+__all__ = ["KINDS", "SIGNALS", "Kind", "Signal", "find_signal"]
+
+Kind = Literal["DI", "DO", "AI", "AO"]
+
+#: Digital and analogue, inputs and outputs, as the host sees them.
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A kind of point and the conductors that it needs when it is wired on its own.
+
+    Parameters
+    ----------
+    meaning : str
+        What is connected.
+    conductors : int
+        Conductors of its own.
+    common : int, default 0
+        Conductors that all points of this kind in one group share.
+    kind : {"DI", "DO", "AI", "AO"}, default "DI"
+        What it is to the host.
+    synonyms : tuple of str
+        What lists call it; case, blanks and punctuation do not matter. A word that two signals
+        have is told apart by the kind and the conductors of the point.
+    """
+
+    meaning: str
+    conductors: int
+    common: int = 0
+    kind: Kind = "DI"
+    synonyms: tuple[str, ...] = ()
+
+
+#: The kinds of points; `conductors` follow from the connection, not from a cable catalogue.
+SIGNALS: Mapping[str, Signal] = {
+    "contact": Signal(
+        "switch or limit contact, both wires its own", 2, 0, "DI",
+        ("DI", "digital input", "switch", "dry contact", "potential-free contact", "volt-free",
+         "limit switch", "float switch", "level switch", "pressure switch", "temperature switch",
+         "flow switch", "NO contact", "NC contact", "DI NO contact", "DI NC contact", "contact NO",
+         "contact NC", "push button", "DI 24 V", "status contact"),
+    ),
+    "contact_common": Signal(
+        "contact with a common return for its group", 1, 1, "DI",
+        ("contact with common return", "DI common", "contact 1-wire"),
+    ),
+    "solenoid": Signal(
+        "coil of a valve or relay, both wires its own", 2, 0, "DO",
+        ("DO", "digital output", "solenoid valve", "coil", "relay", "relay output", "lamp",
+         "24 V solenoid/relay", "24 V solenoid", "24 V relay", "24 V coil", "DO 24 V", "command"),
+    ),
+    "solenoid_common": Signal(
+        "coil with a common return for its group", 1, 1, "DO",
+        ("solenoid with common return", "coil with common return", "DO common", "coil 1-wire"),
+    ),
+    "rtd_2wire": Signal(
+        "resistance thermometer, two wires", 2, 0, "AI",
+        ("RTD 2-wire", "Pt100 2-wire", "RTD Pt100 2-wire", "RTD", "Pt100", "RTD Pt100"),
+    ),
+    "rtd_3wire": Signal(
+        "resistance thermometer, three wires", 3, 0, "AI",
+        ("RTD 3-wire", "Pt100 3-wire", "RTD Pt100 3-wire", "RTD", "Pt100", "RTD Pt100"),
+    ),
+    "rtd_4wire": Signal(
+        "resistance thermometer, four wires", 4, 0, "AI",
+        ("RTD 4-wire", "Pt100 4-wire", "RTD Pt100 4-wire", "RTD", "Pt100", "RTD Pt100"),
+    ),
+    "thermocouple": Signal(
+        "thermocouple, compensating pair", 2, 0, "AI",
+        ("TC", "T/C", "thermocouple type K", "TC type K", "type K", "NiCr-Ni"),
+    ),
+    "current_loop": Signal(
+        "4-20 mA transmitter fed by its loop", 2, 0, "AI",
+        ("AI 4-20 mA", "4-20 mA", "4..20 mA", "4 to 20 mA", "4-20 mA 2-wire", "AI 4-20 mA 2-wire",
+         "4-20 mA input", "transmitter", "2-wire transmitter", "current loop 2-wire"),
+    ),
+    "current_loop_4wire": Signal(
+        "4-20 mA transmitter with a supply of its own", 4, 0, "AI",
+        ("4-20 mA 4-wire", "AI 4-20 mA 4-wire", "4-wire transmitter"),
+    ),
+    "potentiometer": Signal(
+        "potentiometer with its supply and its wiper", 3, 0, "AI",
+        ("pot", "potentiometer 3-wire", "potentiometer 3-wire / 4-20 mA", "position potentiometer"),
+    ),
+    "analogue_output": Signal(
+        "4-20 mA set point to a positioner or drive", 2, 0, "AO",
+        ("AO", "analog output", "AO 4-20 mA", "4-20 mA", "4..20 mA", "4 to 20 mA",
+         "4-20 mA output", "positioner", "set point"),
+    ),
+}  # fmt: skip
+
+
+def _words(text: str) -> str:
+    """Return a name without case and punctuation, so that spellings compare equal."""
+    return " ".join(re.findall(r"[^\W_]+", text.casefold()))
+
+
+def _named() -> dict[str, tuple[str, ...]]:
+    named: dict[str, tuple[str, ...]] = {}
+    for name, signal in SIGNALS.items():
+        for word in {_words(synonym) for synonym in (name, *signal.synonyms)}:
+            named[word] = (*named.get(word, ()), name)
+    return named
+
+
+_NAMED = _named()
+
+
+def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str:
+    """Return the signal that a list means.
+
+    Parameters
+    ----------
+    text : str
+        Key of `SIGNALS` or one of the synonyms, in any spelling.
+    kind : {"DI", "DO", "AI", "AO", ""}, optional
+        Kind of the point where the list gives it; tells words apart that several signals share.
+    conductors : int, optional
+        Conductors of the point where the list gives them; tells words apart as well.
+
+    Returns
+    -------
+    str
+        Key of `SIGNALS`. A word of one signal only is that signal, whatever `kind` and
+        `conductors` say: that they contradict is for the caller to find.
+
+    Raises
+    ------
+    ArgumentError
+        If the word is unknown (the message names the nearest), or more than one signal may be
+        meant.
+
+    Examples
+    --------
+    >>> find_signal("DI NC contact"), find_signal("Pt100", conductors=3)
+    ('contact', 'rtd_3wire')
+    >>> find_signal("4-20 mA", "AI"), find_signal("4-20 mA", "AO")
+    ('current_loop', 'analogue_output')
+    >>> find_signal("limt switch")
+    Traceback (most recent call last):
+        ...
+    shipnet.errors.ArgumentError: signal is 'limt switch'; the nearest known is 'limit switch'
+    """
+    word = _words(text)
+    found = _NAMED.get(word, ())
+    if len(found) > 1:
+        if kind in KINDS:
+            found = tuple(name for name in found if SIGNALS[name].kind == kind)
+        if conductors is not None and len(found) > 1:
+            found = tuple(name for name in found if SIGNALS[name].conductors == conductors)
+        if len(found) != 1:
+            raise ArgumentError(
+                f"signal is {text!r}; it may be {' or '.join(found or _NAMED[word])}: name one, or "
+                "give the conductors"
+            )
+    if not found:
+        near = get_close_matches(word, _NAMED, n=1)
+        legal = f"the nearest known is {near[0]!r}" if near else f"known are {', '.join(SIGNALS)}"
+        raise ArgumentError(f"signal is {text!r}; {legal}")
+    return found[0]
