@@ -48,7 +48,7 @@ class Reach:
     --------
     >>> from shipnet.design.example import example
     >>> reach = Reach(example())
-    >>> reach.lost([((0,), ()), ((), (1,))]).sum(axis=1).tolist()
+    >>> reach.lost([((0,), ()), ((), (2,))]).sum(axis=1).tolist()
     [4, 2]
     """
 
