@@ -9,7 +9,7 @@ from shipnet.asi import IO_CONFIGURATIONS, Profile, Transaction
 from shipnet.asi.profile import describe_io_configuration, describe_status, io_code
 from shipnet.design import (
     SIGNALS,
-    Comparison,
+    Saving,
     asi_conductors,
     compare,
     count_points,
@@ -104,7 +104,7 @@ def test_conductors_of_the_papers():
     assert hardwired_conductors({"contact": 62 * 4}) == 496
     assert hardwired_conductors({"contact": 190}) == 380
     assert asi_conductors(14) == 28
-    assert f"{Comparison(380, 28).left:.4f}" == "0.0737"
+    assert f"{Saving(380, 28).left:.4f}" == "0.0737"
     # lee2012 Table 3: 62 resistance thermometers, 18 current loops, 19 switches.
     assert hardwired_conductors({"rtd_3wire": 62, "current_loop": 18, "contact": 19}) == 260
 
@@ -115,7 +115,7 @@ def test_common_returns_are_counted_once_a_group():
     assert hardwired_conductors({"contact_common": 0}, groups=2) == 0
     assert hardwired_conductors({"contact_common": 2}, groups=50) == 4
     assert hardwired_conductors({"contact_common": 8, "contact": 1}, groups=3) == 13
-    assert compare({"contact_common": 8}, lines=2, groups=3) == Comparison(11, 4)
+    assert compare({"contact_common": 8}, lines=2, groups=3) == Saving(11, 4)
 
 
 def test_nothing_needs_nothing():
@@ -151,7 +151,7 @@ def test_lines_at_their_limits():
         lambda: asi_conductors(-1),
         lambda: slaves_needed(1, inputs_per_slave=0),
         lambda: lines_needed(1, slaves_per_line=63),
-        lambda: Comparison(0, 2),
+        lambda: Saving(0, 2),
     ],
 )
 def test_bad_counts(call):
@@ -178,7 +178,7 @@ def test_an_io_list_is_counted_and_its_faults_are_all_named():
 def test_counts_in_small_integers_do_not_overflow():
     assert hardwired_conductors({"rtd_3wire": np.uint8(200)}) == 600
     assert asi_conductors(np.int8(100)) == 200
-    assert type(Comparison(np.int64(4), np.int8(2)).hardwired) is int
+    assert type(Saving(np.int64(4), np.int8(2)).hardwired) is int
 
 
 def test_conductors_of_each_signal():

@@ -2,7 +2,7 @@
 
 from shipnet.design.cabling import (
     SIGNALS,
-    Comparison,
+    Saving,
     asi_conductors,
     compare,
     count_points,
@@ -13,7 +13,7 @@ from shipnet.design.cabling import (
 
 __all__ = [
     "SIGNALS",
-    "Comparison",
+    "Saving",
     "asi_conductors",
     "compare",
     "count_points",

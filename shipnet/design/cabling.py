@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SIGNALS",
-    "Comparison",
+    "Saving",
     "Signal",
     "asi_conductors",
     "compare",
@@ -171,7 +171,7 @@ def lines_needed(slaves: int, *, slaves_per_line: int = 62) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class Saving:
     """The same points, hardwired and on a bus.
 
     Parameters
@@ -191,7 +191,7 @@ class Comparison:
 
     Examples
     --------
-    >>> print(Comparison(496, 2))
+    >>> print(Saving(496, 2))
     496 -> 2 conductors: 0.40 % left, 99.60 % saved
     """
 
@@ -221,7 +221,7 @@ class Comparison:
         )
 
 
-def compare(points: Mapping[str, int], *, lines: int = 1, groups: int = 1) -> Comparison:
+def compare(points: Mapping[str, int], *, lines: int = 1, groups: int = 1) -> Saving:
     """Count the same points twice, hardwired and on AS-i lines.
 
     Parameters
@@ -235,7 +235,7 @@ def compare(points: Mapping[str, int], *, lines: int = 1, groups: int = 1) -> Co
 
     Returns
     -------
-    Comparison
+    Saving
         Conductors of either.
 
     Raises
@@ -252,7 +252,7 @@ def compare(points: Mapping[str, int], *, lines: int = 1, groups: int = 1) -> Co
     >>> print(compare({"contact": 190}, lines=14))
     380 -> 28 conductors: 7.37 % left, 92.63 % saved
     """
-    return Comparison(hardwired_conductors(points, groups=groups), asi_conductors(lines))
+    return Saving(hardwired_conductors(points, groups=groups), asi_conductors(lines))
 
 
 def count_points(iolist: pd.DataFrame) -> dict[str, int]:

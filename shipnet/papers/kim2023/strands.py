@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from shipnet.asi import IO_CONFIGURATIONS, Call, Profile
-from shipnet.design import asi_conductors, hardwired_conductors, lines_needed
+from shipnet.design import lines_needed
+from shipnet.design.bill import conductors_at_cabinet
+from shipnet.design.plants import Plant
 from shipnet.papers.registry import check, numeric
 
 __all__: list[str] = []
+
+#: Section 3.3: digital inputs 300 m away. Section 3.5: the submarine, with one contact a slave, the
+#: basis on which the printed number comes out.
+_FAR = Plant(modules=62, contacts=4)
+_SUBMARINE = Plant(modules=190, contacts=1, lines=14)
 
 
 @numeric("kim2023-001", "icn2007-010", "icn2007-019")
@@ -18,19 +27,21 @@ def slaves_per_master(
 
 
 @numeric("kim2023-002")
-def hardwired_strands(*, slaves: int = 62, inputs: int = 4) -> int:
+def hardwired_strands(*, slaves: int = _FAR.modules, inputs: int = _FAR.contacts) -> int:
     """Two wires for each input contact of each module."""
-    return hardwired_conductors({"contact": slaves * inputs})
+    return conductors_at_cabinet(Plant(slaves, inputs).hardwired)
 
 
 @numeric("kim2023-003")
-def asi_strands(*, lines: int = 1) -> int:
+def asi_strands(*, lines: int = _FAR.lines) -> int:
     """One line of two wires for all modules."""
-    return asi_conductors(lines)
+    return conductors_at_cabinet(replace(_FAR, lines=lines).on_asi)
 
 
 @numeric("kim2023-004")
-def strands_left(*, slaves: int = 62, inputs: int = 4, lines: int = 1) -> float:
+def strands_left(
+    *, slaves: int = _FAR.modules, inputs: int = _FAR.contacts, lines: int = _FAR.lines
+) -> float:
     """Strands that AS-i leaves of the hardwired ones, in percent."""
     return 100 * asi_strands(lines=lines) / hardwired_strands(slaves=slaves, inputs=inputs)
 
@@ -42,19 +53,21 @@ def reach(*, segment: float = 100, repeaters: int = 2) -> float:
 
 
 @numeric("kim2023-072")
-def submarine_hardwired(*, slaves: int = 190) -> int:
+def submarine_hardwired(*, slaves: int = _SUBMARINE.modules) -> int:
     """One contact of two wires a slave: the basis on which the printed number comes out."""
-    return hardwired_conductors({"contact": slaves})
+    return conductors_at_cabinet(Plant(slaves, contacts=1).hardwired)
 
 
 @numeric("kim2023-073")
-def submarine_asi(*, masters: int = 14) -> int:
+def submarine_asi(*, masters: int = _SUBMARINE.lines) -> int:
     """Two wires a master."""
-    return asi_conductors(masters)
+    return conductors_at_cabinet(replace(_SUBMARINE, lines=masters).on_asi)
 
 
 @numeric("kim2023-074")
-def submarine_left(*, slaves: int = 190, masters: int = 14) -> float:
+def submarine_left(
+    *, slaves: int = _SUBMARINE.modules, masters: int = _SUBMARINE.lines
+) -> float:
     """Strands that AS-i leaves on the submarine, in percent."""
     return 100 * submarine_asi(masters=masters) / submarine_hardwired(slaves=slaves)
 
