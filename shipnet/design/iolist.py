@@ -148,7 +148,7 @@ def load_iolist(path: str | PathLike[str], sheet: str | None = None) -> IoList:
     >>> from shipnet import datasets
     >>> iolist = load_iolist(datasets.path("synthetic_iolist_ship.csv"))
     >>> print(iolist)
-    353 points (174 AI, 131 DI, 48 DO) of synthetic_iolist_ship.csv
+    353 points (176 AI, 129 DI, 48 DO) of synthetic_iolist_ship.csv
     >>> int(iolist.points["conductors"].sum()), iolist.points["box"].nunique()
     (792, 11)
     """

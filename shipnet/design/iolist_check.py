@@ -79,8 +79,8 @@ def points_of(sheet: Sheet) -> tuple[pd.DataFrame, tuple[str, ...]]:
     --------
     >>> from shipnet.spreadsheet import parse_sheet
     >>> points, remarks = points_of(parse_sheet("tag,signal,home run\\nLS-1,limit switch,40"))
-    >>> points.loc[0, ["type", "signal", "conductors", "home_run_m"]].tolist()
-    ['DI', 'contact', 2, 40.0]
+    >>> points[["type", "signal", "conductors", "home_run_m"]].values.tolist()
+    [['DI', 'contact', 2, 40.0]]
     >>> remarks
     ('1 point has no update time: 1000 ms are assumed',)
     """
