@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from shipnet.design.cuts import FAILURES, lost, single_cuts, worst
 from shipnet.design.example import example
-from shipnet.design.iolist import IoList
+from shipnet.design.iolist import IoList, from_table
 from shipnet.design.network import Network, frame
 from shipnet.errors import ArgumentError
 
@@ -102,7 +102,9 @@ def random_network(rng, n_devices=9, n_points=12):
     ]  # fmt: skip
     return Network(
         "random",
-        IoList(pd.DataFrame({"tag": tags, "system": list(rng.choice(["x", "y"], n_points))}), ""),
+        from_table(pd.DataFrame({
+            "tag": tags, "signal": "contact", "system": list(rng.choice(["x", "y"], n_points)),
+            "home_run_m": 1.0})),
         None,
         points=frame("points", {
             "tag": tags, "bus": "CAN", "segment": "s1", "device": "", "address": "",
@@ -207,7 +209,7 @@ def test_what_does_not_exist_cannot_fail():
 def test_a_network_without_points_or_cables_loses_nothing():
     network = example()
     empty = Network(
-        "empty", IoList(network.iolist.points.iloc[:0], ""), network.site, frame("points"),
+        "empty", IoList(network.iolist.points.iloc[:0].reset_index(drop=True), ""), network.site, frame("points"),
         network.devices, frame("runs"), network.segments, network.reasons,
     )  # fmt: skip
     table = single_cuts(empty)

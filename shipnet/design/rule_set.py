@@ -11,7 +11,7 @@ no limit. A rule that is not `confirmed` was not read in its own text.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from os import PathLike
@@ -99,26 +99,11 @@ class Rule:
 
     def __post_init__(self) -> None:
         """Check the words, and that limit and measure go together."""
-        faults = [
-            f"{name} is {value!r}; expected one of {', '.join(map(repr, known))}"
-            for name, value, known in (
-                ("measure", self.measure, ("", *MEASURES)),
-                ("applies", self.applies, tuple(APPLIES)),
-                ("bound", self.bound, BOUNDS),
-            )
-            if value not in known
-        ]
-        if not self.rule:
-            faults.append("rule is ''; expected a name")
-        if self.measure in MEASURES:
-            unit = MEASURES[self.measure].unit
-            if not (math.isfinite(self.limit) and self.limit >= 0):
-                faults.append(f"limit is {self.limit!r}; expected a number, 0 or more")
-            if self.unit not in ("", unit):
-                faults.append(f"unit is {self.unit!r}; expected {unit!r}, in which this is computed")
-            object.__setattr__(self, "unit", unit)
-        if faults:
+        words = (self.rule, self.measure, self.applies, self.bound, self.unit)
+        if faults := list(_faults(*words, limit=self.limit)):
             raise ArgumentError("; ".join(faults))
+        if self.measure:
+            object.__setattr__(self, "unit", MEASURES[self.measure].unit)
 
     def keeps(self, computed: float) -> bool:
         """Return whether a computed value is on the good side of the limit.
@@ -224,26 +209,42 @@ def _rules(sheet: Sheet) -> tuple[Rule, ...]:
     return tuple(rules)
 
 
-def _twice(names: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
-    names = list(names)
+def _twice(names: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     return [name for name in dict.fromkeys(names) if names.count(name) > 1]
 
 
 def _rule(cells: Mapping[str, str]) -> tuple[list[str], list[Rule]]:
     """Return what is wrong with a row, and the rule if nothing is."""
     faults = []
-    limit = cells["limit"].replace(",", ".")
-    if not NUMBER.fullmatch(limit) and (limit or cells["measure"]):
+    number = cells["limit"].replace(",", ".")
+    if not NUMBER.fullmatch(number) and (number or cells["measure"]):
         faults.append(f"limit is {cells['limit']!r}; expected a number")
-        limit = "0"
-    flags = {}
-    for name in ("host", "confirmed"):
-        if cells[name].lower() not in _YES:
-            faults.append(f"{name} is {cells[name]!r}; expected yes or no")
-        flags[name] = _YES.get(cells[name].lower(), False)
+        number = "0"
+    limit = float(number or "nan")
+    flags = {name: cells[name].lower() for name in ("host", "confirmed")}
+    faults += [f"{n} is {cells[n]!r}; expected yes or no" for n, f in flags.items() if f not in _YES]
     words = {name: cells[name] for name in RULE_COLUMNS if name not in ("limit", *flags)}
-    try:
-        rule = Rule(**words, limit=float(limit or "nan"), **flags)
-    except ArgumentError as fault:
-        return [*faults, *str(fault).split("; ")], []
-    return faults, [rule]
+    checked = (words[name] for name in ("rule", "measure", "applies", "bound", "unit"))
+    faults += _faults(*checked, limit=limit)
+    if faults:
+        return faults, []
+    return [], [Rule(**words, limit=limit, host=_YES[flags["host"]], confirmed=_YES[flags["confirmed"]])]
+
+
+def _faults(
+    rule: str, measure: str, applies: str, bound: str, unit: str, *, limit: float
+) -> Iterator[str]:
+    for name, value, known in (
+        ("measure", measure, ("", *MEASURES)),
+        ("applies", applies, tuple(APPLIES)),
+        ("bound", bound, BOUNDS),
+    ):
+        if value not in known:
+            yield f"{name} is {value!r}; expected one of {', '.join(map(repr, known))}"
+    if not rule:
+        yield "rule is ''; expected a name"
+    if measure in MEASURES:
+        if not (math.isfinite(limit) and limit >= 0):
+            yield f"limit is {limit!r}; expected a number, 0 or more"
+        if unit not in ("", MEASURES[measure].unit):
+            yield f"unit is {unit!r}; expected {MEASURES[measure].unit!r}, in which this is computed"
