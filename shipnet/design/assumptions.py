@@ -23,7 +23,7 @@ from shipnet.errors import ArgumentError
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["LEVELS", "Assumption", "Assumptions", "Level", "values_at"]
+__all__ = ["LEVELS", "Assumption", "Assumptions", "Level", "values_at", "words"]
 
 Floats = npt.NDArray[np.float64]
 
@@ -35,6 +35,9 @@ LEVELS = ("low", "nominal", "high")
 Level = Literal["low", "nominal", "high"] | Floats
 
 _FILE = "synthetic_design_assumptions.csv"
+
+#: Parts of names that are written otherwise in a text.
+_SPELT = {"asi": "AS-i", "can": "CAN", "modbus": "Modbus", "plc": "PLC"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,7 +252,28 @@ def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
     width, rise, fall = high - low, nominal - low, high - nominal
     left = low + np.sqrt(u * width * rise)
     right = high - np.sqrt((1 - u) * width * fall)
-    return np.where(u * width < rise, left, right)
+    return np.clip(np.where(u * width < rise, left, right), low, high)
+
+
+def words(name: str) -> str:
+    """Return the name of an assumption as a text or a figure says it.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+
+    Returns
+    -------
+    str
+        The words.
+
+    Examples
+    --------
+    >>> words("asi_analogue_module")
+    'AS-i analogue module'
+    """
+    return " ".join(_SPELT.get(part, part) for part in name.split("_"))
 
 
 def _place(level: str) -> int:

@@ -155,8 +155,9 @@ def bill_of(network: Network) -> Bill:
 
 
 def _devices(network: Network, points: pd.DataFrame) -> dict[str, int]:
-    bus_of = network.segments.set_index("segment")["bus"]
-    devices = network.devices.assign(bus=network.devices["segment"].map(bus_of).fillna(""))
+    bus_of = dict(zip(network.segments["segment"], network.segments["bus"], strict=True))
+    bus = [bus_of.get(segment, "") for segment in network.devices["segment"]]
+    devices = network.devices.assign(bus=bus)
     unknown = sorted(set(devices["kind"]) - set(_DEVICES))
     if unknown:
         raise ArgumentError(f"there is no price of a {', '.join(unknown)}")

@@ -1,15 +1,22 @@
-"""Wiring schematics drawn from an I/O list, with the strands counted on them."""
+"""Wiring schematics with their strands counted, and the figures of options side by side."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyBboxPatch
 
+from shipnet.design.assumptions import words
 from shipnet.design.cabling import SIGNALS, asi_conductors, count_points, hardwired_conductors
+from shipnet.design.quantities import FIGURES, Quantities, check_figure
+from shipnet.design.sensitivity import Tornado
 from shipnet.errors import ArgumentError
+from shipnet.style import LIMIT
 
-__all__ = ["plot_asi", "plot_hardwired"]
+__all__ = ["plot_asi", "plot_hardwired", "plot_pareto", "plot_quantities", "plot_tornado"]
 
 _PANEL, _DEVICE, _MODULE = "#8cc4e8", "#f5c56b", "#7fcfb4"
 _CABLE = "#d4a800"  # the flat AS-i cable is yellow
@@ -129,3 +136,145 @@ def plot_asi(iolist: pd.DataFrame, *, ax: Axes) -> Axes:
         _box(ax, 8, -row, 1.9, 0.72, device, _DEVICE)
     ax.text(4.5, 0.45, f"{trunk} strands, data and supply", ha="right", fontsize=8, color="#8a6d00")
     return _finish(ax, height + 0.1, f"AS-i: {trunk} strands in the trunk for {len(iolist)} points")
+
+
+def plot_quantities(
+    options: Mapping[str, Quantities],
+    figure: str = "total cost",
+    *,
+    ax: Axes,
+    likely: pd.DataFrame | None = None,
+) -> Axes:
+    """Draw a figure of several options side by side, with its range.
+
+    Parameters
+    ----------
+    options : mapping of str to Quantities
+        The options by name.
+    figure : str, default "total cost"
+        One of `shipnet.design.quantities.FIGURES`.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+    likely : pandas.DataFrame, optional
+        From `shipnet.design.uncertainty.likely`: drawn as a thick bar within the bounds.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; a row an option, with a bar to nominal and a thin line from all low to all
+        high.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no option, or no such figure.
+    """
+    check_figure(figure)
+    if not options:
+        raise ArgumentError("there is no option to draw")
+    rows = np.arange(len(options))
+    ends = np.array(
+        [quantity.table.loc[figure, ["low", "nominal", "high"]] for quantity in options.values()],
+        dtype=float,
+    )
+    ax.barh(rows, ends[:, 1], height=0.6, color="C5", label="nominal")
+    ax.hlines(rows, ends[:, 0], ends[:, 2], color="0.25", linewidth=1.2, label="all low to all high")
+    if likely is not None:
+        span = [likely.loc[(option, figure), ["low", "high"]] for option in options]
+        low, high = np.array(span, dtype=float).T
+        ax.hlines(rows, low, high, color="C0", linewidth=6, alpha=0.8, label="9 of 10 draws")
+    ax.set_yticks(rows, list(options))
+    ax.invert_yaxis()
+    ax.set(xlabel=_label(figure), xlim=(0, None))
+    ax.grid(visible=False, axis="y")
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, fontsize=8)
+    return ax
+
+
+def plot_tornado(tornado: Tornado, *, ax: Axes, rows: int = 8) -> Axes:
+    """Draw what each assumption does to a figure, the one that does most on top.
+
+    Parameters
+    ----------
+    tornado : Tornado
+        From `shipnet.design.sensitivity.tornado`.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+    rows : int, default 8
+        Assumptions drawn at most; those that move nothing are left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; the vertical line is the figure with every assumption nominal, and a second
+        one at 0, where both options are level, if it lies within the picture.
+    """
+    names = tornado.top(rows)
+    ends = tornado.ends.loc[names]
+    y, base = np.arange(len(names)), tornado.at_nominal
+    for level, colour in (("low", "C5"), ("high", "C1")):
+        values = ends[level].to_numpy()
+        ax.barh(y, values - base, left=base, height=0.7, color=colour, label=f"at its {level}")
+    ax.axvline(base, color="0.25", linewidth=1)
+    ax.set_yticks(y, [words(name) for name in names], fontsize=8)
+    ax.set_ylim(max(len(names), 1) - 0.5, -0.5)
+    ax.set_xlabel(f"{tornado.subject} [{tornado.unit}]")
+    ax.grid(visible=False, axis="y")
+    low, high = ax.get_xlim()
+    if len(tornado.between) == 2 and low <= 0 <= high:
+        ax.axvline(0, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
+    ax.legend(loc="lower right", fontsize=8)
+    return ax
+
+
+def plot_pareto(
+    table: pd.DataFrame,
+    x: str = "total cost",
+    y: str = "conductors at the cabinet",
+    *,
+    pareto: pd.Series | None = None,
+    ax: Axes,
+) -> Axes:
+    """Draw two figures of every option over each other, and which options no other beats in both.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Indexed by option, with the columns `x` and `y`, both better when lower.
+    x, y : str
+        Columns; their unit is added if they are one of `shipnet.design.quantities.FIGURES`.
+    pareto : pandas.Series of bool, optional
+        Which options no other beats, by option; none is marked if omitted.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; filled dots, joined by a line, are not beaten.
+
+    Raises
+    ------
+    ArgumentError
+        If a column is missing.
+    """
+    missing = [name for name in (x, y) if name not in table.columns]
+    if missing:
+        raise ArgumentError(f"the table has no column {' and no column '.join(missing)}")
+    best = pd.Series(False, index=table.index) if pareto is None else pareto.reindex(table.index)
+    best = best.astype("boolean").fillna(False).astype(bool)
+    front = table[best].sort_values([x, y])
+    ax.plot(front[x], front[y], color="C0", linewidth=1, drawstyle="steps-post", zorder=1)
+    for option, row in table.iterrows():
+        ax.plot(
+            [row[x]], [row[y]], marker="o", markersize=7, linestyle="none", color="C0",
+            markerfacecolor="C0" if best[option] else "white",
+        )  # fmt: skip
+        ax.annotate(str(option), (row[x], row[y]), (6, 5), textcoords="offset points", fontsize=8)
+    ax.set(xlabel=_label(x), ylabel=_label(y))
+    ax.margins(0.15)
+    return ax
+
+
+def _label(name: str) -> str:
+    return f"{name} [{FIGURES[name]}]" if name in FIGURES else name

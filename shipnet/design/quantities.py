@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.design.assumptions import LEVELS, Assumptions, Level, values_at
+from shipnet.design.assumptions import LEVELS, Assumptions, Level, values_at, words
 from shipnet.design.bill import Bill, bill_of
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.errors import ArgumentError
@@ -272,7 +272,7 @@ class Model:
     def _cable_rows(self) -> Iterator[tuple[Any, ...]]:
         for name, (field, unit) in CABLE_RANGES.items():
             for cable in self.cables.values():
-                what = f"{name.replace('_', ' ')} of {cable.id}"
+                what = f"{words(name)} of {cable.id}"
                 yield (what, *getattr(cable, field), unit, cable.status, cable.source)
 
 

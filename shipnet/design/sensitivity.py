@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from shipnet.design.assumptions import words
 from shipnet.design.quantities import FIGURES, check_figure
 from shipnet.design.uncertainty import models_of
 from shipnet.errors import ArgumentError
@@ -92,7 +93,7 @@ class Tornado:
         unit = f" {self.unit}" if self.unit != "1" else ""
         ends = self.ends
         said = [
-            f"{name.replace('_', ' ')} ({ends.loc[name, 'low']:.0f} to {ends.loc[name, 'high']:.0f})"
+            f"{words(name)} ({ends.loc[name, 'low']:.0f} to {ends.loc[name, 'high']:.0f})"
             for name in self.top()
         ]
         what = f"{self.subject} is {self.at_nominal:.0f}{unit}"

@@ -155,8 +155,8 @@ def likely(sample: pd.DataFrame, share: float = 0.9) -> pd.DataFrame:
     >>> import numpy as np
     >>> from shipnet.design.plants import Plant
     >>> sample = draw(Plant(modules=62, contacts=4).on_asi, rng=np.random.default_rng(2024))
-    >>> likely(sample).loc[("AS-i", "cable length")].round(2).tolist()
-    [2.07, 2.29, 2.53, 'km']
+    >>> likely(sample).loc[[("AS-i", "cable length")]].round(2).to_numpy().tolist()
+    [[2.07, 2.29, 2.53, 'km']]
     """
     if not 0 < share < 1:
         raise ArgumentError(f"share is {share}; it must be above 0 and below 1")
