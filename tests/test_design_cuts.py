@@ -13,7 +13,7 @@ from shipnet.design.iolist import IoList, from_table
 from shipnet.design.network import Network, frame
 from shipnet.errors import ArgumentError
 
-JOINS = {"cabinet", "master", "gateway", "repeater"}
+JOINS = {"cabinet", "master", "gateway"}
 
 
 def searched(network, cut=(), dead=()):
@@ -22,20 +22,21 @@ def searched(network, cut=(), dead=()):
     kind = devices["kind"]
     dead = set(dead)
     while True:
-        more = set(devices.index[devices["at"].isin(dead)]) - dead
+        shells = [name for name in dead if kind[name] in ("box", "cabinet")]
+        more = set(devices.index[devices["at"].isin(shells)]) - dead
         if not more:
             break
         dead |= more
     if network.cabinet in dead:
         return set()
     graph, power = nx.Graph(), nx.Graph()
-    graph.add_nodes_from((name, line) for name in kind.index for line in "AB")
-    power.add_nodes_from(kind.index)
+    for each in (graph, power):
+        each.add_nodes_from((name, line) for name in kind.index for line in "AB")
     for name in kind.index[kind.isin(JOINS)]:
         graph.add_edge((name, "A"), (name, "B"))
-    blocked = {name for name in dead if kind[name] in JOINS | {"box"}}
+    blocked = {name for name in dead if kind[name] in JOINS | {"box", "repeater"}}
 
-    def join(a, b, lines):
+    def join(graph, a, b, lines):
         if not {a, b} & blocked:
             graph.add_edges_from([((a, line), (b, line)) for line in lines])
 
@@ -49,17 +50,22 @@ def searched(network, cut=(), dead=()):
             continue
         supply = "supply" in (kind[run.a], kind[run.b])
         if not (run.kind == "feeder" and supply):
-            join(run.a, run.b, run.line or "AB")
+            join(graph, run.a, run.b, run.line or "AB")
         carries = run.kind == "feeder" or buses.get(run.segment) == "AS-i"
         apart = {kind[run.a], kind[run.b]} & {"cabinet", "gateway", "repeater"}
-        if carries and not apart and not {run.a, run.b} & blocked:
-            power.add_edge(run.a, run.b)
+        if carries and not apart:
+            join(power, run.a, run.b, run.line or "AB")
     for name, row in devices[devices["at"] != ""].iterrows():
-        join(row["at"], name, "AB")
+        join(graph, row["at"], name, "AB")
+        if row["kind"] == "supply":
+            masters = kind.index[(kind == "master") & (devices["segment"] == row["segment"])]
+            at_cabinet = row["at"] == network.cabinet and len(masters)
+            join(power, masters[-1] if at_cabinet else row["at"], name, "AB")
     reached = {name for name, _ in nx.node_connected_component(graph, (network.cabinet, "A"))}
     supplied = set()
     for name in kind.index[(kind == "supply") & ~kind.index.isin(dead)]:
-        supplied |= nx.node_connected_component(power, name)
+        for line in "AB":
+            supplied |= {n for n, _ in nx.node_connected_component(power, (name, line))}
     alive = reached - dead
     return alive, supplied, wires
 
@@ -81,7 +87,8 @@ def random_network(rng, n_devices=9, n_points=12):
                        n_devices, p=[0.25, 0.25, 0.1, 0.15, 0.05, 0.1, 0.1])  # fmt: skip
     devices = [{"device": "cabinet", "kind": "cabinet", "segment": "", "at": ""}]
     for n, kind in enumerate(kinds):
-        housing = "cabinet" if kind in ("master", "gateway") and rng.random() < 0.7 else ""
+        housing = "cabinet" if kind in ("master", "gateway", "supply") else devices[-1]["device"]
+        housing = housing if rng.random() < 0.6 else ""
         devices.append({"device": f"d{n}", "kind": kind, "segment": str(rng.choice(segments)),
                         "at": housing})  # fmt: skip
     names = [device["device"] for device in devices]

@@ -1,8 +1,8 @@
 """What of a planned network is still reached when some of its cables are cut and devices dead.
 
 A point works as long as a way leads from it to the cabinet, along one line of a redundant pair all
-the way through each bus: stations pass nothing on from line A to line B; masters, gateways,
-repeaters and the cabinet do. A module, station, supply or terminator that is dead leaves its bus as
+the way through each bus: stations pass nothing on from line A to line B; masters, gateways and the
+cabinet do. A module, station, supply or terminator that is dead leaves its bus as
 it is, and anything else takes along what lies behind it. Where the plan has supplies, a device also
 needs one. An open end of a bus counts as harmless: reflections are not looked at here.
 """
@@ -26,10 +26,15 @@ Bools = npt.NDArray[np.bool_]
 Whole = npt.NDArray[np.int64]
 #: Numbers of the runs that are cut, and of the devices that are dead.
 Failure = tuple[Collection[int], Collection[int]]
+#: Nodes at both ends of each edge, and its run; -1 is no run.
+Edges = tuple[Whole, Whole, Whole]
 
 #: Devices that join the two lines of a pair, and those through which nothing passes once dead.
-_JOINS = ("cabinet", "master", "gateway", "repeater")
-_BLOCKS = (*_JOINS, "box")
+_JOINS = ("cabinet", "master", "gateway")
+_BLOCKS = (*_JOINS, "repeater", "box")
+
+#: Housings that are lost with all that they hold; a dead station is lost by itself.
+_SHELLS = ("box", "cabinet")
 
 #: Most truth values that are held at once.
 _CHUNK = 2**24
@@ -84,7 +89,7 @@ class Reach:
             number = members.index.to_numpy()
             # Runs and the devices that connect them are the nodes.
             ends, row = self._ends[number], np.arange(len(number)) + len(self.kinds)
-            place, side = np.nonzero(~np.isin(self.kinds, _JOINS)[ends])
+            place, side = np.nonzero(~np.isin(self.kinds, (*_JOINS, "repeater"))[ends])
             u, v = ends[place, side], row[place]
             total = len(self.kinds) + len(number)
             labels = _labels(np.ones((1, len(u)), bool), total, u, v)[0, row]
@@ -152,31 +157,51 @@ class Reach:
         )
 
     @cached_property
-    def _data(self) -> tuple[Whole, Whole, Whole]:
-        """Nodes at both ends, and run, of what carries data; node n + D is device n on line B."""
+    def _data(self) -> Edges:
+        """What carries data; masters and the like are one node for both lines."""
         runs, count = self.network.runs, len(self.kinds)
         feeds = (runs["kind"] == "feeder") & (self.kinds == "supply")[self._ends].any(axis=1)
+        u, v, run = self._by_line(np.flatnonzero(~self.at_point & ~feeds), self._housings)
         joined = np.isin(self.kinds, _JOINS)
-        housed = np.flatnonzero(self._at >= 0)
-        nodes, numbers = [], []
-        for shift, other in ((0, "B"), (count, "A")):
-            mine = np.flatnonzero(~self.at_point & ~feeds & (runs["line"] != other))
-            copy = np.where(joined, np.arange(count), np.arange(count) + shift)
-            nodes += [copy[self._ends[mine]], copy[np.stack([housed, self._at[housed]], axis=1)]]
-            numbers += [mine, np.full(len(housed), -1)]
-        u, v = np.concatenate(nodes).T
-        return u, v, np.concatenate(numbers)
+        u, v = (np.where(joined[node % count], node % count, node) for node in (u, v))
+        return u, v, run
 
     @cached_property
-    def _power(self) -> tuple[Whole, Whole, Whole]:
-        """Devices at both ends, and run, of what carries power: feeders, and the trunk of AS-i."""
+    def _power(self) -> Edges:
+        """What carries power: feeders, and the trunk of AS-i as far as the next repeater."""
         runs, segments = self.network.runs, self.network.segments
         asi = runs["segment"].isin(segments.loc[segments["bus"] == "AS-i", "segment"])
         carries = (runs["kind"] == "feeder") | (asi & (runs["kind"] == "trunk"))
-        # Neither a repeater passes power on, nor what the segments share.
         apart = np.isin(self.kinds, ("cabinet", "gateway", "repeater"))[self._ends].any(axis=1)
-        number = np.flatnonzero(carries & ~apart)
-        return (*self._ends[number].T, number)
+        return self._by_line(np.flatnonzero(carries & ~apart), self._poles)
+
+    @cached_property
+    def _housings(self) -> Whole:
+        """Devices that stand in the housing of another, and that one, shape (n, 2)."""
+        inside = np.flatnonzero(self._at >= 0)
+        return np.stack([inside, self._at[inside]], axis=1)
+
+    @cached_property
+    def _poles(self) -> Whole:
+        """Supplies, and where they feed their line without a cable of their own, shape (n, 2).
+
+        That is where they stand; in the cabinet it is the master of their segment.
+        """
+        segment = self.network.devices["segment"].to_numpy(str)
+        master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
+        pairs = [
+            (n, master.get(segment[n], at) if at == self._cabinet else at)
+            for n, at in self._housings if self.kinds[n] == "supply"
+        ]  # fmt: skip
+        return np.array(pairs, np.int64).reshape(-1, 2)
+
+    def _by_line(self, number: Whole, joints: Whole) -> Edges:
+        """Return runs and joints as edges; node n + D is device n on line B."""
+        line, count = self.network.runs["line"].to_numpy(str)[number], len(self.kinds)
+        first, second = number[line != "B"], number[line != "A"]
+        ends = [self._ends[first], joints, self._ends[second] + count, joints + count]
+        none = np.full(len(joints), -1)
+        return (*np.concatenate(ends).T, np.concatenate([first, none, second, none]))
 
     @cached_property
     def _needs_supply(self) -> Bools:
@@ -195,13 +220,13 @@ class Reach:
         for row, (runs, devices) in enumerate(failures):
             cut[row, list(runs)] = True
             dead[row, list(devices)] = True
-        # With a housing, what stands in it is dead.
-        housed = np.flatnonzero(self._at >= 0)
-        while (more := dead[:, self._at[housed]] & ~dead[:, housed]).any():
-            dead[:, housed] |= more
+        # With a box, what stands in it is dead.
+        inside, housing = self._housings[np.isin(self.kinds[self._housings[:, 1]], _SHELLS)].T
+        while (more := dead[:, housing] & ~dead[:, inside]).any():
+            dead[:, inside] |= more
         return cut, dead
 
-    def _open(self, edges: tuple[Whole, Whole, Whole], cut: Bools, dead: Bools) -> Bools:
+    def _open(self, edges: Edges, cut: Bools, dead: Bools) -> Bools:
         """Return which edges still carry, shape (n_failures, n_edges)."""
         (u, v, run), count = edges, len(self.kinds)
         blocked = dead & np.isin(self.kinds, _BLOCKS)
@@ -229,11 +254,13 @@ class Reach:
     def _supplied(self, cut: Bools, dead: Bools) -> Bools:
         """Return which devices a live supply reaches."""
         u, v, _ = self._power
-        labels = _labels(self._open(self._power, cut, dead), len(self.kinds), u, v)
+        count = len(self.kinds)
+        labels = _labels(self._open(self._power, cut, dead), 2 * count, u, v)
         live = np.zeros_like(labels, dtype=bool)
         row, device = np.nonzero(~dead & (self.kinds == "supply"))
-        live[row, labels[row, device]] = True
-        return np.take_along_axis(live, labels, axis=1)
+        live[row, labels[row, device]] = live[row, labels[row, device + count]] = True
+        reached = np.take_along_axis(live, labels, axis=1)
+        return reached[:, :count] | reached[:, count:]
 
 
 def _labels(keep: Bools, count: int, u: Whole, v: Whole) -> Whole:
