@@ -47,7 +47,7 @@ class Backbone(NamedTuple):
 
 
 def route_past(draft: Draft, stations: Sequence[Box]) -> Backbone:
-    """Find the way of a trunk from the cabinet past all stations.
+    r"""Find the way of a trunk from the cabinet past all stations.
 
     Parameters
     ----------
@@ -66,7 +66,8 @@ def route_past(draft: Draft, stations: Sequence[Box]) -> Backbone:
     >>> from shipnet.design.iolist import parse_iolist
     >>> from shipnet.design.settings import Settings
     >>> from shipnet.design.site import Site
-    >>> draft = Draft(parse_iolist("tag,signal,x,y,z\\nA,contact,1,0,0", "x"), Site((0, 0, 0)), Settings())
+    >>> iolist = parse_iolist("tag,signal,x,y,z\nA,contact,1,0,0")
+    >>> draft = Draft(iolist, Site((0, 0, 0)), Settings())
     >>> stations = [Box(str(x), (x, 0, 0), np.array([0]), np.array([np.nan])) for x in (30.0, 10.0)]
     >>> trunk = route_past(draft, stations)
     >>> trunk.order, trunk.hops.tolist()
@@ -93,7 +94,7 @@ def lay(
     cable: str,
     repeaters: Sequence[int] = (),
 ) -> list[str]:
-    """Put down masters, stations, trunk cables, feeders, terminators and repeaters of a segment.
+    r"""Put down masters, stations, trunk cables, feeders, terminators and repeaters of a segment.
 
     Parameters
     ----------
@@ -120,7 +121,8 @@ def lay(
     >>> from shipnet.design.iolist import parse_iolist
     >>> from shipnet.design.settings import Settings
     >>> from shipnet.design.site import Site
-    >>> draft = Draft(parse_iolist("tag,signal,x,y,z\\nA,contact,1,0,0", "x"), Site((0, 0, 0)), Settings())
+    >>> iolist = parse_iolist("tag,signal,x,y,z\nA,contact,1,0,0")
+    >>> draft = Draft(iolist, Site((0, 0, 0)), Settings())
     >>> station = Box("J1", (30.0, 0.0, 0.0), np.array([0]), np.array([np.nan]))
     >>> lay(draft, "CAN 1", "CAN", [station], route_past(draft, [station]), "CAN_5_0p75")
     ['CAN J1']
@@ -131,12 +133,18 @@ def lay(
         of_line = f" {line}" if line else ""
         avoid = trunk.avoid if line == "B" else frozenset[str]()
         housing = draft.cabinet
-        master = draft.device(f"{segment} master{of_line}", "master", segment, draft.middle, housing)
+        master = draft.device(
+            f"{segment} master{of_line}", "master", segment, draft.middle, housing
+        )
         ends = [master, *names]
         # A cable leaves a station through its repeater if it has one.
         leaving = {
             place + 1: draft.device(
-                f"{names[place]} repeater{of_line}", "repeater", segment, places[place + 1], names[place]
+                f"{names[place]} repeater{of_line}",
+                "repeater",
+                segment,
+                places[place + 1],
+                names[place],
             )
             for place in repeaters
         }
@@ -151,7 +159,12 @@ def lay(
 
 
 def _end(
-    draft: Draft, segment: str, of_line: str, master: str, last: str, places: Sequence[tuple[float, float, float]]
+    draft: Draft,
+    segment: str,
+    of_line: str,
+    master: str,
+    last: str,
+    places: Sequence[tuple[float, float, float]],
 ) -> None:
     for number, (at, place) in enumerate([(master, places[0]), (last, places[-1])], 1):
         draft.device(f"{segment} terminator {number}{of_line}", "terminator", segment, place, at)

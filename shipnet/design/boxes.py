@@ -39,7 +39,7 @@ class Box(NamedTuple):
 
 
 def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
-    """Return the boxes of some points; those that no box can be found for are given a reason.
+    r"""Return the boxes of some points; those that no box can be found for are given a reason.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
     >>> from shipnet.design.iolist import parse_iolist
     >>> from shipnet.design.settings import Settings
     >>> from shipnet.design.site import Site
-    >>> text = "tag,signal,x_m,y_m,z_m,box\\nA,contact,1,0,0,J1\\nB,contact,3,0,0,\\nC,rtd_3wire,5,0,0,"
+    >>> text = "tag,signal,x,y,z,box\nA,contact,1,0,0,J1\nB,contact,3,0,0,\nC,rtd_3wire,5,0,0,"
     >>> draft = Draft(parse_iolist(text, "list"), Site((0, 0, 0)), Settings())
     >>> [(box.name, box.place, box.rows.tolist()) for box in boxes(draft, np.arange(3))]
     [('J1', (1.0, 0.0, 0.0), [0]), ('box 1', (4.0, 0.0, 0.0), [1, 2])]
@@ -99,7 +99,7 @@ def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
 
 
 def without_place(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
-    """Give points the reason that their place is not known.
+    r"""Give points the reason that their place is not known.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def without_place(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
     >>> from shipnet.design.iolist import parse_iolist
     >>> from shipnet.design.settings import Settings
     >>> from shipnet.design.site import Site
-    >>> iolist = parse_iolist("tag,signal,home_run_m\\nA,contact,30", "list")
+    >>> iolist = parse_iolist("tag,signal,home_run_m\nA,contact,30", "list")
     >>> draft = Draft(iolist, Site((0, 0, 0)), Settings())
     >>> without_place(draft, np.array([0]))
     >>> draft.network("empty").reasons["text"].tolist()

@@ -158,7 +158,7 @@ def divided(
     place: Callable[[Item], Sequence[float]],
     judge: Callable[[Sequence[Item]], tuple[Result, float]],
     halve: Callable[[Item], Sequence[Item]] | None = None,
-) -> list[tuple[list[Item], Result, float]]:
+) -> list[tuple[list[Item], Result]]:
     """Divide items into groups until each keeps its limits.
 
     Parameters
@@ -168,15 +168,17 @@ def divided(
     place : callable
         Place of an item, three coordinates [m].
     judge : callable
-        What a group comes to, and how many times over it breaks its worst limit: at most 1 if it
-        keeps all of them, infinite if nobody can say how much.
+        What a group comes to, and in how many groups of equal size it has to be divided at least:
+        1 or less if it keeps all limits, infinite if size is not what it fails by, so that it is
+        divided in two where it lies farthest apart.
     halve : callable, optional
-        Two items in the place of one that breaks a limit alone, or none if it cannot be halved.
+        Two items in the place of one that breaks a limit alone; none if it cannot be halved.
 
     Returns
     -------
-    list of tuple of (list, result, float)
-        The groups, with what `judge` said of them; above 1 only for a single item.
+    list of tuple of (list, result)
+        The groups, with what `judge` said of them. An item that breaks a limit alone and cannot be
+        halved is a group, too.
 
     Examples
     --------
@@ -184,36 +186,39 @@ def divided(
 
     >>> def judge(group):
     ...     length = max(group) - min(group)
-    ...     return length, length / 10
-    >>> [group for group, *_ in divided([0, 4, 8, 40, 44], lambda x: (x, 0, 0), judge)]
-    [[0, 4, 8], [40, 44]]
+    ...     return length, 1 if length <= 10 else inf
+    >>> divided([0, 4, 8, 40, 44], lambda x: (x, 0, 0), judge)
+    [([0, 4, 8], 8), ([40, 44], 4)]
     """
     waiting = [list(items)] if len(items) else []
     done = []
     while waiting:
         group = waiting.pop(0)
-        result, excess = judge(group)
-        if excess <= 1:
-            done.append((group, result, excess))
-            continue
-        if len(group) == 1:
-            parts = [[part] for part in halve(group[0])] if halve else []
-            if not parts:
-                done.append((group, result, excess))
-        else:
-            parts = _parts(group, place, 2 if excess == inf else ceil(excess))
-        waiting = parts + waiting
+        result, parts = judge(group)
+        pieces: list[list[Item]] = []
+        if parts > 1 and len(group) > 1:
+            pieces = _pieces(group, place, parts)
+        elif parts > 1 and halve is not None:
+            pieces = [[piece] for piece in halve(group[0])]
+        if not pieces:
+            done.append((group, result))
+        waiting = pieces + waiting
     return done
 
 
-def _parts(
-    group: list[Item], place: Callable[[Item], Sequence[float]], number: int
+def _pieces(
+    group: list[Item], place: Callable[[Item], Sequence[float]], parts: float
 ) -> list[list[Item]]:
-    number = min(max(number, 2), len(group))
-    labels = balanced([place(item) for item in group], number)
+    xyz = _places([place(item) for item in group])
+    if parts == inf:
+        labels = fcluster(linkage(xyz, "complete", "cityblock"), 2, "maxclust")
+        if len(np.unique(labels)) < 2:  # all in one place
+            labels = np.arange(len(group)) % 2
+    else:
+        labels = balanced(xyz, min(ceil(parts), len(group)))
     return [
         [item for item, label in zip(group, labels, strict=True) if label == own]
-        for own in range(labels.max() + 1)
+        for own in dict.fromkeys(labels.tolist())
     ]
 
 

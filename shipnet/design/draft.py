@@ -131,7 +131,8 @@ class Draft:
         self._rows["runs"].append(
             {"run": f"{kind} {len(self._rows['runs']) + 1}", "cable": cable.id, "a": a, "b": b,
              "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
-             "at_cabinet": a in self._in_cabinet or b in self._in_cabinet, "line": line, **laid._asdict()}
+             "at_cabinet": a in self._in_cabinet or b in self._in_cabinet, "line": line,
+             **laid._asdict()}
         )  # fmt: skip
 
     def drop(self, row: int, device: str, place: Place, segment: str, length: float) -> None:
@@ -145,7 +146,9 @@ class Draft:
         self, row: int, bus: str, segment: str, device: str, address: str, response: float
     ) -> None:
         """Say how a point is connected, and how late the host knows of it [s]."""
-        values = zip(("bus", "segment", "device", "address"), (bus, segment, device, address), strict=True)
+        values = zip(
+            ("bus", "segment", "device", "address"), (bus, segment, device, address), strict=True
+        )
         for name, value in values:
             self._point[name][row] = value
         self._response[row] = response
@@ -180,7 +183,9 @@ class Draft:
         if not rows:
             return frame("runs")
         runs = pd.DataFrame(rows).drop(columns=["start", "end"])
-        start, end = (np.array([row[at] for row in rows], dtype=np.float64) for at in ("start", "end"))
+        start, end = (
+            np.array([row[at] for row in rows], dtype=np.float64) for at in ("start", "end")
+        )
         known = np.isfinite(start).all(axis=1) & np.isfinite(end).all(axis=1)
         route = np.full(len(rows), np.nan)
         length = runs["length"].to_numpy(np.float64, copy=True)
@@ -188,7 +193,9 @@ class Draft:
         share = runs["share"].to_numpy(np.float64)
         for avoid in dict.fromkeys(row["avoid"] for row in rows):
             mine = np.flatnonzero(known & np.array([row["avoid"] == avoid for row in rows]))
-            for row, way in zip(mine, self.site.ways(start[mine], end[mine], avoid=avoid), strict=True):
+            for row, way in zip(
+                mine, self.site.ways(start[mine], end[mine], avoid=avoid), strict=True
+            ):
                 ways[row] = way
             asked = mine[np.isnan(length[mine])]
             route[asked] = self.site.route(start[asked], end[asked], avoid=avoid) * share[asked]
@@ -199,7 +206,12 @@ class Draft:
             self.site.length(route[open_]),
             self.site.detour * route[open_] + np.nan_to_num(slack[open_]),
         )
-        return frame("runs", runs.assign(route_m=route, length_m=length, way=ways)[list(COLUMNS["runs"])])
+        return frame(
+            "runs",
+            runs.assign(route_m=route, length_m=length, way=pd.Series(ways, dtype=object))[
+                list(COLUMNS["runs"])
+            ],
+        )
 
 
 def _place(xyz: Floats) -> Place:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
-from shipnet.can.schedule import Message, MessageSet, bus_load, frame_bits, response_times
+from shipnet.can.schedule import Message, MessageSet, frame_bits, response_times
 from shipnet.design.backbone import Backbone, lay, route_past
 from shipnet.design.boxes import Box, boxes
 from shipnet.design.can_packing import Packed, pack
@@ -54,7 +54,7 @@ class _Segment(NamedTuple):
 
 
 def plan_can(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
-    """Connect points by stations in their boxes, on as few CAN segments as keep the limits.
+    r"""Connect points by stations in their boxes, on as few CAN segments as keep the limits.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def plan_can(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
     >>> from shipnet.design.iolist import parse_iolist
     >>> from shipnet.design.settings import Settings
     >>> from shipnet.design.site import Site
-    >>> iolist = parse_iolist("tag,signal,x_m,y_m,z_m\\nA,contact,80,0,0\\nB,rtd_3wire,90,0,0", "list")
+    >>> iolist = parse_iolist("tag,signal,x,y,z\nA,contact,80,0,0\nB,rtd_3wire,90,0,0")
     >>> draft = Draft(iolist, Site((0, 0, 0)), Settings())
     >>> plan_can(draft, np.arange(2))
     >>> network = draft.network("CAN")
@@ -97,9 +97,8 @@ def plan_can(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
         order = np.argsort(draft.need[box.rows], kind="stable")
         return [box.part(np.sort(part)) for part in np.array_split(order, 2)]
 
-    for number, (group, segment, _) in enumerate(
-        divided(stations, lambda box: box.place, judge, halve), 1
-    ):
+    segments = divided(stations, lambda box: box.place, judge, halve)
+    for number, (group, segment) in enumerate(segments, 1):
         name = f"CAN {number}"
         ordered = [group[place] for place in segment.trunk.order]
         names = lay(draft, name, "CAN", ordered, segment.trunk, limits.cable)
@@ -176,24 +175,25 @@ def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Segment, float]:
     ]
     # Priorities are deadline monotonic: the deadline is the same share of every need.
     packed.sort(key=lambda item: item[0].need)
-    excess = max(
-        trunk.length / longest, (len(group) + 1) / limits.nodes, len(packed) / _MESSAGES
-    )
+    # The host is a node of each segment.
+    parts: float = max(len(group) / (limits.nodes - 1), len(packed) / _MESSAGES)
     period = np.array([message.need for message, _ in packed]) * limits.period_share
     bits = frame_bits([message.dlc for message, _ in packed])
     load = float((bits / period).sum()) / rate
-    excess = max(excess, load / limits.load)
+    parts = max(parts, load / limits.load, inf if trunk.length > longest else 1)
     responses = [np.nan] * len(packed)
-    if excess <= 1:
+    if parts <= 1:
         answers = response_times(_message_set(packed, limits.period_share), rate)
         responses = [answer.response for answer in answers]
         if not all(answer.met for answer in answers):
-            excess = inf
+            parts = inf
     messages = [
         (message, Sent(place, number, response))
-        for number, ((message, place), response) in enumerate(zip(packed, responses, strict=True), 1)
+        for number, ((message, place), response) in enumerate(
+            zip(packed, responses, strict=True), 1
+        )
     ]
-    return _Segment(trunk, rate, messages, load), excess
+    return _Segment(trunk, rate, messages, load), parts
 
 
 def _message_set(packed: Sequence[tuple[Packed, int]], share: float) -> MessageSet:
@@ -207,7 +207,7 @@ def _message_set(packed: Sequence[tuple[Packed, int]], share: float) -> MessageS
 
 
 def _screened(draft: Draft, box: Box) -> list[Box]:
-    """Return a box with those points that a segment of their own would serve; say why others fail."""
+    """Return a box with the points that a segment of their own would serve; refuse the others."""
     limits = draft.settings.can
     trunk = route_past(draft, [box])
     longest = _longest(draft)

@@ -17,7 +17,7 @@ Rows = npt.NDArray[np.intp]
 
 
 def plan_home_runs(draft: Draft, rows: Rows) -> None:
-    """Give each point a cable of its own to the cabinet.
+    r"""Give each point a cable of its own to the cabinet.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def plan_home_runs(draft: Draft, rows: Rows) -> None:
     >>> from shipnet.design.iolist import parse_iolist
     >>> from shipnet.design.settings import Settings
     >>> from shipnet.design.site import Site
-    >>> iolist = parse_iolist("tag,signal,x_m,y_m,z_m\\nA,contact,10,0,0\\nB,rtd_3wire,20,0,0", "list")
+    >>> iolist = parse_iolist("tag,signal,x,y,z\nA,contact,10,0,0\nB,rtd_3wire,20,0,0")
     >>> draft = Draft(iolist, Site((0, 0, 0)), Settings())
     >>> plan_home_runs(draft, np.arange(2))
     >>> draft.network("home runs").runs[["cable", "length_m", "used"]].values.tolist()
@@ -50,7 +50,7 @@ def plan_home_runs(draft: Draft, rows: Rows) -> None:
 
 
 def plan_boxes(draft: Draft, rows: Rows) -> None:
-    """Bring points to junction boxes, and each box to the cabinet with a cable of many pairs.
+    r"""Bring points to junction boxes, and each box to the cabinet with a cable of many pairs.
 
     Parameters
     ----------
@@ -70,12 +70,15 @@ def plan_boxes(draft: Draft, rows: Rows) -> None:
     >>> from shipnet.design.iolist import parse_iolist
     >>> from shipnet.design.settings import Settings
     >>> from shipnet.design.site import Site
-    >>> iolist = parse_iolist("tag,signal,x_m,y_m,z_m\\nA,contact,10,0,0\\nB,rtd_3wire,14,0,0", "list")
+    >>> iolist = parse_iolist("tag,signal,x,y,z\nA,contact,10,0,0\nB,rtd_3wire,14,0,0")
     >>> draft = Draft(iolist, Site((0, 0, 0)), Settings())
     >>> plan_boxes(draft, np.arange(2))
-    >>> draft.network("junction boxes").runs[["kind", "cable", "a", "b", "used"]].values.tolist()
-    [['drop', 'MI1P075', 'box 1', 'A', 2], ['drop', 'MI2P075', 'box 1', 'B', 3], \
-['trunk', 'MI4P075', 'cabinet', 'box 1', 5]]
+    >>> runs = draft.network("junction boxes").runs
+    >>> for run in runs.itertuples():
+    ...     print(run.kind, run.cable, run.a, run.b, run.used)
+    drop MI1P075 box 1 A 2
+    drop MI2P075 box 1 B 3
+    trunk MI4P075 cabinet box 1 5
     """
     for box in boxes(draft, rows):
         name = draft.device(box.name, "box", "", box.place)

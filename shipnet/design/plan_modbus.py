@@ -54,7 +54,7 @@ class _Loop(NamedTuple):
 
 
 def plan_modbus(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
-    """Connect points by stations in their boxes, on as few Modbus loops as keep the limits.
+    r"""Connect points by stations in their boxes, on as few Modbus loops as keep the limits.
 
     Parameters
     ----------
@@ -75,14 +75,14 @@ def plan_modbus(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
     >>> from shipnet.design.iolist import parse_iolist
     >>> from shipnet.design.settings import Settings
     >>> from shipnet.design.site import Site
-    >>> iolist = parse_iolist("tag,signal,x_m,y_m,z_m\\nA,contact,80,0,0\\nB,rtd_3wire,90,0,0", "list")
+    >>> iolist = parse_iolist("tag,signal,x,y,z\nA,contact,80,0,0\nB,rtd_3wire,90,0,0")
     >>> draft = Draft(iolist, Site((0, 0, 0)), Settings())
     >>> plan_modbus(draft, np.arange(2))
     >>> network = draft.network("Modbus RTU")
     >>> network.points[["device", "address"]].values.tolist()
     [['Modbus box 1', '1 input register 1 bit 0'], ['Modbus box 1', '1 input register 0']]
     >>> network.segments[["bit_rate", "scan_ms"]].round(1).values.tolist()
-    [[9600.0, 33.2]]
+    [[9600.0, 32.5]]
     """
     stations = [part for box in boxes(draft, rows) for part in _screened(draft, box)]
 
@@ -96,7 +96,7 @@ def plan_modbus(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
         return [box.part(np.sort(part)) for part in np.array_split(order, 2)]
 
     loops = divided(stations, lambda box: box.place, judge, halve)
-    for number, (group, loop, _) in enumerate(loops, 1):
+    for number, (group, loop) in enumerate(loops, 1):
         name = f"Modbus {number}"
         ordered = [group[place] for place in loop.trunk.order]
         cable = draft.settings.modbus.cable
@@ -184,8 +184,8 @@ def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[i
     --------
     >>> sections([500, 500, 500], length=1200, unit_loads=32)
     [1]
-    >>> sections([1] * 31, length=1200, unit_loads=32), sections([1] * 32, length=1200, unit_loads=32)
-    ([], [29])
+    >>> [sections([1] * n, length=1200, unit_loads=32) for n in (31, 32)]
+    [[], [29]]
     """
     found: list[int] = []
     loads, laid = 1, 0.0
@@ -205,16 +205,11 @@ def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     limits = draft.settings.modbus
     trunk = route_past(draft, group)
     repeaters = sections(trunk.hops.tolist(), length=limits.length, unit_loads=limits.unit_loads)
-    excess = len(group) / limits.units
-    if repeaters is None:
-        excess = inf
-    elif len(repeaters) > limits.repeaters:
-        excess = max(
-            excess,
-            trunk.length / (limits.length * (1 + limits.repeaters)),
-            (len(group) + 1) / (limits.unit_loads * (1 + limits.repeaters)),
-            1 + 1e-9,
-        )
+    parts = len(group) / limits.units
+    if repeaters is None or len(repeaters) > limits.repeaters:
+        # The cable or the stations: one of them is more than all sections together can take.
+        loads = len(group) / (limits.unit_loads - 1 + limits.repeaters * (limits.unit_loads - 2))
+        parts = max(parts, loads) if loads > 1 else inf
     registers = [registers_of([draft.types[row] for row in box.rows]) for box in group]
     needs = np.array([draft.need[box.rows].min() for box in group])
     for rate in sorted(limits.bit_rates):
@@ -224,8 +219,9 @@ def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
         over = float(((scan + np.array(longest)) / needs).max())
         if over <= 1:
             break
-    loop = _Loop(trunk, rate, scan, longest, repeaters or [], registers)
-    return loop, max(excess, over)
+    else:
+        parts = inf
+    return _Loop(trunk, rate, scan, longest, repeaters or [], registers), parts
 
 
 def _polls(draft: Draft, registers: Registers, bit_rate: int) -> list[Poll]:
@@ -240,7 +236,7 @@ def _polls(draft: Draft, registers: Registers, bit_rate: int) -> list[Poll]:
 
 
 def _screened(draft: Draft, box: Box) -> list[Box]:
-    """Return a box with those points that a loop of their own would serve; say why others fail."""
+    """Return a box with the points that a loop of their own would serve; refuse the others."""
     limits = draft.settings.modbus
     trunk = route_past(draft, [box])
     if trunk.length > limits.length:

@@ -152,9 +152,7 @@ class TrayRoutes:
         numbers = [n for n in reversed(path) if n >= 0]
         return tuple(dict.fromkeys(self.trays.names[n] for n in numbers))
 
-    def _both(
-        self, a: _Floats, b: _Floats
-    ) -> tuple[_Entry, _Entry, _Floats, tuple[int, ...]]:
+    def _both(self, a: _Floats, b: _Floats) -> tuple[_Entry, _Entry, _Floats, tuple[int, ...]]:
         """Return the entries of places and their direct distance, flat, and the shape of all."""
         direct = np.abs(a - b).sum(axis=-1)
         start, end = (

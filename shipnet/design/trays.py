@@ -141,7 +141,9 @@ def tray_faults(nodes: Mapping[str, Place], trays: tuple[Tray, ...]) -> list[tup
     seen: set[str] = set()
     for tray in trays:
         unknown = [end for end in (tray.a, tray.b) if end not in nodes]
-        faults += [(tray.name, f"tray {tray.name!r} ends at {e!r}, which is no node") for e in unknown]
+        faults += [
+            (tray.name, f"tray {tray.name!r} ends at {e!r}, which is no node") for e in unknown
+        ]
         if tray.name in seen:
             faults.append((tray.name, f"tray {tray.name!r} stands twice"))
         if not unknown and tuple(nodes[tray.a]) == tuple(nodes[tray.b]):
