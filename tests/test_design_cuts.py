@@ -29,7 +29,9 @@ def searched(network, cut=(), dead=()):
         dead |= more
     if network.cabinet in dead:
         return set()
-    graph, power = nx.Graph(), nx.Graph()
+    graph, power, auxiliary = nx.Graph(), nx.Graph(), nx.Graph()
+    auxiliary.add_nodes_from(kind.index)
+    unfed = set()
     for each in (graph, power):
         each.add_nodes_from((name, line) for name in kind.index for line in "AB")
     for name in kind.index[kind.isin(JOINS)]:
@@ -48,13 +50,19 @@ def searched(network, cut=(), dead=()):
             continue
         if run.run in cut:
             continue
-        supply = "supply" in (kind[run.a], kind[run.b])
-        if not (run.kind == "feeder" and supply):
-            join(graph, run.a, run.b, run.line or "AB")
-        carries = run.kind == "feeder" or buses.get(run.segment) == "AS-i"
-        apart = {kind[run.a], kind[run.b]} & {"cabinet", "gateway", "repeater"}
-        if carries and not apart:
-            join(power, run.a, run.b, run.line or "AB")
+        ends = {kind[run.a], kind[run.b]}
+        asi, lines = buses.get(run.segment) == "AS-i", run.line or "AB"
+        if run.kind == "trunk" or "gateway" in ends:
+            join(graph, run.a, run.b, lines)
+        if asi and run.kind == "trunk" and kind[run.b] != "repeater":
+            join(power, run.a, run.b, lines)
+        if run.kind == "feeder" and not asi and not ends & {"cabinet", "gateway"}:
+            join(power, run.a, run.b, lines)
+        if run.kind == "feeder" and asi and "supply" not in ends and not {run.a, run.b} & blocked:
+            auxiliary.add_edge(run.a, run.b)
+    for run in network.runs.itertuples():
+        if run.kind == "feeder" and run.run in cut and network.cabinet in (run.a, run.b):
+            unfed |= {name for name in (run.a, run.b) if kind[name] == "supply"}
     for name, row in devices[devices["at"] != ""].iterrows():
         join(graph, row["at"], name, "AB")
         if row["kind"] == "supply":
@@ -63,20 +71,26 @@ def searched(network, cut=(), dead=()):
             join(power, masters[-1] if at_cabinet else row["at"], name, "AB")
     reached = {name for name, _ in nx.node_connected_component(graph, (network.cabinet, "A"))}
     supplied = set()
-    for name in kind.index[(kind == "supply") & ~kind.index.isin(dead)]:
+    for name in kind.index[(kind == "supply") & ~kind.index.isin(dead | unfed)]:
         for line in "AB":
             supplied |= {n for n, _ in nx.node_connected_component(power, (name, line))}
     alive = reached - dead
-    return alive, supplied, wires
+    return alive, supplied, nx.node_connected_component(auxiliary, network.cabinet), wires
 
 
 def points_reached(network, needs, cut=(), dead=()):
     found = searched(network, cut, dead)
     if not found:
         return set()
-    alive, supplied, wires = found
-    alive = {name for name in alive if name in supplied or name not in needs}
-    return {tag for device, tag, run in wires if device in alive and run not in cut}
+    alive, supplied, auxiliary, wires = found
+    points = network.iolist.points
+    outputs = set(points.loc[points["type"] == "DO", "tag"])
+    alive = {name for name in alive if name in supplied or name not in needs[0]}
+    return {
+        tag for device, tag, run in wires
+        if device in alive and run not in cut
+        and (device in auxiliary or device not in needs[1] or tag not in outputs)
+    }  # fmt: skip
 
 
 def random_network(rng, n_devices=9, n_points=12):
@@ -110,7 +124,7 @@ def random_network(rng, n_devices=9, n_points=12):
     return Network(
         "random",
         from_table(pd.DataFrame({
-            "tag": tags, "signal": "contact", "system": list(rng.choice(["x", "y"], n_points)),
+            "tag": tags, "signal": ["contact", "solenoid"] * (n_points // 2), "system": list(rng.choice(["x", "y"], n_points)),
             "home_run_m": 1.0})),
         None,
         points=frame("points", {
@@ -130,7 +144,7 @@ def random_network(rng, n_devices=9, n_points=12):
 def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
     network = random_network(np.random.default_rng(seed))
     table = single_cuts(network)
-    needs = searched(network)[1]
+    needs = searched(network)[1:3]
     before = points_reached(network, needs)
     for failure, names in (("cut", network.runs["run"]), ("device", network.devices["device"])):
         assert table.loc[table["failure"] == failure, "failed"].tolist() == names.tolist()
@@ -154,7 +168,7 @@ def test_several_failures_at_once_cost_what_a_search_finds(seed):
     network = random_network(rng)
     cut = list(rng.choice(network.runs["run"], 3, replace=False))
     dead = list(rng.choice(network.devices["device"], 1))
-    needs = searched(network)[1]
+    needs = searched(network)[1:3]
     gone = points_reached(network, needs) - points_reached(network, needs, cut, dead)
     assert set(lost(network, runs=cut, devices=dead)) == gone
 

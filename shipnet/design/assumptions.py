@@ -28,7 +28,7 @@ __all__ = ["LEVELS", "Assumption", "Assumptions", "Level", "values_at", "words"]
 Floats = npt.NDArray[np.float64]
 
 #: The names of the three values of a range.
-LEVELS = ("low", "nominal", "high")
+LEVELS: tuple[Literal["low", "nominal", "high"], ...] = ("low", "nominal", "high")
 
 #: Where in its range an assumption is taken: at one of its three values, or at quantiles of the
 #: triangular distribution over it, shape (n_draws,).
@@ -246,7 +246,8 @@ def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
     """
     rows = np.asarray(ranges, dtype=float).reshape(-1, 3)
     if isinstance(level, str):
-        return rows[:, _place(level)]
+        chosen: Floats = rows[:, _place(level)]
+        return chosen
     low, nominal, high = rows.T
     u = np.asarray(level, dtype=float)[:, None]
     width, rise, fall = high - low, nominal - low, high - nominal
@@ -294,10 +295,10 @@ def _check(name: str, given: Range) -> None:
 def _read() -> Mapping[str, Assumption]:
     return MappingProxyType(
         {
-            str(row.name): Assumption(
-                Range(float(row.low), float(row.nominal), float(row.high)),
-                str(row.unit), str(row.meaning), str(row.status), str(row.source),
+            row["name"]: Assumption(
+                Range(*(float(row[level]) for level in LEVELS)),
+                row["unit"], row["meaning"], row["status"], row["source"],
             )
-            for row in datasets.read(_FILE).itertuples(index=False)
+            for row in datasets.read(_FILE).to_dict("records")
         }
     )  # fmt: skip

@@ -5,6 +5,7 @@ Nothing in a bill depends on a price; every figure of `shipnet.design.quantities
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -157,15 +158,16 @@ def bill_of(network: Network) -> Bill:
 def _devices(network: Network, points: pd.DataFrame) -> dict[str, int]:
     bus_of = dict(zip(network.segments["segment"], network.segments["bus"], strict=True))
     bus = [bus_of.get(segment, "") for segment in network.devices["segment"]]
-    devices = network.devices.assign(bus=bus)
+    devices = network.devices
     unknown = sorted(set(devices["kind"]) - set(_DEVICES))
     if unknown:
         raise ArgumentError(f"there is no price of a {', '.join(unknown)}")
     items: dict[str, int] = {}
-    for (kind, bus), number in devices.groupby(["kind", "bus"]).size().items():  # type: ignore[misc]
-        by_bus = _DEVICES[str(kind)]
-        for name in by_bus.get(str(bus), by_bus[""]):
-            items[name] = items.get(name, 0) + int(number)
+    counted = Counter(zip(devices["kind"], bus, strict=True))
+    for (kind, of_bus), number in counted.items():
+        by_bus = _DEVICES[kind]
+        for name in by_bus.get(of_bus, by_bus[""]):
+            items[name] = items.get(name, 0) + number
     modules = devices["device"][devices["kind"] == "module"]
     analogue = int(modules.isin(points["device"][points["analogue"]]).sum())
     if analogue:

@@ -132,7 +132,7 @@ class Plant:
             devices=[_device("cabinet", "cabinet")],
             runs=self._runs(
                 "home run", a="cabinet", b=points["tag"], cable=_PAIR, segment="",
-                route=points["x_m"] + points["y_m"], at_cabinet=True,
+                route=points["x_m"] + points["y_m"], at_cabinet=True, used=points["conductors"],
             ),
             segments=(),
         )  # fmt: skip
@@ -153,6 +153,7 @@ class Plant:
         drops = self._runs(
             "drop", a=own["device"].to_numpy(), b=points["tag"], cable=_PAIR,
             segment=own["segment"].to_numpy(), route=self.drop, at_cabinet=False,
+            used=points["conductors"],
         )  # fmt: skip
         lengths = trunk.groupby("segment", sort=False)["length_m"].sum()
         devices = [_device("cabinet", "cabinet")]
@@ -165,8 +166,11 @@ class Plant:
                 _device(f"repeater {line}.{n}", "repeater", segment, x=n * _SEGMENT)
                 for n in range(1, ceil(length / _SEGMENT))
             ]
-        devices += [_device(r.device, "module", r.segment, x=r.x_m) for r in rows.itertuples()]
-        count = rows.groupby("segment", sort=False).size()
+        devices += [
+            _device(device, "module", segment, x=x)
+            for device, segment, x in zip(rows["device"], rows["segment"], rows["x_m"], strict=True)
+        ]
+        count = rows["segment"].value_counts(sort=False)
         nan = float("nan")
         return self._network(
             "AS-i",
@@ -178,18 +182,19 @@ class Plant:
             runs=pd.concat([trunk, drops]),
             segments=[
                 {"segment": segment, "bus": "AS-i", "points": self.contacts * n, "devices": n,
-                 "length_m": lengths[segment], "load": nan, "response_ms": nan,
+                 "length_m": length, "load": nan, "response_ms": nan,
                  "slowest_update_ms": 1000.0}
-                for segment, n in count.items()
+                for (segment, length), n in zip(lengths.items(), count, strict=True)
             ],
         )  # fmt: skip
 
-    def _runs(self, kind: str, *, route: object, used: int = 2, **columns: object) -> pd.DataFrame:
-        table = pd.DataFrame({**columns, "route_m": route, "kind": kind, "line": ""})
+    def _runs(self, kind: str, *, route: object, used: object, **columns: object) -> pd.DataFrame:
+        table = pd.DataFrame({**columns, "route_m": route, "used": used, "kind": kind, "line": ""})
         table["length_m"] = self._site.length(table["route_m"].to_numpy(dtype=float))
-        table["used"] = table["conductors"] = used
+        table["conductors"] = table["used"]
         table["run"] = [f"{kind} {a} - {b}" for a, b in zip(table["a"], table["b"], strict=True)]
-        return table.assign(way=[()] * len(table))
+        table["way"] = pd.Series([()] * len(table), dtype=object)
+        return table
 
     @cached_property
     def _site(self) -> Site:

@@ -182,7 +182,9 @@ def plot_quantities(
         dtype=float,
     )
     ax.barh(rows, ends[:, 1], height=0.6, color="C5", label="nominal")
-    ax.hlines(rows, ends[:, 0], ends[:, 2], color="0.25", linewidth=1.2, label="all low to all high")
+    ax.hlines(
+        rows, ends[:, 0], ends[:, 2], color="0.25", linewidth=1.2, label="all low to all high"
+    )
     if likely is not None:
         span = [likely.loc[(option, figure), ["low", "high"]] for option in options]
         low, high = np.array(span, dtype=float).T
@@ -269,12 +271,12 @@ def plot_pareto(
     best = best.astype("boolean").fillna(False).astype(bool)
     front = table[best].sort_values([x, y])
     ax.plot(front[x], front[y], color="C0", linewidth=1, drawstyle="steps-post", zorder=1)
-    for option, row in table.iterrows():
+    for option, at_x, at_y, filled in zip(table.index, table[x], table[y], best, strict=True):
         ax.plot(
-            [row[x]], [row[y]], marker="o", markersize=7, linestyle="none", color="C0",
-            markerfacecolor="C0" if best[option] else "white",
+            [at_x], [at_y], marker="o", markersize=7, linestyle="none", color="C0",
+            markerfacecolor="C0" if filled else "white",
         )  # fmt: skip
-        ax.annotate(str(option), (row[x], row[y]), (6, 5), textcoords="offset points", fontsize=8)
+        ax.annotate(str(option), (at_x, at_y), (6, 5), textcoords="offset points", fontsize=8)
     ax.set(xlabel=_label(x), ylabel=_label(y))
     ax.margins(0.15)
     return ax

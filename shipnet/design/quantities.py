@@ -25,7 +25,15 @@ if TYPE_CHECKING:
     from shipnet.design.catalogue import Cable
     from shipnet.design.network import Network
 
-__all__ = ["CABLE_RANGES", "EXCLUDED", "FIGURES", "Model", "Quantities", "check_figure", "quantities"]
+__all__ = [
+    "CABLE_RANGES",
+    "EXCLUDED",
+    "FIGURES",
+    "Model",
+    "Quantities",
+    "check_figure",
+    "quantities",
+]
 
 Floats = npt.NDArray[np.float64]
 
@@ -101,7 +109,7 @@ class Quantities:
 
     def __getitem__(self, figure: str) -> float:
         """Return a figure at nominal."""
-        return float(self.table.loc[check_figure(figure), "nominal"])
+        return float(self.table["nominal"][check_figure(figure)])
 
     def __repr__(self) -> str:
         """Say the figures that are asked for first, and what is left out."""
@@ -182,7 +190,7 @@ class Model:
         if unknown:
             raise ArgumentError(f"the catalogue has no cable {', '.join(unknown)}")
         self.cables = {str(name): known[str(name)] for name in self.bill.cables.index}
-        self._section = np.array([_section(cable) for cable in self.cables.values()], dtype=float)
+        self._section = 1e-6 * np.array([c.area_mm2 for c in self.cables.values()], dtype=float)
         self._ranges = {
             name: np.array([getattr(c, field) for c in self.cables.values()]).reshape(-1, 3)
             for name, (field, _) in CABLE_RANGES.items()
@@ -265,9 +273,9 @@ class Model:
         columns = ["name", *LEVELS, "unit", "status", "source"]
         own = [name for name in self.names if name not in CABLE_RANGES]
         listed = self.assumptions.table.loc[own].reset_index()[columns]
-        return pd.concat([pd.DataFrame(list(self._cable_rows()), columns=columns), listed]).reset_index(
-            drop=True
-        )
+        return pd.concat(
+            [pd.DataFrame(list(self._cable_rows()), columns=columns), listed]
+        ).reset_index(drop=True)
 
     def _cable_rows(self) -> Iterator[tuple[Any, ...]]:
         for name, (field, unit) in CABLE_RANGES.items():
@@ -344,8 +352,3 @@ def _by_cable(model: Model) -> pd.DataFrame:
     return counts.assign(
         length_m=length, mass_kg=length * each["mass"], cost_eur=length * each["price"]
     )
-
-
-def _section(cable: Cable) -> float:
-    """Return the section of a cable with its sheath [m2]: that of a circle of its diameter."""
-    return float(np.pi / 4 * (cable.diameter_mm * 1e-3) ** 2)

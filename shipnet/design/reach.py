@@ -4,7 +4,7 @@ A point works as long as a way leads from it to the cabinet, along one line of a
 the way through each bus: stations pass nothing on from line A to line B; masters, gateways and the
 cabinet do. A module, station, supply or terminator that is dead leaves its bus as
 it is, and anything else takes along what lies behind it. Where the plan has supplies, a device also
-needs one. An open end of a bus counts as harmless: reflections are not looked at here.
+needs one, and an output of AS-i the auxiliary supply, if its module has one. An open end of a bus counts as harmless: reflections are not looked at here.
 """
 
 from __future__ import annotations
@@ -159,21 +159,52 @@ class Reach:
     @cached_property
     def _data(self) -> Edges:
         """What carries data; masters and the like are one node for both lines."""
-        runs, count = self.network.runs, len(self.kinds)
-        feeds = (runs["kind"] == "feeder") & (self.kinds == "supply")[self._ends].any(axis=1)
-        u, v, run = self._by_line(np.flatnonzero(~self.at_point & ~feeds), self._housings)
+        count, trunk = len(self.kinds), (self.network.runs["kind"] == "trunk").to_numpy()
+        link = self._feeders & (self.kinds == "gateway")[self._ends].any(axis=1)
+        u, v, run = self._by_line(np.flatnonzero(trunk | link), self._housings)
         joined = np.isin(self.kinds, _JOINS)
         u, v = (np.where(joined[node % count], node % count, node) for node in (u, v))
         return u, v, run
 
     @cached_property
     def _power(self) -> Edges:
-        """What carries power: feeders, and the trunk of AS-i as far as the next repeater."""
-        runs, segments = self.network.runs, self.network.segments
-        asi = runs["segment"].isin(segments.loc[segments["bus"] == "AS-i", "segment"])
-        carries = (runs["kind"] == "feeder") | (asi & (runs["kind"] == "trunk"))
-        apart = np.isin(self.kinds, ("cabinet", "gateway", "repeater"))[self._ends].any(axis=1)
-        return self._by_line(np.flatnonzero(carries & ~apart), self._poles)
+        """What carries power: feeders of stations, and the trunk of AS-i, both as far as they go.
+
+        A repeater passes none on: it is fed as what lies behind it, at the `b` ends of its runs.
+        """
+        trunk = self._asi & ~self._feeders & ~self.at_point
+        trunk &= (self.kinds != "repeater")[self._ends[:, 1]]
+        apart = np.isin(self.kinds, ("cabinet", "gateway"))[self._ends].any(axis=1)
+        return self._by_line(
+            np.flatnonzero(trunk | (self._feeders & ~self._asi & ~apart)), self._poles
+        )
+
+    @cached_property
+    def _mains(self) -> tuple[Whole, Whole]:
+        """Supplies with a feeder from the cabinet, and this run."""
+        from_cabinet = self._feeders & (self._ends == self._cabinet).any(axis=1)
+        number = np.flatnonzero(from_cabinet)
+        far = self._ends[number].sum(axis=1) - self._cabinet
+        fed = self.kinds[far] == "supply"
+        return far[fed], number[fed]
+
+    @cached_property
+    def _auxiliary(self) -> Edges:
+        """What feeds the outputs of AS-i modules beside the trunk."""
+        supplies = (self.kinds == "supply")[self._ends].any(axis=1)
+        number = np.flatnonzero(self._asi & self._feeders & ~supplies)
+        return (*self._ends[number].T, number)
+
+    @cached_property
+    def _feeders(self) -> Bools:
+        return (self.network.runs["kind"] == "feeder").to_numpy()
+
+    @cached_property
+    def _asi(self) -> Bools:
+        """Which runs are of an AS-i segment."""
+        segments = self.network.segments
+        asi = segments.loc[segments["bus"] == "AS-i", "segment"]
+        return self.network.runs["segment"].isin(asi).to_numpy()
 
     @cached_property
     def _housings(self) -> Whole:
@@ -248,8 +279,20 @@ class Reach:
         reached = labels == labels[:, [self._cabinet]]
         alive = (reached[:, :count] | reached[:, count:]) & ~dead & ~dead[:, [self._cabinet]]
         alive &= self._supplied(cut, dead) | ~needs_supply
-        _, device, run = self._wires
-        return alive[:, device] & ~cut[:, run]
+        point, device, run = self._wires
+        output = self.network.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
+        unfed = self._needs_auxiliary & ~self._has_auxiliary(cut, dead)
+        return alive[:, device] & ~cut[:, run] & ~(unfed[:, device] & output[point])
+
+    @cached_property
+    def _needs_auxiliary(self) -> Bools:
+        return self._has_auxiliary(*self._masks([((), ())]))[0]
+
+    def _has_auxiliary(self, cut: Bools, dead: Bools) -> Bools:
+        """Return which devices an auxiliary feeder reaches from the cabinet."""
+        u, v, _ = self._auxiliary
+        labels = _labels(self._open(self._auxiliary, cut, dead), len(self.kinds), u, v)
+        return labels == labels[:, [self._cabinet]]
 
     def _supplied(self, cut: Bools, dead: Bools) -> Bools:
         """Return which devices a live supply reaches."""
@@ -257,7 +300,11 @@ class Reach:
         count = len(self.kinds)
         labels = _labels(self._open(self._power, cut, dead), 2 * count, u, v)
         live = np.zeros_like(labels, dtype=bool)
-        row, device = np.nonzero(~dead & (self.kinds == "supply"))
+        fed, mains = self._mains
+        unfed = np.zeros_like(dead)
+        row, place = np.nonzero(cut[:, mains])
+        unfed[row, fed[place]] = True
+        row, device = np.nonzero(~dead & ~unfed & (self.kinds == "supply"))
         live[row, labels[row, device]] = live[row, labels[row, device + count]] = True
         reached = np.take_along_axis(live, labels, axis=1)
         return reached[:, :count] | reached[:, count:]

@@ -125,7 +125,7 @@ def cost_saving(
     rows = {}
     for counted, figures in COUNTED.items():
         names = list(figures)
-        wired, bus = (sample[option][names].sum(axis=1) for option in options)
+        wired, bus = (sum(sample[option, name] for name in names) for option in options)
         saved = 1 - bus / wired
         rows[counted] = {
             "nominal": 1 - nominal["AS-i"][names].sum() / nominal["hardwired"][names].sum(),

@@ -91,11 +91,8 @@ class Tornado:
     def __str__(self) -> str:
         """Name the three assumptions that matter most."""
         unit = f" {self.unit}" if self.unit != "1" else ""
-        ends = self.ends
-        said = [
-            f"{words(name)} ({ends.loc[name, 'low']:.0f} to {ends.loc[name, 'high']:.0f})"
-            for name in self.top()
-        ]
+        low, high = self.ends["low"], self.ends["high"]
+        said = [f"{words(name)} ({low[name]:.0f} to {high[name]:.0f})" for name in self.top()]
         what = f"{self.subject} is {self.at_nominal:.0f}{unit}"
         return f"{what}; what matters most: {', '.join(said) or 'nothing that is assumed'}"
 
@@ -169,7 +166,9 @@ def tornado(
     if len(pair) == 2:
         of = "difference"
         for level in ("low", "high"):
-            table[f"{of} at {level}"] = table[f"{pair[0]} at {level}"] - table[f"{pair[1]} at {level}"]
+            table[f"{of} at {level}"] = (
+                table[f"{pair[0]} at {level}"] - table[f"{pair[1]} at {level}"]
+            )
         ends = table[[f"{of} at low", f"{of} at high"]]
         base = nominal[pair[0]] - nominal[pair[1]]
         table["order changes"] = (ends * base < 0).any(axis=1)

@@ -116,7 +116,6 @@ def sweep(
     clash = sorted({name for result in results for name in result} & points[0].keys())
     if clash:
         raise ArgumentError(f"result and argument are both called {', '.join(clash)}")
-    # As objects first: pandas takes the type of a column from its values, and a dict keeps them.
     return pd.DataFrame([point | result for point, result in zip(points, results, strict=True)])
 
 

@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from shipnet.design.quantities import CABLE_RANGES, FIGURES, Model, check_figure
 from shipnet.errors import ArgumentError, check_whole
 
 if TYPE_CHECKING:
-    import numpy as np
+    import numpy.typing as npt
     import pandas as pd
 
     from shipnet.design.assumptions import Assumptions
@@ -114,7 +116,6 @@ def draw(
     >>> bool((sample["AS-i"]["total cost"] < sample["hardwired"]["total cost"]).all())
     True
     """
-    import numpy as np
     import pandas as pd
 
     models = models_of(networks, assumptions, cables=cables)
@@ -123,7 +124,7 @@ def draw(
     # Every assumption is drawn, in use or not: a further option must not change the others' draws.
     names = [*CABLE_RANGES, *next(iter(models.values())).assumptions]
     levels = dict(zip(names, rng.random((len(names), n)), strict=True))
-    columns = {}
+    columns: dict[tuple[str, str], npt.NDArray[np.float64]] = {}
     for option, model in models.items():
         every = model.figures(levels)
         columns |= {(option, figure): np.broadcast_to(every[figure], n) for figure in wanted}

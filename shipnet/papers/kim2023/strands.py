@@ -65,9 +65,7 @@ def submarine_asi(*, masters: int = _SUBMARINE.lines) -> int:
 
 
 @numeric("kim2023-074")
-def submarine_left(
-    *, slaves: int = _SUBMARINE.modules, masters: int = _SUBMARINE.lines
-) -> float:
+def submarine_left(*, slaves: int = _SUBMARINE.modules, masters: int = _SUBMARINE.lines) -> float:
     """Strands that AS-i leaves on the submarine, in percent."""
     return 100 * submarine_asi(masters=masters) / submarine_hardwired(slaves=slaves)
 
