@@ -124,7 +124,8 @@ def random_network(rng, n_devices=9, n_points=12):
     return Network(
         "random",
         from_table(pd.DataFrame({
-            "tag": tags, "signal": ["contact", "solenoid"] * (n_points // 2), "system": list(rng.choice(["x", "y"], n_points)),
+            "tag": tags, "signal": ["contact", "solenoid"] * (n_points // 2),
+            "system": list(rng.choice(["x", "y"], n_points)),
             "home_run_m": 1.0})),
         None,
         points=frame("points", {
@@ -229,8 +230,9 @@ def test_what_does_not_exist_cannot_fail():
 
 def test_a_network_without_points_or_cables_loses_nothing():
     network = example()
+    none = IoList(network.iolist.points.iloc[:0].reset_index(drop=True), "")
     empty = Network(
-        "empty", IoList(network.iolist.points.iloc[:0].reset_index(drop=True), ""), network.site, frame("points"),
+        "empty", none, network.site, frame("points"),
         network.devices, frame("runs"), network.segments, network.reasons,
     )  # fmt: skip
     table = single_cuts(empty)

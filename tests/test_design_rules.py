@@ -204,7 +204,7 @@ def test_all_faults_of_a_file_are_told_at_once(tmp_path):
     assert len(told) == len(expected)
     assert all(t.startswith(e) for t, e in zip(told, expected, strict=True)), told
     file.write_text("rule,measure,limit,unit\na,response,2000,ms\n", encoding="utf-8")
-    with pytest.raises(InputError, match="row 2: unit is 'ms'; expected 's', in which"):
+    with pytest.raises(InputError, match="row 2: unit is 'ms'; expected 's', as"):
         load_rules(file)
 
 
@@ -226,7 +226,10 @@ def test_a_file_that_is_none_is_told_so(text, fault, tmp_path):
 
 
 @settings(max_examples=30)
-@given(st.binary(max_size=200) | st.text(max_size=200).map(lambda t: ("rule,measure,limit\n" + t).encode()))
+@given(
+    st.binary(max_size=200)
+    | st.text(max_size=200).map(lambda t: ("rule,measure,limit\n" + t).encode())
+)
 def test_any_bytes_are_rules_or_an_input_error(tmp_path_factory, data):
     file = tmp_path_factory.mktemp("rules") / "any.csv"
     file.write_bytes(data)

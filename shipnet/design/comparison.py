@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from shipnet.design.assumptions import Assumptions
     from shipnet.design.iolist import IoList
+    from shipnet.design.settings import Settings
     from shipnet.design.site import Site
 
 __all__ = ["CRITERIA", "RESPONSE", "Comparison", "compare", "compare_networks", "not_beaten"]
@@ -104,6 +105,23 @@ class Comparison:
         best = not_beaten(table[list(self.criteria)].to_numpy(float)[complete])
         return table.assign(**{"not beaten": _spread(complete, best)})
 
+    @property
+    def short(self) -> pd.DataFrame:
+        """The rows of `table` that are asked for first, rounded, one column an option."""
+        rows = {
+            "points left out": 0, "conductors at the cabinet": 0, "cable length": 1,
+            "cable mass": 0, "labour": 0, "total cost, low": -3, "total cost": -3,
+            "total cost, high": -3, RESPONSE: 0, "lost by one cable": 0, "lost by one device": 0, "rules kept": 0, "rules broken": 0,
+            "rules not verified": 0,
+        }  # fmt: skip
+        units = {row: FIGURES.get(row.split(",")[0], "1") for row in rows}
+        named = {row: f"{row} [{unit}]" for row, unit in units.items() if unit != "1"}
+        shown = self.table[list(rows)].astype(float).round(rows).astype(object)
+        for row, digits in rows.items():
+            shown[row] = [f"{v:,.{max(digits, 0)}f}" if v == v else "-" for v in shown[row]]
+        shown["not beaten"] = self.pareto.map({True: "yes", False: "no"})
+        return shown.T.rename(named)
+
     def _row(self, name: str) -> dict[str, float]:
         network, takes, cuts = self.networks[name], self.quantities[name], self.cuts[name]
         verdicts = self.rules.loc[self.rules["option"] == name, "verdict"].value_counts()
@@ -140,28 +158,26 @@ class Comparison:
     def sentences(self) -> list[str]:
         """What the comparison comes to, in words."""
         table, front = self.table, self.table[self.pareto]
-        left_out = table[table["points left out"] > 0]
         said = [
-            f"{name} leaves {row['points left out']:.0f} of {len(self.iolist.points)} points out."
-            for name, row in left_out.iterrows()
+            f"{name} leaves {row['points left out']:.0f} of {len(self.iolist)} points out."
+            for name, row in table[table["points left out"] > 0].iterrows()
         ]
         if front.empty:
             return [*said, "No option connects every point."]
-        for criterion, words in (
-            ("total cost", "costs least"),
-            ("conductors at the cabinet", "brings the fewest conductors to the cabinet"),
-            (RESPONSE, "answers first"),
-            ("lost by one failure", "loses the fewest points by one failure"),
+        whole = table[table["points left out"] == 0]
+        for column, words, unit in (
+            ("total cost", "Lowest cost", "EUR"),
+            ("conductors at the cabinet", "Fewest conductors at the cabinet", ""),
+            (RESPONSE, "Shortest response at worst", "ms"),
+            ("lost by one failure", "Fewest points lost by one cable or device", ""),
         ):
-            values = table.loc[left_out.index.symmetric_difference(table.index), criterion].dropna()
+            values = whole[column].dropna()
             if len(values) > 1:
-                unit = FIGURES.get(criterion, "").replace("1", "")
-                unit = {RESPONSE: "ms", "lost by one failure": "points"}.get(criterion, unit)
-                same = values.index[values == values.min()]
-                said.append(f"{', '.join(same)} {words}: {values.min():,.0f} {unit}".strip() + ".")
-        beaten = [name for name in table.index if not self.pareto[name]]
-        if beaten:
-            said.append(f"Weighed by {', '.join(self.criteria)}: {', '.join(beaten)} beaten.")
+                same = ", ".join(map(str, values.index[values == values.min()]))
+                least = float(f"{values.min():.3g}")
+                said.append(f"{words}: {same} ({least:,.0f}{f' {unit}' if unit else ''}).")
+        if beaten := [str(name) for name in whole.index if not self.pareto[name]]:
+            said.append(f"Beaten in {', '.join(self.criteria)} at once: {', '.join(beaten)}.")
         return [*said, f"{str(self.tornado)[:1].upper()}{str(self.tornado)[1:]}."]
 
 
@@ -172,7 +188,7 @@ def compare(
     *,
     rule_set: RuleSet = "DNV",
     assumptions: Assumptions | None = None,
-    settings: object | None = None,
+    settings: Settings | None = None,
     more: Iterable[Network] = (),
     criteria: Sequence[str] = CRITERIA,
     host_time: float = HOST_TIME,
@@ -324,7 +340,7 @@ def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         raise ArgumentError(f"values have shape {rows.shape}; it must be (n, k)")
     rows = np.where(np.isnan(rows), np.inf, rows)
     as_low = (rows[:, None] <= rows).all(axis=-1)
-    return ~(as_low & ~as_low.T).any(axis=0)
+    return np.asarray(~(as_low & ~as_low.T).any(axis=0))
 
 
 def _spread(where: npt.NDArray[np.bool_], values: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

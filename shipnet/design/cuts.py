@@ -89,8 +89,10 @@ def single_cuts(network: Network) -> pd.DataFrame:
     names, system = np.unique(network.iolist.points["system"].to_numpy(str), return_inverse=True)
     return table.assign(
         points_lost=[len(points) for points in gone],
-        systems=[tuple(names[np.unique(system[points])].tolist()) for points in gone],
-        tags=[tuple(tags[points]) for points in gone],
+        systems=pd.Series(
+            [tuple(names[np.unique(system[points])].tolist()) for points in gone], dtype=object
+        ),
+        tags=pd.Series([tuple(tags[points]) for points in gone], dtype=object),
     )
 
 

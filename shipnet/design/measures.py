@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -141,11 +141,11 @@ def _response(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     if known.empty:
         return Outcome(_NAN, why=f"none of {missing} points has a response time")
     added = facts.host_time if host else 0.0
-    worst = known.idxmax()
+    worst: Any = known.idxmax()
     parts = [f"{known[worst]:.3g} s to the host"]
     parts += [f"{added:g} s in the host, assumed"] if host else []
     parts += [f"{missing} points have no response time"] if missing else []
-    where = points.loc[worst, "segment"] or points.loc[worst, "tag"]
+    where: Any = points.loc[worst, "segment"] or points.loc[worst, "tag"]
     return Outcome(float(known[worst] + added), str(where), "; ".join(parts), missing > 0)
 
 
@@ -177,7 +177,7 @@ def _lost(
         if not concerned.all():
             mine = set(facts.network.points["tag"].to_numpy()[concerned])
             counts = rows["tags"].map(lambda tags: len(mine.intersection(tags)))
-        worst = counts.idxmax()
+        worst: Any = counts.idxmax()
         return Outcome(
             int(counts[worst]), str(rows.loc[worst, "failed"]), f"worst of {len(rows)} failures"
         )
@@ -199,7 +199,7 @@ def _systems(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     points = facts.network.iolist.points[concerned]
     system = dict(zip(points["tag"], points["system"], strict=True))
     found = rows["tags"].map(lambda tags: sorted({system[tag] for tag in tags if tag in system}))
-    worst = found.map(len).idxmax()
+    worst: Any = found.map(len).idxmax()
     why = f"a cut costs points of {', '.join(found[worst])}" if found[worst] else "none is lost"
     return Outcome(len(found[worst]), str(rows.loc[worst, "failed"]), why)
 
@@ -274,7 +274,8 @@ MEASURES: Mapping[str, Measure] = {
         _lost(("device",), _PARTS, "no station, module or box"),
     ),
     "points lost by a supply": Measure(
-        "points", "lost by the worst supply", _lost(("device",), ("supply",), "no supply is planned")
+        "points", "lost by the worst supply",
+        _lost(("device",), ("supply",), "no supply is planned"),
     ),
     "points lost by a device": Measure(
         "points", "lost by the worst device but the cabinet",

@@ -18,7 +18,8 @@ _STYLE = """
 body { font: 15px/1.45 system-ui, "Segoe UI", Roboto, "Liberation Sans", Arial, sans-serif;
   color: var(--ink); max-width: 1080px; margin: 0 auto; padding: 24px; background: #fff; }
 h1 { font-size: 27px; line-height: 1.2; margin: 0 0 4px; }
-h2 { font-size: 20px; margin: 36px 0 8px; border-bottom: 2px solid var(--ink); padding-bottom: 3px; }
+h2 { font-size: 20px; margin: 36px 0 8px;
+  border-bottom: 2px solid var(--ink); padding-bottom: 3px; }
 h3 { font-size: 16px; margin: 22px 0 6px; }
 p.lead { color: var(--soft); margin: 0 0 14px; }
 p.banner { border: 2px solid #b03a2e; color: #8c2a20; background: #fdf3f1; padding: 9px 13px;
@@ -27,10 +28,12 @@ p.banner span { font-weight: 400; color: var(--ink); }
 div.wide { overflow-x: auto; }
 table { border-collapse: collapse; margin: 8px 0 14px; font-size: 13px; width: 100%; }
 caption { text-align: left; color: var(--soft); padding: 4px 0; }
-th, td { padding: 3px 8px; text-align: left; vertical-align: top; border-bottom: 1px solid var(--rule);
+th, td { padding: 3px 8px; text-align: left; vertical-align: top;
+  border-bottom: 1px solid var(--rule);
   overflow-wrap: anywhere; }
 thead th { background: var(--band); border-bottom: 1px solid var(--ink); overflow-wrap: normal; }
 td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; overflow-wrap: normal; }
+td.k { white-space: nowrap; }
 td.pass { color: #1e6b3a; } td.fail { color: #a32a1c; font-weight: 600; } td.open { color: #7a5a00; }
 figure { margin: 10px 0 16px; break-inside: avoid; }
 figure img { max-width: 100%; height: auto; }
@@ -78,7 +81,7 @@ def document(title: str, *parts: str) -> str:
 
 
 def section(title: str, *parts: str, page: bool = True) -> str:
-    """Return a section with its heading.
+    r"""Return a section with its heading.
 
     Parameters
     ----------
@@ -97,7 +100,7 @@ def section(title: str, *parts: str, page: bool = True) -> str:
     Examples
     --------
     >>> section("1 < 2", page=False)
-    '<section>\\n<h2>1 &lt; 2</h2>\\n\\n</section>'
+    '<section>\n<h2>1 &lt; 2</h2>\n\n</section>'
     """
     kind = ' class="page"' if page else ""
     body = "\n".join(parts)
@@ -131,7 +134,7 @@ def text(words: str, kind: str = "", tag: str = "p") -> str:
 
 
 def bullets(lines: Iterable[str]) -> str:
-    """Return a list.
+    r"""Return a list.
 
     Parameters
     ----------
@@ -146,7 +149,7 @@ def bullets(lines: Iterable[str]) -> str:
     Examples
     --------
     >>> bullets(["a", "b"])
-    '<ul>\\n<li>a</li>\\n<li>b</li>\\n</ul>'
+    '<ul>\n<li>a</li>\n<li>b</li>\n</ul>'
     """
     return "\n".join(["<ul>", *(f"<li>{escape(line)}</li>" for line in lines), "</ul>"])
 
@@ -178,7 +181,7 @@ def table(
 
     Examples
     --------
-    >>> '<td class="n fail">fail</td>' in table(["a"], [["fail"]], numbers=[0])
+    >>> '<td class="n k fail">fail</td>' in table(["a"], [["fail"]], numbers=[0])
     True
     """
     right = set(numbers)
@@ -186,6 +189,8 @@ def table(
     def cell(tag: str, place: int, value: str) -> str:
         kinds = ["n"] * (place in right)
         if tag == "td":
+            # A short word is not broken, however narrow its column.
+            kinds += ["k"] * (0 < len(value) <= _SHORT)
             kinds += [kind for word, kind in _VERDICTS.items() if value.startswith(word)]
         named = f' class="{" ".join(kinds)}"' if kinds else ""
         scope = ' scope="col"' if tag == "th" else ""
@@ -194,8 +199,13 @@ def table(
     lines = [f"<caption>{escape(caption)}</caption>"] if caption else []
     lines.append("<thead><tr>" + "".join(cell("th", *c) for c in enumerate(head)) + "</tr></thead>")
     body = ("<tr>" + "".join(cell("td", *c) for c in enumerate(row)) + "</tr>" for row in rows)
-    return "\n".join(['<div class="wide"><table>', *lines, "<tbody>", *body, "</tbody></table></div>"])
+    return "\n".join(
+        ['<div class="wide"><table>', *lines, "<tbody>", *body, "</tbody></table></div>"]
+    )
 
+
+#: Longest cell that stays on one line.
+_SHORT = 9
 
 _VERDICTS = {"pass": "pass", "fail": "fail", "not verified": "open"}
 

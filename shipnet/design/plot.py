@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from importlib.resources import as_file, files
 from io import StringIO
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -301,7 +302,7 @@ def svg(draw: Callable[[Axes], object], *, width: float = 6.4, height: float = 3
     str
         SVG; text is drawn as lines, so that it needs no font, and a dollar sign is a dollar sign.
     """
-    fixed = {"svg.hashsalt": "shipnet", "svg.fonttype": "path", "text.parse_math": False}
+    fixed: Any = {"svg.hashsalt": "shipnet", "svg.fonttype": "path", "text.parse_math": False}
     with as_file(files("shipnet") / "shipnet.mplstyle") as sheet, rc_context(fixed, sheet):
         figure = Figure(figsize=(width, height))
         draw(figure.add_subplot())

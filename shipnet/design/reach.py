@@ -4,7 +4,8 @@ A point works as long as a way leads from it to the cabinet, along one line of a
 the way through each bus: stations pass nothing on from line A to line B; masters, gateways and the
 cabinet do. A module, station, supply or terminator that is dead leaves its bus as
 it is, and anything else takes along what lies behind it. Where the plan has supplies, a device also
-needs one, and an output of AS-i the auxiliary supply, if its module has one. An open end of a bus counts as harmless: reflections are not looked at here.
+needs one, and an output of AS-i the auxiliary supply, if its module has one. An open end of a bus
+counts as harmless: reflections are not looked at here.
 """
 
 from __future__ import annotations
@@ -118,7 +119,7 @@ class Reach:
         parts = [failures[start : start + step] for start in range(0, len(failures), step)]
         works = [self._works(*self._masks(part), self._needs_supply) for part in parts]
         empty = np.zeros((0, len(self._connected)), bool)
-        return self._connected & ~np.concatenate([empty, *works])
+        return np.asarray(self._connected & ~np.concatenate([empty, *works]))
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -237,12 +238,12 @@ class Reach:
     @cached_property
     def _needs_supply(self) -> Bools:
         """Devices that a supply reaches while nothing has failed."""
-        return self._supplied(*self._masks([((), ())]))[0]
+        return np.asarray(self._supplied(*self._masks([((), ())]))[0])
 
     @cached_property
     def _connected(self) -> Bools:
         """Points that work while nothing has failed."""
-        return self._works(*self._masks([((), ())]), self._needs_supply)[0]
+        return np.asarray(self._works(*self._masks([((), ())]), self._needs_supply)[0])
 
     def _masks(self, failures: Sequence[Failure]) -> tuple[Bools, Bools]:
         """Return which runs are cut and which devices dead; the last column is of no run."""
@@ -282,17 +283,18 @@ class Reach:
         point, device, run = self._wires
         output = self.network.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
         unfed = self._needs_auxiliary & ~self._has_auxiliary(cut, dead)
-        return alive[:, device] & ~cut[:, run] & ~(unfed[:, device] & output[point])
+        good = alive[:, device] & ~cut[:, run] & ~(unfed[:, device] & output[point])
+        return np.asarray(good)
 
     @cached_property
     def _needs_auxiliary(self) -> Bools:
-        return self._has_auxiliary(*self._masks([((), ())]))[0]
+        return np.asarray(self._has_auxiliary(*self._masks([((), ())]))[0])
 
     def _has_auxiliary(self, cut: Bools, dead: Bools) -> Bools:
         """Return which devices an auxiliary feeder reaches from the cabinet."""
         u, v, _ = self._auxiliary
         labels = _labels(self._open(self._auxiliary, cut, dead), len(self.kinds), u, v)
-        return labels == labels[:, [self._cabinet]]
+        return np.asarray(labels == labels[:, [self._cabinet]])
 
     def _supplied(self, cut: Bools, dead: Bools) -> Bools:
         """Return which devices a live supply reaches."""
@@ -307,7 +309,7 @@ class Reach:
         row, device = np.nonzero(~dead & ~unfed & (self.kinds == "supply"))
         live[row, labels[row, device]] = live[row, labels[row, device + count]] = True
         reached = np.take_along_axis(live, labels, axis=1)
-        return reached[:, :count] | reached[:, count:]
+        return np.asarray(reached[:, :count] | reached[:, count:])
 
 
 def _labels(keep: Bools, count: int, u: Whole, v: Whole) -> Whole:
@@ -326,7 +328,7 @@ def _labels(keep: Bools, count: int, u: Whole, v: Whole) -> Whole:
     labels = connected_components(adjacency, directed=False)[1]
     labels = labels.reshape(len(keep), count).astype(np.int64)
     # Components are numbered through all graphs, in the order of their first nodes.
-    return labels - labels.min(axis=1, initial=size, keepdims=True)
+    return np.asarray(labels - labels.min(axis=1, initial=size, keepdims=True))
 
 
 def _nth(values: Whole) -> Iterator[Whole]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,6 +45,7 @@ def write_report(
     *,
     title: str | None = None,
     date: str | None = None,
+    remarks: Sequence[str] = (),
 ) -> None:
     """Write a comparison as one self-contained HTML file.
 
@@ -57,6 +59,8 @@ def write_report(
         What the report is called; the source of the list if omitted.
     date : str, optional
         Printed as it is; without one, the same comparison always gives the same bytes.
+    remarks : sequence of str
+        What else there is to say of what was planned, one sentence each.
 
     Returns
     -------
@@ -80,12 +84,16 @@ def write_report(
     ...     BANNER in (Path(folder) / "report.html").read_text(encoding="utf-8")
     True
     """
-    page = report_html(comparison, title=title, date=date)
+    page = report_html(comparison, title=title, date=date, remarks=remarks)
     Path(path).write_text(page, encoding="utf-8", newline="\n")
 
 
 def report_html(
-    comparison: Comparison, *, title: str | None = None, date: str | None = None
+    comparison: Comparison,
+    *,
+    title: str | None = None,
+    date: str | None = None,
+    remarks: Sequence[str] = (),
 ) -> str:
     """Return the report of a comparison.
 
@@ -93,7 +101,7 @@ def report_html(
     ----------
     comparison : Comparison
         From `shipnet.design.comparison.compare`.
-    title, date : str, optional
+    title, date, remarks
         As `write_report`.
 
     Returns
@@ -124,7 +132,7 @@ def report_html(
         f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
         bullets(comparison.sentences),
         _side_by_side(comparison),
-        _what(comparison),
+        _what(comparison, remarks),
         _pictures(comparison),
         _rules(comparison),
         _failures(comparison),
@@ -136,15 +144,20 @@ def report_html(
     )
 
 
-def _number(value: float, digits: int = 3) -> str:
-    """Return a number with some significant digits, and without an exponent."""
+def _each(rows: pd.DataFrame) -> Iterator[Any]:
+    return iter(rows.itertuples())
+
+
+def _number(value: float) -> str:
+    """Return a count as it is, and anything else with three significant digits."""
     if value != value:
         return "-"
     if np.isinf(value):
-        return "none" if value > 0 else "-none"
-    places = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))) if value else 0)
-    words = f"{value:,.{places}f}"
-    return words.rstrip("0").rstrip(".") if "." in words else words
+        return "without limit"
+    if value == int(value):
+        return f"{value:,.0f}"
+    places = 2 - int(np.floor(np.log10(abs(value))))
+    return f"{round(value, places):,.{max(places, 0)}f}"
 
 
 def _side_by_side(comparison: Comparison) -> str:
@@ -162,18 +175,18 @@ def _side_by_side(comparison: Comparison) -> str:
     )  # fmt: skip
 
 
-def _what(comparison: Comparison) -> str:
+def _what(comparison: Comparison, remarks: Sequence[str]) -> str:
     iolist, site = comparison.iolist, comparison.site
     counts = iolist.points["type"].value_counts()
     trays = "cables run square to the ship's axes, as no trays are given"
     if site.trays is not None:
         trays = "cables run on the trays given"
-    cabinet = ", ".join(_number(x, 4) for x in site.cabinet)
+    cabinet = ", ".join(f"{x:g}" for x in site.cabinet)
     lines = [
-        f"I/O list {iolist.source}: {len(iolist)} points ("
+        f"I/O list {Path(iolist.source).name}: {len(iolist)} points ("
         + ", ".join(f"{n} {kind}" for kind, n in counts.items())
         + f") of {iolist.points['system'].nunique()} systems.",
-        *(f"{remark[:1].upper()}{remark[1:]}." for remark in iolist.remarks),
+        *(f"{said[:1].upper()}{said[1:]}." for said in (*iolist.remarks, *remarks)),
         f"Cabinet at {cabinet} m; {trays}. A cable is {site.detour:g} times its way and "
         f"{site.tails:g} m for both ends, both assumed.",
         f"The host adds {comparison.host_time:g} s to a response where a rule counts it, assumed.",
@@ -191,12 +204,18 @@ def _pictures(comparison: Comparison) -> str:
             + (", and in 9 of 10 draws of them." if comparison.likely is not None else "."),
         ),
         picture(
-            svg(lambda ax: plot_quantities(takes, "conductors at the cabinet", ax=ax), height=height),
+            svg(
+                lambda ax: plot_quantities(takes, "conductors at the cabinet", ax=ax), height=height
+            ),
             "Conductors in use that enter the cabinet.",
         ),
         picture(
-            svg(lambda ax: plot_pareto(shown, pareto=comparison.pareto, y="lost by one failure", ax=ax)),
-            "Cost against the points that the worst single failure takes along; filled: not beaten.",
+            svg(
+                lambda ax: plot_pareto(
+                    shown, pareto=comparison.pareto, y="lost by one failure", ax=ax
+                )
+            ),
+            "Cost against the points that the worst failure takes along; filled: not beaten.",
         ),
         picture(
             svg(lambda ax: plot_tornado(comparison.tornado, ax=ax)),
@@ -211,7 +230,7 @@ def _rules(comparison: Comparison) -> str:
     keys = ["rule_set", "rule"]
     first = rules.drop_duplicates(keys)
     options = list(comparison.networks)
-    found = {(r.rule_set, r.rule, r.option): r for r in rules.itertuples()}
+    found = {(r.rule_set, r.rule, r.option): r for r in _each(rules)}
 
     def cell(rule: tuple[str, str], option: str) -> str:
         row = found[*rule, option]
@@ -219,16 +238,19 @@ def _rules(comparison: Comparison) -> str:
         return f"{row.verdict}{value}"
 
     judged, read, why = [], [], []
-    for row in first.itertuples():
+    for row in _each(first):
         limit = "" if row.limit != row.limit else f"{row.bound} {_number(row.limit)} {row.unit}"
         rule = (str(row.rule_set), str(row.rule))
         judged.append([row.rule, row.asks, limit, *(cell(rule, option) for option in options)])
         stated = "yes" if row.confirmed else "no"
         read.append([row.rule, row.rule_set, row.clause, row.edition, row.source, stated])
-        why += [
-            [row.rule, option, found[*rule, option].subject, found[*rule, option].why]
-            for option in options
-        ]
+        same: dict[tuple[str, str], list[str]] = {}
+        for option in options:
+            mine = found[*rule, option]
+            same.setdefault((str(mine.subject), str(mine.why)), []).append(option)
+        for (subject, because), shared in same.items():
+            named = ", ".join(shared) if len(shared) < len(options) else "all"
+            why.append([row.rule, named, subject, because])
     sets = ", ".join(dict.fromkeys(map(str, rules["rule_set"])))
     return section(
         "Rules",
@@ -252,23 +274,26 @@ def _failures(comparison: Comparison) -> str:
         for failure in FAILURES:
             mine = cuts[cuts["failure"] == failure]
             if len(mine):
-                worst = mine.loc[mine["points_lost"].idxmax()]
+                worst: Any = mine.iloc[mine["points_lost"].to_numpy().argmax()]
                 costs = int((mine["points_lost"] > 0).sum())
                 rows.append(
                     [option, _FAILURE_WORDS[failure], str(len(mine)), str(costs),
                      str(worst["points_lost"]), worst["failed"] if costs else "",
                      ", ".join(worst["systems"])]
                 )  # fmt: skip
-        many = cuts[cuts["points_lost"] > 1].sort_values("points_lost", ascending=False, kind="stable")
+        many = cuts[cuts["points_lost"] > 1].sort_values(
+            "points_lost", ascending=False, kind="stable"
+        )
         details += [
             [option, row.failure, row.failed, row.segment, str(row.points_lost), _some(row.tags)]
-            for row in many.head(_FAILURES_SHOWN).itertuples()
+            for row in _each(many.head(_FAILURES_SHOWN))
         ]
     return section(
         "What one failure costs",
         text(
             "Every cable, every pair of a bus, every tray and every device fails alone. A point is "
-            "lost when nothing leads from it to the cabinet any more, or its station has no supply. "
+            "lost when nothing leads from it to the cabinet any more, or its station has no "
+            "supply. "
             "Reflections at an open end, and what lies in the cabinet, are not looked at."
         ),
         table(
@@ -290,7 +315,7 @@ def _reasons(comparison: Comparison) -> str:
     rows = [
         [row.option, row.subject, row.text, row.limit, f"{_number(row.value)} {row.unit}",
          f"{_number(row.bound)} {row.unit}"]
-        for row in reasons.head(_REASONS_SHOWN).itertuples()
+        for row in _each(reasons.head(_REASONS_SHOWN))
     ]  # fmt: skip
     if not rows:
         return section("What does not fit", text("Every point fits in every option."), page=False)
@@ -309,7 +334,7 @@ def _segments(comparison: Comparison) -> str:
          "-" if row.load != row.load else f"{row.load:.1%}".replace("%", " %"),
          _number(row.response_ms), _number(row.slowest_update_ms)]
         for option, network in comparison.networks.items()
-        for row in network.segments.itertuples()
+        for row in _each(network.segments)
     ]  # fmt: skip
     head = ["option", "segment", "bus", "points", "devices", "trunk [m]", "load", "response [ms]",
             "needed [ms]"]  # fmt: skip
@@ -342,7 +367,7 @@ def _figures(comparison: Comparison) -> str:
 def _likely(comparison: Comparison, option: str, figure: str) -> list[str]:
     if comparison.likely is None:
         return []
-    row = comparison.likely.loc[(option, figure)]
+    row: Any = comparison.likely.loc[(option, figure)]
     return [_number(row["low"]), _number(row["high"])]
 
 
@@ -352,7 +377,8 @@ def _assumptions(comparison: Comparison) -> str:
     used = pd.concat([takes.assumptions for takes in comparison.quantities.values()])
     used = used.drop_duplicates("name")
     rows = [
-        [row["name"].replace("_", " "), *(_number(row[level]) for level in ("low", "nominal", "high")),
+        [row["name"].replace("_", " "),
+         *(_number(row[level]) for level in ("low", "nominal", "high")),
          row["unit"], row["status"], row["source"]]
         for _, row in used.iterrows()
     ]  # fmt: skip

@@ -190,7 +190,9 @@ def _rules(sheet: Sheet) -> tuple[Rule, ...]:
         if title not in RULE_COLUMNS
     ]
     faults += [f"title {t!r} stands twice" for t in dict.fromkeys(titles) if titles.count(t) > 1]
-    faults += [f"no column {t}" for t, value in RULE_COLUMNS.items() if value is None and t not in titles]
+    faults += [
+        f"no column {t}" for t, value in RULE_COLUMNS.items() if value is None and t not in titles
+    ]
     if faults:
         raise InputError(sheet.source, *faults)
     rules: list[Rule] = []
@@ -222,13 +224,17 @@ def _rule(cells: Mapping[str, str]) -> tuple[list[str], list[Rule]]:
         number = "0"
     limit = float(number or "nan")
     flags = {name: cells[name].lower() for name in ("host", "confirmed")}
-    faults += [f"{n} is {cells[n]!r}; expected yes or no" for n, f in flags.items() if f not in _YES]
+    faults += [
+        f"{n} is {cells[n]!r}; expected yes or no" for n, f in flags.items() if f not in _YES
+    ]
     words = {name: cells[name] for name in RULE_COLUMNS if name not in ("limit", *flags)}
     checked = (words[name] for name in ("rule", "measure", "applies", "bound", "unit"))
     faults += _faults(*checked, limit=limit)
     if faults:
         return faults, []
-    return [], [Rule(**words, limit=limit, host=_YES[flags["host"]], confirmed=_YES[flags["confirmed"]])]
+    return [], [
+        Rule(**words, limit=limit, host=_YES[flags["host"]], confirmed=_YES[flags["confirmed"]])
+    ]
 
 
 def _faults(
@@ -247,4 +253,4 @@ def _faults(
         if not (math.isfinite(limit) and limit >= 0):
             yield f"limit is {limit!r}; expected a number, 0 or more"
         if unit not in ("", MEASURES[measure].unit):
-            yield f"unit is {unit!r}; expected {MEASURES[measure].unit!r}, in which this is computed"
+            yield f"unit is {unit!r}; expected {MEASURES[measure].unit!r}, as computed"
