@@ -111,7 +111,8 @@ class Comparison:
         rows = {
             "points left out": 0, "conductors at the cabinet": 0, "cable length": 1,
             "cable mass": 0, "labour": 0, "total cost, low": -3, "total cost": -3,
-            "total cost, high": -3, RESPONSE: 0, "lost by one cable": 0, "lost by one device": 0, "rules kept": 0, "rules broken": 0,
+            "total cost, high": -3, RESPONSE: 0, "lost by one cable": 0, "lost by one device": 0,
+            "rules kept": 0, "rules broken": 0,
             "rules not verified": 0,
         }  # fmt: skip
         units = {row: FIGURES.get(row.split(",")[0], "1") for row in rows}

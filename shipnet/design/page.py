@@ -34,7 +34,8 @@ th, td { padding: 3px 8px; text-align: left; vertical-align: top;
 thead th { background: var(--band); border-bottom: 1px solid var(--ink); overflow-wrap: normal; }
 td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; overflow-wrap: normal; }
 td.k { white-space: nowrap; }
-td.pass { color: #1e6b3a; } td.fail { color: #a32a1c; font-weight: 600; } td.open { color: #7a5a00; }
+td.pass { color: #1e6b3a; } td.fail { color: #a32a1c; font-weight: 600; }
+td.open { color: #7a5a00; }
 figure { margin: 10px 0 16px; break-inside: avoid; }
 figure img { max-width: 100%; height: auto; }
 figcaption { color: var(--soft); font-size: 13px; }
