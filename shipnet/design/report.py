@@ -7,12 +7,10 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from shipnet import __version__
 from shipnet.design.comparison import Comparison
 from shipnet.design.cuts import FAILURES
-from shipnet.design.page import bullets, document, picture, section, table, text
+from shipnet.design.page import bullets, document, number, picture, section, table, text
 from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado, svg
 from shipnet.design.quantities import EXCLUDED, FIGURES
 from shipnet.errors import ArgumentError
@@ -148,25 +146,13 @@ def _each(rows: pd.DataFrame) -> Iterator[Any]:
     return iter(rows.itertuples())
 
 
-def _number(value: float) -> str:
-    """Return a count as it is, and anything else with three significant digits."""
-    if value != value:
-        return "-"
-    if np.isinf(value):
-        return "without limit"
-    if value == int(value):
-        return f"{value:,.0f}"
-    places = 2 - int(np.floor(np.log10(abs(value))))
-    return f"{round(value, places):,.{max(places, 0)}f}"
-
-
 def _side_by_side(comparison: Comparison) -> str:
     shown = comparison.table.drop(columns=["not beaten"])
     rows = []
     for column in shown:
         unit = FIGURES.get(str(column).split(",")[0], "1")
         name = f"{column} [{unit}]" if unit != "1" else str(column)
-        rows.append([name, *(_number(value) for value in shown[column])])
+        rows.append([name, *(number(value) for value in shown[column])])
     rows.append(["not beaten", *("yes" if best else "no" for best in comparison.pareto)])
     return table(
         ["", *map(str, shown.index)], rows, numbers=range(1, len(shown) + 1),
@@ -234,12 +220,12 @@ def _rules(comparison: Comparison) -> str:
 
     def cell(rule: tuple[str, str], option: str) -> str:
         row = found[*rule, option]
-        value = "" if row.computed != row.computed else f": {_number(row.computed)} {row.unit}"
+        value = "" if row.computed != row.computed else f": {number(row.computed)} {row.unit}"
         return f"{row.verdict}{value}"
 
     judged, read, why = [], [], []
     for row in _each(first):
-        limit = "" if row.limit != row.limit else f"{row.bound} {_number(row.limit)} {row.unit}"
+        limit = "" if row.limit != row.limit else f"{row.bound} {number(row.limit)} {row.unit}"
         rule = (str(row.rule_set), str(row.rule))
         judged.append([row.rule, row.asks, limit, *(cell(rule, option) for option in options)])
         stated = "yes" if row.confirmed else "no"
@@ -313,8 +299,8 @@ def _some(names: tuple[str, ...], shown: int = 6) -> str:
 def _reasons(comparison: Comparison) -> str:
     reasons = comparison.reasons
     rows = [
-        [row.option, row.subject, row.text, row.limit, f"{_number(row.value)} {row.unit}",
-         f"{_number(row.bound)} {row.unit}"]
+        [row.option, row.subject, row.text, row.limit, f"{number(row.value)} {row.unit}",
+         f"{number(row.bound)} {row.unit}"]
         for row in _each(reasons.head(_REASONS_SHOWN))
     ]  # fmt: skip
     if not rows:
@@ -330,9 +316,9 @@ def _reasons(comparison: Comparison) -> str:
 
 def _segments(comparison: Comparison) -> str:
     rows = [
-        [option, row.segment, row.bus, str(row.points), str(row.devices), _number(row.length_m),
+        [option, row.segment, row.bus, str(row.points), str(row.devices), number(row.length_m),
          "-" if row.load != row.load else f"{row.load:.1%}".replace("%", " %"),
-         _number(row.response_ms), _number(row.slowest_update_ms)]
+         number(row.response_ms), number(row.slowest_update_ms)]
         for option, network in comparison.networks.items()
         for row in _each(network.segments)
     ]  # fmt: skip
@@ -347,7 +333,7 @@ def _figures(comparison: Comparison) -> str:
     for option, takes in comparison.quantities.items():
         rows = [
             [f"{name} [{row['unit']}]" if row["unit"] != "1" else str(name),
-             *(_number(row[level]) for level in ("low", "nominal", "high")),
+             *(number(row[level]) for level in ("low", "nominal", "high")),
              *_likely(comparison, option, str(name))]
             for name, row in takes.table.iterrows()
         ]  # fmt: skip
@@ -356,8 +342,8 @@ def _figures(comparison: Comparison) -> str:
         parts.append(text(option, tag="h3"))
         parts.append(table(head, rows, numbers=range(1, len(head))))
         cables = [
-            [str(cable), _number(row["runs"]), _number(row["length_m"]), _number(row["mass_kg"]),
-             _number(row["cost_eur"])]
+            [str(cable), number(row["runs"]), number(row["length_m"]), number(row["mass_kg"]),
+             number(row["cost_eur"])]
             for cable, row in takes.by_cable.iterrows()
         ]  # fmt: skip
         parts.append(table(["cable", "runs", "m", "kg", "EUR"], cables, numbers=range(1, 5)))
@@ -368,7 +354,7 @@ def _likely(comparison: Comparison, option: str, figure: str) -> list[str]:
     if comparison.likely is None:
         return []
     row: Any = comparison.likely.loc[(option, figure)]
-    return [_number(row["low"]), _number(row["high"])]
+    return [number(row["low"]), number(row["high"])]
 
 
 def _assumptions(comparison: Comparison) -> str:
@@ -378,7 +364,7 @@ def _assumptions(comparison: Comparison) -> str:
     used = used.drop_duplicates("name")
     rows = [
         [row["name"].replace("_", " "),
-         *(_number(row[level]) for level in ("low", "nominal", "high")),
+         *(number(row[level]) for level in ("low", "nominal", "high")),
          row["unit"], row["status"], row["source"]]
         for _, row in used.iterrows()
     ]  # fmt: skip
