@@ -44,6 +44,21 @@ examples:
   shipnet serve engine --port 1502
 """
 
+_DESIGN = """\
+Plan the points of an I/O list in several ways and compare what they take: cables,
+hours, money, response, the rules, and what one failure costs. The list is a CSV
+file or an Excel workbook: tag, signal or type, and x, y, z or the length of the
+cable to the cabinet. A design aid, not class approval.
+
+examples:
+  shipnet design points.csv -o report.html
+  shipnet design points.xlsx --cabinet 26,6,14 --trays trays.csv --rules BV -o report.html
+  shipnet design points.csv --options "home runs,CAN" --mix DI=AS-i --mix AI=CAN --redundant
+"""
+
+#: Seed of the draws of what is assumed: the same list gives the same report.
+_SEED = 2024
+
 #: Rows of a table that the terminal shows, and the part of a record that a figure does [s].
 _ROWS = 40
 _SHOWN = 400e-6
@@ -132,6 +147,38 @@ def _parser() -> argparse.ArgumentParser:
         help="stop a motor whose valve has had no request for so long, 0.1..3600 (default never)",
     )  # fmt: skip
     serving.set_defaults(run=_serve)
+
+    design = commands.add_parser(
+        "design",
+        help="cables, cost, response and rules of an I/O list, planned in several ways",
+        description=_DESIGN,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    design.add_argument("list", metavar="LIST", help="the I/O list: .csv or .xlsx")
+    design.add_argument("-o", "--output", metavar="FILE", help="also write a report, as HTML")
+    design.add_argument("--sheet", metavar="NAME", help="sheet of a workbook (default the first)")
+    design.add_argument(
+        "--cabinet", metavar="X,Y,Z",
+        help="where the cables end, in m (default found from the lengths in the list)",
+    )  # fmt: skip
+    design.add_argument("--trays", metavar="FILE", help="cable trays, as CSV")
+    design.add_argument(
+        "--rules", metavar="SET", default="DNV",
+        help="DNV, BV, IMO, lee2012, or a file of your own (default DNV)",
+    )  # fmt: skip
+    design.add_argument(
+        "--options", metavar="A,B,..",
+        help="home runs, junction boxes, AS-i, CAN, Modbus RTU (default all)",
+    )  # fmt: skip
+    design.add_argument(
+        "--mix", metavar="WHAT=OPTION", action="append", default=[],
+        help="one way more: points of this type, signal, system, category or tag by this option, "
+        "the others by home runs; may be repeated",
+    )  # fmt: skip
+    design.add_argument("--redundant", action="store_true", help="two lines for CAN and Modbus")
+    design.add_argument("--title", metavar="TEXT", help="of the report")
+    design.add_argument("--date", metavar="TEXT", help="printed on the report (default none)")
+    design.set_defaults(run=_design)
     return parser
 
 
@@ -250,6 +297,73 @@ def _serve(arguments: argparse.Namespace) -> None:
             Event().wait()
     except KeyboardInterrupt:
         print("stopped", flush=True)
+
+
+def _design(arguments: argparse.Namespace) -> None:
+    import numpy as np
+
+    from shipnet.design.cabinet import find_cabinet
+    from shipnet.design.comparison import compare
+    from shipnet.design.iolist import load_iolist
+    from shipnet.design.plan import OPTIONS, mix
+    from shipnet.design.report import write_report
+    from shipnet.design.rules import rules_of
+    from shipnet.design.settings import Settings
+    from shipnet.design.site import Site
+    from shipnet.design.trays import load_trays
+
+    rules = rules_of(arguments.rules)
+    options = OPTIONS
+    if arguments.options is not None:
+        options = tuple(name.strip() for name in arguments.options.split(","))
+    choose = dict(_choice(text) for text in arguments.mix)
+    given = None if arguments.cabinet is None else _place(arguments.cabinet)
+    trays = None if arguments.trays is None else load_trays(arguments.trays)
+    iolist = load_iolist(arguments.list, arguments.sheet)
+    remarks = []
+    if given is None and iolist.located.any():
+        found = find_cabinet(iolist)
+        given, remarks = found.place, [str(found)]
+    site = Site((0.0, 0.0, 0.0) if given is None else given, trays)
+    settings = Settings(redundant=arguments.redundant)
+    mixed = [mix(iolist, site, choose, settings=settings)] if choose else []
+    rng = np.random.default_rng(_SEED)
+    compared = compare(
+        iolist, site, options, rule_set=rules, settings=settings, more=mixed, rng=rng
+    )
+    # The file comes first: whoever reads the output may stop reading.
+    if arguments.output is not None:
+        write_report(
+            compared, arguments.output,
+            title=arguments.title, date=arguments.date, remarks=remarks,
+        )  # fmt: skip
+    print(iolist)
+    for remark in (*iolist.remarks, *remarks):
+        print(remark)
+    print(f"\n{compared.short.to_string()}\n")
+    print("\n".join(compared.sentences))
+    print("A design aid, not class approval.")
+    if arguments.output is not None:
+        print(f"\nreport written to {arguments.output}")
+
+
+def _choice(text: str) -> tuple[str, str]:
+    from shipnet.errors import ArgumentError
+
+    what, _, option = text.rpartition("=")
+    if not what.strip() or not option.strip():
+        raise ArgumentError(f"--mix is {text!r}; it must be such as DI=AS-i")
+    return what.strip(), option.strip()
+
+
+def _place(text: str) -> tuple[float, float, float]:
+    from shipnet.errors import ArgumentError
+
+    try:
+        x, y, z = (float(number) for number in text.split(","))
+    except ValueError:
+        raise ArgumentError(f"--cabinet is {text!r}; it must be three numbers X,Y,Z in m") from None
+    return x, y, z
 
 
 def _number(value: float, digits: int) -> str:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from importlib.resources import as_file, files
+from io import StringIO
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from shipnet.design.assumptions import words
@@ -16,7 +21,7 @@ from shipnet.design.sensitivity import Tornado
 from shipnet.errors import ArgumentError
 from shipnet.style import LIMIT
 
-__all__ = ["plot_asi", "plot_hardwired", "plot_pareto", "plot_quantities", "plot_tornado"]
+__all__ = ["plot_asi", "plot_hardwired", "plot_pareto", "plot_quantities", "plot_tornado", "svg"]
 
 _PANEL, _DEVICE, _MODULE = "#8cc4e8", "#f5c56b", "#7fcfb4"
 _CABLE = "#d4a800"  # the flat AS-i cable is yellow
@@ -280,3 +285,27 @@ def plot_pareto(
 
 def _label(name: str) -> str:
     return f"{name} [{FIGURES[name]}]" if name in FIGURES else name
+
+
+def svg(draw: Callable[[Axes], object], *, width: float = 6.4, height: float = 3.2) -> str:
+    """Return a drawing as a picture of lines, the same bytes for the same drawing.
+
+    Parameters
+    ----------
+    draw : callable
+        Draws into the axes that it is given.
+    width, height : float
+        Size [inch].
+
+    Returns
+    -------
+    str
+        SVG; text is drawn as lines, so that it needs no font, and a dollar sign is a dollar sign.
+    """
+    fixed: Any = {"svg.hashsalt": "shipnet", "svg.fonttype": "path", "text.parse_math": False}
+    with as_file(files("shipnet") / "shipnet.mplstyle") as sheet, rc_context(fixed, sheet):
+        figure = Figure(figsize=(width, height))
+        draw(figure.add_subplot())
+        stream = StringIO()
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    return stream.getvalue()

@@ -1,0 +1,340 @@
+"""What of a planned network is still reached when some of its cables are cut and devices dead.
+
+A point works as long as a way leads from it to the cabinet, along one line of a redundant pair all
+the way through each bus: stations pass nothing on from line A to line B; masters, gateways and the
+cabinet do. A module, station, supply or terminator that is dead leaves its bus as
+it is, and anything else takes along what lies behind it. Where the plan has supplies, a device also
+needs one, and an output of AS-i the auxiliary supply, if its module has one. An open end of a bus
+counts as harmless: reflections are not looked at here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from shipnet.design.network import Network
+
+__all__ = ["Reach"]
+
+Bools = npt.NDArray[np.bool_]
+Whole = npt.NDArray[np.int64]
+#: Numbers of the runs that are cut, and of the devices that are dead.
+Failure = tuple[Collection[int], Collection[int]]
+#: Nodes at both ends of each edge, and its run; -1 is no run.
+Edges = tuple[Whole, Whole, Whole]
+
+#: Devices that join the two lines of a pair, and those through which nothing passes once dead.
+_JOINS = ("cabinet", "master", "gateway")
+_BLOCKS = (*_JOINS, "repeater", "box")
+
+#: Housings that are lost with all that they hold; a dead station is lost by itself.
+_SHELLS = ("box", "cabinet")
+
+#: Most truth values that are held at once.
+_CHUNK = 2**24
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """A planned network as arrays: runs and devices are the rows of its tables.
+
+    Parameters
+    ----------
+    network : Network
+        What was planned.
+
+    Examples
+    --------
+    >>> from shipnet.design.example import example
+    >>> reach = Reach(example())
+    >>> reach.lost([((0,), ()), ((), (2,))]).sum(axis=1).tolist()
+    [4, 2]
+    """
+
+    network: Network
+
+    @cached_property
+    def kinds(self) -> npt.NDArray[Any]:
+        """Kind of each device."""
+        return self.network.devices["kind"].to_numpy(str)
+
+    @cached_property
+    def at_point(self) -> Bools:
+        """Which runs end at a point."""
+        return self.network.runs["kind"].isin(["drop", "home run"]).to_numpy()
+
+    @cached_property
+    def trays(self) -> dict[str, list[int]]:
+        """Runs on each tray."""
+        members: dict[str, list[int]] = {}
+        for number, way in enumerate(self.network.runs["way"]):
+            for tray in dict.fromkeys(way):
+                members.setdefault(str(tray), []).append(number)
+        return dict(sorted(members.items()))
+
+    @cached_property
+    def pairs(self) -> list[list[int]]:
+        """Trunk runs of a bus that are one pair, with no master or repeater between them."""
+        runs, segments = self.network.runs, self.network.segments
+        buses = segments.loc[segments["bus"] != "hardwired", "segment"]
+        trunk = runs[(runs["kind"] == "trunk") & runs["segment"].isin(buses)]
+        found = []
+        for _, members in trunk.groupby(["segment", "line"], sort=False):
+            number = members.index.to_numpy()
+            # Runs and the devices that connect them are the nodes.
+            ends, row = self._ends[number], np.arange(len(number)) + len(self.kinds)
+            place, side = np.nonzero(~np.isin(self.kinds, (*_JOINS, "repeater"))[ends])
+            u, v = ends[place, side], row[place]
+            total = len(self.kinds) + len(number)
+            labels = _labels(np.ones((1, len(u)), bool), total, u, v)[0, row]
+            found += [number[labels == label].tolist() for label in dict.fromkeys(labels)]
+        return found
+
+    @cached_property
+    def alone(self) -> dict[int, int]:
+        """Runs that are the only cable over which a point works, and this point."""
+        point, _, run = self._wires
+        good = self._good(*self._masks([((), ())]), self._needs_supply)[0]
+        only = np.bincount(point[good], minlength=len(self._connected)) == 1
+        mine = good & only[point] & (run >= 0)
+        return dict(zip(run[mine].tolist(), point[mine].tolist(), strict=True))
+
+    def lost(self, failures: Sequence[Failure]) -> Bools:
+        """Return which points each failure costs, shape (n_failures, n_points).
+
+        Parameters
+        ----------
+        failures : sequence of (collection of int, collection of int)
+            Runs that are cut and devices that are dead.
+        """
+        width = 4 * len(self.kinds) + 2 * len(self.network.runs) + len(self._connected)
+        step = max(1, _CHUNK // width)
+        parts = [failures[start : start + step] for start in range(0, len(failures), step)]
+        works = [self._works(*self._masks(part), self._needs_supply) for part in parts]
+        empty = np.zeros((0, len(self._connected)), bool)
+        return np.asarray(self._connected & ~np.concatenate([empty, *works]))
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
+        return {name: n for n, name in enumerate(self.network.devices["device"])}
+
+    @cached_property
+    def _cabinet(self) -> int:
+        return self._index[self.network.cabinet]
+
+    @cached_property
+    def _at(self) -> Whole:
+        """Device in whose housing each one stands; -1 in its own."""
+        return np.array([self._index.get(at, -1) for at in self.network.devices["at"]], np.int64)
+
+    @cached_property
+    def _ends(self) -> Whole:
+        """Devices at the ends of every run, shape (n_runs, 2); -1 where a point is."""
+        runs = self.network.runs
+        b = runs["b"].where(~self.at_point, "")
+        ends = [[self._index.get(name, -1) for name in end] for end in (runs["a"], b)]
+        return np.array(ends, np.int64).reshape(2, -1).T
+
+    @cached_property
+    def _wires(self) -> tuple[Whole, Whole, Whole]:
+        """Point, device and run of each cable that a point has; run -1 is a terminal."""
+        points, runs = self.network.points, self.network.runs
+        row = {tag: n for n, tag in enumerate(points["tag"])}
+        own = np.flatnonzero(self.at_point)
+        tags = runs["b"].to_numpy(object)[own]
+        bare = points[(points["device"] != "") & ~points["tag"].isin(tags)]
+        terminal = [self._index[name] for name in bare["device"]]
+        return (
+            np.array([row[tag] for tag in tags] + bare.index.tolist(), np.int64),
+            np.array(self._ends[own, 0].tolist() + terminal, np.int64),
+            np.concatenate([own, np.full(len(bare), -1)]),
+        )
+
+    @cached_property
+    def _data(self) -> Edges:
+        """What carries data; masters and the like are one node for both lines."""
+        count, trunk = len(self.kinds), (self.network.runs["kind"] == "trunk").to_numpy()
+        link = self._feeders & (self.kinds == "gateway")[self._ends].any(axis=1)
+        u, v, run = self._by_line(np.flatnonzero(trunk | link), self._housings)
+        joined = np.isin(self.kinds, _JOINS)
+        u, v = (np.where(joined[node % count], node % count, node) for node in (u, v))
+        return u, v, run
+
+    @cached_property
+    def _power(self) -> Edges:
+        """What carries power: feeders of stations, and the trunk of AS-i, both as far as they go.
+
+        A repeater passes none on: it is fed as what lies behind it, at the `b` ends of its runs.
+        """
+        trunk = self._asi & ~self._feeders & ~self.at_point
+        trunk &= (self.kinds != "repeater")[self._ends[:, 1]]
+        apart = np.isin(self.kinds, ("cabinet", "gateway"))[self._ends].any(axis=1)
+        return self._by_line(
+            np.flatnonzero(trunk | (self._feeders & ~self._asi & ~apart)), self._poles
+        )
+
+    @cached_property
+    def _mains(self) -> tuple[Whole, Whole]:
+        """Supplies with a feeder from the cabinet, and this run."""
+        from_cabinet = self._feeders & (self._ends == self._cabinet).any(axis=1)
+        number = np.flatnonzero(from_cabinet)
+        far = self._ends[number].sum(axis=1) - self._cabinet
+        fed = self.kinds[far] == "supply"
+        return far[fed], number[fed]
+
+    @cached_property
+    def _auxiliary(self) -> Edges:
+        """What feeds the outputs of AS-i modules beside the trunk."""
+        supplies = (self.kinds == "supply")[self._ends].any(axis=1)
+        number = np.flatnonzero(self._asi & self._feeders & ~supplies)
+        return (*self._ends[number].T, number)
+
+    @cached_property
+    def _feeders(self) -> Bools:
+        return (self.network.runs["kind"] == "feeder").to_numpy()
+
+    @cached_property
+    def _asi(self) -> Bools:
+        """Which runs are of an AS-i segment."""
+        segments = self.network.segments
+        asi = segments.loc[segments["bus"] == "AS-i", "segment"]
+        return self.network.runs["segment"].isin(asi).to_numpy()
+
+    @cached_property
+    def _housings(self) -> Whole:
+        """Devices that stand in the housing of another, and that one, shape (n, 2)."""
+        inside = np.flatnonzero(self._at >= 0)
+        return np.stack([inside, self._at[inside]], axis=1)
+
+    @cached_property
+    def _poles(self) -> Whole:
+        """Supplies, and where they feed their line without a cable of their own, shape (n, 2).
+
+        That is where they stand; in the cabinet it is the master of their segment.
+        """
+        segment = self.network.devices["segment"].to_numpy(str)
+        master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
+        pairs = [
+            (n, master.get(segment[n], at) if at == self._cabinet else at)
+            for n, at in self._housings if self.kinds[n] == "supply"
+        ]  # fmt: skip
+        return np.array(pairs, np.int64).reshape(-1, 2)
+
+    def _by_line(self, number: Whole, joints: Whole) -> Edges:
+        """Return runs and joints as edges; node n + D is device n on line B."""
+        line, count = self.network.runs["line"].to_numpy(str)[number], len(self.kinds)
+        first, second = number[line != "B"], number[line != "A"]
+        ends = [self._ends[first], joints, self._ends[second] + count, joints + count]
+        none = np.full(len(joints), -1)
+        return (*np.concatenate(ends).T, np.concatenate([first, none, second, none]))
+
+    @cached_property
+    def _needs_supply(self) -> Bools:
+        """Devices that a supply reaches while nothing has failed."""
+        return np.asarray(self._supplied(*self._masks([((), ())]))[0])
+
+    @cached_property
+    def _connected(self) -> Bools:
+        """Points that work while nothing has failed."""
+        return np.asarray(self._works(*self._masks([((), ())]), self._needs_supply)[0])
+
+    def _masks(self, failures: Sequence[Failure]) -> tuple[Bools, Bools]:
+        """Return which runs are cut and which devices dead; the last column is of no run."""
+        cut = np.zeros((len(failures), len(self.network.runs) + 1), bool)
+        dead = np.zeros((len(failures), len(self.kinds)), bool)
+        for row, (runs, devices) in enumerate(failures):
+            cut[row, list(runs)] = True
+            dead[row, list(devices)] = True
+        # With a box, what stands in it is dead.
+        inside, housing = self._housings[np.isin(self.kinds[self._housings[:, 1]], _SHELLS)].T
+        while (more := dead[:, housing] & ~dead[:, inside]).any():
+            dead[:, inside] |= more
+        return cut, dead
+
+    def _open(self, edges: Edges, cut: Bools, dead: Bools) -> Bools:
+        """Return which edges still carry, shape (n_failures, n_edges)."""
+        (u, v, run), count = edges, len(self.kinds)
+        blocked = dead & np.isin(self.kinds, _BLOCKS)
+        return ~(cut[:, run] | blocked[:, u % count] | blocked[:, v % count])
+
+    def _works(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
+        """Return which points work."""
+        point, good = self._wires[0], self._good(cut, dead, needs_supply)
+        works = np.zeros((len(cut), len(self.network.points)), bool)
+        for cables in _nth(point):
+            works[:, point[cables]] |= good[:, cables]
+        return works
+
+    def _good(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
+        """Return which cables of points still work, shape (n_failures, n_wires)."""
+        u, v, _ = self._data
+        count = len(self.kinds)
+        labels = _labels(self._open(self._data, cut, dead), 2 * count, u, v)
+        reached = labels == labels[:, [self._cabinet]]
+        alive = (reached[:, :count] | reached[:, count:]) & ~dead & ~dead[:, [self._cabinet]]
+        alive &= self._supplied(cut, dead) | ~needs_supply
+        point, device, run = self._wires
+        output = self.network.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
+        unfed = self._needs_auxiliary & ~self._has_auxiliary(cut, dead)
+        good = alive[:, device] & ~cut[:, run] & ~(unfed[:, device] & output[point])
+        return np.asarray(good)
+
+    @cached_property
+    def _needs_auxiliary(self) -> Bools:
+        return np.asarray(self._has_auxiliary(*self._masks([((), ())]))[0])
+
+    def _has_auxiliary(self, cut: Bools, dead: Bools) -> Bools:
+        """Return which devices an auxiliary feeder reaches from the cabinet."""
+        u, v, _ = self._auxiliary
+        labels = _labels(self._open(self._auxiliary, cut, dead), len(self.kinds), u, v)
+        return np.asarray(labels == labels[:, [self._cabinet]])
+
+    def _supplied(self, cut: Bools, dead: Bools) -> Bools:
+        """Return which devices a live supply reaches."""
+        u, v, _ = self._power
+        count = len(self.kinds)
+        labels = _labels(self._open(self._power, cut, dead), 2 * count, u, v)
+        live = np.zeros_like(labels, dtype=bool)
+        fed, mains = self._mains
+        unfed = np.zeros_like(dead)
+        row, place = np.nonzero(cut[:, mains])
+        unfed[row, fed[place]] = True
+        row, device = np.nonzero(~dead & ~unfed & (self.kinds == "supply"))
+        live[row, labels[row, device]] = live[row, labels[row, device + count]] = True
+        reached = np.take_along_axis(live, labels, axis=1)
+        return np.asarray(reached[:, :count] | reached[:, count:])
+
+
+def _labels(keep: Bools, count: int, u: Whole, v: Whole) -> Whole:
+    """Return the component of each node in each of several graphs, shape (n_graphs, count).
+
+    The graphs share nodes and edges u-v; `keep`, shape (n_graphs, n_edges), says which edges each
+    of them has. A label is unique within its graph only, and smaller than `count`.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph, edge = np.nonzero(keep)
+    size = len(keep) * count
+    ends = (graph * count + u[edge], graph * count + v[edge])
+    adjacency = coo_array((np.ones(len(edge), bool), ends), (size, size))
+    labels = connected_components(adjacency, directed=False)[1]
+    labels = labels.reshape(len(keep), count).astype(np.int64)
+    # Components are numbered through all graphs, in the order of their first nodes.
+    return np.asarray(labels - labels.min(axis=1, initial=size, keepdims=True))
+
+
+def _nth(values: Whole) -> Iterator[Whole]:
+    """Yield where each value stands for the first time, for the second, and so on."""
+    order = np.argsort(values, kind="stable")
+    _, start, count = np.unique(values[order], return_index=True, return_counts=True)
+    nth = np.arange(len(values)) - np.repeat(start, count)
+    for number in range(nth.max(initial=-1) + 1):
+        yield order[nth == number]

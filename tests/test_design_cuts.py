@@ -1,0 +1,241 @@
+"""Single failures of planned networks, against one graph search a failure."""
+
+import networkx as nx
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet.design.cuts import FAILURES, lost, single_cuts, worst
+from shipnet.design.example import example
+from shipnet.design.iolist import IoList, from_table
+from shipnet.design.network import Network, frame
+from shipnet.errors import ArgumentError
+
+JOINS = {"cabinet", "master", "gateway"}
+
+
+def searched(network, cut=(), dead=()):
+    """Return the tags that a walk from the cabinet reaches, one line at a time in each bus."""
+    devices = network.devices.set_index("device")
+    kind = devices["kind"]
+    dead = set(dead)
+    while True:
+        shells = [name for name in dead if kind[name] in ("box", "cabinet")]
+        more = set(devices.index[devices["at"].isin(shells)]) - dead
+        if not more:
+            break
+        dead |= more
+    if network.cabinet in dead:
+        return set()
+    graph, power, auxiliary = nx.Graph(), nx.Graph(), nx.Graph()
+    auxiliary.add_nodes_from(kind.index)
+    unfed = set()
+    for each in (graph, power):
+        each.add_nodes_from((name, line) for name in kind.index for line in "AB")
+    for name in kind.index[kind.isin(JOINS)]:
+        graph.add_edge((name, "A"), (name, "B"))
+    blocked = {name for name in dead if kind[name] in JOINS | {"box", "repeater"}}
+
+    def join(graph, a, b, lines):
+        if not {a, b} & blocked:
+            graph.add_edges_from([((a, line), (b, line)) for line in lines])
+
+    wires = []
+    buses = network.segments.set_index("segment")["bus"]
+    for run in network.runs.itertuples():
+        if run.kind in ("drop", "home run"):
+            wires.append((run.a, run.b, run.run))
+            continue
+        if run.run in cut:
+            continue
+        ends = {kind[run.a], kind[run.b]}
+        asi, lines = buses.get(run.segment) == "AS-i", run.line or "AB"
+        if run.kind == "trunk" or "gateway" in ends:
+            join(graph, run.a, run.b, lines)
+        if asi and run.kind == "trunk" and kind[run.b] != "repeater":
+            join(power, run.a, run.b, lines)
+        if run.kind == "feeder" and not asi and not ends & {"cabinet", "gateway"}:
+            join(power, run.a, run.b, lines)
+        if run.kind == "feeder" and asi and "supply" not in ends and not {run.a, run.b} & blocked:
+            auxiliary.add_edge(run.a, run.b)
+    for run in network.runs.itertuples():
+        if run.kind == "feeder" and run.run in cut and network.cabinet in (run.a, run.b):
+            unfed |= {name for name in (run.a, run.b) if kind[name] == "supply"}
+    for name, row in devices[devices["at"] != ""].iterrows():
+        join(graph, row["at"], name, "AB")
+        if row["kind"] == "supply":
+            masters = kind.index[(kind == "master") & (devices["segment"] == row["segment"])]
+            at_cabinet = row["at"] == network.cabinet and len(masters)
+            join(power, masters[-1] if at_cabinet else row["at"], name, "AB")
+    reached = {name for name, _ in nx.node_connected_component(graph, (network.cabinet, "A"))}
+    supplied = set()
+    for name in kind.index[(kind == "supply") & ~kind.index.isin(dead | unfed)]:
+        for line in "AB":
+            supplied |= {n for n, _ in nx.node_connected_component(power, (name, line))}
+    alive = reached - dead
+    return alive, supplied, nx.node_connected_component(auxiliary, network.cabinet), wires
+
+
+def points_reached(network, needs, cut=(), dead=()):
+    found = searched(network, cut, dead)
+    if not found:
+        return set()
+    alive, supplied, auxiliary, wires = found
+    points = network.iolist.points
+    outputs = set(points.loc[points["type"] == "DO", "tag"])
+    alive = {name for name in alive if name in supplied or name not in needs[0]}
+    return {
+        tag for device, tag, run in wires
+        if device in alive and run not in cut
+        and (device in auxiliary or device not in needs[1] or tag not in outputs)
+    }  # fmt: skip
+
+
+def random_network(rng, n_devices=9, n_points=12):
+    """Return devices and cables at random: buses, boxes, repeaters, supplies, loops and gaps."""
+    segments = ["s1", "s2", "s3"]
+    buses = list(rng.choice(["AS-i", "CAN", "hardwired"], 3))
+    kinds = rng.choice(["module", "station", "box", "master", "gateway", "repeater", "supply"],
+                       n_devices, p=[0.25, 0.25, 0.1, 0.15, 0.05, 0.1, 0.1])  # fmt: skip
+    devices = [{"device": "cabinet", "kind": "cabinet", "segment": "", "at": ""}]
+    for n, kind in enumerate(kinds):
+        housing = "cabinet" if kind in ("master", "gateway", "supply") else devices[-1]["device"]
+        housing = housing if rng.random() < 0.6 else ""
+        devices.append({"device": f"d{n}", "kind": kind, "segment": str(rng.choice(segments)),
+                        "at": housing})  # fmt: skip
+    names = [device["device"] for device in devices]
+    table = pd.DataFrame(devices).assign(x_m=0.0, y_m=0.0, z_m=0.0)
+    runs = []
+    for _ in range(int(rng.integers(n_devices, 2 * n_devices))):
+        a, b = rng.choice(names, 2, replace=False)
+        runs.append((str(a), str(b), str(rng.choice(["trunk", "trunk", "feeder"]))))
+    tags = [f"p{n}" for n in range(n_points)]
+    for tag in tags:
+        runs += [(str(rng.choice(names)), tag, "drop") for _ in range(int(rng.integers(0, 3)))]
+    runs = [
+        {"run": f"r{n}", "cable": "MI1P075", "a": a, "b": b, "kind": kind,
+         "segment": str(rng.choice(segments)), "route_m": 1.0, "length_m": 1.0, "used": 2,
+         "conductors": 2, "at_cabinet": False, "line": str(rng.choice(["", "A", "B"])),
+         "way": tuple(rng.choice(["t1", "t2", "t3"], rng.integers(0, 3)))}
+        for n, (a, b, kind) in enumerate(runs)
+    ]  # fmt: skip
+    return Network(
+        "random",
+        from_table(pd.DataFrame({
+            "tag": tags, "signal": ["contact", "solenoid"] * (n_points // 2),
+            "system": list(rng.choice(["x", "y"], n_points)),
+            "home_run_m": 1.0})),
+        None,
+        points=frame("points", {
+            "tag": tags, "bus": "CAN", "segment": "s1", "device": "", "address": "",
+            "response_ms": 1.0, "fits": True}),
+        devices=table,
+        runs=frame("runs", runs),
+        segments=frame("segments", {
+            "segment": segments, "bus": buses, "points": 0, "devices": 0, "length_m": 0.0,
+            "load": 0.0, "response_ms": 0.0, "slowest_update_ms": 0.0}),
+        reasons=frame("reasons"),
+    )  # fmt: skip
+
+
+@settings(max_examples=8)
+@given(st.integers(0, 10**6))
+def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
+    network = random_network(np.random.default_rng(seed))
+    table = single_cuts(network)
+    needs = searched(network)[1:3]
+    before = points_reached(network, needs)
+    for failure, names in (("cut", network.runs["run"]), ("device", network.devices["device"])):
+        assert table.loc[table["failure"] == failure, "failed"].tolist() == names.tolist()
+    for row in table.itertuples():
+        if row.failure == "short":
+            continue
+        on_tray = [r.run for r in network.runs.itertuples() if row.failed in r.way]
+        cut = {"cut": [row.failed], "tray": on_tray, "device": []}[row.failure]
+        dead = [row.failed] if row.failure == "device" else []
+        gone = before - points_reached(network, needs, cut, dead)
+        assert set(row.tags) == gone, row
+        assert row.points_lost == len(gone)
+        points = network.iolist.points
+        assert set(row.systems) == set(points.loc[points["tag"].isin(gone), "system"])
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 10**6))
+def test_several_failures_at_once_cost_what_a_search_finds(seed):
+    rng = np.random.default_rng(seed)
+    network = random_network(rng)
+    cut = list(rng.choice(network.runs["run"], 3, replace=False))
+    dead = list(rng.choice(network.devices["device"], 1))
+    needs = searched(network)[1:3]
+    gone = points_reached(network, needs) - points_reached(network, needs, cut, dead)
+    assert set(lost(network, runs=cut, devices=dead)) == gone
+
+
+def test_a_short_takes_one_line_between_two_repeaters():
+    network = example()
+    assert single_cuts(network).query("failure == 'short'")["points_lost"].tolist() == [4]
+    repeated = network.devices.assign(
+        kind=network.devices["kind"].where(network.devices["device"] != "JB1", "repeater")
+    )
+    split = Network(
+        "repeated", network.iolist, network.site, network.points, repeated, network.runs,
+        network.segments, network.reasons,
+    )  # fmt: skip
+    shorts = single_cuts(split).query("failure == 'short'")
+    assert shorts["failed"].tolist() == ["trunk 1", "trunk 2"]
+    assert shorts["points_lost"].tolist() == [4, 2]
+
+
+def test_two_lines_are_lost_only_if_both_are_cut():
+    network = example(redundant=True)
+    table = single_cuts(network)
+    trunk = table[table["kind"] == "trunk"]
+    assert set(trunk["failure"]) == {"cut", "short"}
+    assert trunk["points_lost"].max() == 0
+    assert lost(network, runs=["trunk 2A", "trunk 1B"]) == ("TT-3", "LS-4")
+    assert lost(network, trays=["port", "starboard"]) == tuple(network.points["tag"])
+
+
+def test_a_tray_that_holds_both_lines_is_worth_both():
+    network = example(redundant=True)
+    together = Network(
+        "together", network.iolist, network.site, network.points, network.devices,
+        network.runs.assign(way=[("port",)] * len(network.runs)), network.segments, network.reasons,
+    )  # fmt: skip
+    (row,) = single_cuts(together).query("failure == 'tray'").itertuples()
+    assert (row.failed, row.points_lost, row.systems) == (
+        "port",
+        4,
+        ("Bilge", "Cooling", "Fuel oil"),
+    )
+
+
+def test_the_worst_of_each_kind_leaves_the_cabinet_out():
+    table = worst(single_cuts(example()))
+    assert table["failure"].tolist() == list(FAILURES)
+    assert table["points_lost"].tolist() == [4, 4, 4, 4]
+    assert table["failed"].tolist() == ["trunk 1", "trunk 1", "port", "master"]
+    assert "cabinet" not in set(table["kind"])
+
+
+def test_what_does_not_exist_cannot_fail():
+    with pytest.raises(ArgumentError, match=r"no run 'trunk 9', no device 'JB9', no tray 'aft'"):
+        lost(example(), runs=["trunk 9"], devices=["JB9"], trays=["aft"])
+    with pytest.raises(ArgumentError, match="runs is 'trunk 1'; it must be a list"):
+        lost(example(), runs="trunk 1")
+
+
+def test_a_network_without_points_or_cables_loses_nothing():
+    network = example()
+    none = IoList(network.iolist.points.iloc[:0].reset_index(drop=True), "")
+    empty = Network(
+        "empty", none, network.site, frame("points"),
+        network.devices, frame("runs"), network.segments, network.reasons,
+    )  # fmt: skip
+    table = single_cuts(empty)
+    assert table["failure"].unique().tolist() == ["device"]
+    assert table["points_lost"].sum() == 0
+    assert lost(empty) == ()
