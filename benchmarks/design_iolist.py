@@ -12,10 +12,10 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.design.iolist import load_iolist, save_iolist
-from shipnet.design.iolist_numbers import RANGES
+from shipnet.design.iolist.numbers import RANGES
 from shipnet.design.signals import KINDS, SIGNALS
 from shipnet.design.site import Site
-from shipnet.design.trays import load_trays
+from shipnet.design.site.trays import load_trays
 
 POINTS = 20_000
 ROUTES = 500  # what the loop over networkx gets; its time is scaled up

@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 
 from shipnet import datasets
-from shipnet.design.clusters import balanced, zones
 from shipnet.design.iolist import from_table, load_iolist
 from shipnet.design.plan import OPTIONS, plan
+from shipnet.design.plan.clusters import balanced, zones
+from shipnet.design.plan.trunks import chain
 from shipnet.design.site import Site
-from shipnet.design.trunks import chain
 
 PORTS, REACH = 4, 10.0
 CABINET = (26.0, 6.0, 14.0)

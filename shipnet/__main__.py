@@ -306,11 +306,11 @@ def _design(arguments: argparse.Namespace) -> None:
     from shipnet.design.comparison import compare
     from shipnet.design.iolist import load_iolist
     from shipnet.design.plan import OPTIONS, mix
+    from shipnet.design.plan.settings import Settings
     from shipnet.design.report import write_report
     from shipnet.design.rules import rules_of
-    from shipnet.design.settings import Settings
     from shipnet.design.site import Site
-    from shipnet.design.trays import load_trays
+    from shipnet.design.site.trays import load_trays
 
     rules = rules_of(arguments.rules)
     options = OPTIONS

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from shipnet.asi.cycle import cycle_time
 from shipnet.asi.network import CableRun, Master, Plan, Slave, Supply
 from shipnet.asi.network.electrical import device_voltages
-from shipnet.design.asi_cable import Piece, draw, place_supply
-from shipnet.design.asi_modules import analogue_response, digital_response
 from shipnet.design.plan import plan
-from shipnet.design.settings import AsiLimits, Settings
+from shipnet.design.plan.asi_cable import Piece, draw, place_supply
+from shipnet.design.plan.asi_modules import analogue_response, digital_response
+from shipnet.design.plan.settings import AsiLimits, Settings
 from shipnet.design.site import Site
 from tests.design_lists import table
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import cdist
 
-from shipnet.design.clusters import balanced, divided, zones
-from shipnet.design.trunks import chain, tree
+from shipnet.design.plan.clusters import balanced, divided, zones
+from shipnet.design.plan.trunks import chain, tree
 from shipnet.errors import ArgumentError
 
 metres = st.integers(0, 40).map(float)

@@ -11,12 +11,12 @@ from hypothesis.extra import numpy as npst
 from shipnet import datasets
 from shipnet.design.cabinet import find_cabinet
 from shipnet.design.comparison import CRITERIA, compare, compare_networks, not_beaten
-from shipnet.design.cuts import single_cuts
+from shipnet.design.costs.quantities import quantities
 from shipnet.design.example import example
 from shipnet.design.iolist import load_iolist, parse_iolist
 from shipnet.design.network import Network
-from shipnet.design.quantities import quantities
 from shipnet.design.rules import check
+from shipnet.design.rules.cuts import single_cuts
 from shipnet.errors import ArgumentError
 
 SHIP = load_iolist(datasets.path("synthetic_iolist_ship.csv"))

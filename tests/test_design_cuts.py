@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shipnet.design.cuts import FAILURES, lost, single_cuts, worst
 from shipnet.design.example import example
 from shipnet.design.iolist import IoList, from_table
 from shipnet.design.network import Network, frame
+from shipnet.design.rules.cuts import FAILURES, lost, single_cuts, worst
 from shipnet.errors import ArgumentError
 
 JOINS = {"cabinet", "master", "gateway"}

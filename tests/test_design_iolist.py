@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.design.iolist import IoList, from_table, load_iolist, parse_iolist, save_iolist
-from shipnet.design.iolist_numbers import RANGES
-from shipnet.design.iolist_titles import COLUMNS, column_of
+from shipnet.design.iolist.numbers import RANGES
+from shipnet.design.iolist.titles import COLUMNS, column_of
 from shipnet.design.signals import KINDS, SIGNALS, find_signal
 from shipnet.errors import ArgumentError, InputError
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.design.can_packing import pack
-from shipnet.design.plan_can import bit_rate_for
-from shipnet.design.plan_modbus import registers_of, sections
+from shipnet.design.plan.can import bit_rate_for
+from shipnet.design.plan.can_packing import pack
+from shipnet.design.plan.modbus import registers_of, sections
 from shipnet.errors import ArgumentError
 from shipnet.modbus.request import ReadRequest, WriteRegistersRequest
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from shipnet import datasets
 from shipnet.design.iolist import load_iolist, parse_iolist
 from shipnet.design.plan import OPTIONS, mix, plan
-from shipnet.design.settings import AsiLimits, BoxLimits, CanLimits, ModbusLimits, Settings
+from shipnet.design.plan.settings import AsiLimits, BoxLimits, CanLimits, ModbusLimits, Settings
 from shipnet.design.site import Site
-from shipnet.design.trays import load_trays
+from shipnet.design.site.trays import load_trays
 from shipnet.errors import ArgumentError
 from tests.design_checks import check_everything
 from tests.design_lists import lists, ship, table

@@ -4,11 +4,11 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.design.plants import Plant
+from shipnet.design.costs.plants import Plant
+from shipnet.design.costs.quantities import quantities
+from shipnet.design.costs.sensitivity import tornado
+from shipnet.design.costs.uncertainty import draw, likely
 from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado
-from shipnet.design.quantities import quantities
-from shipnet.design.sensitivity import tornado
-from shipnet.design.uncertainty import draw, likely
 from shipnet.errors import ArgumentError
 
 PLANT = Plant(modules=8, contacts=4, distance=40)

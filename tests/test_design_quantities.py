@@ -8,20 +8,20 @@ from hypothesis import strategies as st
 from scipy.stats import triang
 
 from shipnet import datasets
-from shipnet.design.assumptions import Assumption, Assumptions, values_at
-from shipnet.design.bill import bill_of, conductors_at_cabinet
 from shipnet.design.cabling import asi_conductors, count_points, hardwired_conductors
 from shipnet.design.catalogue import Range, cables
+from shipnet.design.costs.assumptions import Assumption, Assumptions, values_at
+from shipnet.design.costs.bill import bill_of, conductors_at_cabinet
+from shipnet.design.costs.plants import Plant
+from shipnet.design.costs.quantities import CABLE_RANGES, FIGURES, Model, quantities
+from shipnet.design.costs.savings import conductor_saving, cost_saving
+from shipnet.design.costs.sensitivity import tornado
+from shipnet.design.costs.uncertainty import draw, likely
 from shipnet.design.iolist import load_iolist
 from shipnet.design.network import Network, frame
 from shipnet.design.plan import OPTIONS as OPTIONS_OF_A_PLAN
 from shipnet.design.plan import plan
-from shipnet.design.plants import Plant
-from shipnet.design.quantities import CABLE_RANGES, FIGURES, Model, quantities
-from shipnet.design.savings import conductor_saving, cost_saving
-from shipnet.design.sensitivity import tornado
 from shipnet.design.site import Site
-from shipnet.design.uncertainty import draw, likely
 from shipnet.errors import ArgumentError
 
 PLANT = Plant(modules=20, contacts=3, lines=2, distance=40, spacing=3)

@@ -12,8 +12,8 @@ from shipnet.__main__ import main
 from shipnet.design.comparison import compare, compare_networks
 from shipnet.design.example import example
 from shipnet.design.iolist import from_table
-from shipnet.design.page import document, table
 from shipnet.design.report import BANNER, report_html, write_report
+from shipnet.design.report.page import document, table
 from shipnet.errors import ArgumentError
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.design.cuts import lost
 from shipnet.design.example import example
-from shipnet.design.measures import APPLIES, MEASURES
 from shipnet.design.network import Network
-from shipnet.design.rule_set import RULE_SETS, Rule, load_rules, published_rules
 from shipnet.design.rules import HOST_TIME, check, rules_of
+from shipnet.design.rules.cuts import lost
+from shipnet.design.rules.measures import APPLIES, MEASURES
+from shipnet.design.rules.rule_set import RULE_SETS, Rule, load_rules, published_rules
 from shipnet.engine import class_rules
 from shipnet.errors import ArgumentError, InputError
 
@@ -211,7 +211,7 @@ def test_all_faults_of_a_file_are_told_at_once(tmp_path):
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("", "has no row of titles"),
+        ("", "is empty; expected a row of titles"),
         ("rule,limit\na,1\n", "no column measure"),
         ("rule,measure,limit,colour\na,,,red\n", "title 'colour'; expected one of rule"),
         ("rule,rule,measure,limit\na,b,,\n", "title 'rule' stands twice"),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from shipnet import datasets
 from shipnet.design.iolist import load_iolist
 from shipnet.design.site import Site
-from shipnet.design.trays import Tray, Trays, load_trays, parse_trays
+from shipnet.design.site.trays import Tray, Trays, load_trays, parse_trays
 from shipnet.errors import ArgumentError, InputError
 
 SHIP = load_iolist(datasets.path("synthetic_iolist_ship.csv"))

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 from shipnet.design import lines_needed
-from shipnet.design.plants import Plant
-from shipnet.design.quantities import quantities
-from shipnet.design.sweep import points_of, sweep
+from shipnet.design.costs.plants import Plant
+from shipnet.design.costs.quantities import quantities
+from shipnet.design.costs.sweep import points_of, sweep
 from shipnet.errors import ArgumentError
 from tests.support import require
 

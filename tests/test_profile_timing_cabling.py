@@ -11,10 +11,10 @@ from shipnet.design import (
     SIGNALS,
     Saving,
     asi_conductors,
-    compare,
     count_points,
     hardwired_conductors,
     lines_needed,
+    saving,
     slaves_needed,
 )
 from shipnet.errors import ArgumentError, explain
@@ -115,7 +115,7 @@ def test_common_returns_are_counted_once_a_group():
     assert hardwired_conductors({"contact_common": 0}, groups=2) == 0
     assert hardwired_conductors({"contact_common": 2}, groups=50) == 4
     assert hardwired_conductors({"contact_common": 8, "contact": 1}, groups=3) == 13
-    assert compare({"contact_common": 8}, lines=2, groups=3) == Saving(11, 4)
+    assert saving({"contact_common": 8}, lines=2, groups=3) == Saving(11, 4)
 
 
 def test_nothing_needs_nothing():

@@ -4,10 +4,10 @@ from shipnet.design.cabling import (
     SIGNALS,
     Saving,
     asi_conductors,
-    compare,
     count_points,
     hardwired_conductors,
     lines_needed,
+    saving,
     slaves_needed,
 )
 
@@ -15,9 +15,9 @@ __all__ = [
     "SIGNALS",
     "Saving",
     "asi_conductors",
-    "compare",
     "count_points",
     "hardwired_conductors",
     "lines_needed",
+    "saving",
     "slaves_needed",
 ]

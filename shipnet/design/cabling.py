@@ -22,10 +22,10 @@ __all__ = [
     "Saving",
     "Signal",
     "asi_conductors",
-    "compare",
     "count_points",
     "hardwired_conductors",
     "lines_needed",
+    "saving",
     "slaves_needed",
 ]
 
@@ -221,7 +221,7 @@ class Saving:
         )
 
 
-def compare(points: Mapping[str, int], *, lines: int = 1, groups: int = 1) -> Saving:
+def saving(points: Mapping[str, int], *, lines: int = 1, groups: int = 1) -> Saving:
     """Count the same points twice, hardwired and on AS-i lines.
 
     Parameters
@@ -247,9 +247,9 @@ def compare(points: Mapping[str, int], *, lines: int = 1, groups: int = 1) -> Sa
     --------
     From kim2023, sections 3.3 and 3.5:
 
-    >>> print(compare({"contact": 62 * 4}))
+    >>> print(saving({"contact": 62 * 4}))
     496 -> 2 conductors: 0.40 % left, 99.60 % saved
-    >>> print(compare({"contact": 190}, lines=14))
+    >>> print(saving({"contact": 190}, lines=14))
     380 -> 28 conductors: 7.37 % left, 92.63 % saved
     """
     return Saving(hardwired_conductors(points, groups=groups), asi_conductors(lines))

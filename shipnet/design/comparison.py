@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.design.cuts import single_cuts, worst
+from shipnet.design.costs.quantities import FIGURES, Quantities, quantities
+from shipnet.design.costs.sensitivity import Tornado, tornado
+from shipnet.design.costs.uncertainty import draw, likely
 from shipnet.design.network import Network
 from shipnet.design.plan import OPTIONS, plan
-from shipnet.design.quantities import FIGURES, Quantities, quantities
 from shipnet.design.rules import HOST_TIME, RuleSet, check
-from shipnet.design.sensitivity import Tornado, tornado
-from shipnet.design.uncertainty import draw, likely
+from shipnet.design.rules.cuts import single_cuts, worst
 from shipnet.errors import ArgumentError
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from shipnet.design.assumptions import Assumptions
+    from shipnet.design.costs.assumptions import Assumptions
     from shipnet.design.iolist import IoList
-    from shipnet.design.settings import Settings
+    from shipnet.design.plan.settings import Settings
     from shipnet.design.site import Site
 
 __all__ = ["CRITERIA", "RESPONSE", "Comparison", "compare", "compare_networks", "not_beaten"]
@@ -91,7 +91,7 @@ class Comparison:
     def table(self) -> pd.DataFrame:
         """One row an option: what it leaves out, takes, loses and keeps.
 
-        ``points left out``; every figure of `shipnet.design.quantities.FIGURES`, nominal, and
+        ``points left out``; every figure of `shipnet.design.costs.quantities.FIGURES`, nominal, and
         ``total cost, low`` and ``, high``; ``worst response [ms]``; points ``lost by one cable``
         (cut or shorted), ``by one tray`` (NaN without trays), ``by one device`` (but the cabinet)
         and ``by one failure`` (cable or device); ``rules kept``, ``rules broken`` and ``rules not
@@ -287,7 +287,7 @@ def compare_networks(
 
     Examples
     --------
-    >>> from shipnet.design.plants import Plant
+    >>> from shipnet.design.costs.plants import Plant
     >>> plant = Plant(modules=62, contacts=4)
     >>> both = compare_networks([plant.hardwired, plant.on_asi])
     >>> both.table["conductors at the cabinet"].tolist()

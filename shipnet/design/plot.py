@@ -14,10 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from shipnet.design.assumptions import words
 from shipnet.design.cabling import SIGNALS, asi_conductors, count_points, hardwired_conductors
-from shipnet.design.quantities import FIGURES, Quantities, check_figure
-from shipnet.design.sensitivity import Tornado
+from shipnet.design.costs.assumptions import words
+from shipnet.design.costs.quantities import FIGURES, Quantities, check_figure
+from shipnet.design.costs.sensitivity import Tornado
 from shipnet.errors import ArgumentError
 from shipnet.style import LIMIT
 
@@ -157,11 +157,11 @@ def plot_quantities(
     options : mapping of str to Quantities
         The options by name.
     figure : str, default "total cost"
-        One of `shipnet.design.quantities.FIGURES`.
+        One of `shipnet.design.costs.quantities.FIGURES`.
     ax : matplotlib.axes.Axes
         Where to draw.
     likely : pandas.DataFrame, optional
-        From `shipnet.design.uncertainty.likely`: drawn as a thick bar within the bounds.
+        From `shipnet.design.costs.uncertainty.likely`: drawn as a thick bar within the bounds.
 
     Returns
     -------
@@ -204,7 +204,7 @@ def plot_tornado(tornado: Tornado, *, ax: Axes, rows: int = 8) -> Axes:
     Parameters
     ----------
     tornado : Tornado
-        From `shipnet.design.sensitivity.tornado`.
+        From `shipnet.design.costs.sensitivity.tornado`.
     ax : matplotlib.axes.Axes
         Where to draw.
     rows : int, default 8
@@ -249,7 +249,7 @@ def plot_pareto(
     table : pandas.DataFrame
         Indexed by option, with the columns `x` and `y`, both better when lower.
     x, y : str
-        Columns; their unit is added if they are one of `shipnet.design.quantities.FIGURES`.
+        Columns; their unit is added if they are one of `shipnet.design.costs.quantities.FIGURES`.
     pareto : pandas.Series of bool, optional
         Which options no other beats, by option; none is marked if omitted.
     ax : matplotlib.axes.Axes

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from shipnet.asi import IO_CONFIGURATIONS, Call, Profile
 from shipnet.design import lines_needed
-from shipnet.design.bill import conductors_at_cabinet
-from shipnet.design.plants import Plant
+from shipnet.design.costs.bill import conductors_at_cabinet
+from shipnet.design.costs.plants import Plant
 from shipnet.papers.registry import check, numeric
 
 __all__: list[str] = []

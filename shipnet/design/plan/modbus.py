@@ -1,0 +1,265 @@
+"""Stations on Modbus RTU: registers, loops that are scanned in time, unit ids, repeaters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.design.plan.backbone import Backbone, lay, route_past
+from shipnet.design.plan.boxes import Box, boxes
+from shipnet.design.plan.clusters import divided
+from shipnet.design.plan.draft import Draft
+from shipnet.modbus.request import ReadRequest, Request, WriteRegistersRequest
+from shipnet.modbus.timing import Poll, Serial
+
+__all__ = ["Registers", "plan_modbus", "registers_of", "sections"]
+
+#: States in a register, and most registers of a read and of a write ("MODBUS application protocol"
+#: V1.1b3, sections 6.4 and 6.12).
+_STATES, _READ, _WRITE = 16, 125, 123
+
+
+class Registers(NamedTuple):
+    """The registers of a station.
+
+    Attributes
+    ----------
+    inputs, outputs : int
+        Input registers that are read, and holding registers that are written.
+    addresses : list of str
+        Where each point is.
+    requests : list of Request
+        What the master asks in every scan.
+    """
+
+    inputs: int
+    outputs: int
+    addresses: list[str]
+    requests: list[Request]
+
+
+class _Loop(NamedTuple):
+    """A loop: its trunk, its bit rate, its scan, the longest transactions, its repeaters."""
+
+    trunk: Backbone
+    bit_rate: int
+    scan: float
+    longest: list[float]
+    repeaters: list[int]
+    registers: list[Registers]
+
+
+def plan_modbus(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
+    r"""Connect points by stations in their boxes, on as few Modbus loops as keep the limits.
+
+    Parameters
+    ----------
+    draft : Draft
+        Where it is put down.
+    rows : ndarray of int
+        Points. One whose box is out of reach, or that needs an update sooner than a loop of its
+        own gives it, does not fit.
+
+    Notes
+    -----
+    The master asks all stations in turn, over and over. A change just behind a station's answer
+    waits for a whole scan and one transaction: that is the response, which every point's update
+    need bounds. A loop gets the lowest bit rate at which it holds.
+
+    Examples
+    --------
+    >>> from shipnet.design.iolist import parse_iolist
+    >>> from shipnet.design.plan.settings import Settings
+    >>> from shipnet.design.site import Site
+    >>> iolist = parse_iolist("tag,signal,x,y,z\nA,contact,80,0,0\nB,rtd_3wire,90,0,0")
+    >>> draft = Draft(iolist, Site((0, 0, 0)), Settings())
+    >>> plan_modbus(draft, np.arange(2))
+    >>> network = draft.network("Modbus RTU")
+    >>> network.points[["device", "address"]].values.tolist()
+    [['Modbus box 1', '1 input register 1 bit 0'], ['Modbus box 1', '1 input register 0']]
+    >>> network.segments[["bit_rate", "scan_ms"]].round(1).values.tolist()
+    [[9600.0, 32.5]]
+    """
+    stations = [part for box in boxes(draft, rows) for part in _screened(draft, box)]
+
+    limits = draft.settings.modbus
+    # The master takes a unit load, and a repeater one on either side.
+    most = min(limits.units, (1 + limits.repeaters) * (limits.unit_loads - 2) + 1)
+
+    def judge(group: Sequence[Box]) -> tuple[_Loop | None, float]:
+        return _judge(draft, group) if len(group) <= most else (None, len(group) / most)
+
+    def halve(box: Box) -> list[Box]:
+        if len(box.rows) < 2:
+            return []
+        order = np.argsort(draft.need[box.rows], kind="stable")
+        return [box.part(np.sort(part)) for part in np.array_split(order, 2)]
+
+    loops = divided(stations, lambda box: box.place, judge, halve)
+    for number, (group, loop) in enumerate(loops, 1):
+        assert loop is not None
+        name = f"Modbus {number}"
+        ordered = [group[place] for place in loop.trunk.order]
+        names = lay(draft, name, "Modbus", ordered, loop.trunk, limits.cable, loop.repeaters)
+        response = []
+        for unit, (place, device) in enumerate(zip(loop.trunk.order, names, strict=True), 1):
+            box, registers = group[place], loop.registers[place]
+            response.append(loop.scan + loop.longest[place])
+            for row, length, where in zip(box.rows, box.lengths, registers.addresses, strict=True):
+                address = f"{unit} {where}"
+                draft.connect(int(row), "Modbus RTU", name, device, address, response[-1])
+                draft.drop(int(row), device, box.place, name, float(length))
+        needs = np.concatenate([draft.need[box.rows] for box in group])
+        draft.segment(
+            segment=name, bus="Modbus RTU", points=len(needs),
+            devices=len(group) + 1 + len(loop.repeaters), length_m=loop.trunk.length,
+            load=loop.scan / float(needs.min()), response_ms=1e3 * max(response),
+            slowest_update_ms=1e3 * float(needs.min()), bit_rate=loop.bit_rate,
+            scan_ms=1e3 * loop.scan, repeaters=len(loop.repeaters),
+        )  # fmt: skip
+
+
+def registers_of(types: Sequence[str]) -> Registers:
+    """Return the registers of a station, and the requests of a scan.
+
+    Parameters
+    ----------
+    types : sequence of {"DI", "DO", "AI", "AO"}
+        Type of each point. A value takes a register; 16 states share one, behind the values.
+
+    Returns
+    -------
+    Registers
+        Inputs are input registers (function code 4), outputs holding registers (16), both from 0.
+
+    Examples
+    --------
+    >>> station = registers_of(["AI", "DI", "DI", "DO"])
+    >>> station.addresses[1:]
+    ['input register 1 bit 0', 'input register 1 bit 1', 'holding register 0 bit 0']
+    >>> [type(request).__name__ for request in station.requests]
+    ['ReadRequest', 'WriteRegistersRequest']
+    """
+    kinds = np.asarray(types, dtype=object)
+    addresses = np.full(len(kinds), "", dtype=object)
+    numbers = []
+    for analogue, digital, what in (("AI", "DI", "input"), ("AO", "DO", "holding")):
+        values, states = np.flatnonzero(kinds == analogue), np.flatnonzero(kinds == digital)
+        for number, place in enumerate(values):
+            addresses[place] = f"{what} register {number}"
+        for number, place in enumerate(states):
+            register = len(values) + number // _STATES
+            addresses[place] = f"{what} register {register} bit {number % _STATES}"
+        numbers.append(len(values) + -(-len(states) // _STATES))
+    inputs, outputs = numbers
+    requests: list[Request] = [
+        ReadRequest(4, start, min(_READ, inputs - start))  # type: ignore[arg-type] # it becomes one
+        for start in range(0, inputs, _READ)
+    ]
+    requests += [
+        WriteRegistersRequest(start, (0,) * min(_WRITE, outputs - start))
+        for start in range(0, outputs, _WRITE)
+    ]
+    return Registers(inputs, outputs, addresses.tolist(), requests)
+
+
+def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[int] | None:
+    """Return behind which stations a trunk needs a repeater.
+
+    Parameters
+    ----------
+    hops : sequence of float
+        Cable to each station from the one before, or from the master [m].
+    length : float
+        Longest cable of a section [m].
+    unit_loads : int
+        Most devices of a section; masters, stations and repeaters count one each.
+
+    Returns
+    -------
+    list of int or None
+        Places of those stations; None if a single hop is too long.
+
+    Examples
+    --------
+    >>> sections([500, 500, 500], length=1200, unit_loads=32)
+    [1]
+    >>> [sections([1] * n, length=1200, unit_loads=32) for n in (31, 32)]
+    [[], [29]]
+    """
+    found: list[int] = []
+    loads, laid = 1, 0.0
+    for place, hop in enumerate(hops):
+        if hop > length:
+            return None
+        # Room for a repeater is kept unless this is the last station.
+        last = place == len(hops) - 1
+        if laid + hop > length or loads + 1 > unit_loads - (not last):
+            found.append(place - 1)
+            loads, laid = 1, 0.0
+        loads, laid = loads + 1, laid + hop
+    return found
+
+
+def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
+    limits = draft.settings.modbus
+    trunk = route_past(draft, group)
+    repeaters = sections(trunk.hops.tolist(), length=limits.length, unit_loads=limits.unit_loads)
+    parts = inf if repeaters is None or len(repeaters) > limits.repeaters else 1.0
+    registers = [registers_of([draft.types[row] for row in box.rows]) for box in group]
+    needs = np.array([draft.need[box.rows].min() for box in group])
+    for rate in sorted(limits.bit_rates):
+        times = [[poll.answered for poll in _polls(draft, own, rate)] for own in registers]
+        scan = sum(sum(own) for own in times)
+        longest = [max(own) for own in times]
+        over = float(((scan + np.array(longest)) / needs).max())
+        if over <= 1:
+            break
+    else:
+        parts = inf
+    return _Loop(trunk, rate, scan, longest, repeaters or [], registers), parts
+
+
+def _polls(draft: Draft, registers: Registers, bit_rate: int) -> list[Poll]:
+    limits = draft.settings.modbus
+    serial = Serial(bit_rate, limits.character)
+    # Long enough for any response; how long a master waits does not matter while all answer.
+    timeout = 1.0 + limits.processing + serial.frame_time(256)
+    return [
+        Poll.of(request, serial, processing=limits.processing, timeout=timeout)
+        for request in registers.requests
+    ]
+
+
+def _screened(draft: Draft, box: Box) -> list[Box]:
+    """Return a box with the points that a loop of their own would serve; refuse the others."""
+    limits = draft.settings.modbus
+    trunk = route_past(draft, [box])
+    if trunk.length > limits.length:
+        for row in box.rows:
+            tag = draft.tags[row]
+            text = (
+                f"{tag} is {trunk.length:.0f} m of trunk away; a Modbus section has at most "
+                f"{limits.length:.0f} m"
+            )
+            draft.reason(tag, "length", trunk.length, limits.length, "m", text)
+        return []
+    rate = max(limits.bit_rates)
+    kept = []
+    for place, row in enumerate(box.rows):
+        (poll,) = _polls(draft, registers_of([draft.types[row]]), rate)
+        need = float(draft.need[row])
+        if 2 * poll.answered <= need:
+            kept.append(place)
+            continue
+        tag = draft.tags[row]
+        text = (
+            f"{tag} needs an update every {1e3 * need:g} ms; alone on Modbus RTU at {rate} bit/s "
+            f"it has a response of {2e3 * poll.answered:.3g} ms"
+        )
+        draft.reason(tag, "update", 2e3 * poll.answered, 1e3 * need, "ms", text)
+    return [box.part(np.array(kept, dtype=np.intp))] if kept else []
