@@ -3,7 +3,7 @@
 # make notebooks  re-execute the notebooks; show what would change; store it with ACCEPT=1
 # make counts     record how many tests each file holds, after adding or removing some
 # make lab        open JupyterLab
-# make app        serve the interactive tools of notebooks/explore/ as web pages, on this machine
+# make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
 # make bench      ratios against peers, measured side by side
 # make lock       resolve requirements.lock anew
 # make clean      remove everything that make made, but for .venv and .tools
@@ -84,7 +84,7 @@ lab: setup
 	@$(BIN)/jupyter lab --notebook-dir=notebooks
 
 app: setup
-	@$(BIN)/voila --no-browser --theme=light notebooks/explore
+	@$(PY) docs/app.py
 
 bench: setup
 	@for program in benchmarks/*.py; do $(PY) $$program || exit 1; done
