@@ -260,6 +260,16 @@ def test_missing_inputs_are_named_all_at_once():
         read_state(short.encode(), "toy", Toy)
 
 
+def test_a_slider_holds_the_nearest_step_and_what_the_browser_sends_back_is_no_change(page, seen):
+    page._controls.put(Toy(length=10.4))
+    assert page.inputs.length == 10.0
+    page.note = "kept"
+    page.controls["length"].value = 10.000000000000002
+    assert (page.inputs.length, len(seen), page.note) == (10.0, 1, "kept")
+    page.controls["length"].value = 11.0
+    assert len(seen) == 2
+
+
 def test_a_slider_that_reaches_what_is_not_legal_is_no_field():
     for make, slider in ((number, (0, 2)), (whole, (-1, 1)), (whole, (1, 1))):
         with pytest.raises(ArgumentError, match="slider of 'x'"):

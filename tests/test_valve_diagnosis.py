@@ -124,7 +124,7 @@ def test_the_sliders_start_where_the_inputs_do_and_a_fault_sets_them():
     plant["fault"].value = "V1"
     assert "V1: valve stuck" in page.text
     assert page.figure.value != picture
-    assert controls["FP"].value == pytest.approx(from_plant("V1").FP)
+    assert controls["FP"].value == pytest.approx(from_plant("V1").FP, abs=0.025)
     plant["severity"].value = 0.0
     assert "normal" in page.text
     plant["severity"].value, plant["state"].value = 1.0, "at rest, closed"

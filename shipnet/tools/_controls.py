@@ -59,17 +59,27 @@ class Controls:
         for name, kind in self._asked.items():
             if isinstance(kind, Whole) and kind.at_most:
                 self._bound(name, kind, self.widgets[kind.at_most])
+        self._seen = self._values()
         self.box = widgets.Box(rows)
         self.box.add_class("shipnet-controls")
 
     @property
     def inputs(self) -> Any:
         """What the controls say, as an instance of the dataclass; raises ArgumentError."""
-        shown = {name: control.value for name, control in self.widgets.items()}
-        return self._kind(**{**self._held, **shown})
+        return self._kind(**self._values())
+
+    def _values(self) -> dict[str, Any]:
+        """Return all values; a browser's sliders come to their steps by adding, so round."""
+        shown = {
+            name: round(control.value, 9)
+            if isinstance(self._asked[name], Number)
+            else control.value
+            for name, control in self.widgets.items()
+        }
+        return {**self._held, **shown}
 
     def put(self, inputs: Any) -> None:
-        """Set all controls without a word to the observers.
+        """Set all controls without a word to the observers, each to its nearest step.
 
         Raises ArgumentError, and changes nothing, if a slider does not reach a value.
         """
@@ -79,7 +89,7 @@ class Controls:
             for name in self._asked:
                 value = getattr(inputs, name)
                 if name in self.widgets:
-                    self.widgets[name].value = value
+                    self.widgets[name].value = _on_step(self._asked[name], value)
                 else:
                     self._held[name] = value
 
@@ -94,9 +104,12 @@ class Controls:
             yield
         finally:
             self._quiet = False
+            self._seen = self._values()
 
     def _changed(self, _: object) -> None:
-        if not self._quiet:
+        # What a browser sends back after `put` is no change.
+        if not self._quiet and self._seen != self._values():
+            self._seen = self._values()
             for call in self._observers:
                 call()
 
@@ -143,6 +156,14 @@ def _row(control: widgets.Widget, kind: Asked) -> widgets.VBox:
     if isinstance(kind, Text) and kind.rows > 1:
         row.add_class("shipnet-editor")
     return row
+
+
+def _on_step(kind: Asked, value: Any) -> Any:
+    """Return the value as the slider holds it; the browser would move it there in any case."""
+    if not isinstance(kind, Number):
+        return value
+    low, high = kind.shown
+    return min(high, round(low + kind.step * round((value - low) / kind.step), 9))
 
 
 def _widget(kind: Asked, value: Any) -> widgets.Widget | None:

@@ -8,6 +8,7 @@ import subprocess
 import time
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import nbformat
 import pytest
@@ -139,7 +140,7 @@ class Tool:
         expect(self.page.locator(".shipnet-note")).to_have_text(f"{name} is loaded")
 
 
-def test_the_index_shows_every_tool_and_leads_there_and_back(page, app):
+def test_the_index_leads_to_the_line_which_keys_alone_move_and_which_tells_its_help(page, app):
     page.goto(app, timeout=LONG)
     links = page.locator(".shipnet-index li a")
     names = links.evaluate_all("all => all.map(a => a.pathname.split('/').pop())")
@@ -147,15 +148,10 @@ def test_the_index_shows_every_tool_and_leads_there_and_back(page, app):
     widths = page.locator("li img").evaluate_all("all => all.map(image => image.naturalWidth)")
     assert len(widths) == len(TOOLS) and min(widths) > 100
     links.first.click()
-    title = page.locator("h1")
-    expect(title).to_contain_text("AS-i line", timeout=LONG)
-    Tool(page).says("read 0011001")
-    back = page.get_by_role("link", name="All tools")
-    assert back.evaluate("a => a.pathname") == "/"
+    expect(page.locator("h1")).to_contain_text("AS-i line", timeout=LONG)
+    assert page.get_by_role("link", name="All tools").evaluate("a => a.pathname") == "/"
 
-
-def test_the_line_is_moved_by_keys_alone_and_each_control_tells_its_help(page, app):
-    tool = Tool.opened(page, app, "asi_line")
+    tool = Tool(page)
     tool.says("read 0011001")
     place = tool.slider("slave at [m]")
     for _ in range(10):
@@ -170,13 +166,10 @@ def test_the_line_is_moved_by_keys_alone_and_each_control_tells_its_help(page, a
     page.keyboard.press("ArrowRight")
     expect(page.locator(".widget-readout").nth(1)).to_have_text("10")
 
-    def longer():
-        tool.press("length [m]", 20)
-
     def terminated(on):
         page.get_by_label("100 ohm at the end").set_checked(on)
 
-    tool.moves(longer, "read 0011001", "InformationError")
+    tool.moves(lambda: tool.press("length [m]", 20), "read 0011001", "InformationError")
     terminated(True)
     tool.says("read 0011001")
     tool.comes_back(lambda: terminated(False), "InformationError", "read 0011001")
@@ -297,5 +290,5 @@ def test_what_is_slow_shows_that_it_computes_and_what_fails_says_so(page, app):
 
 
 def test_every_tool_is_opened_here():
-    tested = set(re.findall(r'page, app, "(\w+)"', open(__file__, encoding="utf-8").read()))
-    assert set(TOOLS) <= tested
+    tested = set(re.findall(r'page, app, "(\w+)"', Path(__file__).read_text(encoding="utf-8")))
+    assert set(TOOLS) <= {"asi_line", *tested}
