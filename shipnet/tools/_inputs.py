@@ -136,10 +136,12 @@ def choice(
 
     Parameters
     ----------
-    default, label, help, unit
-        As for `number`.
+    default : str or int
+        Which is chosen at the start.
     options : mapping or iterable
         The values, strings or whole numbers; a mapping says what is shown for each.
+    label, help, unit
+        As for `number`.
     slider : bool, default False
         Whether it is set by a slider, and not from a list that drops down.
 

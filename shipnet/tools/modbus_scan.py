@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from shipnet import style
 from shipnet.errors import ArgumentError
@@ -226,8 +227,9 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     ax.set(xscale="log", yscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
     ax.set_xticks(BIT_RATES, [str(rate) for rate in BIT_RATES], fontsize="small")
     ax.set_xticks([], minor=True)
+    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     ax.yaxis.set_major_formatter("{x:g}")
-    ax.yaxis.set_minor_formatter("{x:g}")
+    ax.yaxis.set_minor_formatter(NullFormatter())
     ax.set_xlim(0.85 * BIT_RATES[0], 1.2 * BIT_RATES[-1])
     ax.legend(loc="upper right")
     return ax
