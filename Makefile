@@ -5,7 +5,7 @@
 # make lessons    derive the editions of the lessons whose source changed, and their slides
 # make wheels     fill build/wheels for a room without a network; SYSTEM=windows PYTHON=3.12
 # make lab        open JupyterLab
-# make app        serve the interactive tools of notebooks/explore/ as web pages, on this machine
+# make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
 # make bench      ratios against peers, measured side by side
 # make lock       resolve requirements.lock anew
 # make clean      remove everything that make made, but for .venv and .tools
@@ -95,7 +95,7 @@ lab: setup
 	@$(BIN)/jupyter lab --notebook-dir=notebooks
 
 app: setup
-	@$(BIN)/voila --no-browser --theme=light notebooks/explore
+	@$(PY) docs/app.py
 
 bench: setup
 	@for program in benchmarks/*.py; do $(PY) $$program || exit 1; done

@@ -78,14 +78,12 @@ def test_the_figure_shows_line_filter_and_slots():
 
 
 def test_the_sliders_start_where_the_inputs_do():
-    box = explorer()
-    inputs = Inputs()
-    rows = [row for column in box.children[0].children for row in column.children]
-    values = [getattr(inputs, name) for name in inputs.__slots__]
-    assert [row.value for row in rows] == values
-    assert "read 0011001" in box.children[1].value
-    before = bytes(box.children[2].value)
-    assert before.startswith(b"\x89PNG")
-    rows[0].value = 200
-    assert "InformationError" in box.children[1].value
-    assert bytes(box.children[2].value) != before
+    page = explorer()
+    values = [control.value for control in page.controls.values()]
+    assert values == [getattr(Inputs(), name) for name in page.controls]
+    assert "read 0011001" in page.text
+    before = page.figure.value
+    assert "data:image/png" in before and 'alt="Voltage at the master over time' in before
+    page.controls["length"].value = 200
+    assert "InformationError" in page.text
+    assert page.figure.value != before

@@ -1,11 +1,10 @@
-from datetime import datetime
-
 import pytest
 from matplotlib.figure import Figure
 
 from shipnet.can.schedule import parse_messages, response_times
 from shipnet.errors import ArgumentError, InputError
 from shipnet.tools.can_load import EXAMPLE, Inputs, draw, explorer, update
+from tests.support import load
 
 
 def test_the_example_is_read_and_in_time():
@@ -69,22 +68,20 @@ def test_late_messages_are_red_bars():
 
 
 def test_the_editor_says_what_is_wrong_and_keeps_the_text():
-    controls, verdict, image = explorer().children
-    editor, side = controls.children
-    upload, rate, _ = side.children
-    before = bytes(image.value)
-    rate.value = 50_000
-    assert "speed" in verdict.value and bytes(image.value) != before
-    editor.value = "name,arbitration_id,dlc,period_ms\noil,1,9,10\n"
-    assert "row 2" in verdict.value and editor.value.startswith("name")
-    content = memoryview(b"name,arbitration_id,dlc,period_ms\noil,1,8,10\n")
-    upload.value = [
-        {
-            "name": "a.csv",
-            "type": "",
-            "size": 10,
-            "content": content,
-            "last_modified": datetime(2026, 1, 1),
-        }
-    ]
-    assert "all 1 messages meet their deadlines" in verdict.value
+    page = explorer()
+    before = page.figure.value
+    page.controls["bit_rate"].value = 50_000
+    assert "speed" in page.text and page.figure.value != before
+    page.controls["text"].value = "name,arbitration_id,dlc,period_ms\noil,1,9,10\n"
+    assert "row 2" in page.text and page.controls["text"].value.startswith("name")
+    load(page.uploads["load a message set"], b"name,arbitration_id,dlc,period_ms\noil,1,8,10\n")
+    assert "all 1 messages meet their deadlines" in page.text
+
+
+def test_a_file_that_is_no_text_changes_nothing_and_what_windows_writes_is_text():
+    page = explorer()
+    load(page.uploads["load a message set"], b"\x89PNG\0", "a.png")
+    assert page.note == "a.png: this is no text file"
+    assert page.controls["text"].value == EXAMPLE and "meet their deadlines" in page.text
+    load(page.uploads["load a message set"], EXAMPLE.replace("alarm", "\xf6l").encode("cp1252"))
+    assert "\xf6l" in page.controls["text"].value and page.note == ""

@@ -72,23 +72,20 @@ def test_old_values_have_a_colour_and_a_star_of_their_own():
 def test_a_cable_that_only_the_ring_has_can_be_cut_there():
     result = update(Inputs(CLOSING, RING, 20))
     assert (result.old, result.marked, result.raised) == (0, 0, [])
-    box = explorer()
-    fault, design, _ = box.children[0].children
-    fault.value = CLOSING
-    assert "has no such cable" in box.children[1].value
-    design.value = RING
-    assert "all values fresh" in box.children[1].value
+    page = explorer()
+    page.controls["fault"].value = CLOSING
+    assert "has no such cable" in page.text
+    page.controls["design"].value = RING
+    assert "all values fresh" in page.text
 
 
 def test_the_controls_start_where_the_inputs_do():
-    box = explorer()
-    controls = box.children[0].children
-    assert [control.value for control in controls] == [
-        getattr(Inputs(), name) for name in Inputs.__slots__
-    ]
-    picture = bytes(box.children[2].value)
-    controls[1].value = MENDED
-    assert "0 old values" in box.children[1].value and "18 points" in box.children[1].value
-    assert bytes(box.children[2].value) != picture
-    controls[0].value = "none"
-    assert "all values fresh" in box.children[1].value
+    page = explorer()
+    values = [control.value for control in page.controls.values()]
+    assert values == [getattr(Inputs(), name) for name in page.controls]
+    picture = page.figure.value
+    page.controls["design"].value = MENDED
+    assert "0 old values" in page.text and "18 points" in page.text
+    assert page.figure.value != picture
+    page.controls["fault"].value = "none"
+    assert "all values fresh" in page.text

@@ -72,14 +72,17 @@ def test_the_figure_shows_the_limit_and_the_choice():
 
 
 def test_the_sliders_start_where_the_inputs_do_and_errors_are_sentences():
-    box = explorer()
-    rows = [row for column in box.children[0].children for row in column.children]
-    assert [row.value for row in rows] == [getattr(Inputs(), name) for name in Inputs.__slots__]
-    picture = bytes(box.children[2].value)
-    rows[5].value = 5
-    assert "too slow: 6.4" in box.children[1].value
-    assert bytes(box.children[2].value) != picture
-    rows[6].value = 20.0
-    assert "timeout is 0.02 s; it must be" in box.children[1].value
-    rows[2].value, rows[6].value = 3, 100.0  # fewer slaves than are said to be dead
-    assert "scan: 0.655 s" in box.children[1].value
+    page = explorer()
+    values = [control.value for control in page.controls.values()]
+    assert values == [getattr(Inputs(), name) for name in page.controls]
+    picture = page.figure.value
+    page.controls["dead"].value = 5
+    assert "too slow: 6.4" in page.text
+    assert page.figure.value != picture
+    page.controls["timeout_ms"].value = 20.0
+    assert "timeout is 0.02 s; it must be" in page.text
+    page.controls["timeout_ms"].value = 100.0
+    # Fewer slaves than are said to be dead.
+    page.controls["slaves"].value = 3
+    assert page.controls["dead"].value == page.controls["dead"].max == 3
+    assert "scan: 0.655 s" in page.text

@@ -11,7 +11,6 @@ from shipnet.ballast import Fault
 from shipnet.ballast.serving import valve_server
 from shipnet.errors import ArgumentError
 from shipnet.modbus.frame import decode_tcp, encode_tcp
-from shipnet.tools._view import BAD
 from shipnet.tools.valve_client import Inputs, Link, ModelValves, draw, explorer, send, update
 
 
@@ -137,29 +136,23 @@ def test_the_picture_has_a_bar_for_every_valve_and_frames_the_chosen_one():
     assert legend == ["closed", "moving", "silent"]
 
 
-def controls(box):
-    left, right = (column.children for column in box.children[0].children)
-    buttons = {b.description: b for b in (*right[2].children, right[3].children[0])}
-    return {"address": left[0], "port": left[1], "valves": left[2], "valve": right[0]}, buttons
-
-
 def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it():
     before = threading.active_count()
     box = explorer()
-    fields, buttons = controls(box)
+    fields, buttons = box.controls, box.buttons
     device = box.server.slaves[3].device
-    picture = bytes(box.children[2].value)
+    picture = box.figure.value
     fields["valve"].value = 3
-    assert bytes(box.children[2].value) != picture
+    assert box.figure.value != picture
     buttons["open"].click()
     assert device.plant.running.tolist() == [False, False, True] + [False] * 13
-    assert "last command: valve 3: open" in box.children[1].value
-    assert "valve 3: moving" in box.children[1].value
+    assert "last command: valve 3: open" in box.text
+    assert "valve 3: moving" in box.text
     buttons["position"].click()
     assert device.plant.running[2]
     fields["valves"].value = 17
     fields["valve"].value = 17
-    assert "valve 17 does not answer" in box.children[1].value
+    assert "valve 17 does not answer" in box.text
     port = box.server.port
     box.close()
     assert threading.active_count() == before
@@ -180,14 +173,14 @@ def test_a_reading_that_is_missing_is_said_and_is_no_silence():
 def test_a_refusal_colours_its_valve_only_until_that_obeys():
     box = explorer()
     try:
-        fields, buttons = controls(box)
+        fields, buttons = box.controls, box.buttons
         device = box.server.slaves[2].device
         device.local = True
         colours = []
 
         def look(valve):
             fields["valve"].value = valve
-            colours.append(BAD in box.children[1].value)
+            colours.append(not box.good)
 
         look(2)
         buttons["open"].click()
@@ -203,7 +196,7 @@ def test_a_refusal_colours_its_valve_only_until_that_obeys():
 
 def test_what_is_typed_counts_when_it_is_finished():
     box = explorer()
-    fields, _ = controls(box)
+    fields = box.controls
     box.close()
     assert not any(fields[name].continuous_update for name in ("address", "port", "valves"))
 
@@ -211,17 +204,17 @@ def test_what_is_typed_counts_when_it_is_finished():
 def test_the_explorer_goes_to_a_server_that_is_typed_and_says_where_none_is():
     box = explorer()
     try:
-        fields, buttons = controls(box)
+        fields, buttons = box.controls, box.buttons
         with valve_server(2, speed=0, faults=[Fault("Pos3", valves=0)]) as other:
             fields["port"].value = other.port
             fields["valves"].value = 2
             fields["address"].value = "127.0.0.1"
-            assert "valve 1: part open, 15 %" in box.children[1].value
+            assert "valve 1: part open, 15 %" in box.text
         buttons["read again"].click()
-        assert "127.0.0.1" in box.children[1].value
-        assert "no server" in box.children[1].value or "does not answer" in box.children[1].value
+        assert "127.0.0.1" in box.text
+        assert "no server" in box.text or "does not answer" in box.text
         fields["address"].value = ""
-        assert "valve 1: closed" in box.children[1].value
+        assert "valve 1: closed" in box.text
     finally:
         box.close()
 

@@ -115,27 +115,27 @@ def test_the_bars_are_the_strengths_and_crosses_mark_what_is_printed():
 
 
 def test_the_sliders_start_where_the_inputs_do_and_a_fault_sets_them():
-    controls, verdict, image = explorer().children
-    (fault, severity, state, commanded, cut), sliders = (c.children for c in controls.children)
-    names = published.rule_base("kim2014").names
-    assert [s.value for s in sliders] == [getattr(Inputs(), name) for name in names]
-    assert commanded.value
-    assert cut.value == 0.5
-    assert "normal" in verdict.value
-    picture = bytes(image.value)
-    fault.value = "V1"
-    assert "V1: valve stuck" in verdict.value
-    assert bytes(image.value) != picture
-    assert sliders[0].value == pytest.approx(from_plant("V1").FP)
-    severity.value = 0.0
-    assert "normal" in verdict.value
-    severity.value, state.value = 1.0, "at rest, closed"
-    assert not commanded.value
-    sliders[0].value, sliders[2].value = 125.0, 0.0
-    assert "G1: pressure gauge fault" in verdict.value
-    cut.value = 1.0
-    sliders[0].value = 124.0
-    assert "closest G1 0.90" in verdict.value
+    page = explorer()
+    values = [control.value for control in page.controls.values()]
+    assert values == [getattr(Inputs(), name) for name in page.controls]
+    assert "normal" in page.text
+    picture = page.figure.value
+    controls, plant = page.controls, page.presets
+    plant["fault"].value = "V1"
+    assert "V1: valve stuck" in page.text
+    assert page.figure.value != picture
+    assert controls["FP"].value == pytest.approx(from_plant("V1").FP, abs=0.025)
+    plant["severity"].value = 0.0
+    assert "normal" in page.text
+    plant["severity"].value, plant["state"].value = 1.0, "at rest, closed"
+    assert not controls["commanded"].value
+    controls["FP"].value, controls["MC"].value = 125.0, 0.0
+    assert "G1: pressure gauge fault" in page.text
+    controls["cut"].value = 1.0
+    controls["FP"].value = 124.0
+    assert "closest G1 0.90" in page.text
+    plant["state"].value = "opening"
+    assert controls["cut"].value == 1.0
 
 
 def test_the_confusion_matrix_shows_percent_and_frames_what_is_right():

@@ -1,21 +1,88 @@
-"""What the views of all tools share: a figure as a picture, and coloured text."""
+"""What a tool has to say: a verdict, numbers below it, and a figure, as HTML."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from base64 import b64encode
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from html import escape
 from io import BytesIO
 
-import ipywidgets as widgets
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shipnet import style
+__all__ = ["View", "picture"]
 
-__all__ = ["BAD", "GOOD", "Board", "coloured", "follow", "picture"]
+#: Width of a picture [inch], and its resolution [1/inch]; a page shows it at 100 a inch.
+_WIDTH, _DPI = 7.5, 150
 
-#: Colours of a verdict.
-GOOD, BAD = "#1a7f4b", style.LIMIT["color"]
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """What a tool shows.
+
+    Attributes
+    ----------
+    text : str
+        The verdict; line breaks are kept.
+    good : bool
+        Whether it is good news.
+    numbers : dict of str to str, optional
+        What stands below it, by name and with units.
+    draw : callable, optional
+        Takes axes and draws the figure on them; without it the last one stays, paled.
+    height : float, default 3.6
+        Height of the figure [inch].
+    about : str, optional
+        What the figure shows, for who does not see it; the verdict is put behind it.
+    files : dict of str to str or bytes, optional
+        Files to download, by their names.
+
+    Examples
+    --------
+    >>> view = View(text="in time", good=True, numbers={"load": "12 %"})
+    >>> print(view)
+    in time
+    load: 12 %
+    """
+
+    text: str
+    good: bool
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    draw: Callable[[Axes], object] | None = None
+    height: float = 3.6
+    about: str = ""
+    files: Mapping[str, str | bytes] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """Return verdict and numbers as lines of text."""
+        return "\n".join([self.text, *(f"{name}: {said}" for name, said in self.numbers.items())])
+
+    @property
+    def verdict(self) -> str:
+        """The verdict and the numbers as HTML."""
+        kind = "good" if self.good else "bad"
+        said = escape(self.text).replace("\n", "<br>")
+        rows = "".join(
+            f"<dt>{escape(name)}</dt><dd>{escape(number)}</dd>"
+            for name, number in self.numbers.items()
+        )
+        numbers = f'<dl class="shipnet-numbers">{rows}</dl>' if rows else ""
+        return f'<p class="shipnet-verdict shipnet-{kind}" role="status">{said}</p>{numbers}'
+
+    @property
+    def figure(self) -> str:
+        """The figure as HTML; empty without `draw`."""
+        if self.draw is None:
+            return ""
+        size = f'width="{100 * _WIDTH:g}" height="{100 * self.height:g}"'
+        png = b64encode(picture(self.draw, _WIDTH, self.height)).decode()
+        alt = f"{self.about}: {self.text}" if self.about else self.text
+        # Decoded at once, else the page would blink at every step of a slider.
+        return (
+            f'<img class="shipnet-picture" decoding="sync" {size} alt="{escape(alt)}" '
+            f'src="data:image/png;base64,{png}">'
+        )
 
 
 def picture(draw: Callable[[Axes], object], width: float, height: float) -> bytes:
@@ -41,90 +108,5 @@ def picture(draw: Callable[[Axes], object], width: float, height: float) -> byte
     figure = Figure(figsize=(width, height), layout="constrained")
     draw(figure.subplots())
     file = BytesIO()
-    figure.savefig(file, format="png", dpi=100)
+    figure.savefig(file, format="png", dpi=_DPI)
     return file.getvalue()
-
-
-def coloured(text: str, colour: str) -> str:
-    """Return text in bold and colour; line breaks are kept.
-
-    Parameters
-    ----------
-    text : str
-        Text, not HTML.
-    colour : str
-        A colour that browsers know.
-
-    Returns
-    -------
-    str
-        HTML.
-
-    Examples
-    --------
-    >>> coloured("1 < 2", GOOD)
-    '<b style="color: #1a7f4b">1 &lt; 2</b>'
-    """
-    return f'<b style="color: {colour}">{escape(text).replace(chr(10), "<br>")}</b>'
-
-
-class Board:
-    """Where a tool writes its verdict and draws its figure.
-
-    Attributes
-    ----------
-    parts : tuple of ipywidgets.Widget
-        The text, and the picture below it.
-
-    Examples
-    --------
-    >>> board = Board()
-    >>> board.show("in time", GOOD, {"load": "12 %"}, lambda ax: ax.plot([0, 1]), 2)
-    >>> text, image = board.parts
-    >>> text.value
-    '<b style="color: #1a7f4b">in time</b><br>load: 12 %'
-    """
-
-    def __init__(self) -> None:
-        self._text, self._image = widgets.HTML(), widgets.Image(format="png")
-        self.parts = (self._text, self._image)
-
-    def say(self, text: str, colour: str, numbers: Mapping[str, str] | None = None) -> None:
-        """Write a coloured verdict, and numbers below it; the picture stays."""
-        facts = (f"{name}: {number}" for name, number in (numbers or {}).items())
-        self._text.value = "<br>".join([coloured(text, colour), *facts])
-
-    def show(
-        self,
-        text: str,
-        colour: str,
-        numbers: Mapping[str, str],
-        draw: Callable[[Axes], object],
-        height: float,
-    ) -> None:
-        """Write the verdict and draw a figure of this height [inch]."""
-        self.say(text, colour, numbers)
-        self._image.value = picture(draw, 7.5, height)
-
-
-def follow(show: Callable[[], None], controls: Iterable[widgets.Widget]) -> None:
-    """Call a function now, and again whenever a control changes its value.
-
-    Parameters
-    ----------
-    show : callable
-        Takes nothing.
-    controls : iterable of ipywidgets.Widget
-        What to watch.
-
-    Examples
-    --------
-    >>> slider, seen = widgets.IntSlider(1), []
-    >>> follow(lambda: seen.append(slider.value), [slider])
-    >>> slider.value = 5
-    >>> seen
-    [1, 5]
-    """
-    for control in controls:
-        control.observe(lambda _: show(), "value")
-    show()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import MappingProxyType
 
-import ipywidgets as widgets
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
@@ -23,11 +22,13 @@ from shipnet.asi.receiver import (
 from shipnet.asi.response import Response
 from shipnet.asi.slots import bits_of_slots
 from shipnet.asi.topology import straight_line
-from shipnet.errors import ArgumentError, FrameError, SilenceError
+from shipnet.errors import FrameError, SilenceError
 from shipnet.line import CABLES, Cable
-from shipnet.tools._view import BAD, GOOD, Board, follow
+from shipnet.tools._inputs import check, choice, number, switch, whole
+from shipnet.tools._page import Page
+from shipnet.tools._view import View
 
-__all__ = ["CABLE_CHOICES", "Inputs", "Result", "draw", "explorer", "update"]
+__all__ = ["CABLE_CHOICES", "Inputs", "Result", "draw", "explorer", "update", "view"]
 
 #: Cables to choose from. The corners combine the limits of a data sheet, 0.5 to 0.75 uH/m and at
 #: most 80 pF/m (Lapp, UNITRONIC BUS ASI); their resistance is that of the nominal cable.
@@ -59,17 +60,17 @@ class Inputs:
     length : float, default 100
         Length of the cable, 1..500 [m].
     place : float, default 5
-        Distance of the slave from master and supply [m]; beyond the end means at the end.
+        Distance of the slave from master and supply, 0..500 [m]; beyond the end means at the end.
     cable : str, default the nominal one
         Key of `CABLE_CHOICES`.
     terminator : bool, default False
         Whether 100 ohm end the cable.
     noise : float, default 0
-        Standard deviation of white noise at the master, sampled at 4 MS/s [V].
+        Standard deviation of white noise at the master, sampled at 4 MS/s, 0..10 [V].
     data : int, default 6
         What the slave answers, 0..15.
     seed : int, default 0
-        Of the noise: another seed, another try.
+        Of the noise, 0..999: another seed, another try.
 
     Raises
     ------
@@ -77,25 +78,31 @@ class Inputs:
         If a value is outside its range.
     """
 
-    length: float = 100.0
-    place: float = 5.0
-    cable: str = next(iter(CABLE_CHOICES))
-    terminator: bool = False
-    noise: float = 0.0
-    data: int = 6
-    seed: int = 0
+    length: float = number(
+        100.0, 1, 500, unit="m", slider=(10, 300), step=5, label="length",
+        help="Length of the cable. The standard allows 100 m without a repeater.",
+    )  # fmt: skip
+    place: float = number(
+        5.0, 0, 500, unit="m", slider=(0, 300), step=5, label="slave at",
+        help="Distance of the slave from master and supply; beyond the end means at the end.",
+    )  # fmt: skip
+    cable: str = choice(
+        next(iter(CABLE_CHOICES)), list(CABLE_CHOICES), label="cable",
+        help="Impedance and delay: the nominal cable, and the corners of a data sheet's limits.",
+    )  # fmt: skip
+    terminator: bool = switch(
+        False, label="100 ohm at the end", help="A resistor at the far end takes up the echo."
+    )
+    noise: float = number(
+        0.0, 0, 10, unit="V", slider=(0, 1.5), step=0.05, label="noise",
+        help="Standard deviation of white noise at the master, sampled at 4 MS/s.",
+    )  # fmt: skip
+    data: int = whole(6, 0, 15, label="data", help="The four bits that the slave answers.")
+    seed: int = whole(0, 0, 999, slider=(0, 99), label="try", help="Another try draws other noise.")
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not 1 <= self.length <= 500:
-            raise ArgumentError(f"length is {self.length} m; it must be 1..500 m")
-        if not 0 <= self.place < np.inf:
-            raise ArgumentError(f"place is {self.place} m; it must be 0 m or more")
-        if self.cable not in CABLE_CHOICES:
-            known = ", ".join(map(repr, CABLE_CHOICES))
-            raise ArgumentError(f"cable is {self.cable!r}; it must be one of {known}")
-        if not 0 <= self.noise <= 10:
-            raise ArgumentError(f"noise is {self.noise} V; it must be 0..10 V")
+        check(self)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -167,11 +174,6 @@ def update(inputs: Inputs) -> Result:
     -------
     Result
         Waveform, bits and the error, if there is one.
-
-    Raises
-    ------
-    ArgumentError
-        If `data` is outside 0..15.
 
     Examples
     --------
@@ -245,8 +247,35 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     return ax
 
 
-def explorer() -> widgets.VBox:
-    """Return the sliders with the figure that follows them.
+def view(result: Result) -> View:
+    """Return what the page shows of a result.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+
+    Returns
+    -------
+    View
+        Verdict, numbers and figure.
+
+    Examples
+    --------
+    >>> view(update(Inputs())).good
+    True
+    """
+    return View(
+        text=result.verdict,
+        good=result.read == result.sent,
+        numbers=result.numbers,
+        draw=lambda ax: draw(result, ax=ax),
+        about="Voltage at the master over time, and the pulses that the receiver finds",
+    )
+
+
+def explorer() -> Page:
+    """Return the page: sliders, what the master reads, and the voltage that it sees.
 
     Returns
     -------
@@ -255,30 +284,7 @@ def explorer() -> widgets.VBox:
 
     Examples
     --------
-    >>> sliders, verdict, image = explorer().children
-    >>> "read 0011001" in verdict.value
+    >>> "read 0011001" in explorer().text
     True
     """
-    wide = {"style": {"description_width": "9em"}, "layout": {"width": "30em"}}
-    controls = {
-        "length": widgets.FloatSlider(
-            100, min=10, max=300, step=5, description="length [m]", **wide
-        ),
-        "place": widgets.FloatSlider(5, min=0, max=300, step=5, description="slave at [m]", **wide),
-        "cable": widgets.Dropdown(options=list(CABLE_CHOICES), description="cable", **wide),
-        "terminator": widgets.Checkbox(False, description="100 ohm at the end", **wide),
-        "noise": widgets.FloatSlider(0, min=0, max=1.5, step=0.05, description="noise [V]", **wide),
-        "data": widgets.IntSlider(6, min=0, max=15, description="data", **wide),
-        "seed": widgets.IntSlider(0, min=0, max=99, description="try", **wide),
-    }
-    board = Board()
-
-    def show() -> None:
-        result = update(Inputs(**{name: control.value for name, control in controls.items()}))
-        colour = GOOD if result.read == result.sent else BAD
-        board.show(result.verdict, colour, result.numbers, lambda ax: draw(result, ax=ax), 3.6)
-
-    follow(show, controls.values())
-    rows = list(controls.values())
-    columns = widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])])
-    return widgets.VBox([columns, *board.parts])
+    return Page("asi_line", Inputs(), lambda inputs: view(update(inputs)))

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-import ipywidgets as widgets
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -16,13 +15,15 @@ from shipnet.asi.network.plan import Plan
 from shipnet.asi.network.plot import plot_plan
 from shipnet.asi.network.rules import check
 from shipnet.asi.network.structures import evenly, line, numbered, ring, star
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.tools._view import BAD, GOOD, Board, follow
+from shipnet.tools._inputs import check as check_inputs
+from shipnet.tools._inputs import choice, number, whole
+from shipnet.tools._page import Page
+from shipnet.tools._view import View
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["STRUCTURES", "Inputs", "Result", "draw", "explorer", "update"]
+__all__ = ["STRUCTURES", "Inputs", "Result", "draw", "explorer", "update", "view"]
 
 #: Structures to choose from, and what each does with the cable.
 STRUCTURES = MappingProxyType(
@@ -66,30 +67,36 @@ class Inputs:
         If a value is outside its range.
     """
 
-    slaves: int = 31
-    pairs: int = 0
-    structure: str = "line"
-    length: float = 100.0
-    supply: float = 0.5
-    current_ma: float = 65.0
-    error_rate: float = 0.0
+    slaves: int = whole(
+        31, 1, 2 * ADDRESSES, label="slaves", help="Slaves; above 31 they share addresses."
+    )
+    pairs: int = whole(
+        0, 0, ADDRESSES, label="A/B pairs",
+        help="Addresses that an A and a B slave share; what cannot be is brought into range.",
+    )  # fmt: skip
+    structure: str = choice(
+        "line", {name: f"{name}: {what}" for name, what in STRUCTURES.items()}, label="structure",
+        help="How the cable runs; the standard leaves it free.",
+    )  # fmt: skip
+    length: float = number(
+        100.0, 10, 300, unit="m", step=5, label="cable", help="Length of all cable together."
+    )
+    supply: float = number(
+        0.5, 0, 1, step=0.05, label="place of supply",
+        help="0 is beside the master, 1 at the end; in a ring it stands beside the master.",
+    )  # fmt: skip
+    current_ma: float = number(
+        65.0, 0, 500, unit="mA", slider=(0, 200), step=5, label="a slave draws",
+        help="Current of each slave, which costs voltage along the cable.",
+    )  # fmt: skip
+    error_rate: float = number(
+        0.0, 0, 1, slider=(0, 0.5), step=0.01, label="error rate",
+        help="Probability that an exchange with a slave fails and is repeated.",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        check_whole("slaves", self.slaves, 1, 2 * ADDRESSES)
-        check_whole("pairs", self.pairs, 0, ADDRESSES)
-        if self.structure not in STRUCTURES:
-            known = ", ".join(map(repr, STRUCTURES))
-            raise ArgumentError(f"structure is {self.structure!r}; it must be one of {known}")
-        for name, unit, low, high in [
-            ("length", " m", 10, 300),
-            ("supply", "", 0, 1),
-            ("current_ma", " mA", 0, 500),
-            ("error_rate", "", 0, 1),
-        ]:
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ArgumentError(f"{name} is {value}{unit}; it must be {low}..{high}{unit}")
+        check_inputs(self)
 
     @property
     def shared(self) -> int:
@@ -234,8 +241,36 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     return plot_plan(result.plan, result.rules, ax=ax)
 
 
-def explorer() -> widgets.VBox:
-    """Return the sliders with the plan that follows them.
+def view(result: Result) -> View:
+    """Return what the page shows of a result.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+
+    Returns
+    -------
+    View
+        Verdict, numbers and figure.
+
+    Examples
+    --------
+    >>> view(update(Inputs())).text.split(":")[0]
+    'all rules kept'
+    """
+    return View(
+        text="\n".join(result.broken) or f"all rules kept: {len(result.rules)} checks",
+        good=not result.broken,
+        numbers=result.numbers,
+        draw=lambda ax: draw(result, ax=ax),
+        height=3.2,
+        about="Plan of master, supply, cables and slaves; what breaks a rule is red",
+    )
+
+
+def explorer() -> Page:
+    """Return the page: sliders, the rules that are broken, and the plan.
 
     Returns
     -------
@@ -244,39 +279,7 @@ def explorer() -> widgets.VBox:
 
     Examples
     --------
-    >>> sliders, verdict, image = explorer().children
-    >>> "all rules kept" in verdict.value
+    >>> "all rules kept" in explorer().text
     True
     """
-    wide = {"style": {"description_width": "9em"}, "layout": {"width": "30em"}}
-    still = {**wide, "continuous_update": False}
-    start = Inputs()
-    controls = {
-        "slaves": widgets.IntSlider(start.slaves, min=1, max=62, description="slaves", **still),
-        "pairs": widgets.IntSlider(start.pairs, min=0, max=31, description="A/B pairs", **still),
-        "structure": widgets.Dropdown(options=list(STRUCTURES), description="structure", **wide),
-        "length": widgets.FloatSlider(
-            start.length, min=10, max=300, step=5, description="cable [m]", **still
-        ),
-        "supply": widgets.FloatSlider(
-            start.supply, min=0, max=1, step=0.05, description="supply, 0 to 1", **still
-        ),
-        "current_ma": widgets.FloatSlider(
-            start.current_ma, min=0, max=200, step=5, description="a slave [mA]", **still
-        ),
-        "error_rate": widgets.FloatSlider(
-            start.error_rate, min=0, max=0.5, step=0.01, description="error rate", **still
-        ),
-    }
-    board = Board()
-
-    def show() -> None:
-        result = update(Inputs(**{name: control.value for name, control in controls.items()}))
-        said = "\n".join(result.broken) or f"all rules kept: {len(result.rules)} checks"
-        colour = BAD if result.broken else GOOD
-        board.show(said, colour, result.numbers, lambda ax: draw(result, ax=ax), 3.2)
-
-    follow(show, controls.values())
-    rows = list(controls.values())
-    columns = widgets.HBox([widgets.VBox(rows[:4]), widgets.VBox(rows[4:])])
-    return widgets.VBox([columns, *board.parts])
+    return Page("asi_network", Inputs(), lambda inputs: view(update(inputs)))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import ipywidgets as widgets
 from matplotlib.axes import Axes
 
 from shipnet.can.schedule import (
@@ -20,13 +19,15 @@ from shipnet.can.schedule import (
 )
 from shipnet.can.schedule.lengths import Lengths
 from shipnet.can.schedule.plot import plot_response_times
-from shipnet.errors import InputError, check_whole
-from shipnet.tools._view import BAD, GOOD, Board, follow
+from shipnet.tools._inputs import check, choice, text, whole
+from shipnet.tools._page import Page, Upload
+from shipnet.tools._state import decode_text
+from shipnet.tools._view import View
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["EXAMPLE", "Inputs", "Result", "draw", "explorer", "update"]
+__all__ = ["EXAMPLE", "Inputs", "Result", "draw", "explorer", "update", "view"]
 
 #: An example to begin with: synthetic, the messages of an engine's junction boxes and controls.
 EXAMPLE = """name,arbitration_id,dlc,period_ms,deadline_ms,sender
@@ -50,26 +51,36 @@ class Inputs:
     Parameters
     ----------
     text : str, default `EXAMPLE`
-        Message set as CSV, with the columns of `shipnet.can.schedule.load_messages`.
+        Message set as CSV, with the columns of `shipnet.can.schedule.load_messages`; up to
+        200000 characters.
     bit_rate : int, default 125000
-        Bit rate, 1000..1000000 [bit/s].
+        Bit rate, one of `shipnet.can.schedule.BIT_RATES` [bit/s].
     errors_per_s : int, default 0
         Errors on the bus, evenly spread, 0..1000 [1/s].
 
     Raises
     ------
     ArgumentError
-        If a number is outside its range.
+        If a value is outside its range.
     """
 
-    text: str = EXAMPLE
-    bit_rate: int = 125_000
-    errors_per_s: int = 0
+    text: str = text(
+        EXAMPLE, most=200_000, rows=12, label="message set",
+        help="One message a line: name, arbitration_id, dlc and period_ms; more columns are free. "
+        "It is read when you leave the editor.",
+    )  # fmt: skip
+    bit_rate: int = choice(
+        125_000, {rate: f"{rate / 1e3:g}" for rate in BIT_RATES}, slider=True, unit="kbit/s",
+        label="bit rate", help="Standard bit rates; a longer bus needs a lower one.",
+    )  # fmt: skip
+    errors_per_s: int = whole(
+        0, 0, 1000, slider=(0, 100), unit="1/s", label="errors",
+        help="Errors on the bus, evenly spread; each costs an error frame and a repetition.",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
-        check_whole("bit_rate", self.bit_rate, 1000, 1_000_000)
-        check_whole("errors_per_s", self.errors_per_s, 0, 1000)
+        """Check the values."""
+        check(self)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -181,8 +192,36 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     return plot_response_times(result.responses, ax=ax)
 
 
-def explorer() -> widgets.VBox:
-    """Return an editor and an upload for messages, a bit rate, and the figure that follows them.
+def view(result: Result) -> View:
+    """Return what the page shows of a result.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+
+    Returns
+    -------
+    View
+        Verdict, numbers and figure.
+
+    Examples
+    --------
+    >>> view(update(Inputs())).good
+    True
+    """
+    return View(
+        text=result.verdict,
+        good=not result.late,
+        numbers=result.numbers,
+        draw=lambda ax: draw(result, ax=ax),
+        height=1.2 + 0.28 * len(result.responses),
+        about="Longest response time of each message, as a bar, against its deadline",
+    )
+
+
+def explorer() -> Page:
+    """Return the page: an editor and an upload for messages, a bit rate, and the response times.
 
     Returns
     -------
@@ -191,40 +230,12 @@ def explorer() -> widgets.VBox:
 
     Examples
     --------
-    >>> controls, verdict, image = explorer().children
-    >>> "meet their deadlines" in verdict.value
+    >>> "meet their deadlines" in explorer().text
     True
     """
-    start = Inputs()
-    wide = {"style": {"description_width": "9em"}, "layout": {"width": "26em"}}
-    editor = widgets.Textarea(
-        start.text, layout={"width": "34em", "height": "16em"}, continuous_update=False
-    )
-    upload = widgets.FileUpload(accept=".csv,.txt", description="message set")
-    rate = widgets.SelectionSlider(
-        options=[(f"{rate / 1e3:g}", rate) for rate in BIT_RATES],
-        value=start.bit_rate, description="bit rate [kbit/s]", **wide,
-    )  # fmt: skip
-    errors = widgets.IntSlider(
-        start.errors_per_s, min=0, max=100, description="errors [1/s]", **wide
-    )
-    board = Board()
 
-    def show() -> None:
-        try:
-            result = update(Inputs(editor.value, rate.value, errors.value))
-        except InputError as error:
-            board.say(str(error), BAD)
-            return
-        height = 1.2 + 0.28 * len(result.responses)
-        colour = BAD if result.late else GOOD
-        board.show(result.verdict, colour, result.numbers, lambda ax: draw(result, ax=ax), height)
+    def take(inputs: Inputs, name: str, content: bytes) -> Inputs:
+        return replace(inputs, text=decode_text(name, content))
 
-    def load(_change: object = None) -> None:
-        for file in upload.value:
-            editor.value = bytes(file["content"]).decode("utf-8-sig", errors="replace")
-
-    upload.observe(load, "value")
-    follow(show, (editor, rate, errors))
-    side = widgets.VBox([upload, rate, errors])
-    return widgets.VBox([widgets.HBox([editor, side]), *board.parts])
+    own = Upload("load a message set", "A CSV file; it replaces the text above.", ".csv,.txt", take)
+    return Page("can_load", Inputs(), lambda inputs: view(update(inputs)), uploads=[own])

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import ipywidgets as widgets
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -18,13 +17,15 @@ from shipnet.engine.screen import SyntheticValues, screen
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
-from shipnet.tools._view import BAD, GOOD, Board, follow
+from shipnet.tools._inputs import check, choice, number
+from shipnet.tools._page import Page
+from shipnet.tools._view import View
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["DESIGNS", "FAULTS", "START", "Inputs", "Result", "draw", "explorer", "update"]
+__all__ = ["DESIGNS", "FAULTS", "START", "Inputs", "Result"]
+__all__ += ["draw", "explorer", "update", "view"]
 
 #: When the fault begins, and the last time that can be looked at [s].
 START, _END = 10.0, 25.0
@@ -64,20 +65,25 @@ class Inputs:
         If a value is outside its range.
     """
 
-    fault: str = "box dead JB2"
-    design: str = next(iter(DESIGNS))
-    time: float = 13.0
+    fault: str = choice(
+        "box dead JB2", list(FAULTS), label="fault",
+        help=f"What fails, {START:g} s after the start; JB is a junction box.",
+    )  # fmt: skip
+    design: str = choice(
+        next(iter(DESIGNS)), list(DESIGNS), label="design",
+        help="The system as lee2012 prints it, or with what this suite mends in it.",
+    )  # fmt: skip
+    time: float = number(
+        13.0, 2, _END, unit="s", step=0.25, label="time",
+        help=f"When the screen is looked at; the fault begins at {START:g} s.",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Check all three, and that the design can have the fault."""
-        for name, known in (("fault", FAULTS), ("design", DESIGNS)):
-            if getattr(self, name) not in list(known):
-                legal = ", ".join(map(repr, known))
-                raise ArgumentError(f"{name} is {getattr(self, name)!r}; it must be one of {legal}")
+        check(self)
         chosen = FAULTS[self.fault]
         if chosen is not None and chosen.where not in chosen.places(DESIGNS[self.design]):
             raise ArgumentError(f"fault is {self.fault!r}; {self.design!r} has no such cable")
-        check_scalar("time", self.time, "s", 2, _END)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -193,8 +199,37 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     return plot_screen(result.screen, ax=ax, old=RULE)
 
 
-def explorer() -> widgets.VBox:
-    """Return the controls with the screen that follows them.
+def view(result: Result) -> View:
+    """Return what the page shows of a result.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+
+    Returns
+    -------
+    View
+        Verdict, numbers and figure.
+
+    Examples
+    --------
+    >>> view(update(Inputs())).text
+    '18 old values shown as good'
+    """
+    healthy = not (result.old or result.marked or result.raised)
+    return View(
+        text="all values fresh" if healthy else f"{result.old} old values shown as good",
+        good=not result.old,
+        numbers=result.numbers,
+        draw=lambda ax: draw(result, ax=ax),
+        height=4.6,
+        about="Screen of the alarm monitoring system, a field for each value",
+    )
+
+
+def explorer() -> Page:
+    """Return the page: a fault, a design and a time, and what the screen shows.
 
     Returns
     -------
@@ -203,33 +238,7 @@ def explorer() -> widgets.VBox:
 
     Examples
     --------
-    >>> controls, verdict, image = explorer().children
-    >>> "18 points" in verdict.value
+    >>> "18 points" in explorer().text
     True
     """
-    wide = {"style": {"description_width": "6em"}, "layout": {"width": "34em"}}
-    start = Inputs()
-    controls = {
-        "fault": widgets.Dropdown(
-            options=list(FAULTS), value=start.fault, description="fault", **wide
-        ),
-        "design": widgets.Dropdown(options=list(DESIGNS), description="design", **wide),
-        "time": widgets.FloatSlider(
-            start.time, min=2, max=_END, step=0.25, description="time [s]", **wide
-        ),
-    }
-    board = Board()
-
-    def show() -> None:
-        try:
-            result = update(Inputs(**{name: control.value for name, control in controls.items()}))
-        except ArgumentError as error:
-            board.say(str(error), BAD)
-            return
-        healthy = not (result.old or result.marked or result.raised)
-        said = "all values fresh" if healthy else f"{result.old} old values shown as good"
-        colour = BAD if result.old else GOOD
-        board.show(said, colour, result.numbers, lambda ax: draw(result, ax=ax), 4.6)
-
-    follow(show, controls.values())
-    return widgets.VBox([widgets.VBox(list(controls.values())), *board.parts])
+    return Page("engine_faults", Inputs(), lambda inputs: view(update(inputs)))

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import ipywidgets as widgets
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from shipnet import style
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
 from shipnet.modbus.codes import FunctionCode
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import ReadRequest
 from shipnet.modbus.timing import Poll, Serial
-from shipnet.tools._view import BAD, GOOD, Board, follow
+from shipnet.tools._inputs import check, choice, number, whole
+from shipnet.tools._page import Page
+from shipnet.tools._view import View
 
-__all__ = ["BIT_RATES", "CHARACTERS", "Inputs", "Result", "draw", "explorer", "update"]
+__all__ = ["BIT_RATES", "CHARACTERS", "Inputs", "Result"]
+__all__ += ["draw", "explorer", "update", "view"]
 
 #: Bit rates to choose from [bit/s].
 BIT_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
@@ -56,31 +58,40 @@ class Inputs:
         If a value is outside its range.
     """
 
-    bit_rate: int = 9600
-    character: str = "8E1"
-    slaves: int = 31
-    registers: int = 10
-    processing_ms: float = 5.0
-    dead: int = 0
-    timeout_ms: float = 500.0
-    retries: int = 1
-    limit: float = 2.0
+    bit_rate: int = choice(
+        9600, BIT_RATES, unit="bit/s", label="bit rate", help="Bit rate of the line."
+    )
+    character: str = choice(
+        "8E1", CHARACTERS, label="character",
+        help="Data bits, parity and stop bits; the standard's have 11 bits, 8N1 has 10.",
+    )  # fmt: skip
+    slaves: int = whole(31, 1, LAST_UNIT, label="slaves", help="Slaves that are asked in turn.")
+    registers: int = whole(
+        10, 1, 125, label="registers of each", help="Holding registers read of each slave."
+    )
+    processing_ms: float = number(
+        5.0, 0, 500, unit="ms", slider=(0, 100), step=1, label="a slave works",
+        help="How long a slave works on a request, on top of the silence between frames.",
+    )  # fmt: skip
+    dead: int = whole(
+        0, 0, LAST_UNIT, at_most="slaves", label="dead slaves",
+        help="Slaves that do not answer: the master waits for each until its timeout.",
+    )  # fmt: skip
+    timeout_ms: float = number(
+        500.0, 10, 5000, unit="ms", slider=(10, 3000), step=10, label="response timeout",
+        help="How long the master waits for a response before it asks again or gives up.",
+    )  # fmt: skip
+    retries: int = whole(
+        1, 0, 10, label="retries", help="How many more times it asks a slave that is silent."
+    )
+    limit: float = number(
+        2.0, 0.1, 60, unit="s", slider=(0.1, 10), step=0.1, label="longest scan",
+        help="The limit that the scan is measured against.",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        for name, known in (("bit_rate", BIT_RATES), ("character", CHARACTERS)):
-            if getattr(self, name) not in known:
-                raise ArgumentError(f"{name} is {getattr(self, name)!r}; it must be one of {known}")
-        check_whole("slaves", self.slaves, 1, LAST_UNIT)
-        check_whole("registers", self.registers, 1, 125)
-        check_whole("dead", self.dead, 0, self.slaves)
-        check_whole("retries", self.retries, 0, 10)
-        for name, unit, low, high in [
-            ("processing_ms", "ms", 0, 500),
-            ("timeout_ms", "ms", 10, 5000),
-            ("limit", "s", 0.1, 60),
-        ]:
-            check_scalar(name, getattr(self, name), unit, low, high)
+        check(self)
 
     @property
     def poll(self) -> Poll:
@@ -216,15 +227,44 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     ax.set(xscale="log", yscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
     ax.set_xticks(BIT_RATES, [str(rate) for rate in BIT_RATES], fontsize="small")
     ax.set_xticks([], minor=True)
+    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     ax.yaxis.set_major_formatter("{x:g}")
-    ax.yaxis.set_minor_formatter("{x:g}")
+    ax.yaxis.set_minor_formatter(NullFormatter())
     ax.set_xlim(0.85 * BIT_RATES[0], 1.2 * BIT_RATES[-1])
     ax.legend(loc="upper right")
     return ax
 
 
-def explorer() -> widgets.VBox:
-    """Return the sliders with the scan that follows them.
+def view(result: Result) -> View:
+    """Return what the page shows of a result.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+
+    Returns
+    -------
+    View
+        Verdict, numbers and figure.
+
+    Examples
+    --------
+    >>> view(update(Inputs())).text
+    'in time: 1.576 s'
+    """
+    return View(
+        text=f"{'in time' if result.in_time else 'too slow'}: {result.scan:.3f} s",
+        good=result.in_time,
+        numbers=result.numbers,
+        draw=lambda ax: draw(result, ax=ax),
+        height=3.0,
+        about="Scan time over bit rate, both logarithmic, with the limit",
+    )
+
+
+def explorer() -> Page:
+    """Return the page: sliders, whether the scan is in time, and its time at every bit rate.
 
     Returns
     -------
@@ -233,48 +273,7 @@ def explorer() -> widgets.VBox:
 
     Examples
     --------
-    >>> sliders, verdict, image = explorer().children
-    >>> "in time" in verdict.value
+    >>> "in time" in explorer().text
     True
     """
-    wide = {"style": {"description_width": "11em"}, "layout": {"width": "30em"}}
-    start = Inputs()
-
-    def whole(name: str, low: int, high: int, text: str) -> widgets.IntSlider:
-        return widgets.IntSlider(getattr(start, name), min=low, max=high, description=text, **wide)
-
-    def number(name: str, low: float, high: float, step: float, text: str) -> widgets.FloatSlider:
-        return widgets.FloatSlider(
-            getattr(start, name), min=low, max=high, step=step, description=text, **wide
-        )
-
-    controls = {
-        "bit_rate": widgets.Dropdown(
-            options=BIT_RATES, value=start.bit_rate, description="bit rate [bit/s]", **wide
-        ),
-        "character": widgets.Dropdown(options=CHARACTERS, description="character", **wide),
-        "slaves": whole("slaves", 1, LAST_UNIT, "slaves"),
-        "registers": whole("registers", 1, 125, "registers of each"),
-        "processing_ms": number("processing_ms", 0, 100, 1, "a slave works [ms]"),
-        "dead": whole("dead", 0, LAST_UNIT, "dead slaves"),
-        "timeout_ms": number("timeout_ms", 10, 3000, 10, "response timeout [ms]"),
-        "retries": whole("retries", 0, 10, "retries"),
-        "limit": number("limit", 0.1, 10, 0.1, "longest scan [s]"),
-    }
-    board = Board()
-
-    def show() -> None:
-        try:
-            values = {name: control.value for name, control in controls.items()}
-            result = update(Inputs(**{**values, "dead": min(values["dead"], values["slaves"])}))
-        except ArgumentError as error:
-            board.say(str(error), BAD)
-            return
-        said = f"{'in time' if result.in_time else 'too slow'}: {result.scan:.3f} s"
-        colour = GOOD if result.in_time else BAD
-        board.show(said, colour, result.numbers, lambda ax: draw(result, ax=ax), 3.0)
-
-    follow(show, controls.values())
-    rows = list(controls.values())
-    columns = widgets.HBox([widgets.VBox(rows[:5]), widgets.VBox(rows[5:])])
-    return widgets.VBox([columns, *board.parts])
+    return Page("modbus_scan", Inputs(), lambda inputs: view(update(inputs)))

@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-import ipywidgets as widgets
 from matplotlib.axes import Axes
 
-from shipnet.errors import ArgumentError
 from shipnet.remote_control.packet import MarkerParser, Markers
 from shipnet.remote_control.plot import plot_ring
 from shipnet.remote_control.ring_buffer import Ring, Rule, Step
-from shipnet.tools._view import BAD, GOOD, Board, follow
+from shipnet.tools._inputs import check, choice, series
+from shipnet.tools._page import Button, Page
+from shipnet.tools._view import View
 
-__all__ = ["ACTIONS", "CASES", "RULES", "SIZES", "Inputs", "Result", "draw", "explorer", "update"]
+__all__ = ["ACTIONS", "CASES", "RULES", "SIZES", "Inputs", "Result"]
+__all__ += ["draw", "explorer", "update", "view"]
 
 #: Sizes to choose from; 128 is that of chung1998.
 SIZES = (8, 16, 32, 64, 128)
@@ -39,6 +40,15 @@ ACTIONS = MappingProxyType(
     }
 )
 
+#: What each does, in a sentence.
+_HELP = {
+    "byte": "The interrupt stores the next byte of a packet.",
+    "packet": "The interrupt stores bytes up to the end of a packet.",
+    "extract": "The task takes one byte, if the rule lets it.",
+    "empty": "The task takes bytes until the rule stops it.",
+    "repair": "The task moves its pointer as the paper does after an overrun.",
+}
+
 #: The four cases in words.
 CASES = MappingProxyType(
     {
@@ -52,8 +62,6 @@ CASES = MappingProxyType(
 #: Data of a packet, and the bytes it has.
 _ITEMS = 1
 _FORM = Markers(n_numbers=_ITEMS)
-
-_MOST = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,21 +83,19 @@ class Inputs:
         If a value is none of those to choose from.
     """
 
-    size: int = 16
-    rule: Rule = "literal"
-    actions: tuple[str, ...] = ()
+    size: int = choice(
+        16, SIZES, label="places", help="Places of the ring; that of the paper has 128."
+    )
+    rule: Rule = choice(  # noqa: RUF009 - it returns a field
+        "literal", RULES, label="reader", help="By which rule the reader works."
+    )
+    actions: tuple[str, ...] = series(
+        ACTIONS, most=2000, label="actions", help="What has been done, from an empty ring on."
+    )
 
     def __post_init__(self) -> None:
         """Check the choices."""
-        for name, value, known in [
-            ("size", self.size, SIZES),
-            ("rule", self.rule, tuple(RULES)),
-            *(("action", action, tuple(ACTIONS)) for action in self.actions),
-        ]:
-            if value not in known:
-                raise ArgumentError(f"{name} is {value!r}; it must be one of {known}")
-        if len(self.actions) > _MOST:
-            raise ArgumentError(f"there are {len(self.actions)} actions; there may be {_MOST}")
+        check(self)
 
     def then(self, action: str) -> Inputs:
         """Return the same with one action more.
@@ -276,8 +282,36 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     return plot_ring(result.ring, ax=ax)
 
 
-def explorer() -> widgets.VBox:
-    """Return the buttons with the ring that follows them.
+def view(result: Result) -> View:
+    """Return what the page shows of a result.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+
+    Returns
+    -------
+    View
+        Verdict, numbers and figure.
+
+    Examples
+    --------
+    >>> view(update(Inputs())).text
+    'nothing done yet'
+    """
+    return View(
+        text=result.said,
+        good=result.sound,
+        numbers=result.numbers,
+        draw=lambda ax: draw(result, ax=ax),
+        height=4.2,
+        about="The ring with its bytes, its writer and its reader",
+    )
+
+
+def explorer() -> Page:
+    """Return the page: buttons that store and extract, and the ring that follows them.
 
     Returns
     -------
@@ -287,51 +321,24 @@ def explorer() -> widgets.VBox:
 
     Examples
     --------
-    >>> choices, buttons, verdict, image = explorer().children
-    >>> "nothing done yet" in verdict.value
-    True
-    >>> buttons.children[1].click()
-    >>> "6 bytes stored" in verdict.value
+    >>> page = explorer()
+    >>> page.buttons["store a packet"].click()
+    >>> "6 bytes stored" in page.text
     True
     """
-    wide = {"style": {"description_width": "5em"}, "layout": {"width": "28em"}}
-    start = Inputs()
-    size = widgets.Dropdown(options=SIZES, value=start.size, description="places", **wide)
-    rule = widgets.Dropdown(
-        options=[(text, key) for key, text in RULES.items()],
-        value=start.rule,
-        description="reader",
-        **wide,
-    )
-    done: list[str] = []
-    board = Board()
 
-    def show() -> None:
-        result = update(Inputs(size.value, rule.value, tuple(done)))
-        colour = GOOD if result.sound else BAD
-        board.show(result.said, colour, result.numbers, lambda ax: draw(result, ax=ax), 4.2)
+    def does(action: str) -> Button:
+        return Button(ACTIONS[action], _HELP[action], lambda inputs: inputs.then(action))
 
-    def act(action: str) -> None:
-        if len(done) < _MOST:
-            done.append(action)
-        show()
+    def back(inputs: Inputs) -> Inputs:
+        return replace(inputs, actions=inputs.actions[:-1])
 
-    def back() -> None:
-        del done[-1:]
-        show()
+    def restart(inputs: Inputs) -> Inputs:
+        return replace(inputs, actions=())
 
-    def restart() -> None:
-        done.clear()
-        show()
-
-    buttons = []
-    for text, do in [
-        *((text, lambda action=key: act(action)) for key, text in ACTIONS.items()),
-        ("one back", back),
-        ("start again", restart),
-    ]:
-        button = widgets.Button(description=text)
-        button.on_click(lambda _, do=do: do())
-        buttons.append(button)
-    follow(show, [size, rule])
-    return widgets.VBox([widgets.HBox([size, rule]), widgets.HBox(buttons), *board.parts])
+    buttons = [
+        *map(does, ACTIONS),
+        Button("one back", "Takes back the last action.", back),
+        Button("start again", "Empties the ring.", restart),
+    ]
+    return Page("ring_buffer", Inputs(), lambda inputs: view(update(inputs)), buttons=buttons)

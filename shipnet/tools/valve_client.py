@@ -6,9 +6,7 @@ machine, or to one whose address is typed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 from weakref import finalize
 
 import ipywidgets as widgets
@@ -28,11 +26,13 @@ from shipnet.modbus.codes import ExceptionCode
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import WriteRegister
 from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
+from shipnet.tools._inputs import check, text, whole
+from shipnet.tools._page import Button, Page
 from shipnet.tools._valve_link import Ask, Link, ModelValves
-from shipnet.tools._view import BAD, GOOD, Board
+from shipnet.tools._view import View
 
 __all__ = ["Explorer", "Inputs", "Link", "ModelValves", "Result"]
-__all__ += ["draw", "explorer", "send", "update"]
+__all__ += ["draw", "explorer", "send", "update", "view"]
 
 #: Valves of the server that the explorer starts, and how it reads their registers.
 _OWN, _MAP = 16, RegisterMap()
@@ -45,13 +45,15 @@ class Inputs:
     Parameters
     ----------
     address : str, default ""
-        Where the server is; empty is the explorer's own.
+        Where the server is, up to 200 characters; empty is the explorer's own.
     port : int, default 5020
         Its port, 1..65535; not looked at without an address.
     valves : int, default 16
         How many are shown, 1..247.
     valve : int, default 1
         Unit id of the chosen one, 1..valves.
+    target : int, default 40
+        Where it is sent by ``position``, 0..100 [%].
 
     Raises
     ------
@@ -59,18 +61,36 @@ class Inputs:
         If a value is outside its range.
     """
 
-    address: str = ""
-    port: int = 5020
-    valves: int = _OWN
-    valve: int = 1
+    address: str = text(
+        "", hint="own server", label="address",
+        help="Name or address of a server; empty is one of its own, which this page starts.",
+    )  # fmt: skip
+    port: int = whole(
+        5020,
+        1,
+        0xFFFF,
+        typed=True,
+        label="port",
+        help="Its port; without an address it is not read.",
+    )
+    valves: int = whole(
+        _OWN, 1, LAST_UNIT, typed=True, label="valves shown", help=f"Its own server has {_OWN}."
+    )
+    valve: int = whole(
+        1, 1, LAST_UNIT, at_most="valves", label="valve", help="The valve that the buttons command."
+    )
+    target: int = whole(
+        40,
+        0,
+        100,
+        unit="%",
+        label="position",
+        help="Where the button of this name sends the valve.",
+    )
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not isinstance(self.address, str):
-            raise ArgumentError(f"address is {self.address!r}; it must be text")
-        check_whole("port", self.port, 1, 0xFFFF)
-        check_whole("valves", self.valves, 1, LAST_UNIT)
-        check_whole("valve", self.valve, 1, self.valves)
+        check(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,8 +272,40 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     return plot_screen(result.screen, ax=ax, chosen=result.inputs.valve)
 
 
-class Explorer(widgets.VBox):  # type: ignore[misc]
-    """The client's controls; its server is closed by `close`, and at the end of the kernel.
+def view(result: Result, said: str = "", *, refused: bool = False) -> View:
+    """Return what the page shows of a result.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+    said : str, optional
+        What became of the last command.
+    refused : bool, default False
+        Whether the chosen valve refused it.
+
+    Returns
+    -------
+    View
+        Verdict, numbers and figure.
+
+    Examples
+    --------
+    >>> view(update(Inputs(valves=3, valve=3), ModelValves(2))).good
+    False
+    """
+    return View(
+        text=result.verdict,
+        good=not refused and "not answer" not in result.verdict,
+        numbers=({"last command": said} if said else {}) | result.numbers,
+        draw=lambda ax: draw(result, ax=ax),
+        height=0.7 + 0.7 * -(-result.inputs.valves // 32),
+        about="Opening of every valve, as a bar",
+    )
+
+
+class Explorer(Page):
+    """The client's page; its server is closed by `close`, and at the end of the kernel.
 
     Attributes
     ----------
@@ -266,42 +318,26 @@ class Explorer(widgets.VBox):  # type: ignore[misc]
         self._end = finalize(self, self.server.__exit__)
         self._link: Link | None = None
         self._place: tuple[str, int] | None = None
-        wide = {"style": {"description_width": "8em"}, "layout": {"width": "24em"}}
-        start = Inputs()
-        # A number that is half typed is no place to connect to.
-        late = {"continuous_update": False}
-        self._address = widgets.Text(
-            "", placeholder="own server", description="address", **late, **wide
-        )
-        self._port = widgets.BoundedIntText(
-            start.port, min=1, max=0xFFFF, description="port", **late, **wide
-        )
-        self._valves = widgets.BoundedIntText(
-            start.valves, min=1, max=LAST_UNIT, description="valves shown", **late, **wide
-        )
-        self._valve = widgets.IntSlider(1, min=1, max=start.valves, description="valve", **wide)
-        self._target = widgets.IntSlider(40, min=0, max=100, description="position [%]", **wide)
-        buttons = [widgets.Button(description=name) for name in ("open", "close", "position")]
-        for button in buttons:
-            button.on_click(lambda clicked: self._tell(clicked.description))
-        again = widgets.Button(description="read again")
-        again.on_click(lambda _: self._show())
+        self._answer, self._refused = "", 0
         # The browser counts, and each count is a reading: no thread is needed.
         clock = widgets.Play(min=0, max=10**6, interval=500, repeat=True, show_repeat=False)
-        clock.observe(lambda _: self._show(), "value")
-        for control in (self._address, self._port, self._valves, self._valve):
-            control.observe(lambda _: self._show(), "value")
-        self._said, self._refused = "", 0
-        self._board = Board()
-        left = widgets.VBox([self._address, self._port, self._valves])
-        right = widgets.VBox(
-            [self._valve, self._target, widgets.HBox(buttons), widgets.HBox([again, clock])]
+        clock.tooltip = "Reads all valves twice a second."
+        clock.observe(lambda _: self.refresh(), "value")
+        super().__init__(
+            "valve_client",
+            Inputs(),
+            self._look,
+            buttons=[
+                Button("open", "Opens the valve.", lambda given: self._tell(given, "open")),
+                Button("close", "Closes the valve.", lambda given: self._tell(given, "close")),
+                Button("position", "Sends it there.", lambda given: self._tell(given, "position")),
+                Button("read again", "Reads all valves.", lambda _: None),
+            ],
+            extras=[clock],
         )
-        super().__init__([widgets.HBox([left, right]), *self._board.parts])
-        self._show()
 
     def close(self) -> None:
-        """Close connection and server, and the view."""
+        """Close connection and server, and the page."""
         self._hang_up()
         self._end()
         super().close()
@@ -311,53 +347,31 @@ class Explorer(widgets.VBox):  # type: ignore[misc]
             self._link.close()
         self._link = self._place = None
 
-    def _connected(self) -> Link:
-        address = self._address.value.strip()
-        place = (address, self._port.value) if address else ("127.0.0.1", self.server.port)
+    def _connected(self, inputs: Inputs) -> Link:
+        address = inputs.address.strip()
+        place = (address, inputs.port) if address else ("127.0.0.1", self.server.port)
         if self._link is None or self._place != place:
             self._hang_up()
             self._link, self._place = Link(*place), place
         return self._link
 
-    def _tell(self, action: str) -> None:
-        target = self._target.value if action == "position" else None
-        unit = self._valve.value
-
-        def act() -> str:
-            said = send(self._connected(), unit, action, target)
-            self._refused = unit if "refuses" in said else 0
-            return said
-
-        self._try(act)
-
-    def _show(self) -> None:
-        self._valve.max = self._valves.value
-        self._try(lambda: "")
-
-    def _try(self, act: Callable[[], str]) -> None:
-        """Act, read all valves, and show them; what goes wrong is said."""
+    def _tell(self, inputs: Inputs, action: str) -> None:
+        target = inputs.target if action == "position" else None
         try:
-            self._said = act() or self._said
-            inputs = Inputs(
-                self._address.value, self._port.value, self._valves.value, self._valve.value
-            )
-            result = update(inputs, self._connected())
-        except (ArgumentError, OSError) as problem:
+            self._answer = send(self._connected(inputs), inputs.valve, action, target)
+        except OSError as problem:
             self._hang_up()
-            self._board.say(str(problem), BAD)
-            return
+            self._answer = str(problem)
+        self._refused = inputs.valve if "refuses" in self._answer else 0
+
+    def _look(self, inputs: Inputs) -> View:
+        try:
+            result = update(inputs, self._connected(inputs))
+        except OSError as problem:
+            self._hang_up()
+            return View(text=str(problem), good=False)
         # The refusal stays said, but it is bad news of one valve only.
-        bad = "not answer" in result.verdict or self._refused == inputs.valve
-        colour = BAD if bad else GOOD
-        numbers: dict[str, str] = {"last command": self._said} if self._said else {}
-        rows = -(-inputs.valves // 32)
-
-        def picture(ax: Axes) -> Any:
-            return draw(result, ax=ax)
-
-        self._board.show(
-            result.verdict, colour, numbers | result.numbers, picture, 0.7 + 0.7 * rows
-        )
+        return view(result, self._answer, refused=self._refused == inputs.valve)
 
 
 def explorer() -> Explorer:
@@ -371,8 +385,8 @@ def explorer() -> Explorer:
     Examples
     --------
     >>> client = explorer()
-    >>> client.children[1].value.count("valve 1: closed, 0 %")
-    1
+    >>> client.text.splitlines()[0]
+    'valve 1: closed, 0 %'
     >>> client.close()
     """
     return Explorer()

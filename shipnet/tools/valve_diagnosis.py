@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import isnan, nan
+from math import nan
+from typing import Any
 
-import ipywidgets as widgets
 from matplotlib.axes import Axes
 
 from shipnet import style
 from shipnet.ballast import FAULTS, Command, Fault, Sensors, simulate
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy import NORMAL, Decision, RuleBase, crisp_strengths, decide, published, strengths
-from shipnet.line.quantity import check_scalar
-from shipnet.tools._view import BAD, GOOD, Board
+from shipnet.tools._inputs import check, choice, number, switch
+from shipnet.tools._page import Page, Preset
+from shipnet.tools._view import View
 
-__all__ = ["STATES", "Inputs", "Result", "draw", "explorer", "from_plant", "update"]
+__all__ = ["STATES", "Inputs", "Result"]
+__all__ += ["draw", "explorer", "from_plant", "update", "view"]
 
 #: What a valve may be doing: where it starts, 0..1, what it is told, and when it is read [s].
 STATES: dict[str, tuple[float, str | None, float]] = {
@@ -27,8 +29,15 @@ STATES: dict[str, tuple[float, str | None, float]] = {
 }
 
 
-def _base() -> RuleBase:
-    return published.rule_base("kim2014")
+_BASE: RuleBase = published.rule_base("kim2014")
+
+
+def _sensor(name: str, default: float, label: str, help: str) -> Any:
+    variable = next(one for one in _BASE.variables if one.name == name)
+    return number(
+        default, variable.low, variable.high, unit=variable.unit, step=0.05, missing=True,
+        label=label, help=help,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,22 +67,38 @@ class Inputs:
         If a value is out of its range. NaN is a sensor that says nothing.
     """
 
-    FP: float = 90.0
-    OP: float = 2.0
-    MC: float = 1.2
-    OT: float = 50.0
-    VPos: float = 50.0
-    DVPos: float = 11.0
-    commanded: bool = True
-    cut: float = 0.5
+    FP: float = _sensor("FP", 90.0, "pump pressure FP", "What the pump builds up; 90 is normal.")
+    OP: float = _sensor("OP", 2.0, "operating press. OP", "What moves the valve; 2 is normal.")
+    MC: float = _sensor("MC", 1.2, "motor current MC", "Of the pump's motor; 1.2 is normal.")
+    OT: float = _sensor("OT", 50.0, "motor temp. OT", "Temperature of the pump's motor.")
+    VPos: float = _sensor("VPos", 50.0, "position VPos", "0 is closed, 100 open.")
+    DVPos: float = _sensor(
+        "DVPos", 11.0, "speed DVPos", "How fast the position changes; counts under a command only."
+    )
+    commanded: bool = switch(
+        True, label="a command is active", help="The valve has not yet reached its target."
+    )
+    cut: float = number(
+        0.5, 0.05, 1.0, step=0.05, label="cut", help="Strength from which on a rule is active."
+    )
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        for variable in _base().variables:
-            value = getattr(self, variable.name)
-            if not (isinstance(value, float) and isnan(value)):
-                check_scalar(variable.name, value, variable.unit, variable.low, variable.high)
-        check_scalar("cut", self.cut, "", 0.05, 1.0)
+        check(self)
+
+
+@dataclass(frozen=True, slots=True)
+class _Plant:
+    fault: str = choice(
+        NORMAL, [NORMAL, *FAULTS], label="fault", help="A fault of the plant; it sets the sensors."
+    )
+    severity: float = number(
+        1.0, 0, 1, step=0.01, label="its severity", help="0 is healthy, 1 the fault in full."
+    )
+    state: str = choice(
+        "opening", list(STATES), label="the valve is",
+        help="What it does; one that moves starts half open and is read after 4 s.",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -189,7 +214,7 @@ def update(inputs: Inputs) -> Result:
     >>> update(Inputs()).headline
     'normal'
     """
-    base = _base()
+    base = _BASE
     given = {name: [getattr(inputs, name)] for name in base.names}
     if not inputs.commanded:
         given["DVPos"] = [nan]
@@ -244,8 +269,37 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     return ax
 
 
-def explorer() -> widgets.VBox:
-    """Return the sensors as sliders, a choice of faults that sets them, and the diagnosis.
+def view(result: Result) -> View:
+    """Return what the page shows of a result.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+
+    Returns
+    -------
+    View
+        Verdict, numbers and figure.
+
+    Examples
+    --------
+    >>> view(update(from_plant("V1"))).text
+    'V1: valve stuck'
+    """
+    text = result.headline
+    base = result.decision.firing.base
+    return View(
+        text=f"{text}: {base.rule(text).english}" if text in base.codes else text,
+        good=text == NORMAL,
+        numbers=result.numbers,
+        draw=lambda ax: draw(result, ax=ax),
+        about="Firing strength of each rule, as a bar, against the cut",
+    )
+
+
+def explorer() -> Page:
+    """Return the page: sensors as sliders, faults of a plant that set them, and the diagnosis.
 
     Returns
     -------
@@ -254,64 +308,14 @@ def explorer() -> widgets.VBox:
 
     Examples
     --------
-    >>> controls, verdict, image = explorer().children
-    >>> "normal" in verdict.value
+    >>> explorer().text.startswith("normal")
     True
     """
-    wide = {"style": {"description_width": "11em"}, "layout": {"width": "30em"}}
-    start = Inputs()
-    labels = {
-        "FP": "pump pressure FP [bar]", "OP": "operating press. OP [bar]",
-        "MC": "motor current MC [A]", "OT": "motor temp. OT [degC]", "VPos": "position VPos [%]",
-        "DVPos": "speed DVPos [%/s]",
-    }  # fmt: skip
-    sensors: dict[str, widgets.Widget] = {
-        v.name: widgets.FloatSlider(
-            getattr(start, v.name), min=v.low, max=v.high, step=0.05, description=labels[v.name],
-            **wide,
-        )
-        for v in _base().variables
-    }  # fmt: skip
-    sensors["commanded"] = widgets.Checkbox(True, description="a command is active", **wide)
-    sensors["cut"] = widgets.FloatSlider(0.5, min=0.05, max=1, step=0.05, description="cut", **wide)
-    plant = {
-        "fault": widgets.Dropdown(options=[NORMAL, *FAULTS], description="fault", **wide),
-        "severity": widgets.FloatSlider(
-            1.0, min=0, max=1, step=0.01, description="its severity", **wide
-        ),
-        "state": widgets.Dropdown(options=list(STATES), description="the valve is", **wide),
-    }
-    board, quiet = Board(), [False]
 
-    def show(_: object = None) -> None:
-        if quiet[0]:
-            return
-        result = update(Inputs(**{name: control.value for name, control in sensors.items()}))
-        text = result.headline
-        if text in result.decision.firing.base.codes:
-            text = f"{text}: {result.decision.firing.base.rule(text).english}"
-        colour = GOOD if result.headline == NORMAL else BAD
-        board.show(text, colour, result.numbers, lambda ax: draw(result, ax=ax), 3.6)
+    def make(plant: _Plant, inputs: Inputs) -> Inputs:
+        return from_plant(plant.fault, plant.severity, plant.state, cut=inputs.cut)
 
-    def set_sensors(_: object = None) -> None:
-        """Show once all sensors are set, not after each."""
-        read = from_plant(**{name: control.value for name, control in plant.items()})
-        quiet[0] = True
-        try:
-            for name, control in sensors.items():
-                if name != "cut":
-                    control.value = getattr(read, name)
-        finally:
-            quiet[0] = False
-        show()
-
-    for control in sensors.values():
-        control.observe(show, "value")
-    for control in plant.values():
-        control.observe(set_sensors, "value")
-    show()
-    columns = widgets.HBox(
-        [widgets.VBox([*plant.values(), sensors["commanded"], sensors["cut"]]),
-         widgets.VBox([sensors[v.name] for v in _base().variables])]
+    return Page(
+        "valve_diagnosis", Inputs(), lambda inputs: view(update(inputs)),
+        preset=Preset(_Plant(), make),
     )  # fmt: skip
-    return widgets.VBox([columns, *board.parts])

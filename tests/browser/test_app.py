@@ -1,33 +1,69 @@
 """The tools of notebooks/explore/ as web pages, moved by a browser."""
 
+import json
+import re
+import shutil
 import socket
 import subprocess
-import sys
 import time
 import urllib.error
 import urllib.request
 from pathlib import Path
 
+import nbformat
 import pytest
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+from playwright.sync_api import expect
 
-EXPLORE = Path(__file__).resolve().parents[2] / "notebooks" / "explore"
+from docs import app as launcher
+
+EXPLORE = launcher.ROOT / "notebooks" / "explore"
+TOOLS = sorted(path.stem for path in EXPLORE.glob("*.ipynb"))
 LONG = 120_000  # ms; a kernel may start slowly on a busy machine
+
+# A tool that takes as long as its slider says, and fails where there is nothing to divide by.
+SLOW = """
+import time
+from dataclasses import dataclass
+from shipnet.tools._inputs import number
+from shipnet.tools._page import Page
+from shipnet.tools._view import View
+
+@dataclass(frozen=True)
+class Inputs:
+    wait: float = number(0.1, 0, 1, step=0.1, unit="s", label="wait", help="How long.")
+
+def see(inputs):
+    time.sleep(inputs.wait)
+    return View(text=f"waited {1 / inputs.wait:.0f}", good=True)
+
+Page("slow", Inputs(), see)
+"""
 
 
 @pytest.fixture(scope="module")
 def app(tmp_path_factory):
+    root = tmp_path_factory.mktemp("app")
+    folder = shutil.copytree(EXPLORE, root / "explore")
+    slow = new_notebook(cells=[new_markdown_cell("# Slow"), new_code_cell(SLOW)])
+    slow.cells[1].metadata["tags"] = ["widget"]
+    nbformat.write(slow, folder / "slow.ipynb")
+    launcher.build(folder, root)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    log = tmp_path_factory.mktemp("voila") / "log"
     address = f"http://127.0.0.1:{port}"
-    command = [sys.executable, "-m", "voila", "--no-browser", f"--port={port}", str(EXPLORE)]
-    with log.open("wb") as out, subprocess.Popen(command, stdout=out, stderr=out) as server:
+    command, environment = launcher.voila(folder, root, f"--port={port}")
+    log = root / "log"
+    with (
+        log.open("wb") as out,
+        subprocess.Popen(command, env=environment, stdout=out, stderr=out) as server,
+    ):
         try:
             for _ in range(240):
                 assert server.poll() is None, log.read_text()
                 try:
-                    urllib.request.urlopen(f"{address}/voila/tree", timeout=5).close()
+                    urllib.request.urlopen(address, timeout=5).close()
                     break
                 except (urllib.error.URLError, ConnectionError):
                     time.sleep(0.25)
@@ -39,86 +75,220 @@ def app(tmp_path_factory):
             print(log.read_text())
 
 
-def opened(browser, app, tool):
-    """Open a tool; return its page, and where it writes its verdict."""
-    page = browser.new_page()
-    page.goto(f"{app}/voila/render/{tool}.ipynb", timeout=LONG)
-    return page, page.locator(".widget-html-content b")
+class Tool:
+    """A tool's page: where it says its verdict, its figure, its sliders by name."""
+
+    def __init__(self, page):
+        self.page = page
+        self.verdict = page.locator(".shipnet-verdict")
+        self.figure = page.locator("img.shipnet-picture")
+
+    @classmethod
+    def opened(cls, page, app, name):
+        page.goto(f"{app}/voila/render/{name}.ipynb", timeout=LONG)
+        tool = cls(page)
+        tool.verdict.wait_for(timeout=LONG)
+        # Not a line of code is shown, and no error of Python's.
+        expect(page.locator(".jp-InputArea-editor, .highlight")).to_have_count(0)
+        expect(page.get_by_text("Traceback")).to_have_count(0)
+        return tool
+
+    def says(self, text):
+        expect(self.verdict).to_contain_text(text, timeout=LONG)
+
+    def slider(self, label):
+        return self.page.get_by_role("slider", name=label, exact=True)
+
+    def press(self, label, times=1, key="ArrowRight"):
+        for _ in range(times):
+            self.slider(label).press(key)
+
+    def choose(self, label, option):
+        self.page.get_by_label(label, exact=True).select_option(option)
+
+    def button(self, label):
+        return self.page.get_by_role("button", name=label, exact=True)
+
+    def load(self, place, name, content):
+        file = {"name": name, "mimeType": "text/plain", "buffer": content}
+        with self.page.expect_file_chooser() as chooser:
+            self.page.locator(f".shipnet-upload[title='{place}']").click()
+        chooser.value.set_files(file)
+
+    def moves(self, act, before, after):
+        """Act, and see number and figure change; save this, change back, load it."""
+        self.says(before)
+        picture = self.figure.get_attribute("src")
+        assert re.fullmatch(".+: .+", self.figure.get_attribute("alt"), re.S)
+        act()
+        self.says(after)
+        expect(self.figure).not_to_have_attribute("src", picture, timeout=LONG)
+
+    def saved(self):
+        with self.page.expect_download() as download:
+            self.page.get_by_text("save state").click()
+        return download.value.suggested_filename, download.value.path().read_bytes()
+
+    def comes_back(self, undo, before, after):
+        """Save the state, undo what was done, and load the state."""
+        name, state = self.saved()
+        assert name == f"shipnet_{json.loads(state)['tool']}.json"
+        undo()
+        self.says(before)
+        self.load("load state", name, state)
+        self.says(after)
+        expect(self.page.locator(".shipnet-note")).to_have_text(f"{name} is loaded")
 
 
-def test_the_line_explorer_follows_its_sliders(browser, app):
-    page, verdict = opened(browser, app, "asi_line")
-    verdict.filter(has_text="read 0011001").wait_for(timeout=LONG)
-    length = page.locator(".noUi-handle").first
-    length.focus()
-    for _ in range(20):
-        length.press("ArrowRight")
-    verdict.filter(has_text="InformationError").wait_for(timeout=LONG)
-    page.get_by_label("100 ohm at the end").check()
-    verdict.filter(has_text="read 0011001").wait_for(timeout=LONG)
-    page.close()
+def test_the_index_leads_to_the_line_which_keys_alone_move_and_which_tells_its_help(page, app):
+    page.goto(app, timeout=LONG)
+    links = page.locator(".shipnet-index li a")
+    names = links.evaluate_all("all => all.map(a => a.pathname.split('/').pop())")
+    assert names == [f"{name}.ipynb" for name in sorted([*TOOLS, "slow"])]
+    widths = page.locator("li img").evaluate_all("all => all.map(image => image.naturalWidth)")
+    assert len(widths) == len(TOOLS) and min(widths) > 100
+    links.first.click()
+    expect(page.locator("h1")).to_contain_text("AS-i line", timeout=LONG)
+    assert page.get_by_role("link", name="All tools").evaluate("a => a.pathname") == "/"
 
-
-def test_the_network_explorer_names_a_broken_rule(browser, app):
-    page, verdict = opened(browser, app, "asi_network")
-    verdict.filter(has_text="all rules kept").wait_for(timeout=LONG)
-    length = page.locator(".noUi-handle").nth(2)
-    length.focus()
+    tool = Tool(page)
+    tool.says("read 0011001")
+    place = tool.slider("slave at [m]")
     for _ in range(10):
-        length.press("ArrowRight")
-    verdict.filter(has_text="cable length").wait_for(timeout=LONG)
-    page.close()
+        if place.evaluate("handle => handle === document.activeElement"):
+            break
+        page.keyboard.press("Tab")
+    else:
+        pytest.fail("Tab does not come to the second slider")
+    shown = page.locator(".shipnet-help").filter(visible=True)
+    expect(shown).to_have_text(re.compile("Distance of the slave from master"))
+    assert shown.bounding_box()["y"] > place.bounding_box()["y"]
+    page.keyboard.press("ArrowRight")
+    expect(page.locator(".widget-readout").nth(1)).to_have_text("10")
+
+    def terminated(on):
+        page.get_by_label("100 ohm at the end").set_checked(on)
+
+    tool.moves(lambda: tool.press("length [m]", 20), "read 0011001", "InformationError")
+    terminated(True)
+    tool.says("read 0011001")
+    tool.comes_back(lambda: terminated(False), "InformationError", "read 0011001")
+    expect(page.get_by_label("100 ohm at the end")).to_be_checked()
 
 
-def test_the_can_explorer_follows_its_editor(browser, app):
-    page, verdict = opened(browser, app, "can_load")
-    verdict.filter(has_text="meet their deadlines").wait_for(timeout=LONG)
+def test_a_state_that_is_not_one_is_refused_in_a_sentence(page, app):
+    tool = Tool.opened(page, app, "asi_network")
+    tool.moves(lambda: tool.press("cable [m]", 10), "all rules kept", "cable length")
+    name, state = tool.saved()
+    note = page.locator(".shipnet-note")
+    for wrong, why in [
+        (state.replace(b"asi_network", b"asi_line"), "it is a state of the tool 'asi_line'"),
+        (state.replace(b'"version": 1', b'"version": 99'), "its version is 99"),
+        (state.replace(b'"slaves": 31', b'"slaves": 63'), "slaves is 63"),
+        (b"\x89PNG", "this is no saved state"),
+    ]:
+        assert wrong != state
+        tool.load("load state", name, wrong)
+        expect(note).to_contain_text(f"{name}: {why}", timeout=LONG)
+        expect(tool.slider("cable [m]")).to_have_attribute("aria-valuenow", "150.0")
+        tool.says("cable length")
+    tool.press("cable [m]", 10, "ArrowLeft")
+    tool.says("all rules kept")
+    expect(note).to_have_count(0)
+    tool.load("load state", name, state)
+    tool.says("cable length")
+
+
+def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
+    tool = Tool.opened(page, app, "can_load")
+    tool.moves(
+        lambda: tool.press("bit rate [kbit/s]", key="ArrowLeft"), "meet their deadlines", "speed"
+    )
+    tool.comes_back(lambda: tool.press("bit rate [kbit/s]"), "all 10 messages", "speed")
     editor = page.locator("textarea")
     editor.fill("name,arbitration_id,dlc,period_ms\noil,1,9,10\n")
     editor.blur()
-    verdict.filter(has_text="row 2").wait_for(timeout=LONG)
-    page.close()
+    tool.says("row 2")
+    expect(page.locator(".shipnet-page.shipnet-stale")).to_have_count(1)
+    tool.load("load a message set", "own.csv", b"name,arbitration_id,dlc,period_ms\noil,1,8,10\n")
+    tool.says("all 1 messages meet")
+    tool.load("load a message set", "bad.csv", b"name,arbitration_id\noil,1\n")
+    tool.says("dlc")
+    tool.load("load a message set", "a.xlsx", b"PK\0\0")
+    expect(page.locator(".shipnet-note")).to_have_text("a.xlsx: this is no text file")
 
 
-def test_the_scan_explorer_waits_for_a_dead_slave(browser, app):
-    page, verdict = opened(browser, app, "modbus_scan")
-    verdict.filter(has_text="in time: 1.576 s").wait_for(timeout=LONG)
-    dead = page.locator(".noUi-handle").nth(3)
-    dead.focus()
-    dead.press("ArrowRight")
-    verdict.filter(has_text="too slow: 2.543 s").wait_for(timeout=LONG)
-    page.close()
+def test_the_scan_explorer_waits_for_a_dead_slave(page, app):
+    tool = Tool.opened(page, app, "modbus_scan")
+    tool.moves(lambda: tool.press("dead slaves"), "in time: 1.576 s", "too slow: 2.543 s")
+    back = "ArrowLeft"
+    tool.comes_back(lambda: tool.press("dead slaves", key=back), "1.576 s", "2.543 s")
 
 
-def test_the_engine_explorer_marks_a_dead_box_late(browser, app):
-    page, verdict = opened(browser, app, "engine_faults")
-    verdict.filter(has_text="18 old values shown as good").wait_for(timeout=LONG)
-    page.locator("select").nth(1).select_option("mended, CAN as a line")
-    verdict.filter(has_text="0 old values").wait_for(timeout=LONG)
-    page.close()
+def test_the_engine_explorer_marks_a_dead_box_late(page, app):
+    tool = Tool.opened(page, app, "engine_faults")
+    tool.moves(
+        lambda: tool.choose("design", "mended, CAN as a line"),
+        "18 old values shown as good",
+        "0 old values",
+    )
+    printed = "as printed, CAN as a line"
+    tool.comes_back(lambda: tool.choose("design", printed), "18 old values", "0 old values")
+    tool.choose("fault", "CAN cable cut JB3-JB1")
+    tool.says("has no such cable")
 
 
-def test_the_ring_explorer_is_stepped_by_its_buttons(browser, app):
-    page, verdict = opened(browser, app, "ring_buffer")
-    verdict.filter(has_text="nothing done yet").wait_for(timeout=LONG)
-    page.get_by_role("button", name="store a packet").click()
-    page.locator(".widget-html-content").filter(has_text="unread: 6 bytes").wait_for(timeout=LONG)
-    page.get_by_role("button", name="one back").click()
-    verdict.filter(has_text="nothing done yet").wait_for(timeout=LONG)
-    page.close()
+def test_the_ring_explorer_is_stepped_by_its_buttons(page, app):
+    tool = Tool.opened(page, app, "ring_buffer")
+    tool.moves(tool.button("store a packet").click, "nothing done yet", "6 bytes stored")
+    tool.comes_back(tool.button("one back").click, "nothing done yet", "6 bytes stored")
 
 
-def test_the_diagnosis_explorer_names_a_fault(browser, app):
-    page, verdict = opened(browser, app, "valve_diagnosis")
-    verdict.filter(has_text="normal").wait_for(timeout=LONG)
-    page.locator("select").first.select_option("V1")
-    verdict.filter(has_text="V1").wait_for(timeout=LONG)
-    page.close()
+def test_the_diagnosis_explorer_names_a_fault(page, app):
+    tool = Tool.opened(page, app, "valve_diagnosis")
+    tool.moves(lambda: tool.choose("fault", "V1"), "normal", "V1: valve stuck")
+    tool.comes_back(lambda: tool.choose("fault", "normal"), "normal", "V1: valve stuck")
 
 
-def test_the_valve_client_opens_a_valve_of_the_server_that_it_starts(browser, app):
-    page, verdict = opened(browser, app, "valve_client")
-    verdict.filter(has_text="valve 1: closed").wait_for(timeout=LONG)
-    page.get_by_role("button", name="open", exact=True).click()
-    verdict.filter(has_text="valve 1: moving").wait_for(timeout=LONG)
-    page.close()
+def test_the_valve_client_opens_a_valve_of_the_server_that_it_starts(page, app):
+    tool = Tool.opened(page, app, "valve_client")
+    tool.moves(tool.button("open").click, "valve 1: closed", "valve 1: moving")
+    tool.press("valve", 2)
+    tool.says("valve 3: closed")
+    tool.comes_back(lambda: tool.press("valve", key="ArrowLeft"), "valve 2", "valve 3")
+
+
+WATCH = """() => {
+  const spinner = document.querySelector(".shipnet-spinner");
+  window.seen = [];
+  const look = () => {
+    window.seen.push(getComputedStyle(spinner).visibility);
+    requestAnimationFrame(look);
+  };
+  look();
+}"""
+
+
+def test_what_is_slow_shows_that_it_computes_and_what_fails_says_so(page, app):
+    tool = Tool.opened(page, app, "slow")
+    spinner = page.locator(".shipnet-spinner")
+    tool.says("waited 10")
+    expect(spinner).to_be_hidden()
+    page.evaluate(WATCH)
+    tool.press("wait [s]", 1)
+    tool.says("waited 5")
+    assert set(page.evaluate("window.seen")) == {"hidden"}
+    tool.slider("wait [s]").press("End")
+    expect(spinner).to_be_visible()
+    tool.says("waited 1")
+    expect(spinner).to_be_hidden()
+    tool.slider("wait [s]").press("Home")
+    tool.says("This should not happen: ZeroDivisionError")
+    tool.says("Please report it")
+    tool.press("wait [s]", 1)
+    tool.says("waited 10")
+
+
+def test_every_tool_is_opened_here():
+    tested = set(re.findall(r'page, app, "(\w+)"', Path(__file__).read_text(encoding="utf-8")))
+    assert set(TOOLS) <= {"asi_line", *tested}

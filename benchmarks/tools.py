@@ -1,0 +1,93 @@
+"""How long a tool takes to open, and to answer a slider: first picture 5 s, update 100 ms.
+
+The first picture is that of a fresh process: interpreter, imports, page. As a web page a kernel
+and the worked examples come on top: the last column executes the notebook as Voila does. `update`
+and the picture are those of the slowest of the limits of every slider, cached results left out.
+"""
+
+import importlib
+import subprocess
+import sys
+import time
+from pathlib import Path
+from timeit import repeat
+
+import nbformat
+from nbclient import NotebookClient
+
+from shipnet.tools._inputs import asked
+from shipnet.tools._kinds import Number, Whole
+
+ROOT = Path(__file__).resolve().parents[1]
+EXPLORE = sorted((ROOT / "notebooks" / "explore").glob("*.ipynb"))
+
+
+def seconds(function, repeats=3):
+    """Return the shortest of several times: the one least disturbed by other work."""
+    return min(repeat(function, number=1, repeat=repeats))
+
+
+def first_picture(tool):
+    """Start Python, import the tool and make its page, as a fresh kernel does."""
+    program = (
+        f"from shipnet.tools import {tool} as t; p = t.explorer(); assert 'png' in p.figure.value"
+    )
+    subprocess.run([sys.executable, "-c", f"{program}; p.close()"], check=True)
+
+
+def as_a_page(path):
+    """Execute a notebook with a kernel of its own."""
+    client = NotebookClient(
+        nbformat.read(path, as_version=4),
+        kernel_name="python3",
+        timeout=120,
+        resources={"metadata": {"path": str(path.parent)}},
+        extra_arguments=["--log-level=ERROR"],
+    )
+    client.execute()
+
+
+def cases(inputs):
+    """Yield the inputs to begin with, and each slider at its ends."""
+    yield {}
+    for name, kind in asked(inputs).items():
+        if isinstance(kind, Number | Whole) and not getattr(kind, "at_most", ""):
+            yield from ({name: end} for end in kind.shown)
+
+
+def measure(tool):
+    """Return the slowest update, and the slowest figure [s]."""
+    found = importlib.import_module(f"shipnet.tools.{tool}")
+    more = ()
+    if tool == "valve_client":
+        more = (found.ModelValves(),)
+    updates, figures = [], []
+    for values in cases(found.Inputs):
+        try:
+            inputs = found.Inputs(**values)
+            result = found.update(inputs, *more)
+        except ValueError:
+            continue  # a sentence in the page; nothing to draw
+        updates.append(seconds(lambda i=inputs: found.update(i, *more)))
+        view = found.view(result)
+        figures.append(seconds(lambda v=view: v.figure, 1))
+    return max(updates), max(figures)
+
+
+def main():
+    print(f"{'tool':<16} {'update':>9} {'figure':>9} {'first picture':>14} {'notebook':>9}")
+    for path in EXPLORE:
+        update, figure = measure(path.stem)
+        opened = seconds(lambda tool=path.stem: first_picture(tool), 2)
+        begin = time.perf_counter()
+        as_a_page(path)
+        page = time.perf_counter() - begin
+        print(
+            f"{path.stem:<16} {1e3 * update:6.1f} ms {1e3 * figure:6.0f} ms "
+            f"{opened:12.1f} s {page:7.1f} s",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

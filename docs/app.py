@@ -1,0 +1,107 @@
+"""Serve the tools of a folder of notebooks as web pages, on this machine.
+
+    python docs/app.py [folder] [options of Voila]
+
+The index has a card for each notebook, with its title, its first sentences and its first figure,
+which the tool's own `draw` made; storing a notebook renews its card. Nothing is loaded from
+outside: the templates in docs/voila/ leave out what Voila would fetch.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+import nbformat
+
+ROOT = Path(__file__).resolve().parent.parent
+SOURCE = ROOT / "docs" / "voila"
+STYLE = ROOT / "shipnet" / "tools" / "page.css"
+
+# An extension made for JupyterLab, which fails aloud here.
+NOT_NEEDED = "--VoilaConfiguration.extension_denylist=@jupyter-notebook/lab-extension"
+# Kernels whose pages are closed end after so many seconds.
+CULL = ("--MappingKernelManager.cull_idle_timeout=120", "--MappingKernelManager.cull_interval=30")
+
+
+@dataclass(frozen=True)
+class Card:
+    """What the index says of a tool; `picture` is a PNG file in base64, empty if there is none."""
+
+    name: str
+    title: str
+    lead: str
+    picture: str
+
+
+def cards(folder: Path) -> list[Card]:
+    """Return a card for each notebook of a folder, sorted by name."""
+    return [card(path) for path in sorted(folder.glob("*.ipynb"))]
+
+
+def card(path: Path) -> Card:
+    """Return the card of a notebook whose first cell is its title and what it is about."""
+    notebook = nbformat.read(path, as_version=4)
+    title, lead, *_ = [*notebook.cells[0].source.split("\n\n"), ""]
+    picture = next(_pictures(notebook), "")
+    return Card(path.stem, title.removeprefix("# "), lead, picture)
+
+
+def _pictures(notebook: nbformat.NotebookNode) -> Iterator[str]:
+    for cell in notebook.cells:
+        for output in cell.get("outputs", []):
+            if "image/png" in output.get("data", {}):
+                yield output["data"]["image/png"].replace("\n", "")
+
+
+def html(one: Card) -> str:
+    """Return a card as HTML."""
+    image = f'<img alt="" src="data:image/png;base64,{one.picture}">' if one.picture else ""
+    return (
+        f'<li><a href="{{{{ base_url }}}}voila/render/{one.name}.ipynb">{image}'
+        f"<h2>{_plain(one.title)}</h2></a><p>{_plain(one.lead)}</p></li>\n"
+    )
+
+
+def _plain(text: str) -> str:
+    """Return text that neither HTML nor Jinja takes for its own."""
+    return escape(text).replace("{", "&#123;")
+
+
+def build(folder: Path, target: Path) -> Path:
+    """Write Voila's template for a folder of notebooks below `target`, a Jupyter data folder."""
+    template = target / "voila" / "templates" / "shipnet"
+    shutil.rmtree(template, ignore_errors=True)
+    shutil.copytree(SOURCE, template)
+    shutil.copy(STYLE, template / "page.css")
+    found = "".join(map(html, cards(folder)))
+    (template / "cards.html").write_text(found, encoding="utf-8")
+    return template
+
+
+def voila(folder: Path, data: Path, *options: str) -> tuple[list[str], dict[str, str]]:
+    """Return command and environment of Voila for a folder, with the template below `data`."""
+    found = os.environ.get("JUPYTER_PATH")
+    environment = os.environ | {"JUPYTER_PATH": os.pathsep.join(filter(None, [str(data), found]))}
+    fixed = ("--no-browser", "--theme=light", "--template=shipnet", NOT_NEEDED, *CULL)
+    return [sys.executable, "-m", "voila", *fixed, *options, str(folder)], environment
+
+
+def main(argv: list[str]) -> None:
+    """Build the template and become Voila."""
+    folder = ROOT / "notebooks" / "explore"
+    if argv and not argv[0].startswith("-"):
+        folder = Path(argv.pop(0)).resolve()
+    data = ROOT / "build" / "app"
+    build(folder, data)
+    command, environment = voila(folder, data, *argv)
+    os.execve(command[0], command, environment)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,60 @@
+"""docs/app.py: a card for each tool, and Voila's template with nothing from outside."""
+
+import re
+from base64 import b64decode
+from html import unescape
+
+import nbformat
+import pytest
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
+
+from docs import app
+
+EXPLORE = app.ROOT / "notebooks" / "explore"
+
+
+@pytest.mark.parametrize("path", sorted(EXPLORE.glob("*.ipynb")), ids=lambda path: path.stem)
+def test_every_tool_has_a_card_with_a_picture(path):
+    card = app.card(path)
+    assert card.name == path.stem
+    assert card.title and "#" not in card.title
+    assert card.lead.endswith((".", "?")) and "`" not in card.lead and "](" not in card.lead
+    assert b64decode(card.picture).startswith(b"\x89PNG")
+
+
+def test_the_third_paragraph_of_a_tool_is_the_one_that_its_page_leaves_out():
+    for path in EXPLORE.glob("*.ipynb"):
+        first = nbformat.read(path, as_version=4).cells[0].source.split("\n\n")
+        assert first[2].startswith("*To ") and "make app" in first[2], path.stem
+        # A page has no links to notebooks that are not served.
+        assert "](" not in "\n\n".join([*first[:2], *first[3:]]), path.stem
+
+
+def write(folder, name, *cells):
+    nbformat.write(new_notebook(cells=list(cells)), folder / name)
+
+
+def test_the_index_lists_what_is_there_and_takes_no_text_for_html(tmp_path):
+    png = new_output("display_data", {"image/png": "QUJD\nREVG\n"})
+    title = new_markdown_cell("# A <b> & {{ x }}\n\nLead {% y %}.\n\nMore.")
+    write(tmp_path, "b.ipynb", title, new_code_cell("1", outputs=[png]))
+    write(tmp_path, "a.ipynb", new_markdown_cell("# Only a title"))
+    assert [card.name for card in app.cards(tmp_path)] == ["a", "b"]
+    template = app.build(tmp_path, tmp_path / "data")
+    from jinja2 import Environment, FileSystemLoader
+
+    environment = Environment(loader=FileSystemLoader(template))
+    page = environment.get_template("tree-lab.html").render(base_url="/")
+    assert 'href="/voila/render/a.ipynb"' in page and "Only a title" in page
+    assert 'src="data:image/png;base64,QUJDREVG"' in page
+    assert "A <b> & {{ x }}" in unescape(page) and "Lead {% y %}." in unescape(page)
+    assert "<b>" not in page
+    assert environment.get_template("tree.html").render(base_url="/") == page
+    app.build(tmp_path, tmp_path / "data")
+
+
+def test_the_template_names_nothing_outside(tmp_path):
+    template = app.build(EXPLORE, tmp_path)
+    for path in template.iterdir():
+        loads = re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import""", path.read_text())
+        assert loads == [], path.name
