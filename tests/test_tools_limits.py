@@ -18,7 +18,7 @@ from shipnet.tools._inputs import asked
 from shipnet.tools._kinds import Choice, Number, Series, Switch, Text, Whole
 
 FOLDER = Path(__file__).resolve().parents[1] / "shipnet" / "tools"
-TOOLS = sorted(path.stem for path in FOLDER.glob("[a-z]*.py"))
+TOOLS = sorted({path.stem for path in FOLDER.glob("[a-z]*.py")} - {"step"})  # for the lessons
 CSV = "name,arbitration_id,dlc,period_ms\n"
 TEXTS = ["", "\0", "oil", CSV, CSV + "oil,1,8,10\n", CSV + "oil,1,9,10\n", CSV + "oil,1,8,1e-9\n"]
 
