@@ -80,8 +80,20 @@ def test_options_of_the_ship_are_planned_and_weighed():
     row = found.table.loc["CAN"]
     assert row["total cost, low"] < low < high < row["total cost, high"]
     assert str(found.tornado).split(";")[0].startswith("total cost of")
+    assert found.tornado.between == ("CAN", "home runs")
     more = compare(site_list, small, ["CAN"], more=[found.networks["home runs"]])
     assert list(more.networks) == ["CAN", "home runs"]
+
+
+def test_a_saving_counts_from_the_first_option_to_the_cheapest_other():
+    site_list = parse_iolist(
+        "tag,signal,x,y,z\n" + "\n".join(f"L-{n},contact,{n},2,3" for n in range(9))
+    )
+    found = compare(site_list, example().site)
+    costs = found.table["total cost"]
+    assert found.tornado.between == (costs.drop("home runs").idxmin(), "home runs")
+    (alone,) = compare_networks([found.networks["CAN"]]).tornado.between
+    assert alone == "CAN"
 
 
 def test_wrong_arguments_are_named():

@@ -52,7 +52,7 @@ class Comparison:
     rules : pandas.DataFrame
         What `shipnet.design.rules.check` returned for each, behind a column ``option``.
     tornado : Tornado
-        Which assumptions matter for the difference in cost of the two cheapest.
+        Which assumptions matter for what the cheapest option costs less than the first one.
     likely : pandas.DataFrame or None
         Figures in 9 of 10 draws of the assumptions, by option and figure, if drawn.
     criteria : tuple of str
@@ -301,13 +301,14 @@ def compare_networks(
     tags = given[0].points["tag"].tolist()
     if other := [net.name for net in given if net.points["tag"].tolist() != tags]:
         raise ArgumentError(f"networks {', '.join(other)} have not the points of {given[0].name}")
+    sums = {name: quantities(network, assumptions) for name, network in named.items()}
     checked = {name: check(net, rule_set, host_time=host_time) for name, net in named.items()}
     made = Comparison(
         named,
-        {name: quantities(network, assumptions) for name, network in named.items()},
+        sums,
         {name: single_cuts(network) for name, network in named.items()},
         _by_option(checked),
-        tornado(named, assumptions=assumptions),
+        tornado(named, between=_saving(sums), assumptions=assumptions),
         None if rng is None else likely(draw(named, assumptions, rng=rng)),
         tuple(criteria),
         host_time,
@@ -316,6 +317,15 @@ def compare_networks(
     if not criteria or not set(criteria) <= set(known):
         raise ArgumentError(f"criteria are {tuple(criteria)}; they must be of {', '.join(known)}")
     return made
+
+
+def _saving(sums: Mapping[str, Quantities]) -> tuple[str, str] | None:
+    """Return the cheapest of the later options, and the first, from which a saving counts."""
+    first, *others = sums
+    whole = [option for option in others if not sums[option].unconnected] or others
+    if not whole:
+        return None
+    return min(whole, key=lambda option: sums[option]["total cost"]), first
 
 
 def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:

@@ -92,9 +92,16 @@ class Tornado:
         """Name the three assumptions that matter most."""
         unit = f" {self.unit}" if self.unit != "1" else ""
         low, high = self.ends["low"], self.ends["high"]
-        said = [f"{words(name)} ({low[name]:.0f} to {high[name]:.0f})" for name in self.top()]
-        what = f"{self.subject} is {self.at_nominal:.0f}{unit}"
+        said = [
+            f"{words(name)} ({_short(low[name])} to {_short(high[name])})" for name in self.top()
+        ]
+        what = f"{self.subject} is {_short(self.at_nominal)}{unit}"
         return f"{what}; what matters most: {', '.join(said) or 'nothing that is assumed'}"
+
+
+def _short(value: float) -> str:
+    """Write a number with the three digits that an estimate is worth."""
+    return f"{float(f'{value:.3g}'):,.0f}"
 
 
 def tornado(
