@@ -45,7 +45,9 @@ def natural(name: str) -> list[tuple[float, str]]:
 def contents(names: set[str]) -> str:
     """Return the navigation: a toctree for each folder of notebooks, then the other pages."""
     chapters: dict[str, list[str]] = {}
-    for name in sorted((name for name in names if name.endswith(".ipynb")), key=natural):
+    # A README of a folder comes before what it speaks of.
+    wanted = (name for name in names if re.search(r"^notebooks/.*(\.ipynb|/README\.md)$", name))
+    for name in sorted(wanted, key=lambda name: (not name.endswith("README.md"), natural(name))):
         folder = str(PurePosixPath(name).parent.relative_to("notebooks"))
         chapters.setdefault("" if folder == "." else folder, []).append(name)
 
@@ -215,6 +217,8 @@ def sources(root: Path) -> dict[str, bytes]:
     for path in copies.rglob("*.ipynb"):
         if path.parent.name != "solutions":  # teachers have the notebooks
             files[f"notebooks/{path.relative_to(copies).as_posix()}"] = path.read_bytes()
+    for path in (root / "notebooks").rglob("README.md"):
+        files[path.relative_to(root).as_posix()] = path.read_bytes()
     # The data lie where a notebook's relative link finds them, as downloads.
     others = [*(root / "data").rglob("*"), root / "CHANGELOG.md"]
     for path in (path for path in others if path.is_file()):
