@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 import skfuzzy
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError
@@ -80,6 +80,7 @@ def test_a_comparison_is_written_as_it_is_read(a, b, low_closed, high_closed, en
     assert Interval.parse(str(point)) == point
 
 
+@example((0.0, 5e-324, 1.0, 1.0), [0.0])  # the narrowest ramp there is
 @given(trapezoids(), st.lists(numbers, min_size=1, max_size=20))
 def test_membership_is_that_of_scikit_fuzzy_to_the_last_bit(corners, x):
     values = np.array([*x, *(corner for corner in corners if math.isfinite(corner))])

@@ -317,8 +317,9 @@ def _ramp(x: Floats, foot: float, shoulder: float) -> Floats:
     """Return 0 up to the foot, 1 from the shoulder on, 0 for NaN."""
     if foot == shoulder:
         return np.asarray(x >= foot).astype(float)
-    part = np.asarray(x - foot)
+    # fmax drops a NaN, which so becomes 0. Nothing overflows, however narrow the ramp.
+    part = np.asarray(np.fmax(x, foot))
+    np.minimum(part, shoulder, out=part)
+    part -= foot
     part /= shoulder - foot
-    # fmax and fmin drop a NaN: fmax first, so that it becomes 0.
-    np.fmax(part, 0.0, out=part)
-    return np.asarray(np.minimum(part, 1.0, out=part))
+    return part
