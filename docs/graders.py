@@ -5,6 +5,7 @@ Their check cells assert: both graders take an error for a wrong answer.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import editions
@@ -20,7 +21,7 @@ def write_nbgrader(root: Path, source: Path) -> Path:
     """Write a lesson as a source of nbgrader, with solutions and graded checks."""
     lesson = editions.read(source)
     notebook = editions.notebook_of(
-        editions.copy_of(cell, _without_stub(cell.source))
+        editions.copy_of(cell, _without_raise(cell.source))
         for cell in lesson.cells
         if "solution" not in editions.tags(cell)
     )
@@ -51,7 +52,7 @@ def write_otter(root: Path, source: Path) -> Path:
         if "exercise" in tags:
             cells.append(_raw(f"# BEGIN QUESTION\nname: {keys[0]}\npoints: {POINTS}"))
             cells.append(_raw("# BEGIN SOLUTION"))
-            text = _without_stub(cell.source)
+            text = _without_raise(cell.source)
             for word in ("BEGIN", "END"):
                 text = text.replace(f"### {word} SOLUTION", f"# {word} SOLUTION")
             cells += [editions.copy_of(cell, text), _raw("# END SOLUTION")]
@@ -67,11 +68,14 @@ def _raw(text: str) -> NotebookNode:
     return new_raw_cell(text)
 
 
-def _without_stub(source: str) -> str:
-    """Return the cell with its solution marked, without the stub line: graders write their own."""
-    return editions.SOLUTION.sub(lambda found: found[0].removeprefix(found["stub"]), source + "\n")[
-        :-1
-    ]
+def _without_raise(source: str) -> str:
+    """Return the cell without a stub that raises: graders write their own; a name stays."""
+
+    def region(found: re.Match[str]) -> str:
+        raises = "raise NotImplementedError" in found["stub"]
+        return found[0].removeprefix(found["stub"]) if raises else found[0]
+
+    return editions.SOLUTION.sub(region, source + "\n").rstrip("\n")
 
 
 def _asserted(source: str) -> str:

@@ -93,9 +93,11 @@ def test_solutions_hold_the_exercises_only(source):
 
 
 def test_a_cell_keeps_its_id_when_another_comes_before_it(source):
-    before = {
-        cell.source: cell.id for cell in editions.student_edition(editions.read(source)).cells
-    }
+    def names():
+        edition = editions.student_edition(editions.read(source))
+        return {cell.source: cell.id for cell in edition.cells}
+
+    before = names()
     source.write_text(SOURCE.replace("## The", "New.\n\n+++\n\n## The"))
     assert before.items() < names().items()
 
@@ -160,7 +162,9 @@ def test_nbgrader_gets_solutions_and_graded_checks(source, tmp_path):
     notebook = nbformat.read(graders.write_nbgrader(tmp_path, source), as_version=4)
     about = {c.metadata.nbgrader.grade_id: c for c in notebook.cells if "nbgrader" in c.metadata}
     assert list(about) == ["ex-01-1", "ex-01-1-check", "ex-01-2"]
-    assert about["ex-01-1"].source == ("### BEGIN SOLUTION\nanswer = two + 40\n### END SOLUTION")
+    solution = "### BEGIN SOLUTION\nanswer = two + 40\n### END SOLUTION"
+    assert about["ex-01-1"].source == f"answer = ...\n{solution}"
+    assert "raise" not in about["ex-01-2"].source
     assert about["ex-01-1"].metadata.nbgrader.solution
     assert about["ex-01-1-check"].source.endswith("\nassert verdict, verdict")
     assert about["ex-01-1-check"].metadata.nbgrader.points == 1
@@ -194,10 +198,7 @@ def test_slides_ask_no_address(source, tmp_path):
 
 
 def test_reveal_comes_with_its_licence():
-    assert (
-        "MIT" in (slides.REVEAL / "LICENSE").read_text()
-        or "Permission is hereby granted" in (slides.REVEAL / "LICENSE").read_text()
-    )
+    assert "Permission is hereby granted" in (slides.REVEAL / "LICENSE").read_text()
     assert (slides.REVEAL / "reveal.js").stat().st_size > 100_000
 
 

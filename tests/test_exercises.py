@@ -117,6 +117,24 @@ def test_whatever_is_answered_a_sentence_comes_back(key, answer):
     assert verdict.text and "\n" not in verdict.text
 
 
+class Hostile:
+    """Objects to everything."""
+
+    def _object(self, *_):
+        raise RuntimeError("no")
+
+    __iter__ = __eq__ = __repr__ = __str__ = __call__ = __float__ = __len__ = _object
+    __hash__ = None
+
+
+@pytest.mark.parametrize("key", EXERCISES)
+@pytest.mark.parametrize("answer", [Hostile(), lambda *_: Hostile(), [Hostile()]])
+def test_an_answer_that_objects_is_no_traceback(key, answer):
+    verdict = check(key, answer, student("Kim"))
+    assert not verdict
+    assert verdict.text and "\n" not in verdict.text
+
+
 @pytest.mark.parametrize("key", EXERCISES)
 def test_a_hint_does_not_show_the_answer(key):
     me = student("Kim")

@@ -37,6 +37,7 @@ def loaded(statement):
         ("import shipnet.fuzzy", ["numpy"]),
         ("import shipnet.ballast", ["numpy"]),
         ("import shipnet.papers", ["numpy", "pandas"]),
+        ("import shipnet.exercises", ["numpy"]),
     ],
 )
 def test_an_entry_point_loads_no_more_than_it_needs(statement, modules):
