@@ -1,15 +1,18 @@
-"""Figures of CAN frames."""
+"""Figures of CAN frames, and of the bits by which they settle who goes first."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from shipnet import style
+from shipnet.can.bitwise import Arbitration
 from shipnet.can.frame import Frame
-from shipnet.errors import check_whole
+from shipnet.errors import ArgumentError, check_whole
 
-__all__ = ["plot_frame"]
+__all__ = ["plot_arbitration", "plot_frame"]
 
 #: Key of `style.FIELD` of each field; what is not named frames the rest.
 _COLOURS = {
@@ -113,3 +116,83 @@ def _outline(ax: Axes, name: str, start: int, length: int, width: int) -> None:
         x + size / 2, -0.12 - row * _PITCH, _SHORT.get(name, name), ha="center", va="top",
         fontsize=7, rotation=90 if size < _NARROW else 0,
     )  # fmt: skip
+
+
+def plot_arbitration(
+    contest: Arbitration, names: Sequence[str], *, ax: Axes, upto: int | None = None
+) -> Axes:
+    """Draw what each sender puts on the bus, a row each, and the bus below.
+
+    Parameters
+    ----------
+    contest : Arbitration
+        What `arbitrate` returned.
+    names : sequence of str
+        Name of each sender, in the order of the frames.
+    ax : matplotlib.axes.Axes
+        Where to draw; about 0.5 inch of height for each row.
+    upto : int, optional
+        Last bit to draw, 0 the start of frame; all if omitted.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given; x is in bits from the start of frame. Dominant bits are dark, recessive
+        ones pale, stuff bits hatched; a red frame stands where a sender reads a 0 instead of its
+        1, and behind it a dotted line while it only listens. The last bit drawn is shaded.
+
+    Raises
+    ------
+    ArgumentError
+        If there are not as many names as frames, or `upto` is behind the last bit.
+    """
+    rows, total = len(contest.frames), len(contest.bus)
+    if len(names) != rows:
+        raise ArgumentError(f"there are {len(names)} names for {rows} frames")
+    last = total - 1 if upto is None else check_whole("upto", upto, 0, total - 1)
+    ax.axvspan(last, last + 1, color="0.93", zorder=0)
+    for row, (frame, stopped) in enumerate(zip(contest.frames, contest.stopped, strict=True)):
+        end = last if stopped is None else min(last, stopped)
+        _bits(ax, frame.bits[: end + 1], set(frame.stuff_positions), row)
+        if end == stopped:
+            ax.add_patch(
+                Rectangle(
+                    (stopped, row - 0.34), 1, 0.68,
+                    facecolor="none", edgecolor=style.LIMIT["color"], linewidth=2, zorder=3,
+                )
+            )  # fmt: skip
+            ax.hlines(row, stopped + 1, last + 1, color="0.5", linestyle=":", linewidth=1.2)
+    winner = contest.frames[contest.winner]
+    _bits(ax, contest.bus[: last + 1], set(winner.stuff_positions), rows + 0.35)
+    ax.axhline(rows - 0.32, color="0.6", linewidth=0.8)
+    ax.set_yticks([*range(rows), rows + 0.35], labels=[*names, "bus"])
+    ax.set(
+        xlim=(-0.2, total + 0.2),
+        ylim=(rows + 0.9, -0.6),
+        xticks=[place + 0.5 for place in range(total)],
+        xticklabels=range(total),
+        xlabel="bit on the bus, 0 is the start of frame",
+    )
+    ax.tick_params(length=0)
+    ax.grid(visible=False)
+    return ax
+
+
+def _bits(ax: Axes, bits: str, stuffed: set[int], row: float) -> None:
+    """Draw bits as cells of a row."""
+    for place, bit in enumerate(bits):
+        dominant, own = bit == "0", place in stuffed
+        ax.add_patch(
+            Rectangle(
+                (place, row - 0.34), 1, 0.68,
+                facecolor="#2b6ca3" if dominant else style.FIELD["address"] if not own else "white",
+                edgecolor="0.75" if dominant and own else "0.5",
+                linewidth=0.6, hatch="////" if own else None,
+            )
+        )  # fmt: skip
+        ax.text(
+            place + 0.5, row, bit, ha="center", va="center", fontsize=9, family="monospace",
+            color="white" if dominant else "black", zorder=4,
+            bbox={"facecolor": "#2b6ca3" if dominant else "white", "edgecolor": "none", "pad": 0.6}
+            if own else None,
+        )  # fmt: skip

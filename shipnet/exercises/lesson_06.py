@@ -1,0 +1,137 @@
+"""Exercises of lesson 6: Modbus, its bytes, its silences, and how long a scan takes."""
+
+from __future__ import annotations
+
+from shipnet.exercises.answers import Bytes, Number, Whole
+from shipnet.exercises.exercise import Exercise
+from shipnet.exercises.functions import Function
+from shipnet.modbus.codes import FunctionCode
+from shipnet.modbus.request import ReadRequest
+from shipnet.modbus.timing import Poll, Serial
+
+__all__ = ["EXERCISES"]
+
+_LIMIT = 2.0
+
+
+def _question(first: int, quantity: int, function: int = 3) -> ReadRequest:
+    return ReadRequest(FunctionCode(function), first, quantity)
+
+
+def _request(unit: int, number: int, quantity: int) -> bytes:
+    return bytes([unit]) + _question(number - 1, quantity).pdu
+
+
+def _low_byte_first(unit: int, number: int, quantity: int) -> bytes:
+    first, many = ((n).to_bytes(2, "little") for n in (number - 1, quantity))
+    return bytes([unit, 3]) + first + many
+
+
+def _response_ms(registers: int, rate: int) -> float:
+    return 1e3 * Serial(rate).frame_time(_question(0, registers).response_size + 3)
+
+
+def _scan(n_slaves: int, n_registers: int, bit_rate: int) -> float:
+    return Poll.of(_question(0, n_registers), Serial(bit_rate)).scan(n_slaves)
+
+
+def _scan_with(silences: float, n_slaves: int, n_registers: int, bit_rate: int) -> float:
+    """Return a scan with so many characters of silence a transaction, at any bit rate."""
+    return n_slaves * (13 + 2 * n_registers + silences) * 11 / bit_rate
+
+
+#: One slave with one register; where silence begins to be fixed, and beyond; the largest of all.
+_TRIED = [(1, 1, 9600), (31, 10, 19200), (60, 4, 38400), (247, 4, 115200), (247, 125, 4800)]
+
+
+def _poll(rate: int, think_ms: int, timeout_ms: int) -> Poll:
+    return Poll.of(
+        _question(0, 4, 4), Serial(rate), processing=think_ms / 1e3, timeout=timeout_ms / 1e3
+    )
+
+
+def _most(rate: int, think_ms: int, timeout_ms: int, dead: int = 1) -> int:
+    return _poll(rate, think_ms, timeout_ms).most_slaves(_LIMIT, dead=dead)
+
+
+EXERCISES = (
+    Exercise(
+        "ex-06-1",
+        draws={"unit": range(2, 31), "number": range(301, 1000, 7), "quantity": range(2, 11)},
+        answer=lambda unit, number, quantity: Bytes(_request(unit, number, quantity)),
+        traps={
+            "the manual counts from 1, the line from 0: which register would this read?": (
+                lambda unit, number, quantity: _request(unit, number + 1, quantity)
+            ),
+            "each of the two numbers goes high byte first": _low_byte_first,
+            "function code 4 reads input registers; these are holding registers": (
+                lambda unit, number, quantity: (
+                    bytes([unit]) + _question(number - 1, quantity, 4).pdu
+                )
+            ),
+        },
+        slips={
+            "1 too few": lambda unit, number, quantity: _request(unit, number, quantity)[1:],
+            "last two bytes are swapped": lambda unit, number, quantity: (
+                _request(unit, number, quantity)[:-2] + bytes([quantity, 0])
+            ),
+        },
+    ),
+    Exercise(
+        "ex-06-2",
+        draws={"registers": range(6, 31), "rate": (2400, 4800, 9600, 19200)},
+        answer=lambda registers, rate: Number(_response_ms(registers, rate), "ms"),
+        traps={
+            "a byte is more than 8 bits on the line": lambda registers, rate: (
+                _response_ms(registers, rate) * 8 / 11
+            ),
+            "that is the data alone; what stands around them?": lambda registers, rate: (
+                2e3 * registers * 11 / rate
+            ),
+            "a register has 16 bits": lambda registers, rate: 1e3 * (5 + registers) * 11 / rate,
+        },
+        slips={
+            "1000 times too small: is it in ms": lambda registers, rate: (
+                _response_ms(registers, rate) / 1e3
+            ),
+        },
+    ),
+    Exercise(
+        "ex-06-3",
+        answer=lambda: Function(_scan, _TRIED, lambda right: Number(right, "s")),
+        traps={
+            "the silence is not counted in characters at every bit rate": lambda: (
+                lambda *case: _scan_with(7, *case)
+            ),
+            "a transaction has a silence behind the request, and one behind the response": lambda: (
+                lambda *case: _scan(*case) - case[0] * Serial(case[2]).t35
+            ),
+            "where is the silence?": lambda: lambda *case: _scan_with(0, *case),
+        },
+        slips={
+            "1000 times too large: is it in s": lambda: lambda *case: 1e3 * _scan(*case),
+        },
+    ),
+    Exercise(
+        "ex-06-4",
+        draws={
+            "rate": (38400, 57600, 115200),
+            "think_ms": range(3, 9),
+            "timeout_ms": range(150, 451, 50),
+        },
+        answer=lambda rate, think_ms, timeout_ms: Whole(
+            _most(rate, think_ms, timeout_ms), "valves"
+        ),
+        traps={
+            "with all of them alive; what does one dead valve cost?": (
+                lambda rate, think_ms, timeout_ms: _most(rate, think_ms, timeout_ms, dead=0)
+            ),
+            "valves need time to think": lambda rate, think_ms, timeout_ms: _most(
+                rate, 0, timeout_ms
+            ),
+        },
+        slips={
+            "off by one": lambda rate, think_ms, timeout_ms: _most(rate, think_ms, timeout_ms) - 1,
+        },
+    ),
+)
