@@ -57,6 +57,16 @@ def test_committed_editions_are_those_of_the_source(source):
         assert editions.same(stored, notebook), "run `python docs/editions.py derive`"
 
 
+@LESSONS
+def test_the_stored_solutions_are_correct_and_the_stubs_are_not_solved(source):
+    for path, said in zip(
+        editions.editions(editions.ROOT, source), ("not solved yet", "correct"), strict=True
+    ):
+        for cell in nbformat.read(path, as_version=4).cells:
+            if "check" in editions.tags(cell):
+                assert cell.outputs[0].data["text/plain"].endswith(said), f"{path}: {cell.source}"
+
+
 def test_every_numbered_lesson_has_a_source():
     assert editions.orphans(editions.ROOT) == []
 
