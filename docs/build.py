@@ -2,10 +2,9 @@
 
     python docs/build.py [--stored]
 
-With --stored, only notebooks with widgets are executed: of the others, the outputs that are stored
-go into the book, as long as the tests compare them. The Sphinx source is put together in
-build/book, the pages are in build/site. Any warning is an error. What did not change is not built
-again.
+With --stored, no notebook is executed: the outputs that are stored go into the book, as long as the
+tests compare them. The Sphinx source is put together in build/book, the pages are in build/site.
+Any warning is an error. What did not change is not built again.
 """
 
 from __future__ import annotations

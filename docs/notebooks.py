@@ -151,7 +151,7 @@ def _executed(paths: list[Path]) -> Iterator[Executed]:
 def run(root: Path, *, stored: bool = False) -> int:
     """Bring build/notebooks up to date; return the number of notebooks that failed.
 
-    With `stored`, a notebook without widgets is copied as it is: its outputs are complete.
+    With `stored`, none is executed: what is copied are the outputs that the tests compare.
     """
     copies = root / "build" / "notebooks"
     marks: dict[Path, str] = {}
@@ -163,7 +163,7 @@ def run(root: Path, *, stored: bool = False) -> int:
         now = fingerprint(root, [*INPUTS, path.relative_to(root)])
         if copy.is_file() and mark.is_file() and mark.read_text() == now:
             continue
-        if stored and not _has_widgets(path):
+        if stored:
             # Without a mark, the next run executes it.
             mark.unlink(missing_ok=True)
             copy.parent.mkdir(parents=True, exist_ok=True)
@@ -186,11 +186,6 @@ def run(root: Path, *, stored: bool = False) -> int:
         copy.write_text(done.text, encoding="utf-8", newline="\n")
         mark.write_text(marks[done.path])
     return failed
-
-
-def _has_widgets(path: Path) -> bool:
-    cells = nbformat.read(path, as_version=4).cells
-    return any("widget" in cell.metadata.get("tags", []) for cell in cells)
 
 
 def store(root: Path, paths: list[Path], *, accept: bool) -> int:

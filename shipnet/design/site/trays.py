@@ -25,7 +25,7 @@ from scipy.sparse.csgraph import connected_components
 from shipnet.errors import ArgumentError, InputError
 from shipnet.spreadsheet import NUMBER, Sheet, parse_sheet, read_sheet
 
-__all__ = ["Place", "Tray", "Trays", "load_trays", "parse_trays"]
+__all__ = ["Tray", "Trays", "load_trays", "parse_trays"]
 
 #: A place on board [m]: x from aft to fore, y to port, z up, from wherever the list counts.
 Place = tuple[float, float, float]
