@@ -1,0 +1,115 @@
+"""Exercises of lesson 8: redundancy, switch-over and class rules."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from shipnet.engine.system import RULE
+from shipnet.exercises.answers import Number, Whole
+from shipnet.exercises.exercise import Exercise
+from shipnet.exercises.functions import Function
+from shipnet.modbus.ring import Break, Channels, Loop, worst_gap
+from shipnet.modbus.timing import Poll, Serial
+
+__all__ = ["EXERCISES"]
+
+_LINE = Serial(9600)
+_POLL = Poll(_LINE, 8, 13)
+_REQUEST = _LINE.frame_time(8)
+
+
+def _lost(n: int, cuts: Sequence[int]) -> int:
+    return len(Loop(n, _POLL).reach([Break(section) for section in cuts]).lost)
+
+
+def _gap(period: float, timeout: float, retries: int) -> float:
+    poll = Poll(_LINE, 8, 13, timeout=timeout / 1e3, retries=retries)
+    return float(worst_gap(Channels(poll, period=period), [Break(0)])[0])
+
+
+def _timeout(n: int, waits: int = 2) -> float:
+    """Return the time-out with which a round and some waits take 2 s [ms]."""
+    return 1e3 * ((RULE - _POLL.scan(n)) / waits - _REQUEST)
+
+
+#: Loops to try a function on: whole, cut once, beside the ports, out of order, and one cut twice.
+_TRIED: list[tuple[int, list[int]]] = [
+    (40, []),
+    (40, [12]),
+    (40, [12, 30]),
+    (40, [40, 0]),
+    (25, [20, 3, 11]),
+    (247, [100, 100]),
+]
+
+EXERCISES = (
+    Exercise(
+        "ex-08-1",
+        draws={"n": range(32, 41), "first": range(10, 14), "second": range(16, 19)},
+        answer=lambda n, first, second: Whole(_lost(n, [first, second]), "valves"),
+        traps={
+            "what lies beyond the second cut still hangs on port B": lambda n, first, second: (
+                n - first
+            ),
+            "port B reaches those; which ones does no port reach?": (
+                lambda n, first, second: n - second
+            ),
+            "port A reaches those; which ones does no port reach?": (
+                lambda n, first, second: first
+            ),
+        },
+        slips={"off by one": lambda n, first, second: second - first + 1},
+    ),
+    Exercise(
+        "ex-08-2",
+        draws={"period": (0.5, 1.0, 2.0), "timeout": range(120, 221, 20), "retries": (2, 3)},
+        answer=lambda period, timeout, retries: Number(_gap(period, timeout, retries), "s"),
+        traps={
+            "and how long until the master asks at all? The cut came just after an answer": (
+                lambda period, timeout, retries: _gap(period, timeout, retries) - period
+            ),
+            "each retry waits for its own time-out": lambda period, timeout, retries: _gap(
+                period, timeout, 0
+            ),
+            "the first try is in vain too: how often does it ask on the first cable?": (
+                lambda period, timeout, retries: _gap(period, timeout, retries - 1)
+            ),
+        },
+        slips={
+            "1000 times too large": lambda period, timeout, retries: (
+                1e3 * _gap(period, timeout, retries)
+            ),
+        },
+    ),
+    Exercise(
+        "ex-08-3",
+        answer=lambda: Function(_lost, _TRIED, lambda right: Whole(right, "valves")),
+        traps={
+            "that is a line; in a loop the far piece hangs on port B": lambda: (
+                lambda n, cuts: n - min(cuts, default=n)
+            ),
+            "the cuts may come in any order": lambda: (
+                lambda n, cuts: cuts[-1] - cuts[0] if cuts else 0
+            ),
+        },
+        slips={
+            "off by one": lambda: lambda n, cuts: _lost(n, cuts) + 1,
+            "ValueError": lambda: lambda n, cuts: max(cuts) - min(cuts),
+        },
+    ),
+    Exercise(
+        "ex-08-4",
+        draws={"n": range(20, 46, 5)},
+        answer=lambda n: Number(_timeout(n), "ms"),
+        traps={
+            "how often can one cut be missed before all beyond it are moved?": lambda n: _timeout(
+                n, waits=1
+            ),
+            "the round itself takes time too": lambda n: 1e3 * (RULE / 2 - _REQUEST),
+            "a poll in vain is more than its time-out: the request has to be sent": lambda n: (
+                _timeout(n) + 1e3 * _REQUEST
+            ),
+        },
+        slips={"1000 times too small": lambda n: _timeout(n) / 1e3},
+    ),
+)
