@@ -137,7 +137,7 @@ def test_what_does_not_fit_stands_there_with_its_reason():
     found = compare(far, small.site, ["home runs", "AS-i"])
     words = Page(report_html(found)).text
     assert found.table["points left out"].tolist() == [0, 1]
-    assert "AS-i leaves 1 of 2 points out." in words
+    assert "AS-i leaves 1 of 2 points out: B " in words
     assert all(reason in words for reason in found.reasons["text"])
     assert "does not fit" in words
     assert "Every point fits in every option." in Page(report_html(compare_networks([small]))).text

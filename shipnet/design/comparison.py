@@ -13,6 +13,7 @@ import numpy.typing as npt
 from shipnet.design.costs.quantities import FIGURES, Quantities, quantities
 from shipnet.design.costs.sensitivity import Tornado, tornado
 from shipnet.design.costs.uncertainty import draw, likely
+from shipnet.design.digits import number
 from shipnet.design.network import Network
 from shipnet.design.plan import OPTIONS, plan
 from shipnet.design.rules import HOST_TIME, RuleSet, check
@@ -52,7 +53,8 @@ class Comparison:
     rules : pandas.DataFrame
         What `shipnet.design.rules.check` returned for each, behind a column ``option``.
     tornado : Tornado
-        Which assumptions matter for what the cheapest option costs less than the first one.
+        Which assumptions matter for what the cheapest option costs less than the first one; of the
+        options that connect every point, if there are any.
     likely : pandas.DataFrame or None
         Figures in 9 of 10 draws of the assumptions, by option and figure, if drawn.
     criteria : tuple of str
@@ -107,19 +109,20 @@ class Comparison:
 
     @property
     def short(self) -> pd.DataFrame:
-        """The rows of `table` that are asked for first, rounded, one column an option."""
-        rows = {
-            "points left out": 0, "conductors at the cabinet": 0, "cable length": 1,
-            "cable mass": 0, "labour": 0, "total cost, low": -3, "total cost": -3,
-            "total cost, high": -3, RESPONSE: 0, "lost by one cable": 0, "lost by one device": 0,
-            "rules kept": 0, "rules broken": 0,
-            "rules not verified": 0,
-        }  # fmt: skip
+        """The rows of `table` that are asked for first, one column an option.
+
+        Counts are whole; quantities have three digits.
+        """
+        rows = [
+            "points left out", "conductors at the cabinet", "cable length", "cable mass", "labour",
+            "total cost, low", "total cost", "total cost, high", RESPONSE, "lost by one cable",
+            "lost by one device", "rules kept", "rules broken", "rules not verified",
+        ]  # fmt: skip
         units = {row: FIGURES.get(row.split(",")[0], "1") for row in rows}
         named = {row: f"{row} [{unit}]" for row, unit in units.items() if unit != "1"}
-        shown = self.table[list(rows)].astype(float).round(rows).astype(object)
-        for row, digits in rows.items():
-            shown[row] = [f"{v:,.{max(digits, 0)}f}" if v == v else "-" for v in shown[row]]
+        shown = self.table[rows].astype(object)
+        for row in rows:
+            shown[row] = [number(value) for value in shown[row]]
         shown["not beaten"] = self.pareto.map({True: "yes", False: "no"})
         return shown.T.rename(named)
 
@@ -160,7 +163,8 @@ class Comparison:
         """What the comparison comes to, in words."""
         table, front = self.table, self.table[self.pareto]
         said = [
-            f"{name} leaves {row['points left out']:.0f} of {len(self.iolist)} points out."
+            f"{name} leaves {row['points left out']:.0f} of {len(self.iolist)} points out"
+            f"{self._why(str(name))}."
             for name, row in table[table["points left out"] > 0].iterrows()
         ]
         if front.empty:
@@ -175,11 +179,22 @@ class Comparison:
             values = whole[column].dropna()
             if len(values) > 1:
                 same = ", ".join(map(str, values.index[values == values.min()]))
-                least = float(f"{values.min():.3g}")
-                said.append(f"{words}: {same} ({least:,.0f}{f' {unit}' if unit else ''}).")
+                least = number(values.min())
+                said.append(f"{words}: {same} ({least}{f' {unit}' if unit else ''}).")
         if beaten := [str(name) for name in whole.index if not self.pareto[name]]:
             said.append(f"Beaten in {', '.join(self.criteria)} at once: {', '.join(beaten)}.")
         return [*said, f"{str(self.tornado)[:1].upper()}{str(self.tornado)[1:]}."]
+
+    def _why(self, option: str) -> str:
+        """Return the first reason of each limit that an option runs into."""
+        reasons = self.networks[option].reasons
+        counts = reasons["limit"].value_counts()
+        first = reasons.drop_duplicates("limit")
+        said = [
+            f"{text} (and {more} more)" if (more := counts[limit] - 1) else text
+            for limit, text in zip(first["limit"], first["text"], strict=True)
+        ]
+        return f": {'; '.join(said)}" if said else ""
 
 
 def compare(
@@ -302,13 +317,18 @@ def compare_networks(
     if other := [net.name for net in given if net.points["tag"].tolist() != tags]:
         raise ArgumentError(f"networks {', '.join(other)} have not the points of {given[0].name}")
     sums = {name: quantities(network, assumptions) for name, network in named.items()}
+    pair = _saving(sums)
     checked = {name: check(net, rule_set, host_time=host_time) for name, net in named.items()}
     made = Comparison(
         named,
         sums,
         {name: single_cuts(network) for name, network in named.items()},
         _by_option(checked),
-        tornado(named, between=_saving(sums), assumptions=assumptions),
+        tornado(
+            {name: named[name] for name in pair},
+            between=(pair[0], pair[1]) if len(pair) == 2 else None,
+            assumptions=assumptions,
+        ),
         None if rng is None else likely(draw(named, assumptions, rng=rng)),
         tuple(criteria),
         host_time,
@@ -319,13 +339,14 @@ def compare_networks(
     return made
 
 
-def _saving(sums: Mapping[str, Quantities]) -> tuple[str, str] | None:
-    """Return the cheapest of the later options, and the first, from which a saving counts."""
-    first, *others = sums
-    whole = [option for option in others if not sums[option].unconnected] or others
-    if not whole:
-        return None
-    return min(whole, key=lambda option: sums[option]["total cost"]), first
+def _saving(sums: Mapping[str, Quantities]) -> tuple[str, ...]:
+    """Return the cheapest of the later options, and the first, from which a saving counts.
+
+    An option that leaves points out costs nothing for them: it is not weighed against another.
+    """
+    whole = [option for option in sums if not sums[option].unconnected] or [*sums][:1]
+    first, *others = whole
+    return (*sorted(others, key=lambda option: sums[option]["total cost"])[:1], first)
 
 
 def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 from shipnet import __version__
 from shipnet.design.comparison import Comparison
 from shipnet.design.costs.quantities import EXCLUDED, FIGURES
+from shipnet.design.digits import number
 from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado, svg
-from shipnet.design.report.page import bullets, document, number, picture, section, table, text
+from shipnet.design.report.page import bullets, document, picture, section, table, text
 from shipnet.design.rules.cuts import FAILURES
 from shipnet.errors import ArgumentError
 
