@@ -35,6 +35,9 @@ RESPONSE = "worst response [ms]"
 #: Columns of a comparison in which less is better, and by which options are weighed.
 CRITERIA = ("total cost", RESPONSE, "lost by one failure")
 
+#: Share of the lengths given by which those of our own may be off, one by one, and unsaid; assumed.
+_ALIKE = 0.1
+
 _VERDICTS = {"pass": "rules kept", "fail": "rules broken", "not verified": "rules not verified"}
 
 
@@ -167,6 +170,7 @@ class Comparison:
             f"{self._why(str(name))}."
             for name, row in table[table["points left out"] > 0].iterrows()
         ]
+        said += self._lengths
         if front.empty:
             return [*said, "No option connects every point."]
         whole = table[table["points left out"] == 0]
@@ -184,6 +188,28 @@ class Comparison:
         if beaten := [str(name) for name in whole.index if not self.pareto[name]]:
             said.append(f"Beaten in {', '.join(self.criteria)} at once: {', '.join(beaten)}.")
         return [*said, f"{str(self.tornado)[:1].upper()}{str(self.tornado)[1:]}."]
+
+    @property
+    def _lengths(self) -> list[str]:
+        """Say that home runs of given lengths are not weighed alike, if it makes a difference."""
+        iolist, site = self.iolist, self.site
+        kept = {
+            tag
+            for network in self.networks.values()
+            for tag in network.runs.query("kind == 'home run' and route_m != route_m")["b"]
+        }
+        mine = iolist.points["tag"].isin(kept).to_numpy() & iolist.located
+        given = iolist.points["home_run_m"].to_numpy(float)[mine]
+        own = site.length(site.route(site.cabinet, iolist.places[mine]))
+        if np.abs(own - given).sum() <= _ALIKE * given.sum():
+            return []
+        cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
+        over = "" if site.trays is None else " over the trays"
+        return [
+            f"Home runs keep the lengths of the list, {number(given.sum() / 1e3)} km for "
+            f"{len(given)} points; from the cabinet at {cabinet} m{over}, as all other cables are "
+            f"reckoned, they would be {number(own.sum() / 1e3)} km."
+        ]
 
     def _why(self, option: str) -> str:
         """Return the first reason of each limit that an option runs into."""
