@@ -167,6 +167,8 @@ def _side_by_side(comparison: Comparison) -> str:
 def _what(comparison: Comparison, remarks: Sequence[str]) -> str:
     iolist, site = comparison.iolist, comparison.site
     counts = iolist.points["type"].value_counts()
+    systems = iolist.points["system"].replace("", None).nunique()
+    of_systems = f"of {systems} system{'s' if systems > 1 else ''}" if systems else "of no system"
     trays = "cables run square to the ship's axes, as no trays are given"
     if site.trays is not None:
         trays = "cables run on the trays given"
@@ -180,7 +182,7 @@ def _what(comparison: Comparison, remarks: Sequence[str]) -> str:
     lines = [
         f"I/O list {Path(iolist.source).name}: {len(iolist)} points ("
         + ", ".join(f"{n} {kind}" for kind, n in counts.items())
-        + f") of {iolist.points['system'].nunique()} systems.",
+        + f") {of_systems}.",
         *(f"{said[:1].upper()}{said[1:]}." for said in (*iolist.remarks, *remarks)),
         where,
         f"The host adds {comparison.host_time:g} s to a response where a rule counts it, assumed.",
@@ -189,13 +191,23 @@ def _what(comparison: Comparison, remarks: Sequence[str]) -> str:
 
 
 def _pictures(comparison: Comparison) -> str:
-    takes, shown = comparison.quantities, comparison.table
+    # A point that is left out costs nothing: no picture may hide that.
+    left_out = comparison.table["points left out"]
+    named = {
+        option: f"{option} ({count} left out)" if count else option
+        for option, count in left_out.items()
+    }
+    takes = {named[option]: takes for option, takes in comparison.quantities.items()}
+    shown = comparison.table.rename(index=named)
+    likely = comparison.likely
+    if likely is not None:
+        likely = likely.rename(index=named, level="option")
     height = 1.2 + 0.4 * len(takes)
     figures = [
         picture(
-            svg(lambda ax: plot_quantities(takes, ax=ax, likely=comparison.likely), height=height),
+            svg(lambda ax: plot_quantities(takes, ax=ax, likely=likely), height=height),
             "Total cost of each option: nominal, and with all assumptions at low and at high"
-            + (", and in 9 of 10 draws of them." if comparison.likely is not None else "."),
+            + (", and in 9 of 10 draws of them." if likely is not None else "."),
         ),
         picture(
             svg(
@@ -206,7 +218,7 @@ def _pictures(comparison: Comparison) -> str:
         picture(
             svg(
                 lambda ax: plot_pareto(
-                    shown, pareto=comparison.pareto, y="lost by one failure", ax=ax
+                    shown, pareto=comparison.pareto.rename(named), y="lost by one failure", ax=ax
                 )
             ),
             "Cost against the points that the worst failure takes along; filled: not beaten.",
