@@ -173,8 +173,8 @@ def _signal(word: str, given: str, kind: str, count: str) -> _Found:
     except ArgumentError as error:
         if word:
             return "contact", [*faults, ("signal", str(error))]
-        own = [name for name, signal in SIGNALS.items() if signal.kind == kind]
-        return "contact", [*faults, ("signal", f"is empty; expected one of {', '.join(own)}")]
+        alike = ", ".join(name for name, signal in SIGNALS.items() if signal.kind == kind)
+        return "contact", [*faults, ("signal", f"is empty; expected one of {alike}")]
     own = SIGNALS[signal]
     if kind and own.kind != kind:
         faults.append(("type", f"{given!r}; expected {own.kind}, as the signal is {signal}"))
