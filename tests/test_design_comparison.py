@@ -10,9 +10,10 @@ from hypothesis.extra import numpy as npst
 
 from shipnet import datasets
 from shipnet.design.cabinet import find_cabinet
-from shipnet.design.comparison import CRITERIA, compare, compare_networks, not_beaten
+from shipnet.design.comparison import CRITERIA, compare, compare_networks
 from shipnet.design.costs.quantities import quantities
 from shipnet.design.example import example
+from shipnet.design.front import not_beaten
 from shipnet.design.iolist import load_iolist, parse_iolist
 from shipnet.design.network import Network
 from shipnet.design.rules import check
