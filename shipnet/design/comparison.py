@@ -14,7 +14,7 @@ from shipnet.design.costs.quantities import FIGURES, Quantities, quantities
 from shipnet.design.costs.sensitivity import Tornado, tornado
 from shipnet.design.costs.uncertainty import draw, likely
 from shipnet.design.digits import number
-from shipnet.design.front import not_beaten
+from shipnet.design.front import complete, not_beaten
 from shipnet.design.network import Network
 from shipnet.design.plan import OPTIONS, plan
 from shipnet.design.rules import HOST_TIME, RuleSet, check
@@ -29,7 +29,15 @@ if TYPE_CHECKING:
     from shipnet.design.plan.settings import Settings
     from shipnet.design.site import Site
 
-__all__ = ["CRITERIA", "RESPONSE", "Comparison", "compare", "compare_networks", "not_beaten"]
+__all__ = [
+    "CRITERIA",
+    "RESPONSE",
+    "Comparison",
+    "compare",
+    "compare_networks",
+    "complete",
+    "not_beaten",
+]
 
 RESPONSE = "worst response [ms]"
 
@@ -344,7 +352,7 @@ def compare_networks(
     if other := [net.name for net in given if net.points["tag"].tolist() != tags]:
         raise ArgumentError(f"networks {', '.join(other)} have not the points of {given[0].name}")
     sums = {name: quantities(network, assumptions) for name, network in named.items()}
-    pair = _saving(sums)
+    pair = _saving(named, sums)
     checked = {name: check(net, rule_set, host_time=host_time) for name, net in named.items()}
     made = Comparison(
         named,
@@ -366,13 +374,13 @@ def compare_networks(
     return made
 
 
-def _saving(sums: Mapping[str, Quantities]) -> tuple[str, ...]:
+def _saving(named: Mapping[str, Network], sums: Mapping[str, Quantities]) -> tuple[str, ...]:
     """Return the cheapest of the later options, and the first, from which a saving counts.
 
-    An option that leaves points out costs nothing for them: it is not weighed against another.
+    Options that leave points out are not weighed against each other.
     """
-    whole = [option for option in sums if not sums[option].unconnected] or [*sums][:1]
-    first, *others = whole
+    first, *others = complete(named)
+    others = [option for option in others if named[option].fits]
     return (*sorted(others, key=lambda option: sums[option]["total cost"])[:1], first)
 
 
