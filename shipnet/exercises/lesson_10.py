@@ -113,7 +113,7 @@ EXERCISES = (
             "that is what is saved; asked for is what is left": lambda contacts, lines: (
                 100 - _left(contacts, lines)
             ),
-            "that is how many times fewer; asked for is what is left, in %": lambda contacts, lines: (
+            "that is how many times fewer; asked for is what is left": lambda contacts, lines: (
                 contacts / lines
             ),
         },
@@ -127,8 +127,8 @@ EXERCISES = (
         draws={"modules": (12, 14, 16, 20, 24), "distance": (30, 40, 60, 80)},
         answer=lambda modules, distance: Number(_saved(modules, distance), "%"),
         traps={
-            "that is the cable alone; work and hardware cost too": lambda modules, distance: (
-                _saved(modules, distance, "cable cost")
+            "that is the cable alone; work and hardware cost too": lambda modules, distance: _saved(
+                modules, distance, "cable cost"
             ),
             "a saving is a share of what it would have cost without the bus": (
                 lambda modules, distance: (
