@@ -92,10 +92,11 @@ def test_options_at_the_same_place_share_a_label_and_near_ones_do_not_overlap(ax
     table = pd.DataFrame(
         {
             "total cost": [217.0, 113.0, 108.0, 108.1, 150.0],
-            "cables": [792.0, 44.0, 4.0, 4.0, np.nan],
+            "cables": [792.0, 34.0, 4.0, 4.0, np.nan],
         },
         index=["home runs", "AS-i", "CAN", "Modbus RTU", "none"],
     )
+    ax.figure.set_size_inches(6.4, 2.6)
     plot_pareto(table, y="cables", ax=ax)
     assert [text.get_text() for text in ax.texts] == ["home runs", "AS-i", "CAN, Modbus RTU"]
     ax.figure.draw_without_rendering()
