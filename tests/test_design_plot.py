@@ -106,6 +106,13 @@ def test_options_at_the_same_place_share_a_label_and_near_ones_do_not_overlap(ax
     assert all(0 <= box.x0 and box.x1 <= width for box in boxes)
 
 
+def test_a_filled_dot_is_not_hidden_by_another(ax):
+    table = pd.DataFrame({"total cost": [3.0, 3.0], "cables": [1.0, 1.0]}, index=["a", "b"])
+    plot_pareto(table, y="cables", pareto=pd.Series([True, False], table.index), ax=ax)
+    _, filled, empty = ax.lines
+    assert filled.get_zorder() > empty.get_zorder()
+
+
 def test_options_that_are_all_at_one_place_have_one_label(ax):
     table = pd.DataFrame({"total cost": [3.0, 3.0], "cables": [0.0, 0.0]}, index=["a", "b"])
     plot_pareto(table, y="cables", ax=ax)

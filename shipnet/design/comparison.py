@@ -27,7 +27,15 @@ if TYPE_CHECKING:
     from shipnet.design.plan.settings import Settings
     from shipnet.design.site import Site
 
-__all__ = ["CRITERIA", "RESPONSE", "Comparison", "compare", "compare_networks", "not_beaten"]
+__all__ = [
+    "CRITERIA",
+    "RESPONSE",
+    "Comparison",
+    "compare",
+    "compare_networks",
+    "complete",
+    "not_beaten",
+]
 
 RESPONSE = "worst response [ms]"
 
@@ -52,7 +60,8 @@ class Comparison:
     rules : pandas.DataFrame
         What `shipnet.design.rules.check` returned for each, behind a column ``option``.
     tornado : Tornado
-        Which assumptions matter for the difference in cost of the two cheapest.
+        Which assumptions matter for the difference in cost of the two cheapest that connect every
+        point.
     likely : pandas.DataFrame or None
         Figures in 9 of 10 draws of the assumptions, by option and figure, if drawn.
     criteria : tuple of str
@@ -307,7 +316,7 @@ def compare_networks(
         {name: quantities(network, assumptions) for name, network in named.items()},
         {name: single_cuts(network) for name, network in named.items()},
         _by_option(checked),
-        tornado(named, assumptions=assumptions),
+        tornado(complete(named), assumptions=assumptions),
         None if rng is None else likely(draw(named, assumptions, rng=rng)),
         tuple(criteria),
         host_time,
@@ -316,6 +325,28 @@ def compare_networks(
     if not criteria or not set(criteria) <= set(known):
         raise ArgumentError(f"criteria are {tuple(criteria)}; they must be of {', '.join(known)}")
     return made
+
+
+def complete(networks: Mapping[str, Network]) -> dict[str, Network]:
+    """Return the networks that connect every point; all of them if none does.
+
+    Parameters
+    ----------
+    networks : mapping of str to Network
+        By name.
+
+    Returns
+    -------
+    dict of str to Network
+        What it would be wrong to call cheap for what it leaves out is not among them.
+
+    Examples
+    --------
+    >>> from shipnet.design.example import example
+    >>> list(complete({"two stations": example()}))
+    ['two stations']
+    """
+    return {name: network for name, network in networks.items() if network.fits} or dict(networks)
 
 
 def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:

@@ -279,7 +279,7 @@ def plot_pareto(
     for at_x, at_y, filled in zip(table[x], table[y], best, strict=True):
         ax.plot(
             [at_x], [at_y], marker="o", markersize=7, linestyle="none", color="C0",
-            markerfacecolor="C0" if filled else "white",
+            markerfacecolor="C0" if filled else "white", zorder=3 if filled else 2,
         )  # fmt: skip
     for place in _places(table[[x, y]]):
         # A label stands on the side where there is room, below its dot if one is above already.
