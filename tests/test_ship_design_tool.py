@@ -134,6 +134,11 @@ def test_the_cabinet_is_typed_or_found_or_asked_for():
     assert "given by the list" in update(lengths).cabinet
 
 
+@pytest.mark.parametrize(("name", "source"), [("a\n b\0c", "a b c"), (" \t", "list"), ("", "list")])
+def test_the_name_of_a_list_is_one_line(name, source):
+    assert update(replace(SMALL, name=name)).comparison.iolist.source == source
+
+
 def test_no_option_at_all_is_a_sentence():
     off = dict.fromkeys(("home_runs", "junction_boxes", "asi", "can", "modbus"), False)
     with pytest.raises(ArgumentError, match="no option is on"):

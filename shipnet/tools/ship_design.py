@@ -136,7 +136,7 @@ class Inputs:
     update_ms: int = choice(
         0, {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
         unit="ms", slider=True, label="update, at most",
-        help="No point waits longer than this: which bus gives out first?",
+        help="No point waits longer than this; tighten it to see which bus gives out first.",
     )  # fmt: skip
     detour: float = number(
         1.15, 1, 2, step=0.05, label="detour",
@@ -207,7 +207,8 @@ def update(inputs: Inputs) -> Result:
     """
     if not inputs.options:
         raise ArgumentError("no option is on; switch on one or more of home runs to Modbus RTU")
-    iolist = points(inputs.points, inputs.name.strip() or "list", inputs.update_ms)
+    printed = "".join(one if one.isprintable() else " " for one in inputs.name)
+    iolist = points(inputs.points, " ".join(printed.split()) or "list", inputs.update_ms)
     cabinet, known = place(iolist, inputs.cabinet)
     settings = Settings(spare=inputs.spare, redundant=inputs.redundant)
     networks = planned(iolist, cabinet, inputs.detour, settings, inputs.options)
