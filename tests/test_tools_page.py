@@ -126,11 +126,11 @@ def test_a_file_with_several_faults_is_told_fault_by_fault(seen):
 
 
 def test_a_table_stands_between_verdict_and_numbers():
-    table = pd.DataFrame({"cost <EUR>": ["1", "2"]}, index=["a & b", "c"])
+    table = pd.DataFrame({"cost <EUR>": ["<1", "2"]}, index=["a & b", "c"])
     view = View(text="two", good=True, numbers={"n": "2"}, table=table, caption="made <up>")
     assert str(view).splitlines()[-2:] == ["made <up>", "n: 2"] and "cost <EUR>" in str(view)
     said = view.verdict
-    order = ["two", "cost &lt;EUR&gt;", "a &amp; b", "<td>1</td>", "made &lt;up&gt;", "<dt>n"]
+    order = ["two", "cost &lt;EUR&gt;", "a &amp; b", "<td>&lt;1</td>", "made &lt;up&gt;", "<dt>n"]
     assert sorted(map(said.index, order)) == [said.index(part) for part in order]
     assert "<table" not in View(text="none", good=True).verdict
 
