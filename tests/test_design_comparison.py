@@ -63,7 +63,10 @@ def test_an_option_that_leaves_points_out_is_not_on_the_front():
     assert both.table["total cost"]["partly"] < both.table["total cost"]["example"]
     assert both.pareto.to_dict() == {"example": True, "partly": False}
     assert both.sentences[0] == "partly leaves 1 of 4 points out."
-    assert compare_networks([cheaper]).sentences[-1] == "No option connects every point."
+    assert both.tornado.between == ("example",)
+    alone = compare_networks([cheaper])
+    assert alone.tornado.between == ("partly",)
+    assert alone.sentences[-1] == "No option connects every point."
 
 
 def test_options_of_the_ship_are_planned_and_weighed():

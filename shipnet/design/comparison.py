@@ -27,7 +27,15 @@ if TYPE_CHECKING:
     from shipnet.design.plan.settings import Settings
     from shipnet.design.site import Site
 
-__all__ = ["CRITERIA", "RESPONSE", "Comparison", "compare", "compare_networks", "not_beaten"]
+__all__ = [
+    "CRITERIA",
+    "RESPONSE",
+    "Comparison",
+    "compare",
+    "compare_networks",
+    "complete",
+    "not_beaten",
+]
 
 RESPONSE = "worst response [ms]"
 
@@ -52,7 +60,8 @@ class Comparison:
     rules : pandas.DataFrame
         What `shipnet.design.rules.check` returned for each, behind a column ``option``.
     tornado : Tornado
-        Which assumptions matter for what the cheapest option costs less than the first one.
+        Which assumptions matter for what the cheapest option costs less than the first one, of
+        those that connect every point.
     likely : pandas.DataFrame or None
         Figures in 9 of 10 draws of the assumptions, by option and figure, if drawn.
     criteria : tuple of str
@@ -302,13 +311,14 @@ def compare_networks(
     if other := [net.name for net in given if net.points["tag"].tolist() != tags]:
         raise ArgumentError(f"networks {', '.join(other)} have not the points of {given[0].name}")
     sums = {name: quantities(network, assumptions) for name, network in named.items()}
+    whole = complete(named)
     checked = {name: check(net, rule_set, host_time=host_time) for name, net in named.items()}
     made = Comparison(
         named,
         sums,
         {name: single_cuts(network) for name, network in named.items()},
         _by_option(checked),
-        tornado(named, between=_saving(sums), assumptions=assumptions),
+        tornado(whole, between=_saving(whole, sums), assumptions=assumptions),
         None if rng is None else likely(draw(named, assumptions, rng=rng)),
         tuple(criteria),
         host_time,
@@ -319,13 +329,34 @@ def compare_networks(
     return made
 
 
-def _saving(sums: Mapping[str, Quantities]) -> tuple[str, str] | None:
+def complete(networks: Mapping[str, Network]) -> dict[str, Network]:
+    """Return the networks that connect every point; all of them if none does.
+
+    Parameters
+    ----------
+    networks : mapping of str to Network
+        By name.
+
+    Returns
+    -------
+    dict of str to Network
+        What it would be wrong to call cheap for what it leaves out is not among them.
+
+    Examples
+    --------
+    >>> from shipnet.design.example import example
+    >>> list(complete({"two stations": example()}))
+    ['two stations']
+    """
+    return {name: network for name, network in networks.items() if network.fits} or dict(networks)
+
+
+def _saving(options: Iterable[str], sums: Mapping[str, Quantities]) -> tuple[str, str] | None:
     """Return the cheapest of the later options, and the first, from which a saving counts."""
-    first, *others = sums
-    whole = [option for option in others if not sums[option].unconnected] or others
-    if not whole:
+    first, *others = options
+    if not others:
         return None
-    return min(whole, key=lambda option: sums[option]["total cost"]), first
+    return min(others, key=lambda option: sums[option]["total cost"]), first
 
 
 def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
