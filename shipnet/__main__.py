@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from textwrap import shorten
 from typing import Any
 
@@ -159,7 +159,8 @@ def _parser() -> argparse.ArgumentParser:
     design.add_argument("--sheet", metavar="NAME", help="sheet of a workbook (default the first)")
     design.add_argument(
         "--cabinet", metavar="X,Y,Z",
-        help="where the cables end, in m (default found from the lengths in the list)",
+        help="where the cables end, in m, or the name of a cabinet in the file of trays (default "
+        "found from the lengths in the list)",
     )  # fmt: skip
     design.add_argument("--trays", metavar="FILE", help="cable trays, as CSV")
     design.add_argument(
@@ -311,18 +312,24 @@ def _design(arguments: argparse.Namespace) -> None:
     from shipnet.design.rules import rules_of
     from shipnet.design.site import Site
     from shipnet.design.site.trays import load_trays
+    from shipnet.errors import ArgumentError
 
     rules = rules_of(arguments.rules)
     options = OPTIONS
     if arguments.options is not None:
         options = tuple(name.strip() for name in arguments.options.split(","))
-    choose = dict(_choice(text) for text in arguments.mix)
-    given = None if arguments.cabinet is None else _place(arguments.cabinet)
+    choose = _choices(arguments.mix)
     trays = None if arguments.trays is None else load_trays(arguments.trays)
+    known = {} if trays is None else trays.cabinets
+    given = None if arguments.cabinet is None else _place(arguments.cabinet, known)
     iolist = load_iolist(arguments.list, arguments.sheet)
     remarks = []
-    if given is None and iolist.located.any():
-        found = find_cabinet(iolist)
+    if given is None and (iolist.located.any() or np.isfinite(iolist.box_places).any()):
+        try:
+            found = find_cabinet(iolist)
+        except ArgumentError as mistake:
+            names = f" or one of {', '.join(map(repr, known))}" if known else ""
+            raise ArgumentError(f"{mistake}; give --cabinet X,Y,Z in m{names}") from None
         given, remarks = found.place, [str(found)]
     site = Site((0.0, 0.0, 0.0) if given is None else given, trays)
     settings = Settings(redundant=arguments.redundant)
@@ -347,22 +354,33 @@ def _design(arguments: argparse.Namespace) -> None:
         print(f"\nreport written to {arguments.output}")
 
 
-def _choice(text: str) -> tuple[str, str]:
+def _choices(texts: Sequence[str]) -> dict[str, str]:
     from shipnet.errors import ArgumentError
 
-    what, _, option = text.rpartition("=")
-    if not what.strip() or not option.strip():
-        raise ArgumentError(f"--mix is {text!r}; it must be such as DI=AS-i")
-    return what.strip(), option.strip()
+    choose: dict[str, str] = {}
+    for text in texts:
+        what, option = (part.strip() for part in text.rpartition("=")[::2])
+        if not what or not option:
+            raise ArgumentError(f"--mix is {text!r}; it must be such as DI=AS-i")
+        if choose.setdefault(what, option) != option:
+            raise ArgumentError(f"--mix has {what!r} by {choose[what]} and by {option}")
+    return choose
 
 
-def _place(text: str) -> tuple[float, float, float]:
+def _place(
+    text: str, known: Mapping[str, tuple[float, float, float]]
+) -> tuple[float, float, float]:
     from shipnet.errors import ArgumentError
 
+    if text.strip() in known:
+        return known[text.strip()]
     try:
         x, y, z = (float(number) for number in text.split(","))
     except ValueError:
-        raise ArgumentError(f"--cabinet is {text!r}; it must be three numbers X,Y,Z in m") from None
+        names = f", or one of {', '.join(map(repr, known))}" if known else ""
+        raise ArgumentError(
+            f"--cabinet is {text!r}; it must be three numbers X,Y,Z in m{names}"
+        ) from None
     return x, y, z
 
 

@@ -99,6 +99,31 @@ def test_a_saving_counts_from_the_first_option_to_the_cheapest_other():
     assert alone == "CAN"
 
 
+def test_an_option_that_leaves_points_out_is_no_saving_and_says_why():
+    unplaced = parse_iolist("tag,signal,home run,x,y,z\nL-1,contact,20,,,\nL-2,contact,20,5,2,3\n")
+    found = compare(unplaced, example().site)
+    assert found.table["points left out"].tolist() == [0, 1, 1, 1, 1]
+    assert found.tornado.between == ("home runs",)
+    assert any("the list gives no place for L-1" in said for said in found.sentences)
+    turned = compare(unplaced, example().site, ["CAN", "AS-i", "home runs", "junction boxes"])
+    assert turned.tornado.between == ("home runs",)
+    fast = parse_iolist("tag,signal,x,y,z,update\nL-1,contact,5,2,3,1\nL-2,contact,6,2,3,1\n")
+    (said,) = compare(fast, example().site, ["home runs", "Modbus RTU"]).sentences[:1]
+    assert said.startswith("Modbus RTU leaves 2 of 2 points out: L-1 needs an update every 1 ms;")
+    assert said.endswith("(and 1 more).")
+
+
+def test_the_short_table_of_a_small_plant_is_not_all_noughts():
+    lone = parse_iolist("tag,signal,x,y,z\nL-1,contact,3,2,3\n")
+    found = compare(lone, example().site, ["home runs", "CAN"])
+    cost = found.short.loc["total cost [EUR]", "home runs"]
+    assert float(cost.replace(",", "")) == pytest.approx(
+        found.table["total cost"]["home runs"], rel=0.005
+    )
+    length = found.short.loc["cable length [km]", "home runs"]
+    assert float(length) == pytest.approx(found.table["cable length"]["home runs"], rel=0.005)
+
+
 def test_wrong_arguments_are_named():
     network = example()
     with pytest.raises(ArgumentError, match="one or more"):

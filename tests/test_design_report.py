@@ -137,7 +137,7 @@ def test_what_does_not_fit_stands_there_with_its_reason():
     found = compare(far, small.site, ["home runs", "AS-i"])
     words = Page(report_html(found)).text
     assert found.table["points left out"].tolist() == [0, 1]
-    assert "AS-i leaves 1 of 2 points out." in words
+    assert "AS-i leaves 1 of 2 points out: B " in words
     assert all(reason in words for reason in found.reasons["text"])
     assert "does not fit" in words
     assert "Every point fits in every option." in Page(report_html(compare_networks([small]))).text
@@ -181,6 +181,50 @@ def test_the_command_finds_the_cabinet_and_says_so(tmp_path, capsys):
     assert "the cabinet is taken to stand at" in capsys.readouterr().out
 
 
+TRAYS = (
+    "kind,name,x_m,y_m,z_m,from,to\ncabinet,control room,0,0,0,,\nnode,A,0,9,0,,\n"
+    "node,B,60,9,0,,\ntray,port,,,,A,B\n"
+)
+
+
+def test_a_cabinet_may_be_named_as_in_the_file_of_trays(tmp_path, capsys):
+    points, trays = tmp_path / "points.csv", tmp_path / "trays.csv"
+    points.write_text(LIST, encoding="utf-8")
+    trays.write_text(TRAYS, encoding="utf-8")
+    command = ["design", str(points), "--options", "home runs", "--trays", str(trays)]
+    assert main([*command, "--cabinet", "control room"]) == 0
+    named = capsys.readouterr().out
+    assert main([*command, "--cabinet", "0,0,0"]) == 0
+    assert capsys.readouterr().out == named
+    assert main([*command, "--cabinet", "bridge"]) == 2
+    assert "or one of 'control room'" in capsys.readouterr().err
+
+
+def test_it_is_told_if_home_runs_are_reckoned_otherwise_than_all_else(tmp_path, capsys):
+    points, trays = tmp_path / "points.csv", tmp_path / "trays.csv"
+    points.write_text(LIST, encoding="utf-8")
+    trays.write_text(TRAYS, encoding="utf-8")
+    command = ["design", str(points), "--options", "home runs,CAN", "--cabinet"]
+    said = "Home runs keep the lengths of the list, 0.261 km for 8 points; from the cabinet at"
+    assert main([*command, "0,0,0"]) == 0
+    assert said not in capsys.readouterr().out
+    assert main([*command, "60,0,0"]) == 0
+    assert f"{said} 60, 0, 0 m, as all" in capsys.readouterr().out
+    assert main([*command, "0,0,0", "--trays", str(trays)]) == 0
+    assert f"{said} 0, 0, 0 m over the trays, as all" in capsys.readouterr().out
+
+
+def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, capsys):
+    points, report = tmp_path / "points.csv", tmp_path / "report.html"
+    points.write_text("tag,type,home run\nA,DI,30\n", encoding="utf-8")
+    assert main(["design", str(points), "--options", "home runs", "-o", str(report)]) == 0
+    assert "Cabinet at" not in Page(report.read_text(encoding="utf-8")).text
+    text = "tag,type,home run,box,box x,box y,box z,to box\nA,DI,30,J,50,0,0,4\n"
+    points.write_text(text, encoding="utf-8")
+    assert main(["design", str(points), "--options", "home runs"]) == 2
+    assert "give --cabinet X,Y,Z" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -188,6 +232,7 @@ def test_the_command_finds_the_cabinet_and_says_so(tmp_path, capsys):
         (["LIST", "--cabinet", "1,2"], "--cabinet is '1,2'; it must be three numbers"),
         (["LIST", "--cabinet", "1,2,nan"], "cabinet is"),
         (["LIST", "--mix", "DI"], "--mix is 'DI'; it must be such as DI=AS-i"),
+        (["LIST", "--mix", "DI=CAN", "--mix", "DI=AS-i"], "--mix has 'DI' by CAN and by AS-i"),
         (["LIST", "--mix", "XX=CAN"], "choose names 'XX'"),
         (["LIST", "--rules", "KR"], "rule_set is 'KR'; it must be one of DNV"),
         (["LIST", "--rules", "own.csv"], "own.csv: cannot be read"),

@@ -116,6 +116,39 @@ def test_two_essential_systems_on_one_line_are_one_too_many():
     assert (row["computed"], row["verdict"]) == (0, "pass")
 
 
+def test_systems_without_a_name_are_not_taken_for_one():
+    network = example()
+    unnamed = replace(network.iolist, points=network.iolist.points.assign(system=""))
+    row = judged(changed(network, iolist=unnamed), "systems on one link", 1.0)
+    assert (row["verdict"], row["why"]) == (
+        "not verified", "the list names no system for 4 points that a cut costs",
+    )  # fmt: skip
+    partly = network.iolist.points.assign(system=["", "", "Fuel oil", "Bilge"])
+    row = judged(changed(network, iolist=replace(unnamed, points=partly)), "systems on one link", 1)
+    assert (row["computed"], row["verdict"]) == (2, "fail")
+    # A cut that costs nothing costs no system, named or not.
+    both = changed(example(redundant=True), iolist=unnamed)
+    assert judged(both, "systems on one link", 1.0)["verdict"] == "pass"
+    row = judged(network, "systems on one link", 1.0, applies="category III")
+    assert (row["verdict"], row["why"]) == ("not verified", "the list has no such point")
+
+
+@pytest.mark.parametrize("measure", sorted(set(MEASURES) - {"unconnected points"}))
+def test_nothing_is_passed_while_a_point_concerned_is_left_out(measure):
+    network = example(redundant=True)
+    out = network.points.assign(fits=False, bus="", segment="", device="", response_ms=np.nan)
+    partly = network.points.assign(fits=[True, True, False, True])
+    nothing = {table: getattr(network, table).iloc[:0] for table in ("runs", "segments")}
+    nothing["devices"] = network.devices[network.devices["kind"] == "cabinet"]
+    for left in (changed(network, points=out, **nothing), changed(network, points=partly)):
+        row = judged(left, measure, 1e9)
+        assert row["verdict"] in ("not verified", "fail"), row["why"]
+        assert row["why"] != ""
+    left = changed(network, points=network.points.assign(fits=[True, True, True, False]))
+    row = judged(left, "late points", 0.0, applies="essential")  # the bilge is of category I
+    assert row["verdict"] == "pass"
+
+
 def test_lines_that_share_a_tray_do_not_run_apart():
     network = example(redundant=True)
     assert judged(network, "trays shared by two lines", 0.0)["verdict"] == "pass"

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from shipnet.design.costs.quantities import FIGURES, Quantities, quantities
 from shipnet.design.costs.sensitivity import Tornado, tornado
 from shipnet.design.costs.uncertainty import draw, likely
+from shipnet.design.digits import number
 from shipnet.design.network import Network
 from shipnet.design.plan import OPTIONS, plan
 from shipnet.design.rules import HOST_TIME, RuleSet, check
@@ -41,6 +42,9 @@ RESPONSE = "worst response [ms]"
 
 #: Columns of a comparison in which less is better, and by which options are weighed.
 CRITERIA = ("total cost", RESPONSE, "lost by one failure")
+
+#: Share of the lengths given by which those of our own may be off, one by one, and unsaid; assumed.
+_ALIKE = 0.1
 
 _VERDICTS = {"pass": "rules kept", "fail": "rules broken", "not verified": "rules not verified"}
 
@@ -116,19 +120,20 @@ class Comparison:
 
     @property
     def short(self) -> pd.DataFrame:
-        """The rows of `table` that are asked for first, rounded, one column an option."""
-        rows = {
-            "points left out": 0, "conductors at the cabinet": 0, "cable length": 1,
-            "cable mass": 0, "labour": 0, "total cost, low": -3, "total cost": -3,
-            "total cost, high": -3, RESPONSE: 0, "lost by one cable": 0, "lost by one device": 0,
-            "rules kept": 0, "rules broken": 0,
-            "rules not verified": 0,
-        }  # fmt: skip
+        """The rows of `table` that are asked for first, one column an option.
+
+        Counts are whole; quantities have three digits.
+        """
+        rows = [
+            "points left out", "conductors at the cabinet", "cable length", "cable mass", "labour",
+            "total cost, low", "total cost", "total cost, high", RESPONSE, "lost by one cable",
+            "lost by one device", "rules kept", "rules broken", "rules not verified",
+        ]  # fmt: skip
         units = {row: FIGURES.get(row.split(",")[0], "1") for row in rows}
         named = {row: f"{row} [{unit}]" for row, unit in units.items() if unit != "1"}
-        shown = self.table[list(rows)].astype(float).round(rows).astype(object)
-        for row, digits in rows.items():
-            shown[row] = [f"{v:,.{max(digits, 0)}f}" if v == v else "-" for v in shown[row]]
+        shown = self.table[rows].astype(object)
+        for row in rows:
+            shown[row] = [number(value) for value in shown[row]]
         shown["not beaten"] = self.pareto.map({True: "yes", False: "no"})
         return shown.T.rename(named)
 
@@ -169,9 +174,11 @@ class Comparison:
         """What the comparison comes to, in words."""
         table, front = self.table, self.table[self.pareto]
         said = [
-            f"{name} leaves {row['points left out']:.0f} of {len(self.iolist)} points out."
+            f"{name} leaves {row['points left out']:.0f} of {len(self.iolist)} points out"
+            f"{self._why(str(name))}."
             for name, row in table[table["points left out"] > 0].iterrows()
         ]
+        said += self._lengths
         if front.empty:
             return [*said, "No option connects every point."]
         whole = table[table["points left out"] == 0]
@@ -184,11 +191,44 @@ class Comparison:
             values = whole[column].dropna()
             if len(values) > 1:
                 same = ", ".join(map(str, values.index[values == values.min()]))
-                least = float(f"{values.min():.3g}")
-                said.append(f"{words}: {same} ({least:,.0f}{f' {unit}' if unit else ''}).")
+                least = number(values.min())
+                said.append(f"{words}: {same} ({least}{f' {unit}' if unit else ''}).")
         if beaten := [str(name) for name in whole.index if not self.pareto[name]]:
             said.append(f"Beaten in {', '.join(self.criteria)} at once: {', '.join(beaten)}.")
         return [*said, f"{str(self.tornado)[:1].upper()}{str(self.tornado)[1:]}."]
+
+    @property
+    def _lengths(self) -> list[str]:
+        """Say that home runs of given lengths are not weighed alike, if it makes a difference."""
+        iolist, site = self.iolist, self.site
+        kept = {
+            tag
+            for network in self.networks.values()
+            for tag in network.runs.query("kind == 'home run' and route_m != route_m")["b"]
+        }
+        mine = iolist.points["tag"].isin(kept).to_numpy() & iolist.located
+        given = iolist.points["home_run_m"].to_numpy(float)[mine]
+        own = site.length(site.route(site.cabinet, iolist.places[mine]))
+        if np.abs(own - given).sum() <= _ALIKE * given.sum():
+            return []
+        cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
+        over = "" if site.trays is None else " over the trays"
+        return [
+            f"Home runs keep the lengths of the list, {number(given.sum() / 1e3)} km for "
+            f"{len(given)} points; from the cabinet at {cabinet} m{over}, as all other cables are "
+            f"reckoned, they would be {number(own.sum() / 1e3)} km."
+        ]
+
+    def _why(self, option: str) -> str:
+        """Return the first reason of each limit that an option runs into."""
+        reasons = self.networks[option].reasons
+        counts = reasons["limit"].value_counts()
+        first = reasons.drop_duplicates("limit")
+        said = [
+            f"{text} (and {more} more)" if (more := counts[limit] - 1) else text
+            for limit, text in zip(first["limit"], first["text"], strict=True)
+        ]
+        return f": {'; '.join(said)}" if said else ""
 
 
 def compare(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from shipnet.design.costs.assumptions import words
 from shipnet.design.costs.quantities import FIGURES, check_figure
 from shipnet.design.costs.uncertainty import models_of
+from shipnet.design.digits import number
 from shipnet.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -93,15 +94,10 @@ class Tornado:
         unit = f" {self.unit}" if self.unit != "1" else ""
         low, high = self.ends["low"], self.ends["high"]
         said = [
-            f"{words(name)} ({_short(low[name])} to {_short(high[name])})" for name in self.top()
+            f"{words(name)} ({number(low[name])} to {number(high[name])})" for name in self.top()
         ]
-        what = f"{self.subject} is {_short(self.at_nominal)}{unit}"
+        what = f"{self.subject} is {number(self.at_nominal)}{unit}"
         return f"{what}; what matters most: {', '.join(said) or 'nothing that is assumed'}"
-
-
-def _short(value: float) -> str:
-    """Write a number with the three digits that an estimate is worth."""
-    return f"{float(f'{value:.3g}'):,.0f}"
 
 
 def tornado(

@@ -7,11 +7,14 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from shipnet import __version__
 from shipnet.design.comparison import Comparison
 from shipnet.design.costs.quantities import EXCLUDED, FIGURES
+from shipnet.design.digits import number
 from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado, svg
-from shipnet.design.report.page import bullets, document, number, picture, section, table, text
+from shipnet.design.report.page import bullets, document, picture, section, table, text
 from shipnet.design.rules.cuts import FAILURES
 from shipnet.errors import ArgumentError
 
@@ -168,13 +171,18 @@ def _what(comparison: Comparison, remarks: Sequence[str]) -> str:
     if site.trays is not None:
         trays = "cables run on the trays given"
     cabinet = ", ".join(f"{x:g}" for x in site.cabinet)
+    where = (
+        f"Cabinet at {cabinet} m; {trays}. A cable is {site.detour:g} times its way and "
+        f"{site.tails:g} m for both ends, both assumed."
+    )
+    if not (iolist.located.any() or np.isfinite(iolist.box_places).all(axis=1).any()):
+        where = "The list gives no places: every length is its own."
     lines = [
         f"I/O list {Path(iolist.source).name}: {len(iolist)} points ("
         + ", ".join(f"{n} {kind}" for kind, n in counts.items())
         + f") of {iolist.points['system'].nunique()} systems.",
         *(f"{said[:1].upper()}{said[1:]}." for said in (*iolist.remarks, *remarks)),
-        f"Cabinet at {cabinet} m; {trays}. A cable is {site.detour:g} times its way and "
-        f"{site.tails:g} m for both ends, both assumed.",
+        where,
         f"The host adds {comparison.host_time:g} s to a response where a rule counts it, assumed.",
     ]
     return section("What was planned", bullets(lines), page=False)

@@ -8,9 +8,8 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Iterable, Sequence
 from html import escape
-from math import floor, isinf, isnan, log10
 
-__all__ = ["bullets", "document", "number", "picture", "section", "table", "text"]
+__all__ = ["bullets", "document", "picture", "section", "table", "text"]
 
 _STYLE = """
 @page { size: A4; margin: 16mm 14mm; }
@@ -238,31 +237,3 @@ def picture(svg: str, words: str) -> str:
         f'<figure><img src="data:image/svg+xml;base64,{data}" alt="{said}">'
         f"<figcaption>{said}</figcaption></figure>"
     )
-
-
-def number(value: float) -> str:
-    """Return a count as it is, and anything else with three significant digits.
-
-    Parameters
-    ----------
-    value : float
-        Any; NaN is a dash, and infinity has no limit.
-
-    Returns
-    -------
-    str
-        Without an exponent.
-
-    Examples
-    --------
-    >>> number(1584.0), number(108824.27), number(0.01234), number(float("nan"))
-    ('1,584', '109,000', '0.0123', '-')
-    """
-    if isnan(value):
-        return "-"
-    if isinf(value):
-        return "without limit"
-    if value == int(value):
-        return f"{value:,.0f}"
-    places = 2 - floor(log10(abs(value)))
-    return f"{round(float(value), places):,.{max(places, 0)}f}"

@@ -9,7 +9,7 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 from shipnet.design.network import Network
-from shipnet.design.rules.measures import MEASURES, Facts, Outcome
+from shipnet.design.rules.measures import LEFT_OUT, MEASURES, Facts, Outcome
 from shipnet.design.rules.rule_set import Rule, load_rules, published_rules
 from shipnet.errors import ArgumentError
 from shipnet.line.quantity import check_scalar
@@ -132,7 +132,15 @@ def check(
 def _outcome(rule: Rule, facts: Facts) -> Outcome:
     if not rule.measure:
         return Outcome(float("nan"), why=rule.note or "nothing in a plan tells")
-    return MEASURES[rule.measure].compute(facts, facts.concerned(rule.applies), rule.host)
+    concerned = facts.concerned(rule.applies)
+    outcome = MEASURES[rule.measure].compute(facts, concerned, rule.host)
+    out = facts.left_out(concerned)
+    if not out or outcome.partial or rule.measure == LEFT_OUT:
+        return outcome
+    # What is not connected is neither late nor lost; a pass would not be one of all points.
+    said = f"{out} point{'s' if out > 1 else ''} left out"
+    why = f"{outcome.why}; {said}" if outcome.why else said
+    return outcome._replace(why=why, partial=True)
 
 
 def _judge(rule: Rule, outcome: Outcome) -> tuple[str, str]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from shipnet.design.network import Network
 
-__all__ = ["APPLIES", "MEASURES", "STANDARDS", "Facts", "Measure", "Outcome"]
+__all__ = ["APPLIES", "LEFT_OUT", "MEASURES", "STANDARDS", "Facts", "Measure", "Outcome"]
 
 Bools = npt.NDArray[np.bool_]
 
@@ -29,6 +29,10 @@ STANDARDS: Mapping[str, tuple[str, str | None]] = {**DATA_LINKS, "AS-i": ("IEC 6
 #: What the list wants within so long is fast [ms]: the shortest time that class rules name, 0.1 s
 #: in DNV-OS-D202 Ch.2 Sec.3 Table A1.
 FAST_MS = 100.0
+
+
+#: The measure that counts the points that are left out; all others know nothing of these.
+LEFT_OUT = "unconnected points"
 
 
 class Outcome(NamedTuple):
@@ -97,6 +101,16 @@ class Facts:
         """The segments that are data links."""
         segments = self.network.segments
         return segments[segments["bus"].isin(["AS-i", "CAN", "Modbus RTU"])]
+
+    def left_out(self, concerned: Bools) -> int:
+        """Return how many of the points concerned fit nowhere.
+
+        Parameters
+        ----------
+        concerned : ndarray of bool, shape (n_points,)
+            Points.
+        """
+        return int((concerned & ~self.network.points["fits"].to_numpy(bool)).sum())
 
     def concerned(self, applies: str) -> Bools:
         """Return which points are concerned.
@@ -196,12 +210,19 @@ def _systems(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     ]
     if rows.empty:
         return Outcome(_NAN, why="the links have no cable of their own")
+    if not concerned.any():
+        return Outcome(_NAN, why="the list has no such point")
     points = facts.network.iolist.points[concerned]
     system = dict(zip(points["tag"], points["system"], strict=True))
-    found = rows["tags"].map(lambda tags: sorted({system[tag] for tag in tags if tag in system}))
+    found = rows["tags"].map(lambda tags: sorted({system[tag] for tag in tags if system.get(tag)}))
+    unnamed = {tag for tags in rows["tags"] for tag in tags if system.get(tag) == ""}
     worst: Any = found.map(len).idxmax()
-    why = f"a cut costs points of {', '.join(found[worst])}" if found[worst] else "none is lost"
-    return Outcome(len(found[worst]), str(rows.loc[worst, "failed"]), why)
+    parts = [f"a cut costs points of {', '.join(found[worst])}"] if found[worst] else []
+    if unnamed:
+        s = "s" if len(unnamed) > 1 else ""
+        parts.append(f"the list names no system for {len(unnamed)} point{s} that a cut costs")
+    why = "; ".join(parts) or "none is lost"
+    return Outcome(len(found[worst]), str(rows.loc[worst, "failed"]), why, bool(unnamed))
 
 
 def _lines(facts: Facts, concerned: Bools, host: bool) -> Outcome:
@@ -262,7 +283,7 @@ _PARTS = ("module", "station", "box")
 MEASURES: Mapping[str, Measure] = {
     "response": Measure("s", "longest time from a change to the host, and in it", _response),
     "late points": Measure("points", "points slower than the list wants them", _late),
-    "unconnected points": Measure("points", "points that fit nowhere", _unconnected),
+    LEFT_OUT: Measure("points", "points that fit nowhere", _unconnected),
     "points lost by a cable": Measure(
         "points", "lost by the worst cut or short", _lost(("cut", "short"), None, "no cable")
     ),

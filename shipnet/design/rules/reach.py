@@ -230,7 +230,7 @@ class Reach:
     @cached_property
     def _poles(self) -> Whole:
         """Supplies, and where they feed their line without a cable of their own, shape (n, 2)."""
-        return self._joints[self.kinds[self._joints[:, 0]] == "supply"]
+        return np.asarray(self._joints[self.kinds[self._joints[:, 0]] == "supply"])
 
     def _by_line(self, number: Whole, joints: Whole) -> Edges:
         """Return runs and joints as edges; node n + D is device n on line B."""
