@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from textwrap import shorten
 from typing import Any
 
@@ -56,8 +56,6 @@ examples:
   shipnet design points.csv --options "home runs,CAN" --mix DI=AS-i --mix AI=CAN --redundant
 """
 
-#: Seed of the draws of what is assumed: the same list gives the same report.
-_SEED = 2024
 
 #: Rows of a table that the terminal shows, and the part of a record that a figure does [s].
 _ROWS = 40
@@ -301,87 +299,9 @@ def _serve(arguments: argparse.Namespace) -> None:
 
 
 def _design(arguments: argparse.Namespace) -> None:
-    import numpy as np
+    from shipnet.design.command import run
 
-    from shipnet.design.cabinet import find_cabinet
-    from shipnet.design.comparison import compare
-    from shipnet.design.iolist import load_iolist
-    from shipnet.design.plan import OPTIONS, mix
-    from shipnet.design.plan.settings import Settings
-    from shipnet.design.report import write_report
-    from shipnet.design.rules import rules_of
-    from shipnet.design.site import Site
-    from shipnet.design.site.trays import load_trays
-    from shipnet.errors import ArgumentError
-
-    rules = rules_of(arguments.rules)
-    options = OPTIONS
-    if arguments.options is not None:
-        options = tuple(name.strip() for name in arguments.options.split(","))
-    choose = _choices(arguments.mix)
-    trays = None if arguments.trays is None else load_trays(arguments.trays)
-    known = {} if trays is None else trays.cabinets
-    given = None if arguments.cabinet is None else _place(arguments.cabinet, known)
-    iolist = load_iolist(arguments.list, arguments.sheet)
-    remarks = []
-    if given is None and (iolist.located.any() or np.isfinite(iolist.box_places).any()):
-        try:
-            found = find_cabinet(iolist)
-        except ArgumentError as mistake:
-            names = f" or one of {', '.join(map(repr, known))}" if known else ""
-            raise ArgumentError(f"{mistake}; give --cabinet X,Y,Z in m{names}") from None
-        given, remarks = found.place, [str(found)]
-    site = Site((0.0, 0.0, 0.0) if given is None else given, trays)
-    settings = Settings(redundant=arguments.redundant)
-    mixed = [mix(iolist, site, choose, settings=settings)] if choose else []
-    rng = np.random.default_rng(_SEED)
-    compared = compare(
-        iolist, site, options, rule_set=rules, settings=settings, more=mixed, rng=rng
-    )
-    # The file comes first: whoever reads the output may stop reading.
-    if arguments.output is not None:
-        write_report(
-            compared, arguments.output,
-            title=arguments.title, date=arguments.date, remarks=remarks,
-        )  # fmt: skip
-    print(iolist)
-    for remark in (*iolist.remarks, *remarks):
-        print(remark)
-    print(f"\n{compared.short.to_string()}\n")
-    print("\n".join(compared.sentences))
-    print("A design aid, not class approval.")
-    if arguments.output is not None:
-        print(f"\nreport written to {arguments.output}")
-
-
-def _choices(texts: Sequence[str]) -> dict[str, str]:
-    from shipnet.errors import ArgumentError
-
-    choose: dict[str, str] = {}
-    for text in texts:
-        what, option = (part.strip() for part in text.rpartition("=")[::2])
-        if not what or not option:
-            raise ArgumentError(f"--mix is {text!r}; it must be such as DI=AS-i")
-        if choose.setdefault(what, option) != option:
-            raise ArgumentError(f"--mix has {what!r} by {choose[what]} and by {option}")
-    return choose
-
-
-def _place(
-    text: str, known: Mapping[str, tuple[float, float, float]]
-) -> tuple[float, float, float]:
-    from shipnet.errors import ArgumentError
-
-    if text.strip() in known:
-        return known[text.strip()]
-    try:
-        x, y, z = (float(number) for number in text.split(","))
-    except ValueError:
-        names = f", or one of {', '.join(map(repr, known))}" if known else ""
-        raise ArgumentError(
-            f"--cabinet is {text!r}; it must be three numbers X,Y,Z in m{names}"
-        ) from None
-    return x, y, z
+    run(arguments)
 
 
 def _number(value: float, digits: int) -> str:

@@ -13,7 +13,7 @@ from shipnet.design.cabinet import find_cabinet
 from shipnet.design.comparison import CRITERIA, compare, compare_networks, not_beaten
 from shipnet.design.costs.quantities import quantities
 from shipnet.design.example import example
-from shipnet.design.iolist import load_iolist, parse_iolist
+from shipnet.design.iolist import from_table, load_iolist, parse_iolist
 from shipnet.design.network import Network
 from shipnet.design.rules import check
 from shipnet.design.rules.cuts import single_cuts
@@ -142,6 +142,15 @@ def test_the_cabinet_of_the_example_ship_is_found_from_its_home_runs():
     assert found.place == (26.0, 6.0, 14.0)
     assert found.misfit < 0.05
     assert "within 0.1 m for half of them" in str(found)
+
+
+def test_a_cabinet_that_lengths_do_not_settle_says_so():
+    assert find_cabinet(SHIP).settled
+    points = SHIP.points
+    for system in ("Ballast valve", "Main engine", "Fire damper"):
+        part = find_cabinet(from_table(points[points["system"] == system]))
+        assert not part.settled
+        assert "other places fit as well" in str(part)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -14,6 +14,7 @@ from shipnet.design.costs.quantities import FIGURES, Quantities, quantities
 from shipnet.design.costs.sensitivity import Tornado, tornado
 from shipnet.design.costs.uncertainty import draw, likely
 from shipnet.design.digits import number
+from shipnet.design.front import complete, not_beaten
 from shipnet.design.network import Network
 from shipnet.design.plan import OPTIONS, plan
 from shipnet.design.rules import HOST_TIME, RuleSet, check
@@ -369,60 +370,12 @@ def compare_networks(
     return made
 
 
-def complete(networks: Mapping[str, Network]) -> dict[str, Network]:
-    """Return the networks that connect every point; all of them if none does.
-
-    Parameters
-    ----------
-    networks : mapping of str to Network
-        By name.
-
-    Returns
-    -------
-    dict of str to Network
-        What it would be wrong to call cheap for what it leaves out is not among them.
-
-    Examples
-    --------
-    >>> from shipnet.design.example import example
-    >>> list(complete({"two stations": example()}))
-    ['two stations']
-    """
-    return {name: network for name, network in networks.items() if network.fits} or dict(networks)
-
-
 def _saving(options: Iterable[str], sums: Mapping[str, Quantities]) -> tuple[str, str] | None:
     """Return the cheapest of the later options, and the first, from which a saving counts."""
     first, *others = options
     if not others:
         return None
     return min(others, key=lambda option: sums[option]["total cost"]), first
-
-
-def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Return which rows no other row beats: the Pareto front, where less is better.
-
-    Parameters
-    ----------
-    values : array_like of float, shape (n, k)
-        k criteria of n options; NaN is worse than any number.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        False where another row is as low in every criterion and lower in one.
-
-    Examples
-    --------
-    >>> not_beaten([[1, 9], [2, 2], [2, 3], [9, 1]]).tolist()
-    [True, True, False, True]
-    """
-    rows = np.asarray(values, float)
-    if rows.ndim != 2:
-        raise ArgumentError(f"values have shape {rows.shape}; it must be (n, k)")
-    rows = np.where(np.isnan(rows), np.inf, rows)
-    as_low = (rows[:, None] <= rows).all(axis=-1)
-    return np.asarray(~(as_low & ~as_low.T).any(axis=0))
 
 
 def _spread(where: npt.NDArray[np.bool_], values: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
