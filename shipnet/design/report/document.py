@@ -287,8 +287,7 @@ def _failures(comparison: Comparison) -> str:
         text(
             "Every cable, every pair of a bus, every tray and every device fails alone. A point is "
             "lost when nothing leads from it to the cabinet any more, or its station has no "
-            "supply. "
-            "Reflections at an open end, and what lies in the cabinet, are not looked at."
+            "supply. Reflections at an open end, and what lies in the cabinet, are left out."
         ),
         table(
             ["option", "failure", "cases", "that cost a point", "worst", "what", "systems"], rows,
@@ -376,13 +375,13 @@ def _assumptions(comparison: Comparison) -> str:
          row["unit"], row["status"], row["source"]]
         for _, row in used.iterrows()
     ]  # fmt: skip
-    head = ["what", "low", "nominal", "high", "unit", "status", "source"]
     return section(
         "What was assumed",
-        table(head, rows, numbers=[1, 2, 3], caption="Every price, mass, hour and factor in use."),
+        table(["what", "low", "nominal", "high", "unit", "status", "source"], rows,
+              numbers=[1, 2, 3], caption="Every price, mass, hour and factor in use."),
         text("What no figure holds", tag="h3"),
         bullets(EXCLUDED),
-    )
+    )  # fmt: skip
 
 
 def _points(comparison: Comparison) -> str:
@@ -394,8 +393,7 @@ def _points(comparison: Comparison) -> str:
         columns.append(at.where(points["bus"] != "", "does not fit"))
     rows = list(zip(*columns, strict=True))
     more = len(comparison.iolist) - len(rows)
-    return section(
-        "Points",
+    return section("Points",
         table(["tag", "system", "signal", *comparison.networks], rows,
               caption="Device and address of each point."),
         *([text(f"And {more} points more.")] if more else []),
