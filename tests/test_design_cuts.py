@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.design.example import example
-from shipnet.design.iolist import IoList, from_table, load_iolist
+from shipnet.design.iolist import IoList, from_table, load_iolist, parse_iolist
 from shipnet.design.network import Network, frame
 from shipnet.design.plan import Settings, plan
 from shipnet.design.plan.settings import AsiLimits
@@ -204,6 +204,16 @@ def test_a_short_takes_one_line_between_two_repeaters():
     shorts = single_cuts(split).query("failure == 'short'")
     assert shorts["failed"].tolist() == ["trunk 1", "trunk 2"]
     assert shorts["points_lost"].tolist() == [4, 2]
+
+
+def test_a_short_of_one_branch_takes_all_branches_of_a_master():
+    """The line leaves an AS-i master by one pair of terminals, in however many directions."""
+    iolist = parse_iolist("tag,signal,x,y,z\nA,contact,30,0,0\nB,contact,-30,0,0")
+    network = plan(iolist, Site((0.0, 0.0, 0.0)), "AS-i")
+    table = single_cuts(network)
+    trunk = table[table["kind"] == "trunk"]
+    assert trunk.query("failure == 'cut'")["points_lost"].tolist() == [1, 1]
+    assert trunk.query("failure == 'short'")["points_lost"].tolist() == [2]
 
 
 def test_two_lines_are_lost_only_if_both_are_cut():

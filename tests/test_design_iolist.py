@@ -310,3 +310,8 @@ def test_any_good_list_survives_a_file(tmp_path_factory, rows):
     path = tmp_path_factory.getbasetemp() / "good.csv"
     save_iolist(iolist, path)
     assert load_iolist(path).points.equals(iolist.points)
+
+
+def test_a_type_that_several_signals_have_asks_for_one_of_them():
+    with pytest.raises(InputError, match="row 2, column signal: is empty; expected one of rtd_2w"):
+        parse_iolist("tag,type,x,y,z\nTE-1,AI,1,2,3")

@@ -143,6 +143,16 @@ def test_what_does_not_fit_stands_there_with_its_reason():
     assert "Every point fits in every option." in Page(report_html(compare_networks([small]))).text
 
 
+def test_a_picture_does_not_hide_what_is_left_out():
+    far = from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
+                                   "y": 0.0, "z": 0.0}))  # fmt: skip
+    rng = np.random.default_rng(1)
+    page = report_html(compare(far, example().site, ["home runs", "AS-i"], rng=rng))
+    assert "(2 DI) of no system." in Page(page).text
+    named = ["AS-i (1 left out)" in figure for figure in pictures(page)]
+    assert named == [True, True, True, False]  # the last one weighs whole options only
+
+
 def test_it_must_be_a_comparison():
     with pytest.raises(ArgumentError, match="must be a Comparison"):
         report_html(None)

@@ -352,14 +352,13 @@ def compare_networks(
     if other := [net.name for net in given if net.points["tag"].tolist() != tags]:
         raise ArgumentError(f"networks {', '.join(other)} have not the points of {given[0].name}")
     sums = {name: quantities(network, assumptions) for name, network in named.items()}
-    whole = complete(named)
     checked = {name: check(net, rule_set, host_time=host_time) for name, net in named.items()}
     made = Comparison(
         named,
         sums,
         {name: single_cuts(network) for name, network in named.items()},
         _by_option(checked),
-        tornado(whole, between=_saving(whole, sums), assumptions=assumptions),
+        tornado(complete(named), assumptions=assumptions),
         None if rng is None else likely(draw(named, assumptions, rng=rng)),
         tuple(criteria),
         host_time,
@@ -368,14 +367,6 @@ def compare_networks(
     if not criteria or not set(criteria) <= set(known):
         raise ArgumentError(f"criteria are {tuple(criteria)}; they must be of {', '.join(known)}")
     return made
-
-
-def _saving(options: Iterable[str], sums: Mapping[str, Quantities]) -> tuple[str, str] | None:
-    """Return the cheapest of the later options, and the first, from which a saving counts."""
-    first, *others = options
-    if not others:
-        return None
-    return min(others, key=lambda option: sums[option]["total cost"]), first
 
 
 def _spread(where: npt.NDArray[np.bool_], values: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

@@ -157,7 +157,7 @@ class Inputs:
     picture: str = choice(
         "cost", PICTURES, label="figure",
         help="Filled dots are not beaten in both axes; assumptions are those that decide between "
-        "the two cheapest options.",
+        "the first and the cheapest option.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:

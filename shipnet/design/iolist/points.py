@@ -171,7 +171,10 @@ def _signal(word: str, given: str, kind: str, count: str) -> _Found:
     try:
         signal = find_signal(word or kind, kind, conductors)
     except ArgumentError as error:
-        return "contact", [*faults, ("signal" if word else "type", str(error))]
+        if word:
+            return "contact", [*faults, ("signal", str(error))]
+        alike = ", ".join(name for name, signal in SIGNALS.items() if signal.kind == kind)
+        return "contact", [*faults, ("signal", f"is empty; expected one of {alike}")]
     own = SIGNALS[signal]
     if kind and own.kind != kind:
         faults.append(("type", f"{given!r}; expected {own.kind}, as the signal is {signal}"))

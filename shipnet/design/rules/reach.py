@@ -81,7 +81,7 @@ class Reach:
 
     @cached_property
     def pairs(self) -> list[list[int]]:
-        """Trunk runs of a bus that are one pair, with no master or repeater between them."""
+        """Trunk runs of a bus that are one pair, with no repeater or gateway between them."""
         runs, segments = self.network.runs, self.network.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
         trunk = runs[(runs["kind"] == "trunk") & runs["segment"].isin(buses)]
@@ -90,7 +90,7 @@ class Reach:
             number = members.index.to_numpy()
             # Runs and the devices that connect them are the nodes.
             ends, row = self._ends[number], np.arange(len(number)) + len(self.kinds)
-            place, side = np.nonzero(~np.isin(self.kinds, (*_JOINS, "repeater"))[ends])
+            place, side = np.nonzero(~np.isin(self.kinds, ("repeater", "gateway"))[ends])
             u, v = ends[place, side], row[place]
             total = len(self.kinds) + len(number)
             labels = _labels(np.ones((1, len(u)), bool), total, u, v)[0, row]
