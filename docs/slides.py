@@ -1,7 +1,7 @@
 """Slides of a lesson: one file with everything in it, which needs no network.
 
-A heading of level 2 begins a column, any other text a slide below it. Figures stand without their
-code; exercises show what they ask for; what only a kernel can show is left out.
+A heading of level 2 begins a column, any other text and the questions a slide below it. Figures
+stand without their code; exercises show what they ask for; what only a kernel can show is left out.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ TEMPLATE = Path(__file__).parent / "slides_template"
 REVEAL = TEMPLATE / "vendor" / "reveal-5.2.1"
 #: Cells that a class does not watch.
 HIDDEN = {"setup", "widget", "exercise", "check"}
+#: Where a Markdown cell falls into several slides.
+PART = re.compile(r"^(?=## |\*\*Questions\*\*)", re.MULTILINE)
 #: Formulas in rendered Markdown, unless they stand in code.
 FORMULA = re.compile(r"(<code>.*?</code>|<pre.*?</pre>)|\$\$(.+?)\$\$|\$(.+?)\$", re.DOTALL)
 
@@ -39,6 +41,16 @@ def _formula(found: re.Match[str]) -> str:
         return found[1]
     latex = html.unescape(found[2] or found[3]).strip()
     return tex2mathml(latex, as_block=bool(found[2]))
+
+
+def split(notebook: NotebookNode) -> None:
+    """Let each heading of level 2, and the questions, begin a cell of their own."""
+    cells = []
+    for cell in notebook.cells:
+        texts = PART.split(cell.source) if cell.cell_type == "markdown" else [cell.source]
+        for k, text in enumerate(text for text in texts if text.strip()):
+            cells.append(nbformat.from_dict({**cell, "id": f"{cell.id}-{k}", "source": text}))
+    notebook.cells = cells
 
 
 def mark(notebook: NotebookNode) -> None:
@@ -67,6 +79,7 @@ def mark(notebook: NotebookNode) -> None:
 def write(root: Path, source: Path) -> Path:
     """Write the slides of a lesson from its students' edition, which holds the outputs."""
     notebook = nbformat.read(root / editions.LESSONS / f"{source.stem}.ipynb", as_version=4)
+    split(notebook)
     mark(notebook)
     notebook.metadata["title"] = notebook.cells[0].source.partition("\n")[0].removeprefix("# ")
     exporter = Slides(

@@ -299,9 +299,9 @@ def _serve(arguments: argparse.Namespace) -> None:
 
 
 def _design(arguments: argparse.Namespace) -> None:
-    from shipnet.design.command import design
+    from shipnet.design.command import run
 
-    design(arguments)
+    run(arguments)
 
 
 def _number(value: float, digits: int) -> str:

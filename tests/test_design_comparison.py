@@ -10,11 +10,10 @@ from hypothesis.extra import numpy as npst
 
 from shipnet import datasets
 from shipnet.design.cabinet import find_cabinet
-from shipnet.design.comparison import CRITERIA, compare, compare_networks
+from shipnet.design.comparison import CRITERIA, compare, compare_networks, not_beaten
 from shipnet.design.costs.quantities import quantities
 from shipnet.design.example import example
-from shipnet.design.front import not_beaten
-from shipnet.design.iolist import load_iolist, parse_iolist
+from shipnet.design.iolist import from_table, load_iolist, parse_iolist
 from shipnet.design.network import Network
 from shipnet.design.rules import check
 from shipnet.design.rules.cuts import single_cuts
@@ -64,7 +63,10 @@ def test_an_option_that_leaves_points_out_is_not_on_the_front():
     assert both.table["total cost"]["partly"] < both.table["total cost"]["example"]
     assert both.pareto.to_dict() == {"example": True, "partly": False}
     assert both.sentences[0] == "partly leaves 1 of 4 points out."
-    assert compare_networks([cheaper]).sentences[-1] == "No option connects every point."
+    assert both.tornado.between == ("example",)
+    alone = compare_networks([cheaper])
+    assert alone.tornado.between == ("partly",)
+    assert alone.sentences[-1] == "No option connects every point."
 
 
 def test_options_of_the_ship_are_planned_and_weighed():
@@ -140,6 +142,15 @@ def test_the_cabinet_of_the_example_ship_is_found_from_its_home_runs():
     assert found.place == (26.0, 6.0, 14.0)
     assert found.misfit < 0.05
     assert "within 0.1 m for half of them" in str(found)
+
+
+def test_a_cabinet_that_lengths_do_not_settle_says_so():
+    assert find_cabinet(SHIP).settled
+    points = SHIP.points
+    for system in ("Ballast valve", "Main engine", "Fire damper"):
+        part = find_cabinet(from_table(points[points["system"] == system]))
+        assert not part.settled
+        assert "other places fit as well" in str(part)
 
 
 @pytest.mark.parametrize("seed", range(4))

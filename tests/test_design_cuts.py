@@ -7,10 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shipnet import datasets
 from shipnet.design.example import example
-from shipnet.design.iolist import IoList, from_table, parse_iolist
+from shipnet.design.iolist import IoList, from_table, load_iolist, parse_iolist
 from shipnet.design.network import Network, frame
-from shipnet.design.plan import plan
+from shipnet.design.plan import Settings, plan
+from shipnet.design.plan.settings import AsiLimits
 from shipnet.design.rules.cuts import FAILURES, lost, single_cuts, worst
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
@@ -66,11 +68,14 @@ def searched(network, cut=(), dead=()):
         if run.kind == "feeder" and run.run in cut and network.cabinet in (run.a, run.b):
             unfed |= {name for name in (run.a, run.b) if kind[name] == "supply"}
     for name, row in devices[devices["at"] != ""].iterrows():
-        join(graph, row["at"], name, "AB")
-        if row["kind"] == "supply":
+        hangs_on = row["at"]
+        if row["kind"] in ("supply", "repeater"):
             masters = kind.index[(kind == "master") & (devices["segment"] == row["segment"])]
-            at_cabinet = row["at"] == network.cabinet and len(masters)
-            join(power, masters[-1] if at_cabinet else row["at"], name, "AB")
+            if hangs_on == network.cabinet and len(masters):
+                hangs_on = masters[-1]
+        join(graph, hangs_on, name, "AB")
+        if row["kind"] == "supply":
+            join(power, hangs_on, name, "AB")
     reached = {name for name, _ in nx.node_connected_component(graph, (network.cabinet, "A"))}
     supplied = set()
     for name in kind.index[(kind == "supply") & ~kind.index.isin(dead | unfed)]:
@@ -174,6 +179,16 @@ def test_several_failures_at_once_cost_what_a_search_finds(seed):
     needs = searched(network)[1:3]
     gone = points_reached(network, needs) - points_reached(network, needs, cut, dead)
     assert set(lost(network, runs=cut, devices=dead)) == gone
+
+
+def test_a_dead_master_takes_the_points_of_its_line_also_behind_a_repeater_beside_it():
+    ship = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
+    valves = from_table(ship[ship["system"] == "Ballast valve"])
+    limits = Settings(asi=AsiLimits(repeaters=1))
+    network = plan(valves, Site((20, -6, 14)), "AS-i", settings=limits)
+    assert ((network.devices["kind"] == "repeater") & (network.devices["at"] == "cabinet")).any()
+    for segment, points in network.points.groupby("segment"):
+        assert set(lost(network, devices=[f"{segment} master"])) == set(points["tag"])
 
 
 def test_a_short_takes_one_line_between_two_repeaters():

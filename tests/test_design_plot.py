@@ -1,3 +1,5 @@
+from itertools import combinations
+
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
@@ -84,6 +86,45 @@ def test_the_front_joins_the_options_that_none_beats(ax):
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("total cost [EUR]", "worst response")
     with pytest.raises(ArgumentError, match="no column conductors at the cabinet"):
         plot_pareto(table, ax=ax)
+
+
+def test_options_at_the_same_place_share_a_label_and_near_ones_do_not_overlap(ax):
+    table = pd.DataFrame(
+        {
+            "total cost": [217.0, 113.0, 108.0, 108.1, 150.0],
+            "cables": [792.0, 34.0, 4.0, 4.0, np.nan],
+        },
+        index=["home runs", "AS-i", "CAN", "Modbus RTU", "none"],
+    )
+    ax.figure.set_size_inches(6.4, 2.6)
+    plot_pareto(table, y="cables", ax=ax)
+    assert [text.get_text() for text in ax.texts] == ["home runs", "AS-i", "CAN, Modbus RTU"]
+    ax.figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in ax.texts]
+    assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+    width = ax.figure.bbox.width
+    assert all(0 <= box.x0 and box.x1 <= width for box in boxes)
+
+
+def test_a_filled_dot_is_not_hidden_by_another(ax):
+    table = pd.DataFrame({"total cost": [3.0, 3.0], "cables": [1.0, 1.0]}, index=["a", "b"])
+    plot_pareto(table, y="cables", pareto=pd.Series([True, False], table.index), ax=ax)
+    _, filled, empty = ax.lines
+    assert filled.get_zorder() > empty.get_zorder()
+
+
+def test_options_that_are_all_at_one_place_have_one_label(ax):
+    table = pd.DataFrame({"total cost": [3.0, 3.0], "cables": [0.0, 0.0]}, index=["a", "b"])
+    plot_pareto(table, y="cables", ax=ax)
+    assert [text.get_text() for text in ax.texts] == ["a, b"]
+    nothing = plot_pareto(table.iloc[:0], y="cables", ax=Figure().subplots())
+    assert len(nothing.texts) == 0
+
+
+def test_a_count_has_no_unit(ax):
+    table = pd.DataFrame({"conductors at the cabinet": [3.0], "cable mass": [1.0]}, index=["a"])
+    plot_pareto(table, x="cable mass", ax=ax)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("cable mass [kg]", "conductors at the cabinet")
 
 
 def test_without_a_front_no_option_is_filled(ax):

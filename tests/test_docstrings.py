@@ -12,7 +12,7 @@ import shipnet
 
 ROOT = Path(__file__).resolve().parents[1]
 # What is drawn, decorated or run as a program is shown by its tests, not by a doctest.
-NO_EXAMPLE = ("shipnet.__main__", "shipnet.papers.registry", ".plot")
+NO_EXAMPLE = ("shipnet.__main__", "shipnet.design.command", "shipnet.papers.registry", ".plot")
 
 
 def modules():

@@ -197,6 +197,17 @@ def test_slides_ask_no_address(source, tmp_path):
     assert body.count("<section") == body.count("</section")
 
 
+def test_a_heading_and_the_questions_begin_a_slide():
+    text = "*A figure.*\n\n## Next\n\nText.\n\n**Questions**\n\n1. Why?"
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(text)])
+    slides.split(notebook)
+    slides.mark(notebook)
+    assert "".join(cell.source for cell in notebook.cells) == text
+    kinds = [cell.metadata["slideshow"]["slide_type"] for cell in notebook.cells]
+    assert kinds == ["-", "slide", "subslide"]
+    assert len({cell.id for cell in notebook.cells}) == 3
+
+
 def test_reveal_comes_with_its_licence():
     assert "Permission is hereby granted" in (slides.REVEAL / "LICENSE").read_text()
     assert (slides.REVEAL / "reveal.js").stat().st_size > 100_000

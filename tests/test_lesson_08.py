@@ -95,3 +95,9 @@ def test_what_the_age_is_made_of_adds_up():
     stale, poll, half_a_second = 4.0, 1.25, 0.55
     assert late.after == pytest.approx(stale + poll, abs=0.005)
     assert late.oldest == pytest.approx(stale + poll + half_a_second, abs=0.005)
+
+
+def test_a_shorter_timer_alone_does_not_keep_the_2_s_of_question_4():
+    late = marking(replace(System(), stale_limit=1.0))
+    assert late.oldest == pytest.approx(1 + 1.25 + 0.55, abs=0.02)
+    assert late.oldest > System().age_limit

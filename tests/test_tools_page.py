@@ -6,6 +6,7 @@ import re
 from base64 import b64decode
 from dataclasses import dataclass, replace
 
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -105,6 +106,33 @@ def test_what_is_wrong_is_a_sentence_and_the_old_picture_pales(page):
     assert "&lt;b&gt;1/0" in page._said.value
     assert "shipnet_toy.json" in page.links.value
     assert "shipnet-busy" not in page._dom_classes
+
+
+def test_a_file_with_several_faults_is_told_fault_by_fault(seen):
+    faults = [f"row {n} is <empty>" for n in range(60)]
+
+    def take(toy, name, content):
+        raise InputError(name, *faults, more=5)
+
+    def see(toy):
+        raise InputError("a.csv", *faults[:2])
+
+    page = Page("toy", Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
+    load(page.uploads["own"], b"x", "x.txt")
+    assert page.note.startswith("x.txt: row 0 is <empty>; row 1") and "\n" not in page.note
+    assert page._noted.value.count("<br>") == 51 and "and 15 more" in page._noted.value
+    assert "<empty>" not in page._noted.value
+    assert Page("toy", Toy(), see).text == "a.csv:\nrow 0 is <empty>\nrow 1 is <empty>"
+
+
+def test_a_table_stands_between_verdict_and_numbers():
+    table = pd.DataFrame({"cost <EUR>": ["<1", "2"]}, index=["a & b", "c"])
+    view = View(text="two", good=True, numbers={"n": "2"}, table=table, caption="made <up>")
+    assert str(view).splitlines()[-2:] == ["made <up>", "n: 2"] and "cost <EUR>" in str(view)
+    said = view.verdict
+    order = ["two", "cost &lt;EUR&gt;", "a &amp; b", "<td>&lt;1</td>", "made &lt;up&gt;", "<dt>n"]
+    assert sorted(map(said.index, order)) == [said.index(part) for part in order]
+    assert "<table" not in View(text="none", good=True).verdict
 
 
 def test_the_page_is_busy_while_it_computes():

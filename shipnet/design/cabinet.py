@@ -35,19 +35,24 @@ class Found(NamedTuple):
         Median of what the lengths are off by [m].
     points : int
         Points that it was found from.
+    settled : bool
+        Whether the lengths leave no other place.
     """
 
     place: tuple[float, float, float]
     misfit: float
     points: int
+    settled: bool
 
     def __str__(self) -> str:
         """Say it in a sentence."""
         x, y, z = self.place
-        return (
+        said = (
             f"the cabinet is taken to stand at {x:g}, {y:g}, {z:g} m, where the cable lengths of "
             f"{self.points} points put it, within {max(self.misfit, 0.1):.1f} m for half of them"
         )
+        other = "; other places fit as well as this one: give the right one if you know it"
+        return said if self.settled else said + other
 
 
 def find_cabinet(iolist: IoList, *, detour: float = 1.15, tails: float = 5.0) -> Found:
@@ -73,7 +78,8 @@ def find_cabinet(iolist: IoList, *, detour: float = 1.15, tails: float = 5.0) ->
     Notes
     -----
     The place that most lengths agree on, by a logarithmic loss: the lengths of points that go
-    another way do not move it. Points in one plane leave its mirror image open.
+    another way do not move it. Points in one plane leave its mirror image open; if two coordinates
+    of the cabinet lie beside all points, only their sum is known.
 
     Examples
     --------
@@ -109,4 +115,11 @@ def find_cabinet(iolist: IoList, *, detour: float = 1.15, tails: float = 5.0) ->
         reach, count = reach * (2 / count), _NEXT
     centre = centres[0]
     x, y, z = (round(float(value), 1) + 0.0 for value in centre)
-    return Found((x, y, z), float(np.median(off(np.array([x, y, z])))), int(known.sum()))
+    place = np.array([x, y, z])
+    misfits = off(place)
+    # A length that goes up on one side of the cabinet and down on the other holds its coordinate.
+    side = places[misfits <= max(float(np.median(misfits)), _ROUNDED)] - place
+    held = ((side < -_ROUNDED).any(axis=0)) & ((side > _ROUNDED).any(axis=0))
+    flat = np.ptp(places, axis=0) < _ROUNDED
+    settled = bool((~held).sum() <= 1 and not (flat & ~held).any())
+    return Found((x, y, z), float(np.median(misfits)), int(known.sum()), settled)

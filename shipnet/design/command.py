@@ -1,8 +1,8 @@
-"""The command ``shipnet design``: an I/O list planned in several ways, as a table and a report."""
+"""The command `shipnet design`: from the words of a command line to a table and a report."""
 
 from __future__ import annotations
 
-from argparse import Namespace
+import argparse
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -18,46 +18,25 @@ from shipnet.design.site import Site
 from shipnet.design.site.trays import load_trays
 from shipnet.errors import ArgumentError
 
-__all__ = ["design"]
+__all__ = ["run"]
 
 #: Seed of the draws of what is assumed: the same list gives the same report.
 _SEED = 2024
 
 
-def design(arguments: Namespace) -> None:
-    r"""Do what the command is asked for.
+def run(arguments: argparse.Namespace) -> None:
+    """Compare the options that a command line asks for, print the table and write the report.
 
     Parameters
     ----------
     arguments : argparse.Namespace
-        What the command line says, as ``shipnet design --help`` lists it.
-
-    Returns
-    -------
-    None
-        The table is printed, and the report written if there is a file for it.
+        list, output, sheet, cabinet, trays, rules, options, mix, redundant, title and date, as
+        `shipnet.__main__` reads them.
 
     Raises
     ------
-    ArgumentError
-        If an argument is out of range.
-    InputError
-        If a file is not what it should be.
-    OSError
-        If the report cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from shipnet.__main__ import main
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "points.csv"
-    ...     _ = path.write_text("tag,type,home run\nLS-1,DI,30", encoding="utf-8")
-    ...     main(["design", str(path), "--options", "home runs"])  # doctest: +ELLIPSIS
-    1 point (1 DI) of points.csv
-    ...
-    0
+    ArgumentError, InputError
+        If an option or a file cannot be used; the message is one line.
     """
     rules = rules_of(arguments.rules)
     options = OPTIONS

@@ -65,8 +65,8 @@ class Comparison:
     rules : pandas.DataFrame
         What `shipnet.design.rules.check` returned for each, behind a column ``option``.
     tornado : Tornado
-        Which assumptions matter for what the cheapest option costs less than the first one; of the
-        options that connect every point, if there are any.
+        Which assumptions matter for what the cheapest option costs less than the first one, of
+        those that connect every point.
     likely : pandas.DataFrame or None
         Figures in 9 of 10 draws of the assumptions, by option and figure, if drawn.
     criteria : tuple of str
@@ -352,18 +352,13 @@ def compare_networks(
     if other := [net.name for net in given if net.points["tag"].tolist() != tags]:
         raise ArgumentError(f"networks {', '.join(other)} have not the points of {given[0].name}")
     sums = {name: quantities(network, assumptions) for name, network in named.items()}
-    pair = _saving(named, sums)
     checked = {name: check(net, rule_set, host_time=host_time) for name, net in named.items()}
     made = Comparison(
         named,
         sums,
         {name: single_cuts(network) for name, network in named.items()},
         _by_option(checked),
-        tornado(
-            {name: named[name] for name in pair},
-            between=(pair[0], pair[1]) if len(pair) == 2 else None,
-            assumptions=assumptions,
-        ),
+        tornado(complete(named), assumptions=assumptions),
         None if rng is None else likely(draw(named, assumptions, rng=rng)),
         tuple(criteria),
         host_time,
@@ -372,16 +367,6 @@ def compare_networks(
     if not criteria or not set(criteria) <= set(known):
         raise ArgumentError(f"criteria are {tuple(criteria)}; they must be of {', '.join(known)}")
     return made
-
-
-def _saving(named: Mapping[str, Network], sums: Mapping[str, Quantities]) -> tuple[str, ...]:
-    """Return the cheapest of the later options, and the first, from which a saving counts.
-
-    Options that leave points out are not weighed against each other.
-    """
-    first, *others = complete(named)
-    others = [option for option in others if named[option].fits]
-    return (*sorted(others, key=lambda option: sums[option]["total cost"])[:1], first)
 
 
 def _spread(where: npt.NDArray[np.bool_], values: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

@@ -1,41 +1,16 @@
-"""What may be weighed against each other, and the Pareto front: what no other beats."""
+"""Which of several options are worth a look: whole ones, and those that no other beats."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.design.network import Network
 from shipnet.errors import ArgumentError
 
-if TYPE_CHECKING:
-    from shipnet.design.network import Network
-
 __all__ = ["complete", "not_beaten"]
-
-
-def complete(networks: Mapping[str, Network]) -> dict[str, Network]:
-    """Return the networks that connect every point; all of them if none does.
-
-    Parameters
-    ----------
-    networks : mapping of str to Network
-        By name.
-
-    Returns
-    -------
-    dict of str to Network
-        What it would be wrong to call cheap for what it leaves out is not among them.
-
-    Examples
-    --------
-    >>> from shipnet.design.example import example
-    >>> list(complete({"two stations": example()}))
-    ['two stations']
-    """
-    return {name: network for name, network in networks.items() if network.fits} or dict(networks)
 
 
 def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
@@ -62,3 +37,25 @@ def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
     rows = np.where(np.isnan(rows), np.inf, rows)
     as_low = (rows[:, None] <= rows).all(axis=-1)
     return np.asarray(~(as_low & ~as_low.T).any(axis=0))
+
+
+def complete(networks: Mapping[str, Network]) -> dict[str, Network]:
+    """Return the networks that connect every point; all of them if none does.
+
+    Parameters
+    ----------
+    networks : mapping of str to Network
+        By name.
+
+    Returns
+    -------
+    dict of str to Network
+        What it would be wrong to call cheap for what it leaves out is not among them.
+
+    Examples
+    --------
+    >>> from shipnet.design.example import example
+    >>> list(complete({"two stations": example()}))
+    ['two stations']
+    """
+    return {name: network for name, network in networks.items() if network.fits} or dict(networks)

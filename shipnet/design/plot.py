@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from importlib.resources import as_file, files
 from io import StringIO
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,6 +25,9 @@ __all__ = ["plot_asi", "plot_hardwired", "plot_pareto", "plot_quantities", "plot
 
 _PANEL, _DEVICE, _MODULE = "#8cc4e8", "#f5c56b", "#7fcfb4"
 _CABLE = "#d4a800"  # the flat AS-i cable is yellow
+
+#: Sizes of a dot and of a label, as parts of what all dots span along x and along y.
+_DOT, _WORD = np.array([0.02, 0.03]), np.array([0.3, 0.07])
 
 
 def _box(ax: Axes, x: float, y: float, width: float, height: float, text: str, colour: str) -> None:
@@ -258,7 +261,8 @@ def plot_pareto(
     Returns
     -------
     matplotlib.axes.Axes
-        The axes given; filled dots, joined by a line, are not beaten.
+        The axes given; filled dots, joined by a line, are not beaten. Options whose dots cover each
+        other share a label.
 
     Raises
     ------
@@ -272,19 +276,58 @@ def plot_pareto(
     best = best.astype("boolean").fillna(False).astype(bool)
     front = table[best].sort_values([x, y])
     ax.plot(front[x], front[y], color="C0", linewidth=1, drawstyle="steps-post", zorder=1)
-    for option, at_x, at_y, filled in zip(table.index, table[x], table[y], best, strict=True):
+    for at_x, at_y, filled in zip(table[x], table[y], best, strict=True):
         ax.plot(
             [at_x], [at_y], marker="o", markersize=7, linestyle="none", color="C0",
-            markerfacecolor="C0" if filled else "white",
+            markerfacecolor="C0" if filled else "white", zorder=3 if filled else 2,
         )  # fmt: skip
-        ax.annotate(str(option), (at_x, at_y), (6, 5), textcoords="offset points", fontsize=8)
+    for place in _places(table[[x, y]]):
+        # A label stands on the side where there is room, below its dot if one is above already.
+        right, up = (-1 if place.left else 1), (-1 if place.below else 1)
+        ax.annotate(
+            place.names, place.at, (6 * right, 5 * up), textcoords="offset points", fontsize=8,
+            ha="right" if place.left else "left", va="top" if place.below else "bottom",
+        )  # fmt: skip
     ax.set(xlabel=_label(x), ylabel=_label(y))
     ax.margins(0.15)
     return ax
 
 
+class _Place(NamedTuple):
+    """Options whose dots cover each other, and where their label goes."""
+
+    names: str
+    at: tuple[float, float]
+    left: bool
+    below: bool
+
+
+def _places(values: pd.DataFrame) -> list[_Place]:
+    """Return where options stand, in the order of the table."""
+    known = values.dropna().astype(float)
+    at = known.to_numpy()
+    spread = np.ptp(at, axis=0) if len(at) else np.ones(2)
+    shown = (at - at.min(axis=0, initial=np.inf)) / np.where(spread > 0, spread, 1.0)
+    groups: list[list[int]] = []
+    for row in range(len(shown)):
+        near = [g for g in groups if (abs(shown[g[0]] - shown[row]) < _DOT).all()]
+        if near:
+            near[0].append(row)
+        else:
+            groups.append([row])
+    places = []
+    above: list[int] = []
+    for first, *others in groups:
+        names = ", ".join(str(known.index[row]) for row in (first, *others))
+        below = any((abs(shown[row] - shown[first]) < _WORD).all() for row in above)
+        places.append(_Place(names, tuple(at[first].tolist()), bool(shown[first, 0] > 0.6), below))
+        above += [] if below else [first]
+    return places
+
+
 def _label(name: str) -> str:
-    return f"{name} [{FIGURES[name]}]" if name in FIGURES else name
+    unit = FIGURES.get(name, "1")
+    return name if unit == "1" else f"{name} [{unit}]"
 
 
 def svg(draw: Callable[[Axes], object], *, width: float = 6.4, height: float = 3.2) -> str:

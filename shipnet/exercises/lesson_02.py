@@ -116,7 +116,9 @@ EXERCISES = (
             "every answer is still read there, but is the ringing within its tolerance?": (
                 _longest_read
             ),
-            "ten metres more keep both tolerances, too": lambda delay: _longest(delay) - _STEP,
+            "a longer cable keeps both tolerances, too: go on until one is broken": lambda delay: (
+                _longest(delay) - _STEP
+            ),
         },
         slips={
             "there and back, or one way": lambda delay: _longest(delay) / 2,

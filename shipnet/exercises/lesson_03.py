@@ -129,7 +129,7 @@ EXERCISES = (
             "the hits are counted in a day: how many are they in all the years?": (
                 lambda hits, years: ceil(log2(hits * years))
             ),
-            "so many messages are hit; of how many bits does a CRC miss one in so many?": (
+            "so many messages are hit; with how many check bits does one in so many pass?": (
                 lambda hits, years: hits * 365 * years
             ),
         },

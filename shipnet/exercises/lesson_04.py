@@ -100,11 +100,16 @@ EXERCISES = (
     ),
     Exercise(
         "ex-04-4",
-        draws={"limit": (2.0, 2.5, 3.0, 4.0, 4.5, 5.0), "repetitions": (1, 3)},
+        # With each limit one slave more fits if the last pause and the response are forgotten,
+        # and every mistake below gives another number.
+        draws={"limit": (2.2, 2.5, 2.7, 3.0, 3.3, 3.8, 4.1, 4.4, 4.7, 5.0), "repetitions": (3, 4)},
         answer=lambda limit, repetitions: Whole(_most(limit, repetitions), "slaves"),
         traps={
             "each repetition takes the time of one exchange": lambda limit, repetitions: _most(
                 limit, 0
+            ),
+            "after the cycle come a pause and the response, which take their time too": (
+                lambda limit, repetitions: _most(limit + 10 * 6e-3, repetitions)
             ),
             "two requests of a cycle go to no slave": lambda limit, repetitions: (
                 _most(limit, repetitions) + 2

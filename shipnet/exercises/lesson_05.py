@@ -144,7 +144,7 @@ EXERCISES = (
         draws={"stop_ms": (1.75, 2.0, 2.25), "n_bytes": (5, 6, 7, 8)},
         answer=lambda stop_ms, n_bytes: Number(_response_ms(stop_ms, n_bytes), "ms"),
         traps={
-            "a lower frame may just have begun: who blocks, and for how long?": (
+            "a less urgent frame may just have begun: who blocks, and for how long?": (
                 lambda stop_ms, n_bytes: sum(map(_frame_ms, (1, 4, n_bytes)))
             ),
             "while you wait, time passes: does a more urgent message come again?": (

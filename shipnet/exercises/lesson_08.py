@@ -71,6 +71,14 @@ EXERCISES = (
             "each retry waits for its own time-out": lambda period, timeout, retries: _gap(
                 period, timeout, 0
             ),
+            "each try in vain is a request and a time-out: how long is the request?": (
+                lambda period, timeout, retries: (
+                    _gap(period, timeout, retries) - (1 + retries) * _REQUEST
+                )
+            ),
+            "from the end of one answer to the end of the next: both are sent in the same time": (
+                lambda period, timeout, retries: _gap(period, timeout, retries) + _POLL.answered
+            ),
             "the first try is in vain too: how often does it ask on the first cable?": (
                 lambda period, timeout, retries: _gap(period, timeout, retries - 1)
             ),

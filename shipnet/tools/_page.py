@@ -23,6 +23,9 @@ __all__ = ["Button", "Page", "Preset", "Upload"]
 #: Changes that follow each other within this time are computed once [s].
 PAUSE = 0.05
 
+#: Faults of a file that are told.
+_FAULTS = 50
+
 
 @dataclass(frozen=True)
 class Button:
@@ -196,7 +199,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
                 view = self._see(inputs)
                 figure = view.figure
             except Exception as problem:  # it becomes a sentence, whatever it is
-                view, figure = View(text=_sentence(problem), good=False), ""
+                view, figure = View(text=_lines(problem), good=False), ""
             self._show(view, figure, state)
 
     def _show(self, view: View, figure: str, state: str) -> None:
@@ -246,16 +249,17 @@ class Page(widgets.VBox):  # type: ignore[misc]
                 if inputs is not None:
                     self._controls.put(inputs)
         except Exception as problem:  # as in refresh
-            self._say(_sentence(problem))
+            self._say(_sentence(problem), _lines(problem))
             return
-        self._say(f"{file} is loaded" if file else "", good=True)
+        self._say("", f"{file} is loaded" if file else "")
         self.refresh()
 
-    def _say(self, note: str, good: bool = False) -> None:
-        self.note = "" if good else note
-        kind = "good" if good else "bad"
-        said = f'<p class="shipnet-note shipnet-{kind}" role="alert">{escape(note)}</p>'
-        self._noted.value = said if note else ""
+    def _say(self, note: str, shown: str = "") -> None:
+        self.note = note
+        kind = "bad" if note else "good"
+        said = escape(shown).replace("\n", "<br>")
+        said = f'<p class="shipnet-note shipnet-{kind}" role="alert">{said}</p>'
+        self._noted.value = said if shown else ""
 
     def _button(self, one: Button) -> widgets.Button:
         button = widgets.Button(description=one.label, tooltip=one.help)
@@ -294,6 +298,15 @@ class Page(widgets.VBox):  # type: ignore[misc]
 def _classed(widget: widgets.Widget, name: str) -> widgets.Widget:
     widget.add_class(name)
     return widget
+
+
+def _lines(problem: Exception) -> str:
+    """Return what is wrong, a fault a line where a file has several."""
+    if not isinstance(problem, InputError) or len(problem.faults) < 2:
+        return _sentence(problem)
+    rest = len(problem.faults[_FAULTS:]) + problem.more
+    more = [f"and {rest} more"] if rest else []
+    return "\n".join([f"{problem.file}:", *problem.faults[:_FAULTS], *more])
 
 
 def _sentence(problem: Exception) -> str:

@@ -1,4 +1,4 @@
-"""What a tool has to say: a verdict, numbers below it, and a figure, as HTML."""
+"""What a tool has to say: a verdict, a table and numbers below it, and a figure, as HTML."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from html import escape
 from io import BytesIO
+from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["View", "picture"]
 
@@ -33,6 +37,10 @@ class View:
         Takes axes and draws the figure on them; without it the last one stays, paled.
     height : float, default 3.6
         Height of the figure [inch].
+    table : pandas.DataFrame, optional
+        Text in rows and columns, shown between verdict and numbers.
+    caption : str, optional
+        What has to be said of the table.
     about : str, optional
         What the figure shows, for who does not see it; the verdict is put behind it.
     files : dict of str to str or bytes, optional
@@ -51,16 +59,20 @@ class View:
     numbers: Mapping[str, str] = field(default_factory=dict)
     draw: Callable[[Axes], object] | None = None
     height: float = 3.6
+    table: pd.DataFrame | None = None
+    caption: str = ""
     about: str = ""
     files: Mapping[str, str | bytes] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        """Return verdict and numbers as lines of text."""
-        return "\n".join([self.text, *(f"{name}: {said}" for name, said in self.numbers.items())])
+        """Return verdict, table and numbers as lines of text."""
+        table = [] if self.table is None else [self.table.to_string(), self.caption]
+        numbers = (f"{name}: {said}" for name, said in self.numbers.items())
+        return "\n".join([self.text, *filter(None, table), *numbers])
 
     @property
     def verdict(self) -> str:
-        """The verdict and the numbers as HTML."""
+        """The verdict, the table and the numbers as HTML."""
         kind = "good" if self.good else "bad"
         said = escape(self.text).replace("\n", "<br>")
         rows = "".join(
@@ -68,7 +80,27 @@ class View:
             for name, number in self.numbers.items()
         )
         numbers = f'<dl class="shipnet-numbers">{rows}</dl>' if rows else ""
-        return f'<p class="shipnet-verdict shipnet-{kind}" role="status">{said}</p>{numbers}'
+        verdict = f'<p class="shipnet-verdict shipnet-{kind}" role="status">{said}</p>'
+        return f"{verdict}{self._table}{numbers}"
+
+    @property
+    def _table(self) -> str:
+        if self.table is None:
+            return ""
+        heads = "".join(f'<th scope="col">{escape(str(name))}</th>' for name in self.table.columns)
+        rows = "".join(
+            f'<tr><th scope="row">{escape(str(name))}</th>'
+            + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
+            + "</tr>"
+            for name, cells in zip(
+                self.table.index, self.table.itertuples(index=False), strict=True
+            )
+        )
+        return (
+            f'<div class="shipnet-wide"><table class="shipnet-table"><thead><tr><td></td>{heads}'
+            f"</tr></thead><tbody>{rows}</tbody></table></div>"
+            f'<p class="shipnet-caption">{escape(self.caption)}</p>'
+        )
 
     @property
     def figure(self) -> str:

@@ -258,6 +258,55 @@ def test_the_valve_client_opens_a_valve_of_the_server_that_it_starts(page, app):
     tool.comes_back(lambda: tool.press("valve", key="ArrowLeft"), "valve 2", "valve 3")
 
 
+GOOD = b"tag,type,x,y,z,home run\n" + b"".join(
+    b"P%d,%s,%d,%d,%d,%d\n" % (n, b"DO" if n % 3 else b"DI", 30 + n, n % 3, n % 4, 40 + n)
+    for n in range(9)
+)
+
+
+def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, app, tmp_path):
+    tool = Tool.opened(page, app, "ship_design")
+    modbus = page.get_by_label("Modbus RTU", exact=True)
+    rows = page.locator(".shipnet-table tbody tr")
+    expect(rows).to_have_count(5)
+    expect(page.locator(".shipnet-caption")).to_contain_text("Design aid, not class approval.")
+    tool.moves(lambda: modbus.set_checked(False), "Modbus RTU", "cheapest of them: AS-i")
+    expect(rows).to_have_count(4)
+    tool.comes_back(lambda: modbus.set_checked(True), "Modbus RTU", "cheapest of them: AS-i")
+    cost = rows.nth(0).locator("td").nth(3)
+    before = cost.inner_text()
+    tool.press("labour rate [EUR/h]", 4)
+    expect(cost).not_to_have_text(before, timeout=LONG)
+
+    tool.load("load a list", "bad.csv", b"tag,type,x,y,z\nA,DI,1,2,3\nA,DI,1,2,x\nB,XX,1,2,3\n")
+    note = page.locator(".shipnet-note")
+    for fault in ("row 3, column tag: 'A'", "row 3, column z: 'x'", "row 4, column type: 'XX'"):
+        expect(note).to_contain_text(fault, timeout=LONG)
+    # It is seen although the foot of the page is not.
+    assert note.bounding_box()["y"] + note.bounding_box()["height"] <= 1000
+    tool.says("all 99 points")
+    tool.load("load a list", "own.csv", GOOD)
+    tool.says("all 9 points")
+    expect(note).to_have_text("own.csv is loaded")
+    picture = tool.figure.get_attribute("src")
+    tool.choose("figure", "conductors against cost")
+    expect(tool.figure).not_to_have_attribute("src", picture, timeout=LONG)
+
+    tool.button("make the report").click()
+    link = page.get_by_text("download report.html")
+    link.wait_for(timeout=LONG)
+    with page.expect_download() as download:
+        link.click()
+    report = tmp_path / "report.html"
+    download.value.save_as(report)
+    text = report.read_text(encoding="utf-8")
+    assert "own.csv" in text and "Design aid, not class approval." in text
+    assert re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import|<script""", text) == []
+    page.goto(report.as_uri())  # it asks nobody for anything, which `page` checks
+    expect(page.locator("p.banner")).to_be_visible()
+    assert page.locator("img").evaluate_all("all => all.every(image => image.naturalWidth > 100)")
+
+
 WATCH = """() => {
   const spinner = document.querySelector(".shipnet-spinner");
   window.seen = [];

@@ -117,8 +117,8 @@ def tornado(
     figure : str, default "total cost"
         One of `FIGURES`.
     between : tuple of str, optional
-        The two options whose difference matters; of several, the two that are lowest at nominal
-        if omitted, the lowest first.
+        The two options whose difference matters; of several, if omitted, the lowest of the later
+        ones and the first, from which a saving counts.
     assumptions : Assumptions, optional
         Those of the data file if omitted.
     cables : mapping of str to Cable, optional
@@ -182,7 +182,8 @@ def tornado(
 
 def _pair(nominal: Mapping[str, float], between: tuple[str, str] | None) -> tuple[str, ...]:
     if between is None:
-        return tuple(sorted(nominal, key=lambda option: nominal[option])[:2])
+        first, *others = nominal
+        return (*sorted(others, key=lambda option: nominal[option])[:1], first)
     if len(between) != 2 or between[0] == between[1] or not set(between) <= set(nominal):
         raise ArgumentError(
             f"between is {between!r}; it must be two of {', '.join(map(repr, nominal))}"

@@ -162,7 +162,7 @@ class Reach:
         """What carries data; masters and the like are one node for both lines."""
         count, trunk = len(self.kinds), (self.network.runs["kind"] == "trunk").to_numpy()
         link = self._feeders & (self.kinds == "gateway")[self._ends].any(axis=1)
-        u, v, run = self._by_line(np.flatnonzero(trunk | link), self._housings)
+        u, v, run = self._by_line(np.flatnonzero(trunk | link), self._joints)
         joined = np.isin(self.kinds, _JOINS)
         u, v = (np.where(joined[node % count], node % count, node) for node in (u, v))
         return u, v, run
@@ -214,18 +214,23 @@ class Reach:
         return np.stack([inside, self._at[inside]], axis=1)
 
     @cached_property
-    def _poles(self) -> Whole:
-        """Supplies, and where they feed their line without a cable of their own, shape (n, 2).
+    def _joints(self) -> Whole:
+        """What stands in a housing, and what it hangs on there, shape (n, 2).
 
-        That is where they stand; in the cabinet it is the master of their segment.
+        In the cabinet, repeaters and supplies hang on the master of their segment.
         """
         segment = self.network.devices["segment"].to_numpy(str)
         master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
-        pairs = [
-            (n, master.get(segment[n], at) if at == self._cabinet else at)
-            for n, at in self._housings if self.kinds[n] == "supply"
-        ]  # fmt: skip
-        return np.array(pairs, np.int64).reshape(-1, 2)
+        joints = self._housings.copy()
+        for row, (n, at) in enumerate(joints):
+            if at == self._cabinet and self.kinds[n] in ("repeater", "supply"):
+                joints[row, 1] = master.get(segment[n], at)
+        return joints
+
+    @cached_property
+    def _poles(self) -> Whole:
+        """Supplies, and where they feed their line without a cable of their own, shape (n, 2)."""
+        return np.asarray(self._joints[self.kinds[self._joints[:, 0]] == "supply"])
 
     def _by_line(self, number: Whole, joints: Whole) -> Edges:
         """Return runs and joints as edges; node n + D is device n on line B."""

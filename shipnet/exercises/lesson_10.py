@@ -1,0 +1,188 @@
+"""Exercises of lesson 10: from an I/O list to a defended choice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+
+from shipnet import datasets
+from shipnet.design import saving
+from shipnet.design.comparison import compare
+from shipnet.design.costs.plants import Plant
+from shipnet.design.costs.quantities import quantities
+from shipnet.design.iolist import from_table, load_iolist
+from shipnet.design.plan import Settings
+from shipnet.design.plan.settings import AsiLimits
+from shipnet.design.site import Site
+from shipnet.exercises.answers import Choice, Number
+from shipnet.exercises.exercise import Exercise
+from shipnet.exercises.functions import Function
+
+__all__ = ["EXERCISES"]
+
+#: Total cost [EUR], points lost by one failure, and faults, by option.
+_Options = Mapping[str, tuple[int, int, int]]
+
+#: Two places of a plant at which its cost is computed [m].
+_NEAR, _FAR = 10, 30
+
+
+def _left(contacts: int, lines: int) -> float:
+    return 100 * saving({"contact": contacts}, lines=lines).left
+
+
+@cache
+def _cost(bus: bool, figure: str, modules: int, distance: float, spacing: float) -> float:
+    plant = Plant(modules=modules, contacts=2, distance=distance, spacing=spacing)
+    return quantities(plant.on_asi if bus else plant.hardwired)[figure]
+
+
+def _costs(modules: int, distance: float, figure: str = "total cost") -> tuple[float, float]:
+    wired, bus = (_cost(bus, figure, modules, distance, 4) for bus in (False, True))
+    return wired, bus
+
+
+def _saved(modules: int, distance: float, figure: str = "total cost") -> float:
+    wired, bus = _costs(modules, distance, figure)
+    return 100 * (1 - bus / wired)
+
+
+def _crossing(modules: int, spacing: int) -> tuple[float, float, float]:
+    """Return how much dearer AS-i is at the near place, and cost per metre of both."""
+    (wired, wired_far), (bus, bus_far) = (
+        [_cost(kind, "total cost", modules, place, spacing) for place in (_NEAR, _FAR)]
+        for kind in (False, True)
+    )
+    way = _FAR - _NEAR
+    return bus - wired, (wired_far - wired) / way, (bus_far - bus) / way
+
+
+def _break_even(modules: int, spacing: int) -> float:
+    dearer, wired, bus = _crossing(modules, spacing)
+    return _NEAR + dearer / (wired - bus)
+
+
+def _without_growth(modules: int, spacing: int) -> float:
+    dearer, wired, _ = _crossing(modules, spacing)
+    return _NEAR + dearer / wired
+
+
+@cache
+def _reviews() -> tuple[_Options, _Options]:
+    """Return the ballast valves three ways, and three ways in a plan without repeaters."""
+    points = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
+    ballast = from_table(points[points["system"] == "Ballast valve"].reset_index(drop=True))
+    no_repeater = Settings(asi=AsiLimits(repeaters=0))
+    made = []
+    for options, settings in (
+        (["home runs", "junction boxes", "AS-i"], None),
+        (["AS-i", "CAN", "Modbus RTU"], no_repeater),
+    ):
+        table = compare(ballast, Site((20, -6, 14)), options, settings=settings).table
+        faults = table["points left out"] + table["rules broken"]
+        rows = zip(table["total cost"].round(-2), table["lost by one failure"], faults, strict=True)
+        made.append(dict(zip(options, ((int(c), int(n), int(f)) for c, n, f in rows), strict=True)))
+    return made[0], made[1]
+
+
+def _cheapest(options: _Options, good: Callable[[int, int, int], bool]) -> str:
+    return min(
+        (option for option, row in options.items() if good(*row)),
+        key=lambda option: options[option][0],
+        default="none",
+    )
+
+
+def _choose(options: _Options, limit: int) -> str:
+    return _cheapest(options, lambda cost, lost, faults: lost <= limit and not faults)
+
+
+def _cases() -> list[tuple[_Options, int]]:
+    """Return the reviews with limits: one that nothing keeps, and some at their edge."""
+    long, short = _reviews()
+    most = long["AS-i"][1]
+    return [(long, 1), (long, most), (long, most - 1), (long, 0), (short, short["CAN"][1])]
+
+
+EXERCISES = (
+    Exercise(
+        "ex-10-1",
+        draws={"contacts": range(120, 401, 20), "lines": range(3, 9)},
+        answer=lambda contacts, lines: Number(_left(contacts, lines), "%"),
+        traps={
+            "that is what is saved; asked for is what is left": lambda contacts, lines: (
+                100 - _left(contacts, lines)
+            ),
+            "that is how many times fewer; asked for is what is left": lambda contacts, lines: (
+                contacts / lines
+            ),
+        },
+        slips={
+            "the point is in the wrong place": lambda contacts, lines: _left(contacts, lines) / 10,
+            "that is the share": lambda contacts, lines: lines / contacts,
+        },
+    ),
+    Exercise(
+        "ex-10-2",
+        draws={"modules": (12, 14, 16, 20, 24), "distance": (30, 40, 60, 80)},
+        answer=lambda modules, distance: Number(_saved(modules, distance), "%"),
+        traps={
+            "that is the cable alone; work and hardware cost too": lambda modules, distance: _saved(
+                modules, distance, "cable cost"
+            ),
+            "a saving is a share of what it would have cost without the bus": (
+                lambda modules, distance: (
+                    100 * (_costs(modules, distance)[0] / _costs(modules, distance)[1] - 1)
+                )
+            ),
+            "that is what is left; asked for is what is saved": lambda modules, distance: (
+                100 - _saved(modules, distance)
+            ),
+        },
+        slips={
+            "that is the share": lambda modules, distance: _saved(modules, distance) / 100,
+        },
+    ),
+    Exercise(
+        "ex-10-3",
+        draws={"modules": range(4, 9), "spacing": (1, 2)},
+        answer=lambda modules, spacing: Number(_break_even(modules, spacing), "m"),
+        traps={
+            "both lines are known from 10 m on: have you counted from there?": (
+                lambda modules, spacing: _break_even(modules, spacing) - _NEAR
+            ),
+            "AS-i grows with the distance too, only more slowly": _without_growth,
+        },
+        slips={
+            "1000 times too small": lambda modules, spacing: _break_even(modules, spacing) / 1e3,
+        },
+    ),
+    Exercise(
+        "ex-10-4",
+        answer=lambda: Function(
+            _choose,
+            _cases(),
+            lambda right: Choice(right, (*dict.fromkeys((*_reviews()[0], *_reviews()[1])), "none")),
+        ),
+        traps={
+            "this one is cheap, but does it lose more points than the limit?": lambda: (
+                lambda options, limit: _cheapest(options, lambda cost, lost, faults: not faults)
+            ),
+            "an option with faults is none: what is left out costs nothing": lambda: (
+                lambda options, limit: _cheapest(options, lambda cost, lost, faults: lost <= limit)
+            ),
+            "the limit itself is allowed: at most, not less": lambda: (
+                lambda options, limit: _cheapest(
+                    options, lambda cost, lost, faults: lost < limit and not faults
+                )
+            ),
+        },
+        slips={
+            "ValueError": lambda: (
+                lambda options, limit: min(
+                    (row[0], option) for option, row in options.items() if row[1] <= limit
+                )[1]
+            ),
+        },
+    ),
+)

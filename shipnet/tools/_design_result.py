@@ -1,0 +1,197 @@
+"""What the options of a design come to, in words and in one table for a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from shipnet.design.comparison import RESPONSE, Comparison
+from shipnet.design.costs.assumptions import words
+from shipnet.design.rules import worst
+
+__all__ = ["Result"]
+
+#: Why points are left out, and rules broken, that are told of each option.
+_TOLD = 3
+
+_FAILED = {"cut": "is cut", "short": "is shorted", "tray": "is lost", "device": "is dead"}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Result:
+    """What the options come to.
+
+    `shipnet.tools.ship_design.update` makes it.
+
+    Attributes
+    ----------
+    comparison : Comparison
+        The options side by side.
+    cabinet : str
+        Where the cabinet stands and how that is known.
+    rules : str
+        The rule set.
+    picture : str
+        What the figure shows.
+    """
+
+    comparison: Comparison
+    cabinet: str
+    rules: str
+    picture: str
+
+    @property
+    def kept(self) -> list[str]:
+        """Options that connect every point and break no rule, the cheapest first."""
+        found = self.comparison.table
+        found = found[(found["points left out"] == 0) & (found["rules broken"] == 0)]
+        return [str(option) for option in found.sort_values("total cost", kind="stable").index]
+
+    @property
+    def names(self) -> dict[str, str]:
+        """What a figure calls each option: with the points that it leaves out, if there are."""
+        left = self.comparison.table["points left out"]
+        return {
+            str(option): f"{option}, {n:.0f} left out" if n else str(option)
+            for option, n in left.items()
+        }
+
+    @property
+    def verdict(self) -> str:
+        """Which options can be built, and the cheapest of them."""
+        found, n = self.comparison.table, len(self.comparison.iolist)
+        if self.kept:
+            cheapest = found[found.index == self.kept[0]].iloc[0]
+            verb = "connects" if len(self.kept) == 1 else "connect"
+            breaks = "breaks" if len(self.kept) == 1 else "break"
+            return (
+                f"{_and(self.kept)} {verb} all {n} points and {breaks} no rule of {self.rules} "
+                f"that a plan can show\ncheapest of them: {self.kept[0]}, {_cost(cheapest, ' EUR')}"
+            )
+        if (found["points left out"] == 0).any():
+            return f"every option that connects all {n} points breaks a rule of {self.rules}"
+        return f"no option connects all {n} points"
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row an option, as text."""
+        found = self.comparison.table
+        counts = ["rules kept", "rules broken", "rules not verified"]
+        return pd.DataFrame(
+            {
+                "points left out": [f"{n:.0f}" for n in found["points left out"]],
+                "conductors at the cabinet": [
+                    f"{n:,.0f}" for n in found["conductors at the cabinet"]
+                ],
+                "cable [kg]": [f"{kg:,.0f}" for kg in found["cable mass"]],
+                "cost [EUR]": [_cost(row) for _, row in found.iterrows()],
+                "worst response [ms]": [
+                    f"{ms:,.0f}" if ms == ms else "-" for ms in found[RESPONSE]
+                ],
+                "points lost by one failure": [f"{n:.0f}" for n in found["lost by one failure"]],
+                "rules kept / broken / unverified": [
+                    " / ".join(f"{n:.0f}" for n in row) for row in found[counts].to_numpy()
+                ],
+                "not beaten": ["yes" if best else "no" for best in self.comparison.pareto],
+            },
+            index=found.index,
+        )
+
+    @property
+    def numbers(self) -> dict[str, str]:
+        """What stands behind the table, in words."""
+        comparison = self.comparison
+        criteria = _and([name.removesuffix(" [ms]") for name in comparison.criteria])
+        best = [str(name) for name in comparison.pareto.index[comparison.pareto]]
+        return {
+            "list": "; ".join([str(comparison.iolist), *comparison.iolist.remarks]),
+            "cabinet": self.cabinet,
+            "not beaten": f"{_and(best) or 'none'}, weighed by {criteria}",
+            "what decides": self._assumptions,
+            **self._misfits,
+            **self._broken,
+            **self._failures,
+        }
+
+    @property
+    def _misfits(self) -> dict[str, str]:
+        reasons = self.comparison.reasons
+        return {
+            f"{option} does not fit": _told(
+                f"{rows['text'].iloc[0]}{_such(len(rows))}"
+                for _, rows in own.groupby("limit", sort=False)
+            )
+            for option, own in reasons.groupby("option", sort=False)
+        }
+
+    @property
+    def _broken(self) -> dict[str, str]:
+        rules = self.comparison.rules
+        broken = rules[rules["verdict"] == "fail"]
+        return {
+            f"{option} breaks": _told(
+                f"{row.rule} ({row.asks}; {row.computed:.4g} {row.unit} at {row.subject})"
+                for row in _each(rows)
+            )
+            for option, rows in broken.groupby("option", sort=False)
+        }
+
+    @property
+    def _failures(self) -> dict[str, str]:
+        said: dict[str, str] = {}
+        for option, cuts in self.comparison.cuts.items():
+            ranked = worst(cuts).sort_values("points_lost", ascending=False, kind="stable")
+            # Where no point fits, there is nothing to lose.
+            said |= {
+                f"{option} at worst": f"{row.points_lost} {_points(row.points_lost)} lost when "
+                f"{row.failed} {_FAILED[row.failure]}"
+                for row in _each(ranked[:1][ranked[:1]["points_lost"] > 0])
+            }
+        return said
+
+    @property
+    def _assumptions(self) -> str:
+        tornado = self.comparison.tornado
+        ends, unit, top = tornado.ends, tornado.unit, tornado.top()
+        said = [
+            f"{words(name)} ({_rounded(low)} to {_rounded(high)} {unit})"
+            for name, (low, high) in zip(top, ends.loc[top].to_numpy(), strict=True)
+        ]
+        decides = f"; over their ranges: {', '.join(said)}" if said else ""
+        return f"{tornado.subject}: {_rounded(tornado.at_nominal)} {unit}{decides}"
+
+
+def _such(number: int) -> str:
+    return f" ({number} such)" if number > 1 else ""
+
+
+def _points(number: int) -> str:
+    return "point is" if number == 1 else "points are"
+
+
+def _each(rows: pd.DataFrame) -> Iterator[Any]:
+    return iter(rows.itertuples())
+
+
+def _and(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def _rounded(value: float) -> str:
+    """Return a value to three digits; a fourth would say more than is known."""
+    return f"{float(f'{value:.3g}'):,.0f}"
+
+
+def _cost(row: pd.Series[float], unit: str = "") -> str:
+    ends = (row[f"total cost{end}"] for end in ("", ", low", ", high"))
+    nominal, low, high = map(_rounded, ends)
+    return f"{nominal}{unit} ({low} to {high})"
+
+
+def _told(texts: Iterable[str]) -> str:
+    said = [text.replace(". (", " (").rstrip(".") for text in texts]
+    more = f"; and {len(said) - _TOLD} more" if len(said) > _TOLD else ""
+    return "; ".join(said[:_TOLD]) + more

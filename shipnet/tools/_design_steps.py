@@ -1,0 +1,278 @@
+"""The steps from an I/O list to a comparison, each kept for what it depends on.
+
+A list is read once, its cabinet found once, and an option planned once for its limits; so that a
+price which moves sends no planner back to work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from shipnet import datasets
+from shipnet.design.cabinet import find_cabinet
+from shipnet.design.comparison import CRITERIA, Comparison, complete
+from shipnet.design.costs.assumptions import Assumptions
+from shipnet.design.costs.quantities import quantities
+from shipnet.design.costs.sensitivity import tornado
+from shipnet.design.costs.uncertainty import draw, likely
+from shipnet.design.iolist import IoList, parse_iolist
+from shipnet.design.network import Network
+from shipnet.design.plan import OPTIONS, Settings, mix, plan
+from shipnet.design.rules import HOST_TIME, check, single_cuts
+from shipnet.design.site import Site
+from shipnet.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from shipnet.design.site.trays import Place
+
+__all__ = ["EXAMPLES", "MIXES", "assumptions", "compared", "place", "planned", "points"]
+
+#: Ways to connect some points by one option and the others by another: what decides, and how the
+#: points that it does not name are connected.
+MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
+    {
+        "digital AS-i + analogue CAN": ({"DI": "AS-i", "DO": "AS-i"}, "CAN"),
+        "digital AS-i + analogue Modbus RTU": ({"DI": "AS-i", "DO": "AS-i"}, "Modbus RTU"),
+        "digital AS-i + analogue home runs": ({"DI": "AS-i", "DO": "AS-i"}, "home runs"),
+        "category III home runs + rest CAN": ({"III": "home runs"}, "CAN"),
+        "category III home runs + rest Modbus RTU": ({"III": "home runs"}, "Modbus RTU"),
+    }
+)
+
+#: Seed of the draws of what is assumed, as `shipnet design` has it.
+_SEED = 2024
+
+#: Assumptions that make up the price of a bus, beside its cable.
+_BUS_PARTS = ("asi_", "can_", "modbus_", "station_", "supply", "repeater", "terminator", "gateway")
+
+
+def _examples() -> Mapping[str, str]:
+    ship = datasets.path("synthetic_iolist_ship.csv").read_text(encoding="utf-8")
+    titles, *rows = ship.splitlines(keepends=True)
+    engine = [row for row in rows if row.split(",")[1] == "Main engine"]
+    return MappingProxyType({"main engine": titles + "".join(engine), "ship": ship})
+
+
+#: Lists to begin with, both synthetic: the 99 points of an engine, and the 353 of a ship.
+EXAMPLES = _examples()
+
+
+@lru_cache(maxsize=8)
+def points(text: str, name: str, update_ms: int) -> IoList:
+    r"""Return the points of a text, none of which may wait longer than a time.
+
+    Parameters
+    ----------
+    text, name : str
+        As `shipnet.design.iolist.parse_iolist`.
+    update_ms : int
+        Longest update need of a point [ms]; 0 for those of the list.
+
+    Returns
+    -------
+    IoList
+        The points.
+
+    Raises
+    ------
+    InputError
+        If the text is no I/O list.
+
+    Examples
+    --------
+    >>> text = "tag,type,home run,update\na,DI,9,500\nb,DI,9,50"
+    >>> points(text, "x", 100).points["update_ms"].tolist()
+    [100.0, 50.0]
+    """
+    iolist = parse_iolist(text, name)
+    if not update_ms:
+        return iolist
+    needed = np.minimum(iolist.points["update_ms"], float(update_ms))
+    return replace(iolist, points=iolist.points.assign(update_ms=needed))
+
+
+@lru_cache(maxsize=8)
+def place(iolist: IoList, typed: str) -> tuple[Place, str]:
+    """Return where the cabinet stands, and how that is known.
+
+    Parameters
+    ----------
+    iolist : IoList
+        The points.
+    typed : str
+        ``"x, y, z"`` in m; empty to find it from the lengths in the list.
+
+    Returns
+    -------
+    place : (float, float, float)
+        Where it stands [m].
+    words : str
+        How that is known.
+
+    Raises
+    ------
+    ArgumentError
+        If it is no place, or is not typed and cannot be found.
+
+    Examples
+    --------
+    >>> place(points(EXAMPLES["ship"], "ship", 0), "")[0]
+    (26.0, 6.0, 14.0)
+    """
+    if typed.strip():
+        try:
+            x, y, z = (float(number) for number in typed.replace(";", ",").split(","))
+            return Site((x, y, z)).cabinet, f"the cabinet stands at {x:g}, {y:g}, {z:g} m, as typed"
+        except ValueError:
+            raise ArgumentError(
+                f"cabinet is {typed!r}; it must be three numbers in m, such as 26, 6, 14"
+            ) from None
+    if not iolist.located.any():
+        return (0.0, 0.0, 0.0), "every length to the cabinet is given by the list"
+    try:
+        found = find_cabinet(iolist)
+    except ArgumentError as problem:
+        raise ArgumentError(f"{problem}; type its place, such as 26, 6, 14") from None
+    return found.place, f"{found}; type its place if you know it"
+
+
+@lru_cache(maxsize=4)
+def _site(cabinet: Place, detour: float) -> Site:
+    return Site(cabinet, detour=detour)
+
+
+@lru_cache(maxsize=48)
+def _planned(iolist: IoList, site: Site, settings: Settings, option: str) -> Network:
+    if option in OPTIONS:
+        return plan(iolist, site, option, settings=settings)
+    choose, default = MIXES[option]
+    there = {*iolist.points["type"], *iolist.points["category"]}
+    named = {key: value for key, value in choose.items() if key in there}
+    return mix(iolist, site, named, default=default, settings=settings, name=option)
+
+
+def planned(
+    iolist: IoList, cabinet: Place, detour: float, settings: Settings, options: tuple[str, ...]
+) -> tuple[Network, ...]:
+    r"""Return the points of a list connected in several ways.
+
+    Parameters
+    ----------
+    iolist : IoList
+        The points.
+    cabinet : (float, float, float)
+        Where cables end [m].
+    detour : float
+        As for `shipnet.design.site.Site`.
+    settings : Settings
+        Limits of the planners.
+    options : tuple of str
+        Of `shipnet.design.plan.OPTIONS` and `MIXES`.
+
+    Returns
+    -------
+    tuple of Network
+        One an option; the very same ones for the same arguments.
+
+    Examples
+    --------
+    >>> three = points("tag,type,x,y,z\na,DI,9,0,0\nb,DI,9,1,0\nc,DO,5,1,0", "x", 0)
+    >>> once = planned(three, (0, 0, 0), 1.2, Settings(), ("home runs", "CAN"))
+    >>> again = planned(three, (0, 0, 0), 1.2, Settings(), ("CAN",))
+    >>> once[1] is again[0]
+    True
+    """
+    site = _site(cabinet, detour)
+    return tuple(_planned(iolist, site, settings, option) for option in options)
+
+
+@lru_cache(maxsize=8)
+def assumptions(labour: float, parts: float) -> Assumptions:
+    """Return the assumptions with another labour rate and other prices of bus parts.
+
+    Parameters
+    ----------
+    labour : float
+        Nominal labour rate [EUR/h]; its low and high keep their share of it.
+    parts : float
+        What modules, stations, masters, supplies and the like cost, as a multiple of what is
+        assumed.
+
+    Returns
+    -------
+    Assumptions
+        What is changed is given by the user.
+
+    Examples
+    --------
+    >>> assumptions(110, 1)["labour_rate"]
+    Range(low=70.0, nominal=110.0, high=170.0)
+    >>> assumptions(55, 2)["can_station"]
+    Range(low=500.0, nominal=900.0, high=1800.0)
+    """
+    assumed = Assumptions()
+    times = {"labour_rate": labour / assumed.at("labour_rate")}
+    times |= {
+        name: parts
+        for name in assumed
+        if name.startswith(_BUS_PARTS) and assumed.entry(name).unit == "EUR"
+    }
+    changed = {
+        name: type(assumed[name])(*(factor * value for value in assumed[name]))
+        for name, factor in times.items()
+        if factor != 1
+    }
+    return assumed.with_(**changed)
+
+
+# A network is the key to what is found of it, and lives as long as that.
+_cuts = lru_cache(maxsize=48)(single_cuts)
+_checked = lru_cache(maxsize=48)(check)
+
+
+@lru_cache(maxsize=4)
+def compared(
+    networks: tuple[Network, ...], rule_set: str, labour: float, parts: float
+) -> Comparison:
+    """Compare networks, as `shipnet.design.comparison.compare_networks` does.
+
+    Parameters
+    ----------
+    networks : tuple of Network
+        From `planned`.
+    rule_set : str
+        One of `shipnet.design.rules.RULE_SETS`.
+    labour, parts : float
+        As for `assumptions`.
+
+    Returns
+    -------
+    Comparison
+        With likely figures.
+
+    Examples
+    --------
+    >>> from shipnet.design.example import example
+    >>> compared((example(), example(redundant=True)), "DNV", 55, 1).table["rules broken"].tolist()
+    [1, 0]
+    """
+    named = {network.name: network for network in networks}
+    assumed = assumptions(labour, parts)
+    rules = [_checked(network, rule_set).assign(option=name) for name, network in named.items()]
+    return Comparison(
+        named,
+        {name: quantities(network, assumed) for name, network in named.items()},
+        {name: _cuts(network) for name, network in named.items()},
+        pd.concat(rules, ignore_index=True),
+        tornado(complete(named), assumptions=assumed),
+        likely(draw(named, assumed, rng=np.random.default_rng(_SEED))),
+        CRITERIA,
+        HOST_TIME,
+    )

@@ -1,0 +1,386 @@
+"""The ship design tool: an I/O list connected in several ways, side by side, and its report."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.axes import Axes
+
+from shipnet.design.comparison import RESPONSE, not_beaten
+from shipnet.design.iolist import load_iolist, save_iolist
+from shipnet.design.plan import Settings
+from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado
+from shipnet.design.report import BANNER, report_html
+from shipnet.design.rules import RULE_SETS
+from shipnet.errors import ArgumentError, InputError
+from shipnet.spreadsheet import decode
+from shipnet.tools._design_result import Result
+from shipnet.tools._design_steps import EXAMPLES, MIXES, compared, place, planned, points
+from shipnet.tools._inputs import check, choice, number, switch, text
+from shipnet.tools._page import Button, Page, Upload
+from shipnet.tools._view import View
+
+__all__ = [
+    "EXAMPLES",
+    "PICTURES",
+    "Inputs",
+    "Result",
+    "draw",
+    "explorer",
+    "from_file",
+    "update",
+    "view",
+]
+
+#: What the figure can show; against cost, the column of the comparison that it is.
+PICTURES = {
+    "cost": "cost of each option, with its range",
+    "conductors at the cabinet": "conductors against cost",
+    RESPONSE: "worst response against cost",
+    "lost by one failure": "points lost by one failure against cost",
+    "assumptions": "the assumptions that matter most",
+}
+
+#: The cabinet of the example ship.
+_CABINET = "26, 6, 14"
+
+#: Characters of a list, for a state that holds it must not exceed 2 MB.
+_LONGEST = 1_000_000
+_STATE = 1_900_000
+
+_MIND = (
+    f"{BANNER} Prices, hours and masses are assumptions until a supplier's are put in; a cost is "
+    "given from all low to all high, around its nominal."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What the controls say.
+
+    Parameters
+    ----------
+    points : str, default the main engine of the example ship
+        I/O list as CSV, with the columns of `shipnet.design.iolist.load_iolist`; up to a million
+        characters.
+    name : str
+        What the report calls it.
+    cabinet : str, default "26, 6, 14"
+        Where the cables end, x, y, z [m]; empty to find it from the lengths in the list.
+    rules : str, default "DNV"
+        One of `shipnet.design.rules.RULE_SETS`.
+    home_runs, junction_boxes, asi, can, modbus : bool, default True
+        Which options are compared.
+    mixed : str, default "none"
+        One of `MIXES`, compared with them.
+    redundant : bool, default False
+        Whether the trunks of CAN and Modbus are doubled.
+    spare : float, default 0.2
+        Spare pairs of trunks of many pairs, as a share of those in use, 0..1.
+    detour : float, default 1.15
+        Laid length of a cable as a multiple of its way, 1..2.
+    update_ms : int, default 0
+        No point waits longer than this [ms]; 0 for what the list says.
+    labour : float, default 55
+        Labour rate [EUR/h], 10..200.
+    parts : float, default 1
+        Price of the parts of a bus as a multiple of what is assumed, 0.25..4.
+    picture : str, default "cost"
+        Key of `PICTURES`.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is outside its range.
+    """
+
+    points: str = text(
+        EXAMPLES["main engine"], most=_LONGEST, rows=6, label="I/O list",
+        help="A row a point, pasted from a spreadsheet or as CSV: tag, type or signal, and x, y, z "
+        "or the length of its home run. It is read when you leave the editor.",
+    )  # fmt: skip
+    name: str = text(
+        "main engine (synthetic)", most=80, label="name of the list",
+        help="What the report calls it.",
+    )  # fmt: skip
+    cabinet: str = text(
+        _CABINET, most=60, hint="found from the list", label="cabinet x, y, z [m]",
+        help="Where the cables end. Left empty, it is found from the lengths that the list gives.",
+    )  # fmt: skip
+    home_runs: bool = switch(
+        True, label="home runs", help="A cable from each point to the cabinet."
+    )
+    junction_boxes: bool = switch(
+        True, label="junction boxes",
+        help="A cable from each point to a box, and one of many pairs from there to the cabinet.",
+    )  # fmt: skip
+    asi: bool = switch(True, label="AS-i", help="Modules on a line of two conductors with supply.")
+    can: bool = switch(True, label="CAN", help="Stations on a trunk.")
+    modbus: bool = switch(True, label="Modbus RTU", help="Stations polled on RS-485.")
+    mixed: str = choice(
+        "none", {name: name for name in ("none", *MIXES)}, label="a mix",
+        help="One option more: some points in one way, the others in another. Where boxes and "
+        "stations are few, a mix may cost more than either.",
+    )  # fmt: skip
+    redundant: bool = switch(
+        False, label="two lines", help="The trunks of CAN and Modbus twice, on ways of their own."
+    )
+    rules: str = choice(
+        "DNV", {name: name for name in RULE_SETS}, label="rules",
+        help="Whose rules are checked. What a plan cannot show, or nobody has read, is not "
+        "verified; it never passes.",
+    )  # fmt: skip
+    update_ms: int = choice(
+        0, {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
+        unit="ms", slider=True, label="update, at most",
+        help="No point waits longer than this; tighten it to see which bus gives out first.",
+    )  # fmt: skip
+    detour: float = number(
+        1.15, 1, 2, step=0.05, label="detour",
+        help="Laid length of a cable as a multiple of its way square to the ship. Assumed.",
+    )  # fmt: skip
+    spare: float = number(
+        0.2, 0, 1, step=0.05, label="spare pairs",
+        help="Of cables of many pairs, as a share of the pairs in use. Assumed.",
+    )  # fmt: skip
+    labour: float = number(
+        55.0, 10, 200, step=5, unit="EUR/h", label="labour rate",
+        help="An hour of an electrician with overhead; its range goes with it. Assumed.",
+    )  # fmt: skip
+    parts: float = number(
+        1.0, 0.25, 4, step=0.05, label="price of bus parts",
+        help="Modules, stations, masters and supplies, as a multiple of what is assumed.",
+    )  # fmt: skip
+    picture: str = choice(
+        "cost", PICTURES, label="figure",
+        help="Filled dots are not beaten in both axes; assumptions are those that decide between "
+        "the first and the cheapest option.",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        """Check the values, and that a saved state can hold the list."""
+        check(self)
+        # JSON writes a character beyond ASCII as six, a line's end as two.
+        beyond = len(self.points.encode("ascii", errors="ignore"))
+        size = 6 * (len(self.points) - beyond) + beyond + self.points.count("\n")
+        if size > _STATE:
+            raise ArgumentError(f"the list takes {size} bytes; a state holds {_STATE} at most")
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """What is compared."""
+        chosen = {
+            "home runs": self.home_runs, "junction boxes": self.junction_boxes, "AS-i": self.asi,
+            "CAN": self.can, "Modbus RTU": self.modbus, self.mixed: self.mixed != "none",
+        }  # fmt: skip
+        return tuple(option for option, wanted in chosen.items() if wanted)
+
+
+def update(inputs: Inputs) -> Result:
+    """Plan the options and compare them; what is not changed is not planned anew.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        What the controls say.
+
+    Returns
+    -------
+    Result
+        The comparison.
+
+    Raises
+    ------
+    ArgumentError
+        If no option is on, or the cabinet is neither typed nor to be found.
+    InputError
+        If the text is no I/O list; all its faults at once.
+
+    Examples
+    --------
+    >>> found = update(Inputs(junction_boxes=False, modbus=False, asi=False))
+    >>> found.comparison.table["conductors at the cabinet"].to_dict()
+    {'home runs': 260.0, 'CAN': 4.0}
+    """
+    if not inputs.options:
+        raise ArgumentError("no option is on; switch on one or more of home runs to Modbus RTU")
+    printed = "".join(one if one.isprintable() else " " for one in inputs.name)
+    iolist = points(inputs.points, " ".join(printed.split()) or "list", inputs.update_ms)
+    cabinet, known = place(iolist, inputs.cabinet)
+    settings = Settings(spare=inputs.spare, redundant=inputs.redundant)
+    networks = planned(iolist, cabinet, inputs.detour, settings, inputs.options)
+    comparison = compared(networks, inputs.rules, inputs.labour, inputs.parts)
+    return Result(comparison, known, inputs.rules, inputs.picture)
+
+
+def draw(result: Result, *, ax: Axes) -> Axes:
+    """Draw what `Inputs.picture` asks for.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> ax = draw(update(Inputs(picture="conductors at the cabinet")), ax=Figure().subplots())
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('total cost [EUR]', 'conductors at the cabinet')
+    """
+    comparison, picture = result.comparison, result.picture
+    if picture == "cost":
+        plot_quantities(comparison.quantities, ax=ax, likely=comparison.likely)
+        ax.set_yticks(ax.get_yticks(), list(result.names.values()))
+        return ax
+    if picture == "assumptions":
+        return plot_tornado(comparison.tornado, ax=ax)
+    table = comparison.table
+    whole = table[table["points left out"] == 0]
+    best = not_beaten(whole[["total cost", picture]].to_numpy(float))
+    front = pd.Series(best, whole.index).rename(result.names)
+    plot_pareto(table.rename(result.names), y=picture, pareto=front, ax=ax)
+    if picture == "lost by one failure":
+        ax.set_ylabel("points lost by one failure")
+    return ax
+
+
+def view(result: Result, report: bool = False) -> View:
+    """Return what the page shows of a result.
+
+    Parameters
+    ----------
+    result : Result
+        What `update` returned.
+    report : bool, default False
+        Whether the report is made, which takes a second or two.
+
+    Returns
+    -------
+    View
+        Verdict, table, what stands behind it, and figure.
+
+    Examples
+    --------
+    >>> print(view(update(Inputs())).text.splitlines()[1])
+    cheapest of them: Modbus RTU, 26,500 EUR (10,900 to 60,700)
+    """
+    comparison, options = result.comparison, len(result.comparison.networks)
+    heights = {"cost": 1.2 + 0.4 * options, "assumptions": 3.4}
+    files, ready = {}, {}
+    if report:
+        files = {"report.html": report_html(comparison, remarks=[result.cabinet])}
+        ready = {"report": "made; the button to download it is below the figure"}
+    return View(
+        text=result.verdict,
+        good=bool(result.kept),
+        table=result.table,
+        caption=_MIND,
+        numbers=ready | result.numbers,
+        draw=lambda ax: draw(result, ax=ax),
+        height=heights.get(result.picture, 3.6),
+        about=PICTURES[result.picture],
+        files=files,
+    )
+
+
+def from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
+    r"""Return inputs with the I/O list of a file, whose cabinet is to be found.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The inputs.
+    name : str
+        Name of the file.
+    content : bytes
+        A CSV file, which is kept as it is, or an Excel workbook, of which the checked points are.
+
+    Returns
+    -------
+    Inputs
+        With its points and its name.
+
+    Raises
+    ------
+    ArgumentError
+        If it is too long.
+    InputError
+        If it is no I/O list; all its faults at once.
+
+    Examples
+    --------
+    >>> from_file(Inputs(), "own.csv", b"tag;type;home run\nLS-1;DI;12,5").name
+    'own.csv'
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "list"
+        path.write_bytes(content)
+        try:
+            iolist = load_iolist(path)
+        except InputError as problem:
+            raise InputError(name, *problem.faults, more=problem.more) from None
+        if content.startswith(b"PK"):
+            save_iolist(iolist, path)
+            content = path.read_bytes()
+    return replace(inputs, points=decode(content), name=name[-80:], cabinet="")
+
+
+def explorer() -> Page:
+    """Return the page: a list, the options and the limits, their comparison, and its report.
+
+    Returns
+    -------
+    ipywidgets.VBox
+        To be shown as the last value of a notebook's cell.
+
+    Examples
+    --------
+    >>> "cheapest of them: Modbus RTU" in explorer().text
+    True
+    """
+    # The inputs that the report is asked for; it goes when they change.
+    asked: list[Inputs] = []
+
+    def see(inputs: Inputs) -> View:
+        if asked != [inputs]:
+            asked.clear()
+        return view(update(inputs), report=bool(asked))
+
+    def ask(inputs: Inputs) -> None:
+        asked[:] = [inputs]
+
+    def example(name: str, cabinet: str) -> Button:
+        points = EXAMPLES[name]
+        said = f"{points.count(chr(10)) - 1} points, synthetic; they replace the list above."
+        return Button(
+            f"example: {name}", said,
+            lambda inputs: replace(
+                inputs, points=points, name=f"{name} (synthetic)", cabinet=cabinet
+            ),
+        )  # fmt: skip
+
+    return Page(
+        "ship_design",
+        Inputs(),
+        see,
+        buttons=[
+            example("main engine", _CABINET),
+            example("ship", ""),
+            Button("make the report", "One file to read offline and print: tables, figures, rules "
+                   "and every assumption. The button to download it appears below the figure.",
+                   ask),
+        ],
+        uploads=[Upload("load a list", "CSV or Excel; it replaces the list above.",
+                        ".csv,.txt,.xlsx", from_file)],
+    )  # fmt: skip

@@ -1,0 +1,244 @@
+"""The ship design tool: what it compares, what it keeps, what it takes and gives as files."""
+
+import re
+from base64 import b64decode
+from dataclasses import replace
+from io import BytesIO
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from shipnet.design.comparison import RESPONSE, compare
+from shipnet.design.iolist import parse_iolist
+from shipnet.design.plan import OPTIONS
+from shipnet.design.report import BANNER
+from shipnet.design.site import Site
+from shipnet.errors import ArgumentError, InputError
+from shipnet.tools import _design_steps
+from shipnet.tools._design_steps import EXAMPLES, MIXES
+from shipnet.tools._state import read_state, write_state
+from shipnet.tools.ship_design import PICTURES, Inputs, draw, explorer, from_file, update, view
+from tests.support import load
+
+FEW = "tag,system,type,x,y,z,update,category\n" + "".join(
+    f"P{n},{'bilge' if n % 2 else 'ballast'},{'DO' if n % 3 else 'DI'},{30 + 3 * n},{n % 5},2,"
+    f"500,{'III' if n < 2 else 'II'}\n"
+    for n in range(8)
+)
+SMALL = Inputs(FEW, "few.csv", "10, 0, 8")
+HOSTILE = "<img src=x onerror=y>"
+
+
+@pytest.fixture(scope="module")
+def small():
+    return update(SMALL)
+
+
+def test_it_says_what_compare_says(small):
+    iolist = parse_iolist(FEW, "few.csv")
+    rng = np.random.default_rng(2024)
+    expected = compare(iolist, Site((10, 0, 8)), OPTIONS, rng=rng)
+    pd.testing.assert_frame_equal(small.comparison.table, expected.table)
+    pd.testing.assert_frame_equal(small.comparison.likely, expected.likely)
+    pd.testing.assert_frame_equal(small.comparison.tornado.table, expected.tornado.table)
+    assert small.comparison.sentences == expected.sentences
+
+
+def test_a_price_plans_nothing_anew_and_a_limit_does(monkeypatch, small):
+    def planner(*_, **__):
+        raise AssertionError("planned anew")
+
+    monkeypatch.setattr(_design_steps, "plan", planner)
+    monkeypatch.setattr(_design_steps, "find_cabinet", planner)
+    dear = update(replace(SMALL, labour=110.0, parts=2.0, rules="BV", picture="assumptions"))
+    assert dear.comparison.networks == small.comparison.networks
+    assert update(replace(SMALL, can=False)).comparison.networks.keys() == set(OPTIONS) - {"CAN"}
+    with pytest.raises(AssertionError, match="planned anew"):
+        update(replace(SMALL, redundant=True))
+
+
+def test_the_labour_rate_is_paid_by_the_hour_and_the_price_of_parts_by_the_part(small):
+    base, takes = small.comparison.table, small.comparison.quantities
+    dear = update(replace(SMALL, labour=75.0)).comparison.table
+    assert (dear["total cost"] - base["total cost"]).tolist() == pytest.approx(
+        [20 * one["labour"] for one in takes.values()]
+    )
+    parts = update(replace(SMALL, parts=2.0)).comparison.table["total cost"] - base["total cost"]
+    assert parts[["home runs", "junction boxes"]].tolist() == pytest.approx([0, 0])
+    assert (parts[["AS-i", "CAN", "Modbus RTU"]] > 1000).all()
+    assumed = update(replace(SMALL, labour=75.0)).comparison.quantities["CAN"].assumptions
+    assert dict(zip(assumed["name"], assumed["status"], strict=True))["labour_rate"] == "given"
+
+
+def test_a_tight_need_leaves_points_out_and_says_why_once_a_reason():
+    found = update(replace(SMALL, update_ms=20))
+    left = found.comparison.table["points left out"]
+    assert left["home runs"] == 0 and left["Modbus RTU"] > 1
+    assert "Modbus RTU" not in found.kept and "Modbus RTU" not in found.comparison.tornado.between
+    why = found.numbers["Modbus RTU does not fit"]
+    assert "needs an update every 20 ms" in why and f"({left['Modbus RTU']} such)" in why
+    assert found.names["Modbus RTU"] == f"Modbus RTU, {left['Modbus RTU']} left out"
+    only = update(replace(SMALL, update_ms=20, **dict.fromkeys(
+        ("home_runs", "junction_boxes", "asi", "can"), False)))  # fmt: skip
+    assert only.verdict == "no option connects all 8 points"
+    assert not view(only).good
+    for picture in PICTURES:
+        draw(replace(only, picture=picture), ax=Figure().subplots())
+
+
+def test_the_verdict_names_what_breaks_no_rule_the_cheapest_first(small):
+    table = small.comparison.table
+    good = table[(table["rules broken"] == 0) & (table["points left out"] == 0)]
+    assert small.kept == good.sort_values("total cost").index.tolist()
+    assert f"cheapest of them: {small.kept[0]}, " in small.verdict
+    broken = table.index[table["rules broken"] > 0]
+    assert len(broken) and all(f"{option} breaks" in small.numbers for option in broken)
+    bad = update(replace(SMALL, home_runs=False, junction_boxes=False, asi=False, modbus=False))
+    assert bad.verdict == "every option that connects all 8 points breaks a rule of DNV"
+
+
+def test_the_table_and_the_page_say_what_it_is(small):
+    shown = view(small)
+    assert shown.table.index.tolist() == list(OPTIONS)
+    assert shown.table.loc["home runs", "points lost by one failure"] == "1"
+    assert BANNER in shown.caption and "assumptions" in shown.caption
+    assert BANNER in shown.verdict and "<th" in shown.verdict and "cabinet" in shown.numbers
+    costs = shown.table["cost [EUR]"].str.findall(r"[\d,]+").explode().str.replace(",", "")
+    assert all(len(cost.rstrip("0")) <= 3 for cost in costs)
+
+
+@pytest.mark.parametrize("mixed", MIXES)
+def test_every_mix_is_one_option_more_and_mixes_what_there_is(mixed):
+    found = update(replace(SMALL, mixed=mixed)).comparison
+    assert list(found.networks) == [*OPTIONS, mixed]
+    plain = "tag,type,home run\na,AI,20\nb,AI,30\n".replace("AI", "AO")
+    alone = update(replace(SMALL, points=plain, mixed=mixed)).comparison
+    assert set(alone.networks[mixed].points["bus"]) <= {"CAN", "Modbus RTU", "hardwired", ""}
+
+
+def test_the_cabinet_is_typed_or_found_or_asked_for():
+    ship = replace(SMALL, points=EXAMPLES["ship"], cabinet=" ", **dict.fromkeys(
+        ("junction_boxes", "asi", "can", "modbus"), False))  # fmt: skip
+    found = update(ship)
+    assert found.comparison.site.cabinet == (26, 6, 14)
+    assert "26, 6, 14 m" in found.cabinet and "type its place" in found.cabinet
+    assert "as typed" in update(SMALL).cabinet
+    with pytest.raises(ArgumentError, match="type its place, such as 26, 6, 14"):
+        update(replace(SMALL, cabinet=""))
+    for wrong in ("1, 2", "1, 2, x", "1, 2, nan", "1, 2, inf", "1 2 3", ",,", "1,2,3,4"):
+        with pytest.raises(ArgumentError, match=r"cabinet is .* three numbers in m"):
+            update(replace(SMALL, cabinet=wrong))
+    lengths = replace(SMALL, points="tag,type,home run\na,DI,20\nb,DI,30\n", cabinet="")
+    assert "given by the list" in update(lengths).cabinet
+
+
+@pytest.mark.parametrize(("name", "source"), [("a\n b\0c", "a b c"), (" \t", "list"), ("", "list")])
+def test_the_name_of_a_list_is_one_line(name, source):
+    assert update(replace(SMALL, name=name)).comparison.iolist.source == source
+
+
+def test_no_option_at_all_is_a_sentence():
+    off = dict.fromkeys(("home_runs", "junction_boxes", "asi", "can", "modbus"), False)
+    with pytest.raises(ArgumentError, match="no option is on"):
+        update(replace(SMALL, **off))
+    assert len(update(replace(SMALL, **off, mixed=next(iter(MIXES)))).comparison.networks) == 1
+
+
+@pytest.mark.parametrize("picture", PICTURES)
+def test_every_picture_has_every_option_or_assumption(picture):
+    ax = draw(update(replace(SMALL, picture=picture)), ax=Figure().subplots())
+    words = " ".join(t.get_text() for t in [*ax.texts, *ax.get_yticklabels()])
+    if picture == "assumptions":
+        assert "laying time" in words and "less that of" in ax.get_xlabel()
+        return
+    assert all(option in words for option in OPTIONS)
+    if picture != "cost":
+        assert ax.get_ylabel().removeprefix("points ") == picture
+        filled = [line for line in ax.lines[1:] if line.get_markerfacecolor() == "C0"]
+        assert filled and ax.get_xlabel() == "total cost [EUR]"
+        cheapest = min(line.get_xdata()[0] for line in ax.lines[1:])
+        assert min(line.get_xdata()[0] for line in filled) == cheapest
+
+
+def test_against_response_the_front_is_that_of_the_picture():
+    ax = draw(update(replace(SMALL, picture=RESPONSE)), ax=Figure().subplots())
+    front = np.column_stack(ax.lines[0].get_data())
+    assert (np.diff(front[:, 0]) > 0).all() and (np.diff(front[:, 1]) < 0).all()
+
+
+def excel(table):
+    file = BytesIO()
+    table.to_excel(file, index=False)
+    return file.getvalue()
+
+
+def test_a_workbook_becomes_the_points_that_it_holds():
+    pytest.importorskip("openpyxl")
+    table = pd.DataFrame({"Tag": ["LS-1", "TT-2"], "Signal": ["limit switch", "Pt100 3-wire"],
+                          "x": [1.5, 2], "y": [0, 0], "z": [3, 4]})  # fmt: skip
+    taken = from_file(SMALL, "list.xlsx", excel(table))
+    assert (taken.name, taken.cabinet) == ("list.xlsx", "")
+    made = parse_iolist(taken.points).points
+    assert made["tag"].tolist() == ["LS-1", "TT-2"] and made["x_m"].tolist() == [1.5, 2]
+    with pytest.raises(InputError, match=r"list\.xlsx: row 3, column Tag"):
+        from_file(SMALL, "list.xlsx", excel(table.assign(Tag="LS-1")))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
+def test_a_file_is_read_as_it_was_written(encoding):
+    text = "tag;type;home run;note\nL\xf6s-1;DI;12,5;\xf6l\n"
+    taken = from_file(SMALL, "x" * 90 + ".csv", text.encode(encoding))
+    assert parse_iolist(taken.points).points["tag"].tolist() == ["L\xf6s-1"]
+    assert len(taken.name) == 80
+
+
+def test_a_list_that_no_state_can_hold_is_refused():
+    with pytest.raises(ArgumentError, match="a state holds"):
+        replace(SMALL, points="\u8239" * 400_000)
+    most = replace(SMALL, points="\u8239" * 310_000 + "\n")
+    state = write_state("ship_design", most).encode()
+    assert len(state) < 2_000_000
+    assert read_state(state, "ship_design", Inputs) == most
+
+
+def test_the_page_refuses_a_bad_list_fault_by_fault_and_takes_a_good_one():
+    page = explorer()
+    before = page.inputs
+    upload = page.uploads["load a list"]
+    load(upload, f"tag,type,x,y,z\nA,DI,1,2,3\nA,DI,1,2,x\n{HOSTILE},XX,1,2,3\n".encode(), "l.csv")
+    assert page.note.startswith("l.csv: row 3, column tag: 'A'") and "row 4" in page.note
+    assert page._noted.value.count("<br>") == 3 and "<img" not in page._noted.value
+    assert page.inputs == before
+    load(upload, FEW.replace("P7", HOSTILE).encode(), "few.csv")
+    assert page.text.startswith("few.csv") is False and "type its place" in page.text
+    page.controls["cabinet"].value = "10, 0, 8"
+    assert "connect all 8 points" in page.text and page.note == ""
+    assert HOSTILE not in page._said.value
+    page.controls["points"].value = "tag,type,x,y,z\nA,DI,1,2,x\nA,DI,1,2,3\n"
+    assert page.text.splitlines()[0] == "few.csv:" and len(page.text.splitlines()) == 3
+
+
+def test_the_examples_are_a_click_away():
+    page = explorer()
+    assert "all 99 points" in page.text
+    page.buttons["example: ship"].click()
+    assert "all 353 points" in page.text and page.controls["cabinet"].value == ""
+    page.buttons["example: main engine"].click()
+    assert page.inputs == Inputs()
+
+
+def test_the_report_is_made_when_asked_for_and_goes_when_something_changes():
+    page = explorer()
+    assert "report.html" not in page.links.value
+    page.buttons["make the report"].click()
+    made = re.search('report.html" href="data:[^,]*,([^"]*)"', page.links.value)[1]
+    report = b64decode(made).decode()
+    assert BANNER in report and "main engine (synthetic)" in report and "as typed" in report.lower()
+    assert not re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import|<script""", report)
+    assert "below the figure" in page.text
+    page.controls["labour"].value = 60.0
+    assert "report.html" not in page.links.value and "below the figure" not in page.text
+    page.controls["labour"].value = 55.0
+    assert "report.html" not in page.links.value
