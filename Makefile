@@ -64,12 +64,13 @@ lint: setup
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/lint-imports --no-logo
 
-# The browser tests come last and alone: a busy machine makes a browser slow.
+# The browser tests come last and alone: a busy machine makes a browser slow. Two at a time, for
+# they mostly wait for a kernel to start.
 NBVAL := --nbval --nbval-current-env --nbval-sanitize-with=tests/nbval_sanitize.cfg \
          --nbval-cell-timeout=60
 UNIT  := $(BIN)/pytest -q -n logical --dist loadscope --doctest-modules $(NBVAL) --counts=unit \
          --ignore=tests/browser tests shipnet notebooks
-WEB   := $(BIN)/pytest -q --counts=browser tests/browser
+WEB   := $(BIN)/pytest -q -n 2 --dist load --counts=browser tests/browser
 
 unit: setup
 	@echo "unit, property and doc tests, notebooks under strict nbval, wheel"
