@@ -28,6 +28,7 @@ SMALL = {
             f"LS-{n},contact,{9 * n},2,3\nTT-{n},Pt100 3-wire,{7 * n},1,5\n" for n in range(6)
         ),
         "cabinet": "20, 0, 9",
+        **dict.fromkeys(("junction_boxes", "asi", "modbus"), False),
     }
 }
 TEXTS = ["", "\0", "oil", CSV, CSV + "oil,1,8,10\n", CSV + "oil,1,9,10\n", CSV + "oil,1,8,1e-9\n"]
