@@ -153,6 +153,25 @@ def test_a_picture_does_not_hide_what_is_left_out():
     assert named == [True, True, True, False]  # the last one weighs whole options only
 
 
+def test_of_options_that_all_leave_points_out_no_difference_is_drawn():
+    far = from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
+                                   "y": 0.0, "z": 0.0}))  # fmt: skip
+    page = report_html(compare(far, example().site, ["AS-i", "CAN"]))
+    assert len(pictures(page)) == 3
+    assert "What each assumption does" not in page
+
+
+def test_only_a_verdict_is_coloured():
+    cells = table(["tag", "rule"], [["fail-safe valve", "fail"]], verdicts=[1])
+    assert "<td>fail-safe valve</td>" in cells
+    assert '<td class="k fail">fail</td>' in cells
+    small = example()
+    renamed = small.iolist.points.assign(tag=["pass 1", "fail 2", "fail 3", "not verified 4"])
+    page = report_html(compare(from_table(renamed), small.site, ["home runs"]))
+    coloured = re.findall(r'<td class="[^"]*(?:pass|fail|open)[^"]*">([^<]*)', page)
+    assert coloured and not [cell for cell in coloured if re.search(r"\d$", cell)]
+
+
 def test_it_must_be_a_comparison():
     with pytest.raises(ArgumentError, match="must be a Comparison"):
         report_html(None)

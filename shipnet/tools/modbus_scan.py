@@ -268,7 +268,7 @@ def explorer() -> Page:
 
     Returns
     -------
-    ipywidgets.VBox
+    Page
         To be shown as the last value of a notebook's cell.
 
     Examples

@@ -315,7 +315,7 @@ def explorer() -> Page:
 
     Returns
     -------
-    ipywidgets.VBox
+    Page
         To be shown as the last value of a notebook's cell. Another size or rule does the same
         actions again with it.
 

@@ -341,7 +341,7 @@ def explorer() -> Page:
 
     Returns
     -------
-    ipywidgets.VBox
+    Page
         To be shown as the last value of a notebook's cell.
 
     Examples

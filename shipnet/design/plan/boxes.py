@@ -37,6 +37,19 @@ class Box(NamedTuple):
         """Return the same box with some of its points, by their places in `rows`."""
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
+    def halved(self, need: npt.NDArray[np.float64]) -> list[Box]:
+        """Return two boxes here, the urgent points apart; none if there is one point.
+
+        Parameters
+        ----------
+        need : ndarray of float, shape (n_points,)
+            Update need of every point of the list [s].
+        """
+        if len(self.rows) < 2:
+            return []
+        order = np.argsort(need[self.rows], kind="stable")
+        return [self.part(np.sort(part)) for part in np.array_split(order, 2)]
+
 
 def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
     r"""Return the boxes of some points; those that no box can be found for are given a reason.

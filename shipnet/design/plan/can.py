@@ -94,13 +94,7 @@ def plan_can(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
             return None, len(group) / (limits.nodes - 1)
         return _judge(draft, group)
 
-    def halve(box: Box) -> list[Box]:
-        if len(box.rows) < 2:
-            return []
-        order = np.argsort(draft.need[box.rows], kind="stable")
-        return [box.part(np.sort(part)) for part in np.array_split(order, 2)]
-
-    segments = divided(stations, lambda box: box.place, judge, halve)
+    segments = divided(stations, lambda box: box.place, judge, lambda box: box.halved(draft.need))
     for number, (group, segment) in enumerate(segments, 1):
         assert segment is not None
         name = f"CAN {number}"

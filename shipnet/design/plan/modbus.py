@@ -93,13 +93,7 @@ def plan_modbus(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
     def judge(group: Sequence[Box]) -> tuple[_Loop | None, float]:
         return _judge(draft, group) if len(group) <= most else (None, len(group) / most)
 
-    def halve(box: Box) -> list[Box]:
-        if len(box.rows) < 2:
-            return []
-        order = np.argsort(draft.need[box.rows], kind="stable")
-        return [box.part(np.sort(part)) for part in np.array_split(order, 2)]
-
-    loops = divided(stations, lambda box: box.place, judge, halve)
+    loops = divided(stations, lambda box: box.place, judge, lambda box: box.halved(draft.need))
     for number, (group, loop) in enumerate(loops, 1):
         assert loop is not None
         name = f"Modbus {number}"

@@ -203,11 +203,15 @@ def _pictures(comparison: Comparison) -> str:
             ),
             "Cost against the points that the worst failure takes along; filled: not beaten.",
         ),
-        picture(
-            svg(lambda ax: plot_tornado(comparison.tornado, ax=ax)),
-            f"What each assumption does to the {comparison.tornado.subject}.",
-        ),
     ]
+    if comparison.pareto.any():
+        # Of options that leave points out, no difference in cost says anything.
+        figures.append(
+            picture(
+                svg(lambda ax: plot_tornado(comparison.tornado, ax=ax)),
+                f"What each assumption does to the {comparison.tornado.subject}.",
+            )
+        )
     return section("Figures", f'<div class="pair">{"".join(figures)}</div>')
 
 
@@ -243,6 +247,7 @@ def _rules(comparison: Comparison) -> str:
         table(
             ["rule", "asks", "limit", *options],
             judged,
+            verdicts=range(3, 3 + len(options)),
             caption=f"Rule sets {sets}. Not verified: nothing in a plan tells, or the text of the "
             "clause was not read; a value is what was computed all the same.",
         ),

@@ -161,8 +161,9 @@ def table(
     *,
     caption: str = "",
     numbers: Iterable[int] = (),
+    verdicts: Iterable[int] = (),
 ) -> str:
-    """Return a table; a cell that begins with a verdict is coloured by it.
+    """Return a table.
 
     Parameters
     ----------
@@ -174,6 +175,8 @@ def table(
         What stands above it.
     numbers : iterable of int, optional
         Columns that are set to the right.
+    verdicts : iterable of int, optional
+        Columns whose cells begin with a verdict, by which they are coloured.
 
     Returns
     -------
@@ -182,17 +185,18 @@ def table(
 
     Examples
     --------
-    >>> '<td class="n k fail">fail</td>' in table(["a"], [["fail"]], numbers=[0])
+    >>> '<td class="k fail">fail</td>' in table(["a"], [["fail"]], verdicts=[0])
     True
     """
-    right = set(numbers)
+    right, judged = set(numbers), set(verdicts)
 
     def cell(tag: str, place: int, value: str) -> str:
         kinds = ["n"] * (place in right)
         if tag == "td":
             # A short word is not broken, however narrow its column.
             kinds += ["k"] * (0 < len(value) <= _SHORT)
-            kinds += [kind for word, kind in _VERDICTS.items() if value.startswith(word)]
+            if place in judged:
+                kinds += [kind for word, kind in _VERDICTS.items() if value.startswith(word)]
         named = f' class="{" ".join(kinds)}"' if kinds else ""
         scope = ' scope="col"' if tag == "th" else ""
         return f"<{tag}{scope}{named}>{escape(value)}</{tag}>"
