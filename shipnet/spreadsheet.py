@@ -7,17 +7,16 @@ from __future__ import annotations
 
 import csv
 import re
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import date, time, timedelta
-from io import BytesIO, StringIO
+from io import StringIO
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import ZipFile
 
 from shipnet.errors import InputError
+from shipnet.workbook import ERRORS, Row, Workbook
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,16 +28,14 @@ __all__ = [
 #: A number with a decimal point, nothing before or behind it.
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 
-#: Most bytes of a file that are read, and most that a workbook may unpack to.
-_LARGEST, _UNPACKED = 2**24, 2**28
+#: Most bytes of a file that are read.
+_LARGEST = 2**24
 
 #: What a row without anything in its cells is made of.
 _BLANK = ' ,;\t"\r\n'
 
 #: Lines among which the row of titles is looked for.
 _TOP = 50
-
-_ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,8 +241,7 @@ def read_sheet(
     Raises
     ------
     InputError
-        If the file cannot be read, has no such sheet or no row of titles, or if it is a workbook
-        and openpyxl is not installed.
+        If the file cannot be read, or has no such sheet or no row of titles.
 
     Examples
     --------
@@ -270,35 +266,34 @@ def _workbook(
     is_titles: Callable[[Sequence[str]], bool],
     what: str,
 ) -> Sheet:
-    try:
-        from openpyxl import load_workbook
-    except ImportError:
-        raise InputError(
-            source, "is an Excel workbook; reading it needs pip install shipnet[excel]"
-        ) from None
-    try:
-        with ZipFile(BytesIO(data)) as archive:
-            unpacked = sum(entry.file_size for entry in archive.infolist())
-        if unpacked > _UNPACKED:
-            raise InputError(source, f"unpacks to more than {_UNPACKED} bytes; expected a table")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of styles and drawings that are not read
-            book = load_workbook(BytesIO(data), read_only=True, data_only=True)
-            names = [sheet.title for sheet in book.worksheets]
-            if name is not None and name not in names:
-                raise InputError(source, f"has no sheet {name!r}; it has {', '.join(names)}")
-            for title in names if name is None else [name]:
-                book[title].reset_dimensions()  # what the file says of its size may be wrong
-                found = _table(source, book[title].iter_rows(values_only=True), is_titles)
-                if found is not None:
-                    return found
-    except InputError:
-        raise
-    except Exception as error:
-        # A broken workbook makes the library raise almost anything.
-        raise InputError(source, f"is no Excel workbook: {error!r}"[:300]) from None
-    where = "the sheets " + ", ".join(names) if name is None else f"the sheet {name}"
+    book = Workbook(data, source)
+    names = ", ".join(book.sheets)
+    if name is not None and name not in book.sheets:
+        raise InputError(source, f"has no sheet {name!r}; it has {names}")
+    for title in book.sheets if name is None else [name]:
+        found = _table(source, book.rows(title), is_titles)
+        if found is not None:
+            return found
+    where = f"the sheets {names}" if name is None else f"the sheet {name}"
     raise InputError(source, f"has no row of {what}, on {where}")
+
+
+def _table(
+    source: str, table: Iterator[Row], is_titles: Callable[[Sequence[str]], bool]
+) -> Sheet | None:
+    """Return what a sheet of a workbook holds; None if it has no row of titles."""
+    for top, titles, _ in table:
+        if top > _TOP:
+            break
+        if is_titles(titles):
+            rows: list[tuple[int, list[str]]] = []
+            odd: dict[tuple[int, int], str] = {}
+            for number, cells, own in table:
+                if any(cells):
+                    rows.append((number, cells))
+                    odd |= {(number, place): what for place, what in own.items()}
+            return Sheet(source, top, _trim(titles), rows, "", odd)
+    return None
 
 
 def frame_sheet(table: pd.DataFrame, source: str = "table") -> Sheet:
@@ -324,44 +319,20 @@ def frame_sheet(table: pd.DataFrame, source: str = "table") -> Sheet:
     """
     titles = tuple(" ".join(str(title).split()) for title in table.columns)
     cells = table.astype(object).where(table.notna(), None)
-    values = enumerate(cells.itertuples(index=False, name=None))
-    return _sheet(source, -1, titles, values)
-
-
-def _table(
-    source: str, table: Iterator[tuple[Any, ...]], is_titles: Callable[[Sequence[str]], bool]
-) -> Sheet | None:
-    """Return what a sheet of a workbook holds; None if it has no row of titles."""
-    for number, values in enumerate(table, start=1):
-        titles = [_cell(value) for value in values]
-        if is_titles(titles):
-            return _sheet(source, number, _trim(titles), enumerate(table, start=number + 1))
-        if number == _TOP:
-            break
-    return None
-
-
-def _sheet(
-    source: str,
-    top: int,
-    titles: tuple[str, ...],
-    table: Iterable[tuple[int, tuple[Any, ...]]],
-) -> Sheet:
-    """Return rows of values as rows of text; what is neither text nor number is kept as odd."""
     odd: dict[tuple[int, int], str] = {}
     rows = []
-    for number, values in table:
-        cells = [_cell(value) for value in values]
-        if any(cells):
-            rows.append((number, cells))
+    for number, values in enumerate(cells.itertuples(index=False, name=None)):
+        row = [_cell(value) for value in values]
+        if any(row):
+            rows.append((number, row))
             for place, value in enumerate(values):
                 if isinstance(value, bool):
                     odd[number, place] = "true or false"
                 elif isinstance(value, date | time | timedelta):
                     odd[number, place] = "a date or a time"
-                elif cells[place] in _ERRORS:
+                elif row[place] in ERRORS:
                     odd[number, place] = "an error"
-    return Sheet(source, top, titles, rows, "", odd)
+    return Sheet(source, -1, titles, rows, "", odd)
 
 
 def _cell(value: Any) -> str:

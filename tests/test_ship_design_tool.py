@@ -175,7 +175,6 @@ def excel(table):
 
 
 def test_a_workbook_becomes_the_points_that_it_holds():
-    pytest.importorskip("openpyxl")
     table = pd.DataFrame({"Tag": ["LS-1", "TT-2"], "Signal": ["limit switch", "Pt100 3-wire"],
                           "x": [1.5, 2], "y": [0, 0], "z": [3, 4]})  # fmt: skip
     taken = from_file(SMALL, "list.xlsx", excel(table))

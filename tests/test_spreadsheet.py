@@ -97,11 +97,10 @@ def test_sheets_that_are_not_there_are_named(tmp_path):
         load_iolist(datasets.path("synthetic_iolist_ship.csv"), sheet="a")
 
 
-def test_without_openpyxl_the_message_says_what_to_install(tmp_path, monkeypatch):
+def test_a_workbook_needs_no_package(tmp_path, monkeypatch):
     path = workbook(tmp_path / "list.xlsx", ("Points", LIST))
     monkeypatch.setitem(sys.modules, "openpyxl", None)
-    with pytest.raises(InputError, match=r"needs pip install shipnet\[excel\]"):
-        load_iolist(path)
+    assert len(load_iolist(path)) == 2
 
 
 def archive(**files):

@@ -120,8 +120,8 @@ def load_iolist(path: str | PathLike[str], sheet: str | None = None) -> IoList:
     ----------
     path : path
         CSV file separated by commas, semicolons or tabs; with semicolons or tabs a decimal comma
-        is understood. UTF-8, UTF-16 with a mark, or Windows-1252. Or an Excel workbook (.xlsx),
-        which needs ``pip install shipnet[excel]``.
+        is understood. UTF-8, UTF-16 with a mark, or Windows-1252. Or an Excel workbook
+        (.xlsx).
     sheet : str, optional
         Name of the sheet of a workbook; if it is not given, the first that has the titles of an
         I/O list.

@@ -1,0 +1,403 @@
+"""Workbooks read from their parts, against openpyxl, and those that nobody should have sent."""
+
+import re
+import tracemalloc
+import warnings
+import zipfile
+from datetime import date, datetime, time, timedelta
+from io import BytesIO
+
+import openpyxl
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from shipnet.errors import ArgumentError, InputError
+from shipnet.spreadsheet import read_sheet
+from shipnet.workbook import ERRORS, Workbook
+
+MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+PACKAGE = "http://schemas.openxmlformats.org/package/2006/relationships"
+
+DATE, TRUTH, ERROR = "a date or a time", "true or false", "an error"
+
+
+def relations(**targets):
+    """Return the part that says what another part refers to."""
+    rows = (
+        f'<Relationship Id="{name}" Type="{OFFICE}/{kind}" Target="{target}"/>'
+        for name, (kind, target) in targets.items()
+    )
+    return f'<Relationships xmlns="{PACKAGE}">{"".join(rows)}</Relationships>'
+
+
+def parts(*sheets, strings="", styles="", settings=""):
+    """Return the parts of a workbook whose sheets S1, S2, .. hold these rows."""
+    numbered = list(enumerate(sheets, start=1))
+    own = {f"r{n}": ("worksheet", f"worksheets/sheet{n}.xml") for n, _ in numbered}
+    shared = {"t": ("sharedStrings", "sharedStrings.xml"), "f": ("styles", "styles.xml")}
+    listed = "".join(f'<sheet name="S{n}" sheetId="{n}" r:id="r{n}"/>' for n, _ in numbered)
+    return {
+        "_rels/.rels": relations(a=("officeDocument", "xl/workbook.xml")),
+        "xl/_rels/workbook.xml.rels": relations(**own, **shared),
+        "xl/workbook.xml": f'<workbook xmlns="{MAIN}" xmlns:r="{OFFICE}">{settings}'
+        f"<sheets>{listed}</sheets></workbook>",
+        "xl/sharedStrings.xml": f'<sst xmlns="{MAIN}">{strings}</sst>',
+        "xl/styles.xml": f'<styleSheet xmlns="{MAIN}">{styles}</styleSheet>',
+    } | {
+        f"xl/worksheets/sheet{n}.xml": f'<worksheet xmlns="{MAIN}"><dimension ref="A1"/>'
+        f"<sheetData>{rows}</sheetData></worksheet>"
+        for n, rows in numbered
+    }
+
+
+def packed(content, method=zipfile.ZIP_DEFLATED):
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w", method) as archive:
+        for name, data in content.items():
+            archive.writestr(name, data)
+    return stream.getvalue()
+
+
+def rows(*sheets, **more):
+    """Return number, cells and oddities of the rows of the first sheet."""
+    return [tuple(row) for row in Workbook(packed(parts(*sheets, **more))).rows("S1")]
+
+
+def one(cell, **more):
+    """Return text and oddity of the only cell of a sheet."""
+    ((_, (text,), odd),) = rows(f"<row r='1'>{cell}</row>", **more)
+    return text, odd.get(0, "")
+
+
+def saved(*sheets):
+    """Return a workbook with these values as openpyxl writes it."""
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for number, values in enumerate(sheets, start=1):
+        sheet = book.create_sheet(f"S{number}")
+        for row in values:
+            sheet.append(row)
+    stream = BytesIO()
+    book.save(stream)
+    book.close()
+    return stream.getvalue()
+
+
+def by_openpyxl(data):
+    """Return text and oddity of every cell that holds something, as another reader has it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        book = openpyxl.load_workbook(BytesIO(data), data_only=True)
+    found = {}
+    for cells in book.worksheets[0].iter_rows():
+        for cell in cells:
+            value = cell.value
+            text, odd = str(value), ""
+            if isinstance(value, bool):
+                odd = TRUTH
+            elif isinstance(value, str):
+                text, odd = value.strip(), ERROR if value.strip() in ERRORS else ""
+            elif isinstance(value, date | time | timedelta):
+                odd = DATE
+            elif isinstance(value, float) and value.is_integer():
+                text = str(int(value))
+            if value is not None and text:
+                found[cell.row, cell.column - 1] = (text, odd)
+    book.close()
+    return found
+
+
+def by_shipnet(data):
+    return {
+        (number, place): (text, odd.get(place, ""))
+        for number, cells, odd in Workbook(data).rows("S1")
+        for place, text in enumerate(cells)
+        if text
+    }
+
+
+values = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-(10**15), 10**15),
+    st.floats(allow_nan=False, allow_infinity=False).map(lambda x: float(f"{x:.15g}")),
+    st.text(st.characters(exclude_categories=["Cs", "Cc"], exclude_characters="\ufffe\uffff"),
+            max_size=8).filter(lambda text: not text.startswith("=") and "_x" not in text),
+    st.datetimes(datetime(1900, 3, 1), datetime(2100, 1, 1)).map(
+        lambda moment: moment.replace(microsecond=0)
+    ),
+    st.sampled_from([*ERRORS, "a\nb", " pad ", "'=A1", time(12, 30), date(2026, 1, 2),
+                     timedelta(hours=30), timedelta(0), 1e300, 5e-324, -0.0]),
+)  # fmt: skip
+
+
+@given(st.lists(st.lists(values, max_size=5), max_size=5))
+@example([[None, 1], [], [], [True, "#N/A", 7.0, 0.1 + 0.2, datetime(1905, 7, 2)]])
+def test_every_cell_is_what_openpyxl_reads(table):
+    data = saved(table)
+    assert by_shipnet(data) == by_openpyxl(data)
+
+
+def test_rows_keep_the_numbers_that_excel_shows():
+    row = "<row r='{0}'><c r='B{0}'><v>{0}</v></c></row>".format
+    assert rows(row(3) + "<row r='5'/>" + row(9)) == [
+        (3, ["", "3"], {}), (5, [], {}), (9, ["", "9"], {}),
+    ]  # fmt: skip
+    # Some programs number neither rows nor cells.
+    assert rows("<row><c><v>1</v></c><c/><c><v>3</v></c></row><row><c><v>4</v></c></row>") == [
+        (1, ["1", "", "3"], {}), (2, ["4"], {}),
+    ]  # fmt: skip
+
+
+def test_what_a_sheet_says_of_its_size_does_not_matter():
+    content = parts("<row r='7'><c r='C7'><v>1</v></c></row>")
+    for size in ("A1", "A1:XFD1048576", "nonsense"):
+        said = {name: part.replace('ref="A1"', f'ref="{size}"') for name, part in content.items()}
+        assert [tuple(row) for row in Workbook(packed(said)).rows("S1")] == [(7, ["", "", "1"], {})]
+
+
+def test_merged_cells_hold_something_only_once():
+    book = openpyxl.Workbook()
+    book.active.append(["wide", None, "c"])
+    book.active.merge_cells("A1:B3")
+    stream = BytesIO()
+    book.save(stream)
+    cells = {number: row for number, row, _ in Workbook(stream.getvalue()).rows("Sheet")}
+    assert cells[1] == ["wide", "", "c"]
+    assert not any(cells.get(2, [])) and not any(cells.get(3, []))
+
+
+def test_sheets_come_in_their_order_hidden_ones_too_and_charts_do_not():
+    book = openpyxl.Workbook()
+    book.active.title = "First"
+    book.create_chartsheet("Chart")
+    book.create_sheet("Hidden").sheet_state = "hidden"
+    book.create_sheet("\ubc38\ube0c & <pumps>", 0).append(["x"])
+    stream = BytesIO()
+    book.save(stream)
+    made = Workbook(stream.getvalue())
+    assert made.sheets == ("\ubc38\ube0c & <pumps>", "First", "Hidden")
+    assert [row.cells for row in made.rows(made.sheets[0])] == [["x"]]
+    with pytest.raises(ArgumentError, match="sheet is 'Chart'; it must be one of"):
+        next(made.rows("Chart"))
+
+
+@pytest.mark.parametrize(
+    ("cell", "text", "odd"),
+    [
+        ("<c><f>A2+1</f><v>2.5</v></c>", "2.5", ""),
+        ("<c t='str'><f>A2&amp;B2</f><v>LS-1</v></c>", "LS-1", ""),
+        ("<c t='b'><f>A2=1</f><v>1</v></c>", "True", TRUTH),
+        ("<c t='e'><f>NA()</f><v>#N/A</v></c>", "#N/A", ERROR),
+        ("<c t='e'><v>#SPILL!</v></c>", "#SPILL!", ERROR),
+        ("<c t='str'><f>TEXT(A2,0)</f><v>#REF!</v></c>", "#REF!", ERROR),
+        ("<c><f>1/0</f></c>", "", ""),
+        ("<c t='str'><f>A2</f><v></v></c>", "", ""),
+        ("<c t='d'><v>2026-01-02T03:04:05</v></c>", "2026-01-02 03:04:05", DATE),
+    ],
+)
+def test_a_formula_is_the_value_that_was_saved_with_it(cell, text, odd):
+    assert one(cell) == (text, odd)
+
+
+@pytest.mark.parametrize(
+    ("string", "text"),
+    [
+        ("<t xml:space='preserve'> LS </t>", "LS"),
+        ("<r><t>L</t></r> <r><rPr><b/></rPr><t>S</t></r>", "LS"),
+        ("<t>\u6771\u4eac</t><rPh sb='0' eb='2'><t>\u30c8\u30a6</t></rPh>", "\u6771\u4eac"),
+        ("<t>a_x000D_b _x005F_x000D_</t>", "a\rb _x000D_"),
+        ("<t>_xD83D_</t>", "_xD83D_"),
+        ("<t><![CDATA[a<b]]>&amp;c</t>", "a<b&c"),
+        ("<t/>", ""),
+    ],
+)
+def test_a_text_is_what_excel_shows_of_it(string, text):
+    assert one("<c t='s'><v>0</v></c>", strings=f"<si>{string}</si>") == (text, "")
+    assert one(f"<c t='inlineStr'><v>7</v><is>{string}</is></c>") == (text, "")
+
+
+STYLES = (
+    '<numFmts><numFmt numFmtId="164" formatCode="{0}"/></numFmts>'
+    '<cellStyleXfs><xf numFmtId="0"/></cellStyleXfs>'
+    '<cellXfs><xf numFmtId="0"/><xf numFmtId="{1}"><alignment/></xf></cellXfs>'
+).format
+
+
+@pytest.mark.parametrize(
+    ("code", "number", "text", "odd"),
+    [
+        ("mm\\/dd\\/yy", 164, "1905-07-02 00:00:00", DATE),
+        ("[$-412]yyyy\u5e74", 164, "1905-07-02 00:00:00", DATE),
+        ("[h]:mm", 164, "2010 days, 0:00:00", DATE),
+        ("", 14, "1905-07-02 00:00:00", DATE),
+        ("", 46, "2010 days, 0:00:00", DATE),
+        ("", 57, "1905-07-02 00:00:00", DATE),  # a Korean date
+        ("[Red]0.00", 164, "2010", ""),
+        ("0 &quot;days&quot;", 164, "2010", ""),
+        ("0_d\\h*s", 164, "2010", ""),
+        ("General", 164, "2010", ""),
+        ("0;yyyy", 164, "2010", ""),
+        ("", 2, "2010", ""),
+    ],
+)
+def test_a_number_is_a_date_by_its_format(code, number, text, odd):
+    assert one("<c s='1'><v>2010</v></c>", styles=STYLES(code, number)) == (text, odd)
+    assert one("<c s='0'><v>2010</v></c>", styles=STYLES(code, number)) == ("2010", "")
+    assert one("<c s='9'><v>2010</v></c>", styles=STYLES(code, number)) == ("2010", "")
+
+
+def test_days_count_from_where_the_workbook_says():
+    cell, styles = "<c s='1'><v>{}</v></c>".format, STYLES("", 14)
+    # Excel's own calendar has a 29 February 1900: 59 is the day before it, 61 the day after.
+    assert [one(cell(day), styles=styles)[0][:10] for day in (1, 59, 60, 61)] == [
+        "1900-01-01", "1900-02-28", "1900-02-28", "1900-03-01",
+    ]  # fmt: skip
+    assert one(cell(0.75), styles=styles)[0] == "18:00:00"
+    late = "<workbookPr date1904='1'/>"
+    assert one(cell(1), styles=styles, settings=late)[0] == "1904-01-02 00:00:00"
+    # What no calendar has is shown as it is.
+    assert one(cell(1e9), styles=styles) == ("1000000000", DATE)
+
+
+def test_parts_are_found_however_they_are_called():
+    content = parts("<row><c t='s'><v>0</v></c></row>", strings="<si><t>x</t></si>")
+    for name in (
+        lambda part: part.replace("/", "\\"),
+        lambda part: part.replace("sharedStrings", "SharedStrings"),
+    ):
+        renamed = {name(part): text for part, text in content.items()}
+        assert [row.cells for row in Workbook(packed(renamed)).rows("S1")] == [["x"]]
+    absolute = {
+        part: text.replace('Target="work', 'Target="/xl/./work') for part, text in content.items()
+    }
+    prefixed = {
+        part: re.sub(r"<(/?)(?=\w)", r"<\1x:", text).replace("xmlns=", "xmlns:x=")
+        for part, text in content.items()
+    }
+    for changed in (absolute, prefixed):
+        assert [row.cells for row in Workbook(packed(changed)).rows("S1")] == [["x"]]
+
+
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        ("<row r='2'/><row r='1'/>", "row 1 stands behind row 2"),
+        ("<row r='0'/>", "row 0 stands behind row 0"),
+        ("<row r='1048577'/>", "row 1048577 stands behind"),
+        ("<row r='1'><c r='B1'/><c r='A1'/></row>", "cell 'A1' is out of order"),
+        ("<row r='1'><c r='A1'/><c r='A1'/></row>", "cell 'A1' is out of order"),
+        ("<row r='3'><c r='A4'/></row>", "cell 'A4' stands in row 3"),
+        ("<row r='1'><c r='XFE1'/></row>", "there is no column 'XFE'"),
+        ("<row r='1'><c r='A11'/></row>", "there is no column 'A1'"),
+        ("<row r='1'><c r='1'/></row>", "there is no column ''"),
+        ("<row>" + "<c/>" * 16_385 + "</row>", "row 1 has more than 16384 cells"),
+        ("<row><c t='s'><v>5</v></c></row>", "list index out of range"),
+        ("<row><c t='s'><v>-1</v></c></row>", "holds the text number '-1'"),
+        ("<row><c><v>seven</v></c></row>", "could not convert string to float: 'seven'"),
+        ("<row><c>", "mismatched tag"),
+    ],
+)
+def test_a_sheet_that_no_program_writes_is_refused(given, fault):
+    with pytest.raises(InputError, match=re.escape(fault)) as error:
+        rows(given)
+    assert "\n" not in str(error.value)
+
+
+def test_two_cells_far_apart_claim_nothing_between_them():
+    far = "<row r='{0}'><c r='{1}{0}'><v>1</v></c></row>".format
+    data = packed(parts(far(1, "A") + far(2**20, "XFD")))
+    tracemalloc.start()
+    try:
+        first, last = Workbook(data).rows("S1")
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert (first.number, last.number, len(last.cells)) == (1, 2**20, 2**14)
+    assert most < 2e6
+    many = "".join(far(number, "XFD") for number in range(1, 1026))
+    with pytest.raises(InputError, match="spans more than 16777216 cells"):
+        for row in Workbook(packed(parts(many))).rows("S1"):
+            row.cells.clear()
+
+
+def test_a_part_that_declares_entities_is_refused():
+    grow = "<!DOCTYPE w [<!ENTITY a 'aaaaaaaaaa'><!ENTITY b '&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;'>]>"
+    leak = "<!DOCTYPE w [<!ENTITY a SYSTEM 'file:///etc/hostname'>]>"
+    content = parts("<row><c t='str'><v>x</v></c></row>")
+    for declared in (grow, leak):
+        for part in content:
+            with pytest.raises(InputError, match="it declares a document type 'w'"):
+                list(Workbook(packed(content | {part: declared + content[part]})).rows("S1"))
+    # Without a declaration no entity is known.
+    with pytest.raises(InputError, match="undefined entity"):
+        rows("<row><c t='str'><v>&a;</v></c></row>")
+
+
+def test_other_archives_are_no_workbooks():
+    content = parts("<row/>")
+    for part, fault in (
+        ("_rels/.rels", "it has no part '_rels/.rels'"),
+        ("xl/workbook.xml", "it has no part 'xl/workbook.xml'"),
+        ("xl/sharedStrings.xml", "it has no part 'xl/sharedStrings.xml'"),
+    ):
+        without = {name: text for name, text in content.items() if name != part}
+        with pytest.raises(InputError, match=re.escape(fault)):
+            Workbook(packed(without))
+    with pytest.raises(InputError, match="has no sheet with cells"):
+        Workbook(packed(parts()))
+
+
+def test_an_archive_that_lies_about_its_sizes_unpacks_no_more_than_it_says(monkeypatch):
+    content = parts("<row/>") | {"xl/worksheets/sheet1.xml": " " * 1_000_000}
+    data = packed(content)
+    said = (1_000_000).to_bytes(4, "little")
+    assert data.count(said) == 2
+    with pytest.raises(InputError, match="is no Excel workbook"):
+        list(Workbook(data.replace(said, (50).to_bytes(4, "little"))).rows("S1"))
+    monkeypatch.setattr("shipnet.workbook.archive._UNPACKED", 999_999)
+    with pytest.raises(InputError, match="unpacks to more than 999999 bytes; expected a table"):
+        Workbook(data)
+
+
+def test_a_workbook_cut_anywhere_is_refused():
+    data = saved([["tag", "x"], ["LS-1", 5]])
+    for end in range(0, len(data), 97):
+        with pytest.raises(InputError, match="is no Excel workbook"):
+            Workbook(data[:end])
+
+
+pieces = st.sampled_from(
+    ["<row>", "</row>", "<row r='2'>", "<c>", "</c>", "<c r='B2' t='s'>", "<c s='1'>", "<v>",
+     "</v>", "<c t='b'>", "<c t='e'>", "<is>", "</is>", "<t>", "</t>", "<rPh>", "</rPh>", "0",
+     "-1", "x", "1e999", "nan", "&amp;", "&#0;", "9" * 5000]
+)  # fmt: skip
+
+
+@given(st.lists(pieces, max_size=12).map("".join) | st.binary(max_size=60).map(repr))
+@example("<row><c t='b'><v>x</v></c></row>")
+@example("<row><c><v>" + "9" * 5000 + "</v></c></row>")
+@settings(max_examples=150)
+def test_any_sheet_gives_rows_or_an_input_error(sheet):
+    try:
+        found = rows(sheet, strings="<si><t>a</t></si>", styles=STYLES("", 14))
+    except InputError as error:
+        assert "\n" not in str(error)
+        return
+    assert all(type(text) is str for _, cells, _ in found for text in cells)
+    assert [number for number, _, _ in found] == sorted({number for number, _, _ in found})
+
+
+@given(st.binary(max_size=300), st.integers(0, 10**6), st.integers(0, 40))
+@example(b"", 0, 0)
+def test_any_bytes_that_begin_as_a_workbook_are_refused_or_read(tmp_path_factory, new, place, gone):
+    path = tmp_path_factory.getbasetemp() / "any.xlsx"
+    whole = packed(parts("<row><c t='str'><v>tag</v></c></row>"), zipfile.ZIP_STORED)
+    place %= len(whole)
+    path.write_bytes(b"PK\x03\x04" + (whole[:place] + new + whole[place + gone :])[4:])
+    try:
+        assert read_sheet(path).titles
+    except InputError as error:
+        assert error.file == str(path) and "\n" not in str(error)
