@@ -54,6 +54,10 @@ examples:
   shipnet design points.csv -o report.html
   shipnet design points.xlsx --cabinet 26,6,14 --trays trays.csv --rules BV -o report.html
   shipnet design points.csv --options "home runs,CAN" --mix DI=AS-i --mix AI=CAN --redundant
+
+prices, allowances and limits of the buses are set in a file; to begin one from the defaults:
+  shipnet design --show-settings > own.toml
+  shipnet design points.csv --settings own.toml -o report.html
 """
 
 
@@ -152,7 +156,7 @@ def _parser() -> argparse.ArgumentParser:
         description=_DESIGN,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    design.add_argument("list", metavar="LIST", help="the I/O list: .csv or .xlsx")
+    design.add_argument("list", metavar="LIST", nargs="?", help="the I/O list: .csv or .xlsx")
     design.add_argument("-o", "--output", metavar="FILE", help="also write a report, as HTML")
     design.add_argument("--sheet", metavar="NAME", help="sheet of a workbook (default the first)")
     design.add_argument(
@@ -175,6 +179,15 @@ def _parser() -> argparse.ArgumentParser:
         "the others by home runs; may be repeated",
     )  # fmt: skip
     design.add_argument("--redundant", action="store_true", help="two lines for CAN and Modbus")
+    design.add_argument(
+        "--settings", metavar="FILE",
+        help="prices (low, nominal, high), detour, tails, spare, bit rates, time of the host and "
+        "all other limits, as TOML; what it does not name stays as it is",
+    )  # fmt: skip
+    design.add_argument(
+        "--show-settings", action="store_true",
+        help="print all of these as such a file, each with what it is and may be, and stop",
+    )  # fmt: skip
     design.add_argument("--title", metavar="TEXT", help="of the report")
     design.add_argument("--date", metavar="TEXT", help="printed on the report (default none)")
     design.set_defaults(run=_design)

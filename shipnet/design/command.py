@@ -1,4 +1,9 @@
-"""The command `shipnet design`: from the words of a command line to a table and a report."""
+"""The command `shipnet design`: from the words of a command line to a table and a report.
+
+What a design rests on (prices, detour, tails, spare, limits of the buses, time of the host) comes
+from a file, ``--settings own.toml``; ``--show-settings`` prints all of it as such a file, to begin
+from.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +12,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from shipnet.design.basis import Basis
+from shipnet.design.basis_file import format_basis, load_basis
 from shipnet.design.cabinet import find_cabinet
 from shipnet.design.comparison import compare
-from shipnet.design.iolist import load_iolist
+from shipnet.design.iolist import IoList, load_iolist
+from shipnet.design.network import Network
 from shipnet.design.plan import OPTIONS, mix
-from shipnet.design.plan.settings import Settings
 from shipnet.design.report import write_report
 from shipnet.design.rules import rules_of
 from shipnet.design.site import Site
@@ -30,18 +37,26 @@ def run(arguments: argparse.Namespace) -> None:
     Parameters
     ----------
     arguments : argparse.Namespace
-        list, output, sheet, cabinet, trays, rules, options, mix, redundant, title and date, as
-        `shipnet.__main__` reads them.
+        list, output, sheet, cabinet, trays, rules, options, mix, redundant, settings,
+        show_settings, title and date, as `shipnet.__main__` reads them.
 
     Raises
     ------
     ArgumentError, InputError
         If an option or a file cannot be used; the message is one line.
     """
+    basis = Basis() if arguments.settings is None else load_basis(arguments.settings)
+    if arguments.redundant:
+        basis = basis.with_({"redundant": True})
+    if arguments.show_settings:
+        print(format_basis(basis), end="")
+        return
+    if arguments.list is None:
+        raise ArgumentError("no LIST is given; see shipnet design --help")
     rules = rules_of(arguments.rules)
     options = OPTIONS
     if arguments.options is not None:
-        options = tuple(name.strip() for name in arguments.options.split(","))
+        options = tuple(_option(name, "--options") for name in arguments.options.split(","))
     choose = _choices(arguments.mix)
     trays = None if arguments.trays is None else load_trays(arguments.trays)
     known = {} if trays is None else trays.cabinets
@@ -55,13 +70,13 @@ def run(arguments: argparse.Namespace) -> None:
             names = f" or one of {', '.join(map(repr, known))}" if known else ""
             raise ArgumentError(f"{mistake}; give --cabinet X,Y,Z in m{names}") from None
         given, remarks = found.place, [str(found)]
-    site = Site((0.0, 0.0, 0.0) if given is None else given, trays)
-    settings = Settings(redundant=arguments.redundant)
-    mixed = [mix(iolist, site, choose, settings=settings)] if choose else []
-    rng = np.random.default_rng(_SEED)
+    site = basis.site((0.0, 0.0, 0.0) if given is None else given, trays)
+    mixed = _mixed(iolist, site, choose, basis)
     compared = compare(
-        iolist, site, options, rule_set=rules, settings=settings, more=mixed, rng=rng
-    )
+        iolist, site, options,
+        rule_set=rules, assumptions=basis.assumptions, settings=basis.settings, more=mixed,
+        host_time=basis.host_time, rng=np.random.default_rng(_SEED),
+    )  # fmt: skip
     # The file comes first: whoever reads the output may stop reading.
     if arguments.output is not None:
         write_report(
@@ -69,7 +84,7 @@ def run(arguments: argparse.Namespace) -> None:
             title=arguments.title, date=arguments.date, remarks=remarks,
         )  # fmt: skip
     print(iolist)
-    for remark in (*iolist.remarks, *remarks):
+    for remark in (*iolist.remarks, *remarks, *([str(basis)] if len(basis.changes) else [])):
         print(remark)
     print(f"\n{compared.short.to_string()}\n")
     print("\n".join(compared.sentences))
@@ -84,9 +99,29 @@ def _choices(texts: Sequence[str]) -> dict[str, str]:
         what, option = (part.strip() for part in text.rpartition("=")[::2])
         if not what or not option:
             raise ArgumentError(f"--mix is {text!r}; it must be such as DI=AS-i")
+        option = _option(option, "--mix")
         if choose.setdefault(what, option) != option:
             raise ArgumentError(f"--mix has {what!r} by {choose[what]} and by {option}")
     return choose
+
+
+def _option(text: str, what: str) -> str:
+    """Return an option as it is called, however its letters are written."""
+    found = {name.casefold(): name for name in OPTIONS}.get(text.strip().casefold())
+    if found is None:
+        raise ArgumentError(
+            f"{what} names {text.strip()!r}; it must be one of {', '.join(OPTIONS)}"
+        )
+    return found
+
+
+def _mixed(iolist: IoList, site: Site, choose: Mapping[str, str], basis: Basis) -> list[Network]:
+    if not choose:
+        return []
+    try:
+        return [mix(iolist, site, choose, settings=basis.settings)]
+    except ArgumentError as mistake:
+        raise ArgumentError(f"--mix {str(mistake).removeprefix('choose ')}") from None
 
 
 def _place(

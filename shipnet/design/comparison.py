@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.design.basis import Basis
+from shipnet.design.costs.assumptions import Assumptions
 from shipnet.design.costs.quantities import FIGURES, Quantities, quantities
 from shipnet.design.costs.sensitivity import Tornado, tornado
 from shipnet.design.costs.uncertainty import draw, likely
 from shipnet.design.digits import number
 from shipnet.design.front import complete, not_beaten
 from shipnet.design.network import Network
-from shipnet.design.plan import OPTIONS, plan
+from shipnet.design.plan import OPTIONS, Settings, plan
 from shipnet.design.rules import HOST_TIME, RuleSet, check
 from shipnet.design.rules.cuts import single_cuts, worst
 from shipnet.errors import ArgumentError
@@ -24,9 +26,7 @@ from shipnet.errors import ArgumentError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from shipnet.design.costs.assumptions import Assumptions
     from shipnet.design.iolist import IoList
-    from shipnet.design.plan.settings import Settings
     from shipnet.design.site import Site
 
 __all__ = [
@@ -71,8 +71,8 @@ class Comparison:
         Figures in 9 of 10 draws of the assumptions, by option and figure, if drawn.
     criteria : tuple of str
         Columns of `table` by which options are weighed.
-    host_time : float
-        What the host adds where a rule counts it [s].
+    basis : Basis
+        What else it rests on: limits, prices, allowances, and what the host adds.
 
     Examples
     --------
@@ -89,7 +89,12 @@ class Comparison:
     tornado: Tornado
     likely: pd.DataFrame | None
     criteria: tuple[str, ...]
-    host_time: float
+    basis: Basis
+
+    @property
+    def changes(self) -> pd.DataFrame:
+        """Values that are not the defaults: name, value, default, legal, meaning."""
+        return self.basis.changes
 
     @property
     def iolist(self) -> IoList:
@@ -292,6 +297,7 @@ def compare(
         [*planned, *more],
         rule_set=rule_set,
         assumptions=assumptions,
+        settings=settings,
         criteria=criteria,
         host_time=host_time,
         rng=rng,
@@ -303,6 +309,7 @@ def compare_networks(
     *,
     rule_set: RuleSet = "DNV",
     assumptions: Assumptions | None = None,
+    settings: Settings | None = None,
     criteria: Sequence[str] = CRITERIA,
     host_time: float = HOST_TIME,
     rng: np.random.Generator | None = None,
@@ -317,6 +324,8 @@ def compare_networks(
         As `shipnet.design.rules.rules_of`.
     assumptions : Assumptions, optional
         Those of the data file if omitted.
+    settings : Settings, optional
+        Limits that they were planned within, which a report tells; the defaults if omitted.
     criteria : sequence of str, default `CRITERIA`
         Columns of the table by which options are weighed; less is better in each.
     host_time : float, default 0.5
@@ -351,6 +360,12 @@ def compare_networks(
     tags = given[0].points["tag"].tolist()
     if other := [net.name for net in given if net.points["tag"].tolist() != tags]:
         raise ArgumentError(f"networks {', '.join(other)} have not the points of {given[0].name}")
+    site = given[0].site
+    basis = Basis(
+        Settings() if settings is None else settings,
+        Assumptions() if assumptions is None else assumptions,
+        site.detour, site.tails, host_time,
+    )  # fmt: skip
     sums = {name: quantities(network, assumptions) for name, network in named.items()}
     checked = {name: check(net, rule_set, host_time=host_time) for name, net in named.items()}
     made = Comparison(
@@ -361,7 +376,7 @@ def compare_networks(
         tornado(complete(named), assumptions=assumptions),
         None if rng is None else likely(draw(named, assumptions, rng=rng)),
         tuple(criteria),
-        host_time,
+        basis,
     )
     known = [*made._row(given[0].name)]
     if not criteria or not set(criteria) <= set(known):

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from shipnet import datasets
+from shipnet.design.basis import Basis
 from shipnet.design.cabinet import find_cabinet
 from shipnet.design.comparison import CRITERIA, Comparison, complete
 from shipnet.design.costs.assumptions import Assumptions
@@ -25,7 +26,7 @@ from shipnet.design.costs.uncertainty import draw, likely
 from shipnet.design.iolist import IoList, parse_iolist
 from shipnet.design.network import Network
 from shipnet.design.plan import OPTIONS, Settings, mix, plan
-from shipnet.design.rules import HOST_TIME, check, single_cuts
+from shipnet.design.rules import check, single_cuts
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 
@@ -239,7 +240,11 @@ _checked = lru_cache(maxsize=48)(check)
 
 @lru_cache(maxsize=4)
 def compared(
-    networks: tuple[Network, ...], rule_set: str, labour: float, parts: float
+    networks: tuple[Network, ...],
+    rule_set: str,
+    labour: float,
+    parts: float,
+    settings: Settings | None = None,
 ) -> Comparison:
     """Compare networks, as `shipnet.design.comparison.compare_networks` does.
 
@@ -251,6 +256,8 @@ def compared(
         One of `shipnet.design.rules.RULE_SETS`.
     labour, parts : float
         As for `assumptions`.
+    settings : Settings, optional
+        Limits that they were planned within; the defaults if omitted.
 
     Returns
     -------
@@ -264,7 +271,7 @@ def compared(
     [1, 0]
     """
     named = {network.name: network for network in networks}
-    assumed = assumptions(labour, parts)
+    assumed, site = assumptions(labour, parts), networks[0].site
     rules = [_checked(network, rule_set).assign(option=name) for name, network in named.items()]
     return Comparison(
         named,
@@ -274,5 +281,5 @@ def compared(
         tornado(complete(named), assumptions=assumed),
         likely(draw(named, assumed, rng=np.random.default_rng(_SEED))),
         CRITERIA,
-        HOST_TIME,
+        Basis(settings or Settings(), assumed, site.detour, site.tails),
     )

@@ -212,7 +212,7 @@ def update(inputs: Inputs) -> Result:
     cabinet, known = place(iolist, inputs.cabinet)
     settings = Settings(spare=inputs.spare, redundant=inputs.redundant)
     networks = planned(iolist, cabinet, inputs.detour, settings, inputs.options)
-    comparison = compared(networks, inputs.rules, inputs.labour, inputs.parts)
+    comparison = compared(networks, inputs.rules, inputs.labour, inputs.parts, settings)
     return Result(comparison, known, inputs.rules, inputs.picture)
 
 

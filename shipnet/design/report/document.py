@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from shipnet import __version__
+from shipnet.design.basis import shown
 from shipnet.design.comparison import Comparison
 from shipnet.design.costs.quantities import FIGURES
 from shipnet.design.digits import number
@@ -155,7 +156,7 @@ def _what(comparison: Comparison, remarks: Sequence[str]) -> str:
     cabinet = ", ".join(f"{x:g}" for x in site.cabinet)
     where = (
         f"Cabinet at {cabinet} m; {trays}. A cable is {site.detour:g} times its way and "
-        f"{site.tails:g} m for both ends, both assumed."
+        f"{site.tails:g} m for both ends{_assumed(comparison, 'detour', 'tails')}."
     )
     if not (iolist.located.any() or np.isfinite(iolist.box_places).all(axis=1).any()):
         where = "The list gives no places: every length is its own."
@@ -165,9 +166,30 @@ def _what(comparison: Comparison, remarks: Sequence[str]) -> str:
         + f") {of_systems}.",
         *(f"{said[:1].upper()}{said[1:]}." for said in (*iolist.remarks, *remarks)),
         where,
-        f"The host adds {comparison.host_time:g} s to a response where a rule counts it, assumed.",
+        f"The host adds {comparison.basis.host_time:g} s to a response where a rule counts it"
+        f"{_assumed(comparison, 'host_time')}.",
     ]
-    return section("What was planned", bullets(lines), page=False)
+    return section("What was planned", bullets(lines), _changes(comparison), page=False)
+
+
+def _assumed(comparison: Comparison, *names: str) -> str:
+    """Return what to say of values that nobody gave."""
+    if not {*names}.isdisjoint(comparison.changes["name"]):
+        return ""
+    return ", both assumed" if len(names) > 1 else ", assumed"
+
+
+def _changes(comparison: Comparison) -> str:
+    rows = [
+        [row["name"], shown(row["value"]), shown(row["default"]), row["meaning"]]
+        for row in comparison.changes.to_dict("records")
+    ]
+    if not rows:
+        return text("Every limit, price and allowance has its default value.")
+    return table(
+        ["name", "here", "default", "what it is"], rows,
+        caption="Values that are not the defaults; all others are.",
+    )  # fmt: skip
 
 
 def _pictures(comparison: Comparison) -> str:

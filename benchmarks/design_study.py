@@ -1,0 +1,65 @@
+"""What of a comparison takes the time, and a study of several one by one and on all cores."""
+
+from time import perf_counter
+
+import joblib
+import numpy as np
+import pandas as pd
+
+from shipnet import datasets
+from shipnet.design.comparison import compare_networks
+from shipnet.design.costs.sensitivity import tornado
+from shipnet.design.costs.uncertainty import draw, likely
+from shipnet.design.iolist import load_iolist
+from shipnet.design.plan import OPTIONS, plan
+from shipnet.design.rules import check, single_cuts
+from shipnet.design.site import Site
+from shipnet.design.study import study
+
+GRID = {"detour": [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7]}
+N = len(GRID["detour"])
+
+
+def timed(function):
+    start = perf_counter()
+    result = function()
+    return result, perf_counter() - start
+
+
+def main():
+    iolist = load_iolist(datasets.path("synthetic_iolist_ship.csv"))
+    site = Site((26.0, 6.0, 14.0))
+    networks, times = {}, {}
+    for option in OPTIONS:
+        networks[option], times[f"plan {option}"] = timed(lambda o=option: plan(iolist, site, o))
+    made = list(networks.values())
+    _, times["cuts of all"] = timed(lambda: [single_cuts(network) for network in made])
+    _, times["rules of all"] = timed(lambda: [check(network) for network in made])
+    _, times["tornado"] = timed(lambda: tornado(networks))
+    rng = np.random.default_rng(2024)
+    _, times["draws"] = timed(lambda: likely(draw(networks, rng=rng)))
+    _, times["all but the plans"] = timed(lambda: compare_networks(made, rng=rng).table)
+    print(f"{f'{len(iolist)} points, {len(made)} options':<32}{'seconds':>10}")
+    for what, time in times.items():
+        print(f"{what:<32}{time:>10.3f}")
+
+    # The first use of worker processes also starts them.
+    workers = joblib.cpu_count()
+    runs = {
+        "one by one": lambda: study(iolist, site, GRID, parallel=False, progress=False),
+        f"{workers} processes, started": lambda: study(iolist, site, GRID, progress=False),
+        f"{workers} processes": lambda: study(iolist, site, GRID, progress=False),
+    }
+    print(f"{f'a study of {N} comparisons':<32}{'seconds':>10}{'faster by':>12}")
+    tables, first = [], 0.0
+    for what, run in runs.items():
+        table, time = timed(run)
+        tables.append(table)
+        first = first or time
+        print(f"{what:<32}{time:>10.2f}{first / time:>11.2f}x")
+    for table in tables[1:]:
+        pd.testing.assert_frame_equal(table, tables[0], check_exact=True)
+
+
+if __name__ == "__main__":
+    main()
