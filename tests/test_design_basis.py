@@ -272,8 +272,10 @@ def test_the_command_takes_a_file_and_prints_one(tmp_path, capsys):
     usual = capsys.readouterr().out
     assert main([*command, "--settings", str(own), "-o", str(report)]) == 0
     out = capsys.readouterr().out
-    said = "not the defaults: detour 1.5 (1.15), assumptions.labour_rate [70, 70, 70] ([35.0, 55.0"
-    assert said in out and "not the defaults" not in usual
+    said = (
+        "not the default: detour 1.5 (1.15)\nnot the default: assumptions.labour_rate [70, 70, 70]"
+    )
+    assert said in out and "not the default" not in usual
     assert "1.5 times its way" in report.read_text(encoding="utf-8")
     (longer,), (shorter,) = (
         [float(line.split()[-1]) for line in text.splitlines() if line.startswith("cable length")]
@@ -307,4 +309,4 @@ def test_a_basis_is_as_good_as_its_parts():
     basis = Basis(tails=2.0)
     assert basis.site((1, 2, 3)).tails == 2.0
     assert replace(basis, tails=5.0) == Basis()
-    assert str(Basis()) == "all values are the defaults" and len(Basis().changes) == 0
+    assert str(Basis()) == "all defaults" and len(Basis().changes) == 0

@@ -1,13 +1,10 @@
-"""Comparisons over values of what they rest on, here, in other processes and on a cluster."""
+"""Comparisons over values of what they rest on; on a cluster, see test_design_sweep."""
 
-import os
 import sys
-from importlib.util import find_spec
 
 import pandas as pd
 import pytest
 
-from shipnet import datasets
 from shipnet.design.basis import Basis
 from shipnet.design.catalogue import Range
 from shipnet.design.comparison import compare
@@ -15,10 +12,8 @@ from shipnet.design.iolist import parse_iolist
 from shipnet.design.plan import Settings
 from shipnet.design.plan.settings import BoxLimits
 from shipnet.design.site import Site
-from shipnet.design.site.trays import load_trays
 from shipnet.design.study import study
 from shipnet.errors import ArgumentError
-from tests.support import require
 
 LIST = parse_iolist(
     "tag,signal,system,x,y,z,category\n"
@@ -101,23 +96,3 @@ def test_progress_is_told_a_comparison_at_a_time():
         progress=lambda *state: told.append(state),
     )  # fmt: skip
     assert told == [(1, 3), (2, 3), (3, 3)]
-
-
-def test_a_dask_cluster_of_processes_gives_the_same_bits():
-    require("cluster", all(map(find_spec, ("joblib", "dask", "distributed"))), "no joblib or dask")
-    import joblib
-    from distributed import Client, LocalCluster
-
-    site = Site((26.0, 6.0, 14.0), load_trays(datasets.path("synthetic_trays_ship.csv")))
-    arguments = (LIST, site, {"detour": [1.0, 1.3, 1.6]}, WAYS)
-    here = study(*arguments, parallel=False)
-    with (
-        LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as workers,
-        Client(workers) as client,
-    ):
-        there = study(*arguments, parallel=joblib.parallel_config("dask"), progress=False)
-        elsewhere = client.run(os.getpid).values()
-    assert os.getpid() not in elsewhere
-    pd.testing.assert_frame_equal(there, here, check_exact=True)

@@ -7,10 +7,15 @@ from importlib.util import find_spec
 import pandas as pd
 import pytest
 
+from shipnet import datasets
 from shipnet.design import lines_needed
 from shipnet.design.costs.plants import Plant
 from shipnet.design.costs.quantities import quantities
 from shipnet.design.costs.sweep import points_of, sweep
+from shipnet.design.iolist import parse_iolist
+from shipnet.design.site import Site
+from shipnet.design.site.trays import load_trays
+from shipnet.design.study import study
 from shipnet.errors import ArgumentError
 from tests.support import require
 
@@ -90,28 +95,45 @@ def test_a_passed_context_is_left_as_it_was_found():
     assert type(get_active_backend()[0]) is before
 
 
-def test_a_dask_cluster_of_processes_gives_the_same_table():
+@pytest.fixture(scope="module")
+def on_dask():
+    """Return a way to run on a Dask cluster of processes, which is told by their ids."""
     cluster()
     import joblib
     from distributed import Client, LocalCluster
 
-    # A function within a function travels by value: the workers need not import this file.
-    def lines(valves, reserve):
-        slaves = lines_needed(valves, slaves_per_line=62 - reserve)
-        return {"lines": slaves, "process": os.getpid()}
-
-    grid = {"valves": [62, 400], "reserve": [0, 6, 12]}
     with (
         LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
         ) as workers,
         Client(workers),
     ):
-        table = sweep(lines, grid, parallel=joblib.parallel_config("dask"), progress=False)
+        yield lambda: joblib.parallel_config("dask")
+
+
+def test_a_dask_cluster_of_processes_gives_the_same_table(on_dask):
+    # A function within a function travels by value: the workers need not import this file.
+    def lines(valves, reserve):
+        slaves = lines_needed(valves, slaves_per_line=62 - reserve)
+        return {"lines": slaves, "process": os.getpid()}
+
+    grid = {"valves": [62, 400], "reserve": [0, 6, 12]}
+    table = sweep(lines, grid, parallel=on_dask(), progress=False)
     here = sweep(lines, grid, parallel=False)
     assert os.getpid() not in set(table["process"])
     columns = ["valves", "reserve", "lines"]
     pd.testing.assert_frame_equal(table[columns], here[columns])
+
+
+def test_a_study_of_comparisons_on_a_cluster_gives_the_same_bits(on_dask):
+    points = "".join(f"L{n},contact,S{n % 3},{10 + 4 * n},{n % 5},2,III\n" for n in range(12))
+    iolist = parse_iolist("tag,signal,system,x,y,z,category\n" + points)
+    site = Site((26.0, 6.0, 14.0), load_trays(datasets.path("synthetic_trays_ship.csv")))
+    arguments = (iolist, site, {"detour": [1.0, 1.3, 1.6]}, ["home runs", "AS-i", "CAN"])
+    there = study(*arguments, parallel=on_dask(), progress=False)
+    here = study(*arguments, parallel=False)
+    assert there["total cost"].nunique() == 9
+    pd.testing.assert_frame_equal(there, here, check_exact=True)
 
 
 def test_progress_is_told_after_each_point():

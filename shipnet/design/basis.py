@@ -148,13 +148,17 @@ class Basis:
         ]
         return pd.DataFrame(rows, columns=["name", "value", "default", "legal", "meaning"])
 
+    @property
+    def told(self) -> list[str]:
+        """Each value that is not the default, with the default behind it, in words."""
+        return [
+            f"{row['name']} {shown(row['value'])} ({shown(row['default'])})"
+            for row in self.changes.to_dict("records")
+        ]
+
     def __str__(self) -> str:
         """Name the values that are not the defaults."""
-        said = [
-            f"{row.name} {shown(row.value)} ({shown(row.default)})"
-            for row in self.changes.itertuples(index=False)
-        ]
-        return f"not the defaults: {', '.join(said)}" if said else "all values are the defaults"
+        return f"not the defaults: {', '.join(self.told)}" if self.told else "all defaults"
 
 
 #: Fields of the basis itself.

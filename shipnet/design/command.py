@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> None:
             title=arguments.title, date=arguments.date, remarks=remarks,
         )  # fmt: skip
     print(iolist)
-    for remark in (*iolist.remarks, *remarks, *([str(basis)] if len(basis.changes) else [])):
+    for remark in (*iolist.remarks, *remarks, *(f"not the default: {one}" for one in basis.told)):
         print(remark)
     print(f"\n{compared.short.to_string()}\n")
     print("\n".join(compared.sentences))
