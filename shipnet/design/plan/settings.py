@@ -122,7 +122,8 @@ class AsiLimits(_Checked):
     voltage, rating : float, default 30, 8
         Supply [V], and the most that it gives [A] [5]_.
     auxiliary : bool, default True
-        Whether a second pair feeds the outputs, from the cabinet along the line.
+        Whether a second pair feeds the outputs, from a supply of its own in the cabinet along the
+        line.
     conversion : float, default 0.06
         Conversion of an analogue value [s]; makers print 20 to 60 ms a channel.
     repetitions : int, default 1

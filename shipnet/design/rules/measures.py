@@ -278,6 +278,7 @@ def _repeats(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 _PARTS = ("module", "station", "box")
+_SUPPLIES = ("supply", "auxiliary supply")
 
 #: What can be computed, by the name that a rule uses.
 MEASURES: Mapping[str, Measure] = {
@@ -296,7 +297,7 @@ MEASURES: Mapping[str, Measure] = {
     ),
     "points lost by a supply": Measure(
         "points", "lost by the worst supply",
-        _lost(("device",), ("supply",), "no supply is planned"),
+        _lost(("device",), _SUPPLIES, "no supply is planned"),
     ),
     "points lost by a device": Measure(
         "points", "lost by the worst device but the cabinet",
