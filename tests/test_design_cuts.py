@@ -159,7 +159,9 @@ def shorted(network, name):
     kind = network.devices.set_index("device")["kind"]
     first = runs.loc[name]
     parts = {"repeater", "gateway"} if first["kind"] == "trunk" else {"cabinet", "gateway"}
-    same = runs[(runs[["kind", "segment", "line"]] == first[["kind", "segment", "line"]]).all(axis=1)]
+    same = runs[
+        (runs[["kind", "segment", "line"]] == first[["kind", "segment", "line"]]).all(axis=1)
+    ]
     taken, waiting = {name}, [name]
     while waiting:
         ends = {end for end in runs.loc[waiting.pop(), ["a", "b"]] if kind[end] not in parts}

@@ -69,7 +69,8 @@ def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
     Notes
     -----
     A box whose place the list does not give stands in the middle of its points. A cable whose
-    length the list gives keeps it, wherever the box is.
+    length the list gives keeps it, wherever the box is, unless the settings say that lengths are
+    reckoned.
 
     Examples
     --------
@@ -84,7 +85,7 @@ def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
     table = draft.iolist.points
     names = table["box"].to_numpy(object)
     at_box = draft.iolist.box_places
-    given = table["to_box_m"].to_numpy(np.float64)
+    given = draft.given_lengths("to_box_m")
     located = draft.iolist.located
     limits = draft.settings.boxes
     found: list[Box] = []

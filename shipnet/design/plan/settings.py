@@ -247,6 +247,9 @@ class Settings(_Checked):
         own; else from a board beside them, which is not counted.
     feeder : str, default "MI1P150"
         That cable, a key of the catalogue.
+    list_lengths : bool, default True
+        Whether a cable whose length the list gives keeps it; else it is reckoned from places like
+        all others, where they are known.
     boxes : BoxLimits, optional
         Junction boxes where the list names none.
     asi, can, modbus : AsiLimits, CanLimits, ModbusLimits, optional
@@ -268,6 +271,7 @@ class Settings(_Checked):
     update: float = 1.0
     fed: bool = True
     feeder: str = "MI1P150"
+    list_lengths: bool = True
     boxes: BoxLimits = field(default_factory=BoxLimits)
     asi: AsiLimits = field(default_factory=AsiLimits)
     can: CanLimits = field(default_factory=CanLimits)
