@@ -51,8 +51,9 @@ SIGNALS: Mapping[str, Signal] = {
         ("DI", "digital input", "switch", "dry contact", "potential-free contact", "volt-free",
          "limit switch", "float switch", "level switch", "pressure switch", "temperature switch",
          "flow switch", "proximity switch", "proximity switch 2-wire", "2-wire proximity switch",
-         "inductive sensor", "inductive sensor 2-wire", "NO contact", "NC contact", "DI NO contact", "DI NC contact", "contact NO",
-         "contact NC", "push button", "DI 24 V", "status contact"),
+         "inductive sensor", "inductive sensor 2-wire", "NO contact", "NC contact",
+         "DI NO contact", "DI NC contact", "contact NO", "contact NC", "push button",
+         "DI 24 V", "status contact"),
     ),
     "contact_common": Signal(
         "contact with a common return for its group", 1, 1, "DI",

@@ -21,7 +21,8 @@ __all__ = ["details"]
 _FAILURES_SHOWN, _POINTS_SHOWN, _REASONS_SHOWN = 8, 2000, 200
 
 _FAILURE_WORDS = {
-    "cut": "one cable cut", "short": "one pair of a bus or a supply shorted", "tray": "one tray lost",
+    "cut": "one cable cut", "short": "one pair of a bus or a supply shorted",
+    "tray": "one tray lost",
     "device": "one device dead (but the cabinet)",
 }  # fmt: skip
 

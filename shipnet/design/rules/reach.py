@@ -94,7 +94,7 @@ class Reach:
                 found += self._together(members.index.to_numpy(), _PAIR_ENDS[kind])
         return found
 
-    def _together(self, number: Whole, pair_ends: Collection[str]) -> list[list[int]]:
+    def _together(self, number: Whole, pair_ends: Sequence[str]) -> list[list[int]]:
         """Return runs in groups that hang together but for devices of some kinds."""
         # Runs and the devices that connect them are the nodes.
         ends, row = self._ends[number], np.arange(len(number)) + len(self.kinds)
