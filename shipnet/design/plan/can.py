@@ -119,6 +119,8 @@ def plan_can(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
                                   for m, s in segment.messages),
             slowest_update_ms=1e3 * float(draft.need[everything].min()),
             bit_rate=segment.bit_rate, messages=len(segment.messages),
+            # Every message goes out on both lines, so that none has to take over.
+            switch_over_ms=0.0 if draft.settings.redundant else np.nan,
         )  # fmt: skip
 
 

@@ -33,6 +33,7 @@ _RANGES: dict[str, tuple[str, float, float]] = {
     "unit_loads": ("", 2, 256),
     "units": ("", 1, 247),
     "processing": ("s", 0.0, 60.0),
+    "timeout": ("s", 0.001, 60.0),
 }
 
 #: Parts of the settings, and what each must be.
@@ -208,6 +209,9 @@ class ModbusLimits(_Checked):
         Unit ids of a loop [1]_.
     processing : float, default 0.005
         How long a station works on a request [s]; assumed.
+    timeout : float, default 1
+        How long the master waits beyond the longest answer before it asks a silent station on the
+        second line [s]; the guide has 1 s to several seconds [2]_.
     character : str, default "8E1"
         As `shipnet.modbus.timing.Serial` has it.
     cable : str, default "RS485_MARINE"
@@ -217,6 +221,7 @@ class ModbusLimits(_Checked):
     ----------
     .. [1] "MODBUS over serial line specification and implementation guide", V1.02, 2006,
        section 2.2.
+    .. [2] The same, section 2.4.1.
     """
 
     bit_rates: tuple[int, ...] = (9600, 19_200, 38_400, 57_600)
@@ -225,6 +230,7 @@ class ModbusLimits(_Checked):
     repeaters: int = 0
     units: int = 247
     processing: float = 0.005
+    timeout: float = 1.0
     character: str = "8E1"
     cable: str = "RS485_MARINE"
 
