@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.design.plan.backbone import Backbone, lay, route_past
-from shipnet.design.plan.boxes import Box, boxes
+from shipnet.design.plan.boxes import Box, boxes, too_far
 from shipnet.design.plan.clusters import divided
 from shipnet.design.plan.draft import Draft
 from shipnet.modbus.request import ReadRequest, Request, WriteRegistersRequest
@@ -241,13 +241,8 @@ def _screened(draft: Draft, box: Box) -> list[Box]:
     limits = draft.settings.modbus
     trunk = route_past(draft, [box])
     if trunk.length > limits.length:
-        for row in box.rows:
-            tag = draft.tags[row]
-            text = (
-                f"{tag} is {trunk.length:.0f} m of trunk away; a Modbus section has at most "
-                f"{limits.length:.0f} m"
-            )
-            draft.reason(tag, "length", trunk.length, limits.length, "m", text)
+        most = "a Modbus section has at most {:.0f} m"
+        too_far(draft, box, trunk.length, limits.length, most)
         return []
     rate = max(limits.bit_rates)
     kept = []
