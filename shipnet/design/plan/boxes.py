@@ -158,11 +158,11 @@ def too_far(draft: Draft, box: Box, away: float, longest: float, most: str) -> N
     >>> from shipnet.design.iolist import parse_iolist
     >>> from shipnet.design.plan.settings import Settings
     >>> from shipnet.design.site import Site
-    >>> iolist = parse_iolist("tag,signal,x,y,z\nA,contact,1500,0,0", "list")
+    >>> iolist = parse_iolist("tag,signal,x,y,z\nA,contact,900,0,0", "list")
     >>> draft = Draft(iolist, Site((0, 0, 0)), Settings())
-    >>> too_far(draft, boxes(draft, np.array([0]))[0], 1730, 1000, "a bus has at most {:g} m")
+    >>> too_far(draft, boxes(draft, np.array([0]))[0], 1043, 1000, "a bus has at most {:g} m")
     >>> draft.network("empty").reasons["text"].tolist()
-    ['A is 1730 m of trunk away; a bus has at most 1000 m']
+    ['A is 1043 m of trunk away; a bus has at most 1000 m']
     """
     for row in box.rows:
         tag = draft.tags[row]
