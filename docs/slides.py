@@ -1,9 +1,9 @@
 """Slides of a lesson: one file with everything in it, which needs no network.
 
 A heading of level 2 begins a column, any other text and the questions a slide below it; what a
-class has to predict comes on the next slide. Figures stand without their code; exercises show what
-they ask for; what only a kernel can show is left out. In the browser, slides_template/fit.js gives
-figures the room that is left and lets what is too tall go on below.
+class has to predict comes on the next slide. Figures and words stand without their code; exercises
+show what they ask for; what only a kernel can show is left out. In the browser,
+slides_template/fit.js gives figures the room that is left and lets what is too tall go on below.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def mark(notebook: NotebookNode) -> None:
             # The class predicts before it sees.
             kind = "subslide" if asked else "-"
             asked = False
-            if shows:
+            if shows or cell.source.startswith("glossary("):
                 cell.metadata["transient"] = {"remove_source": True}
         cell.metadata["slideshow"] = {"slide_type": kind}
 

@@ -229,6 +229,15 @@ def test_what_a_class_predicts_comes_on_the_next_slide():
     assert kinds_of(*asked) == ["subslide", "subslide", "-", "subslide", "-"]
 
 
+def test_the_words_stand_without_their_code():
+    notebook = nbformat.v4.new_notebook(cells=[code("glossary(1)"), code("show(1)")])
+    slides.mark(notebook)
+    assert [cell.metadata.get("transient") for cell in notebook.cells] == [
+        {"remove_source": True},
+        None,
+    ]
+
+
 def test_imports_are_no_slide_unless_they_show_something():
     cells = [code("import one", prints=False), code("from one import two\ntwo")]
     assert kinds_of(*cells) == ["skip", "-"]
