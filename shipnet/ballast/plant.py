@@ -17,7 +17,7 @@ import numpy.typing as npt
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.commands import Command
 from shipnet.ballast.faults import Fault, faulty
-from shipnet.ballast.hydraulics import hydraulics, load_pressure
+from shipnet.ballast.hydraulics import Hydraulics, Oil, load_pressure
 from shipnet.ballast.motor import losses, motor_current, steady_temperature
 from shipnet.ballast.sensors import Sensors
 from shipnet.errors import ArgumentError, check_whole
@@ -200,7 +200,7 @@ class Plant:
         meant = command.mask(self.n_valves)
         outcome = "stopped" if command.action == "stop" else "replaced"
         self._stop(meant & self.running, self.time, outcome)
-        self._stale = True
+        self._stale, self._load, self._driven = True, None, None
         self.active[meant] = False
         if command.action == "stop":
             return
@@ -291,10 +291,9 @@ class Plant:
     def _turn(self) -> Floats:
         """Move the valves for a step; return the mean heat of each motor [W]."""
         dt, way = self.step, self.direction
-        pressure, flow = self._oil(self.opening)
-        volume = np.asarray(self._actuator.stroke_volume)
-        half = self.opening + way * flow / volume * dt / 2
-        speed = self._oil(np.clip(half, 0, 1))[1] / volume
+        now, volume = self._state(), self._volume
+        half = self.opening + way * now.flow / volume * dt / 2
+        speed = self._oil.state(load_pressure(self._actuator, half, way)).flow / volume
         to_limit = np.where(way > 0, 1 - self.opening, self.opening)
         to_target = np.maximum(way * (self._target - self.readings[_VPOS]) / 100, 0.0)
         distance = np.fmin(to_limit, to_target)  # no target is NaN
@@ -310,14 +309,17 @@ class Plant:
         at_limit = arrives & (to_limit <= np.where(np.isnan(to_target), np.inf, to_target))
         moved = self.opening + way * speed * lasted * self.running
         ends = np.where(way > 0, 1.0, 0.0)
-        self.opening = np.where(at_limit, ends, np.clip(moved, 0, 1))
+        self.opening = np.where(at_limit, ends, np.minimum(np.maximum(moved, 0), 1))
+        self._load = self._driven = None
         self._stop(late, self.time + lasted, "time")
         self._stop(at_limit, self.time + lasted, "limit")
         self._stop(arrives & ~at_limit, self.time + lasted, "position")
         self.active &= ~arrives
-        return losses(self._actuator, pressure) * lasted / dt
+        return losses(self._actuator, now.pump_pressure) * lasted / dt
 
     def _stop(self, which: Flags, when: npt.ArrayLike, outcome: str) -> None:
+        if not which.any():
+            return
         ends = np.broadcast_to(np.asarray(when, float), self.n_valves)
         for valve in np.flatnonzero(which):
             start, end = float(self.started[valve]), float(ends[valve])
@@ -327,9 +329,17 @@ class Plant:
             self.last_run[valve] = end - start
         self.running &= ~which
 
-    def _oil(self, opening: Floats) -> tuple[Floats, Floats]:
-        state = hydraulics(self._actuator, load_pressure(self._actuator, opening, self.direction))
-        return state.pump_pressure, state.flow
+    def _loaded(self) -> Floats:
+        """Return the pressure that the valves ask for, where they stand."""
+        if self._load is None:
+            self._load = load_pressure(self._actuator, self.opening, self.direction)
+        return self._load
+
+    def _state(self) -> Hydraulics:
+        """Return the oil where the valves stand, as if all motors ran."""
+        if self._driven is None:
+            self._driven = self._oil.state(self._loaded())
+        return self._driven
 
     def _truth(self) -> Floats:
         """Return what ideal sensors would read now, offsets left out."""
@@ -337,12 +347,12 @@ class Plant:
         truth = np.zeros((5, self.n_valves))
         resting = np.asarray(a.trapped)
         if on.any() or resting.any():
-            load = load_pressure(a, self.opening, self.direction)
+            load = self._loaded()
             # The lock valve keeps a stuck valve's load too, which has no bound: what is finite.
             kept = np.where(resting > 0, np.where(np.isfinite(load), load, 0.0) * resting, 0.0)
             truth[1] = kept / 1e5
             if on.any():
-                state = hydraulics(a, load)
+                state = self._state()
                 truth[0] = np.where(on, state.pump_pressure, 0.0) / 1e5
                 truth[1] = np.where(on, state.cylinder_pressure, kept) / 1e5
                 truth[2] = np.where(on, motor_current(a, state.pump_pressure), 0.0)
@@ -356,5 +366,8 @@ class Plant:
             fault.severities(self.n_valves)  # refuses a valve that is not there before it is due
         due = [fault for fault in self.faults if self.ticks(fault.start) <= self.tick]
         self._actuator, self._offsets = faulty(self._healthy, due, self.n_valves)
+        self._oil, self._volume = Oil(self._actuator), np.asarray(self._actuator.stroke_volume)
+        self._load: Floats | None = None
+        self._driven: Hydraulics | None = None
         later = [start for start in self._starts if start > self.tick]
         self._next_start = later[0] if later else np.inf

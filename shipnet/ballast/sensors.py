@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -102,16 +103,27 @@ class Sensors:
         values = np.asarray(truth, float)
         if values.ndim != 2 or len(values) != 5:
             raise ArgumentError(f"truth has the shape {values.shape}; it must be (5, n_valves)")
-        column = np.newaxis
+        scale = _scale(self)
         if rng is not None:
-            noise = rng.standard_normal(values.shape)
-            values = values + noise * np.array(self.noise)[:, column]
-        low, high = np.array(self.low)[:, column], np.array(self.high)[:, column]
-        values = np.clip(values, low, high)
+            values = values + rng.standard_normal(values.shape) * scale.noise
+        values = np.minimum(np.maximum(values, scale.low), scale.high)
         if self.bits is None:
             return np.asarray(values)
-        step = self.step[:, column]
-        return np.asarray(np.rint((values - low) / step) * step + low)
+        return np.asarray(np.rint((values - scale.low) / scale.step) * scale.step + scale.low)
+
+
+class _Scale(NamedTuple):
+    low: Floats
+    high: Floats
+    noise: Floats
+    step: Floats
+
+
+@cache
+def _scale(sensors: Sensors) -> _Scale:
+    """Return the numbers of sensors as columns of shape (5, 1), once: they are read ever again."""
+    rows = (sensors.low, sensors.high, sensors.noise, sensors.step)
+    return _Scale(*(np.array(row)[:, np.newaxis] for row in rows))
 
 
 def _five(name: str, values: Any) -> tuple[float, ...]:
