@@ -77,8 +77,7 @@ class Monitor:
         self.found = np.zeros((plant.n_valves, len(self.base.rules)), bool)
         self._ranked = np.array([self.base.codes.index(code) for code in self.base.ranking])
         self._fired: deque[Flags] = deque(maxlen=window)
-        ticks = int(np.ceil(WINDOW / plant.step - 1e-6))
-        self._places: deque[tuple[float, Floats]] = deque(maxlen=ticks + 1)
+        self._places: deque[tuple[float, Floats]] = deque()
         plant.watchers.append(self._look)
 
     def row(self, valve: int) -> int:
@@ -128,10 +127,14 @@ class Monitor:
             self._places.pop()
             self._fired.pop()
         self._places.append((plant.time, plant.readings[4]))
+        # The speed needs the last reading that is a window old, and the present one.
+        while len(self._places) > 1 and self._places[1][0] < plant.time - WINDOW + 1e-9:
+            self._places.popleft()
         values = {c.name: x for c, x in zip(CHANNELS, plant.readings, strict=True)}
         values["DVPos"] = np.full(plant.n_valves, np.nan)
         if plant.active.any():
-            time, places = (np.array(column) for column in zip(*self._places, strict=True))
+            ends = (self._places[0], self._places[-1])
+            time, places = (np.array(column) for column in zip(*ends, strict=True))
             speed = position_speed(time, places, (plant.ran - 1) * plant.step)[-1]
             values["DVPos"] = np.where(plant.active, speed, np.nan)
         firing = strengths(self.base, {name: values[name] for name in self.base.names})

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import ceil, floor
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +18,7 @@ from shipnet.ballast.commands import Command
 from shipnet.ballast.faults import Fault, faulty
 from shipnet.ballast.hydraulics import Hydraulics, Oil, load_pressure
 from shipnet.ballast.motor import losses, motor_current, steady_temperature
+from shipnet.ballast.movement import Movement
 from shipnet.ballast.sensors import Sensors
 from shipnet.errors import ArgumentError, check_whole
 from shipnet.line.quantity import check_scalar
@@ -31,34 +31,8 @@ Flags = npt.NDArray[np.bool_]
 #: A valve so near to the position asked for does not start [%]; our assumption.
 DEAD_BAND = 0.5
 
-#: Where the readings of the position stand.
-_VPOS = 4
-
-
-class Movement(NamedTuple):
-    """A run of a motor that has ended.
-
-    Attributes
-    ----------
-    valve : int
-        Which valve.
-    action : str
-        ``open``, ``close`` or ``position``.
-    start, end : float
-        When the motor started and stopped [s].
-    opening : float
-        Where the valve stood then, 0..1.
-    outcome : str
-        ``limit`` (switch at an end), ``position``, ``stopped``, ``replaced`` (another command) or
-        ``time`` (the motor ran for too long).
-    """
-
-    valve: int
-    action: str
-    start: float
-    end: float
-    opening: float
-    outcome: str
+#: Where the readings of temperature and position stand.
+_OT, _VPOS = 3, 4
 
 
 class Plant:
@@ -163,6 +137,8 @@ class Plant:
         self.movements: list[Movement] = []
         self.watchers: list[Callable[[], None]] = []
         self._target, self._action = np.full(n, np.nan), ["open"] * n
+        self._load: Floats | None
+        self._driven: Hydraulics | None
         self._break()
         # The strokes before were those of a healthy valve, but perhaps without cooling.
         before = replace(self._healthy, cooling=self._actuator.cooling)
@@ -254,16 +230,64 @@ class Plant:
         count = check_whole("ticks", ticks, 1, 10**9)
         if count > 1 and (self.running.any() or self._next_start < self.tick + count):
             raise ArgumentError(f"ticks is {count}; it must be 1 here, for something happens")
-        a, dt = self._actuator, count * self.step
         heat: npt.ArrayLike = 0.0
         if self.running.any():
             if self._stale or self._measured != self.tick:
                 self.measure()
             heat = self._turn()
-        aim = a.ambient + heat / np.asarray(a.cooling)
-        fading = np.exp(-np.asarray(a.cooling) * dt / a.heat_capacity)
+        aim, fading = self._cooling(count, heat)
         self.temperature = aim + (self.temperature - aim) * fading
-        self.tick += count
+        self._pass(count)
+
+    def rest(self, count: int, ticks: int) -> Floats:
+        """Read the sensors and let time pass, again and again, while nothing happens.
+
+        Parameters
+        ----------
+        count : int
+            How often, 1..1e6.
+        ticks : int
+            Steps after each reading, 1..1e9.
+
+        Returns
+        -------
+        ndarray of float, shape (count, 5, n_valves)
+            The readings: those of `measure` and `advance` in turn, noise included.
+
+        Raises
+        ------
+        ArgumentError
+            If a motor runs, a fault begins on the way, or somebody watches.
+
+        Examples
+        --------
+        >>> plant = Plant(sensors=Sensors.ideal(), faults=[Fault("O1")])
+        >>> plant.rest(3, 600)[:, 3, 0].round(1).tolist(), plant.time
+        ([113.5, 106.2, 99.4], 180.0)
+        """
+        many = check_whole("count", count, 1, 10**6)
+        steps = check_whole("ticks", ticks, 1, 10**9)
+        if self.running.any() or self._next_start < self.tick + many * steps or self.watchers:
+            raise ArgumentError(f"count is {many}; something happens within {many * steps} steps")
+        truth = np.repeat((self._truth() + self._offsets)[np.newaxis], many, axis=0)
+        offset = self._offsets[_OT]
+        aim, fading = self._cooling(steps, 0.0)
+        for row in truth:
+            row[_OT] = self.temperature + offset
+            self.temperature = aim + (self.temperature - aim) * fading
+        self.ran = np.zeros_like(self.ran)
+        readings = self.sensors.read(truth, self._rng)
+        self._pass(many * steps)
+        return readings
+
+    def _cooling(self, ticks: int, heat: npt.ArrayLike) -> tuple[Floats, Floats]:
+        """Return where the temperatures tend to, and how much of the way is left."""
+        cooling = np.asarray(self._actuator.cooling)
+        aim = np.asarray(self._actuator.ambient + heat / cooling)
+        return aim, np.exp(-cooling * (ticks * self.step) / self._actuator.heat_capacity)
+
+    def _pass(self, ticks: int) -> None:
+        self.tick += ticks
         if self.tick >= self._next_start:
             self._break()
 
@@ -301,11 +325,13 @@ class Plant:
         # A reading that is past the target stops even a valve that cannot move.
         arrives |= self.running & (distance <= 0)
         lasted = np.where(self.running, dt, 0.0)
-        np.divide(distance, speed, out=lasted, where=arrives & (speed > 0))
-        lasted = np.where(arrives & (distance <= 0), 0.0, lasted)
+        if arrives.any():
+            np.divide(distance, speed, out=lasted, where=arrives & (speed > 0))
+            lasted = np.where(arrives & (distance <= 0), 0.0, lasted)
         late = self.running & (self.time + lasted > self.deadline)
-        lasted = np.where(late, np.maximum(self.deadline - self.time, 0.0), lasted)
-        arrives &= ~late
+        if late.any():
+            lasted = np.where(late, np.maximum(self.deadline - self.time, 0.0), lasted)
+            arrives &= ~late
         at_limit = arrives & (to_limit <= np.where(np.isnan(to_target), np.inf, to_target))
         moved = self.opening + way * speed * lasted * self.running
         ends = np.where(way > 0, 1.0, 0.0)
@@ -356,7 +382,7 @@ class Plant:
                 truth[0] = np.where(on, state.pump_pressure, 0.0) / 1e5
                 truth[1] = np.where(on, state.cylinder_pressure, kept) / 1e5
                 truth[2] = np.where(on, motor_current(a, state.pump_pressure), 0.0)
-        truth[3] = self.temperature
+        truth[_OT] = self.temperature
         truth[_VPOS] = 100 * self.opening
         return truth
 
@@ -367,7 +393,6 @@ class Plant:
         due = [fault for fault in self.faults if self.ticks(fault.start) <= self.tick]
         self._actuator, self._offsets = faulty(self._healthy, due, self.n_valves)
         self._oil, self._volume = Oil(self._actuator), np.asarray(self._actuator.stroke_volume)
-        self._load: Floats | None = None
-        self._driven: Hydraulics | None = None
+        self._load = self._driven = None
         later = [start for start in self._starts if start > self.tick]
         self._next_start = later[0] if later else np.inf

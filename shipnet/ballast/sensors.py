@@ -85,14 +85,14 @@ class Sensors:
 
         Parameters
         ----------
-        truth : array_like of float, shape (5, n_valves)
-            True values, offsets of faulty sensors included.
+        truth : array_like of float, shape (..., 5, n_valves)
+            True values, offsets of faulty sensors included; once, or one after the other.
         rng : numpy.random.Generator, optional
             Draws the noise, as many numbers as there are values; no noise if omitted.
 
         Returns
         -------
-        ndarray of float, shape (5, n_valves)
+        ndarray of float, the shape of `truth`
             Readings; NaN stays NaN.
 
         Examples
@@ -101,7 +101,7 @@ class Sensors:
         [90.061, 2.071, 1.2, 150.0, 49.983]
         """
         values = np.asarray(truth, float)
-        if values.ndim != 2 or len(values) != 5:
+        if values.ndim < 2 or values.shape[-2] != 5:
             raise ArgumentError(f"truth has the shape {values.shape}; it must be (5, n_valves)")
         scale = _scale(self)
         if rng is not None:

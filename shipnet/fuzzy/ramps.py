@@ -58,7 +58,14 @@ class Ramps:
                 for ramp in rising + falling:
                     rules[-1].append(ramps.setdefault(ramp, len(ramps)))
         variable, sign, foot, shoulder = (np.array(row) for row in zip(*ramps, strict=True))
-        self._variable, self._rules = variable, [np.array(needed) for needed in rules]
+        self._variable = variable
+        # The longest rules first: those that have a k-th ramp are then the first so many.
+        self._order = np.array(sorted(range(len(rules)), key=lambda k: -len(rules[k])))
+        longest = len(rules[self._order[0]])
+        self._needed = [
+            np.array([rules[k][place] for k in self._order if len(rules[k]) > place])
+            for place in range(longest)
+        ]
         self._sign, self._foot, self._shoulder = (x[:, np.newaxis] for x in (sign, foot, shoulder))
         self._steps = np.flatnonzero(foot == shoulder)
         self._width = np.where(foot == shoulder, 1.0, shoulder - foot)[:, np.newaxis]
@@ -86,7 +93,10 @@ class Ramps:
         part /= self._width
         for step in self._steps:
             part[step] = signed[step] >= self._foot[step]
-        strength = np.empty((len(self._rules), x.shape[1]))
-        for row, needed in zip(strength, self._rules, strict=True):
-            np.minimum.reduce(part[needed], axis=0, out=row)
+        least = part[self._needed[0]]
+        for needed in self._needed[1:]:
+            some = least[: needed.size]
+            np.minimum(some, part[needed], out=some)
+        strength = np.empty(least.shape)
+        strength[self._order] = least
         return strength

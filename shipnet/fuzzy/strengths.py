@@ -164,7 +164,6 @@ def crisp_strengths(base: RuleBase, samples: Samples, *, dead_band: bool = False
     >>> crisp_strengths(base, {"FP": 125, "MC": [2.5, 2.6]}, dead_band=True).of("P1").tolist()
     [1.0, 1.0]
     """
-
     used = {pair for rule in base.rules for pair in rule.antecedent}
 
     def compare(x: Floats) -> Floats:
