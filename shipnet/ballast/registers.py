@@ -185,7 +185,7 @@ class RegisterMap:
             )  # fmt: skip
         except (TypeError, ValueError):
             raise ArgumentError(f"a flag, fault or time does not fit {n} valves") from None
-        if faults.dtype.kind not in "iu" or ((faults < 0) | (faults > 12)).any():
+        if faults.dtype.kind not in "iu" or np.count_nonzero((faults < 0) | (faults > 12)):
             raise ArgumentError(f"fault is {fault!r}; it must be a whole number 0..12")
         flags[0] = ~flags[1]
         in_status = self.status == "table 2"
