@@ -180,7 +180,7 @@ class Plant:
         meant = command.mask(self.n_valves)
         outcome = "stopped" if command.action == "stop" else "replaced"
         self._stop(meant & self.running, self.time, outcome)
-        self._stale, self._load, self._driven = True, None, None
+        self._stale = True
         self.active[meant] = False
         if command.action == "stop":
             return
@@ -193,6 +193,7 @@ class Plant:
             meant = meant & (np.abs(gap) > DEAD_BAND)
         else:
             self.direction[meant] = 1 if command.action == "open" else -1
+        self._load = self._driven = None
         there = np.where(self.direction > 0, self.opening >= 1, self.opening <= 0)
         meant = meant & ~there
         self.running[meant] = self.active[meant] = True

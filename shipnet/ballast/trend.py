@@ -311,11 +311,14 @@ def fit_trend(
     else:
         from scipy.special import stdtr, stdtrit
 
+        # The squares of both must be numbers above 0.
+        if not (1e-100 < np.ptp(places) < 1e100 and 1e-100 < np.ptp(values) < 1e100):
+            raise ArgumentError(
+                f"x and y span {np.ptp(places):g} and {np.ptp(values):g}; it must be 1e-100..1e100"
+            )
         centre = float(places.mean()), float(values.mean())
         away = places - centre[0]
         spread = float(away @ away)
-        if not 0 < spread < inf:
-            raise ArgumentError(f"x spans {np.ptp(places):g}; its square must be a number above 0")
         slope = float(away @ (values - centre[1])) / spread
         rest = values - centre[1] - slope * away
         deviation = sqrt(float(rest @ rest) / (n - 2))
