@@ -268,7 +268,7 @@ class Plant:
         --------
         >>> plant = Plant(sensors=Sensors.ideal(), faults=[Fault("O1")])
         >>> plant.rest(3, 600)[:, 3, 0].round(1).tolist(), plant.time
-        ([113.5, 106.2, 99.4], 180.0)
+        ([95.3, 94.9, 94.5], 180.0)
         """
         many = check_whole("count", count, 1, 10**6)
         steps = check_whole("ticks", ticks, 1, 10**9)
@@ -352,9 +352,8 @@ class Plant:
         ends = np.broadcast_to(np.asarray(when, float), self.n_valves)
         for valve in np.flatnonzero(which):
             start, end = float(self.started[valve]), float(ends[valve])
-            place = float(self.opening[valve])
-            moved = Movement(int(valve), self._action[valve], start, end, place, outcome)
-            self.movements.append(moved)
+            action, place = self._action[valve], float(self.opening[valve])
+            self.movements.append(Movement(int(valve), action, start, end, place, outcome))
             self.last_run[valve] = end - start
         self.running &= ~which
 
