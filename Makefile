@@ -20,6 +20,10 @@ export OMP_NUM_THREADS := 1
 export MPLCONFIGDIR := $(CURDIR)/.venv/matplotlib
 # No Python interpreter is ever downloaded.
 export UV_PYTHON_DOWNLOADS := never
+# Compiled modules are kept, in the environment, also where the caller asks Python not to write any:
+# each notebook and each program that a test starts would compile pandas and matplotlib anew.
+export PYTHONPYCACHEPREFIX := $(CURDIR)/.venv/pycache
+unexport PYTHONDONTWRITEBYTECODE
 # With a backend set, no figure would reach a notebook.
 unexport MPLBACKEND
 unexport VIRTUAL_ENV

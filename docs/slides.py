@@ -1,7 +1,9 @@
 """Slides of a lesson: one file with everything in it, which needs no network.
 
-A heading of level 2 begins a column, any other text and the questions a slide below it. Figures
-stand without their code; exercises show what they ask for; what only a kernel can show is left out.
+A heading of level 2 begins a column, any other text and the questions a slide below it; what a
+class has to predict comes on the next slide. Figures and words stand without their code; exercises
+show what they ask for; what only a kernel can show is left out. In the browser,
+slides_template/fit.js gives figures the room that is left and lets what is too tall go on below.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ REVEAL = TEMPLATE / "vendor" / "reveal-5.2.1"
 #: Cells that a class does not watch.
 HIDDEN = {"setup", "widget", "exercise", "check"}
 #: Where a Markdown cell falls into several slides.
-PART = re.compile(r"^(?=## |\*\*Questions\*\*)", re.MULTILINE)
+PART = re.compile(r"^(?=###? |\*\*Questions\*\*)", re.MULTILINE)
 #: Formulas in rendered Markdown, unless they stand in code.
 FORMULA = re.compile(r"(<code>.*?</code>|<pre.*?</pre>)|\$\$(.+?)\$\$|\$(.+?)\$", re.DOTALL)
 
@@ -44,7 +46,7 @@ def _formula(found: re.Match[str]) -> str:
 
 
 def split(notebook: NotebookNode) -> None:
-    """Let each heading of level 2, and the questions, begin a cell of their own."""
+    """Let each heading of level 2 or 3, and the questions, begin a cell of their own."""
     cells = []
     for cell in notebook.cells:
         texts = PART.split(cell.source) if cell.cell_type == "markdown" else [cell.source]
@@ -55,24 +57,28 @@ def split(notebook: NotebookNode) -> None:
 
 def mark(notebook: NotebookNode) -> None:
     """Set the kind of slide of every cell."""
-    below = ""
+    asked = False
     for cell in notebook.cells:
         shows = any("image/png" in output.get("data", {}) for output in cell.get("outputs", []))
         kind = "-"
         if cell.cell_type == "markdown":
+            asked = "Predict" in cell.source
             if cell.source.startswith(("# ", "## ")):
                 kind = "slide"
-            # What stands below a figure stays there, and all exercises stand on one slide.
-            elif not re.match(r"\*[^*]|\*\*\d", cell.source):
+            # A caption and what is to be noticed stay with what they speak of, if there is room;
+            # exercises follow each other.
+            elif not re.match(r"\*[^*]|\*\*(\d|What to notice)", cell.source):
                 kind = "subslide"
-        elif HIDDEN & editions.tags(cell) or re.match(r"(import|from) ", cell.source):
+        elif HIDDEN & editions.tags(cell) or (
+            re.match(r"(import|from) ", cell.source) and not cell.get("outputs")
+        ):
             kind = "skip"
-        elif shows:
-            kind = "subslide"
-            cell.metadata["transient"] = {"remove_source": True}
-        elif re.match(r"\*[^*].*\n\n", below):  # a figure with this much text fills its slide
-            kind = "subslide"
-        below = cell.source if cell.cell_type == "markdown" else ""
+        else:
+            # The class predicts before it sees.
+            kind = "subslide" if asked else "-"
+            asked = False
+            if shows or cell.source.startswith("glossary("):
+                cell.metadata["transient"] = {"remove_source": True}
         cell.metadata["slideshow"] = {"slide_type": kind}
 
 
@@ -92,6 +98,7 @@ def write(root: Path, source: Path) -> Path:
     script = (REVEAL / "reveal.js").read_text("utf-8").partition("//# sourceMappingURL")[0]
     resources = {
         "reveal_js": script.replace("</script", r"<\/script"),
+        "fit_js": (TEMPLATE / "fit.js").read_text("utf-8"),
         "reveal_css": (REVEAL / "reveal.css").read_text("utf-8"),
         "slides_css": (TEMPLATE / "slides.css").read_text("utf-8"),
     }

@@ -165,7 +165,7 @@ def check_modbus(own):
     assert all(len(names) == 1 for names in devices.values())
     character = 11 / own.row.bit_rate
     silence = 1.75e-3 if own.row.bit_rate > 19200 else 3.5 * character
-    scan, slowest = 0.0, {}
+    scan, slowest, given_up = 0.0, {}, 0.0
     for unit, kinds in units.items():
         times = []
         # Function 4: 8 bytes there, 5 and two a register back; 16: 9 and two a register, and 8.
@@ -174,9 +174,17 @@ def check_modbus(own):
             if count:
                 bytes_ = fixed + 2 * count
                 times.append(bytes_ * character + 2 * silence + limits.processing)
+        # A request that is written has 9 bytes and two a register, one that reads has 8.
+        written = len({register for register, _ in kinds["holding"]})
+        waiting = limits.timeout + limits.processing + 256 * character
+        given_up += (9 + 2 * written if written else 8) * character + waiting
         scan += sum(times)
         slowest[unit] = max(times)
     assert abs(1e3 * scan - own.row.scan_ms) < CLOSE
+    if own.settings.redundant:
+        assert abs(1e3 * (scan + given_up) - own.row.switch_over_ms) < CLOSE
+    else:
+        assert np.isnan(own.row.switch_over_ms)
     for point in own.points.itertuples():
         response = scan + slowest[point.address.split()[0]]
         assert abs(1e3 * response - point.response_ms) < CLOSE

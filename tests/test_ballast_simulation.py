@@ -9,6 +9,7 @@ from shipnet.ballast import FAULTS, Actuator, Command, Fault, Plant, Sensors, bl
 from shipnet.ballast.channels import normal_values
 from shipnet.ballast.faults import fault_table, faulty
 from shipnet.ballast.hydraulics import move_time, stroke_time
+from shipnet.ballast.monitor import Monitor
 from shipnet.ballast.motor import losses, steady_temperature
 from shipnet.errors import ArgumentError
 
@@ -113,6 +114,45 @@ def test_blocks_of_any_size_strung_together_are_the_whole(size, idle):
         together = np.concatenate([getattr(part, name) for part in parts])
         assert np.array_equal(together, getattr(whole, name), equal_nan=True), name
     assert sum((part.movements for part in parts), ()) == whole.movements
+
+
+def test_rest_is_measure_and_advance_in_turn():
+    faults = [Fault("Pos2", valves=1), Fault("O1", start=60.0, valves=2)]
+    plants = [
+        Plant(n_valves=3, faults=faults, opening=[0, 0.4, 1], rng=np.random.default_rng(7))
+        for _ in range(2)
+    ]
+    one, other = plants
+    steps = []
+    for _ in range(12):
+        steps.append(one.measure())
+        one.advance(50)
+    assert np.array_equal(other.rest(12, 50), steps)
+    assert one.tick == other.tick
+    assert np.array_equal(one.temperature, other.temperature)
+    # The fault that is due now has begun in both.
+    assert np.array_equal(one.measure(), other.measure())
+
+
+def test_a_valve_that_turns_round_beside_a_running_one_does_as_it_would_alone():
+    orders = [Command("open"), Command("position", 5.0, position=10, valves=0)]
+    alone = simulate(commands=orders, n_valves=1, duration=20)
+    beside = simulate(commands=orders, n_valves=2, duration=20)
+    assert np.array_equal(beside.readings[:, :, 0], alone.readings[:, :, 0])
+    # The torque of the flow helps it to close: it takes less pressure than on the way up.
+    assert alone.OP[51, 0] < alone.OP[49, 0] - 0.1
+
+
+def test_nothing_rests_that_runs_breaks_or_is_watched():
+    breaks, runs, watched = Plant(faults=[Fault("O1", start=5.0)]), Plant(), Plant()
+    runs.order(Command("open"))
+    Monitor(watched)
+    for plant in (breaks, runs, watched):
+        with pytest.raises(ArgumentError, match="something happens within 51 steps"):
+            plant.rest(51, 1)
+    breaks.rest(50, 1)
+    with pytest.raises(ArgumentError, match="count is 0"):
+        breaks.rest(0, 1)
 
 
 def test_an_idle_day_is_one_reading_a_second_and_events_are_not_missed():

@@ -183,6 +183,32 @@ def test_a_slave_finds_what_the_offline_diagnosis_of_the_same_readings_finds():
     assert active.any(axis=1).tolist() == [True] * 12 + [False]
 
 
+def test_what_is_still_wrong_is_found_again_though_no_reading_changes():
+    plant = Plant(n_valves=2, faults=[Fault("Pos4", valves=1)])
+    monitor = Monitor(plant)
+    rows = []
+    for time in range(1, 9):
+        plant.run_until(float(time))
+        rows.append((monitor.row(0), monitor.row(1)))
+        if time == 4:
+            monitor.report(1, 0)
+    wrong = rows[2]
+    assert wrong[0] == 0 < wrong[1]
+    # Three of the last five readings, counted anew after the command.
+    assert rows == [(0, 0)] * 2 + [wrong] * 2 + [(0, 0)] * 2 + [wrong] * 2
+
+
+def test_a_fault_that_begins_at_rest_is_seen_in_the_readings_from_then_on():
+    plant = Plant(faults=[Fault("Pos4", start=3.5)])
+    monitor = Monitor(plant)
+    rows = []
+    for time in range(1, 8):
+        plant.run_until(float(time))
+        rows.append(monitor.row(0))
+    assert rows[:5] == [0] * 5
+    assert rows[5] == rows[6] > 0
+
+
 def test_a_found_fault_stays_until_the_next_command_and_a_dead_sensor_finds_none():
     plant = Plant(faults=[Fault("V1")])
     device = ValveDevice(plant)

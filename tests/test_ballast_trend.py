@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
-from scipy.stats import t
+from scipy.stats import linregress, t
 
 from shipnet.ballast import Actuator, Command, Fault, operating_point, simulate
 from shipnet.ballast.faults import faulty
@@ -81,6 +81,25 @@ def test_the_band_of_least_squares_is_that_of_the_covariance_of_polyfit():
     low, high = trend.band(at)
     np.testing.assert_allclose((high + low) / 2, slope * at + offset)
     np.testing.assert_allclose((high - low) / 2, t.ppf(0.95, 58) * deviation)
+
+
+@pytest.mark.parametrize("noise", [0.1, 5.0, 50.0])
+@pytest.mark.parametrize("method", ["linear", "log-linear"])
+def test_least_squares_are_those_of_scipy(method, noise):
+    y = line(np.random.default_rng(11), method, 0.5, noise)
+    trend = fit_trend(X, y, method=method, confidence=0.9)
+    peer = linregress(X, np.log(y) if method == "log-linear" else y)
+    wide = t.ppf(0.95, 58) * peer.stderr
+    found = (trend.slope, trend.slope_low, trend.slope_high)
+    assert found == pytest.approx((peer.slope, peer.slope - wide, peer.slope + wide), rel=1e-9)
+    assert trend.p_value == pytest.approx(peer.pvalue, rel=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1e-170, 1e170])
+def test_points_too_near_or_too_far_for_least_squares_are_refused(scale):
+    for x, y in ((X * scale, X), (X, X * scale)):
+        with pytest.raises(ArgumentError, match=r"must be 1e-100\.\.1e100"):
+            fit_trend(x, y, method="linear")
 
 
 def test_theil_sen_is_not_moved_by_wild_points_and_least_squares_is():

@@ -125,10 +125,16 @@ def test_auxiliary_power_goes_to_outputs_and_no_further():
     iolist = table(rows)
     both = plan(iolist, Site((0, 0, 0)), "AS-i")
     feeders = both.runs[both.runs["kind"] == "feeder"]
-    assert feeders["a"].tolist() == ["cabinet"]
+    assert feeders["a"].tolist() == ["AS-i 1 auxiliary supply"]
+    assert feeders["at_cabinet"].tolist() == [True]
+    supply = both.devices.set_index("device").loc["AS-i 1 auxiliary supply"]
+    assert (supply["kind"], supply["at"]) == ("auxiliary supply", "cabinet")
     assert feeders["b"].item() == both.points["device"].iloc[0]
     none = plan(iolist, Site((0, 0, 0)), "AS-i", settings=Settings(asi=AsiLimits(auxiliary=False)))
     assert "feeder" not in set(none.runs["kind"])
+    assert "auxiliary supply" not in set(none.devices["kind"])
+    inputs = plan(table(rows[1:]), Site((0, 0, 0)), "AS-i")
+    assert "auxiliary supply" not in set(inputs.devices["kind"])
 
 
 def test_a_line_that_breaks_a_rule_of_signals_is_refused_with_the_rule():

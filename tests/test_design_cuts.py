@@ -1,5 +1,7 @@
 """Single failures of planned networks, against one graph search a failure."""
 
+from dataclasses import replace
+
 import networkx as nx
 import numpy as np
 import pandas as pd
@@ -82,7 +84,10 @@ def searched(network, cut=(), dead=()):
         for line in "AB":
             supplied |= {n for n, _ in nx.node_connected_component(power, (name, line))}
     alive = reached - dead
-    return alive, supplied, nx.node_connected_component(auxiliary, network.cabinet), wires
+    outputs = set()
+    for name in kind.index[(kind == "auxiliary supply") & ~kind.index.isin(dead)]:
+        outputs |= nx.node_connected_component(auxiliary, name)
+    return alive, supplied, outputs, wires
 
 
 def points_reached(network, needs, cut=(), dead=()):
@@ -104,8 +109,9 @@ def random_network(rng, n_devices=9, n_points=12):
     """Return devices and cables at random: buses, boxes, repeaters, supplies, loops and gaps."""
     segments = ["s1", "s2", "s3"]
     buses = list(rng.choice(["AS-i", "CAN", "hardwired"], 3))
-    kinds = rng.choice(["module", "station", "box", "master", "gateway", "repeater", "supply"],
-                       n_devices, p=[0.25, 0.25, 0.1, 0.15, 0.05, 0.1, 0.1])  # fmt: skip
+    kinds = rng.choice(["module", "station", "box", "master", "gateway", "repeater", "supply",
+                        "auxiliary supply"],
+                       n_devices, p=[0.25, 0.2, 0.1, 0.1, 0.05, 0.1, 0.1, 0.1])  # fmt: skip
     devices = [{"device": "cabinet", "kind": "cabinet", "segment": "", "at": ""}]
     for n, kind in enumerate(kinds):
         housing = "cabinet" if kind in ("master", "gateway", "supply") else devices[-1]["device"]
@@ -147,6 +153,24 @@ def random_network(rng, n_devices=9, n_points=12):
     )  # fmt: skip
 
 
+def shorted(network, name):
+    """Return the runs that a short of one of them takes, by a walk from run to run."""
+    runs = network.runs.set_index("run")
+    kind = network.devices.set_index("device")["kind"]
+    first = runs.loc[name]
+    parts = {"repeater", "gateway"} if first["kind"] == "trunk" else {"cabinet", "gateway"}
+    same = runs[
+        (runs[["kind", "segment", "line"]] == first[["kind", "segment", "line"]]).all(axis=1)
+    ]
+    taken, waiting = {name}, [name]
+    while waiting:
+        ends = {end for end in runs.loc[waiting.pop(), ["a", "b"]] if kind[end] not in parts}
+        more = set(same.index[same["a"].isin(ends) | same["b"].isin(ends)]) - taken
+        taken |= more
+        waiting += more
+    return sorted(taken)
+
+
 @settings(max_examples=8)
 @given(st.integers(0, 10**6))
 def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
@@ -157,10 +181,10 @@ def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
     for failure, names in (("cut", network.runs["run"]), ("device", network.devices["device"])):
         assert table.loc[table["failure"] == failure, "failed"].tolist() == names.tolist()
     for row in table.itertuples():
-        if row.failure == "short":
-            continue
+        together = shorted(network, row.failed) if row.failure == "short" else []
         on_tray = [r.run for r in network.runs.itertuples() if row.failed in r.way]
-        cut = {"cut": [row.failed], "tray": on_tray, "device": []}[row.failure]
+        cut = {"cut": [row.failed], "tray": on_tray, "device": [],
+               "short": together}[row.failure]  # fmt: skip
         dead = [row.failed] if row.failure == "device" else []
         gone = before - points_reached(network, needs, cut, dead)
         assert set(row.tags) == gone, row
@@ -214,6 +238,44 @@ def test_a_short_of_one_branch_takes_all_branches_of_a_master():
     trunk = table[table["kind"] == "trunk"]
     assert trunk.query("failure == 'cut'")["points_lost"].tolist() == [1, 1]
     assert trunk.query("failure == 'short'")["points_lost"].tolist() == [2]
+
+
+def test_a_short_of_a_feeder_takes_the_stations_that_hang_on_the_same_supply():
+    iolist = parse_iolist(
+        "tag,signal,x,y,z\n" + "\n".join(f"P-{n},contact,{20 * n},0,0" for n in range(1, 5))
+    )
+    for redundant, costs in ((False, 4), (True, 0)):
+        network = plan(iolist, Site((0, 0, 0)), "CAN", settings=Settings(redundant=redundant))
+        shorts = single_cuts(network).query("failure == 'short' and kind == 'feeder'")
+        assert shorts["points_lost"].tolist() == [costs] * (1 + redundant)
+        cuts = single_cuts(network).query("failure == 'cut' and kind == 'feeder'")
+        assert cuts["points_lost"].max() == costs
+
+
+def test_feeders_that_meet_in_the_cabinet_alone_are_shorted_one_by_one():
+    network = example()
+    supplies = pd.DataFrame({"device": ["S1", "S2"], "kind": "supply", "segment": "loop 1",
+                             "x_m": 9.0, "y_m": 0.0, "z_m": 4.0, "at": ""})  # fmt: skip
+    feeders = network.runs.head(2).assign(
+        run=["feeder 1", "feeder 2"], kind="feeder", a="cabinet", b=["S1", "S2"]
+    )
+    fed = replace(
+        network,
+        devices=pd.concat([network.devices, supplies]),
+        runs=pd.concat([network.runs, feeders]),
+    )
+    shorts = single_cuts(fed).query("failure == 'short' and kind == 'feeder'")
+    assert shorts["failed"].tolist() == ["feeder 1", "feeder 2"]
+
+
+def test_outputs_of_as_i_need_the_auxiliary_supply_and_inputs_do_not():
+    iolist = parse_iolist("tag,signal,x,y,z\nV,solenoid,30,0,0\nP,contact,60,0,0")
+    network = plan(iolist, Site((0, 0, 0)), "AS-i")
+    assert lost(network, devices=["AS-i 1 auxiliary supply"]) == ("V",)
+    table = single_cuts(network)
+    feeder = table[table["kind"] == "feeder"]
+    assert feeder["failure"].tolist() == ["cut", "short"]
+    assert feeder["tags"].tolist() == [("V",), ("V",)]
 
 
 def test_two_lines_are_lost_only_if_both_are_cut():

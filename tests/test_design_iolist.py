@@ -203,6 +203,16 @@ def test_type_signal_and_conductors_follow_from_each_other():
     assert points["conductors"].tolist() == [2, 2, 2, 4, 2, 2]
 
 
+def test_a_proximity_switch_is_told_apart_by_its_wires():
+    given = "tag,type,signal,cores,home run\na,DI,proximity switch,3,1\nb,DI,proximity switch,2,1\n"
+    given += "c,,PNP,,1\nd,DI,inductive sensor 2-wire,,1\n"
+    points = parse_iolist(given).points
+    assert points["signal"].tolist() == ["proximity_3wire", "contact"] * 2
+    assert points["conductors"].tolist() == [3, 2] * 2
+    (said,) = faults("tag,type,signal,home run\na,DI,proximity switch,1")
+    assert "it may be contact or proximity_3wire: name one, or give the conductors" in said
+
+
 def test_a_box_has_one_place_and_needs_it_only_once():
     head = "tag,type,home run,box,box x,box y,box z\n"
     points = parse_iolist(f"{head}a,DI,9,JB1,,,\nb,DI,9,JB1,1,2,3\nc,DI,9,JB2,,,").points

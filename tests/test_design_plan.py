@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.design.iolist import load_iolist, parse_iolist
+from shipnet.design.iolist import from_table, load_iolist, parse_iolist
 from shipnet.design.plan import OPTIONS, mix, plan
 from shipnet.design.plan.settings import AsiLimits, BoxLimits, CanLimits, ModbusLimits, Settings
 from shipnet.design.site import Site
@@ -65,6 +65,25 @@ def test_the_hardwired_example_is_as_long_as_its_list_says(example):
     drops = boxes[boxes["kind"] == "drop"]
     assert drops["length_m"].sum() == pytest.approx(example.points["to_box_m"].sum())
     assert boxes.loc[boxes["kind"] == "trunk", "used"].sum() == 792
+
+
+@pytest.mark.parametrize(
+    ("option", "kind"), [("home runs", "home run"), ("junction boxes", "drop")]
+)
+def test_lengths_of_the_list_can_be_left_aside(example, option, kind):
+    bare = from_table(example.points.drop(columns=["home_run_m", "to_box_m"]))
+    site = Site((26, 6, 14))
+    reckoned = plan(example, site, option, settings=Settings(list_lengths=False)).runs
+    pd.testing.assert_frame_equal(reckoned, plan(bare, site, option).runs)
+    kept = plan(example, site, option).runs
+    mine = kept["kind"] == kind
+    assert (kept["length_m"] != reckoned["length_m"])[mine].any()
+
+
+def test_a_point_without_a_place_keeps_its_length_whatever_the_settings_say():
+    iolist = parse_iolist("tag,type,x,y,z,home run\nA,DI,,,,40\nB,DI,9,0,0,40")
+    runs = plan(iolist, SITE, "home runs", settings=Settings(list_lengths=False)).runs
+    assert runs["length_m"].tolist() == [40.0, SITE.length(9.0)]
 
 
 def test_a_trunk_has_its_pairs_and_their_reserve(example):

@@ -17,10 +17,11 @@ from shipnet.design.costs.quantities import CABLE_RANGES, FIGURES, Model, quanti
 from shipnet.design.costs.savings import conductor_saving, cost_saving
 from shipnet.design.costs.sensitivity import tornado
 from shipnet.design.costs.uncertainty import draw, likely
+from shipnet.design.example import example
 from shipnet.design.iolist import load_iolist
 from shipnet.design.network import Network, frame
 from shipnet.design.plan import OPTIONS as OPTIONS_OF_A_PLAN
-from shipnet.design.plan import plan
+from shipnet.design.plan import Settings, plan
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 
@@ -106,7 +107,12 @@ def by_hand(network, level, assumptions=None):
         if kind == "module":
             own = [types[p.tag] for p in network.points.itertuples() if p.device == device.device]
             price = "asi_analogue_module" if {"AI", "AO"} & set(own) else price
+        price = "supply" if kind == "auxiliary supply" else price
         total["hardware cost"] += assumed.at(price, level)
+        reached = {r.line for r in network.runs.itertuples()
+                   if r.kind == "trunk" and device.device in (r.a, r.b)}  # fmt: skip
+        if kind == "station" and {"A", "B"} <= reached:
+            total["hardware cost"] += assumed.at("second_interface", level)
         slow = {"gateway": "master", "box": "box", "module": "module", "station": "station",
                 "master": "master"}.get(kind, "part")  # fmt: skip
         total["labour"] += assumed.at(f"{slow}_time", level)
@@ -138,6 +144,19 @@ def test_planned_networks_are_summed_in_the_same_way(ship, option):
     if option in ("home runs", "junction boxes"):
         wired = hardwired_conductors(count_points(ship.points))
         assert table.loc["conductors at the cabinet", "nominal"] == wired
+
+
+def test_a_station_with_two_lines_costs_a_second_interface(ship):
+    one, two = (
+        plan(ship, Site((22.0, 0.0, 14.0)), "CAN", settings=Settings(redundant=redundant))
+        for redundant in (False, True)
+    )
+    stations = int((two.devices["kind"] == "station").sum())
+    assert bill_of(two).items["second_interface"] == stations > 1
+    assert "second_interface" not in bill_of(one).items
+    table = quantities(two).table
+    for figure, value in by_hand(two, "low").items():
+        assert table.loc[figure, "low"] == pytest.approx(value, rel=1e-12), figure
 
 
 def test_the_planner_wires_the_plants_of_the_papers_with_as_many_conductors():
@@ -274,8 +293,10 @@ def test_the_assumptions_file_is_in_order_and_every_row_is_used():
     assert table.map(lambda cell: cell != "").all(axis=None)
     assert set(table["status"]) == {"assumed", "derived"}
     assert set(table["unit"]) == {"EUR", "EUR/h", "h", "1"}
-    # The mixed plant has every device and every channel; a digital module stands in the other.
-    assert set(table.index) <= {*Model(MIXED).names, *Model(PLANT.on_asi).names}
+    # The mixed plant has every device and every channel; a digital module and stations with two
+    # lines stand in the others.
+    others = Model(PLANT.on_asi).names, Model(example(redundant=True)).names
+    assert set(table.index) <= set(Model(MIXED).names).union(*others)
     # What a length laid may be, from the detour and the tails that the row names.
     low, nominal, high = ((k * 40 + tail) / 51 for k, tail in [(1.05, 3), (1.15, 5), (1.3, 8)])
     laid = Assumptions()["laid_length"]

@@ -9,13 +9,19 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.design.example import example
+from shipnet.design.iolist import parse_iolist
 from shipnet.design.network import Network
+from shipnet.design.plan import Settings, plan
 from shipnet.design.rules import HOST_TIME, check, rules_of
 from shipnet.design.rules.cuts import lost
 from shipnet.design.rules.measures import APPLIES, MEASURES
 from shipnet.design.rules.rule_set import RULE_SETS, Rule, load_rules, published_rules
+from shipnet.design.site import Site
 from shipnet.engine import class_rules
 from shipnet.errors import ArgumentError, InputError
+from shipnet.modbus.request import ReadRequest
+from shipnet.modbus.ring import Break, Loop, sweep
+from shipnet.modbus.timing import Poll, Serial
 
 
 def changed(network, **tables):
@@ -147,6 +153,50 @@ def test_nothing_is_passed_while_a_point_concerned_is_left_out(measure):
     left = changed(network, points=network.points.assign(fits=[True, True, True, False]))
     row = judged(left, "late points", 0.0, applies="essential")  # the bilge is of category I
     assert row["verdict"] == "pass"
+
+
+def planned(option, signals=("contact",) * 3, **settings):
+    rows = [f"P-{n},{signal},{40 * n},0,0" for n, signal in enumerate(signals, 1)]
+    iolist = parse_iolist("\n".join(["tag,signal,x,y,z", *rows]))
+    return plan(iolist, Site((0, 0, 0)), option, settings=Settings(**settings))
+
+
+def test_the_switch_over_of_a_loop_is_what_the_simulated_master_needs():
+    network = planned("Modbus RTU", redundant=True)
+    row = judged(network, "switch-over", 5.0, confirmed=True)
+    line = Serial(9600)
+    poll = Poll.of(ReadRequest(4, 0, 1), line, processing=0.005,
+                   timeout=1.005 + line.frame_time(256))  # fmt: skip
+    loop = Loop(3, poll)
+    assert row["computed"] == pytest.approx(float(loop.gaps(0, 3, 0)[1]))
+    assert row["computed"] == pytest.approx(sweep(loop, [Break(0)]).max())
+    assert row["verdict"] == "pass"
+    assert judged(network, "switch-over", 3.0, confirmed=True)["verdict"] == "fail"
+
+
+def test_a_link_with_one_line_never_switches_over_and_can_has_nothing_to_switch():
+    row = judged(planned("Modbus RTU"), "switch-over", 60.0, confirmed=True)
+    assert (row["computed"], row["verdict"], row["subject"]) == (np.inf, "fail", "Modbus 1")
+    row = judged(planned("CAN", redundant=True), "switch-over", 0.0, confirmed=True)
+    assert (row["computed"], row["verdict"]) == (0.0, "pass")
+    assert (
+        judged(planned("home runs"), "switch-over", 0.0)["why"] == "no data link has such a point"
+    )
+    row = judged(example(redundant=True), "switch-over", 60.0, confirmed=True)
+    assert row["verdict"] == "not verified" and "is not in the plan" in row["why"]
+    outputs = judged(planned("CAN", redundant=True), "switch-over", 0.0, applies="outputs")
+    assert outputs["verdict"] == "not verified"
+
+
+def test_a_supply_changes_over_only_if_another_feeds_beside_it():
+    for redundant, computed, verdict in ((True, 0.0, "pass"), (False, np.inf, "fail")):
+        network = planned("CAN", redundant=redundant)
+        row = judged(network, "supply change-over", 2.0, confirmed=True)
+        assert (row["computed"], row["verdict"]) == (computed, verdict)
+    asi = planned("AS-i", ("contact", "solenoid"))
+    assert judged(asi, "supply change-over", 2.0, confirmed=True)["verdict"] == "fail"
+    none = judged(planned("home runs"), "supply change-over", 2.0, confirmed=True)
+    assert (none["verdict"], none["why"]) == ("not verified", "no supply is planned")
 
 
 def test_lines_that_share_a_tray_do_not_run_apart():

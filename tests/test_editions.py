@@ -208,6 +208,41 @@ def test_a_heading_and_the_questions_begin_a_slide():
     assert len({cell.id for cell in notebook.cells}) == 3
 
 
+def kinds_of(*cells):
+    notebook = nbformat.v4.new_notebook(cells=list(cells))
+    slides.mark(notebook)
+    return [cell.metadata["slideshow"]["slide_type"] for cell in notebook.cells]
+
+
+def code(source, *, prints=True):
+    cell = nbformat.v4.new_code_cell(source)
+    if prints:
+        cell.outputs = [nbformat.v4.new_output("stream", text="1")]
+    return cell
+
+
+def test_what_a_class_predicts_comes_on_the_next_slide():
+    text = nbformat.v4.new_markdown_cell
+    shown = [text("Text."), code("one"), text("**What to notice.** One."), text("*A caption.*")]
+    assert kinds_of(*shown) == ["subslide", "-", "-", "-"]
+    asked = [text("**Predict:** one?"), code("one"), code("two"), text("More."), code("three")]
+    assert kinds_of(*asked) == ["subslide", "subslide", "-", "subslide", "-"]
+
+
+def test_the_words_stand_without_their_code():
+    notebook = nbformat.v4.new_notebook(cells=[code("glossary(1)"), code("show(1)")])
+    slides.mark(notebook)
+    assert [cell.metadata.get("transient") for cell in notebook.cells] == [
+        {"remove_source": True},
+        None,
+    ]
+
+
+def test_imports_are_no_slide_unless_they_show_something():
+    cells = [code("import one", prints=False), code("from one import two\ntwo")]
+    assert kinds_of(*cells) == ["skip", "-"]
+
+
 def test_reveal_comes_with_its_licence():
     assert "Permission is hereby granted" in (slides.REVEAL / "LICENSE").read_text()
     assert (slides.REVEAL / "reveal.js").stat().st_size > 100_000

@@ -49,6 +49,36 @@ def samples_of(table):
     return dict(zip(BASE.names, columns, strict=True))
 
 
+@given(
+    corners=st.lists(
+        st.tuples(*(st.integers(-3, 3) for _ in range(4)), st.sampled_from(["", "left", "right"])),
+        min_size=1,
+        max_size=4,
+    ),
+    x=st.lists(st.one_of(st.floats(-4, 4), st.integers(-4, 4), st.just(NAN)), min_size=1),
+)
+def test_a_rule_is_the_smallest_membership_of_its_terms_steps_and_shoulders_included(corners, x):
+    variables = []
+    for place, (*numbers, open_end) in enumerate(corners):
+        a, b, c, d = sorted(map(float, numbers))
+        a, b = (-math.inf, -math.inf) if open_end == "left" else (a, b)
+        c, d = (math.inf, math.inf) if open_end == "right" else (c, d)
+        term = Term("t", (a, b, c, d), Interval.parse("x >= 0"))
+        variables.append(Variable(f"V{place}", "1", -3.5, 3.5, (term,)))
+    names = [variable.name for variable in variables]
+    # Rules of all lengths, the shortest first.
+    rules = [
+        Rule(f"R{k}", tuple((name, "t") for name in names[: k + 1]), k + 1)
+        for k in range(len(names))
+    ]
+    values = np.array(x, float)
+    found = strengths(RuleBase(variables, rules), dict.fromkeys(names, values)).strength
+    within = np.clip(values, -3.5, 3.5)
+    degrees = [variable.terms[0].membership(within) for variable in variables]
+    for k in range(len(names)):
+        assert np.array_equal(found[:, k], np.min(degrees[: k + 1], axis=0))
+
+
 def uniform(n, seed=2024):
     rng = np.random.default_rng(seed)
     return {v.name: rng.uniform(v.low, v.high, n) for v in BASE.variables}

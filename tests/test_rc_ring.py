@@ -372,3 +372,11 @@ def test_arguments_out_of_range_are_named(make, message):
     with pytest.raises(ArgumentError) as error:
         make()
     assert re.search(message, str(error.value))
+
+
+@pytest.mark.parametrize("rule", RULES)
+@given(size=st.integers(2, 9), before=st.binary(max_size=20), data=st.binary(max_size=40))
+def test_bytes_stored_at_once_are_bytes_stored_one_by_one(rule, size, before, data):
+    whole, single = filled(size, rule, before), filled(size, rule, before + data)
+    whole.store_all(data)
+    assert (whole.cells, whole.state, whole.unread) == (single.cells, single.state, single.unread)

@@ -59,6 +59,17 @@ def test_a_price_plans_nothing_anew_and_a_limit_does(monkeypatch, small):
         update(replace(SMALL, redundant=True))
 
 
+def test_lengths_of_the_list_can_be_left_aside():
+    listed = Inputs(junction_boxes=False, asi=False, modbus=False)
+    kept, reckoned = (
+        update(replace(listed, list_lengths=keeps)).comparison for keeps in (True, False)
+    )
+    lengths = kept.table["cable length"] / reckoned.table["cable length"]
+    assert lengths["home runs"] != 1
+    assert kept.networks["home runs"].runs["route_m"].isna().all()
+    assert reckoned.networks["home runs"].runs["route_m"].notna().all()
+
+
 def test_the_labour_rate_is_paid_by_the_hour_and_the_price_of_parts_by_the_part(small):
     base, takes = small.comparison.table, small.comparison.quantities
     dear = update(replace(SMALL, labour=75.0)).comparison.table

@@ -123,6 +123,11 @@ def transfer_cycles(
     profile = Profile.parse(profile) if isinstance(profile, str) else profile
     check_whole("channels", channels, 1, _CHANNELS)
     check_whole("extra_rounds", extra_rounds, 0, 1000)
+    return _value_cycles(profile, direction, value_bit) * (channels + extra_rounds)
+
+
+@cache
+def _value_cycles(profile: Profile, direction: str, value_bit: int | None) -> int:
     table = _profiles()
     names = [str(profile), f"S-{profile.io:X}.{profile.id:X}"]
     found = table[table["profile"].isin(names) & (table["direction"] == direction)]
@@ -135,8 +140,7 @@ def transfer_cycles(
             f"profile is '{profile}' {direction}"
             f"{'' if value_bit is None else f' {value_bit} bit'}; known are {', '.join(known)}"
         )
-    cycles = int(found.sort_values("value_bit")["cycles"].iloc[-1])
-    return cycles * (channels + extra_rounds)
+    return int(found.sort_values("value_bit")["cycles"].iloc[-1])
 
 
 def transfer_time(

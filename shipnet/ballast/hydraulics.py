@@ -20,6 +20,7 @@ from shipnet.line.quantity import check_scalar
 
 __all__ = [
     "Hydraulics",
+    "Oil",
     "hydraulics",
     "load_pressure",
     "move_time",
@@ -84,7 +85,7 @@ def valve_torque(
     >>> valve_torque(Actuator(), [0.0, 0.5, 1.0]).round(1).tolist()
     [70.0, 65.0, 55.0]
     """
-    x = np.clip(np.asarray(opening, float), 0, 1)
+    x = np.minimum(np.maximum(np.asarray(opening, float), 0), 1)
     flow = np.asarray(direction) * actuator.dynamic_torque * x * np.sin(np.pi * x) ** 2
     friction = actuator.bearing_torque + actuator.seating_torque * np.exp(-x / _SEAT)
     return np.asarray(np.maximum(friction + flow, 0.0))
@@ -143,22 +144,59 @@ def hydraulics(actuator: Actuator, load: npt.ArrayLike) -> Hydraulics:
     >>> (state.pump_pressure / 1e5).round(1).tolist(), (state.flow * 1e6).round(1).tolist()
     ([90.0, 127.6], [54.8, 0.0])
     """
-    a = actuator
-    pumped = np.asarray(a.displacement) * a.speed
-    leaks = (np.asarray(a.pump_leak), np.asarray(a.pump_leak) + a.relief_slope)
-    supplies = (pumped, pumped + np.asarray(a.relief_slope) * a.relief_pressure)
-    # The pressure at which all that passes the lock valve leaks past the piston.
-    blocked = np.asarray(np.inf)
-    for leak, supply in zip(leaks, supplies, strict=True):
-        s = _root(leak, a.restrictor * (1 + leak / a.piston_leak), supply)
-        blocked = np.minimum(blocked, a.restrictor * s / a.piston_leak)
-    cylinder = np.minimum(np.asarray(load, float), blocked)
-    drop = np.asarray(np.inf)
-    for leak, supply in zip(leaks, supplies, strict=True):
-        drop = np.minimum(drop, _root(leak, a.restrictor, np.maximum(supply - leak * cylinder, 0)))
-    moving = np.asarray(load) < blocked
-    flow = np.where(moving, a.restrictor * drop - a.piston_leak * cylinder, 0.0)
-    return Hydraulics(cylinder + drop**2, cylinder, np.maximum(flow, 0.0))
+    return Oil(actuator).state(load)
+
+
+class Oil:
+    """The oil of an actuator, with what no load changes worked out once.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Pump, relief valve, lock valve and cylinder.
+
+    Examples
+    --------
+    >>> oil = Oil(Actuator())
+    >>> [(oil.state(load).flow * 1e6).round(1).item() for load in (2e5, 4e5)]
+    [54.8, 54.7]
+    """
+
+    def __init__(self, actuator: Actuator) -> None:
+        a = actuator
+        pumped = np.asarray(a.displacement) * a.speed
+        leaks = (np.asarray(a.pump_leak), np.asarray(a.pump_leak) + a.relief_slope)
+        supplies = (pumped, pumped + np.asarray(a.relief_slope) * a.relief_pressure)
+        self._balances = tuple(zip(leaks, supplies, strict=True))
+        self._restrictor, self._piston_leak = a.restrictor, a.piston_leak
+        # The pressure at which all that passes the lock valve leaks past the piston.
+        self._blocked = np.asarray(np.inf)
+        for leak, supply in self._balances:
+            s = _root(leak, a.restrictor * (1 + leak / a.piston_leak), supply)
+            self._blocked = np.minimum(self._blocked, a.restrictor * s / a.piston_leak)
+
+    def state(self, load: npt.ArrayLike) -> Hydraulics:
+        """Return pressures and flow for a load.
+
+        Parameters
+        ----------
+        load : array_like of float
+            As for `hydraulics`.
+
+        Returns
+        -------
+        Hydraulics
+            As from `hydraulics`.
+        """
+        wanted = np.asarray(load, float)
+        cylinder = np.minimum(wanted, self._blocked)
+        drop = np.asarray(np.inf)
+        for leak, supply in self._balances:
+            rest = np.maximum(supply - leak * cylinder, 0)
+            drop = np.minimum(drop, _root(leak, self._restrictor, rest))
+        leaving = self._restrictor * drop - self._piston_leak * cylinder
+        flow = np.where(wanted < self._blocked, np.maximum(leaving, 0.0), 0.0)
+        return Hydraulics(cylinder + drop**2, cylinder, flow)
 
 
 def velocity(actuator: Actuator, opening: npt.ArrayLike, direction: npt.ArrayLike = 1) -> Floats:

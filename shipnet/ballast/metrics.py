@@ -10,7 +10,6 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet.ballast.commands import Command
 from shipnet.ballast.diagnosis import READINGS, Diagnosis, diagnose_run
@@ -19,6 +18,7 @@ from shipnet.ballast.simulation import blocks
 from shipnet.ballast.trials import CRITERIA, spread_actuator
 from shipnet.errors import ArgumentError, check_whole
 from shipnet.fuzzy.rules import NORMAL, UNKNOWN, RuleBase
+from shipnet.intervals import event_interval, share_interval
 from shipnet.line.quantity import check_scalar
 
 if TYPE_CHECKING:
@@ -26,111 +26,11 @@ if TYPE_CHECKING:
 
 __all__ = ["BASIS", "confusion", "event_interval", "false_alarms", "rates", "share_interval"]
 
-Floats = npt.NDArray[np.float64]
-
 #: What stands behind the numbers.
 BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
 
 #: A year [s].
 _YEAR = 365.25 * 86400
-
-
-def share_interval(
-    hits: npt.ArrayLike, trials: npt.ArrayLike, *, confidence: float = 0.95
-) -> tuple[Floats, Floats]:
-    r"""Return the interval of Clopper and Pearson for a share, both sides alike.
-
-    .. math:: B^{-1} \left( \frac{\alpha}{2}; x, n - x + 1 \right) \le p \le
-              B^{-1} \left( 1 - \frac{\alpha}{2}; x + 1, n - x \right)
-
-    Parameters
-    ----------
-    hits, trials : array_like of int
-        How often it happened, 0..trials, and could have happened, 0 or more.
-    confidence : float, default 0.95
-        Above 0, below 1.
-
-    Returns
-    -------
-    low, high : ndarray of float
-        Ends, 0..1. No trials leave 0..1.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range.
-
-    Notes
-    -----
-    It covers the true share at least as often as it says. C. J. Clopper, E. S. Pearson, "The use of
-    confidence or fiducial limits", Biometrika 26 (1934), 404-413.
-
-    Examples
-    --------
-    No false alarm in 2048 commands leaves up to 0.18 %:
-
-    >>> low, high = share_interval(0, 2048)
-    >>> float(low), round(100 * float(high), 2)
-    (0.0, 0.18)
-    """
-    from scipy.stats import beta
-
-    alpha = 1 - _confidence(confidence)
-    x, n = _counts("hits", hits), _counts("trials", trials)
-    if (x > n).any():
-        raise ArgumentError(f"hits is {hits!r} of {trials!r} trials; it must not be more")
-    with np.errstate(invalid="ignore"):
-        low = np.where(x > 0, beta.ppf(alpha / 2, x, n - x + 1), 0.0)
-        high = np.where(x < n, beta.ppf(1 - alpha / 2, x + 1, n - x), 1.0)
-    return np.asarray(low), np.asarray(high)
-
-
-def event_interval(
-    events: npt.ArrayLike, exposure: npt.ArrayLike, *, confidence: float = 0.95
-) -> tuple[Floats, Floats]:
-    r"""Return the exact interval for the rate of independent events.
-
-    .. math:: \frac{\chi^2_{\alpha/2} \left( 2 x \right)}{2 T} \le \lambda \le
-              \frac{\chi^2_{1 - \alpha/2} \left( 2 x + 2 \right)}{2 T}
-
-    Parameters
-    ----------
-    events : array_like of int
-        How many were seen, 0 or more.
-    exposure : array_like of float
-        For how long, above 0, in any unit.
-    confidence : float, default 0.95
-        Above 0, below 1.
-
-    Returns
-    -------
-    low, high : ndarray of float
-        Events per unit of the exposure.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range.
-
-    Notes
-    -----
-    F. Garwood, "Fiducial limits for the Poisson distribution", Biometrika 28 (1936), 437-442.
-
-    Examples
-    --------
-    >>> low, high = event_interval(0, 0.7)
-    >>> float(low), round(float(high), 2)
-    (0.0, 5.27)
-    """
-    from scipy.stats import chi2
-
-    alpha = 1 - _confidence(confidence)
-    x, time = _counts("events", events), np.asarray(exposure, float)
-    if not ((time > 0) & np.isfinite(time)).all():
-        raise ArgumentError(f"exposure is {exposure!r}; it must be above 0")
-    with np.errstate(invalid="ignore"):
-        low = np.where(x > 0, chi2.ppf(alpha / 2, 2 * x), 0.0) / (2 * time)
-    return np.asarray(low), np.asarray(chi2.ppf(1 - alpha / 2, 2 * x + 2) / (2 * time))
 
 
 def rates(trials: pd.DataFrame, *, confidence: float = 0.95) -> pd.DataFrame:
@@ -327,19 +227,3 @@ def false_alarms(
     )
     table.attrs["basis"] = BASIS
     return table
-
-
-def _confidence(value: float) -> float:
-    if not isinstance(value, float) or not 0 < value < 1:
-        raise ArgumentError(f"confidence is {value!r}; it must be above 0 and below 1")
-    return value
-
-
-def _counts(name: str, values: npt.ArrayLike) -> Floats:
-    try:
-        counts = np.asarray(values, float)
-    except (TypeError, ValueError):
-        counts = np.array(np.nan)
-    if not ((counts >= 0) & (counts == np.floor(counts)) & np.isfinite(counts)).all():
-        raise ArgumentError(f"{name} is {values!r}; it must be whole numbers, 0 or more")
-    return counts

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import ceil, floor
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +16,9 @@ import numpy.typing as npt
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.commands import Command
 from shipnet.ballast.faults import Fault, faulty
-from shipnet.ballast.hydraulics import hydraulics, load_pressure
+from shipnet.ballast.hydraulics import Hydraulics, Oil, load_pressure
 from shipnet.ballast.motor import losses, motor_current, steady_temperature
+from shipnet.ballast.movement import Movement
 from shipnet.ballast.sensors import Sensors
 from shipnet.errors import ArgumentError, check_whole
 from shipnet.line.quantity import check_scalar
@@ -31,34 +31,8 @@ Flags = npt.NDArray[np.bool_]
 #: A valve so near to the position asked for does not start [%]; our assumption.
 DEAD_BAND = 0.5
 
-#: Where the readings of the position stand.
-_VPOS = 4
-
-
-class Movement(NamedTuple):
-    """A run of a motor that has ended.
-
-    Attributes
-    ----------
-    valve : int
-        Which valve.
-    action : str
-        ``open``, ``close`` or ``position``.
-    start, end : float
-        When the motor started and stopped [s].
-    opening : float
-        Where the valve stood then, 0..1.
-    outcome : str
-        ``limit`` (switch at an end), ``position``, ``stopped``, ``replaced`` (another command) or
-        ``time`` (the motor ran for too long).
-    """
-
-    valve: int
-    action: str
-    start: float
-    end: float
-    opening: float
-    outcome: str
+#: Where the readings of temperature and position stand.
+_OT, _VPOS = 3, 4
 
 
 class Plant:
@@ -163,6 +137,8 @@ class Plant:
         self.movements: list[Movement] = []
         self.watchers: list[Callable[[], None]] = []
         self._target, self._action = np.full(n, np.nan), ["open"] * n
+        self._load: Floats | None
+        self._driven: Hydraulics | None
         self._break()
         # The strokes before were those of a healthy valve, but perhaps without cooling.
         before = replace(self._healthy, cooling=self._actuator.cooling)
@@ -173,6 +149,10 @@ class Plant:
     def time(self) -> float:
         """Time of the plant [s]."""
         return self.tick * self.step
+
+    @property
+    def _busy(self) -> bool:
+        return bool(np.count_nonzero(self.running))  # in a fifth of the time of any()
 
     def ticks(self, time: float) -> int:
         """Return the first reading that is not before a time.
@@ -213,6 +193,7 @@ class Plant:
             meant = meant & (np.abs(gap) > DEAD_BAND)
         else:
             self.direction[meant] = 1 if command.action == "open" else -1
+        self._load = self._driven = None
         there = np.where(self.direction > 0, self.opening >= 1, self.opening <= 0)
         meant = meant & ~there
         self.running[meant] = self.active[meant] = True
@@ -252,18 +233,65 @@ class Plant:
             If a motor runs, or a fault begins on the way, and it is more than 1.
         """
         count = check_whole("ticks", ticks, 1, 10**9)
-        if count > 1 and (self.running.any() or self._next_start < self.tick + count):
+        if count > 1 and (self._busy or self._next_start < self.tick + count):
             raise ArgumentError(f"ticks is {count}; it must be 1 here, for something happens")
-        a, dt = self._actuator, count * self.step
         heat: npt.ArrayLike = 0.0
-        if self.running.any():
+        if self._busy:
             if self._stale or self._measured != self.tick:
                 self.measure()
             heat = self._turn()
-        aim = a.ambient + heat / np.asarray(a.cooling)
-        fading = np.exp(-np.asarray(a.cooling) * dt / a.heat_capacity)
+        aim, fading = self._cooling(count, heat)
         self.temperature = aim + (self.temperature - aim) * fading
-        self.tick += count
+        self._pass(count)
+
+    def rest(self, count: int, ticks: int) -> Floats:
+        """Read the sensors and let time pass, again and again, while nothing happens.
+
+        Parameters
+        ----------
+        count : int
+            How often, 1..1e6.
+        ticks : int
+            Steps after each reading, 1..1e9.
+
+        Returns
+        -------
+        ndarray of float, shape (count, 5, n_valves)
+            The readings: those of `measure` and `advance` in turn, noise included.
+
+        Raises
+        ------
+        ArgumentError
+            If a motor runs, a fault begins on the way, or somebody watches.
+
+        Examples
+        --------
+        >>> plant = Plant(sensors=Sensors.ideal(), faults=[Fault("O1")])
+        >>> plant.rest(3, 600)[:, 3, 0].round(1).tolist(), plant.time
+        ([95.3, 94.9, 94.5], 180.0)
+        """
+        many = check_whole("count", count, 1, 10**6)
+        steps = check_whole("ticks", ticks, 1, 10**9)
+        if self._busy or self._next_start < self.tick + many * steps or self.watchers:
+            raise ArgumentError(f"count is {many}; something happens within {many * steps} steps")
+        truth = np.repeat((self._truth() + self._offsets)[np.newaxis], many, axis=0)
+        aim, fading = self._cooling(steps, 0.0)
+        for row in truth:
+            row[_OT] = self.temperature + self._offsets[_OT]
+            self.temperature = aim + (self.temperature - aim) * fading
+        self.ran = np.zeros_like(self.ran)
+        readings = self.sensors.read(truth, self._rng)
+        self._pass(many * steps)
+        return readings
+
+    def _cooling(self, ticks: int, heat: npt.ArrayLike) -> tuple[Floats, Floats]:
+        """Return where the temperatures tend to, and how much of the way is left."""
+        cooling = np.asarray(self._actuator.cooling)
+        aim = np.asarray(self._actuator.ambient + heat / cooling)
+        return aim, np.exp(-cooling * (ticks * self.step) / self._actuator.heat_capacity)
+
+    def _pass(self, ticks: int) -> None:
+        self.tick += ticks
         if self.tick >= self._next_start:
             self._break()
 
@@ -282,7 +310,7 @@ class Plant:
         """
         last = floor(time / self.step + 1e-6)
         while self.tick < last:
-            jump = 1 if self.running.any() else min(last, self._next_start) - self.tick
+            jump = 1 if self._busy else min(last, self._next_start) - self.tick
             self.advance(int(jump))
         if self._stale or self._measured != self.tick:
             self.measure()
@@ -291,10 +319,9 @@ class Plant:
     def _turn(self) -> Floats:
         """Move the valves for a step; return the mean heat of each motor [W]."""
         dt, way = self.step, self.direction
-        pressure, flow = self._oil(self.opening)
-        volume = np.asarray(self._actuator.stroke_volume)
-        half = self.opening + way * flow / volume * dt / 2
-        speed = self._oil(np.clip(half, 0, 1))[1] / volume
+        now, volume = self._state(), self._volume
+        half = self.opening + way * now.flow / volume * dt / 2
+        speed = self._oil.state(load_pressure(self._actuator, half, way)).flow / volume
         to_limit = np.where(way > 0, 1 - self.opening, self.opening)
         to_target = np.maximum(way * (self._target - self.readings[_VPOS]) / 100, 0.0)
         distance = np.fmin(to_limit, to_target)  # no target is NaN
@@ -302,51 +329,62 @@ class Plant:
         # A reading that is past the target stops even a valve that cannot move.
         arrives |= self.running & (distance <= 0)
         lasted = np.where(self.running, dt, 0.0)
-        np.divide(distance, speed, out=lasted, where=arrives & (speed > 0))
-        lasted = np.where(arrives & (distance <= 0), 0.0, lasted)
+        if np.count_nonzero(arrives):
+            np.divide(distance, speed, out=lasted, where=arrives & (speed > 0))
+            lasted = np.where(arrives & (distance <= 0), 0.0, lasted)
         late = self.running & (self.time + lasted > self.deadline)
-        lasted = np.where(late, np.maximum(self.deadline - self.time, 0.0), lasted)
-        arrives &= ~late
+        if np.count_nonzero(late):
+            lasted = np.where(late, np.maximum(self.deadline - self.time, 0.0), lasted)
+            arrives &= ~late
         at_limit = arrives & (to_limit <= np.where(np.isnan(to_target), np.inf, to_target))
         moved = self.opening + way * speed * lasted * self.running
-        ends = np.where(way > 0, 1.0, 0.0)
-        self.opening = np.where(at_limit, ends, np.clip(moved, 0, 1))
+        self.opening = np.where(at_limit, way > 0, np.minimum(np.maximum(moved, 0), 1))
+        self._load = self._driven = None
         self._stop(late, self.time + lasted, "time")
         self._stop(at_limit, self.time + lasted, "limit")
         self._stop(arrives & ~at_limit, self.time + lasted, "position")
         self.active &= ~arrives
-        return losses(self._actuator, pressure) * lasted / dt
+        return losses(self._actuator, now.pump_pressure) * lasted / dt
 
     def _stop(self, which: Flags, when: npt.ArrayLike, outcome: str) -> None:
+        if not np.count_nonzero(which):
+            return
         ends = np.broadcast_to(np.asarray(when, float), self.n_valves)
         for valve in np.flatnonzero(which):
             start, end = float(self.started[valve]), float(ends[valve])
-            place = float(self.opening[valve])
-            moved = Movement(int(valve), self._action[valve], start, end, place, outcome)
-            self.movements.append(moved)
+            action, place = self._action[valve], float(self.opening[valve])
+            self.movements.append(Movement(int(valve), action, start, end, place, outcome))
             self.last_run[valve] = end - start
         self.running &= ~which
 
-    def _oil(self, opening: Floats) -> tuple[Floats, Floats]:
-        state = hydraulics(self._actuator, load_pressure(self._actuator, opening, self.direction))
-        return state.pump_pressure, state.flow
+    def _loaded(self) -> Floats:
+        """Return the pressure that the valves ask for, where they stand."""
+        if self._load is None:
+            self._load = load_pressure(self._actuator, self.opening, self.direction)
+        return self._load
+
+    def _state(self) -> Hydraulics:
+        """Return the oil where the valves stand, as if all motors ran."""
+        if self._driven is None:
+            self._driven = self._oil.state(self._loaded())
+        return self._driven
 
     def _truth(self) -> Floats:
         """Return what ideal sensors would read now, offsets left out."""
         a, on = self._actuator, self.running
         truth = np.zeros((5, self.n_valves))
-        resting = np.asarray(a.trapped)
-        if on.any() or resting.any():
-            load = load_pressure(a, self.opening, self.direction)
+        busy, resting = self._busy, np.asarray(a.trapped)
+        if busy or np.count_nonzero(resting):
+            load = self._loaded()
             # The lock valve keeps a stuck valve's load too, which has no bound: what is finite.
             kept = np.where(resting > 0, np.where(np.isfinite(load), load, 0.0) * resting, 0.0)
             truth[1] = kept / 1e5
-            if on.any():
-                state = hydraulics(a, load)
+            if busy:
+                state = self._state()
                 truth[0] = np.where(on, state.pump_pressure, 0.0) / 1e5
                 truth[1] = np.where(on, state.cylinder_pressure, kept) / 1e5
                 truth[2] = np.where(on, motor_current(a, state.pump_pressure), 0.0)
-        truth[3] = self.temperature
+        truth[_OT] = self.temperature
         truth[_VPOS] = 100 * self.opening
         return truth
 
@@ -356,5 +394,7 @@ class Plant:
             fault.severities(self.n_valves)  # refuses a valve that is not there before it is due
         due = [fault for fault in self.faults if self.ticks(fault.start) <= self.tick]
         self._actuator, self._offsets = faulty(self._healthy, due, self.n_valves)
+        self._oil, self._volume = Oil(self._actuator), np.asarray(self._actuator.stroke_volume)
+        self._load = self._driven = None
         later = [start for start in self._starts if start > self.tick]
         self._next_start = later[0] if later else np.inf

@@ -277,11 +277,16 @@ def plot_screen(
     for place, unit in enumerate(units):
         said = "-" if np.isnan(position[place]) else f"{position[place]:.0f}"
         where = x[place], y[place]
-        ax.text(where[0], where[1] + 0.33, said, ha="center", va="center", fontsize=size)
-        ax.text(
-            where[0], where[1] - 0.04, str(unit), ha="center", va="top", fontsize=size - 1,
-            color="0.4",
+        texts = (
+            ax.text(where[0], where[1] + 0.33, said, ha="center", va="center", fontsize=size),
+            ax.text(
+                where[0], where[1] - 0.04, str(unit), ha="center", va="top", fontsize=size - 1,
+                color="0.4",
+            ),
         )  # fmt: skip
+        for text in texts:
+            # It stands within the axes, and hundreds of them take their time to measure.
+            text.set_in_layout(False)
     ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[], yticks=[])
     ax.grid(False)
     for spine in ax.spines.values():

@@ -36,6 +36,10 @@ _TIME_STEP = 0.1
 #: Step of each reading, shape (5, 1).
 _STEPS = np.array([[scale.step] for scale in SCALES])
 
+#: What is sent at most, and instead of NaN, by the longest operating time; each shape (6, 1).
+_HIGHEST = {last: np.array([[HIGHEST]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
+_MISSING = {last: np.array([[MISSING]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
+
 #: What a step of each reading, and of the operating time, adds to each register, shape (4, 6).
 _PLACES = np.zeros((N_REGISTERS, len(SCALES) + 1), np.int64)
 for _k, _scale in enumerate(SCALES):
@@ -173,21 +177,22 @@ class RegisterMap:
         for name, flag in (("auto", auto), ("close", close), ("open", open)):
             _check_flag(name, flag)
         try:
-            faults = np.asarray(fault)
+            given = np.asarray(fault)
+            faults = np.empty(n, given.dtype)
             # An assignment costs a tenth of broadcast_to, and a slave is packed at every poll.
-            flags[1], flags[2], flags[3], times[:] = auto, close, open, operating_time
-            faults = faults if faults.shape == (n,) else np.broadcast_to(faults, n)
+            flags[1], flags[2], flags[3], times[:], faults[:] = (
+                auto, close, open, operating_time, given,
+            )  # fmt: skip
         except (TypeError, ValueError):
             raise ArgumentError(f"a flag, fault or time does not fit {n} valves") from None
-        if faults.dtype.kind not in "iu" or ((faults < 0) | (faults > 12)).any():
+        if faults.dtype.kind not in "iu" or np.count_nonzero((faults < 0) | (faults > 12)):
             raise ArgumentError(f"fault is {fault!r}; it must be a whole number 0..12")
         flags[0] = ~flags[1]
         in_status = self.status == "table 2"
+        steps = np.empty((len(SCALES) + 1, n))
+        steps[:-1], steps[-1] = values / _STEPS, times / _TIME_STEP
         longest = 0xFFFF if in_status else 0xFF
-        highest = np.array([[HIGHEST]] * 5 + [[longest]])
-        steps = np.vstack([values / _STEPS, times / _TIME_STEP])
-        missing = np.array([[MISSING]] * 5 + [[longest]])
-        numbers, saturated = whole_steps(steps, highest, missing)
+        numbers, saturated = whole_steps(steps, _HIGHEST[longest], _MISSING[longest])
         registers = _PLACES @ numbers
         registers[0] |= (_FLAGS @ flags) << self._first_bit
         registers[0 if in_status else 1] |= faults.astype(int) << (4 if in_status else 8)

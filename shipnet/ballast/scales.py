@@ -171,6 +171,6 @@ def whole_steps(
     """
     unknown = np.isnan(values)
     rounded = np.rint(np.where(unknown, highest, values))
-    kept = np.clip(rounded, 0, highest)
+    kept = np.minimum(np.maximum(rounded, 0), highest)
     sent = kept if missing is None else np.where(unknown, missing, kept)
     return sent.astype(np.int64), unknown | (kept != rounded)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -84,14 +85,14 @@ class Sensors:
 
         Parameters
         ----------
-        truth : array_like of float, shape (5, n_valves)
-            True values, offsets of faulty sensors included.
+        truth : array_like of float, shape (..., 5, n_valves)
+            True values, offsets of faulty sensors included; once, or one after the other.
         rng : numpy.random.Generator, optional
             Draws the noise, as many numbers as there are values; no noise if omitted.
 
         Returns
         -------
-        ndarray of float, shape (5, n_valves)
+        ndarray of float, the shape of `truth`
             Readings; NaN stays NaN.
 
         Examples
@@ -100,18 +101,29 @@ class Sensors:
         [90.061, 2.071, 1.2, 150.0, 49.983]
         """
         values = np.asarray(truth, float)
-        if values.ndim != 2 or len(values) != 5:
+        if values.ndim < 2 or values.shape[-2] != 5:
             raise ArgumentError(f"truth has the shape {values.shape}; it must be (5, n_valves)")
-        column = np.newaxis
+        scale = _scale(self)
         if rng is not None:
-            noise = rng.standard_normal(values.shape)
-            values = values + noise * np.array(self.noise)[:, column]
-        low, high = np.array(self.low)[:, column], np.array(self.high)[:, column]
-        values = np.clip(values, low, high)
+            values = values + rng.standard_normal(values.shape) * scale.noise
+        values = np.minimum(np.maximum(values, scale.low), scale.high)
         if self.bits is None:
             return np.asarray(values)
-        step = self.step[:, column]
-        return np.asarray(np.rint((values - low) / step) * step + low)
+        return np.asarray(np.rint((values - scale.low) / scale.step) * scale.step + scale.low)
+
+
+class _Scale(NamedTuple):
+    low: Floats
+    high: Floats
+    noise: Floats
+    step: Floats
+
+
+@cache
+def _scale(sensors: Sensors) -> _Scale:
+    """Return the numbers of sensors as columns of shape (5, 1), once: they are read ever again."""
+    rows = (sensors.low, sensors.high, sensors.noise, sensors.step)
+    return _Scale(*(np.array(row)[:, np.newaxis] for row in rows))
 
 
 def _five(name: str, values: Any) -> tuple[float, ...]:

@@ -284,6 +284,15 @@ def _record(
                 told += 1
             while due < len(events) and events[due] <= plant.tick:
                 due += 1
+            upcoming = min(events[due], last) if due < len(events) else last
+            calm = 0 if plant.running.any() else min((upcoming - plant.tick) // pause, size - row)
+            if calm:
+                rows = slice(row, row + calm)
+                time[rows] = (plant.tick + pause * np.arange(calm)) * plant.step
+                opening[rows], flags[2, rows] = plant.opening, plant.active
+                readings[rows] = plant.rest(calm, pause)
+                row += calm
+                continue
             readings[row] = plant.measure()
             time[row], opening[row], ran[row] = plant.time, plant.opening, plant.ran
             flags[0, row], flags[2, row] = plant.running, plant.active
@@ -291,11 +300,7 @@ def _record(
             row += 1
             done = plant.tick >= last
             if not done:
-                ahead = 1
-                if not plant.running.any():
-                    upcoming = events[due] if due < len(events) else last
-                    ahead = min(pause, upcoming - plant.tick, last - plant.tick)
-                plant.advance(max(ahead, 1))
+                plant.advance(1 if plant.running.any() else upcoming - plant.tick)
                 flags[1, row - 1] = plant.opening != was
         earlier = np.concatenate([before, readings[:row, 4]])
         instants, kept = np.concatenate([since, time[:row]]), len(since)

@@ -288,8 +288,6 @@ def fit_trend(
     >>> worn.found, round(worn.slope, 2)
     (True, -0.21)
     """
-    from scipy.stats import kendalltau, linregress, t, theilslopes
-
     if method not in METHODS:
         raise ArgumentError(f"method is {method!r}; it must be one of {', '.join(METHODS)}")
     if not isinstance(confidence, float) or not 0 < confidence < 1:
@@ -305,17 +303,30 @@ def fit_trend(
             0.0, median,
         )  # fmt: skip
     if method == "theil-sen":
+        from scipy.stats import kendalltau, theilslopes  # a second, which a line does without
+
         slope, _, low, high = theilslopes(values, places, alpha=confidence)
         p_value = float(kendalltau(places, values).pvalue)
         centre, margin = (float(np.median(places)), float(np.median(values))), 0.0
     else:
-        line = linregress(places, values)
-        wide = float(t.ppf((1 + confidence) / 2, n - 2))
-        slope, p_value = line.slope, float(line.pvalue)
-        low, high = slope - wide * line.stderr, slope + wide * line.stderr
+        from scipy.special import stdtr, stdtrit
+
+        # The squares of both must be numbers above 0.
+        if not (1e-100 < np.ptp(places) < 1e100 and 1e-100 < np.ptp(values) < 1e100):
+            raise ArgumentError(
+                f"x and y span {np.ptp(places):g} and {np.ptp(values):g}; it must be 1e-100..1e100"
+            )
         centre = float(places.mean()), float(values.mean())
-        rest = values - centre[1] - slope * (places - centre[0])
-        margin = wide * sqrt(float(rest @ rest) / (n - 2) / n)
+        away = places - centre[0]
+        spread = float(away @ away)
+        slope = float(away @ (values - centre[1])) / spread
+        rest = values - centre[1] - slope * away
+        deviation = sqrt(float(rest @ rest) / (n - 2))
+        error = deviation / sqrt(spread)
+        wide = float(stdtrit(n - 2, (1 + confidence) / 2))
+        p_value = 2 * float(stdtr(n - 2, -abs(slope) / error)) if error else 0.0
+        low, high = slope - wide * error, slope + wide * error
+        margin = wide * deviation / sqrt(n)
     # A straight line without errors leaves 0 / 0.
     p_value = 0.0 if isnan(p_value) else p_value
     return Trend(

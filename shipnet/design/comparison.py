@@ -128,12 +128,14 @@ class Comparison:
     def short(self) -> pd.DataFrame:
         """The rows of `table` that are asked for first, one column an option.
 
-        Counts are whole; quantities have three digits.
+        Counts are whole; quantities have three digits. What a tray costs stands there if trays are
+        given.
         """
+        trays = ["lost by one tray"] if self.table["lost by one tray"].notna().any() else []
         rows = [
             "points left out", "conductors at the cabinet", "cable length", "cable mass", "labour",
             "total cost, low", "total cost", "total cost, high", RESPONSE, "lost by one cable",
-            "lost by one device", "rules kept", "rules broken", "rules not verified",
+            *trays, "lost by one device", "rules kept", "rules broken", "rules not verified",
         ]  # fmt: skip
         units = {row: FIGURES.get(row.split(",")[0], "1") for row in rows}
         named = {row: f"{row} [{unit}]" for row, unit in units.items() if unit != "1"}

@@ -25,9 +25,11 @@ __all__ = ["BUSES", "COLUMNS", "DEVICE_KINDS", "LINES", "RUN_KINDS", "Network", 
 #: What a point can be connected by; the empty name is that of a point that fits nowhere.
 BUSES = ("hardwired", "AS-i", "CAN", "Modbus RTU", "")
 
-#: What stands in a plant, beside the points themselves.
+#: What stands in a plant, beside the points themselves. The auxiliary supply is that of the outputs
+#: of an AS-i line, whose modules take what they need themselves from the line.
 DEVICE_KINDS = (
-    "cabinet", "box", "module", "station", "master", "gateway", "repeater", "supply", "terminator",
+    "cabinet", "box", "module", "station", "master", "gateway", "repeater", "supply",
+    "auxiliary supply", "terminator",
 )  # fmt: skip
 
 #: Cables: from a device to a point, between devices of a segment, from the cabinet to a point,

@@ -50,12 +50,20 @@ SIGNALS: Mapping[str, Signal] = {
         "switch or limit contact, both wires its own", 2, 0, "DI",
         ("DI", "digital input", "switch", "dry contact", "potential-free contact", "volt-free",
          "limit switch", "float switch", "level switch", "pressure switch", "temperature switch",
-         "flow switch", "NO contact", "NC contact", "DI NO contact", "DI NC contact", "contact NO",
-         "contact NC", "push button", "DI 24 V", "status contact"),
+         "flow switch", "proximity switch", "proximity switch 2-wire", "2-wire proximity switch",
+         "inductive sensor", "inductive sensor 2-wire", "NO contact", "NC contact",
+         "DI NO contact", "DI NC contact", "contact NO", "contact NC", "push button",
+         "DI 24 V", "status contact"),
     ),
     "contact_common": Signal(
         "contact with a common return for its group", 1, 1, "DI",
         ("contact with common return", "DI common", "contact 1-wire"),
+    ),
+    "proximity_3wire": Signal(
+        "proximity switch with its supply and its output", 3, 0, "DI",
+        ("proximity switch", "proximity switch 3-wire", "3-wire proximity switch", "prox 3-wire",
+         "PNP", "NPN", "DI PNP", "DI NPN", "3-wire sensor", "inductive sensor", "inductive switch",
+         "inductive sensor 3-wire", "capacitive sensor", "DI 3-wire"),
     ),
     "solenoid": Signal(
         "coil of a valve or relay, both wires its own", 2, 0, "DO",

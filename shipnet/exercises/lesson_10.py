@@ -11,7 +11,7 @@ from shipnet.design.comparison import compare
 from shipnet.design.costs.plants import Plant
 from shipnet.design.costs.quantities import quantities
 from shipnet.design.iolist import from_table, load_iolist
-from shipnet.design.plan import Settings
+from shipnet.design.plan import Settings, mix
 from shipnet.design.plan.settings import AsiLimits
 from shipnet.design.site import Site
 from shipnet.exercises.answers import Choice, Number
@@ -22,6 +22,9 @@ __all__ = ["EXERCISES"]
 
 #: Total cost [EUR], points lost by one failure, and faults, by option.
 _Options = Mapping[str, tuple[int, int, int]]
+
+#: A plan that leaves points out.
+_POOR = "AS-i without repeaters"
 
 #: Two places of a plant at which its cost is computed [m].
 _NEAR, _FAR = 10, 30
@@ -69,20 +72,22 @@ def _without_growth(modules: int, spacing: int) -> float:
 
 @cache
 def _reviews() -> tuple[_Options, _Options]:
-    """Return the ballast valves three ways, and three ways in a plan without repeaters."""
+    """Return the ballast valves three ways without faults, and three of which two have some."""
     points = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
     ballast = from_table(points[points["system"] == "Ballast valve"].reset_index(drop=True))
-    no_repeater = Settings(asi=AsiLimits(repeaters=0))
-    made = []
-    for options, settings in (
-        (["home runs", "junction boxes", "AS-i"], None),
-        (["AS-i", "CAN", "Modbus RTU"], no_repeater),
-    ):
-        table = compare(ballast, Site((20, -6, 14)), options, settings=settings).table
-        faults = table["points left out"] + table["rules broken"]
-        rows = zip(table["total cost"].round(-2), table["lost by one failure"], faults, strict=True)
-        made.append(dict(zip(options, ((int(c), int(n), int(f)) for c, n, f in rows), strict=True)))
-    return made[0], made[1]
+    site, no_repeater = Site((20, -6, 14)), Settings(asi=AsiLimits(repeaters=0))
+    poor = mix(ballast, site, {}, default="AS-i", settings=no_repeater, name=_POOR)
+    ways = ["home runs", "junction boxes", "AS-i", "CAN"]
+    table = compare(ballast, site, ways, more=[poor]).table
+    faults = table["points left out"] + table["rules broken"]
+    rows = zip(table["total cost"].round(-2), table["lost by one failure"], faults, strict=True)
+    every = {
+        name: (int(c), int(n), int(f)) for name, (c, n, f) in zip(table.index, rows, strict=True)
+    }
+    return (
+        {name: every[name] for name in ways[:3]},
+        {name: every[name] for name in (_POOR, "CAN", "junction boxes")},
+    )
 
 
 def _cheapest(options: _Options, good: Callable[[int, int, int], bool]) -> str:
@@ -95,6 +100,11 @@ def _cheapest(options: _Options, good: Callable[[int, int, int], bool]) -> str:
 
 def _choose(options: _Options, limit: int) -> str:
     return _cheapest(options, lambda cost, lost, faults: lost <= limit and not faults)
+
+
+def _safest(options: _Options, limit: int) -> str:
+    kept = (name for name, (_, lost, faults) in options.items() if lost <= limit and not faults)
+    return min(kept, key=lambda name: options[name][1], default="none")
 
 
 def _cases() -> list[tuple[_Options, int]]:
@@ -116,6 +126,7 @@ EXERCISES = (
             "that is how many times fewer; asked for is what is left": lambda contacts, lines: (
                 contacts / lines
             ),
+            "that is one line; how many are there?": lambda contacts, lines: _left(contacts, 1),
         },
         slips={
             "the point is in the wrong place": lambda contacts, lines: _left(contacts, lines) / 10,
@@ -134,6 +145,9 @@ EXERCISES = (
                 lambda modules, distance: (
                     100 * (_costs(modules, distance)[0] / _costs(modules, distance)[1] - 1)
                 )
+            ),
+            "that is the conductors; asked for is the cost": lambda modules, distance: _saved(
+                modules, distance, "conductors at the cabinet"
             ),
             "that is what is left; asked for is what is saved": lambda modules, distance: (
                 100 - _saved(modules, distance)
@@ -176,6 +190,10 @@ EXERCISES = (
                     options, lambda cost, lost, faults: lost < limit and not faults
                 )
             ),
+            "two things come before the cost: the faults, and the limit": lambda: (
+                lambda options, limit: _cheapest(options, lambda cost, lost, faults: True)
+            ),
+            "of all that keep the limit, which one is the cheapest?": lambda: _safest,
         },
         slips={
             "ValueError": lambda: (

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from shipnet.errors import ArgumentError, check_whole
+from shipnet.fuzzy.ramps import Ramps
 from shipnet.fuzzy.terms import Term, Variable, check_word
 
 if TYPE_CHECKING:
@@ -136,12 +137,12 @@ class RuleBase:
         if faults:
             raise ArgumentError("; ".join(faults))
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the variables, in order."""
         return tuple(variable.name for variable in self.variables)
 
-    @property
+    @cached_property
     def codes(self) -> tuple[str, ...]:
         """Codes of the rules, in order."""
         return tuple(rule.code for rule in self.rules)
@@ -150,6 +151,11 @@ class RuleBase:
     def ranking(self) -> tuple[str, ...]:
         """Codes of the rules, the highest priority first."""
         return tuple(rule.code for rule in sorted(self.rules, key=lambda rule: rule.priority))
+
+    @cached_property
+    def ramps(self) -> Ramps:
+        """The rules as ramps, from which `shipnet.fuzzy.strengths` makes firing strengths."""
+        return Ramps(self.variables, [rule.antecedent for rule in self.rules])
 
     def variable(self, name: str) -> Variable:
         """Return the variable of a name.

@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.rules import NORMAL, RuleBase
-from shipnet.fuzzy.terms import Term
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,7 +123,7 @@ def strengths(base: RuleBase, samples: Samples) -> Firing:
     >>> firing.of("V1").round(2).tolist(), firing.normal.round(2).tolist()
     ([0.0, 0.5, 0.83], [1.0, 0.5, 0.17])
     """
-    return _fire(base, samples, Term.membership)
+    return _fire(base, samples, base.ramps.strengths)
 
 
 def crisp_strengths(base: RuleBase, samples: Samples, *, dead_band: bool = False) -> Firing:
@@ -165,39 +164,35 @@ def crisp_strengths(base: RuleBase, samples: Samples, *, dead_band: bool = False
     >>> crisp_strengths(base, {"FP": 125, "MC": [2.5, 2.6]}, dead_band=True).of("P1").tolist()
     [1.0, 1.0]
     """
-
-    def holds(term: Term, x: Floats) -> Floats:
-        return (term.dead_band if dead_band else term.crisp).contains(x).astype(float)
-
-    # A comparison as printed knows no universe.
-    return _fire(base, samples, holds, clip=dead_band)
-
-
-def _fire(
-    base: RuleBase,
-    samples: Samples,
-    degree: Callable[[Term, Floats], Floats],
-    *,
-    clip: bool = True,
-) -> Firing:
-    values = _arrays(base, samples)
-    shape = values[base.names[0]].shape
-    flat = {name: x.reshape(-1) for name, x in values.items()}
-    size = flat[base.names[0]].size
-    # A row a rule while it is made: each is then written in one go.
-    strength = np.empty((len(base.rules), size))
     used = {pair for rule in base.rules for pair in rule.antecedent}
-    for start in range(0, size, _BLOCK):
-        part = slice(start, start + _BLOCK)
-        degrees = {}
-        for variable in base.variables:
-            x = flat[variable.name][part]
-            x = np.clip(x, variable.low, variable.high) if clip else x
+
+    def compare(x: Floats) -> Floats:
+        holds = {}
+        for values, variable in zip(x, base.variables, strict=True):
+            # A comparison as printed knows no universe.
+            seen = np.clip(values, variable.low, variable.high) if dead_band else values
             for term in variable.terms:
                 if (variable.name, term.name) in used:
-                    degrees[variable.name, term.name] = degree(term, x)
-        for row, rule in zip(strength, base.rules, strict=True):
-            np.minimum.reduce([degrees[pair] for pair in rule.antecedent], axis=0, out=row[part])
+                    meant = term.dead_band if dead_band else term.crisp
+                    holds[variable.name, term.name] = meant.contains(seen)
+        rows = [
+            np.logical_and.reduce([holds[pair] for pair in rule.antecedent]) for rule in base.rules
+        ]
+        return np.array(rows, float)
+
+    return _fire(base, samples, compare)
+
+
+def _fire(base: RuleBase, samples: Samples, rows: Callable[[Floats], Floats]) -> Firing:
+    """Work out strengths by blocks; `rows` makes a row a rule of a row a variable."""
+    values = _arrays(base, samples)
+    shape = values[base.names[0]].shape
+    flat = [x.reshape(-1) for x in values.values()]
+    # A row a rule while it is made: each is then written in one go.
+    strength = np.empty((len(base.rules), flat[0].size))
+    for start in range(0, flat[0].size, _BLOCK):
+        part = slice(start, start + _BLOCK)
+        strength[:, part] = rows(np.array([x[part] for x in flat]))
     return Firing(base, values, strength.T.reshape(*shape, len(base.rules)))
 
 
@@ -218,6 +213,8 @@ def _arrays(base: RuleBase, samples: Samples) -> dict[str, Floats]:
             given[name] = np.asarray(samples[name] if name in samples else np.nan, dtype=float)
         except (TypeError, ValueError):
             raise ArgumentError(f"{name} must be numbers, NaN where there is none") from None
+    if len({x.shape for x in given.values()}) == 1:
+        return given
     try:
         arrays = np.broadcast_arrays(*given.values())
     except ValueError:

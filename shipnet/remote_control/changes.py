@@ -44,15 +44,18 @@ def changed(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
         raise ArgumentError(
             f"sending has {len(sending)} data; it must have {len(sended)}, as many as sended"
         )
-    pairs = [
-        (_value("sending", number, value), _value("sended", number, last))
-        for number, (value, last) in enumerate(zip(sending, sended, strict=True))
-    ]
+    pairs = zip(_values("sending", sending), _values("sended", sended), strict=True)
     return {number: value for number, (value, last) in enumerate(pairs) if value != last}
 
 
-def _value(name: str, number: int, value: int) -> int:
-    return check_whole(f"{name}[{number}]", value, 0, 0xFFFF)
+def _values(name: str, values: Sequence[int]) -> list[int]:
+    # The name of a value is only made for one that does not look right: there are two a byte sent.
+    return [
+        value
+        if type(value) is int and 0 <= value <= 0xFFFF
+        else check_whole(f"{name}[{number}]", value, 0, 0xFFFF)
+        for number, value in enumerate(values)
+    ]
 
 
 class Sender:

@@ -199,7 +199,7 @@ class Markers:
         if rest or not 0 <= n_items <= self.n_numbers:
             raise LengthError(f"the packet has {len(data)} bytes, which no number of items gives")
         starts = range(len(self.head), end, step)
-        markers = all(data[start:].startswith(self.lead) for start in starts)
+        markers = not self.lead or all(data.startswith(self.lead, start) for start in starts)
         early = not self.lead and any(data[start] == PACKET_END for start in starts)
         if not (data.startswith(self.head) and markers and data[end] == PACKET_END) or early:
             raise FormError(f"{data.hex(' ')} has no packet's markers at their places")
@@ -230,6 +230,7 @@ class MarkerParser:
     def __init__(self, packet_format: Markers) -> None:
         self.discarded = 0
         self._format = packet_format
+        self._head, self._lead = packet_format.head, packet_format.lead
         self._packet = bytearray()
         self._size = 0
 
@@ -261,23 +262,23 @@ class MarkerParser:
 
     def _fits(self, byte: int) -> bool:
         """Tell whether a byte may follow those of the packet so far; note where the packet ends."""
-        form, place = self._format, len(self._packet)
-        if place < len(form.head):
+        form, head, lead, place = self._format, self._head, self._lead, len(self._packet)
+        if place < len(head):
             self._size = 0
-            return byte == form.head[place]
+            return byte == head[place]
         if self._size:
             return True
-        n_items, within = divmod(place - len(form.head), len(form.lead) + _ITEM)
+        n_items, within = divmod(place - len(head), len(lead) + _ITEM)
         if within == 0 and byte == PACKET_END:
             self._size = place + 1 + _CRC * form.crc
             return True
         if n_items == form.n_numbers:
             return False
-        if within < len(form.lead):
-            return byte == form.lead[within]
-        if within > len(form.lead) or form.numbers == "any":
+        if within < len(lead):
+            return byte == lead[within]
+        if within > len(lead) or form.numbers == "any":
             return True
-        step = len(form.lead) + _ITEM
+        step = len(lead) + _ITEM
         rises = form.numbers == "known" or n_items == 0 or byte > self._packet[-step]
         return byte < form.n_numbers and rises
 

@@ -17,6 +17,7 @@ from copy import copy
 from typing import Literal, NamedTuple
 
 from shipnet.errors import ArgumentError, check_whole
+from shipnet.remote_control.items import check_bytes
 from shipnet.remote_control.packet import PACKET_START
 
 __all__ = ["Action", "Case", "Ring", "Rule", "State", "Step", "pointer_case"]
@@ -92,8 +93,11 @@ def pointer_case(state: State) -> Case:
     >>> pointer_case(State(no=5, ring_f=1, get_no=3, ring_get_f=0))
     'c'
     """
-    ahead = state.no >= state.get_no
-    if state.ring_f == state.ring_get_f:
+    return _case(state.no >= state.get_no, state.ring_f == state.ring_get_f)
+
+
+def _case(ahead: bool, same_flag: bool) -> Case:
+    if same_flag:
         return "b" if ahead else "a"
     return "c" if ahead else "d"
 
@@ -185,7 +189,9 @@ class Ring:
     @property
     def case(self) -> Case:
         """The case that the variables show."""
-        return pointer_case(self.state)
+        round_, no = divmod(self.written, self.size)
+        round_read, get_no = divmod(self._reader, self.size)
+        return _case(no >= get_no, (round_ - round_read) % 2 == 0)
 
     @property
     def unread(self) -> int:
@@ -213,6 +219,29 @@ class Ring:
         """
         self._cells[self.written % self.size] = check_whole("byte", byte, 0, 255)
         self.written += 1
+
+    def store_all(self, data: bytes) -> None:
+        """Store bytes one after the other.
+
+        Parameters
+        ----------
+        data : bytes-like
+            The bytes; of more than `size` of them the last are left, as of single ones.
+
+        Examples
+        --------
+        >>> ring = Ring(4)
+        >>> ring.store_all(b"abcdef")
+        >>> ring.cells, ring.written, ring.case
+        (b'efcd', 6, 'c')
+        """
+        given = check_bytes("data", data)
+        kept = given[-self.size :]
+        first = (self.written + len(given) - len(kept)) % self.size
+        end = min(first + len(kept), self.size)
+        self._cells[first:end] = kept[: end - first]
+        self._cells[: len(kept) - (end - first)] = kept[end - first :]
+        self.written += len(given)
 
     def extract(self) -> Step:
         """Do one step of the reader."""

@@ -51,7 +51,17 @@ MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
 _SEED = 2024
 
 #: Assumptions that make up the price of a bus, beside its cable.
-_BUS_PARTS = ("asi_", "can_", "modbus_", "station_", "supply", "repeater", "terminator", "gateway")
+_BUS_PARTS = (
+    "asi_",
+    "can_",
+    "modbus_",
+    "station_",
+    "second_interface",
+    "supply",
+    "repeater",
+    "terminator",
+    "gateway",
+)
 
 
 def _examples() -> Mapping[str, str]:

@@ -80,6 +80,8 @@ class Inputs:
         Whether the trunks of CAN and Modbus are doubled.
     spare : float, default 0.2
         Spare pairs of trunks of many pairs, as a share of those in use, 0..1.
+    list_lengths : bool, default True
+        Whether a cable whose length the list gives keeps it.
     detour : float, default 1.15
         Laid length of a cable as a multiple of its way, 1..2.
     update_ms : int, default 0
@@ -137,6 +139,11 @@ class Inputs:
         0, {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
         unit="ms", slider=True, label="update, at most",
         help="No point waits longer than this; tighten it to see which bus gives out first.",
+    )  # fmt: skip
+    list_lengths: bool = switch(
+        True, label="lengths of the list",
+        help="A cable keeps the length that the list gives it. Switched off, all lengths are "
+        "reckoned from places, and options are weighed alike.",
     )  # fmt: skip
     detour: float = number(
         1.15, 1, 2, step=0.05, label="detour",
@@ -210,7 +217,9 @@ def update(inputs: Inputs) -> Result:
     printed = "".join(one if one.isprintable() else " " for one in inputs.name)
     iolist = points(inputs.points, " ".join(printed.split()) or "list", inputs.update_ms)
     cabinet, known = place(iolist, inputs.cabinet)
-    settings = Settings(spare=inputs.spare, redundant=inputs.redundant)
+    settings = Settings(
+        spare=inputs.spare, redundant=inputs.redundant, list_lengths=inputs.list_lengths
+    )
     networks = planned(iolist, cabinet, inputs.detour, settings, inputs.options)
     comparison = compared(networks, inputs.rules, inputs.labour, inputs.parts, settings)
     return Result(comparison, known, inputs.rules, inputs.picture)

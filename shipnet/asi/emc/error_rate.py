@@ -18,6 +18,7 @@ from shipnet.asi.segment import Segment
 from shipnet.asi.slots import CLASSES, check_bit_count, violations
 from shipnet.asi.timing import BIT_TIME
 from shipnet.errors import ArgumentError, SilenceError, check_whole
+from shipnet.intervals import share_interval
 from shipnet.line.quantity import check_scalar
 
 __all__ = ["Telegrams", "all_telegrams", "monte_carlo", "telegram_error_rate"]
@@ -301,9 +302,7 @@ def _row(
         undetected += int(np.count_nonzero(wrong))
         broken[:-1] += violations(received.slots[bad & ~silent], n_bits).sum(axis=0)
         broken[-1] += np.count_nonzero(silent)
-    from scipy.stats import binomtest  # half of what loading this module took
-
-    low, high = binomtest(failed, count).proportion_ci()
+    low, high = share_interval([failed, undetected], count)
     share = broken / failed if failed else np.full(broken.shape, np.nan)
     return {
         "amplitude_V": amplitude,
@@ -311,8 +310,8 @@ def _row(
         "failed": failed,
         "undetected": undetected,
         "rate": failed / count,
-        "rate_low": float(low),
-        "rate_high": float(high),
-        "undetected_high": float(binomtest(undetected, count).proportion_ci().high),
+        "rate_low": float(low[0]),
+        "rate_high": float(high[0]),
+        "undetected_high": float(high[1]),
         **dict(zip([*CLASSES, "silence"], share.tolist(), strict=True)),
     }

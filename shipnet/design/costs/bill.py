@@ -42,6 +42,7 @@ _DEVICES: dict[str, dict[str, tuple[str, ...]]] = {
     "gateway": {"": ("gateway", "master_time")},
     "repeater": {"": ("repeater", "part_time")},
     "supply": {"AS-i": ("asi_supply", "part_time"), "": ("supply", "part_time")},
+    "auxiliary supply": {"": ("supply", "part_time")},
     "terminator": {"": ("terminator", "part_time")},
 }
 
@@ -147,6 +148,7 @@ def bill_of(network: Network) -> Bill:
         analogue=network.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     )
     items = _devices(network, points) | _channels(points)
+    items["second_interface"] = _second_interfaces(network)
     items["gland"] = items["gland_time"] = 2 * len(runs)
     return Bill(
         cables=cables,
@@ -174,6 +176,15 @@ def _devices(network: Network, points: pd.DataFrame) -> dict[str, int]:
     if analogue:
         items |= {"asi_analogue_module": analogue, "asi_module": items["asi_module"] - analogue}
     return items
+
+
+def _second_interfaces(network: Network) -> int:
+    """Count the stations at which both lines of a redundant pair end."""
+    trunk = network.runs[(network.runs["kind"] == "trunk") & (network.runs["line"] != "")]
+    lines = trunk.melt(id_vars="line", value_vars=["a", "b"], value_name="device")
+    both = lines.groupby("device")["line"].nunique() > 1
+    stations = network.devices["device"][network.devices["kind"] == "station"]
+    return int(stations.isin(both.index[both]).sum())
 
 
 def _channels(points: pd.DataFrame) -> dict[str, int]:

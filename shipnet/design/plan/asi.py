@@ -113,19 +113,33 @@ def _lay(draft: Draft, segment: str, line: Line) -> None:
         if at != draft.cabinet and draft.settings.fed:
             laid, feeder = Laid(draft.middle, where[supply.node]), cables()[draft.settings.feeder]
             draft.run("feeder", (draft.cabinet, name), laid, feeder, _PAIR, segment)
-    powered = _powered(line)
     for piece in line.drawn.pieces:
         near, far = piece.edge
         laid = Laid(spots[near], spots[far], slack=limits.slack * piece.share, share=piece.share)
         ends = names[piece.near], names[piece.far]
         draft.run("trunk", ends, laid, cables()[limits.cable], _PAIR, segment)
-    if limits.auxiliary:
-        for near, far in dict.fromkeys(piece.edge for piece in line.drawn.pieces):
-            if far in powered:
-                laid = Laid(spots[near], spots[far], slack=limits.slack)
-                ends = draft.cabinet if near == 0 else names[str(near)], names[str(far)]
-                draft.run("feeder", ends, laid, cables()[draft.settings.feeder], _PAIR, segment)
+    if limits.auxiliary and (powered := _powered(line)):
+        _lay_auxiliary(draft, segment, line, names, spots, powered)
     _connect(draft, segment, line, names)
+
+
+def _lay_auxiliary(
+    draft: Draft,
+    segment: str,
+    line: Line,
+    names: dict[str, str],
+    spots: Sequence[Place],
+    powered: set[int],
+) -> None:
+    """Put a supply into the cabinet, and its pair along the line as far as outputs need it."""
+    name = f"{segment} auxiliary supply"
+    supply = draft.device(name, "auxiliary supply", segment, draft.middle, draft.cabinet)
+    feeder, slack = cables()[draft.settings.feeder], draft.settings.asi.slack
+    for near, far in dict.fromkeys(piece.edge for piece in line.drawn.pieces):
+        if far in powered:
+            laid = Laid(spots[near], spots[far], slack=slack)
+            ends = supply if near == 0 else names[str(near)], names[str(far)]
+            draft.run("feeder", ends, laid, feeder, _PAIR, segment)
 
 
 def _lay_repeaters(

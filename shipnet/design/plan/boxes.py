@@ -10,7 +10,7 @@ import numpy.typing as npt
 from shipnet.design.plan.clusters import zones
 from shipnet.design.plan.draft import Draft, Place
 
-__all__ = ["Box", "boxes", "without_place"]
+__all__ = ["Box", "boxes", "too_far", "without_place"]
 
 
 class Box(NamedTuple):
@@ -69,7 +69,8 @@ def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
     Notes
     -----
     A box whose place the list does not give stands in the middle of its points. A cable whose
-    length the list gives keeps it, wherever the box is.
+    length the list gives keeps it, wherever the box is, unless the settings say that lengths are
+    reckoned.
 
     Examples
     --------
@@ -84,7 +85,7 @@ def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
     table = draft.iolist.points
     names = table["box"].to_numpy(object)
     at_box = draft.iolist.box_places
-    given = table["to_box_m"].to_numpy(np.float64)
+    given = draft.given_lengths("to_box_m")
     located = draft.iolist.located
     limits = draft.settings.boxes
     found: list[Box] = []
@@ -136,6 +137,37 @@ def without_place(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
         tag = draft.tags[row]
         text = f"the list gives no place for {tag}, so that nothing can be put near it"
         draft.reason(tag, "place", np.nan, np.nan, "m", text)
+
+
+def too_far(draft: Draft, box: Box, away: float, longest: float, most: str) -> None:
+    r"""Give the points of a box the reason that no trunk reaches it.
+
+    Parameters
+    ----------
+    draft : Draft
+        Where the reasons are put down.
+    box : Box
+        Its points.
+    away, longest : float
+        Trunk to it, and the longest that the bus has [m].
+    most : str
+        What the bus has, with a place for `longest`.
+
+    Examples
+    --------
+    >>> from shipnet.design.iolist import parse_iolist
+    >>> from shipnet.design.plan.settings import Settings
+    >>> from shipnet.design.site import Site
+    >>> iolist = parse_iolist("tag,signal,x,y,z\nA,contact,900,0,0", "list")
+    >>> draft = Draft(iolist, Site((0, 0, 0)), Settings())
+    >>> too_far(draft, boxes(draft, np.array([0]))[0], 1043, 1000, "a bus has at most {:g} m")
+    >>> draft.network("empty").reasons["text"].tolist()
+    ['A is 1043 m of trunk away; a bus has at most 1000 m']
+    """
+    for row in box.rows:
+        tag = draft.tags[row]
+        text = f"{tag} is {away:.0f} m of trunk away; {most.format(longest)}"
+        draft.reason(tag, "length", away, longest, "m", text)
 
 
 def _box(

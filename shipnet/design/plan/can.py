@@ -14,7 +14,7 @@ from shipnet import datasets
 from shipnet.can.schedule import Message, MessageSet, frame_bits, response_times
 from shipnet.design.catalogue import cables
 from shipnet.design.plan.backbone import Backbone, lay, route_past
-from shipnet.design.plan.boxes import Box, boxes
+from shipnet.design.plan.boxes import Box, boxes, too_far
 from shipnet.design.plan.can_packing import Packed, pack
 from shipnet.design.plan.clusters import divided
 from shipnet.design.plan.draft import Draft
@@ -119,6 +119,8 @@ def plan_can(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
                                   for m, s in segment.messages),
             slowest_update_ms=1e3 * float(draft.need[everything].min()),
             bit_rate=segment.bit_rate, messages=len(segment.messages),
+            # Every message goes out on both lines, so that none has to take over.
+            switch_over_ms=0.0 if draft.settings.redundant else np.nan,
         )  # fmt: skip
 
 
@@ -209,13 +211,8 @@ def _screened(draft: Draft, box: Box) -> list[Box]:
     trunk = route_past(draft, [box])
     longest = _longest(draft)
     if trunk.length > longest:
-        for row in box.rows:
-            tag = draft.tags[row]
-            text = (
-                f"{tag} is {trunk.length:.0f} m of trunk away; a CAN segment has at most "
-                f"{longest:.0f} m at {min(limits.bit_rates) / 1e3:g} kbit/s"
-            )
-            draft.reason(tag, "length", trunk.length, longest, "m", text)
+        most = f"a CAN segment has at most {{:.0f}} m at {min(limits.bit_rates) / 1e3:g} kbit/s"
+        too_far(draft, box, trunk.length, longest, most)
         return []
     rate = bit_rate_for(trunk.length, limits.bit_rates) or min(limits.bit_rates)
     size = np.array([2 if draft.types[row][0] == "A" else 1 for row in box.rows])

@@ -12,7 +12,6 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 from scipy.cluster.hierarchy import fcluster, linkage
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from shipnet.errors import ArgumentError
@@ -127,6 +126,8 @@ def balanced(
     >>> balanced([[x, 0, 0] for x in (0, 1, 2, 3, 4, 50, 51, 52)], 2, most=[4]).tolist()
     [0, 0, 0, 0, 1, 1, 1, 1]
     """
+    from scipy.optimize import linear_sum_assignment  # slow to load, and few plans need it
+
     xyz = _places(places)
     kind = np.broadcast_to(np.asarray(kinds, dtype=np.intp), len(xyz))
     if groups < 1:

@@ -143,6 +143,13 @@ class Draft:
              **laid._asdict()}
         )  # fmt: skip
 
+    def given_lengths(self, column: str) -> Floats:
+        """Return the lengths that the list gives in a column [m]; NaN where they are reckoned."""
+        lengths = self.iolist.points[column].to_numpy(np.float64, copy=True)
+        if not self.settings.list_lengths:
+            lengths[self.iolist.located] = np.nan
+        return lengths
+
     def drop(self, row: int, device: str, place: Place, segment: str, length: float) -> None:
         """Put down the cable of a point to its device."""
         wires = int(self.wires[row])

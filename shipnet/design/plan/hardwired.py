@@ -37,7 +37,7 @@ def plan_home_runs(draft: Draft, rows: Rows) -> None:
     >>> draft.network("home runs").runs[["cable", "length_m", "used"]].values.tolist()
     [['MI1P075', 16.5, 2], ['MI2P075', 28.0, 3]]
     """
-    given = draft.iolist.points["home_run_m"].to_numpy(np.float64)
+    given = draft.given_lengths("home_run_m")
     known = np.isfinite(given) | draft.iolist.located
     without_place(draft, rows[~known[rows]])
     for row in rows[known[rows]]:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.design.plan.backbone import Backbone, lay, route_past
-from shipnet.design.plan.boxes import Box, boxes
+from shipnet.design.plan.boxes import Box, boxes, too_far
 from shipnet.design.plan.clusters import divided
 from shipnet.design.plan.draft import Draft
 from shipnet.modbus.request import ReadRequest, Request, WriteRegistersRequest
@@ -43,12 +43,13 @@ class Registers(NamedTuple):
 
 
 class _Loop(NamedTuple):
-    """A loop: its trunk, its bit rate, its scan, the longest transactions, its repeaters."""
+    """A loop: trunk, bit rate, scan, longest transactions, time to the second line, repeaters."""
 
     trunk: Backbone
     bit_rate: int
     scan: float
     longest: list[float]
+    switch_over: float
     repeaters: list[int]
     registers: list[Registers]
 
@@ -69,6 +70,10 @@ def plan_modbus(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
     The master asks all stations in turn, over and over. A change just behind a station's answer
     waits for a whole scan and one transaction: that is the response, which every point's update
     need bounds. A loop gets the lowest bit rate at which it holds.
+
+    With two lines, a station that does not answer on the first is asked on the second at once, and
+    stays there. If the first line breaks beside the master, the last station is silent for a scan,
+    and for the time that each station takes to be given up: the switch-over.
 
     Examples
     --------
@@ -114,6 +119,7 @@ def plan_modbus(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
             load=loop.scan / float(needs.min()), response_ms=1e3 * max(response),
             slowest_update_ms=1e3 * float(needs.min()), bit_rate=loop.bit_rate,
             scan_ms=1e3 * loop.scan, repeaters=len(loop.repeaters),
+            switch_over_ms=1e3 * loop.switch_over if draft.settings.redundant else np.nan,
         )  # fmt: skip
 
 
@@ -207,7 +213,8 @@ def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     registers = [registers_of([draft.types[row] for row in box.rows]) for box in group]
     needs = np.array([draft.need[box.rows].min() for box in group])
     for rate in sorted(limits.bit_rates):
-        times = [[poll.answered for poll in _polls(draft, own, rate)] for own in registers]
+        polls = [_polls(draft, own, rate) for own in registers]
+        times = [[poll.answered for poll in own] for own in polls]
         scan = sum(sum(own) for own in times)
         longest = [max(own) for own in times]
         over = float(((scan + np.array(longest)) / needs).max())
@@ -215,14 +222,14 @@ def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
             break
     else:
         parts = inf
-    return _Loop(trunk, rate, scan, longest, repeaters or [], registers), parts
+    switch_over = scan + sum(max(poll.given_up for poll in own) for own in polls)
+    return _Loop(trunk, rate, scan, longest, switch_over, repeaters or [], registers), parts
 
 
 def _polls(draft: Draft, registers: Registers, bit_rate: int) -> list[Poll]:
     limits = draft.settings.modbus
     serial = Serial(bit_rate, limits.character)
-    # Long enough for any response; how long a master waits does not matter while all answer.
-    timeout = 1.0 + limits.processing + serial.frame_time(256)
+    timeout = limits.timeout + limits.processing + serial.frame_time(256)
     return [
         Poll.of(request, serial, processing=limits.processing, timeout=timeout)
         for request in registers.requests
@@ -234,13 +241,8 @@ def _screened(draft: Draft, box: Box) -> list[Box]:
     limits = draft.settings.modbus
     trunk = route_past(draft, [box])
     if trunk.length > limits.length:
-        for row in box.rows:
-            tag = draft.tags[row]
-            text = (
-                f"{tag} is {trunk.length:.0f} m of trunk away; a Modbus section has at most "
-                f"{limits.length:.0f} m"
-            )
-            draft.reason(tag, "length", trunk.length, limits.length, "m", text)
+        most = "a Modbus section has at most {:.0f} m"
+        too_far(draft, box, trunk.length, limits.length, most)
         return []
     rate = max(limits.bit_rates)
     kept = []

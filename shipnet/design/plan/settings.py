@@ -33,6 +33,7 @@ _RANGES: dict[str, tuple[str, float, float]] = {
     "unit_loads": ("", 2, 256),
     "units": ("", 1, 247),
     "processing": ("s", 0.0, 60.0),
+    "timeout": ("s", 0.001, 60.0),
 }
 
 #: Parts of the settings, and what each must be.
@@ -122,7 +123,8 @@ class AsiLimits(_Checked):
     voltage, rating : float, default 30, 8
         Supply [V], and the most that it gives [A] [5]_.
     auxiliary : bool, default True
-        Whether a second pair feeds the outputs, from the cabinet along the line.
+        Whether a second pair feeds the outputs, from a supply of its own in the cabinet along the
+        line.
     conversion : float, default 0.06
         Conversion of an analogue value [s]; makers print 20 to 60 ms a channel.
     repetitions : int, default 1
@@ -207,6 +209,9 @@ class ModbusLimits(_Checked):
         Unit ids of a loop [1]_.
     processing : float, default 0.005
         How long a station works on a request [s]; assumed.
+    timeout : float, default 1
+        How long the master waits beyond the longest answer before it asks a silent station on the
+        second line [s]; the guide has 1 s to several seconds [2]_.
     character : str, default "8E1"
         As `shipnet.modbus.timing.Serial` has it.
     cable : str, default "RS485_MARINE"
@@ -216,6 +221,7 @@ class ModbusLimits(_Checked):
     ----------
     .. [1] "MODBUS over serial line specification and implementation guide", V1.02, 2006,
        section 2.2.
+    .. [2] The same, section 2.4.1.
     """
 
     bit_rates: tuple[int, ...] = (9600, 19_200, 38_400, 57_600)
@@ -224,6 +230,7 @@ class ModbusLimits(_Checked):
     repeaters: int = 0
     units: int = 247
     processing: float = 0.005
+    timeout: float = 1.0
     character: str = "8E1"
     cable: str = "RS485_MARINE"
 
@@ -246,6 +253,9 @@ class Settings(_Checked):
         own; else from a board beside them, which is not counted.
     feeder : str, default "MI1P150"
         That cable, a key of the catalogue.
+    list_lengths : bool, default True
+        Whether a cable whose length the list gives keeps it; else it is reckoned from places like
+        all others, where they are known.
     boxes : BoxLimits, optional
         Junction boxes where the list names none.
     asi, can, modbus : AsiLimits, CanLimits, ModbusLimits, optional
@@ -267,6 +277,7 @@ class Settings(_Checked):
     update: float = 1.0
     fed: bool = True
     feeder: str = "MI1P150"
+    list_lengths: bool = True
     boxes: BoxLimits = field(default_factory=BoxLimits)
     asi: AsiLimits = field(default_factory=AsiLimits)
     can: CanLimits = field(default_factory=CanLimits)

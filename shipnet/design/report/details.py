@@ -21,7 +21,8 @@ __all__ = ["details"]
 _FAILURES_SHOWN, _POINTS_SHOWN, _REASONS_SHOWN = 8, 2000, 200
 
 _FAILURE_WORDS = {
-    "cut": "one cable cut", "short": "one bus cable shorted", "tray": "one tray lost",
+    "cut": "one cable cut", "short": "one pair of a bus or a supply shorted",
+    "tray": "one tray lost",
     "device": "one device dead (but the cabinet)",
 }  # fmt: skip
 
@@ -85,9 +86,9 @@ def _failures(comparison: Comparison) -> str:
     return section(
         "What one failure costs",
         text(
-            "Every cable, every pair of a bus, every tray and every device fails alone. A point is "
-            "lost when nothing leads from it to the cabinet any more, or its station has no "
-            "supply. "
+            "Every cable, every pair of a bus or of its supply, every tray and every device fails "
+            "alone. A point is lost when nothing leads from it to the cabinet any more, or its "
+            "station has no supply. "
             "Reflections at an open end, and what lies in the cabinet, are not looked at."
         ),
         table(

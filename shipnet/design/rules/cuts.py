@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["FAILURES", "lost", "single_cuts", "worst"]
 
-#: What can fail: a cable is cut, the cables of a bus are shorted, all cables on a tray are cut, a
-#: device is dead.
+#: What can fail: a cable is cut, the cables that are one pair of a bus or of a supply are shorted,
+#: all cables on a tray are cut, a device is dead.
 FAILURES = ("cut", "short", "tray", "device")
 
 
@@ -42,7 +42,8 @@ def single_cuts(network: Network) -> pd.DataFrame:
     -----
     What counts as lost is said in `shipnet.design.rules.reach`. Points that no cable connects in
     the first place are not lost. The trunk of hardwired points has no row of a short: one pair of
-    its cable is one point.
+    its cable is one point. A short of feeders takes all of them that hang on the same terminals of
+    a supply, as if one fuse held them: a fuse for each branch loses less.
 
     Examples
     --------

@@ -234,6 +234,30 @@ def _lines(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     return Outcome(int(lines.min()), str(lines.idxmin()), "the fewest of any segment")
 
 
+def _switch_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    own = set(facts.network.points.loc[concerned, "segment"])
+    links = facts.links[facts.links["segment"].isin(own)]
+    if links.empty:
+        return Outcome(_NAN, why="no data link has such a point")
+    trunk = facts.network.runs[facts.network.runs["line"] != ""]
+    single = links.loc[~links["segment"].isin(trunk["segment"]), "segment"]
+    if len(single):
+        return Outcome(float("inf"), str(single.iloc[0]), "has no second line to switch to")
+    gaps = links.set_index("segment").get("switch_over_ms")
+    if gaps is None or gaps.isna().any():
+        return Outcome(_NAN, why="how a second line takes over is not in the plan")
+    return Outcome(gaps.max() / 1e3, str(gaps.idxmax()), "longest silence when a line breaks")
+
+
+def _change_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    lost = _LOST_BY_A_SUPPLY(facts, concerned, host)
+    if lost.computed != lost.computed:
+        return lost
+    if lost.computed:
+        return Outcome(float("inf"), lost.subject, "has no other supply beside it")
+    return Outcome(0.0, "", "two supplies feed at once, so that none has to take over")
+
+
 def _shared(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     trunk = facts.network.runs[facts.network.runs["kind"] == "trunk"]
     pairs = trunk[trunk["line"] != ""]
@@ -278,6 +302,7 @@ def _repeats(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 _PARTS = ("module", "station", "box")
+_LOST_BY_A_SUPPLY = _lost(("device",), ("supply", "auxiliary supply"), "no supply is planned")
 
 #: What can be computed, by the name that a rule uses.
 MEASURES: Mapping[str, Measure] = {
@@ -294,9 +319,10 @@ MEASURES: Mapping[str, Measure] = {
         "points", "lost by the worst station, module or box",
         _lost(("device",), _PARTS, "no station, module or box"),
     ),
-    "points lost by a supply": Measure(
-        "points", "lost by the worst supply",
-        _lost(("device",), ("supply",), "no supply is planned"),
+    "points lost by a supply": Measure("points", "lost by the worst supply", _LOST_BY_A_SUPPLY),
+    "supply change-over": Measure("s", "until another supply feeds", _change_over),
+    "switch-over": Measure(
+        "s", "longest silence of a point until its second line takes over", _switch_over
     ),
     "points lost by a device": Measure(
         "points", "lost by the worst device but the cabinet",

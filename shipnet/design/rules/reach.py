@@ -34,6 +34,9 @@ Edges = tuple[Whole, Whole, Whole]
 _JOINS = ("cabinet", "master", "gateway")
 _BLOCKS = (*_JOINS, "repeater", "box")
 
+#: Devices at which a pair ends that is shorted, by what kind of cable it is.
+_PAIR_ENDS = {"trunk": ("repeater", "gateway"), "feeder": ("cabinet", "gateway")}
+
 #: Housings that are lost with all that they hold; a dead station is lost by itself.
 _SHELLS = ("box", "cabinet")
 
@@ -81,21 +84,24 @@ class Reach:
 
     @cached_property
     def pairs(self) -> list[list[int]]:
-        """Trunk runs of a bus that are one pair, with no repeater or gateway between them."""
+        """Runs that are one pair, with no end of a pair between them: trunks of a bus, feeders."""
         runs, segments = self.network.runs, self.network.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
-        trunk = runs[(runs["kind"] == "trunk") & runs["segment"].isin(buses)]
+        bus = runs["segment"].isin(buses) & (runs["kind"] == "trunk")
         found = []
-        for _, members in trunk.groupby(["segment", "line"], sort=False):
-            number = members.index.to_numpy()
-            # Runs and the devices that connect them are the nodes.
-            ends, row = self._ends[number], np.arange(len(number)) + len(self.kinds)
-            place, side = np.nonzero(~np.isin(self.kinds, ("repeater", "gateway"))[ends])
-            u, v = ends[place, side], row[place]
-            total = len(self.kinds) + len(number)
-            labels = _labels(np.ones((1, len(u)), bool), total, u, v)[0, row]
-            found += [number[labels == label].tolist() for label in dict.fromkeys(labels)]
+        for kind, chosen in (("trunk", bus), ("feeder", self._feeders)):
+            for _, members in runs[chosen].groupby(["segment", "line"], sort=False):
+                found += self._together(members.index.to_numpy(), _PAIR_ENDS[kind])
         return found
+
+    def _together(self, number: Whole, pair_ends: Sequence[str]) -> list[list[int]]:
+        """Return runs in groups that hang together but for devices of some kinds."""
+        # Runs and the devices that connect them are the nodes.
+        ends, row = self._ends[number], np.arange(len(number)) + len(self.kinds)
+        place, side = np.nonzero(~np.isin(self.kinds, pair_ends)[ends])
+        u, v = ends[place, side], row[place]
+        labels = _labels(np.ones((1, len(u)), bool), len(self.kinds) + len(number), u, v)[0, row]
+        return [number[labels == label].tolist() for label in dict.fromkeys(labels)]
 
     @cached_property
     def alone(self) -> dict[int, int]:
@@ -191,7 +197,7 @@ class Reach:
 
     @cached_property
     def _auxiliary(self) -> Edges:
-        """What feeds the outputs of AS-i modules beside the trunk."""
+        """What feeds the outputs of AS-i modules from an auxiliary supply, beside the trunk."""
         supplies = (self.kinds == "supply")[self._ends].any(axis=1)
         number = np.flatnonzero(self._asi & self._feeders & ~supplies)
         return (*self._ends[number].T, number)
@@ -296,10 +302,13 @@ class Reach:
         return np.asarray(self._has_auxiliary(*self._masks([((), ())]))[0])
 
     def _has_auxiliary(self, cut: Bools, dead: Bools) -> Bools:
-        """Return which devices an auxiliary feeder reaches from the cabinet."""
+        """Return which devices a live auxiliary supply reaches."""
         u, v, _ = self._auxiliary
         labels = _labels(self._open(self._auxiliary, cut, dead), len(self.kinds), u, v)
-        return np.asarray(labels == labels[:, [self._cabinet]])
+        live = np.zeros_like(labels, dtype=bool)
+        row, device = np.nonzero(~dead & (self.kinds == "auxiliary supply"))
+        live[row, labels[row, device]] = True
+        return np.take_along_axis(live, labels, axis=1)
 
     def _supplied(self, cut: Bools, dead: Bools) -> Bools:
         """Return which devices a live supply reaches."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 from shipnet.errors import ArgumentError, check_whole
@@ -60,14 +61,20 @@ def packets_stored(
     >>> ring.case, ring.extract().lost, ring.unread
     ('c', 12, 9)
     """
-    packet = Markers(n_numbers=items).encode(dict.fromkeys(range(items), 1000))
+    packet = _packet(items)
     ring = Ring(size, rule)
     for _ in range(check_whole("get_no", get_no, 0, ring.size - 1)):
         ring.store(0)
         ring.extract()
-    for k in range(check_whole("n", n, 0, 10**6)):
-        ring.store(packet[(phase + k) % len(packet)])
+    count, begin = check_whole("n", n, 0, 10**6), phase % len(packet)
+    stream = packet * ((begin + count) // len(packet) + 1)
+    ring.store_all(stream[begin : begin + count])
     return ring
+
+
+@cache
+def _packet(items: int) -> bytes:
+    return Markers(n_numbers=items).encode(dict.fromkeys(range(items), 1000))
 
 
 def overrun_rings(items: int) -> Iterator[Ring]:
@@ -191,8 +198,7 @@ def recovered(waiting: int, rule: Rule, items: int = ITEMS, get_no: int = 0) -> 
     for _ in range(check_whole("get_no", get_no, 0, SIZE - 1)):
         ring.store(0)
         ring.extract()
-    for byte in b"".join(map(form.encode, sent))[:waiting]:
-        ring.store(byte)
+    ring.store_all(b"".join(map(form.encode, sent))[:waiting])
     taken = bytearray()
     while (step := ring.extract()).action in ("take", "repair"):
         taken += bytes([] if step.byte is None else [step.byte])
@@ -307,9 +313,8 @@ def packets_held(*, size: int = SIZE, items: int = ITEMS) -> float:
 def abnormal_states(*, empty_is_empty: bool = True) -> int:
     """Repairs in 100 packets, read byte by byte; or if an empty ring is read on, as printed."""
     ring = Ring(SIZE, "meant" if empty_is_empty else "literal")
-    packet = Markers(n_numbers=ITEMS).encode(dict.fromkeys(range(ITEMS), 1000))
     repairs = 0
-    for byte in 100 * packet:
+    for byte in 100 * _packet(ITEMS):
         ring.store(byte)
         # As many steps as there are places: an empty ring that is read on has no end.
         for _ in range(SIZE):

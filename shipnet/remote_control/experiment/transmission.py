@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError, check_whole
+from shipnet.intervals import share_interval
 from shipnet.line.quantity import check_scalar
 from shipnet.remote_control.batch import check_batch, encode_batch
 from shipnet.remote_control.experiment.residual import packet_shares
@@ -94,14 +95,10 @@ class Trial:
         confidence : float, default 0.95
             0.5..0.999999.
         """
-        from scipy.stats import binomtest
-
         level = check_scalar("confidence", confidence, "", 0.5, 0.999999)
         count = self._count(outcome)
-        if self.sent == 0:
-            return Interval(0.0, 1.0)
-        bounds = binomtest(count, self.sent).proportion_ci(level, method="exact")
-        return Interval(float(bounds.low), float(bounds.high))
+        low, high = share_interval(count, self.sent, confidence=level)
+        return Interval(float(low), float(high))
 
     def _count(self, outcome: Outcome) -> int:
         if outcome not in ("intact", "detected", "undetected"):

@@ -283,14 +283,15 @@ class _Simulation:
             return
         reading = station.receiver.read()
         self.run_.most_unread = max(self.run_.most_unread, reading.unread)
-        found = f"{reading.unread} bytes unread, {reading.lost} lost"
-        if reading.repaired:
-            self._note(station, "ring repaired", "", found)
-        elif reading.lost:
-            self._note(station, "ring overrun unseen", "", found)
-        if reading.stopped:
-            self._note(station, "ring stopped", "", found)
-            if not reading.packets:
+        if reading.repaired or reading.lost or reading.stopped:
+            found = f"{reading.unread} bytes unread, {reading.lost} lost"
+            if reading.repaired:
+                self._note(station, "ring repaired", "", found)
+            elif reading.lost:
+                self._note(station, "ring overrun unseen", "", found)
+            if reading.stopped:
+                self._note(station, "ring stopped", "", found)
+            if reading.stopped and not reading.packets:
                 self._leave(station, Event.RING_STOPPED, station.turn, station.lives)
                 return
         waiting = self.waiting[station.name]

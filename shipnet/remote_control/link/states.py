@@ -41,7 +41,9 @@ class State(Enum):
     @property
     def comm_f(self) -> int | None:
         """The flag: 0 to send, 1 to receive, which includes the work on what came."""
-        return {State.SENDING: 0, State.DEAD: None}.get(self, 1)
+        if self is State.DEAD:
+            return None
+        return 0 if self is State.SENDING else 1
 
 
 class Event(Enum):

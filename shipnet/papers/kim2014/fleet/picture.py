@@ -192,8 +192,9 @@ def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
 
     Examples
     --------
-    >>> picture_table(broken_loops()).loc["one by one, time-out 1 s"].round(1).tolist()
-    [52.3, 44.0, 100.0, 0.0, 100.0]
+    >>> table = picture_table(broken_loops(64, opened=30, duration=40))
+    >>> table.loc["one by one, time-out 1 s"].round(1).tolist()
+    [29.3, 27.0, 30.0, 0.0, 30.0]
     """
     import pandas as pd
 

@@ -1,0 +1,149 @@
+"""The slides of all lessons on a screen: nothing is cut off, too small, or lost."""
+
+import shutil
+
+import nbformat
+import pytest
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
+
+from docs import editions, slides
+
+SCREENS = [(1024, 768), (1280, 720)]
+LESSONS = pytest.mark.parametrize("source", editions.sources(), ids=lambda path: path.stem[:2])
+#: Of 768: about 1.9 % of the height, which is 38 mm on a screen 2 m high.
+SMALLEST_TEXT = 14.0
+#: Below this share of its stored size the letters of a figure cannot be read.
+SMALLEST_FIGURE = 0.6
+
+# Lines of text and pictures of each slide, with all answers open, in pixels of the screen.
+MEASURE = """() => Reveal.getSlides().map((slide) => {
+  const {h, v} = Reveal.getIndices(slide);
+  Reveal.slide(h, v);
+  slide.querySelectorAll("details").forEach((answer) => { answer.open = true; });
+  Reveal.layout();
+  const rectangles = [], sizes = [], figures = [];
+  const add = (what) => rectangles.push(...[...what.getClientRects()].filter((r) => r.width)
+    .map((r) => [r.left, r.top, r.right, r.bottom]));
+  const walk = document.createTreeWalker(slide, NodeFilter.SHOW_TEXT);
+  for (let text = walk.nextNode(); text; text = walk.nextNode()) {
+    const range = document.createRange();
+    range.selectNodeContents(text);
+    if (!text.data.trim() || !range.getClientRects().length) continue;
+    add(range);
+    if (!text.parentElement.closest("math")) {
+      sizes.push(parseFloat(getComputedStyle(text.parentElement).fontSize));
+    }
+  }
+  slide.querySelectorAll("img, pre, td, th").forEach(add);
+  slide.querySelectorAll("img").forEach((image) =>
+    figures.push(image.offsetWidth / image.naturalWidth));
+  const marks = [...document.querySelectorAll(".controls, .slide-number")].map((mark) => {
+    const r = mark.getBoundingClientRect();
+    return [r.left, r.top, r.right, r.bottom];
+  });
+  return {name: `${h + 1}.${(v || 0) + 1}`, rectangles, marks, sizes, figures};
+})"""
+# What the page shows and what was written, without the space between words.
+WORDS = """(html) => [document, new DOMParser().parseFromString(html, "text/html")].map((page) =>
+  page.querySelector(".slides").textContent.replace(/\\s+/g, ""))"""
+
+
+def show(page, root, source, leave_out=""):
+    """Write the slides of a lesson below a folder and open them; return what was written."""
+    path = slides.write(root, source)
+    html = path.read_text("utf-8")
+    path.write_text(html.replace(leave_out, ""), "utf-8")
+    page.goto(path.as_uri())
+    page.wait_for_function("Reveal.isReady()")
+    return html
+
+
+def overlap(one, other):
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+
+
+def faults(slide, width, height):
+    """Return what is wrong with a slide that was measured."""
+    found = set()
+    for one in slide["rectangles"]:
+        if one[0] < 0 or one[1] < 0 or one[2] > width or one[3] > height:
+            found.add("leaves the screen")
+        if any(overlap(one, mark) for mark in slide["marks"]):
+            found.add("lies under the arrows or the number")
+    if min(slide["sizes"], default=SMALLEST_TEXT) < SMALLEST_TEXT:
+        found.add("small text")
+    if min(slide["figures"], default=1) < SMALLEST_FIGURE:
+        found.add("small figure")
+    return {f"slide {slide['name']}, {width} x {height}: {fault}" for fault in found}
+
+
+def all_faults(page):
+    found = set()
+    for width, height in SCREENS:
+        page.set_viewport_size({"width": width, "height": height})
+        for slide in page.evaluate(MEASURE):
+            found |= faults(slide, width, height)
+    return sorted(found)
+
+
+@pytest.fixture
+def root(tmp_path):
+    (tmp_path / editions.LESSONS).mkdir(parents=True)
+    return tmp_path
+
+
+@LESSONS
+def test_every_slide_fits_and_no_word_is_lost(page, root, source):
+    shutil.copy(editions.ROOT / editions.LESSONS / f"{source.stem}.ipynb", root / editions.LESSONS)
+    html = show(page, root, source)
+    now, written = page.evaluate(WORDS, html)
+    assert now == written
+    assert all_faults(page) == []
+
+
+def long_cells():
+    text = " ".join(["word"] * 60)
+    code = new_code_cell("\n".join(f"line_{k} = {k}" for k in range(15)))
+    code.outputs = [new_output("stream", text="\n".join(map(str, range(15))))]
+    # At its usual size this table is wider than the slide.
+    row = "".join(f"<td>unbroken_{k:06}</td>" for k in range(7))
+    table = new_code_cell("table")
+    table.outputs = [
+        new_output("display_data", {"text/html": f"<table><tr>{row}</tr></table>"}),
+    ]
+    questions = "\n\n".join(
+        f"{k}. Why {k}?\n\n<details><summary>Answer</summary>{text}</details>" for k in range(1, 9)
+    )
+    return [
+        new_markdown_cell("# 01 Long"),
+        new_markdown_cell("## Much\n\n" + "\n\n".join(f"{k} {text}" for k in range(9))),
+        code,
+        table,
+        new_markdown_cell(f"**Questions**\n\n{questions}"),
+    ]
+
+
+def test_what_is_too_tall_goes_on_below_in_its_order(page, root):
+    path = root / editions.LESSONS / "01_long.ipynb"
+    nbformat.write(new_notebook(cells=long_cells()), path)
+    html = show(page, root, path)
+    now, written = page.evaluate(WORDS, html)
+    assert now == written
+    assert all_faults(page) == []
+    assert page.evaluate("Reveal.getTotalSlides()") > html.count("<section") / 2
+    ends = page.evaluate(
+        "Reveal.getSlides().map((slide) => [slide.firstChild.tagName, slide.lastChild.tagName])"
+    )
+    assert all(first != "DETAILS" and last not in ("H1", "H2") for first, last in ends[1:])
+    assert page.evaluate("document.querySelectorAll('details[open]').length") > 0
+
+
+def test_slides_that_do_not_fit_are_found(page, root):
+    path = root / editions.LESSONS / "01_long.ipynb"
+    nbformat.write(new_notebook(cells=long_cells()), path)
+    html = show(page, root, path, leave_out="\n  fit();")
+    assert "\n  fit();" in html
+    assert {fault.partition(": ")[2] for fault in all_faults(page)} == {
+        "leaves the screen",
+        "lies under the arrows or the number",
+    }
