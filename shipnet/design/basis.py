@@ -24,7 +24,6 @@ from shipnet.design.rules import HOST_TIME
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 from shipnet.line.quantity import check_scalar
-from shipnet.modbus.timing import Serial
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,7 +84,6 @@ class Basis:
             raise ArgumentError(f"assumptions is {self.assumptions!r}; it must be Assumptions")
         self.site((0.0, 0.0, 0.0))
         check_scalar("host_time", self.host_time, "s", 0.0, 60.0)
-        Serial(9600, self.settings.modbus.character)
 
     def __getitem__(self, name: str) -> Any:
         """Return a value by its name."""

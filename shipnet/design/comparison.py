@@ -11,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.design.basis import Basis
+from shipnet.design.conclusions import conclusions
 from shipnet.design.costs.assumptions import Assumptions
 from shipnet.design.costs.quantities import FIGURES, Quantities, quantities
 from shipnet.design.costs.sensitivity import Tornado, tornado
 from shipnet.design.costs.uncertainty import draw, likely
 from shipnet.design.digits import number
-from shipnet.design.front import complete, not_beaten
+from shipnet.design.front import CRITERIA, RESPONSE, complete, not_beaten
 from shipnet.design.network import Network
 from shipnet.design.plan import OPTIONS, Settings, plan
 from shipnet.design.rules import HOST_TIME, RuleSet, check
@@ -38,14 +39,6 @@ __all__ = [
     "complete",
     "not_beaten",
 ]
-
-RESPONSE = "worst response [ms]"
-
-#: Columns of a comparison in which less is better, and by which options are weighed.
-CRITERIA = ("total cost", RESPONSE, "lost by one failure")
-
-#: Share of the lengths given by which those of our own may be off, one by one, and unsaid; assumed.
-_ALIKE = 0.1
 
 _VERDICTS = {"pass": "rules kept", "fail": "rules broken", "not verified": "rules not verified"}
 
@@ -180,63 +173,7 @@ class Comparison:
     @property
     def sentences(self) -> list[str]:
         """What the comparison comes to, in words."""
-        table, front = self.table, self.table[self.pareto]
-        said = [
-            f"{name} leaves {row['points left out']:.0f} of {len(self.iolist)} points out"
-            f"{self._why(str(name))}."
-            for name, row in table[table["points left out"] > 0].iterrows()
-        ]
-        said += self._lengths
-        if front.empty:
-            return [*said, "No option connects every point."]
-        whole = table[table["points left out"] == 0]
-        for column, words, unit in (
-            ("total cost", "Lowest cost", "EUR"),
-            ("conductors at the cabinet", "Fewest conductors at the cabinet", ""),
-            (RESPONSE, "Shortest response at worst", "ms"),
-            ("lost by one failure", "Fewest points lost by one cable or device", ""),
-        ):
-            values = whole[column].dropna()
-            if len(values) > 1:
-                same = ", ".join(map(str, values.index[values == values.min()]))
-                least = number(values.min())
-                said.append(f"{words}: {same} ({least}{f' {unit}' if unit else ''}).")
-        if beaten := [str(name) for name in whole.index if not self.pareto[name]]:
-            said.append(f"Beaten in {', '.join(self.criteria)} at once: {', '.join(beaten)}.")
-        return [*said, f"{str(self.tornado)[:1].upper()}{str(self.tornado)[1:]}."]
-
-    @property
-    def _lengths(self) -> list[str]:
-        """Say that home runs of given lengths are not weighed alike, if it makes a difference."""
-        iolist, site = self.iolist, self.site
-        kept = {
-            tag
-            for network in self.networks.values()
-            for tag in network.runs.query("kind == 'home run' and route_m != route_m")["b"]
-        }
-        mine = iolist.points["tag"].isin(kept).to_numpy() & iolist.located
-        given = iolist.points["home_run_m"].to_numpy(float)[mine]
-        own = site.length(site.route(site.cabinet, iolist.places[mine]))
-        if np.abs(own - given).sum() <= _ALIKE * given.sum():
-            return []
-        cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
-        over = "" if site.trays is None else " over the trays"
-        return [
-            f"Home runs keep the lengths of the list, {number(given.sum() / 1e3)} km for "
-            f"{len(given)} points; from the cabinet at {cabinet} m{over}, as all other cables are "
-            f"reckoned, they would be {number(own.sum() / 1e3)} km."
-        ]
-
-    def _why(self, option: str) -> str:
-        """Return the first reason of each limit that an option runs into."""
-        reasons = self.networks[option].reasons
-        counts = reasons["limit"].value_counts()
-        first = reasons.drop_duplicates("limit")
-        said = [
-            f"{text} (and {more} more)" if (more := counts[limit] - 1) else text
-            for limit, text in zip(first["limit"], first["text"], strict=True)
-        ]
-        return f": {'; '.join(said)}" if said else ""
+        return conclusions(self.networks, self.table, self.tornado, self.criteria)
 
 
 def compare(
@@ -369,11 +306,15 @@ def compare_networks(
         site.detour, site.tails, host_time,
     )  # fmt: skip
     sums = {name: quantities(network, assumptions) for name, network in named.items()}
-    checked = {name: check(net, rule_set, host_time=host_time) for name, net in named.items()}
+    cuts = {name: single_cuts(network) for name, network in named.items()}
+    checked = {
+        name: check(network, rule_set, host_time=host_time, cuts=cuts[name])
+        for name, network in named.items()
+    }
     made = Comparison(
         named,
         sums,
-        {name: single_cuts(network) for name, network in named.items()},
+        cuts,
         _by_option(checked),
         tornado(complete(named), assumptions=assumptions),
         None if rng is None else likely(draw(named, assumptions, rng=rng)),

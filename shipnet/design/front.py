@@ -10,7 +10,12 @@ import numpy.typing as npt
 from shipnet.design.network import Network
 from shipnet.errors import ArgumentError
 
-__all__ = ["complete", "not_beaten"]
+__all__ = ["CRITERIA", "RESPONSE", "complete", "not_beaten"]
+
+RESPONSE = "worst response [ms]"
+
+#: Columns of a comparison in which less is better, and by which options are weighed.
+CRITERIA = ("total cost", RESPONSE, "lost by one failure")
 
 
 def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:

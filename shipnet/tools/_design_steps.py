@@ -245,7 +245,11 @@ def assumptions(labour: float, parts: float) -> Assumptions:
 
 # A network is the key to what is found of it, and lives as long as that.
 _cuts = lru_cache(maxsize=48)(single_cuts)
-_checked = lru_cache(maxsize=48)(check)
+
+
+@lru_cache(maxsize=48)
+def _checked(network: Network, rule_set: str) -> pd.DataFrame:
+    return check(network, rule_set, cuts=_cuts(network))
 
 
 @lru_cache(maxsize=4)

@@ -7,6 +7,7 @@ from math import isfinite
 
 from shipnet.design.catalogue import cables
 from shipnet.errors import ArgumentError, check_whole
+from shipnet.modbus.timing import Serial
 
 __all__ = ["AsiLimits", "BoxLimits", "CanLimits", "ModbusLimits", "Settings"]
 
@@ -68,6 +69,8 @@ class _Checked:
                 raise ArgumentError(
                     f"{own.name} is {value!r}; it must be one of {', '.join(cables())}"
                 )
+            elif own.name == "character":
+                Serial(9600, value)
             elif own.name == "bit_rates":
                 if not isinstance(value, tuple) or not value:
                     raise ArgumentError(f"bit_rates is {value!r}; it must be a tuple of bit rates")

@@ -68,7 +68,11 @@ def rules_of(rule_set: RuleSet) -> tuple[Rule, ...]:
 
 
 def check(
-    network: Network, rule_set: RuleSet = "DNV", *, host_time: float = HOST_TIME
+    network: Network,
+    rule_set: RuleSet = "DNV",
+    *,
+    host_time: float = HOST_TIME,
+    cuts: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
     """Check a planned network against a rule set.
 
@@ -80,6 +84,8 @@ def check(
         As `rules_of`.
     host_time : float, default 0.5
         What the host adds to the response where a rule counts it [s], 0..60; assumed.
+    cuts : pandas.DataFrame, optional
+        What `single_cuts` returned for the network, if it is there already.
 
     Returns
     -------
@@ -116,7 +122,7 @@ def check(
 
     if not isinstance(network, Network):
         raise ArgumentError(f"network is {network!r}; it must be a Network")
-    facts = Facts(network, check_scalar("host_time", host_time, "s", 0.0, 60.0))
+    facts = Facts(network, check_scalar("host_time", host_time, "s", 0.0, 60.0), cuts)
     rows = []
     for rule in rules_of(rule_set):
         outcome = _outcome(rule, facts)

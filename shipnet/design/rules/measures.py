@@ -80,6 +80,8 @@ class Facts:
         What was planned.
     host_time : float
         From the host's having a value to its being shown or sounded [s].
+    given_cuts : pandas.DataFrame, optional
+        Every single failure, if it is known already.
 
     Examples
     --------
@@ -90,11 +92,12 @@ class Facts:
 
     network: Network
     host_time: float
+    given_cuts: pd.DataFrame | None = None
 
     @cached_property
     def cuts(self) -> pd.DataFrame:
         """Every single failure."""
-        return single_cuts(self.network)
+        return single_cuts(self.network) if self.given_cuts is None else self.given_cuts
 
     @cached_property
     def links(self) -> pd.DataFrame:
