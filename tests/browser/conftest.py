@@ -1,6 +1,7 @@
 """A browser, the built book, and a page that nothing outside this machine may serve."""
 
 import shutil
+import sys
 import threading
 from collections.abc import Iterator
 from functools import partial
@@ -58,9 +59,16 @@ class _Handler(SimpleHTTPRequestHandler):
         pass
 
 
+class _Server(ThreadingHTTPServer):
+    def handle_error(self, request: object, client_address: object) -> None:
+        # A page that is closed while it loads hangs up.
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)
+
+
 @pytest.fixture(scope="session")
 def url(site: Path) -> Iterator[str]:
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Handler, directory=site))
+    server = _Server(("127.0.0.1", 0), partial(_Handler, directory=site))
     thread = threading.Thread(target=server.serve_forever, daemon=True)
     thread.start()
     yield f"http://127.0.0.1:{server.server_port}"
