@@ -8,7 +8,12 @@ from collections.abc import Sequence
 from textwrap import shorten
 from typing import Any
 
+from shipnet.errors import InputError
+
 __all__ = ["main"]
+
+#: Groups of faults of a file that are told.
+_FAULTS = 100
 
 _LEDGER = """\
 Show what the papers print beside what shipnet computes.
@@ -223,7 +228,6 @@ def _ledger(arguments: argparse.Namespace) -> None:
 def _decode(arguments: argparse.Namespace) -> None:
     from shipnet.asi.capture import decode
     from shipnet.asi.waveform_file import read_waveform
-    from shipnet.errors import InputError
 
     waveform = read_waveform(
         arguments.file, channel=arguments.channel, sample_interval=arguments.sample_interval
@@ -333,7 +337,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 2 after a user's mistake, which is told in one line on standard error.
+        0, or 2 after a user's mistake, which is told on standard error; of a file, a line a fault.
     """
     parsed = _parser().parse_args(arguments)
     try:
@@ -342,7 +346,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Whoever reads the output has had enough; the interpreter must not complain at its end.
         sys.stdout = None
     except (ValueError, OSError, ImportError) as mistake:
-        print(f"shipnet: {mistake}", file=sys.stderr)
+        told = [str(mistake)]
+        if isinstance(mistake, InputError) and len(lines := mistake.lines(_FAULTS)) > 1:
+            told = [f"{mistake.file}:", *lines]
+        print("shipnet:", "\n  ".join(told), file=sys.stderr)
         return 2
     return 0
 

@@ -4,6 +4,7 @@ Every class carries a `code`, so that a batch function can return an array of co
 scalar function raises. Code 0 means that nothing is wrong.
 """
 
+import re
 from operator import index
 
 __all__ = [
@@ -147,8 +148,7 @@ class InputError(ValueError):
     file : str
         The file as the user named it.
     *faults : str
-        What is wrong and what was expected, each with its row and column where it has one; the
-        message shows the first ten.
+        What is wrong and what was expected, each with its row and column where it has one.
     more : int, default 0
         How many faults there are beside those given.
 
@@ -156,6 +156,11 @@ class InputError(ValueError):
     --------
     >>> print(InputError("scope.csv", "row 7, column 2: 'x' is not a number", "row 9 is empty"))
     scope.csv: row 7, column 2: 'x' is not a number; row 9 is empty
+
+    The message has the first ten; those that differ in nothing but their rows are one:
+
+    >>> print(InputError("list.csv", *(f"row {n}, column y: is empty" for n in (2, 3, 4, 9))))
+    list.csv: rows 2 to 4 and 9, column y: is empty
     """
 
     #: Faults of a file that one message names.
@@ -167,11 +172,59 @@ class InputError(ValueError):
         self.faults = faults
         self.more = more
 
+    def lines(self, most: int) -> list[str]:
+        """Return what is wrong, line by line.
+
+        Parameters
+        ----------
+        most : int
+            Most groups of faults that are named, 1 or more; the last line counts the others.
+
+        Returns
+        -------
+        list of str
+            A line a group: faults that differ in nothing but their rows are one.
+        """
+        groups = self._groups()
+        rest = sum(count for _, count in groups[most:]) + self.more
+        return [text for text, _ in groups[:most]] + ([f"and {rest} more"] if rest else [])
+
     def __str__(self) -> str:
         """Say everything in one line."""
-        rest = len(self.faults[self.shown :]) + self.more
-        ending = [f"and {rest} more"] if rest else []
-        return f"{self.file}: {'; '.join([*self.faults[: self.shown], *ending])}"
+        return f"{self.file}: {'; '.join(self.lines(self.shown))}"
+
+    def _groups(self) -> list[tuple[str, int]]:
+        groups: dict[tuple[str, str], list[int]] = {}
+        for fault in self.faults:
+            placed = _PLACED.fullmatch(fault)
+            what, row, rest = placed.groups() if placed else ("", "0", fault)
+            groups.setdefault((what, rest), []).append(int(row))
+        return [
+            (f"{what}{_listed(rows)}{rest}" if what else rest, len(rows))
+            for (what, rest), rows in groups.items()
+        ]
+
+
+#: A fault with its place: what is counted, its number, and the rest.
+_PLACED = re.compile(r"(row|line) (\d{1,9})([,:].*)", re.DOTALL)
+
+#: Runs of rows that a message names.
+_RUNS = 5
+
+
+def _listed(numbers: list[int]) -> str:
+    """Return rows or lines in words, behind their name: `` 3``, ``s 2 to 9 and 12``."""
+    runs: list[list[int]] = []
+    for number in sorted(set(numbers)):
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1] = [runs[-1][0], number]
+        else:
+            runs.append([number])
+    parts = [" to ".join(map(str, run)) for run in runs[:_RUNS]]
+    if rest := sum(run[-1] - run[0] + 1 for run in runs[_RUNS:]):
+        parts.append(f"{rest} more")
+    listed = " and ".join([*([", ".join(parts[:-1])] if parts[1:] else []), parts[-1]])
+    return f"{'s' if len(set(numbers)) > 1 else ''} {listed}"
 
 
 _BY_CODE: dict[int, type[FrameError] | type[ArgumentError]] = {

@@ -66,6 +66,19 @@ def test_help_and_usage(arguments, capsys):
         assert "usage: shipnet" in streams.err
 
 
+def test_the_faults_of_a_file_are_told_line_by_line(tmp_path, capsys):
+    file = tmp_path / "list.csv"
+    rows = [f"L-{n},contact,far,0,0" for n in range(300)]
+    file.write_text("\n".join(["tag,signal,x,y,z", *rows, "L-9,contct,5,0,0"]), encoding="utf-8")
+    assert main(["design", str(file)]) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert told[0] == f"shipnet: {file}:"
+    assert told[1].startswith("  rows 2 to 301, column x: 'far'; expected")
+    assert [line.split(":")[0] for line in told[2:]] == [
+        "  row 302, column tag", "  row 302, column signal",
+    ]  # fmt: skip
+
+
 def test_module_runs_as_a_program_and_into_a_closed_pipe():
     program = [sys.executable, "-m", "shipnet"]
     assert subprocess.check_output([*program, "--version"], text=True).startswith("shipnet 0.")

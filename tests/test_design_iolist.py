@@ -151,9 +151,13 @@ def test_every_fault_is_told_at_once_in_the_order_of_the_file():
     assert "'LS-4' stands in row 5 already" in found[4]
 
 
-def test_a_thousand_faulty_rows_are_all_kept_and_ten_are_shown():
+def test_a_thousand_faulty_rows_are_all_kept_and_told_in_few_words():
     found = faults(text(*({"tag": f"T{k}", "home run": "-1"} for k in range(1000))))
     assert len(found) == 1000
+    assert str(InputError("x", *found)).startswith(
+        "x: rows 2 to 1001, column home run: '-1'; expec"
+    )
+    found = faults(text(*({"tag": f"T{k}", "home run": f"-{k + 1}"} for k in range(1000))))
     assert str(InputError("x", *found)).endswith("and 990 more")
 
 
@@ -211,6 +215,22 @@ def test_a_proximity_switch_is_told_apart_by_its_wires():
     assert points["conductors"].tolist() == [3, 2] * 2
     (said,) = faults("tag,type,signal,home run\na,DI,proximity switch,1")
     assert "it may be contact or proximity_3wire: name one, or give the conductors" in said
+
+
+@pytest.mark.parametrize(
+    ("faults", "told", "beyond"),
+    [
+        (["row 3, column x: a", "row 3, column x: a"], ["row 3, column x: a"], 0),
+        (["row 9: a", "row 3: a", "row 4: b"], ["rows 3 and 9: a", "row 4: b"], 1),
+        ([f"row {n}: a" for n in (1, 3, 4, 6, 8, 10, 12, 13, 14, 99)],
+         ["rows 1, 3 to 4, 6, 8, 10 and 4 more: a"], 0),
+        (["line 2: a", "row 2: a", "row 2 is a", "row 3 is a", "", "rows 1: a"],
+         ["line 2: a", "row 2: a", "row 2 is a", "row 3 is a", "", "rows 1: a"], 5),
+    ],
+)  # fmt: skip
+def test_faults_that_differ_in_their_rows_alone_are_told_as_one(faults, told, beyond):
+    assert InputError("x", *faults).lines(10) == told
+    assert InputError("x", *faults, more=7).lines(1) == [told[0], f"and {7 + beyond} more"]
 
 
 def test_a_box_has_one_place_and_needs_it_only_once():

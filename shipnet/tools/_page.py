@@ -304,9 +304,7 @@ def _lines(problem: Exception) -> str:
     """Return what is wrong, a fault a line where a file has several."""
     if not isinstance(problem, InputError) or len(problem.faults) < 2:
         return _sentence(problem)
-    rest = len(problem.faults[_FAULTS:]) + problem.more
-    more = [f"and {rest} more"] if rest else []
-    return "\n".join([f"{problem.file}:", *problem.faults[:_FAULTS], *more])
+    return "\n".join([f"{problem.file}:", *problem.lines(_FAULTS)])
 
 
 def _sentence(problem: Exception) -> str:
