@@ -2,10 +2,12 @@
 
 A point works as long as a way leads from it to the cabinet, along one line of a redundant pair all
 the way through each bus: stations pass nothing on from line A to line B; masters, gateways and the
-cabinet do. A module, station, supply or terminator that is dead leaves its bus as
-it is, and anything else takes along what lies behind it. Where the plan has supplies, a device also
-needs one, and an output of AS-i the auxiliary supply, if its module has one. An open end of a bus
-counts as harmless: reflections are not looked at here.
+cabinet do. A module, station, supply or terminator that is dead leaves its bus as it is, and
+anything else takes along what lies behind it. Where the plan has supplies, a device also needs one,
+and an output of AS-i the auxiliary supply, if its module has one. A line of AS-i between two
+repeaters carries nothing without its supply, for telegrams are currents of it, and masters and
+repeaters live on it: what lies behind is lost too. An open end of a bus counts as harmless:
+reflections are not looked at here.
 """
 
 from __future__ import annotations
@@ -187,6 +189,14 @@ class Reach:
         )
 
     @cached_property
+    def _current_at(self) -> Whole:
+        """Device at which each run must have current to carry data; -1 for none, and at the end."""
+        a, b = self._ends.T
+        end = np.where((self.kinds == "repeater")[b], a, b)
+        trunk = self._asi & (self.network.runs["kind"] == "trunk").to_numpy()
+        return np.append(np.where(trunk, end, -1), -1)
+
+    @cached_property
     def _mains(self) -> tuple[Whole, Whole]:
         """Supplies with a feeder from the cabinet, and this run."""
         from_cabinet = self._feeders & (self._ends == self._cabinet).any(axis=1)
@@ -285,12 +295,15 @@ class Reach:
 
     def _good(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
         """Return which cables of points still work, shape (n_failures, n_wires)."""
-        u, v, _ = self._data
+        u, v, along = self._data
         count = len(self.kinds)
-        labels = _labels(self._open(self._data, cut, dead), 2 * count, u, v)
+        dark = needs_supply & ~self._supplied(cut, dead)
+        # The last column is of runs that need no current.
+        still = np.pad(~dark, ((0, 0), (0, 1)), constant_values=True)[:, self._current_at[along]]
+        labels = _labels(self._open(self._data, cut, dead) & still, 2 * count, u, v)
         reached = labels == labels[:, [self._cabinet]]
         alive = (reached[:, :count] | reached[:, count:]) & ~dead & ~dead[:, [self._cabinet]]
-        alive &= self._supplied(cut, dead) | ~needs_supply
+        alive &= ~dark
         point, device, run = self._wires
         output = self.network.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
         unfed = self._needs_auxiliary & ~self._has_auxiliary(cut, dead)
