@@ -140,8 +140,8 @@ def load_iolist(path: str | PathLike[str], sheet: str | None = None) -> IoList:
     Notes
     -----
     A signal that is not named is that of the type, a type that is not named that of the signal,
-    and so with conductors. Where no update time is given, 1000 ms are assumed (our assumption), and
-    the remarks say so. The position of a box needs to stand only once.
+    and so with conductors. Where no update time is given, the planners take that of their settings,
+    and the remarks say so. The position of a box needs to stand only once.
 
     Examples
     --------
