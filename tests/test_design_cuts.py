@@ -82,7 +82,11 @@ def searched(network, cut=(), dead=(), needs=None):
             masters = kind.index[(kind == "master") & (devices["segment"] == row["segment"])]
             if hangs_on == network.cabinet and len(masters):
                 hangs_on = masters[-1]
-        join(graph, hangs_on, name, "AB")
+        beside = (row["kind"], kind[hangs_on]) == ("repeater", "master")
+        if beside and buses.get(devices.loc[hangs_on, "segment"]) == "AS-i":
+            lines_of_as_i.append((name, hangs_on, "AB"))
+        else:
+            join(graph, hangs_on, name, "AB")
         if row["kind"] == "supply":
             join(power, hangs_on, name, "AB")
     supplied = set()
@@ -182,6 +186,15 @@ def shorted(network, name):
     return sorted(taken)
 
 
+def masters_at(network, runs):
+    """Return the masters of AS-i at whose terminals some trunks are."""
+    kind = network.devices.set_index("device")["kind"]
+    buses = network.segments.set_index("segment")["bus"]
+    own = network.runs[network.runs["run"].isin(runs) & (network.runs["kind"] == "trunk")]
+    own = own[own["segment"].map(buses) == "AS-i"]
+    return [name for name in {*own["a"], *own["b"]} if kind[name] == "master"]
+
+
 @settings(max_examples=8)
 @given(st.integers(0, 10**6))
 def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
@@ -197,6 +210,8 @@ def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
         cut = {"cut": [row.failed], "tray": on_tray, "device": [],
                "short": together}[row.failure]  # fmt: skip
         dead = [row.failed] if row.failure == "device" else []
+        if row.failure == "short":
+            dead = masters_at(network, together)
         gone = before - points_reached(network, needs, cut, dead)
         assert set(row.tags) == gone, row
         assert row.points_lost == len(gone)
@@ -303,6 +318,20 @@ def test_a_line_of_as_i_without_current_takes_what_lies_behind_it_too():
     feeders = single_cuts(network).query("kind == 'feeder'")
     assert feeders["failure"].tolist() == ["cut", "cut", "short", "short"]
     assert feeders["tags"].tolist() == 2 * [("B", "C"), ("C",)]
+
+
+def test_a_repeater_beside_the_master_is_as_dead_as_its_line():
+    """The line leaves the master for one side; a repeater on its terminals serves the other."""
+    iolist = parse_iolist("tag,signal,x,y,z\nA,contact,90,0,0\nB,contact,-90,0,0")
+    network = plan(iolist, Site((0, 0, 0)), "AS-i")
+    devices = network.devices.set_index("device")
+    assert devices.query("kind == 'repeater' and at == 'cabinet'").index.tolist() == [
+        "AS-i 1 repeater (2)"
+    ]
+    assert lost(network, devices=["AS-i 1 repeater (2)"]) == ("B",)
+    assert lost(network, devices=["AS-i 1 supply"]) == ("A", "B")
+    shorts = single_cuts(network).query("failure == 'short' and kind == 'trunk'")
+    assert shorts["tags"].tolist() == [("A", "B"), ("A",), ("B",), ("B",)]
 
 
 def test_two_lines_are_lost_only_if_both_are_cut():
