@@ -163,7 +163,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     design.add_argument("list", metavar="LIST", nargs="?", help="the I/O list: .csv or .xlsx")
     design.add_argument("-o", "--output", metavar="FILE", help="also write a report, as HTML")
-    design.add_argument("--sheet", metavar="NAME", help="sheet of a workbook (default the first)")
+    design.add_argument(
+        "--sheet", metavar="NAME",
+        help="sheet of a workbook (default the first that is not hidden and holds a list)",
+    )  # fmt: skip
     design.add_argument(
         "--cabinet", metavar="X,Y,Z",
         help="where the cables end, in m, or the name of a cabinet in the file of trays (default "

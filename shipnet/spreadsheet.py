@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import csv
 import re
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date, time, timedelta
 from io import StringIO
 from os import PathLike
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shipnet.errors import InputError
-from shipnet.workbook import ERRORS, Row, Workbook
+from shipnet.workbook import ERRORS, Merged, Row, Workbook
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,8 +56,10 @@ class Sheet:
     separator : str, default ","
         What stood between the cells; ``""`` in a workbook.
     odd : dict
-        What a cell of a workbook is that is neither text nor number, by row and place (from 0):
-        ``"a date"``, ``"true or false"``, ``"an error"``.
+        What a cell of a workbook is that is neither text nor plain number, by row and place (from
+        0), as `shipnet.workbook.Row` has it.
+    remarks : tuple of str
+        What of a workbook was not read.
     """
 
     source: str
@@ -65,6 +68,7 @@ class Sheet:
     rows: Sequence[tuple[int, list[str]]]
     separator: str = ","
     odd: dict[tuple[int, int], str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
 
 def read_bytes(path: str | PathLike[str]) -> bytes:
@@ -228,7 +232,8 @@ def read_sheet(
     path : path
         File.
     sheet : str, optional
-        Name of the sheet of a workbook; if it is not given, the first that has a row of titles.
+        Name of the sheet of a workbook; if it is not given, the first that has a row of titles and
+        is not hidden.
     is_titles, what
         As `parse_sheet`.
 
@@ -236,7 +241,8 @@ def read_sheet(
     -------
     Sheet
         The titles and what stands below them. A formula is the value that the spreadsheet saved
-        with it; nothing is ever evaluated.
+        with it; nothing is ever evaluated. Cells that are merged downwards hold the same in each
+        of their rows.
 
     Raises
     ------
@@ -267,33 +273,70 @@ def _workbook(
     what: str,
 ) -> Sheet:
     book = Workbook(data, source)
-    names = ", ".join(book.sheets)
     if name is not None and name not in book.sheets:
-        raise InputError(source, f"has no sheet {name!r}; it has {names}")
-    for title in book.sheets if name is None else [name]:
-        found = _table(source, book.rows(title), is_titles)
+        raise InputError(source, f"has no sheet {name!r}; it has {', '.join(book.sheets)}")
+    shown = [title for title in book.sheets if title not in book.hidden]
+    asked = shown if name is None else [name]
+    for place, title in enumerate(asked):
+        found = _table(source, book, title, is_titles)
         if found is not None:
-            return found
-    where = f"the sheets {names}" if name is None else f"the sheet {name}"
-    raise InputError(source, f"has no row of {what}, on {where}")
+            too = [other for other in asked[place + 1 :] if _top_row(book.rows(other), is_titles)]
+            said = f"read: sheet {title}; not read: {', '.join(too)}, with such titles too"
+            return replace(found, remarks=(said,)) if too else found
+    where = f"the sheets {', '.join(shown)}" if name is None else f"the sheet {name}"
+    more = (
+        f"; hidden, to be named: {', '.join(book.hidden)}" if name is None and book.hidden else ""
+    )
+    raise InputError(source, f"has no row of {what}, on {where}{more}")
+
+
+def _top_row(table: Iterator[Row], is_titles: Callable[[Sequence[str]], bool]) -> Row | None:
+    """Return the row of titles, and leave the rows below it; None if there is none."""
+    for row in table:
+        if row.number > _TOP:
+            break
+        if is_titles(row.cells):
+            return row
+    return None
 
 
 def _table(
-    source: str, table: Iterator[Row], is_titles: Callable[[Sequence[str]], bool]
+    source: str, book: Workbook, title: str, is_titles: Callable[[Sequence[str]], bool]
 ) -> Sheet | None:
     """Return what a sheet of a workbook holds; None if it has no row of titles."""
-    for top, titles, _ in table:
-        if top > _TOP:
-            break
-        if is_titles(titles):
-            rows: list[tuple[int, list[str]]] = []
-            odd: dict[tuple[int, int], str] = {}
-            for number, cells, own in table:
-                if any(cells):
-                    rows.append((number, cells))
-                    odd |= {(number, place): what for place, what in own.items()}
-            return Sheet(source, top, _trim(titles), rows, "", odd)
-    return None
+    merged: list[Merged] = []
+    table = book.rows(title, merged)
+    top = _top_row(table, is_titles)
+    if top is None:
+        return None
+    rows: list[tuple[int, list[str]]] = []
+    odd: dict[tuple[int, int], str] = {}
+    for number, cells, own in table:
+        if any(cells):
+            rows.append((number, cells))
+            odd |= {(number, place): what for place, what in own.items()}
+    below = [area for area in merged if area.top > top.number]
+    _fill_down(rows, odd, below)
+    return Sheet(source, top.number, _trim(top.cells), rows, "", odd)
+
+
+def _fill_down(
+    rows: Sequence[tuple[int, list[str]]],
+    odd: dict[tuple[int, int], str],
+    merged: Sequence[Merged],
+) -> None:
+    """Put what merged cells hold into each of their rows."""
+    numbers = [number for number, _ in rows]
+    for top, bottom, left in merged:
+        first, behind = bisect_left(numbers, top), bisect_right(numbers, bottom)
+        own = rows[first : min(first + 1, behind)]
+        if not own or own[0][0] != top or len(own[0][1]) <= left:
+            continue
+        for number, cells in rows[first + 1 : behind]:
+            cells += [""] * (left + 1 - len(cells))
+            cells[left] = own[0][1][left]
+            if (top, left) in odd:
+                odd[number, left] = odd[top, left]
 
 
 def frame_sheet(table: pd.DataFrame, source: str = "table") -> Sheet:

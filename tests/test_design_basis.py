@@ -315,3 +315,28 @@ def test_a_basis_is_as_good_as_its_parts():
     assert basis.site((1, 2, 3)).tails == 2.0
     assert replace(basis, tails=5.0) == Basis()
     assert str(Basis()) == "all defaults" and len(Basis().changes) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[assumptions]\ngland = 8\ndetour = 1.3", "no 'assumptions.detour'; there is detour$"),
+        ("labour_rate = 60", "no 'labour_rate'; there is assumptions.labour_rate$"),
+        ("length = 60", "no 'length'; there is asi.length and modbus.length$"),
+        ("[can]\nlenght = 60", "no 'can.lenght'; see shipnet design --show-settings$"),
+    ],
+)
+def test_a_name_under_the_wrong_table_is_told_where_it_is(text, said):
+    with pytest.raises(InputError, match=said):
+        parse_basis(text)
+
+
+@pytest.mark.parametrize("text", ["spare = 0.3\ndetour = 1,3", "[boxes]\nreach=10,5  # m"])
+def test_a_decimal_comma_in_settings_is_named(text):
+    with pytest.raises(
+        InputError, match=r"is no TOML file: .*; 10?,[35] has a decimal comma, expected a point$"
+    ):
+        parse_basis(text)
+    with pytest.raises(InputError) as refusal:
+        parse_basis("spare =")
+    assert "comma" not in str(refusal.value)

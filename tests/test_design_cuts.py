@@ -22,8 +22,12 @@ from shipnet.errors import ArgumentError
 JOINS = {"cabinet", "master", "gateway"}
 
 
-def searched(network, cut=(), dead=()):
-    """Return the tags that a walk from the cabinet reaches, one line at a time in each bus."""
+def searched(network, cut=(), dead=(), needs=None):
+    """Walk from the cabinet and from each supply, one line at a time in each bus.
+
+    A line of AS-i carries telegrams only where it has current; `needs` holds the devices that do
+    not work without.
+    """
     devices = network.devices.set_index("device")
     kind = devices["kind"]
     dead = set(dead)
@@ -37,6 +41,7 @@ def searched(network, cut=(), dead=()):
         return set()
     graph, power, auxiliary = nx.Graph(), nx.Graph(), nx.Graph()
     auxiliary.add_nodes_from(kind.index)
+    lines_of_as_i = []
     unfed = set()
     for each in (graph, power):
         each.add_nodes_from((name, line) for name in kind.index for line in "AB")
@@ -58,7 +63,9 @@ def searched(network, cut=(), dead=()):
             continue
         ends = {kind[run.a], kind[run.b]}
         asi, lines = buses.get(run.segment) == "AS-i", run.line or "AB"
-        if run.kind == "trunk" or "gateway" in ends:
+        if asi and run.kind == "trunk":
+            lines_of_as_i.append((run.a, run.b, lines))
+        elif run.kind == "trunk" or "gateway" in ends:
             join(graph, run.a, run.b, lines)
         if asi and run.kind == "trunk" and kind[run.b] != "repeater":
             join(power, run.a, run.b, lines)
@@ -75,14 +82,22 @@ def searched(network, cut=(), dead=()):
             masters = kind.index[(kind == "master") & (devices["segment"] == row["segment"])]
             if hangs_on == network.cabinet and len(masters):
                 hangs_on = masters[-1]
-        join(graph, hangs_on, name, "AB")
+        beside = (row["kind"], kind[hangs_on]) == ("repeater", "master")
+        if beside and buses.get(devices.loc[hangs_on, "segment"]) == "AS-i":
+            lines_of_as_i.append((name, hangs_on, "AB"))
+        else:
+            join(graph, hangs_on, name, "AB")
         if row["kind"] == "supply":
             join(power, hangs_on, name, "AB")
-    reached = {name for name, _ in nx.node_connected_component(graph, (network.cabinet, "A"))}
     supplied = set()
     for name in kind.index[(kind == "supply") & ~kind.index.isin(dead | unfed)]:
         for line in "AB":
             supplied |= {n for n, _ in nx.node_connected_component(power, (name, line))}
+    for a, b, lines in lines_of_as_i:
+        end = a if kind[b] == "repeater" else b
+        if end in supplied or needs is None or end not in needs:
+            join(graph, a, b, lines)
+    reached = {name for name, _ in nx.node_connected_component(graph, (network.cabinet, "A"))}
     alive = reached - dead
     outputs = set()
     for name in kind.index[(kind == "auxiliary supply") & ~kind.index.isin(dead)]:
@@ -91,7 +106,7 @@ def searched(network, cut=(), dead=()):
 
 
 def points_reached(network, needs, cut=(), dead=()):
-    found = searched(network, cut, dead)
+    found = searched(network, cut, dead, needs[0])
     if not found:
         return set()
     alive, supplied, auxiliary, wires = found
@@ -171,6 +186,15 @@ def shorted(network, name):
     return sorted(taken)
 
 
+def masters_at(network, runs):
+    """Return the masters of AS-i at whose terminals some trunks are."""
+    kind = network.devices.set_index("device")["kind"]
+    buses = network.segments.set_index("segment")["bus"]
+    own = network.runs[network.runs["run"].isin(runs) & (network.runs["kind"] == "trunk")]
+    own = own[own["segment"].map(buses) == "AS-i"]
+    return [name for name in {*own["a"], *own["b"]} if kind[name] == "master"]
+
+
 @settings(max_examples=8)
 @given(st.integers(0, 10**6))
 def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
@@ -186,6 +210,8 @@ def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
         cut = {"cut": [row.failed], "tray": on_tray, "device": [],
                "short": together}[row.failure]  # fmt: skip
         dead = [row.failed] if row.failure == "device" else []
+        if row.failure == "short":
+            dead = masters_at(network, together)
         gone = before - points_reached(network, needs, cut, dead)
         assert set(row.tags) == gone, row
         assert row.points_lost == len(gone)
@@ -276,6 +302,36 @@ def test_outputs_of_as_i_need_the_auxiliary_supply_and_inputs_do_not():
     feeder = table[table["kind"] == "feeder"]
     assert feeder["failure"].tolist() == ["cut", "short"]
     assert feeder["tags"].tolist() == [("V",), ("V",)]
+
+
+def test_a_line_of_as_i_without_current_takes_what_lies_behind_it_too():
+    """Master and repeaters live on the line they send on, as `shipnet.asi.network` has it."""
+    iolist = parse_iolist(
+        "tag,signal,x,y,z\nA,contact,20,0,0\nB,contact,120,0,0\nC,contact,200,0,0"
+    )
+    network = plan(iolist, Site((0, 0, 0)), "AS-i")
+    assert network.segments["repeaters"].tolist() == [2]
+    supplies = network.devices.query("kind == 'supply'")["device"]
+    assert [lost(network, devices=[supply]) for supply in supplies] == [
+        ("A", "B", "C"), ("B", "C"), ("C",),
+    ]  # fmt: skip
+    feeders = single_cuts(network).query("kind == 'feeder'")
+    assert feeders["failure"].tolist() == ["cut", "cut", "short", "short"]
+    assert feeders["tags"].tolist() == 2 * [("B", "C"), ("C",)]
+
+
+def test_a_repeater_beside_the_master_is_as_dead_as_its_line():
+    """The line leaves the master for one side; a repeater on its terminals serves the other."""
+    iolist = parse_iolist("tag,signal,x,y,z\nA,contact,90,0,0\nB,contact,-90,0,0")
+    network = plan(iolist, Site((0, 0, 0)), "AS-i")
+    devices = network.devices.set_index("device")
+    assert devices.query("kind == 'repeater' and at == 'cabinet'").index.tolist() == [
+        "AS-i 1 repeater (2)"
+    ]
+    assert lost(network, devices=["AS-i 1 repeater (2)"]) == ("B",)
+    assert lost(network, devices=["AS-i 1 supply"]) == ("A", "B")
+    shorts = single_cuts(network).query("failure == 'short' and kind == 'trunk'")
+    assert shorts["tags"].tolist() == [("A", "B"), ("A",), ("B",), ("B",)]
 
 
 def test_two_lines_are_lost_only_if_both_are_cut():

@@ -186,9 +186,9 @@ def test_what_is_not_used_or_assumed_is_said():
     iolist = parse_iolist("tag,type,home run,alarm limit,range\nLS,DI,4,high,\nLT,DI,4,,")
     assert iolist.remarks == (
         "not used: alarm limit; range",
-        "2 points have no update time: 1000 ms are assumed",
+        "2 points have no update time: that of the settings holds, 1000 ms unless they say other",
     )
-    assert iolist.points["update_ms"].tolist() == [1000.0, 1000.0]
+    assert iolist.points["update_ms"].isna().all()
 
 
 def test_several_columns_of_remarks_are_joined():

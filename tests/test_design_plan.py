@@ -300,3 +300,11 @@ def test_the_limits_are_those_of_the_rules():
 def test_limits_out_of_range_are_named(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
+
+
+def test_the_update_time_of_the_settings_holds_where_a_list_names_none():
+    iolist = parse_iolist("tag,signal,x,y,z,update\nA,contact,20,0,0,\nB,contact,21,0,0,800")
+    for update, slowest in ((0.4, 400), (1.0, 800), (3.0, 800)):
+        network = plan(iolist, Site((0, 0, 0)), "CAN", settings=Settings(update=update))
+        assert network.segments["slowest_update_ms"].tolist() == [slowest]
+        assert network.points["response_ms"][0] == pytest.approx(500 * update, abs=2)

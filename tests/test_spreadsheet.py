@@ -181,3 +181,74 @@ def test_any_bytes_are_a_sheet_or_an_input_error(data):
         assert error.faults
     else:
         assert any(sheet.titles)
+
+
+def test_a_hidden_sheet_is_read_only_by_its_name(tmp_path):
+    old = [LIST[0], ["OLD-1", *LIST[1][1:]]]
+    path = workbook(tmp_path / "list.xlsx", ("Rev A", old), ("Rev B", LIST))
+    book = openpyxl.load_workbook(path)
+    book["Rev A"].sheet_state = "hidden"
+    book.save(path)
+    assert load_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
+    assert load_iolist(path, "Rev A").points["tag"].tolist() == ["OLD-1"]
+    book["Rev A"].sheet_state = "veryHidden"
+    book.save(path)
+    assert load_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
+    book["Rev A"].sheet_state = "visible"
+    book["Rev B"].sheet_state = "hidden"
+    del book["Rev A"]
+    book.create_sheet("Cover").append(["Hull 1234"])
+    book.save(path)
+    with pytest.raises(InputError, match=r"on the sheets Cover; hidden, to be named: Rev B$"):
+        load_iolist(path)
+
+
+def test_sheets_that_hold_such_a_table_too_are_told(tmp_path):
+    other = [LIST[0], ["FO-1", *LIST[1][1:]]]
+    path = workbook(
+        tmp_path / "list.xlsx", ("Cover", [["Hull 1234"]]), ("Bilge", LIST), ("Fuel", [[], *other]),
+        ("Cargo", other),
+    )  # fmt: skip
+    iolist = load_iolist(path)
+    assert iolist.remarks == ("read: sheet Bilge; not read: Fuel, Cargo, with such titles too",)
+    assert load_iolist(path, "Fuel").remarks == ()
+    assert load_iolist(path, "Fuel").points["tag"].tolist() == ["FO-1"]
+
+
+def test_cells_that_are_merged_downwards_hold_the_same_in_each_row(tmp_path):
+    titles = ["Tag", "System", "Type", "x", "y", "z", "JB", "Remarks", "More"]
+    points = [[f"LS-{n}", None, "DI", n, 0, 0, None, None, None] for n in range(1, 5)]
+    points[0][1], points[0][6], points[2][6] = "Bilge", "JB1", "JB2"
+    points[1][7] = "aft"
+    path = workbook(tmp_path / "list.xlsx", ("Points", [["Hull 1234"], [], titles, *points]))
+    book = openpyxl.load_workbook(path)
+    for cells in ("A1:I1", "A3:A3", "B4:B7", "G4:G5", "G6:G7", "H5:I6"):
+        book["Points"].merge_cells(cells)
+    book.save(path)
+    read = load_iolist(path).points
+    assert read["system"].tolist() == ["Bilge"] * 4
+    assert read["box"].tolist() == ["JB1", "JB1", "JB2", "JB2"]
+    assert read["note"].tolist() == ["", "aft", "aft", ""]
+
+
+def test_a_title_that_is_merged_downwards_is_no_point(tmp_path):
+    path = workbook(tmp_path / "list.xlsx", ("Points", [LIST[0], [None] * 7, *LIST[1:]]))
+    book = openpyxl.load_workbook(path)
+    book["Points"].merge_cells("A1:A2")
+    book.save(path)
+    assert load_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
+
+
+def test_a_tag_that_a_format_makes_longer_is_not_cut_short(tmp_path):
+    path = workbook(tmp_path / "list.xlsx", ("Points", [LIST[0], [12, *LIST[2][1:]], LIST[2]]))
+    book = openpyxl.load_workbook(path)
+    book["Points"]["A2"].number_format = "0000"
+    book.save(path)
+    assert load_iolist(path).points["tag"].tolist() == ["0012", "1001"]
+    book["Points"]["A3"].number_format = '"LT-"0000'
+    book["Points"]["D3"].number_format = '0.0" m"'
+    book.save(path)
+    with pytest.raises(
+        InputError, match=r"xlsx: row 3, column Tag No.: '1001', a number with words beside it;"
+    ):
+        load_iolist(path)

@@ -21,6 +21,7 @@ OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
 PACKAGE = "http://schemas.openxmlformats.org/package/2006/relationships"
 
 DATE, TRUTH, ERROR = "a date or a time", "true or false", "an error"
+WORDS = "a number with words beside it"
 
 
 def relations(**targets):
@@ -164,7 +165,9 @@ def test_merged_cells_hold_something_only_once():
     book.active.merge_cells("A1:B3")
     stream = BytesIO()
     book.save(stream)
-    cells = {number: row for number, row, _ in Workbook(stream.getvalue()).rows("Sheet")}
+    merged = []
+    cells = {number: row for number, row, _ in Workbook(stream.getvalue()).rows("Sheet", merged)}
+    assert merged == [(1, 3, 0)]
     assert cells[1] == ["wide", "", "c"]
     assert not any(cells.get(2, [])) and not any(cells.get(3, []))
 
@@ -179,6 +182,7 @@ def test_sheets_come_in_their_order_hidden_ones_too_and_charts_do_not():
     book.save(stream)
     made = Workbook(stream.getvalue())
     assert made.sheets == ("\ubc38\ube0c & <pumps>", "First", "Hidden")
+    assert made.hidden == ("Hidden",)
     assert [row.cells for row in made.rows(made.sheets[0])] == [["x"]]
     with pytest.raises(ArgumentError, match="sheet is 'Chart'; it must be one of"):
         next(made.rows("Chart"))
@@ -236,8 +240,11 @@ STYLES = (
         ("", 46, "2010 days, 0:00:00", DATE),
         ("", 57, "1905-07-02 00:00:00", DATE),  # a Korean date
         ("[Red]0.00", 164, "2010", ""),
-        ("0 &quot;days&quot;", 164, "2010", ""),
-        ("0_d\\h*s", 164, "2010", ""),
+        ("0 &quot;days&quot;", 164, "2010", WORDS),
+        ("\\L\\S0", 164, "2010", WORDS),
+        ("0_d\\ *s", 164, "2010", ""),
+        ("000000", 164, "002010", ""),
+        ("000", 164, "2010", ""),
         ("General", 164, "2010", ""),
         ("0;yyyy", 164, "2010", ""),
         ("", 2, "2010", ""),

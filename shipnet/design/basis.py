@@ -339,7 +339,12 @@ def _check_name(name: str) -> None:
     part, _, own = name.rpartition(".")
     beside = {other.rpartition(".")[2]: other for other in names() if _part(other) == part}
     near = get_close_matches(own, beside, n=1)
-    hint = f"the nearest is {beside[near[0]]}" if near else "see shipnet design --show-settings"
+    elsewhere = [other for other in names() if other.rpartition(".")[2] == own]
+    hint = "see shipnet design --show-settings"
+    if elsewhere:
+        hint = f"there is {' and '.join(elsewhere)}"
+    elif near:
+        hint = f"the nearest is {beside[near[0]]}"
     raise ArgumentError(f"there is no {_brief(name)}; {hint}")
 
 

@@ -12,6 +12,7 @@ What is not named stays as it is.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from os import PathLike
@@ -29,6 +30,9 @@ _HEAD = """\
 """
 
 _WIDTH = 98
+
+#: A value that is a number with a decimal comma, as much of Europe types it.
+_COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTILINE)
 
 
 def load_basis(path: str | PathLike[str]) -> Basis:
@@ -95,6 +99,8 @@ def parse_basis(text: str, source: str = "text") -> Basis:
         tables = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         said = " ".join(str(error).split())[:200]
+        if comma := _COMMA.search(text):
+            said += f"; {comma[1]} has a decimal comma, expected a point"
         raise InputError(source, f"is no TOML file: {said}") from None
     basis, faults = changed(Basis(), _flat(tables))
     if faults:

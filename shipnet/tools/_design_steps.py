@@ -98,14 +98,15 @@ def points(text: str, name: str, update_ms: int) -> IoList:
 
     Examples
     --------
-    >>> text = "tag,type,home run,update\na,DI,9,500\nb,DI,9,50"
+    >>> text = "tag,type,home run,update\na,DI,9,500\nb,DI,9,50\nc,DI,9,"
     >>> points(text, "x", 100).points["update_ms"].tolist()
-    [100.0, 50.0]
+    [100.0, 50.0, 100.0]
     """
     iolist = parse_iolist(text, name)
     if not update_ms:
         return iolist
-    needed = np.minimum(iolist.points["update_ms"], float(update_ms))
+    # Where the list names none it is NaN, which fmin passes over.
+    needed = np.fmin(iolist.points["update_ms"], float(update_ms))
     return replace(iolist, points=iolist.points.assign(update_ms=needed))
 
 

@@ -11,6 +11,6 @@ which ends the process.
 """
 
 from shipnet.workbook.archive import Workbook
-from shipnet.workbook.parts import ERRORS, Row
+from shipnet.workbook.parts import ERRORS, Merged, Row
 
-__all__ = ["ERRORS", "Row", "Workbook"]
+__all__ = ["ERRORS", "Merged", "Row", "Workbook"]

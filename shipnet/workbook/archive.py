@@ -14,7 +14,7 @@ from zipfile import BadZipFile, ZipFile
 
 from shipnet.errors import ArgumentError, InputError
 from shipnet.workbook.moments import kind_of
-from shipnet.workbook.parts import Elements, Gatherer, Row, Rows, Strings
+from shipnet.workbook.parts import Elements, Gatherer, Merged, Row, Rows, Strings
 
 __all__ = ["Workbook"]
 
@@ -65,11 +65,15 @@ class Workbook:
             self._formats = self._read_formats(parts.get("styles"))
             self._epoch = datetime(1899, 12, 30)
             self._sheets: dict[str, str] = {}
+            hidden = []
             for _, name, own in self._elements(book):
                 if name == "workbookPr" and own.get("date1904") in ("1", "true"):
                     self._epoch = datetime(1904, 1, 1)
                 elif name == "sheet" and related[own["id"]][0] == "worksheet":
                     self._sheets[own["name"]] = related[own["id"]][1]
+                    if own.get("state", "visible") != "visible":
+                        hidden.append(own["name"])
+            self._hidden = tuple(hidden)
             if not self._sheets:
                 raise InputError(source, "has no sheet with cells; expected an Excel workbook")
 
@@ -78,13 +82,20 @@ class Workbook:
         """Names of the sheets with cells, in their order, hidden ones too."""
         return tuple(self._sheets)
 
-    def rows(self, sheet: str) -> Iterator[Row]:
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """Names of those of the sheets that Excel does not show."""
+        return self._hidden
+
+    def rows(self, sheet: str, merged: list[Merged] | None = None) -> Iterator[Row]:
         """Yield the rows of a sheet that the file holds, also those without anything in a cell.
 
         Parameters
         ----------
         sheet : str
             One of `sheets`.
+        merged : list of Merged, optional
+            Gets the merged cells, once all rows have been yielded: the file names them behind.
 
         Yields
         ------
@@ -108,6 +119,8 @@ class Workbook:
             for _ in self._parse(self._sheets[sheet], taker):
                 yield from taker.done
                 taker.done.clear()
+        if merged is not None:
+            merged += taker.merged
 
     def _parse(self, part: str, taker: Gatherer) -> Iterator[None]:
         """Have the elements of a part taken, chunk by chunk."""
@@ -151,7 +164,7 @@ class Workbook:
         return taker.found
 
     def _read_formats(self, part: str | None) -> dict[str, str]:
-        """Return what the numbers of a style are, ``"date"`` or ``"span"``; others are numbers."""
+        """Return what the numbers of a style are, as `kind_of`; others are plain numbers."""
         codes: dict[str, str] = {}
         styles = []
         for parent, name, own in self._elements(part) if part is not None else ():

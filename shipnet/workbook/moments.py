@@ -1,4 +1,4 @@
-"""Dates and times of a workbook: numbers of days that a format makes one."""
+"""What a format of a workbook makes of a number: a date, a time, a number with words or zeros."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ _SPAN = 46
 
 #: What a format shows as it stands: quoted, behind a backslash, as wide as, or repeated.
 _LITERAL = re.compile(r'"[^"]*"|[\\_*].')
+
+#: The part of it that can be read as a word: a letter.
+_WORD = re.compile(r"[\"\\].*[^\W\d_]")
 
 _DAY = 86_400_000  # ms
 
@@ -31,20 +34,28 @@ def kind_of(number: int, code: str | None) -> str:
     Returns
     -------
     str
-        ``"date"`` also for a time of day, ``"span"`` for hours that may be more than a day, and
-        ``""`` for a number.
+        ``"date"`` also for a time of day, ``"span"`` for hours that may be more than a day,
+        ``"words"`` for a number with letters beside it, zeros for a whole number that has as many
+        digits at least, and ``""`` for any other number.
 
     Examples
     --------
     >>> kind_of(14, None), kind_of(164, "[h]:mm"), kind_of(165, '[Red]0.0 "days"')
-    ('date', 'span', '')
+    ('date', 'span', 'words')
+    >>> kind_of(166, "0000"), kind_of(167, "0.00")
+    ('0000', '')
     """
     if code is None:
         return "date" if number in _DATES else "span" if number == _SPAN else ""
     shown = _LITERAL.sub("", code).partition(";")[0].lower()
     if re.search(r"\[(h+|m+|s+)\]", shown):
         return "span"
-    return "date" if re.search("[dmyhs]", re.sub(r"\[[^\]]*\]", "", shown)) else ""
+    if re.search("[dmyhs]", re.sub(r"\[[^\]]*\]", "", shown)):
+        return "date"
+    first = code.partition(";")[0]
+    if any(map(_WORD.match, _LITERAL.findall(first))):
+        return "words"
+    return first if re.fullmatch("00+", first) else ""
 
 
 def moment(value: float, kind: str, epoch: datetime) -> str:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from shipnet.workbook.moments import moment
 
-__all__ = ["ERRORS", "Elements", "Gatherer", "Row", "Rows", "Strings"]
+__all__ = ["ERRORS", "Elements", "Gatherer", "Merged", "Row", "Rows", "Strings"]
 
 #: What a cell shows whose formula failed.
 ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
@@ -23,6 +23,9 @@ _CELLS = 2**24
 #: pair are left as they are.
 _ESCAPED = re.compile("_x(?![dD][89a-fA-F])([0-9a-fA-F]{4})_")
 
+#: One cell, or the first and the last of several.
+_AREA = re.compile("([A-Z]{1,3})([0-9]{1,7})(?::([A-Z]{1,3})([0-9]{1,7}))?")
+
 
 class Row(NamedTuple):
     """A row of a sheet.
@@ -34,13 +37,29 @@ class Row(NamedTuple):
     cells : list of str
         Without blanks around them, up to the last that is there; an empty one is ``""``.
     odd : dict of int to str
-        What a cell is that is neither text nor number, by its place from 0: ``"a date or a time"``,
-        ``"true or false"``, ``"an error"``.
+        What a cell is that is neither text nor plain number, by its place from 0: ``"a date or a
+        time"``, ``"a number with words beside it"``, ``"true or false"``, ``"an error"``.
     """
 
     number: int
     cells: list[str]
     odd: dict[int, str]
+
+
+class Merged(NamedTuple):
+    """Cells that Excel shows as one, with what the first of them holds.
+
+    Parameters
+    ----------
+    top, bottom : int
+        First and last row, as Excel numbers them.
+    left : int
+        Place of the first column, from 0.
+    """
+
+    top: int
+    bottom: int
+    left: int
 
 
 class _Local(dict[str, str]):
@@ -121,14 +140,14 @@ class Strings(Gatherer):
 
 
 class Rows(Gatherer):
-    """Takes the rows of a sheet: in `done`, those that are whole.
+    """Takes the rows of a sheet: in `done`, those that are whole; in `merged`, merged cells.
 
     Parameters
     ----------
     strings : list of str
         The texts that cells share.
     formats : dict of str to str
-        As `kind_of`, of the styles that make a number a date, a time or a span.
+        As `kind_of`, of the styles that make more of a number.
     epoch : datetime
         Day 0 of the workbook.
 
@@ -141,6 +160,7 @@ class Rows(Gatherer):
     def __init__(self, strings: list[str], formats: dict[str, str], epoch: datetime) -> None:
         super().__init__()
         self.done: list[Row] = []
+        self.merged: list[Merged] = []
         self._strings, self._formats, self._epoch = strings, formats, epoch
         self._numbers, self._places = _Numbers(), _Places()
         self._number = self._total = 0
@@ -160,6 +180,8 @@ class Rows(Gatherer):
                 raise ValueError(f"row {number} stands behind row {self._number}")
             self._number, self._digits = number, str(number)
             self._cells, self._odd = [], {}
+        elif name == "mergeCell":
+            self._merge(own["ref"])
 
     def _finish(self, name: str) -> None:
         if name == "c":
@@ -186,6 +208,16 @@ class Rows(Gatherer):
         if gap:
             self._cells += [""] * gap
 
+    def _merge(self, reference: str) -> None:
+        ends = _AREA.fullmatch(reference)
+        if ends is None:
+            raise ValueError(f"there are no cells {reference!r}")
+        top, bottom = int(ends[2]), int(ends[4] or ends[2])
+        self._total += max(0, bottom - top)
+        if self._total > _CELLS:
+            raise ValueError(f"the sheet spans more than {_CELLS} cells")
+        self.merged.append(Merged(top, bottom, self._places[ends[1]]))
+
     def _cell(self) -> str:
         value, kind = self.value, self._kind
         if kind == "s":
@@ -195,6 +227,11 @@ class Rows(Gatherer):
         elif kind == "n":
             cell = self._numbers[value]
             if what := self._formats.get(self._style):
+                if what[0] == "0":
+                    return cell.zfill(len(what)) if cell.isdecimal() else cell
+                if what == "words":
+                    self._odd[len(self._cells)] = "a number with words beside it"
+                    return cell
                 self._odd[len(self._cells)] = "a date or a time"
                 return moment(float(value), what, self._epoch) or cell
             return cell

@@ -49,7 +49,7 @@ class Cells:
     def __init__(self, sheet: Sheet) -> None:
         self.sheet = sheet
         self.rows = [number for number, _ in sheet.rows]
-        self.remarks: list[str] = []
+        self.remarks = list(sheet.remarks)
         self.places: dict[str, list[int]] = {}
         self.scales: dict[str, float] = {}
         self._faults: list[tuple[int, int, str]] = []

@@ -123,8 +123,8 @@ def load_iolist(path: str | PathLike[str], sheet: str | None = None) -> IoList:
         is understood. UTF-8, UTF-16 with a mark, or Windows-1252. Or an Excel workbook
         (.xlsx).
     sheet : str, optional
-        Name of the sheet of a workbook; if it is not given, the first that has the titles of an
-        I/O list.
+        Name of the sheet of a workbook; if it is not given, the first that is not hidden and has
+        the titles of an I/O list. Others that have them too are named in the remarks.
 
     Returns
     -------
@@ -140,8 +140,8 @@ def load_iolist(path: str | PathLike[str], sheet: str | None = None) -> IoList:
     Notes
     -----
     A signal that is not named is that of the type, a type that is not named that of the signal,
-    and so with conductors. Where no update time is given, 1000 ms are assumed (our assumption), and
-    the remarks say so. The position of a box needs to stand only once.
+    and so with conductors. Where no update time is given, the planners take that of their settings,
+    and the remarks say so. The position of a box needs to stand only once.
 
     Examples
     --------

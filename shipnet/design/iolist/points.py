@@ -18,11 +18,7 @@ from shipnet.errors import ArgumentError
 if TYPE_CHECKING:
     from shipnet.spreadsheet import Sheet
 
-__all__ = ["ASSUMED_UPDATE_MS", "points_of"]
-
-#: What is assumed where a list names no update time [ms]: once a second, so that an alarm can be
-#: shown within the 2 s of class rules. Assumed by us.
-ASSUMED_UPDATE_MS = 1000.0
+__all__ = ["points_of"]
 
 _KIND_WORDS = {
     "DI": ("digital input", "discrete input", "binary input"),
@@ -69,7 +65,7 @@ def points_of(sheet: Sheet) -> tuple[pd.DataFrame, tuple[str, ...]]:
     >>> points[["type", "signal", "conductors", "home_run_m"]].values.tolist()
     [['DI', 'contact', 2, 40.0]]
     >>> remarks
-    ('1 point has no update time: 1000 ms are assumed',)
+    ('1 point has no update time: that of the settings holds, 1000 ms unless they say other',)
     """
     cells = Cells(sheet)
     texts = {name: _text(cells, name) for name in ("tag", "system", "box")}
@@ -82,8 +78,9 @@ def points_of(sheet: Sheet) -> tuple[pd.DataFrame, tuple[str, ...]]:
     if missing.any():
         count = int(missing.sum())
         which = f"{count} points have" if count > 1 else "1 point has"
-        cells.remarks.append(f"{which} no update time: {ASSUMED_UPDATE_MS:g} ms are assumed")
-        numbers["update_ms"][missing] = ASSUMED_UPDATE_MS
+        cells.remarks.append(
+            f"{which} no update time: that of the settings holds, 1000 ms unless they say other"
+        )
     columns: dict[str, object] = {
         **texts,
         "type": [SIGNALS[name].kind for name in signals],

@@ -66,9 +66,9 @@ def single_cuts(network: Network) -> pd.DataFrame:
     ):
         rows.append(("cut", *run))
         failures.append(((number,), ()))
-    for pair in reach.pairs:
+    for pair, masters in reach.shorts:
         rows.append(("short", *runs.loc[pair[0], ["run", "kind", "segment", "line"]]))
-        failures.append((pair, ()))
+        failures.append((pair, masters))
     for tray, members in reach.trays.items():
         rows.append(("tray", tray, "", "", ""))
         failures.append((members, ()))

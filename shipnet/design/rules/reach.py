@@ -2,10 +2,12 @@
 
 A point works as long as a way leads from it to the cabinet, along one line of a redundant pair all
 the way through each bus: stations pass nothing on from line A to line B; masters, gateways and the
-cabinet do. A module, station, supply or terminator that is dead leaves its bus as
-it is, and anything else takes along what lies behind it. Where the plan has supplies, a device also
-needs one, and an output of AS-i the auxiliary supply, if its module has one. An open end of a bus
-counts as harmless: reflections are not looked at here.
+cabinet do. A module, station, supply or terminator that is dead leaves its bus as it is, and
+anything else takes along what lies behind it. Where the plan has supplies, a device also needs one,
+and an output of AS-i the auxiliary supply, if its module has one. A line of AS-i between two
+repeaters carries nothing without its supply, for telegrams are currents of it, and masters and
+repeaters live on it: what lies behind is lost too. An open end of a bus counts as harmless:
+reflections are not looked at here.
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from shipnet.design.network import Network
 
 __all__ = ["Reach"]
@@ -83,15 +87,21 @@ class Reach:
         return dict(sorted(members.items()))
 
     @cached_property
-    def pairs(self) -> list[list[int]]:
-        """Runs that are one pair, with no end of a pair between them: trunks of a bus, feeders."""
+    def shorts(self) -> list[tuple[list[int], list[int]]]:
+        """Runs that are one pair, trunks of a bus or feeders, and what a short of them kills.
+
+        No end of a pair is between the runs. The master of an AS-i line is on its terminals.
+        """
         runs, segments = self.network.runs, self.network.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
-        bus = runs["segment"].isin(buses) & (runs["kind"] == "trunk")
+        trunk = runs["segment"].isin(buses) & (runs["kind"] == "trunk")
         found = []
-        for kind, chosen in (("trunk", bus), ("feeder", self._feeders)):
+        for kind, chosen in (("trunk", trunk), ("feeder", self._feeders)):
             for _, members in runs[chosen].groupby(["segment", "line"], sort=False):
-                found += self._together(members.index.to_numpy(), _PAIR_ENDS[kind])
+                for pair in self._together(members.index.to_numpy(), _PAIR_ENDS[kind]):
+                    bus = [run for run in pair if trunk[run] and self._asi[run]]
+                    ends = np.unique(self._ends[bus])
+                    found.append((pair, ends[self.kinds[ends] == "master"].tolist()))
         return found
 
     def _together(self, number: Whole, pair_ends: Sequence[str]) -> list[list[int]]:
@@ -187,6 +197,20 @@ class Reach:
         )
 
     @cached_property
+    def _current_at(self) -> Whole:
+        """Device at which each edge of data must have current to carry any; -1 for none."""
+        u, v, run = self._data
+        a, b = self._ends.T
+        end = np.where((self.kinds == "repeater")[b], a, b)
+        trunk = self._asi & (self.network.runs["kind"] == "trunk").to_numpy()
+        along = np.append(np.where(trunk, end, -1), -1)[run]
+        # A repeater beside its master has no cable to it, and is on the same line.
+        inside, at = u % len(self.kinds), v % len(self.kinds)
+        master = (self.kinds == "master") & self._of_asi(self.network.devices["segment"])
+        beside = (run < 0) & (self.kinds == "repeater")[inside] & master[at]
+        return np.where(beside, at, along)
+
+    @cached_property
     def _mains(self) -> tuple[Whole, Whole]:
         """Supplies with a feeder from the cabinet, and this run."""
         from_cabinet = self._feeders & (self._ends == self._cabinet).any(axis=1)
@@ -209,9 +233,12 @@ class Reach:
     @cached_property
     def _asi(self) -> Bools:
         """Which runs are of an AS-i segment."""
+        return self._of_asi(self.network.runs["segment"])
+
+    def _of_asi(self, names: pd.Series[str]) -> Bools:
         segments = self.network.segments
         asi = segments.loc[segments["bus"] == "AS-i", "segment"]
-        return self.network.runs["segment"].isin(asi).to_numpy()
+        return np.asarray(names.isin(asi).to_numpy(bool))
 
     @cached_property
     def _housings(self) -> Whole:
@@ -287,10 +314,13 @@ class Reach:
         """Return which cables of points still work, shape (n_failures, n_wires)."""
         u, v, _ = self._data
         count = len(self.kinds)
-        labels = _labels(self._open(self._data, cut, dead), 2 * count, u, v)
+        dark = needs_supply & ~self._supplied(cut, dead)
+        # The last column is of edges that need no current.
+        still = np.pad(~dark, ((0, 0), (0, 1)), constant_values=True)[:, self._current_at]
+        labels = _labels(self._open(self._data, cut, dead) & still, 2 * count, u, v)
         reached = labels == labels[:, [self._cabinet]]
         alive = (reached[:, :count] | reached[:, count:]) & ~dead & ~dead[:, [self._cabinet]]
-        alive &= self._supplied(cut, dead) | ~needs_supply
+        alive &= ~dark
         point, device, run = self._wires
         output = self.network.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
         unfed = self._needs_auxiliary & ~self._has_auxiliary(cut, dead)
