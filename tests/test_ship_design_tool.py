@@ -10,9 +10,13 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from shipnet.design.basis_file import parse_basis
+from shipnet.design.catalogue import Range
 from shipnet.design.comparison import RESPONSE, compare
+from shipnet.design.costs.assumptions import Assumptions
 from shipnet.design.iolist import parse_iolist
 from shipnet.design.plan import OPTIONS
+from shipnet.design.plan.settings import CanLimits, Settings
 from shipnet.design.report import BANNER
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError, InputError
@@ -70,6 +74,32 @@ def test_lengths_of_the_list_can_be_left_aside():
     assert reckoned.networks["home runs"].runs["route_m"].notna().all()
 
 
+def test_lines_of_settings_win_over_the_controls_and_reach_plan_price_and_rules():
+    own = "detour = 1.5\ntails = 9\nhost_time = 0.1\n[can]\nbit_rates = [50000]\n"
+    found = update(replace(SMALL, own=f"{own}[assumptions]\nlabour_rate = 99", detour=1.1))
+    comparison, site = found.comparison, Site((10, 0, 8), detour=1.5, tails=9)
+    assert (comparison.site.detour, comparison.site.tails) == (1.5, 9)
+    expected = compare(
+        parse_iolist(FEW), site, OPTIONS, host_time=0.1,
+        settings=Settings(can=CanLimits(bit_rates=(50_000,))),
+        assumptions=Assumptions().with_(labour_rate=Range(99, 99, 99)),
+    )  # fmt: skip
+    pd.testing.assert_frame_equal(comparison.table, expected.table)
+    with pytest.raises(InputError) as caught:
+        update(replace(SMALL, own="detour = 9000\n[asi]\nlenght = 3"))
+    assert len(caught.value.faults) == 2 and "asi.length" in str(caught.value)
+
+
+def test_settings_are_loaded_from_a_file_and_given_as_one():
+    page = explorer()
+    load(page.uploads["load settings"], b"[asi]\nlength = 200\n", "own.toml")
+    assert page.inputs.own == "[asi]\nlength = 200\n"
+    given = re.search('settings.toml" href="data:[^,]*,([^"]*)"', page.links.value)[1]
+    assert parse_basis(b64decode(given).decode()).settings.asi.length == 200
+    load(page.uploads["load settings"], b"[asi]\nlength = -1\n", "bad.toml")
+    assert page.inputs.own == "[asi]\nlength = 200\n" and "asi.length is -1" in page.note
+
+
 def test_the_labour_rate_is_paid_by_the_hour_and_the_price_of_parts_by_the_part(small):
     base, takes = small.comparison.table, small.comparison.quantities
     dear = update(replace(SMALL, labour=75.0)).comparison.table
@@ -107,7 +137,7 @@ def test_the_verdict_names_what_breaks_no_rule_the_cheapest_first(small):
     broken = table.index[table["rules broken"] > 0]
     assert len(broken) and all(f"{option} breaks" in small.numbers for option in broken)
     bad = update(replace(SMALL, home_runs=False, junction_boxes=False, asi=False, modbus=False))
-    assert bad.verdict == "every option that connects all 8 points breaks a rule of DNV"
+    assert bad.verdict == "every option that connects all 8 points breaks a rule of DNV and IMO"
 
 
 def test_the_table_and_the_page_say_what_it_is(small):

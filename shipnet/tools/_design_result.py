@@ -32,15 +32,12 @@ class Result:
         The options side by side.
     cabinet : str
         Where the cabinet stands and how that is known.
-    rules : str
-        The rule set.
     picture : str
         What the figure shows.
     """
 
     comparison: Comparison
     cabinet: str
-    rules: str
     picture: str
 
     @property
@@ -60,6 +57,11 @@ class Result:
         }
 
     @property
+    def asking(self) -> str:
+        """Whose rules are judged: what IMO asks holds beside the rules of some societies."""
+        return _and(list(dict.fromkeys(self.comparison.rules["rule_set"])))
+
+    @property
     def verdict(self) -> str:
         """Which options can be built, and the cheapest of them."""
         found, n = self.comparison.table, len(self.comparison.iolist)
@@ -68,11 +70,11 @@ class Result:
             verb = "connects" if len(self.kept) == 1 else "connect"
             breaks = "breaks" if len(self.kept) == 1 else "break"
             return (
-                f"{_and(self.kept)} {verb} all {n} points and {breaks} no rule of {self.rules} "
+                f"{_and(self.kept)} {verb} all {n} points and {breaks} no rule of {self.asking} "
                 f"that a plan can show\ncheapest of them: {self.kept[0]}, {_cost(cheapest, ' EUR')}"
             )
         if (found["points left out"] == 0).any():
-            return f"every option that connects all {n} points breaks a rule of {self.rules}"
+            return f"every option that connects all {n} points breaks a rule of {self.asking}"
         return f"no option connects all {n} points"
 
     @property

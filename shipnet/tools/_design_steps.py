@@ -17,6 +17,7 @@ import pandas as pd
 
 from shipnet import datasets
 from shipnet.design.basis import Basis
+from shipnet.design.basis_file import parse_basis
 from shipnet.design.cabinet import find_cabinet
 from shipnet.design.comparison import CRITERIA, Comparison, complete
 from shipnet.design.costs.assumptions import Assumptions
@@ -33,7 +34,7 @@ from shipnet.errors import ArgumentError
 if TYPE_CHECKING:
     from shipnet.design.site.trays import Place
 
-__all__ = ["EXAMPLES", "MIXES", "assumptions", "compared", "place", "planned", "points"]
+__all__ = ["EXAMPLES", "MIXES", "assumptions", "basis", "compared", "place", "planned", "points"]
 
 #: Ways to connect some points by one option and the others by another: what decides, and how the
 #: points that it does not name are connected.
@@ -156,8 +157,8 @@ def place(iolist: IoList, typed: str) -> tuple[Place, str]:
 
 
 @lru_cache(maxsize=4)
-def _site(cabinet: Place, detour: float) -> Site:
-    return Site(cabinet, detour=detour)
+def _site(cabinet: Place, detour: float, tails: float) -> Site:
+    return Site(cabinet, detour=detour, tails=tails)
 
 
 @lru_cache(maxsize=48)
@@ -171,7 +172,7 @@ def _planned(iolist: IoList, site: Site, settings: Settings, option: str) -> Net
 
 
 def planned(
-    iolist: IoList, cabinet: Place, detour: float, settings: Settings, options: tuple[str, ...]
+    iolist: IoList, cabinet: Place, basis: Basis, options: tuple[str, ...]
 ) -> tuple[Network, ...]:
     r"""Return the points of a list connected in several ways.
 
@@ -181,10 +182,8 @@ def planned(
         The points.
     cabinet : (float, float, float)
         Where cables end [m].
-    detour : float
-        As for `shipnet.design.site.Site`.
-    settings : Settings
-        Limits of the planners.
+    basis : Basis
+        Its allowances and limits are kept.
     options : tuple of str
         Of `shipnet.design.plan.OPTIONS` and `MIXES`.
 
@@ -196,13 +195,13 @@ def planned(
     Examples
     --------
     >>> three = points("tag,type,x,y,z\na,DI,9,0,0\nb,DI,9,1,0\nc,DO,5,1,0", "x", 0)
-    >>> once = planned(three, (0, 0, 0), 1.2, Settings(), ("home runs", "CAN"))
-    >>> again = planned(three, (0, 0, 0), 1.2, Settings(), ("CAN",))
+    >>> once = planned(three, (0, 0, 0), Basis(), ("home runs", "CAN"))
+    >>> again = planned(three, (0, 0, 0), Basis(), ("CAN",))
     >>> once[1] is again[0]
     True
     """
-    site = _site(cabinet, detour)
-    return tuple(_planned(iolist, site, settings, option) for option in options)
+    site = _site(cabinet, basis.detour, basis.tails)
+    return tuple(_planned(iolist, site, basis.settings, option) for option in options)
 
 
 @lru_cache(maxsize=8)
@@ -244,23 +243,62 @@ def assumptions(labour: float, parts: float) -> Assumptions:
     return assumed.with_(**changed)
 
 
+@lru_cache(maxsize=8)
+def basis(
+    spare: float,
+    redundant: bool,
+    list_lengths: bool,
+    detour: float,
+    labour: float,
+    parts: float,
+    own: str,
+) -> Basis:
+    r"""Return what a comparison rests on: what the controls say, and over them lines of one's own.
+
+    Parameters
+    ----------
+    spare, redundant, list_lengths
+        As `shipnet.design.plan.Settings`.
+    detour : float
+        As `shipnet.design.site.Site`.
+    labour, parts : float
+        As for `assumptions`.
+    own : str
+        Settings as TOML, of `shipnet.design.basis_file`; empty for none.
+
+    Returns
+    -------
+    Basis
+        All of it.
+
+    Raises
+    ------
+    InputError
+        If the lines cannot be used; all their faults at once.
+
+    Examples
+    --------
+    >>> found = basis(0.2, False, True, 1.15, 55, 1, "host_time = 0.2\n[asi]\nlength = 200")
+    >>> found.host_time, found.settings.asi.length
+    (0.2, 200)
+    """
+    settings = Settings(spare=spare, redundant=redundant, list_lengths=list_lengths)
+    controls = Basis(settings, assumptions(labour, parts), detour)
+    told = parse_basis(own, "limits and prices")
+    return controls.with_({name: told[name] for name in told.changes["name"]})
+
+
 # A network is the key to what is found of it, and lives as long as that.
 _cuts = lru_cache(maxsize=48)(single_cuts)
 
 
 @lru_cache(maxsize=48)
-def _checked(network: Network, rule_set: str) -> pd.DataFrame:
-    return check(network, rule_set, cuts=_cuts(network))
+def _checked(network: Network, rule_set: str, host_time: float) -> pd.DataFrame:
+    return check(network, rule_set, host_time=host_time, cuts=_cuts(network))
 
 
 @lru_cache(maxsize=4)
-def compared(
-    networks: tuple[Network, ...],
-    rule_set: str,
-    labour: float,
-    parts: float,
-    settings: Settings | None = None,
-) -> Comparison:
+def compared(networks: tuple[Network, ...], rule_set: str, basis: Basis) -> Comparison:
     """Compare networks, as `shipnet.design.comparison.compare_networks` does.
 
     Parameters
@@ -269,10 +307,8 @@ def compared(
         From `planned`.
     rule_set : str
         One of `shipnet.design.rules.RULE_SETS`.
-    labour, parts : float
-        As for `assumptions`.
-    settings : Settings, optional
-        Limits that they were planned within; the defaults if omitted.
+    basis : Basis
+        What they were planned within, and what they cost.
 
     Returns
     -------
@@ -282,12 +318,13 @@ def compared(
     Examples
     --------
     >>> from shipnet.design.example import example
-    >>> compared((example(), example(redundant=True)), "DNV", 55, 1).table["rules broken"].tolist()
+    >>> both = compared((example(), example(redundant=True)), "DNV", Basis())
+    >>> both.table["rules broken"].tolist()
     [1, 0]
     """
     named = {network.name: network for network in networks}
-    assumed, site = assumptions(labour, parts), networks[0].site
-    rules = [_checked(network, rule_set).assign(option=name) for name, network in named.items()]
+    assumed, host = basis.assumptions, basis.host_time
+    rules = [_checked(net, rule_set, host).assign(option=name) for name, net in named.items()]
     return Comparison(
         named,
         {name: quantities(network, assumed) for name, network in named.items()},
@@ -296,5 +333,5 @@ def compared(
         tornado(complete(named), assumptions=assumed),
         likely(draw(named, assumed, rng=np.random.default_rng(_SEED))),
         CRITERIA,
-        Basis(settings or Settings(), assumed, site.detour, site.tails),
+        basis,
     )

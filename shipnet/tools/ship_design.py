@@ -9,16 +9,16 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.axes import Axes
 
+from shipnet.design.basis_file import format_basis, parse_basis
 from shipnet.design.comparison import RESPONSE, not_beaten
 from shipnet.design.iolist import load_iolist, save_iolist
-from shipnet.design.plan import Settings
 from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RULE_SETS
 from shipnet.errors import ArgumentError, InputError
 from shipnet.spreadsheet import decode
 from shipnet.tools._design_result import Result
-from shipnet.tools._design_steps import EXAMPLES, MIXES, compared, place, planned, points
+from shipnet.tools._design_steps import EXAMPLES, MIXES, basis, compared, place, planned, points
 from shipnet.tools._inputs import check, choice, number, switch, text
 from shipnet.tools._page import Button, Page, Upload
 from shipnet.tools._view import View
@@ -31,6 +31,7 @@ __all__ = [
     "draw",
     "explorer",
     "from_file",
+    "settings_from_file",
     "update",
     "view",
 ]
@@ -90,6 +91,9 @@ class Inputs:
         Labour rate [EUR/h], 10..200.
     parts : float, default 1
         Price of the parts of a bus as a multiple of what is assumed, 0.25..4.
+    own : str, default ""
+        Other limits and prices, as lines of a settings file (`shipnet.design.basis_file`); they win
+        over the controls.
     picture : str, default "cost"
         Key of `PICTURES`.
 
@@ -161,6 +165,11 @@ class Inputs:
         1.0, 0.25, 4, step=0.05, label="price of bus parts",
         help="Modules, stations, masters and supplies, as a multiple of what is assumed.",
     )  # fmt: skip
+    own: str = text(
+        "", most=20_000, rows=4, hint="[asi]\nlength = 200", label="other limits and prices",
+        help="Lines of a settings file: bit rates, lengths, currents, load, prices, the time of "
+        "the host. They win over the controls. settings.toml, below the figure, has all there are.",
+    )  # fmt: skip
     picture: str = choice(
         "cost", PICTURES, label="figure",
         help="Filled dots are not beaten in both axes; assumptions are those that decide between "
@@ -204,7 +213,7 @@ def update(inputs: Inputs) -> Result:
     ArgumentError
         If no option is on, or the cabinet is neither typed nor to be found.
     InputError
-        If the text is no I/O list; all its faults at once.
+        If the text is no I/O list, or the lines of one's own no settings; all faults at once.
 
     Examples
     --------
@@ -217,12 +226,13 @@ def update(inputs: Inputs) -> Result:
     printed = "".join(one if one.isprintable() else " " for one in inputs.name)
     iolist = points(inputs.points, " ".join(printed.split()) or "list", inputs.update_ms)
     cabinet, known = place(iolist, inputs.cabinet)
-    settings = Settings(
-        spare=inputs.spare, redundant=inputs.redundant, list_lengths=inputs.list_lengths
-    )
-    networks = planned(iolist, cabinet, inputs.detour, settings, inputs.options)
-    comparison = compared(networks, inputs.rules, inputs.labour, inputs.parts, settings)
-    return Result(comparison, known, inputs.rules, inputs.picture)
+    rests = basis(
+        inputs.spare, inputs.redundant, inputs.list_lengths, inputs.detour, inputs.labour,
+        inputs.parts, inputs.own,
+    )  # fmt: skip
+    networks = planned(iolist, cabinet, rests, inputs.options)
+    comparison = compared(networks, inputs.rules, rests)
+    return Result(comparison, known, inputs.picture)
 
 
 def draw(result: Result, *, ax: Axes) -> Axes:
@@ -286,9 +296,9 @@ def view(result: Result, report: bool = False) -> View:
     """
     comparison, options = result.comparison, len(result.comparison.networks)
     heights = {"cost": 1.2 + 0.4 * options, "assumptions": 3.4}
-    files, ready = {}, {}
+    files, ready = {"settings.toml": format_basis(comparison.basis)}, {}
     if report:
-        files = {"report.html": report_html(comparison, remarks=[result.cabinet])}
+        files |= {"report.html": report_html(comparison, remarks=[result.cabinet])}
         ready = {"report": "made; the button to download it is below the figure"}
     return View(
         text=result.verdict,
@@ -345,6 +355,40 @@ def from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
     return replace(inputs, points=decode(content), name=name[-80:], cabinet="")
 
 
+def settings_from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
+    r"""Return inputs with the lines of a file of settings.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The inputs.
+    name : str
+        Name of the file.
+    content : bytes
+        As `shipnet.design.basis_file.load_basis` reads it.
+
+    Returns
+    -------
+    Inputs
+        With its lines as `own`.
+
+    Raises
+    ------
+    ArgumentError
+        If it is too long.
+    InputError
+        If it holds no settings; all its faults at once.
+
+    Examples
+    --------
+    >>> settings_from_file(Inputs(), "own.toml", b"tails = 4").own
+    'tails = 4'
+    """
+    lines = decode(content)
+    parse_basis(lines, name)
+    return replace(inputs, own=lines)
+
+
 def explorer() -> Page:
     """Return the page: a list, the options and the limits, their comparison, and its report.
 
@@ -391,5 +435,7 @@ def explorer() -> Page:
                    ask),
         ],
         uploads=[Upload("load a list", "CSV or Excel; it replaces the list above.",
-                        ".csv,.txt,.xlsx", from_file)],
+                        ".csv,.txt,.xlsx", from_file),
+                 Upload("load settings", "Limits and prices, as TOML; they replace those above.",
+                        ".toml,.txt", settings_from_file)],
     )  # fmt: skip

@@ -118,6 +118,10 @@ class Assumptions(Mapping[str, Range]):
     def __len__(self) -> int:
         return len(self._entries)
 
+    def __hash__(self) -> int:
+        """Return the same for equal ranges."""
+        return hash(frozenset(self.items()))
+
     def __repr__(self) -> str:
         given = [name for name, entry in self._entries.items() if entry.status == "given"]
         return f"<Assumptions: {len(self)}, given by the user: {', '.join(given) or 'none'}>"
