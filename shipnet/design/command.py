@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -57,6 +58,10 @@ def run(arguments: argparse.Namespace) -> None:
     options = OPTIONS
     if arguments.options is not None:
         options = tuple(_option(name, "--options") for name in arguments.options.split(","))
+        if twice := [name for name in dict.fromkeys(options) if options.count(name) > 1]:
+            raise ArgumentError(f"--options names {', '.join(twice)} twice")
+    if arguments.output is not None and not Path(arguments.output).absolute().parent.is_dir():
+        raise ArgumentError(f"--output is {arguments.output!r}; there is no such folder")
     choose = _choices(arguments.mix)
     trays = None if arguments.trays is None else load_trays(arguments.trays)
     known = {} if trays is None else trays.cabinets

@@ -99,7 +99,8 @@ def _lengths(networks: Mapping[str, Network]) -> Iterator[str]:
         yield (
             f"Home runs keep the lengths of the list, {number(given.sum() / 1e3)} km for "
             f"{len(given)} points; from the cabinet at {cabinet} m{over}, as all other cables are "
-            f"reckoned, they would be {number(own.sum() / 1e3)} km."
+            f"reckoned, they would be {number(own.sum() / 1e3)} km. With list_lengths false, all "
+            "are reckoned alike."
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from math import isfinite
+from typing import ClassVar
 
 from shipnet.design.catalogue import cables
 from shipnet.errors import ArgumentError, check_whole
@@ -46,6 +47,9 @@ class _Checked:
 
     __slots__ = ()
 
+    #: What its cables are for.
+    _bus: ClassVar[str] = "hardwired"
+
     def __post_init__(self) -> None:
         """Check every field."""
         for own in fields(self):  # type: ignore[arg-type]  # every child is a dataclass
@@ -65,10 +69,12 @@ class _Checked:
                     raise ArgumentError(
                         f"{own.name} is {value!r}; it must be {low:g}..{high:g} {unit}".rstrip()
                     )
-            elif own.name in ("cable", "feeder") and value not in cables():
-                raise ArgumentError(
-                    f"{own.name} is {value!r}; it must be one of {', '.join(cables())}"
-                )
+            elif own.name in ("cable", "feeder"):
+                fitting = [name for name, cable in cables().items() if self._bus in cable.buses]
+                if value not in fitting:
+                    raise ArgumentError(
+                        f"{own.name} is {value!r}; it must be one of {', '.join(fitting)}"
+                    )
             elif own.name == "character":
                 Serial(9600, value)
             elif own.name == "bit_rates":
@@ -143,6 +149,8 @@ class AsiLimits(_Checked):
     .. [5] Bihl+Wiedemann; Murr: 8 A.
     """
 
+    _bus: ClassVar[str] = "AS-i"
+
     shared: bool = True
     inputs: int = 4
     outputs: int = 4
@@ -186,6 +194,8 @@ class CanLimits(_Checked):
     .. [1] Maretron, NMEA 2000 network installation guide, pp. 20-21.
     """
 
+    _bus: ClassVar[str] = "CAN"
+
     bit_rates: tuple[int, ...] = (50_000, 125_000, 250_000, 500_000)
     nodes: int = 50
     load: float = 0.5
@@ -226,6 +236,8 @@ class ModbusLimits(_Checked):
        section 2.2.
     .. [2] The same, section 2.4.1.
     """
+
+    _bus: ClassVar[str] = "Modbus RTU"
 
     bit_rates: tuple[int, ...] = (9600, 19_200, 38_400, 57_600)
     length: float = 1200.0
