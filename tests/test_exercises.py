@@ -1,7 +1,9 @@
 """The lessons' exercises: stubs, solutions and typical mistakes, without a kernel."""
 
 import re
+from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import nbformat
 import numpy as np
@@ -116,6 +118,117 @@ def test_typical_mistakes_get_their_hint(key, name):
         assert hint in verdict.text, hint
 
 
+def gives_away(said, right):
+    shown = f"{right.value:.6g}" if isinstance(right.value, float) else str(right.value)
+    return shown in re.findall(r"[\w.]+", said)
+
+
+class Drawn:
+    """Whoever has these numbers."""
+
+    def __init__(self, numbers):
+        self.numbers = numbers
+
+    def pick(self, what, options):
+        return self.numbers[what.split()[1]]
+
+
+def draws(one, most=300):
+    """Return everybody's numbers; of very many a sample, the same each time."""
+    every = list(product(*one.draws.values()))
+    if len(every) > most:
+        places = np.random.default_rng(2024).choice(len(every), most, replace=False)
+        every = [every[place] for place in places]
+    return [dict(zip(one.draws, values, strict=True)) for values in every]
+
+
+@pytest.mark.parametrize("key", EXERCISES)
+def test_mistakes_are_told_apart_whatever_the_numbers(key):
+    one = exercise(key)
+    for numbers in draws(one):
+        right = one.answer(**numbers)
+        trapped = {hint: wrong(**numbers) for hint, wrong in one.traps.items()}
+        mistakes = trapped | {hint: wrong(**numbers) for hint, wrong in one.slips.items()}
+        for hint, answered in mistakes.items():
+            said = one.fault(answered, Drawn(numbers))
+            assert said is not None and hint in said, f"{numbers}: {hint!r} got {said!r}"
+            assert not gives_away(said, right), f"{numbers}: {said!r}"
+            for other, value in trapped.items():
+                if other != hint:
+                    same = replace(right, value=value).fault(answered) is None
+                    assert not same, f"{numbers}: {hint!r} is {other!r}"
+
+
+#: What players answered, and the hint that each of them should have got.
+PLAYED = [
+    ("ex-01-4", lambda limit: limit / 8, "half of it"),
+    ("ex-02-2", lambda length, delay: 1e-3 * length * delay, "there and back"),
+    ("ex-03-1", lambda bits: f"0{bits[::-1]}{bits.count('1') % 2}1", "in which order"),
+    ("ex-03-4", lambda **mine: 2 * right_of("ex-03-4", mine), "twice as much"),
+    ("ex-03-4", lambda **mine: right_of("ex-03-4", mine) + 1, "one too many"),
+    ("ex-06-1", lambda unit, number, quantity: request(unit, 6, number - 1, quantity), "writes"),
+    ("ex-06-1", lambda unit, number, quantity: request(unit, 1, number - 1, quantity), "bits"),
+    (
+        "ex-06-1",
+        lambda unit, number, quantity: request(unit, 8, number - 1, quantity),
+        "byte 2 of 6 is",
+    ),
+    ("ex-06-1", lambda unit, number, quantity: request(unit, 3, number, quantity), "counts from 1"),
+    (
+        "ex-06-1",
+        lambda unit, number, quantity: request(unit, 3, 40000 + number, quantity),
+        "the 4 in front",
+    ),
+    ("ex-06-2", lambda registers, rate: 1e4 * (5 + 2 * registers) / rate, "start, data, parity"),
+    ("ex-06-2", lambda registers, rate: 11e3 * (3 + 2 * registers) / rate, "CRC"),
+    ("ex-06-2", lambda registers, rate: 11e3 * (6 + 2 * registers) / rate, "one byte too many"),
+    ("ex-06-3", lambda: scan(lambda registers: 13 + registers), "16 bits"),
+    ("ex-06-3", lambda: scan(lambda registers: 9 + 2 * registers), "CRC"),
+    ("ex-06-3", lambda: scan(lambda registers: 13 + 2 * registers, 10), "start, data, parity"),
+    ("ex-06-4", lambda **mine: 2 * right_of("ex-06-4", mine), "twice as much"),
+    (
+        "ex-09-3",
+        lambda: (
+            lambda fires, k, n: "".join(
+                str(int(fires[i : i + n].count("1") >= k)) for i in range(len(fires))
+            )
+        ),
+        "ends with this reading",
+    ),
+    ("ex-09-4", lambda **mine: right_of("ex-09-4", mine)[0], "a list of rows"),
+    (
+        "ex-09-4",
+        lambda **mine: [tuple(row.values()) for row in right_of("ex-09-4", mine)],
+        "{'n': ..., 'k': ..., 'delay': ...}",
+    ),
+]
+
+
+def right_of(key, numbers):
+    return exercise(key).answer(**numbers).value
+
+
+def request(unit, function, first, quantity):
+    return bytes([unit, function]) + first.to_bytes(2) + quantity.to_bytes(2)
+
+
+def scan(size, bits=11):
+    """Return a function for a scan of frames so long, with characters of so many bits."""
+
+    def scan_time(n_slaves, n_registers, bit_rate):
+        silence = 3.5 * bits / bit_rate if bit_rate <= 19200 else 1.75e-3
+        return n_slaves * (size(n_registers) * bits / bit_rate + 2 * silence)
+
+    return scan_time
+
+
+@pytest.mark.parametrize(("key", "wrong", "hint"), PLAYED)
+def test_what_players_answered_gets_the_hint_that_helps(key, wrong, hint):
+    one = exercise(key)
+    for numbers in draws(one):
+        assert hint in one.fault(wrong(**numbers), Drawn(numbers)), numbers
+
+
 @pytest.mark.parametrize("key", EXERCISES)
 @pytest.mark.parametrize(
     "answer",
@@ -148,11 +261,9 @@ def test_an_answer_that_objects_is_no_traceback(key, answer):
 @pytest.mark.parametrize("key", EXERCISES)
 def test_a_hint_does_not_show_the_answer(key):
     me = student("Kim")
-    right = exercise(key).answer(**given(key, me)).value
-    shown = f"{right:.6g}" if isinstance(right, float) else str(right)
+    right = exercise(key).answer(**given(key, me))
     for wrong in (12345.678, "0", "00000000", [], lambda *_: 12345.678):
-        words = re.findall(r"[\w.]+", check(key, wrong, me).text)
-        assert shown not in words
+        assert not gives_away(check(key, wrong, me).text, right)
 
 
 # The lessons' words
@@ -204,19 +315,32 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
     [
         (Number(6.0, "us"), 6e-3, "1000 times too small: is it in us"),
         (Number(6.0, "us"), "6 us", "without quotes"),
-        (Number(6.0, "us"), 6.2, "round only at the end"),
+        (Number(6.2431, "us"), 6.2, "round only at the end"),
+        (Number(6.25, "us"), 6.2, "round only at the end"),
+        (Number(0.062831, "us", 1e-4), 0.0628, "round only at the end"),
+        (Number(-62.431, "V"), -62, "round only at the end"),
+        (Number(6.2831, "us"), 6.4, "is something small missing, or counted twice"),
+        (Number(6.2831, "us"), 6.2, "is something small missing, or counted twice"),
+        (Number(0.0, "us"), 0.04, "is something small missing"),
         (Number(6.0, "us"), 9, "too large"),
         (Number(6.0), 1 / 6, "one over the answer"),
         (Number(0.3), 30, "percentage"),
         (Number(30, "%"), 0.3, "share"),
         (Number(-3.0, "V"), 3, "sign"),
         (Number(3.0, "byte"), 24, "bits or bytes"),
-        (Number(3.0, "us"), 6, "there and back"),
+        (Number(3.0, "us"), 6, "twice as much"),
+        (Number(3.0, "us"), 1.5, "half of it"),
+        (Number(100.0, "us"), 0.01, "one over the answer"),
         (Number(3.0, "us"), 30, "point is in the wrong place"),
         (Number(0.0, "us"), 1, "too large"),
         (Number(6.0, "us"), float("inf"), "inf is none"),
         (Number(1.0, "us"), True, "not a bool"),
-        (Whole(31), 32, "off by one"),
+        (Whole(31), 32, "one too many"),
+        (Whole(31), 30, "one too few"),
+        (Whole(31), 62, "twice as much"),
+        (Whole(31, "valves"), 15.5, "half of it"),
+        (Whole(1), 2, "one too many"),
+        (Whole(4, "valves"), 32, "too large"),
         (Whole(31), 31.4, "whole number"),
         (Whole(31), 40, "too large"),
         (Bits("0011001"), 11001, "in quotes"),
@@ -232,7 +356,8 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
         (Bytes(b"\x01\x03"), b"\x80\xc0", "bits of each byte"),
         (Bytes(b"\x01\x03"), "1 3", "two digits"),
         (Bytes(b"\x01\x03"), "01", "1 too few"),
-        (Bytes(b"\x01\x03"), "01 04", "1 of 2 bytes is wrong"),
+        (Bytes(b"\x01\x03"), "01 04", "byte 2 of 2 is wrong"),
+        (Bytes(b"\x01\x03\x0a\x84"), "02 03 0a 85", "bytes 1, 4 of 4 are wrong"),
         (Choice("near", ("near", "far")), "far", "it is not far"),
         (Choice("near", ("near", "far")), 3, "none of near, far"),
         (Choices(frozenset("ab"), ("a", "b", "c")), "a, c", "1 is missing"),
@@ -315,9 +440,26 @@ def test_a_table_is_compared_row_by_row():
     assert "row 2 (n = 31), cycle is 5000" in TABLE.fault(right.assign(cycle=[0.5, 5000.0]))
     assert "'cycle' is missing" in TABLE.fault(right[["n"]])
     assert "1 rows, but 2" in TABLE.fault(right[:1])
-    assert "a table is asked for" in TABLE.fault(5)
+    assert TABLE.fault(right.to_dict("records")) is None
     with pytest.raises(NotSolved):
         TABLE.fault([{"n": 1, "cycle": ...}, {"n": 31, "cycle": 5}])
+
+
+@pytest.mark.parametrize(
+    ("given", "hint"),
+    [
+        (5, "not a int"),
+        ({"n": 1, "cycle": 0.5}, "that is a single one"),
+        ([], "0 rows, but 2"),
+        ([(1, 0.5), (31, 5.0)], "row 1 is a tuple"),
+        ([{"n": 1, "cycle": 0.5}, [31, 5.0]], "row 2 is a list"),
+        ("1 0.5", "not a str"),
+    ],
+)
+def test_a_table_of_another_form_is_told_what_a_row_looks_like(given, hint):
+    said = TABLE.fault(given)
+    assert hint in said
+    assert not given or "such as {'n': ..., 'cycle': ...}" in said
 
 
 # Students and names

@@ -89,6 +89,19 @@ def _number(given: object, unit: str) -> float | str:
     return float(given)
 
 
+def _rounded(number: float, right: float) -> bool:
+    """Return whether a number is another one rounded to two or three digits."""
+    if not right:
+        return False
+    for digits in (2, 3):
+        step = 10.0 ** (math.floor(math.log10(abs(right))) + 1 - digits)
+        on_grid = math.isclose(number, round(number / step) * step, rel_tol=1e-9)
+        # Half a step itself: some round it up, some to even.
+        if on_grid and abs(number - right) <= step / 2 * (1 + 1e-9):
+            return True
+    return False
+
+
 @dataclass(frozen=True)
 class Number:
     """A quantity.
@@ -126,7 +139,11 @@ class Number:
         if hint := factor_hint(number, self.value, self.unit, self.tolerance):
             return hint
         if abs(number - self.value) <= 0.05 * scale:
-            return f"close, but not within {100 * self.tolerance:g} %: round only at the end"
+            if _rounded(number, self.value):
+                why = "round only at the end, and keep more digits"
+            else:
+                why = "is something small missing, or counted twice?"
+            return f"close, but not within {100 * self.tolerance:g} %: {why}"
         return f"too {'large' if number > self.value else 'small'}"
 
 
@@ -144,7 +161,7 @@ class Whole:
     Examples
     --------
     >>> Whole(31, "slaves").fault(32)
-    'off by one: are both ends counted, and the first one from 0 or from 1?'
+    'one too many'
     """
 
     value: int
@@ -158,7 +175,7 @@ class Whole:
         if number == self.value:
             return None
         if abs(number - self.value) == 1:
-            return "off by one: are both ends counted, and the first one from 0 or from 1?"
+            return f"one too {'many' if number > self.value else 'few'}"
         if hint := factor_hint(number, self.value, self.unit, 1e-9):
             return hint
         if number != round(number):
@@ -168,7 +185,7 @@ class Whole:
 
 @dataclass(frozen=True)
 class Bits:
-    """A row of bits, the first on the line first.
+    """A row of bits, the first in time first.
 
     Parameters
     ----------
@@ -178,7 +195,7 @@ class Bits:
     Examples
     --------
     >>> Bits("0011001").fault("1001100")
-    'the right bits in the reverse order: the first on the line comes first'
+    'the right bits in the reverse order: which one comes first?'
     """
 
     value: str
@@ -200,7 +217,7 @@ class Bits:
         if off := len(bits) - len(right):
             return f"these are {len(bits)} bits: {abs(off)} too {'many' if off > 0 else 'few'}"
         if bits == right[::-1]:
-            return "the right bits in the reverse order: the first on the line comes first"
+            return "the right bits in the reverse order: which one comes first?"
         if bits == right.translate(str.maketrans("01", "10")):
             return "every bit is the other way round: which level is a 0?"
         if right in (bits[1:] + bits[:1], bits[-1:] + bits[:-1]):
@@ -249,8 +266,9 @@ class Bytes:
             return "the last two bytes are swapped: which one goes first?"
         if data == bytes(int(f"{byte:08b}"[::-1], 2) for byte in right):
             return "the bits of each byte are reversed"
-        wrong = sum(a != b for a, b in zip(data, right, strict=True))
-        return f"{wrong} of {len(right)} bytes {'is' if wrong == 1 else 'are'} wrong"
+        wrong = [k for k, byte in enumerate(right, start=1) if data[k - 1] != byte]
+        which, verb = ("byte", "is") if len(wrong) == 1 else ("bytes", "are")
+        return f"{which} {', '.join(map(str, wrong))} of {len(right)} {verb} wrong"
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,9 @@ __all__ = ["factor_hint"]
 #: Powers of ten that prefixes of units make: from pico to tera, one way or the other.
 _PREFIXES = tuple(power for power in range(-24, 25, 3) if power)
 
+#: Units that follow from a number of bits: those of time; and all that name bits or bytes.
+_TIMES = ("ns", "us", "ms", "s")
+
 
 def factor_hint(number: float, right: float, unit: str, tolerance: float) -> str | None:
     """Return which typical mistake explains a wrong number.
@@ -53,15 +56,16 @@ def factor_hint(number: float, right: float, unit: str, tolerance: float) -> str
         return "that is the share; asked for is the percentage, 100 times as much"
     if not unit and near(100):
         return "that is the percentage; asked for is the share, a hundredth of it"
+    if isclose(number * right, 1, rel_tol=tolerance) and not isclose(abs(right), 1, rel_tol=0.05):
+        return "that is one over the answer: a rate where a time is asked for, or the other way?"
     for power in range(-8, 9):
         if power and near(10.0**power):
             return "the digits are right, but the point is in the wrong place"
-    for factor in (8, 1 / 8):
-        if near(factor):
-            return "a factor of 8: bits or bytes?"
-    for factor in (2, 0.5):
-        if near(factor):
-            return "a factor of 2: there and back, or one way? A half, or the whole?"
-    if isclose(number * right, 1, rel_tol=tolerance) and not isclose(abs(right), 1, rel_tol=0.05):
-        return "that is one over the answer: a rate where a time is asked for, or the other way?"
+    of_bits = unit in _TIMES or "bit" in unit or "byte" in unit
+    if of_bits and (near(8) or near(1 / 8)):
+        return "a factor of 8: bits or bytes?"
+    if near(2):
+        return "that is twice as much: is something counted twice?"
+    if near(0.5):
+        return "that is half of it: is something left out?"
     return None

@@ -105,6 +105,18 @@ def _place(function: Callable[..., Any], trace: TracebackType | None) -> str:
     return f" in its line {line - code.co_firstlineno + 1}{f', `{text}`' if text else ''}"
 
 
+def _not_rows(rows: object) -> str | None:
+    """Return how something differs from a list of dicts, as the end of a sentence."""
+    if isinstance(rows, dict):
+        return "; that is a single one"
+    if not isinstance(rows, Sequence) or isinstance(rows, str | bytes):
+        return f", not a {type(rows).__name__}"
+    for number, row in enumerate(rows, start=1):
+        if not isinstance(row, dict):
+            return f"; row {number} is a {type(row).__name__}"
+    return None
+
+
 @dataclass(frozen=True, eq=False)
 class Table:
     """A table, compared row by row.
@@ -133,10 +145,11 @@ is it in ms, or in another unit?'
     def fault(self, given: object) -> str | None:
         """Say what is wrong with a table, a DataFrame or a list of dicts; None if it is right."""
         to_rows = getattr(given, "to_dict", None)
-        rows = to_rows("records") if to_rows and hasattr(given, "columns") else given
-        if not isinstance(rows, Sequence) or not all(isinstance(row, dict) for row in rows):
-            return f"a table is asked for, a DataFrame, not a {type(given).__name__}"
+        rows: Any = to_rows("records") if to_rows and hasattr(given, "columns") else given
         columns = list(self.value[0])
+        if form := _not_rows(rows):
+            row = ", ".join(f"{name!r}: ..." for name in columns)
+            return f"a table is asked for, a list of rows such as {{{row}}}{form}"
         if missing := [name for name in columns if any(name not in row for row in rows)]:
             return f"column {missing[0]!r} is missing; asked for are {', '.join(columns)}"
         if len(rows) != len(self.value):

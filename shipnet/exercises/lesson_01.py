@@ -72,7 +72,7 @@ EXERCISES = (
             ),
         },
         slips={
-            "off by one": lambda: lambda bits: _pulses(bits) + 1,
+            "one too many": lambda: lambda bits: _pulses(bits) + 1,
             "IndexError": lambda: lambda bits: [bits[n] == bits[n + 1] for n in range(len(bits))],
         },
     ),

@@ -82,9 +82,9 @@ EXERCISES = (
             "the delay is the time for one metre: how long for all?": lambda length, delay: (
                 2 * length / delay
             ),
+            "is that there and back, or one way?": lambda length, delay: length * delay * 1e-3,
         },
         slips={
-            "there and back, or one way": lambda length, delay: length * delay * 1e-3,
             "1000 times too large: is it in us": lambda length, delay: 2 * length * delay,
         },
     ),
@@ -119,9 +119,10 @@ EXERCISES = (
             "a longer cable keeps both tolerances, too: go on until one is broken": lambda delay: (
                 _longest(delay) - _STEP
             ),
+            "that is half of it: the echo goes there and back, the cable is laid once": (
+                lambda delay: _longest(delay) // 2
+            ),
         },
-        slips={
-            "there and back, or one way": lambda delay: _longest(delay) / 2,
-        },
+        slips={"one too many": lambda delay: _longest(delay) + 1},
     ),
 )

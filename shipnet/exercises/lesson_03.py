@@ -80,10 +80,12 @@ def _width(hits: int, years: int) -> int:
 EXERCISES = (
     Exercise(
         "ex-03-1",
-        draws={"bits": tuple(f"{data:04b}" for data in range(1, 15))},
+        # None is the same backwards: the wrong order gives another telegram.
+        draws={"bits": tuple(f"{data:04b}" for data in range(1, 15) if data not in (6, 9))},
         answer=lambda bits: Bits(frame(bits)),
         traps={
             "count the ones again: without the end bit, their number must be even": _parity_flipped,
+            "in which order do the data stand? As they are given": lambda bits: frame(bits[::-1]),
         },
         slips={
             "these are 5 bits: 2 too few": lambda bits: frame(bits)[1:-1],
@@ -115,7 +117,7 @@ EXERCISES = (
         },
         slips={
             "too large": _function(_largest),
-            "off by one": _function(lambda words: _distance(words) - 1),
+            "one too few": _function(lambda words: _distance(words) - 1),
         },
     ),
     Exercise(
@@ -134,7 +136,7 @@ EXERCISES = (
             ),
         },
         slips={
-            "off by one": lambda hits, years: _width(hits, years) + 1,
+            "one too many": lambda hits, years: _width(hits, years) + 1,
             "bits or bytes": lambda hits, years: _width(hits, years) / 8,
         },
     ),

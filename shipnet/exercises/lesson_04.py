@@ -116,7 +116,7 @@ EXERCISES = (
             ),
         },
         slips={
-            "off by one": lambda limit, repetitions: _most(limit, repetitions) - 1,
+            "one too few": lambda limit, repetitions: _most(limit, repetitions) - 1,
         },
     ),
 )

@@ -124,9 +124,10 @@ EXERCISES = (
             "that counts from the other end: the highest bit of the id is sent first": lambda ids: (
                 12 - _stops_at(ids)
             ),
+            "the first bit of the id is number 1, not 0": lambda ids: _stops_at(ids) - 1,
+            "the start of frame, SOF, is no bit of the id": lambda ids: _stops_at(ids) + 1,
             "there the loser sends its first 1; does the other one send a 0 there?": _first_one,
         },
-        slips={"off by one": lambda ids: _stops_at(ids) - 1},
     ),
     Exercise(
         "ex-05-2",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from shipnet.exercises.answers import Bytes, Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
@@ -22,17 +24,28 @@ def _request(unit: int, number: int, quantity: int) -> bytes:
     return bytes([unit]) + _question(number - 1, quantity).pdu
 
 
+def _with_code(function: int) -> Callable[[int, int, int], bytes]:
+    """Return a function for the request with another function code."""
+
+    def request(unit: int, number: int, quantity: int) -> bytes:
+        return bytes([unit, function]) + _request(unit, number, quantity)[2:]
+
+    return request
+
+
 def _low_byte_first(unit: int, number: int, quantity: int) -> bytes:
     first, many = ((n).to_bytes(2, "little") for n in (number - 1, quantity))
     return bytes([unit, 3]) + first + many
 
 
-def _response_ms(registers: int, rate: int) -> float:
-    return 1e3 * Serial(rate).frame_time(_question(0, registers).response_size + 3)
+def _response_ms(registers: int, rate: int, *, character: str = "8E1", extra: int = 0) -> float:
+    """Return how long a response is with some bytes more, or less [ms]."""
+    size = _question(0, registers).response_size + 3 + extra
+    return 1e3 * Serial(rate, character).frame_time(size)
 
 
-def _scan(n_slaves: int, n_registers: int, bit_rate: int) -> float:
-    return Poll.of(_question(0, n_registers), Serial(bit_rate)).scan(n_slaves)
+def _scan(n_slaves: int, n_registers: int, bit_rate: int, *, character: str = "8E1") -> float:
+    return Poll.of(_question(0, n_registers), Serial(bit_rate, character)).scan(n_slaves)
 
 
 def _scan_with(silences: float, n_slaves: int, n_registers: int, bit_rate: int) -> float:
@@ -64,13 +77,20 @@ EXERCISES = (
                 lambda unit, number, quantity: _request(unit, number + 1, quantity)
             ),
             "each of the two numbers goes high byte first": _low_byte_first,
-            "function code 4 reads input registers; these are holding registers": (
-                lambda unit, number, quantity: (
-                    bytes([unit]) + _question(number - 1, quantity, 4).pdu
-                )
+            "the 4 in front of 40001 only says that it is a holding register: it is not sent": (
+                lambda unit, number, quantity: _request(unit, 40000 + number, quantity)
             ),
+            "the 4 in front, as in 40001, is not sent, and the line counts from 0": (
+                lambda unit, number, quantity: _request(unit, 40001 + number, quantity)
+            ),
+            "function code 4 reads input registers; these are holding registers": _with_code(4),
+            "function code 6 writes a register; asked for is to read": _with_code(6),
+            "function code 1 reads single bits; these are registers": _with_code(1),
         },
         slips={
+            "byte 1 of 6 is wrong": lambda unit, number, quantity: _request(
+                unit + 1, number, quantity
+            ),
             "1 too few": lambda unit, number, quantity: _request(unit, number, quantity)[1:],
             "last two bytes are swapped": lambda unit, number, quantity: (
                 _request(unit, number, quantity)[:-2] + bytes([quantity, 0])
@@ -79,16 +99,34 @@ EXERCISES = (
     ),
     Exercise(
         "ex-06-2",
-        draws={"registers": range(6, 31), "rate": (2400, 4800, 9600, 19200)},
+        # With 8, 9 and 24 to 26 registers, two of the mistakes below give nearly the same number.
+        draws={
+            "registers": (6, 7, *range(10, 24), *range(27, 31)),
+            "rate": (2400, 4800, 9600, 19200),
+        },
         answer=lambda registers, rate: Number(_response_ms(registers, rate), "ms"),
         traps={
             "a byte is more than 8 bits on the line": lambda registers, rate: (
                 _response_ms(registers, rate) * 8 / 11
             ),
-            "that is the data alone; what stands around them?": lambda registers, rate: (
-                2e3 * registers * 11 / rate
+            "count a character of 8E1 again: start, data, parity, stop": lambda registers, rate: (
+                _response_ms(registers, rate, character="8N1")
             ),
-            "a register has 16 bits": lambda registers, rate: 1e3 * (5 + registers) * 11 / rate,
+            "that is the data alone; what stands around them?": lambda registers, rate: (
+                _response_ms(registers, rate, extra=-5)
+            ),
+            "every frame ends with a CRC: is it counted?": lambda registers, rate: _response_ms(
+                registers, rate, extra=-2
+            ),
+            "one byte too few: name those around the data one by one": lambda registers, rate: (
+                _response_ms(registers, rate, extra=-1)
+            ),
+            "one byte too many: name those around the data one by one": lambda registers, rate: (
+                _response_ms(registers, rate, extra=1)
+            ),
+            "a register has 16 bits": lambda registers, rate: _response_ms(
+                registers, rate, extra=-registers
+            ),
         },
         slips={
             "1000 times too small: is it in ms": lambda registers, rate: (
@@ -107,6 +145,15 @@ EXERCISES = (
                 lambda *case: _scan(*case) - case[0] * Serial(case[2]).t35
             ),
             "where is the silence?": lambda: lambda *case: _scan_with(0, *case),
+            "every frame ends with a CRC: is it counted, twice in a transaction?": lambda: (
+                lambda *case: _scan(*case) - case[0] * 4 * Serial(case[2]).character_time
+            ),
+            "a register has 16 bits": lambda: (
+                lambda *case: _scan(*case) - case[0] * case[1] * Serial(case[2]).character_time
+            ),
+            "count a character of 8E1 again: start, data, parity, stop": lambda: (
+                lambda *case: _scan(*case, character="8N1")
+            ),
         },
         slips={
             "1000 times too large: is it in s": lambda: lambda *case: 1e3 * _scan(*case),
@@ -131,7 +178,7 @@ EXERCISES = (
             ),
         },
         slips={
-            "off by one": lambda rate, think_ms, timeout_ms: _most(rate, think_ms, timeout_ms) - 1,
+            "one too few": lambda rate, think_ms, timeout_ms: _most(rate, think_ms, timeout_ms) - 1,
         },
     ),
 )

@@ -109,7 +109,7 @@ EXERCISES = (
             ),
             "one round of the ring too many": lambda ring: _shown(ring) + _SIZE,
         },
-        slips={"off by one": lambda ring: _shown(ring) + 1},
+        slips={"one too many": lambda ring: _shown(ring) + 1},
     ),
     Exercise(
         "ex-07-2",
@@ -137,7 +137,7 @@ EXERCISES = (
                 _counting(0, -1000)
             ),
         },
-        slips={"off by one": lambda: _counting(1)},
+        slips={"one too few": lambda: _counting(1)},
     ),
     Exercise(
         "ex-07-4",

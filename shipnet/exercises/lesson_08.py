@@ -57,8 +57,13 @@ EXERCISES = (
             "port A reaches those; which ones does no port reach?": (
                 lambda n, first, second: first
             ),
+            "a cut behind a valve leaves this valve with those before it: one too many": (
+                lambda n, first, second: second - first + 1
+            ),
+            "the valve in front of the second cut is lost as well: one too few": (
+                lambda n, first, second: second - first - 1
+            ),
         },
-        slips={"off by one": lambda n, first, second: second - first + 1},
     ),
     Exercise(
         "ex-08-2",
@@ -101,7 +106,7 @@ EXERCISES = (
             ),
         },
         slips={
-            "off by one": lambda: lambda n, cuts: _lost(n, cuts) + 1,
+            "one too many": lambda: lambda n, cuts: _lost(n, cuts) + 1,
             "ValueError": lambda: lambda n, cuts: max(cuts) - min(cuts),
         },
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ def _degrees(FP: float, OP: float) -> tuple[float, float]:
     return one, other
 
 
+@cache
 def _persistent(fires: str, k: int, n: int) -> str:
     """Let a hot motor fire as told, and see when its code is active."""
     base = _base()
@@ -71,6 +73,10 @@ def _in_a_row(fires: str, k: int, n: int) -> str:
 
 def _before(fires: str, k: int, n: int) -> str:
     return "".join(str(int(part.count("1") >= k)) for part in _windows(fires, n, last=1))
+
+
+def _ahead(fires: str, k: int, n: int) -> str:
+    return "".join(str(int(fires[i : i + n].count("1") >= k)) for i in range(len(fires)))
 
 
 #: Readings to try a function on: one, none fires, all fire, a gap, a flicker.
@@ -153,6 +159,7 @@ EXERCISES = (
             "k readings are enough: k or more, not more than k": lambda: _more_than,
             "the k readings need not stand in a row": lambda: _in_a_row,
             "the reading itself is the last of the n": lambda: _before,
+            "the window ends with this reading; it does not begin with it": lambda: _ahead,
             "that is what fires now; count over the last n readings": lambda: (
                 lambda fires, k, n: fires
             ),

@@ -9,7 +9,7 @@ from shipnet import datasets
 from shipnet.design import saving
 from shipnet.design.comparison import compare
 from shipnet.design.costs.plants import Plant
-from shipnet.design.costs.quantities import quantities
+from shipnet.design.costs.quantities import Quantities, quantities
 from shipnet.design.iolist import from_table, load_iolist
 from shipnet.design.plan import Settings, mix
 from shipnet.design.plan.settings import AsiLimits
@@ -35,9 +35,13 @@ def _left(contacts: int, lines: int) -> float:
 
 
 @cache
-def _cost(bus: bool, figure: str, modules: int, distance: float, spacing: float) -> float:
+def _quantities(bus: bool, modules: int, distance: float, spacing: float) -> Quantities:
     plant = Plant(modules=modules, contacts=2, distance=distance, spacing=spacing)
-    return quantities(plant.on_asi if bus else plant.hardwired)[figure]
+    return quantities(plant.on_asi if bus else plant.hardwired)
+
+
+def _cost(bus: bool, figure: str, modules: int, distance: float, spacing: float) -> float:
+    return _quantities(bus, modules, distance, spacing)[figure]
 
 
 def _costs(modules: int, distance: float, figure: str = "total cost") -> tuple[float, float]:
