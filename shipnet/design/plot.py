@@ -229,6 +229,7 @@ def plot_tornado(tornado: Tornado, *, ax: Axes, rows: int = 8) -> Axes:
     ax.set_yticks(y, [words(name) for name in names], fontsize=8)
     ax.set_ylim(max(len(names), 1) - 0.5, -0.5)
     ax.set_xlabel(f"{tornado.subject} [{tornado.unit}]")
+    ax.locator_params(axis="x", nbins=6)
     ax.grid(visible=False, axis="y")
     low, high = ax.get_xlim()
     if len(tornado.between) == 2 and low <= 0 <= high:
