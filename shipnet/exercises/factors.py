@@ -9,7 +9,7 @@ __all__ = ["factor_hint"]
 #: Powers of ten that prefixes of units make: from pico to tera, one way or the other.
 _PREFIXES = tuple(power for power in range(-24, 25, 3) if power)
 
-#: Units that follow from a number of bits: those of time; and all that name bits or bytes.
+#: Units of time: what bits take, so that bytes in their place make a factor of 8.
 _TIMES = ("ns", "us", "ms", "s")
 
 
