@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import pandas as pd
 from matplotlib.axes import Axes
 
-from shipnet.design.basis_file import format_basis, parse_basis
+from shipnet.design.basis_file import format_basis
 from shipnet.design.comparison import RESPONSE, not_beaten
-from shipnet.design.iolist import load_iolist, save_iolist
 from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RULE_SETS
-from shipnet.errors import ArgumentError, InputError
-from shipnet.spreadsheet import decode
+from shipnet.errors import ArgumentError
+from shipnet.tools._design_files import from_file, settings_from_file
 from shipnet.tools._design_result import Result
 from shipnet.tools._design_steps import EXAMPLES, MIXES, basis, compared, place, planned, points
 from shipnet.tools._inputs import check, choice, number, switch, text
@@ -311,82 +308,6 @@ def view(result: Result, report: bool = False) -> View:
         about=PICTURES[result.picture],
         files=files,
     )
-
-
-def from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
-    r"""Return inputs with the I/O list of a file, whose cabinet is to be found.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        The inputs.
-    name : str
-        Name of the file.
-    content : bytes
-        A CSV file, which is kept as it is, or an Excel workbook, of which the checked points are.
-
-    Returns
-    -------
-    Inputs
-        With its points and its name.
-
-    Raises
-    ------
-    ArgumentError
-        If it is too long.
-    InputError
-        If it is no I/O list; all its faults at once.
-
-    Examples
-    --------
-    >>> from_file(Inputs(), "own.csv", b"tag;type;home run\nLS-1;DI;12,5").name
-    'own.csv'
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "list"
-        path.write_bytes(content)
-        try:
-            iolist = load_iolist(path)
-        except InputError as problem:
-            raise InputError(name, *problem.faults, more=problem.more) from None
-        if content.startswith(b"PK"):
-            save_iolist(iolist, path)
-            content = path.read_bytes()
-    return replace(inputs, points=decode(content), name=name[-80:], cabinet="")
-
-
-def settings_from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
-    r"""Return inputs with the lines of a file of settings.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        The inputs.
-    name : str
-        Name of the file.
-    content : bytes
-        As `shipnet.design.basis_file.load_basis` reads it.
-
-    Returns
-    -------
-    Inputs
-        With its lines as `own`.
-
-    Raises
-    ------
-    ArgumentError
-        If it is too long.
-    InputError
-        If it holds no settings; all its faults at once.
-
-    Examples
-    --------
-    >>> settings_from_file(Inputs(), "own.toml", b"tails = 4").own
-    'tails = 4'
-    """
-    lines = decode(content)
-    parse_basis(lines, name)
-    return replace(inputs, own=lines)
 
 
 def explorer() -> Page:
