@@ -240,7 +240,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
     tool.load("load a message set", "bad.csv", b"name,arbitration_id\noil,1\n")
     tool.says("dlc")
     tool.load("load a message set", "a.xlsx", b"PK\0\0")
-    expect(page.locator(".shipnet-note")).to_have_text("a.xlsx: this is no text file")
+    expect(page.locator(".shipnet-note")).to_contain_text("a.xlsx: this is no text file")
 
 
 def test_the_scan_explorer_waits_for_a_dead_slave(page, app):
@@ -316,8 +316,11 @@ def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, 
     # It is seen although the foot of the page is not.
     assert note.bounding_box()["y"] + note.bounding_box()["height"] <= 1000
     tool.says("all 99 points")
+    expect(note).to_contain_text("still those from before")
+    expect(tool.verdict).to_have_css("filter", "grayscale(1)")
     tool.load("load a list", "own.csv", GOOD)
     tool.says("all 9 points")
+    expect(tool.verdict).to_have_css("filter", "none")
     expect(note).to_have_text("own.csv is loaded")
     picture = tool.figure.get_attribute("src")
     tool.choose("figure", "conductors against cost")
