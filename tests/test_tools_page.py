@@ -120,7 +120,7 @@ def test_a_file_with_several_faults_is_told_fault_by_fault(seen):
     page = Page("toy", Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
     load(page.uploads["own"], b"x", "x.txt")
     assert page.note.startswith("x.txt: row 0 is <empty>; row 1") and "\n" not in page.note
-    assert page._noted.value.count("<br>") == 51 and "and 15 more" in page._noted.value
+    assert page._noted.value.count("<br>") == 52 and "and 15 more" in page._noted.value
     assert "<empty>" not in page._noted.value
     assert Page("toy", Toy(), see).text == "a.csv:\nrow 0 is <empty>\nrow 1 is <empty>"
 
@@ -198,9 +198,10 @@ def test_an_upload_changes_inputs_or_says_why_not_and_takes_the_same_file_twice(
     page = Page("toy", Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
     load(page.uploads["own"], b"", "x.txt")
     assert page.note == "x.txt: it is empty" and page.inputs == Toy()
+    assert "those from before" in page._noted.value and "shipnet-before" in page._dom_classes
     load(page.uploads["own"], b"mine", "x.txt")
     assert page.note == "" and page.inputs == Toy(name="mine")
-    assert "x.txt is loaded" in page._noted.value
+    assert "x.txt is loaded" in page._noted.value and "shipnet-before" not in page._dom_classes
     page.controls["name"].value = ""
     load(page.uploads["own"], b"mine", "x.txt")
     assert page.inputs == Toy(name="mine")

@@ -26,6 +26,9 @@ PAUSE = 0.05
 #: Faults of a file that are told.
 _FAULTS = 50
 
+#: Said where a file or a button changed nothing.
+_BEFORE = "The results above are still those from before."
+
 
 @dataclass(frozen=True)
 class Button:
@@ -85,7 +88,9 @@ class Page(widgets.VBox):  # type: ignore[misc]
     """The page of a tool.
 
     Whatever goes wrong becomes a sentence in the page, never a traceback. While something is
-    computed the page has the class ``shipnet-busy``; what takes long shows that by itself.
+    computed the page has the class ``shipnet-busy``; what takes long shows that by itself. After a
+    file that was refused it has the class ``shipnet-before``, and the results, still the old ones,
+    are grey.
 
     Parameters
     ----------
@@ -249,13 +254,14 @@ class Page(widgets.VBox):  # type: ignore[misc]
                 if inputs is not None:
                     self._controls.put(inputs)
         except Exception as problem:  # as in refresh
-            self._say(_sentence(problem), _lines(problem))
+            self._say(_sentence(problem), f"{_lines(problem)}\n{_BEFORE}")
             return
         self._say("", f"{file} is loaded" if file else "")
         self.refresh()
 
     def _say(self, note: str, shown: str = "") -> None:
         self.note = note
+        (self.add_class if note else self.remove_class)("shipnet-before")
         kind = "bad" if note else "good"
         said = escape(shown).replace("\n", "<br>")
         said = f'<p class="shipnet-note shipnet-{kind}" role="alert">{said}</p>'

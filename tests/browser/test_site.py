@@ -80,6 +80,39 @@ def test_the_ledger_has_a_row_for_each_claim(page, url):
     expect(row).to_contain_text("0.4032")
 
 
+# Parts of a page that reach beyond the edge of their box, or of the page.
+CUT = """selector => [...document.querySelectorAll(selector)]
+  .filter(box => box.scrollWidth > box.clientWidth || box.getBoundingClientRect().right > innerWidth)
+  .map(box => box.innerText.slice(0, 60))"""
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_no_line_of_code_is_cut(page, url, site, width):
+    page.set_viewport_size({"width": width, "height": 800})
+    for name in pages_with(site, "<pre", folders=["notebooks", "howto"]):
+        page.goto(f"{url}/{name}")
+        assert page.evaluate(CUT, "article pre") == [], name
+
+
+def test_a_phone_shows_claims_and_glossary_without_scrolling_aside(page, url):
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.goto(f"{url}/ledger.html#kim2023-004")
+    for cell in page.locator("tr#kim2023-004 td").all():
+        expect(cell).to_be_in_viewport(ratio=1, timeout=LONG)
+    boxes = ".cell_output .text_html, .table-wrapper"
+    for name in ("notebooks/lessons/01_bits", "glossary"):
+        page.goto(f"{url}/{name}.html")
+        assert page.evaluate(CUT, boxes) == [], name
+
+
+def test_a_table_that_is_too_wide_is_shaded_where_more_follows(page, url):
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.goto(f"{url}/ledger.html")
+    table = page.locator(".wide").first
+    assert table.evaluate("box => box.scrollWidth > box.clientWidth")
+    expect(table).to_have_css("background-attachment", "local, local, scroll, scroll")
+
+
 def test_the_book_opens_from_the_disk_without_a_network(page, site):
     page.context.set_offline(True)
     page.goto((site / "index.html").as_uri())
