@@ -1,7 +1,8 @@
 """How long a tool takes to open, and to answer a slider: first picture 5 s, update 100 ms.
 
-The first picture is that of a fresh process: interpreter, imports, page. As a web page a kernel
-and the worked examples come on top: the last column executes the notebook as Voila does. `update`
+The first picture is that of a fresh process: interpreter, imports, page; neither Voila nor a
+browser is in it. As a web page a kernel and the worked examples come on top: the last column
+executes the notebook as Voila does, and what the browser adds is not measured here. `update`
 and the picture are those of the slowest of the limits of every slider, cached results left out.
 """
 
@@ -86,6 +87,7 @@ def measure(tool):
 
 
 def main():
+    print("without Voila and browser, which come on top of a web page's first picture")
     print(f"{'tool':<16} {'update':>9} {'figure':>9} {'first picture':>14} {'notebook':>9}")
     for path in EXPLORE:
         update, figure = measure(path.stem)

@@ -82,7 +82,8 @@ def test_the_ledger_has_a_row_for_each_claim(page, url):
 
 # Parts of a page that reach beyond the edge of their box, or of the page.
 CUT = """selector => [...document.querySelectorAll(selector)]
-  .filter(box => box.scrollWidth > box.clientWidth || box.getBoundingClientRect().right > innerWidth)
+  .filter(box => box.scrollWidth > box.clientWidth
+    || box.getBoundingClientRect().right > innerWidth)
   .map(box => box.innerText.slice(0, 60))"""
 
 
