@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from shipnet.design.basis_file import parse_basis
 from shipnet.design.iolist import load_iolist, save_iolist
@@ -13,9 +13,12 @@ from shipnet.errors import InputError
 from shipnet.spreadsheet import decode
 
 if TYPE_CHECKING:
-    from shipnet.tools.ship_design import Inputs
+    from _typeshed import DataclassInstance
 
 __all__ = ["from_file", "settings_from_file"]
+
+#: `shipnet.tools.ship_design.Inputs`, which stands above.
+Inputs = TypeVar("Inputs", bound="DataclassInstance")
 
 
 def from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
