@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from shipnet.ballast import RegisterMap, diagnose_run, simulate
-from shipnet.ballast.metrics import share_interval
 from shipnet.ballast.trend import fit_trend
 from shipnet.ballast.trials import fault_trials, half_found
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy import published, strengths
+from shipnet.intervals import share_interval
 
 FIVE = np.zeros((5, 1))
 MAP = RegisterMap()

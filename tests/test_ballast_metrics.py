@@ -18,13 +18,12 @@ from shipnet.ballast.faults import FAULTS, faulty
 from shipnet.ballast.metrics import (
     BASIS,
     confusion,
-    event_interval,
     false_alarms,
     rates,
-    share_interval,
 )
 from shipnet.ballast.trials import fault_trials, half_found, spread_actuator
 from shipnet.errors import ArgumentError
+from shipnet.intervals import event_interval, share_interval
 
 
 @pytest.fixture(scope="module")

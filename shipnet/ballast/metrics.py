@@ -24,7 +24,7 @@ from shipnet.line.quantity import check_scalar
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["BASIS", "confusion", "event_interval", "false_alarms", "rates", "share_interval"]
+__all__ = ["BASIS", "confusion", "false_alarms", "rates"]
 
 #: What stands behind the numbers.
 BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
@@ -47,9 +47,10 @@ def rates(trials: pd.DataFrame, *, confidence: float = 0.95) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Indexed by ``reading`` and ``fault``, in the order of the trials: number ``n``; the shares
-        of `CRITERIA`, each with its ends ``_low`` and ``_high`` (`share_interval`); and the median
-        ``delay_s``. For ``normal`` valves ``detected`` is the share with a false alarm, ``named``
-        is 0, and ``isolated`` is the share without one.
+        of `CRITERIA`, each with its ends ``_low`` and ``_high``
+        (`shipnet.intervals.share_interval`); and the median ``delay_s``. For ``normal`` valves
+        ``detected`` is the share with a false alarm, ``named`` is 0, and ``isolated`` is the share
+        without one.
 
     Examples
     --------
@@ -156,9 +157,9 @@ def false_alarms(
     -------
     pandas.DataFrame
         Indexed by ``reading``: ``commands``; those with an ``alarmed`` period, its share
-        ``per_command`` with ``_low`` and ``_high`` (`share_interval`); ``valve_years``, the
-        ``alarms`` in them (a headline other than normal that follows normal), and
-        ``per_valve_year`` with ``_low`` and ``_high`` (`event_interval`).
+        ``per_command`` with ``_low`` and ``_high`` (`shipnet.intervals.share_interval`);
+        ``valve_years``, the ``alarms`` in them (a headline other than normal that follows normal),
+        and ``per_valve_year`` with ``_low`` and ``_high`` (`shipnet.intervals.event_interval`).
 
     Raises
     ------

@@ -34,7 +34,7 @@ from shipnet.errors import ArgumentError
 if TYPE_CHECKING:
     from shipnet.design.site.trays import Place
 
-__all__ = ["EXAMPLES", "MIXES", "assumptions", "basis", "compared", "place", "planned", "points"]
+__all__ = ["EXAMPLES", "MIXES", "assumptions", "basis_of", "compared", "place", "planned", "points"]
 
 #: Ways to connect some points by one option and the others by another: what decides, and how the
 #: points that it does not name are connected.
@@ -244,7 +244,7 @@ def assumptions(labour: float, parts: float) -> Assumptions:
 
 
 @lru_cache(maxsize=8)
-def basis(
+def basis_of(
     spare: float,
     redundant: bool,
     list_lengths: bool,
@@ -278,7 +278,7 @@ def basis(
 
     Examples
     --------
-    >>> found = basis(0.2, False, True, 1.15, 55, 1, "host_time = 0.2\n[asi]\nlength = 200")
+    >>> found = basis_of(0.2, False, True, 1.15, 55, 1, "host_time = 0.2\n[asi]\nlength = 200")
     >>> found.host_time, found.settings.asi.length
     (0.2, 200)
     """

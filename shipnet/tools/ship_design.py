@@ -15,7 +15,7 @@ from shipnet.design.rules import RULE_SETS
 from shipnet.errors import ArgumentError
 from shipnet.tools._design_files import from_file, settings_from_file
 from shipnet.tools._design_result import Result
-from shipnet.tools._design_steps import EXAMPLES, MIXES, basis, compared, place, planned, points
+from shipnet.tools._design_steps import EXAMPLES, MIXES, basis_of, compared, place, planned, points
 from shipnet.tools._inputs import check, choice, number, switch, text
 from shipnet.tools._page import Button, Page, Upload
 from shipnet.tools._view import View
@@ -223,12 +223,12 @@ def update(inputs: Inputs) -> Result:
     printed = "".join(one if one.isprintable() else " " for one in inputs.name)
     iolist = points(inputs.points, " ".join(printed.split()) or "list", inputs.update_ms)
     cabinet, known = place(iolist, inputs.cabinet)
-    rests = basis(
+    basis = basis_of(
         inputs.spare, inputs.redundant, inputs.list_lengths, inputs.detour, inputs.labour,
         inputs.parts, inputs.own,
     )  # fmt: skip
-    networks = planned(iolist, cabinet, rests, inputs.options)
-    comparison = compared(networks, inputs.rules, rests)
+    networks = planned(iolist, cabinet, basis, inputs.options)
+    comparison = compared(networks, inputs.rules, basis)
     return Result(comparison, known, inputs.picture)
 
 
