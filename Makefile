@@ -1,7 +1,6 @@
 # make            run every notebook, build the book under build/site/, print the ledger's summary
 # make test       lint, types, floors, tests, notebooks under strict nbval, wheel, browser
 # make notebooks  re-execute the notebooks; show what would change; store it with ACCEPT=1
-# make counts     record how many tests each file holds, after adding or removing some
 # make lessons    derive the editions of the lessons whose source changed, and their slides
 # make wheels     fill build/wheels for a room without a network; SYSTEM=windows PYTHON=3.12
 # make lab        open JupyterLab
@@ -30,7 +29,7 @@ unexport VIRTUAL_ENV
 
 .DEFAULT_GOAL := all
 .NOTPARALLEL:
-.PHONY: all setup site notebooks test lint unit browser counts lessons wheels lab app bench lock clean
+.PHONY: all setup site notebooks test lint unit browser lessons wheels lab app bench lock clean
 
 all: site
 	@$(PY) -m shipnet ledger --summary
@@ -72,9 +71,9 @@ lint: setup
 # they mostly wait for a kernel to start.
 NBVAL := --nbval --nbval-current-env --nbval-sanitize-with=tests/nbval_sanitize.cfg \
          --nbval-cell-timeout=60
-UNIT  := $(BIN)/pytest -q -n logical --dist loadscope --doctest-modules $(NBVAL) --counts=unit \
+UNIT  := $(BIN)/pytest -q -n logical --dist loadscope --doctest-modules $(NBVAL) \
          --ignore=tests/browser tests shipnet notebooks
-WEB   := $(BIN)/pytest -q -n 2 --dist load --counts=browser tests/browser
+WEB   := $(BIN)/pytest -q -n 2 --dist load tests/browser
 
 unit: setup
 	@echo "unit, property and doc tests, notebooks under strict nbval, wheel"
@@ -83,11 +82,6 @@ unit: setup
 browser: setup
 	@echo "the book in a browser"
 	@$(WEB)
-
-counts: setup site
-	@$(UNIT) --counts-write
-	@$(WEB) --counts-write
-	@git diff --stat tests/expected_counts.json
 
 lessons: setup
 	@$(PY) docs/editions.py derive

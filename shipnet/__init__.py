@@ -1,10 +1,12 @@
-"""Field buses of a ship: AS-Interface, CAN, Modbus, and the papers that use them.
+"""Field buses of a ship, computed, and five papers about them, recomputed.
 
-The package has floors, and imports go down only: `shipnet.papers` recomputes what the papers
-print, `shipnet.design` turns points into cables and plans, `shipnet.asi` holds the bus itself.
-Nothing here imports matplotlib or pandas until a figure or a table is asked for.
+Each package has a small public front: ``from shipnet import asi, can``, then
+``asi.cycle_time(31)``. Quantities are in SI base units unless a name says otherwise:
+``*_ms`` and the like occur in tables and printed text only.
 """
 
-__all__ = ["__version__"]
+import lazy_loader
 
 __version__ = "0.1.0"
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,7 +5,6 @@ scalar function raises. Code 0 means that nothing is wrong.
 """
 
 import re
-from operator import index
 
 __all__ = [
     "AcknowledgeError",
@@ -27,7 +26,6 @@ __all__ = [
     "StuffError",
     "SymbolError",
     "UnknownCallError",
-    "check_whole",
     "explain",
 ]
 
@@ -279,43 +277,3 @@ def explain(code: int) -> str:
     if code not in _BY_CODE:
         raise ValueError(f"code is {code}, but the error codes are 0 and {sorted(_BY_CODE)}")
     return _BY_CODE[code].__name__
-
-
-def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> int:
-    """Return a value as an int, or raise unless it is a whole number within its legal range.
-
-    Parameters
-    ----------
-    name : str
-        The argument as the caller knows it.
-    value : int
-        What was given; a bool is not a number here.
-    low, high : int
-        Legal range, both ends included.
-    why : str, optional
-        What the range depends on, put behind it in the message.
-
-    Returns
-    -------
-    int
-        The value as Python's own int, which does not overflow as numpy's do.
-
-    Raises
-    ------
-    ArgumentError
-        If the value is not whole, or out of range.
-
-    Examples
-    --------
-    >>> check_whole("address", 32, 0, 31)
-    Traceback (most recent call last):
-        ...
-    shipnet.errors.ArgumentError: address is 32; it must be a whole number 0..31
-    """
-    try:
-        whole = None if isinstance(value, bool) else index(value)
-    except TypeError:
-        whole = None
-    if whole is None or not low <= whole <= high:
-        raise ArgumentError(f"{name} is {value!r}; it must be a whole number {low}..{high}{why}")
-    return whole

@@ -1,11 +1,14 @@
 """What strict nbval passes over in silence."""
 
+import ast
+import importlib
 import re
 from pathlib import Path
 
 import nbformat
 import pytest
 
+import shipnet
 from shipnet import datasets
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -91,8 +94,45 @@ def faults(notebook, kind):
     return found
 
 
+#: Packages with a front; notebooks use no other name of them.
+FRONTS = {path.parent.name for path in (ROOT / "shipnet").glob("*/__init__.pyi")}
+
+
+def is_public(module, name):
+    """Return whether `from module import name` uses the public API of the package."""
+    first, *parts = module.split(".")
+    if first != "shipnet":
+        return True
+    if not parts:
+        return name in dir(shipnet)
+    package, *inner = parts
+    if package not in FRONTS:
+        return True
+    names = dir(importlib.import_module(f"shipnet.{package}"))
+    if not inner:
+        return name in names
+    return len(inner) == 1 and inner[0] in names
+
+
+def import_faults(source):
+    """Yield what a cell imports beyond the fronts, and the names of packages that it hides."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                if not is_public(node.module, alias.name):
+                    yield f"imports {alias.name} of {node.module}, which is not public"
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                if alias.name.startswith("shipnet."):
+                    yield f"imports {alias.name}; write `from shipnet import ...`"
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in FRONTS:
+            yield f"assigns to {node.id}, the name of a package"
+
+
 def cell_faults(cell, number):
     widget = "widget" in tags(cell)
+    if not re.search(r"^\s*[%!]", cell.source, re.M):
+        yield from import_faults(cell.source)
     if not cell.source.strip():
         yield "is empty"
     if widget and (cell.outputs or cell.execution_count is not None):
@@ -197,6 +237,8 @@ def test_a_sound_notebook_has_no_fault():
         ({"source": "import urllib.request"}, "network"),
         ({"source": "x = 1\n" * 16}, "more than 15 lines"),
         ({"source": ""}, "empty"),
+        ({"source": "from shipnet import nothing"}, "not public"),
+        ({"source": "import shipnet.errors"}, "write `from shipnet import"),
         (
             {"outputs": [nbformat.v4.new_output("stream", name="stderr", text="!")]},
             "standard error",

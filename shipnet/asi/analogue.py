@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.asi.profile import Profile
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

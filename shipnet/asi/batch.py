@@ -22,8 +22,8 @@ from shipnet.errors import (
     ParityError,
     StartBitError,
     UnknownCallError,
-    check_whole,
 )
+from shipnet.fields import check_whole
 
 __all__ = [
     "NONE",

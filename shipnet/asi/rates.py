@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from shipnet.asi.cycle import cycle_time
 from shipnet.asi.timing import Transaction
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from shipnet.asi.calls import Answer, Call
 from shipnet.asi.frame import RESPONSE_BITS, frame, information_of
 from shipnet.asi.profile import describe_io_configuration, describe_status
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["RESPONSES", "Response"]
 

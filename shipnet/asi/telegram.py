@@ -8,7 +8,8 @@ from typing import Literal
 from shipnet.asi.calls import Answer, Call
 from shipnet.asi.frame import REQUEST_BITS, frame, information_of
 from shipnet.asi.response import Response
-from shipnet.errors import ArgumentError, UnknownCallError, check_whole
+from shipnet.errors import ArgumentError, UnknownCallError
+from shipnet.fields import check_whole
 
 __all__ = ["Half", "Request"]
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import Quantity, check_quantity
+from shipnet.fields import Quantity, check_quantity
 
 __all__ = ["Actuator"]
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from shipnet.ballast.registers import COMMAND_REGISTER
 from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
-from shipnet.errors import check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import ReadRequest, WriteRegister
 from shipnet.modbus.timing import Poll, Serial

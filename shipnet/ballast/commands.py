@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 __all__ = ["ACTIONS", "Command"]
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.hydraulics import load_pressure
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 
 __all__ = ["Stroke", "integrate_stroke"]
 

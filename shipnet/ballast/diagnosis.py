@@ -18,13 +18,13 @@ import numpy.typing as npt
 from shipnet.ballast.features import valve_row
 from shipnet.ballast.inputs import Tail, rule_inputs
 from shipnet.ballast.simulation import Run
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy import published
 from shipnet.fuzzy.decide import Decision, decide, headlines
 from shipnet.fuzzy.rules import Rule, RuleBase
 from shipnet.fuzzy.strengths import Firing, crisp_strengths, strengths
 from shipnet.fuzzy.terms import Interval, Term, Variable
-from shipnet.line.quantity import check_scalar
 
 if TYPE_CHECKING:
     import pandas as pd

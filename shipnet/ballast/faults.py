@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.channels import CHANNELS
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

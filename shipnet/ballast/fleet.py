@@ -17,9 +17,9 @@ from shipnet.ballast.commands import Command
 from shipnet.ballast.diagnosis import Diagnosis, diagnose_run
 from shipnet.ballast.faults import FAULTS, Fault
 from shipnet.ballast.simulation import blocks
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase
-from shipnet.line.quantity import check_scalar
 
 if TYPE_CHECKING:
     import pandas as pd

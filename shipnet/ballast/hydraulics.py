@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from shipnet.ballast.actuator import Actuator
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 
 __all__ = [
     "Hydraulics",

@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from shipnet.ballast.trend import Crossing, Trend, fit_trend, remaining_life
 from shipnet.ballast.wear import LIMIT, Wear, leak_from_pressure, limit_leak, mid_pressure
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.terms import Interval, Term
-from shipnet.line.quantity import check_scalar
 
 if TYPE_CHECKING:
     import pandas as pd

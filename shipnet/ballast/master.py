@@ -17,7 +17,7 @@ from shipnet.ballast.scan import READ_STATUS, command_poll
 from shipnet.ballast.screen import MasterRun, Shown, Write
 from shipnet.ballast.slave import valve_slaves
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 from shipnet.modbus.request import WriteRegister
 from shipnet.modbus.ring import Fault, Loop
 from shipnet.modbus.ring.master import LOST, A, Master

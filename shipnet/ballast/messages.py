@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from shipnet.ballast.registers import COMMAND_REGISTER
 from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
 from shipnet.datasets import path
-from shipnet.errors import ArgumentError, FrameError, check_whole
+from shipnet.errors import ArgumentError, FrameError
+from shipnet.fields import check_whole
 from shipnet.modbus.frame import decode_tcp, encode_tcp
 from shipnet.modbus.reader import decode_request, decode_response
 from shipnet.modbus.request import ReadRequest, WriteRegister

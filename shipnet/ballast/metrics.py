@@ -16,10 +16,10 @@ from shipnet.ballast.diagnosis import READINGS, Diagnosis, diagnose_run
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
 from shipnet.ballast.trials import CRITERIA, spread_actuator
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import NORMAL, UNKNOWN, RuleBase
 from shipnet.intervals import event_interval, share_interval
-from shipnet.line.quantity import check_scalar
 
 if TYPE_CHECKING:
     import pandas as pd

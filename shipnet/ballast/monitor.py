@@ -10,7 +10,8 @@ import numpy.typing as npt
 from shipnet.ballast.channels import CHANNELS
 from shipnet.ballast.plant import Plant
 from shipnet.ballast.speed import WINDOW, position_speed
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.fuzzy import decide, published, strengths
 from shipnet.fuzzy.rules import RuleBase
 

@@ -20,8 +20,8 @@ from shipnet.ballast.hydraulics import Hydraulics, Oil, load_pressure
 from shipnet.ballast.motor import losses, motor_current, steady_temperature
 from shipnet.ballast.movement import Movement
 from shipnet.ballast.sensors import Sensors
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 __all__ = ["DEAD_BAND", "Movement", "Plant"]
 

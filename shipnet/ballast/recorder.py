@@ -9,7 +9,8 @@ from shipnet.ballast.plant import Plant
 from shipnet.ballast.screen import LEAST_CURRENT, MasterRun
 from shipnet.ballast.simulation import Run
 from shipnet.ballast.speed import position_speed
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["Recorder", "received_run"]
 

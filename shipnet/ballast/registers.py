@@ -21,7 +21,8 @@ from shipnet.ballast.scales import (
     SCALES,
     whole_steps,
 )
-from shipnet.errors import ArgumentError, FieldError, check_whole
+from shipnet.errors import ArgumentError, FieldError
+from shipnet.fields import check_whole
 
 __all__ = ["COMMAND_REGISTER", "Packed", "RegisterMap", "Status"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from shipnet.ballast.registers import COMMAND_REGISTER
 from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
-from shipnet.errors import check_whole
+from shipnet.fields import check_whole
 from shipnet.modbus.codes import FunctionCode
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import ReadRequest, WriteRegister

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from shipnet.ballast.channels import CHANNELS
 from shipnet.ballast.registers import RegisterMap
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 from shipnet.modbus.codes import ExceptionCode
 from shipnet.modbus.ring import Loop
 from shipnet.modbus.ring.master import Try

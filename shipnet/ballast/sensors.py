@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.ballast.channels import CHANNELS
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["Sensors"]
 

@@ -10,8 +10,8 @@ import numpy as np
 from shipnet.ballast.faults import Fault
 from shipnet.ballast.plant import Plant
 from shipnet.ballast.slave import valve_slaves
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.server import Server, real_clock, serve
 

@@ -18,8 +18,8 @@ from shipnet.ballast.faults import Fault
 from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.speed import WINDOW, position_speed
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

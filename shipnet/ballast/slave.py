@@ -17,8 +17,8 @@ from shipnet.ballast.monitor import Monitor
 from shipnet.ballast.plant import Plant
 from shipnet.ballast.registers import COMMAND_REGISTER, RegisterMap
 from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
-from shipnet.errors import ArgumentError, FieldError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError, FieldError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.codes import ExceptionCode
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.server import DeviceError, Slave, Table

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, pi
 
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 
 __all__ = ["Tank"]
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 
 __all__ = ["METHODS", "Crossing", "Trend", "fit_trend", "remaining_life"]
 

@@ -18,11 +18,11 @@ from shipnet.ballast.diagnosis import READINGS, Diagnosis, diagnose_run
 from shipnet.ballast.faults import FAULTS, Fault
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy import published
 from shipnet.fuzzy.decide import headlines
 from shipnet.fuzzy.rules import NORMAL, RuleBase
-from shipnet.line.quantity import check_scalar
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.hydraulics import hydraulics, load_pressure, stroke_time
-from shipnet.errors import check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar, check_whole
 
 __all__ = ["LIMIT", "Wear", "leak_from_pressure", "limit_leak", "mid_pressure", "synthetic_wear"]
 

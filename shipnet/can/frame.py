@@ -11,7 +11,8 @@ import numpy as np
 from shipnet.can.layout import CRC, CRC_BITS, INTERMISSION, TAIL, head, highest_id, payload
 from shipnet.can.stuffing import stuff, stuff_places
 from shipnet.crc import crc
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["Field", "Frame"]
 

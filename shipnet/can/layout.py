@@ -6,7 +6,7 @@ CRC delimiter on, every bit has a fixed value.
 
 from __future__ import annotations
 
-from shipnet.errors import check_whole
+from shipnet.fields import check_whole
 
 __all__ = [
     "CRC",

@@ -16,7 +16,8 @@ import numpy.typing as npt
 from shipnet.can import states
 from shipnet.can.frame import Frame
 from shipnet.can.layout import INTERMISSION, TAIL, head, payload, stuffed_region
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = [
     "StuffBits",

@@ -10,7 +10,8 @@ from matplotlib.patches import Rectangle
 from shipnet import style
 from shipnet.can.bitwise import Arbitration
 from shipnet.can.frame import Frame
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["plot_arbitration", "plot_frame"]
 

@@ -23,7 +23,7 @@ from shipnet.design.plan import Settings
 from shipnet.design.rules import HOST_TIME
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 
 if TYPE_CHECKING:
     import pandas as pd

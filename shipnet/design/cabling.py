@@ -12,7 +12,8 @@ from math import ceil
 from typing import TYPE_CHECKING
 
 from shipnet.design.signals import SIGNALS, Signal
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,7 +11,8 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from shipnet import datasets
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["SPREAD", "Cable", "Range", "cables", "smallest"]
 

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.can.schedule import Convention, response_times
-from shipnet.can.schedule.messages import nanoseconds
+from shipnet.clock import nanoseconds
 from shipnet.engine.system import System
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

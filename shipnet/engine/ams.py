@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.schedule.messages import nanoseconds
+from shipnet.clock import nanoseconds
 from shipnet.engine.faults import (
     CutModbus,
     DeadBox,
@@ -18,8 +18,8 @@ from shipnet.engine.faults import (
     outages,
 )
 from shipnet.engine.system import LONGEST, System
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 __all__ = ["OUTCOMES", "Attempts", "SwitchOver", "ask", "switch_over", "timeout_for"]
 

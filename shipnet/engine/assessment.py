@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.schedule.messages import nanoseconds
+from shipnet.clock import nanoseconds
 from shipnet.engine.age import marking
 from shipnet.engine.faults import Fault, check_faults, single_faults
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

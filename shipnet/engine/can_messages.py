@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from shipnet.can.schedule import Message, MessageSet, frame_bits
 from shipnet.engine.points import Point, by_box, check_points
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

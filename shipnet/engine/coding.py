@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.engine.points import Point, check_points
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,8 +21,8 @@ import numpy.typing as npt
 
 from shipnet.engine.points import Point, check_points
 from shipnet.engine.pt100 import RANGE, pt100_resistance, pt100_temperature
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

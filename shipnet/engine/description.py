@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from shipnet.engine.points import Point, check_points, load_points
 from shipnet.engine.registers import RegisterMap
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.timing import Poll, Serial
 
 __all__ = ["Description", "printed_system"]

@@ -10,7 +10,8 @@ import numpy as np
 from shipnet.can.frame import Frame
 from shipnet.can.reader import decode
 from shipnet.crc import ALGORITHMS, crc, crc_batch
-from shipnet.errors import ArgumentError, FrameError, check_whole
+from shipnet.errors import ArgumentError, FrameError
+from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from math import inf
 
-from shipnet.can.schedule.messages import nanoseconds
+from shipnet.clock import nanoseconds
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 
 __all__ = [
     "BusOff",

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from math import pi
 
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 __all__ = [
     "METRIC_HORSEPOWER",

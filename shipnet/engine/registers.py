@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from shipnet.engine.coding import CODINGS, MENDED, Coding, collisions
 from shipnet.engine.points import Point, by_box, check_points
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.modbus.codes import FunctionCode
 from shipnet.modbus.request import ReadRequest
 

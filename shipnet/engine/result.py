@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.schedule.messages import nanoseconds
+from shipnet.clock import nanoseconds
 from shipnet.engine.ams import OUTCOMES, Attempts
 from shipnet.engine.exchange import Frames, Rounds
 from shipnet.engine.faults import Fault, StuckSensor, outages

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,7 +10,7 @@ from shipnet.engine.junction_box import junction_box
 from shipnet.engine.points import load_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.engine.screen import SyntheticValues
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 from shipnet.modbus.server import Server, real_clock, serve
 
 __all__ = ["UNITS", "engine_server"]

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.schedule.messages import nanoseconds
+from shipnet.clock import nanoseconds
 from shipnet.engine.age import hop_ns, poll_spacing
 from shipnet.engine.ams import ask
 from shipnet.engine.exchange import NEVER, Frames, Rounds, rounds, send
@@ -19,7 +19,7 @@ from shipnet.engine.firmware import Cpu
 from shipnet.engine.result import Run, Views
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 
 __all__ = ["simulate"]
 

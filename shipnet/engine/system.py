@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.can.schedule import MessageSet, frame_bits
-from shipnet.can.schedule.messages import nanoseconds
+from shipnet.clock import nanoseconds
 from shipnet.engine.can_messages import CanLayout
 from shipnet.engine.firmware import Firmware
 from shipnet.engine.points import Point, by_box, check_points, load_points
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.request import ReadRequest
 from shipnet.modbus.timing import Poll, Serial
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from shipnet.engine.points import Point, check_points
-from shipnet.errors import check_whole
+from shipnet.fields import check_whole
 
 __all__ = ["Conductors", "conductors"]
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.fuzzy.rules import NORMAL, UNKNOWN, Rule, RuleBase
 from shipnet.fuzzy.strengths import Firing
 

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.strengths import Samples, strengths
 from shipnet.fuzzy.terms import Term, Variable

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.line.quantity import Quantity, check_quantity, check_trees
+from shipnet.fields import Quantity, check_quantity, check_trees
 
 __all__ = ["CABLES", "Cable"]
 

@@ -20,9 +20,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar
 from shipnet.line.drivers import Driver, norton_sources
 from shipnet.line.network import Network
-from shipnet.line.quantity import check_scalar
 from shipnet.line.tree import rooted
 
 __all__ = ["Waveforms", "simulate"]

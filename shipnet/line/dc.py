@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_quantity, check_trees
 from shipnet.line.network import Network
-from shipnet.line.quantity import check_quantity, check_trees
 from shipnet.line.tree import Rooted, rooted
 
 __all__ = ["OperatingPoint", "solve_dc"]

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
+from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees
 from shipnet.line import nodal, tree
 from shipnet.line.cable import Cable
-from shipnet.line.quantity import Quantity, check_quantity, check_scalar, check_trees
 
 __all__ = ["Branch", "Network"]
 

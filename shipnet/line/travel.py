@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.laplace import laplace_grid, synthesize
 from shipnet.line.network import Network
-from shipnet.line.quantity import check_scalar
 
 __all__ = ["Travel", "reflection_factor", "travel"]
 

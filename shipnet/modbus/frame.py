@@ -10,15 +10,8 @@ from struct import pack, unpack
 from typing import NamedTuple
 
 from shipnet.crc import crc
-from shipnet.errors import (
-    ArgumentError,
-    CrcError,
-    FieldError,
-    FormError,
-    LengthError,
-    SymbolError,
-    check_whole,
-)
+from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, LengthError, SymbolError
+from shipnet.fields import check_whole
 from shipnet.modbus.codes import LARGEST_PDU
 
 __all__ = [

@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 
 from shipnet import style
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 from shipnet.modbus.ring.faults import Break, DeadPort, DeadSlave, Fault, Short
 from shipnet.modbus.ring.loop import Loop
 from shipnet.modbus.ring.run import Run

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from struct import pack
 
-from shipnet.errors import check_whole
+from shipnet.fields import check_whole
 from shipnet.modbus.codes import (
     READ_LIMITS,
     WRITE_LIMITS,

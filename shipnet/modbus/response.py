@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from struct import pack
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.modbus.codes import (
     READ_LIMITS,
     WRITE_LIMITS,

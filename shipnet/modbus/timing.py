@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from math import floor
 from re import fullmatch
 
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import Request
 

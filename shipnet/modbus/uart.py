@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.errors import ArgumentError, FormError, ParityError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError, FormError, ParityError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.timing import Serial
 
 __all__ = ["Characters", "baud_tolerance", "decode_uart", "uart_bits", "uart_waveform"]

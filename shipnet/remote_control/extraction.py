@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.remote_control.items import Items, check_bytes
 from shipnet.remote_control.packet import Markers
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from shipnet.errors import check_whole
+from shipnet.fields import check_whole
 from shipnet.remote_control.packet import Format
 
 if TYPE_CHECKING:

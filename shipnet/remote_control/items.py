@@ -7,7 +7,8 @@ from itertools import pairwise
 from typing import Literal
 
 from shipnet.crc import crc
-from shipnet.errors import ArgumentError, FieldError, check_whole
+from shipnet.errors import ArgumentError, FieldError
+from shipnet.fields import check_whole
 
 __all__ = ["NumberCheck", "check_bytes", "check_items", "check_number_check", "check_numbers"]
 __all__ += ["read_items", "trailer"]

@@ -15,7 +15,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from shipnet.errors import ArgumentError, CrcError, FormError, LengthError, check_whole
+from shipnet.errors import ArgumentError, CrcError, FormError, LengthError
+from shipnet.fields import check_whole
 from shipnet.remote_control.items import (
     Items,
     NumberCheck,

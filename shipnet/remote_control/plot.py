@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch, Wedge
 
-from shipnet.errors import check_whole
+from shipnet.fields import check_whole
 from shipnet.remote_control.ring_buffer import Case, Ring, State, pointer_case
 from shipnet.style import LIMIT
 

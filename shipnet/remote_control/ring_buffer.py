@@ -16,7 +16,8 @@ from __future__ import annotations
 from copy import copy
 from typing import Literal, NamedTuple
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.remote_control.items import check_bytes
 from shipnet.remote_control.packet import PACKET_START
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shipnet.errors import check_whole
+from shipnet.fields import check_whole
 from shipnet.remote_control.packet import PACKET_START
 from shipnet.remote_control.ring_buffer import Ring, Rule
 

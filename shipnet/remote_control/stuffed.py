@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from shipnet.errors import CrcError, FormError, FrameError, LengthError, check_whole
+from shipnet.errors import CrcError, FormError, FrameError, LengthError
+from shipnet.fields import check_whole
 from shipnet.remote_control.items import (
     Items,
     NumberCheck,

@@ -9,8 +9,8 @@ from collections import Counter
 from enum import IntFlag
 from typing import NamedTuple
 
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 __all__ = ["Sent", "Status", "Usart", "send_meant", "send_printed"]
 

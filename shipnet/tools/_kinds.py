@@ -8,7 +8,8 @@ from math import isnan
 from numbers import Real
 from typing import Any
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["Asked", "Choice", "Number", "Series", "Switch", "Text", "Whole"]
 

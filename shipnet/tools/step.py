@@ -8,7 +8,8 @@ from functools import cache
 import ipywidgets as widgets
 from matplotlib.axes import Axes
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.tools._view import picture
 
 __all__ = ["draw_steps", "stepper"]

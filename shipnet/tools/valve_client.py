@@ -21,7 +21,8 @@ from shipnet.ballast.registers import COMMAND_REGISTER, Status
 from shipnet.ballast.scan import READ_STATUS
 from shipnet.ballast.screen import valve_states
 from shipnet.ballast.serving import valve_server
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.modbus.codes import ExceptionCode
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import WriteRegister

@@ -17,9 +17,9 @@ from shipnet.asi.receiver import MINIMUM, matched_filter, receive
 from shipnet.asi.segment import Segment
 from shipnet.asi.slots import CLASSES, check_bit_count, violations
 from shipnet.asi.timing import BIT_TIME
-from shipnet.errors import ArgumentError, SilenceError, check_whole
+from shipnet.errors import ArgumentError, SilenceError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.intervals import share_interval
-from shipnet.line.quantity import check_scalar
 
 __all__ = ["Telegrams", "all_telegrams", "monte_carlo", "telegram_error_rate"]
 

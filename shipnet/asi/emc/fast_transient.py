@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.asi.emc.disturbance import add_events, check_batch, time_step
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 
 __all__ = [
     "INPUT_CORNER",

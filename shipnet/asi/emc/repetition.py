@@ -13,8 +13,8 @@ import pandas as pd
 
 from shipnet.asi.emc.fast_transient import PACKET_LENGTH, PACKET_PERIOD
 from shipnet.asi.timing import Transaction
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 __all__ = ["CYCLES", "TRIES", "cycle_effect", "error_series"]
 

@@ -11,8 +11,8 @@ from typing import Literal
 
 from shipnet.asi.network.cables import cable_types
 from shipnet.asi.profile import Profile
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 __all__ = [
     "RANGES",

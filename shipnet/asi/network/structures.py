@@ -13,8 +13,8 @@ from typing import Literal
 from shipnet.asi.network.elements import CURRENT, CableRun, Master, Repeater, Slave, Supply
 from shipnet.asi.network.plan import Plan
 from shipnet.asi.profile import Profile
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 
 __all__ = ["behind", "evenly", "line", "numbered", "ring", "star"]
 

@@ -10,7 +10,8 @@ from shipnet.asi.simulation.lists import Lists, half_of
 from shipnet.asi.simulation.master import CommandFailed
 from shipnet.asi.simulation.orders import key_of, order
 from shipnet.asi.simulation.tasks import Task, activate, identify, move
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = [
     "BroadcastReset",

@@ -18,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.asi.simulation.collision import ONE_PULSE_CODES
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["MISSED", "PLANES", "REQUEST_LOST", "VARIANTS", "draw_disturbances"]
 

@@ -14,7 +14,8 @@ from shipnet.asi.calls import Call
 from shipnet.asi.simulation.channel import Channel
 from shipnet.asi.simulation.orders import key_of
 from shipnet.asi.simulation.station import Station, Stations
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = [
     "BrokenCable",

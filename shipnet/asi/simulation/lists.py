@@ -12,7 +12,8 @@ from shipnet.asi.calls import Call
 from shipnet.asi.profile import Profile
 from shipnet.asi.simulation.orders import key_of, label_of, order
 from shipnet.asi.telegram import Half
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["Change", "Identity", "Lists", "Poll", "half_of"]
 

@@ -16,7 +16,8 @@ from shipnet.asi.profile import Profile
 from shipnet.asi.simulation.lists import Identity, Lists, Poll
 from shipnet.asi.simulation.orders import Order, key_of, order
 from shipnet.asi.simulation.tasks import FAULTY, SILENT, T, Task, activate, identify, move
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["Command", "CommandFailed", "Master", "Observer", "Phase"]
 

@@ -18,7 +18,8 @@ from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.simulation.disturbance import MISSED, PLANES, REQUEST_LOST
 from shipnet.asi.simulation.orders import key_of
 from shipnet.asi.timing import Timing
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["PollStatistics", "poll"]
 

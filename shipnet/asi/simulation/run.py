@@ -19,7 +19,8 @@ from shipnet.asi.simulation.slave import Slave
 from shipnet.asi.simulation.standby import Standby
 from shipnet.asi.simulation.station import Stations
 from shipnet.asi.timing import Timing
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["simulate"]
 

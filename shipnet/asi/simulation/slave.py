@@ -15,7 +15,8 @@ from shipnet.asi.response import Response
 from shipnet.asi.simulation.orders import KINDS, Kind, label_of
 from shipnet.asi.simulation.states import TRANSITIONS, Action, Event, State
 from shipnet.asi.telegram import Half, Request
-from shipnet.errors import ArgumentError, FrameError, UnknownCallError, check_whole
+from shipnet.errors import ArgumentError, FrameError, UnknownCallError
+from shipnet.fields import check_whole
 
 __all__ = ["DEFAULT", "OBEY", "WATCHDOG", "WRITE_TIME", "Slave"]
 

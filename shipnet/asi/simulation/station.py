@@ -10,7 +10,8 @@ from shipnet.asi.frame import REQUEST_BITS
 from shipnet.asi.simulation.orders import key_of
 from shipnet.asi.simulation.slave import Slave
 from shipnet.asi.timing import Timing
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["Station", "Stations"]
 

@@ -13,7 +13,8 @@ from shipnet.can.bus.arbitration import OVERWRITTEN, WAITING, Releases, send_all
 from shipnet.can.bus.disturbed import Disturbed, Faults, send_disturbed
 from shipnet.can.bus.messages import Messages, bit_time_ns, read_messages
 from shipnet.can.layout import INTERMISSION
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["BusRun", "simulate"]
 

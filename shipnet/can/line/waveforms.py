@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.line import Cable, Network, TheveninDriver
 from shipnet.line.characteristics import simulate
-from shipnet.line.quantity import check_scalar
 
 __all__ = ["BusLine", "LineRun", "send"]
 

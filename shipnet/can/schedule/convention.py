@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from shipnet.can.schedule.lengths import Lengths, length_table
-from shipnet.can.schedule.messages import nanoseconds
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.clock import nanoseconds
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["AS_USUAL", "NO_ERRORS", "Convention", "ErrorModel"]
 

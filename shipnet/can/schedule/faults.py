@@ -12,7 +12,8 @@ from scipy import special
 from shipnet.can.schedule.convention import AS_USUAL, Convention, ErrorModel
 from shipnet.can.schedule.level import Bus, Level, on_bus
 from shipnet.can.schedule.messages import MessageSet
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,8 +13,9 @@ from typing import NamedTuple
 from shipnet.can.layout import INTERMISSION
 from shipnet.can.schedule.convention import NO_ERRORS, Convention, ErrorModel
 from shipnet.can.schedule.lengths import length_table
-from shipnet.can.schedule.messages import MessageSet, check_set, nanoseconds
-from shipnet.errors import check_whole
+from shipnet.can.schedule.messages import MessageSet, check_set
+from shipnet.clock import nanoseconds
+from shipnet.fields import check_whole
 
 __all__ = ["Bus", "Level", "meets_all", "on_bus"]
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from typing import overload
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.clock import nanoseconds
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
-__all__ = ["RANGES", "Message", "MessageSet", "check_set", "nanoseconds", "set_faults"]
+__all__ = ["RANGES", "Message", "MessageSet", "check_set", "set_faults"]
 
 #: Shortest and longest legal value of each time of a message [s].
 RANGES = {
@@ -21,27 +23,6 @@ RANGES = {
 
 #: Most bits of a frame: 8 bytes, a 29-bit identifier, the bound on stuff bits, intermission.
 _MOST_BITS = 160
-
-
-def nanoseconds(time: float) -> int:
-    """Return a time as the whole number of nanoseconds next to it.
-
-    Parameters
-    ----------
-    time : float
-        Time [s].
-
-    Returns
-    -------
-    int
-        Time [ns].
-
-    Examples
-    --------
-    >>> nanoseconds(3.25e-3)
-    3250000
-    """
-    return round(time * 1e9)
 
 
 @dataclass(frozen=True, slots=True)

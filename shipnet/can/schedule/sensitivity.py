@@ -10,7 +10,8 @@ from shipnet.can.schedule.convention import AS_USUAL, NO_ERRORS, Convention, Err
 from shipnet.can.schedule.level import Bus, meets_all, on_bus
 from shipnet.can.schedule.messages import MessageSet
 from shipnet.can.schedule.response import schedulable
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["lowest_bit_rate", "period_factor"]
 

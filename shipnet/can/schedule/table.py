@@ -19,7 +19,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shipnet.can.schedule.messages import RANGES, Message, MessageSet, nanoseconds, set_faults
+from shipnet.can.schedule.messages import RANGES, Message, MessageSet, set_faults
+from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError, InputError
 from shipnet.spreadsheet import NUMBER, Sheet, parse_sheet, read_sheet
 

@@ -17,7 +17,8 @@ from shipnet.design.cabling import asi_conductors, hardwired_conductors
 from shipnet.design.iolist import IoList
 from shipnet.design.network import Network, frame
 from shipnet.design.site import Site
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 __all__ = ["Plant"]
 

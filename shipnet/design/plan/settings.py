@@ -7,7 +7,8 @@ from math import isfinite
 from typing import ClassVar
 
 from shipnet.design.catalogue import cables
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.modbus.timing import Serial
 
 __all__ = ["AsiLimits", "BoxLimits", "CanLimits", "ModbusLimits", "Settings"]

@@ -12,7 +12,7 @@ from shipnet.design.network import Network
 from shipnet.design.rules.measures import LEFT_OUT, MEASURES, Facts, Outcome
 from shipnet.design.rules.rule_set import Rule, load_rules, published_rules
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 
 if TYPE_CHECKING:
     import pandas as pd

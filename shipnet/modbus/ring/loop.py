@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.modbus.ring.faults import Break, DeadPort, DeadSlave, Fault, Short, check_faults
 from shipnet.modbus.ring.reach import Reach
 from shipnet.modbus.ring.supervision import Supervision, check_rule

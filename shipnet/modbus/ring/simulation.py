@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 from shipnet.modbus.ring.bounds import System
 from shipnet.modbus.ring.faults import Fault, check_faults
 from shipnet.modbus.ring.master import Master

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.timing import Poll
 
 __all__ = ["Supervision", "check_rule"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.errors import check_whole
+from shipnet.fields import check_whole
 from shipnet.modbus.ring.bounds import System
 from shipnet.modbus.ring.channels import Channels
 from shipnet.modbus.ring.faults import Break, DeadPort, DeadSlave, Fault, Short

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from enum import Enum
 from typing import Any, Protocol, runtime_checkable
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.modbus.codes import ExceptionCode, check_coils, check_registers
 
 __all__ = ["Device", "DeviceError", "RegisterDevice", "Table"]

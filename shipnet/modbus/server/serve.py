@@ -10,8 +10,8 @@ from threading import Thread
 from time import monotonic
 from typing import Any, Literal
 
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.server.device import Device
 from shipnet.modbus.server.slave import Answer, Slave, answer

@@ -10,8 +10,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
-from shipnet.errors import ArgumentError, FrameError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError, FrameError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.codes import ExceptionCode, FunctionCode
 from shipnet.modbus.reader import decode_request
 from shipnet.modbus.request import (

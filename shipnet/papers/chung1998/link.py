@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from shipnet.errors import check_whole
+from shipnet.fields import check_whole
 from shipnet.papers.chung1998.integrity import PATIENCE
 from shipnet.papers.chung1998.packets import ITEMS
 from shipnet.papers.chung1998.stations import PRINTED

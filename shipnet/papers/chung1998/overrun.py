@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from typing import TYPE_CHECKING
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.papers.chung1998.link import as_printed
 from shipnet.papers.chung1998.packets import ITEMS, length
 from shipnet.papers.chung1998.ring import SIZE

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from shipnet import datasets
-from shipnet.errors import check_whole
+from shipnet.fields import check_whole
 from shipnet.papers.chung1998.stations import PRINTED
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.batch import encode_batch

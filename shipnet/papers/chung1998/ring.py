@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
-from shipnet.errors import check_whole
+from shipnet.fields import check_whole
 from shipnet.papers.chung1998.packets import ITEMS
 from shipnet.papers.chung1998.stations import PRINTED
 from shipnet.papers.registry import check, numeric

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.remote_control.experiment.residual import packet_shares
 from shipnet.remote_control.experiment.staleness import Sending, switch_staleness
 from shipnet.remote_control.experiment.transmission import CHECKS, check_formats

@@ -13,8 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.crc import crc_batch
-from shipnet.errors import check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar, check_whole
 from shipnet.remote_control.packet import PACKET_END, Markers
 from shipnet.remote_control.stuffed import Stuffed
 

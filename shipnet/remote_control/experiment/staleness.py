@@ -6,8 +6,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.remote_control.experiment.residual import Shares
 from shipnet.remote_control.experiment.transmission import draw_outcomes
 from shipnet.remote_control.packet import Markers

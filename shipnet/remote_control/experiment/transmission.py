@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.errors import ArgumentError, check_whole
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.intervals import share_interval
-from shipnet.line.quantity import check_scalar
 from shipnet.remote_control.batch import check_batch, encode_batch
 from shipnet.remote_control.experiment.residual import packet_shares
 from shipnet.remote_control.packet import Markers

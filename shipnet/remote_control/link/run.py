@@ -9,8 +9,8 @@ from itertools import count
 
 import numpy as np
 
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.remote_control.items import Items
 from shipnet.remote_control.link.faults import BitErrors, Dead, Fault, LostPacket, Stall
 from shipnet.remote_control.link.result import Change, LinkRun, Packet, Update

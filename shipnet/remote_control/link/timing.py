@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shipnet.errors import ArgumentError
-from shipnet.line.quantity import check_scalar
+from shipnet.fields import check_scalar
 from shipnet.remote_control.link.supervision import MEANT, PRINTED
 from shipnet.remote_control.link.system import BIT_RATES, System
 

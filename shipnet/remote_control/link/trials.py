@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shipnet.errors import ArgumentError, check_whole
-from shipnet.line.quantity import check_scalar
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.remote_control.link.faults import Stall
 from shipnet.remote_control.link.run import simulate
 from shipnet.remote_control.link.system import BIT_RATES, System

@@ -1,0 +1,77 @@
+"""What a check says: rule by rule, and in one line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from shipnet.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["COLUMNS", "VERDICTS", "Findings"]
+
+#: Columns that all findings have, in this order; others may follow.
+COLUMNS = ("rule", "object", "value", "low", "high", "unit", "verdict", "why", "source")
+
+#: What a rule may come to. One that nobody can judge is never met.
+VERDICTS = ("met", "violated", "not verified")
+
+
+class Findings:
+    """What a check of rules found, one row per rule and object.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The columns `COLUMNS`, and any others behind them. `low` and `high` are the limits, NaN
+        where there is none; `verdict` is one of `VERDICTS`.
+
+    Raises
+    ------
+    ArgumentError
+        If a column is missing, or a verdict is unknown.
+    """
+
+    def __init__(self, table: pd.DataFrame) -> None:
+        missing = [name for name in COLUMNS if name not in table]
+        if missing:
+            raise ArgumentError(f"findings lack the columns {', '.join(missing)}")
+        unknown = sorted(set(table["verdict"]) - set(VERDICTS))
+        if unknown:
+            raise ArgumentError(f"verdict is {unknown[0]!r}; it must be one of {VERDICTS}")
+        self._table = table.reset_index(drop=True)
+
+    @property
+    def ok(self) -> bool | None:
+        """Whether every rule is met; None if none is violated but some are not verified."""
+        verdicts = set(self._table["verdict"])
+        if "violated" in verdicts:
+            return False
+        return None if "not verified" in verdicts else True
+
+    @property
+    def verdict(self) -> str:
+        """All findings in one line."""
+        counts = self._table["verdict"].value_counts()
+        total = f"{len(self._table)} check{'s' if len(self._table) != 1 else ''}"
+        if not len(self._table):
+            return "nothing was checked"
+        parts = [f"{counts[name]} {name}" for name in VERDICTS[1:] if name in counts]
+        return f"{total}, {', '.join(parts) if parts else 'all met'}"
+
+    def table(self) -> pd.DataFrame:
+        """Return every finding: one row per rule and object, as a copy."""
+        return self._table.copy()
+
+    def violated(self) -> pd.DataFrame:
+        """Return the rows of the rules that are violated."""
+        return self._table[self._table["verdict"] == "violated"].reset_index(drop=True)
+
+    def __len__(self) -> int:
+        """Return the number of findings."""
+        return len(self._table)
+
+    def __repr__(self) -> str:
+        """Return the verdict."""
+        return f"<Findings: {self.verdict}>"

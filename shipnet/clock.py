@@ -1,0 +1,49 @@
+"""Simulated time: whole nanoseconds, and faults that begin and end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import inf
+
+from shipnet.errors import ArgumentError
+from shipnet.fields import number, record
+
+__all__ = ["NEVER", "Fault", "as_faults", "nanoseconds"]
+
+#: A time later than all others [ns].
+NEVER = 1 << 62
+
+
+def nanoseconds(time: float) -> int:
+    """Return a time in seconds as the nearest whole number of nanoseconds; `NEVER` for infinity."""
+    return NEVER if time == inf else round(time * 1e9)
+
+
+@record
+class Fault:
+    """A fault that begins and ends; each package derives its own kinds from it."""
+
+    start: float = number(0, 1e9, "s", "When it begins", default=0.0, kw_only=True)
+    stop: float = number(0, inf, "s", "When it ends, later than `start`", default=inf, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check that the fault ends after it begins."""
+        if not self.start < self.stop:
+            raise ArgumentError(
+                f"stop is {self.stop:g} s; it must be after start, {self.start:g} s"
+            )
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Begin and end [ns]."""
+        return nanoseconds(self.start), nanoseconds(self.stop)
+
+
+def as_faults(faults: Fault | Iterable[Fault], *kinds: type[Fault]) -> tuple[Fault, ...]:
+    """Return one or several faults as a tuple, or raise unless each is of one of the `kinds`."""
+    several = (faults,) if isinstance(faults, Fault) else tuple(faults)
+    for fault in several:
+        if not isinstance(fault, kinds or Fault):
+            known = ", ".join(sorted(kind.__name__ for kind in kinds)) or "Fault"
+            raise ArgumentError(f"one of faults is {fault!r}; it must be one of {known}")
+    return several

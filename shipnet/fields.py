@@ -1,0 +1,512 @@
+"""Numbers and choices that declare themselves: range, unit and meaning stand in one place.
+
+A field of a record is declared once, and from the declaration come its check, the text of its
+error, its line in the documentation and in a settings file, and its widget. The functions
+``check_...`` do the same for one argument of a function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from inspect import cleandoc
+from math import inf, isnan
+from numbers import Real
+from operator import index
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, dataclass_transform, overload
+
+from shipnet.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+__all__ = [
+    "Choice",
+    "Kind",
+    "Number",
+    "Quantity",
+    "Series",
+    "Switch",
+    "Text",
+    "Whole",
+    "check",
+    "check_quantity",
+    "check_scalar",
+    "check_trees",
+    "check_whole",
+    "choice",
+    "declared",
+    "number",
+    "record",
+    "series",
+    "switch",
+    "text",
+    "whole",
+]
+
+T = TypeVar("T")
+
+#: One value, or one for each tree of a Monte Carlo.
+Quantity: TypeAlias = "float | npt.NDArray[np.float64]"
+
+
+# Checks of one value ---------------------------------------------------------------------------
+
+
+def _legal(low: float, high: float, unit: str) -> str:
+    """Return a range in words."""
+    behind = f" {unit}" if unit else ""
+    return f"{low:g}..{high:g}{behind}"
+
+
+def check_quantity(what: str, value: Any, unit: str, *, low: float = 0.0, high: float) -> Quantity:
+    """Return a value as a float or a read-only array of floats, or raise if it is out of range."""
+    # A network has hundreds of these numbers: one that is in order takes a microsecond.
+    if type(value) in (float, int) and low <= value <= high:
+        return float(value)
+    import numpy as np  # not needed by most programs that check a number
+
+    legal = _legal(low, high, unit)
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf" or array.ndim > 1 or array.size == 0:
+            raise ValueError
+    except (TypeError, ValueError, OverflowError):
+        raise ArgumentError(
+            f"{what} is {value!r}; it must be a number or a row of numbers, {legal}"
+        ) from None
+    array = array.astype(float)
+    good = (array >= low) & (array <= high)
+    if not good.all():
+        where = "" if array.ndim == 0 else f" in tree {int(np.argmin(good))}"
+        worst = float(array.reshape(-1)[np.argmin(good)])
+        given = f"{worst:g} {unit}".rstrip()
+        raise ArgumentError(f"{what} is {given}{where}; it must be {legal}")
+    if array.ndim == 0:
+        return float(array)
+    array.flags.writeable = False
+    return array
+
+
+def check_scalar(what: str, value: Any, unit: str, low: float, high: float) -> float:
+    """Return a single value as a float, or raise if it is not one or is out of range."""
+    number = check_quantity(what, value, unit, low=low, high=high)
+    if not isinstance(number, float):
+        raise ArgumentError(f"{what} is {value!r}; it must be a single number")
+    return number
+
+
+def check_trees(what: str, known: int | None, *values: Quantity | None) -> int | None:
+    """Return how many Monte Carlo trees the values describe, None if all are single ones."""
+    for value in values:
+        if value is not None and not isinstance(value, float):
+            if known is not None and len(value) != known:
+                raise ArgumentError(f"{what} has values for {len(value)} trees, others for {known}")
+            known = len(value)
+    return known
+
+
+def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> int:
+    """Return a value as a Python int, or raise unless it is a whole number within its range.
+
+    `why` says what the range depends on; the message ends with it. A bool is not a number here.
+    """
+    try:
+        whole = None if isinstance(value, bool) else index(value)
+    except TypeError:
+        whole = None
+    if whole is None or not low <= whole <= high:
+        raise ArgumentError(f"{name} is {value!r}; it must be a whole number {low}..{high}{why}")
+    return whole
+
+
+# Kinds of fields -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What a field declares; the base of the kinds that exist.
+
+    `help` is one sentence on what the field means, `label` what stands beside its control, and
+    `optional` says whether None is legal.
+    """
+
+    help: str = ""
+    label: str = ""
+    unit: str = ""
+    optional: bool = False
+
+    @property
+    def legal(self) -> str:
+        """The legal values in words, without the unit."""
+        raise NotImplementedError
+
+    def check(self, name: str, value: Any, record: Any) -> Any:
+        """Return the value as it is stored, or raise ArgumentError if it is not legal."""
+        return value if self.optional and value is None else self._check(name, value, record)
+
+    def check_shown(self, name: str, value: Any) -> None:
+        """Raise ArgumentError unless the control can show the value, which is legal."""
+
+    def _check(self, name: str, value: Any, record: Any) -> Any:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Number(Kind):
+    """A number; `shown` is the range of its slider, `missing` makes NaN legal, `many` an array."""
+
+    low: float
+    high: float
+    step: float = 1.0
+    shown: tuple[float, float]
+    missing: bool = False
+    many: bool = False
+
+    @property
+    def legal(self) -> str:
+        """The range."""
+        return _legal(self.low, self.high, "")
+
+    def _check(self, name: str, value: Any, record: Any) -> Any:
+        if self.many:
+            return check_quantity(name, value, self.unit, low=self.low, high=self.high)
+        plain = isinstance(value, Real) and not isinstance(value, bool)
+        if self.missing and plain and isnan(value):
+            return float(value)
+        self._within(name, value, plain, self.low, self.high, "it must be")
+        return float(value)
+
+    def check_shown(self, name: str, value: Any) -> None:
+        """Raise ArgumentError unless the slider reaches the value."""
+        self._within(name, value, True, *self.shown, "its slider shows")
+
+    def _within(
+        self, name: str, value: Any, plain: bool, low: float, high: float, rule: str
+    ) -> None:
+        if not (plain and low <= value <= high):
+            unit = f" {self.unit}" if self.unit else ""
+            given = f"{value:g}{unit}" if plain and not abs(value) > 1e300 else repr(value)
+            raise ArgumentError(f"{name} is {given}; {rule} {_legal(low, high, self.unit)}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Whole(Kind):
+    """A whole number; `at_most` names an earlier field that it must not exceed."""
+
+    low: int
+    high: int
+    shown: tuple[int, int]
+    at_most: str = ""
+    typed: bool = False
+
+    @property
+    def legal(self) -> str:
+        """The range."""
+        return f"{self.low}..{self.high}"
+
+    def _check(self, name: str, value: Any, record: Any) -> int:
+        if not self.at_most:
+            return check_whole(name, value, self.low, self.high)
+        other = getattr(record, self.at_most)
+        why = f", for {self.at_most} is {other}"
+        return check_whole(name, value, self.low, min(self.high, other), why)
+
+    def check_shown(self, name: str, value: Any) -> None:
+        """Raise ArgumentError unless the slider reaches the value."""
+        low, high = self.shown
+        if not low <= value <= high:
+            raise ArgumentError(f"{name} is {value}; its slider shows {low}..{high}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice(Kind):
+    """One of several strings or whole numbers, by value what is shown for it."""
+
+    options: Mapping[Any, str]
+    slider: bool = False
+
+    @property
+    def legal(self) -> str:
+        """All values."""
+        return ", ".join(map(repr, self.options))
+
+    def _check(self, name: str, value: Any, record: Any) -> Any:
+        plain = isinstance(value, str | int) and not isinstance(value, bool)
+        if not (plain and value in self.options):
+            raise ArgumentError(f"{name} is {value!r}; it must be one of {self.legal}")
+        return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Switch(Kind):
+    """Yes or no."""
+
+    @property
+    def legal(self) -> str:
+        """Both values."""
+        return "True, False"
+
+    def _check(self, name: str, value: Any, record: Any) -> bool:
+        if not isinstance(value, bool):
+            raise ArgumentError(f"{name} is {value!r}; it must be True or False")
+        return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Text(Kind):
+    """Text of up to `most` characters, in `rows` lines; an empty control shows the `hint`."""
+
+    most: int = 200
+    rows: int = 1
+    hint: str = ""
+
+    @property
+    def legal(self) -> str:
+        """The length."""
+        return f"text of up to {self.most} characters"
+
+    def _check(self, name: str, value: Any, record: Any) -> str:
+        if not isinstance(value, str):
+            raise ArgumentError(f"{name} is {value!r}; it must be text")
+        if len(value) > self.most:
+            raise ArgumentError(f"{name} has {len(value)} characters; it may have {self.most}")
+        return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Series(Kind):
+    """A row of up to `most` of the strings in `known`; its controls are buttons."""
+
+    known: tuple[str, ...]
+    most: int
+
+    @property
+    def legal(self) -> str:
+        """The strings and the length."""
+        return f"up to {self.most} of {', '.join(map(repr, self.known))}"
+
+    def _check(self, name: str, value: Any, record: Any) -> tuple[str, ...]:
+        if not isinstance(value, tuple):
+            raise ArgumentError(f"{name} is {value!r}; it must be a tuple of {self.known}")
+        for one in value:
+            if one not in self.known:
+                raise ArgumentError(f"one of {name} is {one!r}; it must be one of {self.known}")
+        if len(value) > self.most:
+            raise ArgumentError(f"there are {len(value)} {name}; there may be {self.most}")
+        return value
+
+
+# Declarations ----------------------------------------------------------------------------------
+
+
+def _declare(kind: Kind, default: Any, kw_only: bool) -> Any:
+    return field(default=default, metadata={"kind": kind}, kw_only=kw_only)
+
+
+def _shown(name: str, legal: tuple[Any, Any], slider: tuple[Any, Any] | None) -> tuple[Any, Any]:
+    shown = slider or legal
+    if not legal[0] <= shown[0] <= shown[1] <= legal[1]:
+        raise ArgumentError(f"slider of {name!r} is {shown}; it must lie within {legal}")
+    return shown
+
+
+def number(
+    low: float,
+    high: float,
+    unit: str = "",
+    help: str = "",
+    *,
+    default: Any = MISSING,
+    label: str = "",
+    step: float = 1.0,
+    slider: tuple[float, float] | None = None,
+    missing: bool = False,
+    optional: bool = False,
+    many: bool = False,
+    kw_only: bool = False,
+) -> Any:
+    """Declare a number of `low` to `high`; without a `default` it must be given.
+
+    `missing` makes NaN legal, `optional` None, and `many` an array with one value per tree of a
+    Monte Carlo. `label`, `step` and `slider` are for its control.
+    """
+    kind = Number(
+        help=help, label=label, unit=unit, optional=optional, low=low, high=high, step=step,
+        shown=_shown(label or help, (low, high), slider), missing=missing, many=many,
+    )  # fmt: skip
+    return _declare(kind, default, kw_only)
+
+
+def whole(
+    low: int,
+    high: int,
+    unit: str = "",
+    help: str = "",
+    *,
+    default: Any = MISSING,
+    label: str = "",
+    slider: tuple[int, int] | None = None,
+    at_most: str = "",
+    typed: bool = False,
+    optional: bool = False,
+    kw_only: bool = False,
+) -> Any:
+    """Declare a whole number of `low` to `high`; without a `default` it must be given.
+
+    `at_most` names an earlier field that limits it; a number that is `typed` has no slider.
+    """
+    kind = Whole(
+        help=help, label=label, unit=unit, optional=optional, low=low, high=high,
+        shown=_shown(label or help, (low, high), slider), at_most=at_most, typed=typed,
+    )  # fmt: skip
+    return _declare(kind, default, kw_only)
+
+
+def choice(
+    options: Mapping[Any, str] | Iterable[Any],
+    help: str = "",
+    *,
+    default: Any = MISSING,
+    label: str = "",
+    unit: str = "",
+    slider: bool = False,
+    optional: bool = False,
+    kw_only: bool = False,
+) -> Any:
+    """Declare one of several values; a mapping gives what is shown for each."""
+    if not isinstance(options, Mapping):
+        options = {value: str(value) for value in options}
+    kind = Choice(
+        help=help, label=label, unit=unit, optional=optional, options=options, slider=slider
+    )
+    return _declare(kind, default, kw_only)
+
+
+def switch(
+    help: str = "", *, default: Any = MISSING, label: str = "", kw_only: bool = False
+) -> Any:
+    """Declare a field that is True or False."""
+    return _declare(Switch(help=help, label=label), default, kw_only)
+
+
+def text(
+    help: str = "",
+    *,
+    default: Any = MISSING,
+    label: str = "",
+    most: int = 200,
+    rows: int = 1,
+    hint: str = "",
+    optional: bool = False,
+    kw_only: bool = False,
+) -> Any:
+    """Declare text of up to `most` characters."""
+    kind = Text(help=help, label=label, optional=optional, most=most, rows=rows, hint=hint)
+    return _declare(kind, default, kw_only)
+
+
+def series(known: Iterable[str], *, most: int, label: str = "", help: str = "") -> Any:
+    """Declare a row of strings that buttons lengthen; it is empty by default."""
+    return _declare(Series(label=label, help=help, known=tuple(known), most=most), (), False)
+
+
+# Records ---------------------------------------------------------------------------------------
+
+
+def declared(kind: type) -> dict[str, Kind]:
+    """Return what the fields of a dataclass declare, by name and in order."""
+    return {one.name: one.metadata["kind"] for one in fields(kind) if "kind" in one.metadata}
+
+
+def check(made: Any) -> None:
+    """Check the declared fields of a dataclass instance, and store the values as checked."""
+    for name, kind in declared(type(made)).items():
+        given = getattr(made, name)
+        value = kind.check(name, given, made)
+        if value is not given:
+            object.__setattr__(made, name, value)
+
+
+@overload
+def record(kind: type[T], /) -> type[T]: ...
+
+
+@overload
+def record(
+    *, kw_only: bool = False, slots: bool = False, repr: bool = True, eq: bool = True
+) -> Callable[[type[T]], type[T]]: ...
+
+
+@dataclass_transform(
+    frozen_default=True, field_specifiers=(number, whole, choice, switch, text, series, field)
+)
+def record(kind: type[T] | None = None, /, **options: bool) -> Any:
+    """Make a frozen dataclass whose declared fields are checked when an instance is made.
+
+    A ``__post_init__`` of its own runs after the checks. The class docstring gets its Parameters
+    section from the declarations, unless it has one already.
+    """
+
+    def make(kind: type[T]) -> type[T]:
+        own = kind.__dict__.get("__post_init__")
+        inherited = getattr(kind, "__post_init__", None)
+        if own is not None or not getattr(inherited, "_checks", False):
+
+            def __post_init__(self: Any) -> None:
+                """Check every declared field."""
+                check(self)
+                if inherited is not None:
+                    inherited(self)
+
+            __post_init__._checks = True  # type: ignore[attr-defined]
+            kind.__post_init__ = __post_init__  # type: ignore[attr-defined]
+        made = dataclass(frozen=True, **options)(kind)
+        made.__doc__ = _documented(made)
+        return made
+
+    return make if kind is None else make(kind)
+
+
+def _documented(kind: type) -> str | None:
+    """Return the docstring of a record with the Parameters section of its declared fields."""
+    docstring = kind.__doc__
+    if not docstring or kind.__dict__.get("__doc__") is None:
+        return docstring
+    docstring = cleandoc(docstring)
+    if "\nParameters\n---" in docstring:
+        return docstring
+    lines = []
+    for one in fields(kind):
+        if not one.init or one.name.startswith("_"):
+            continue
+        declared = one.metadata.get("kind")
+        lines += _entry(one.name, declared, one.default)
+    if not any("kind" in one.metadata for one in fields(kind)):
+        return docstring
+    section = "\n".join(["Parameters", "----------", *lines])
+    head, underline, rest = docstring.partition("\n----")
+    if not underline:
+        return f"{docstring}\n\n{section}\n"
+    head, _, title = head.rpartition("\n")
+    return f"{head.rstrip()}\n\n{section}\n\n{title}\n----{rest}"
+
+
+_TYPES: Mapping[type, str] = {
+    Number: "float", Whole: "int", Switch: "bool", Text: "str", Series: "tuple of str",
+}  # fmt: skip
+
+
+def _entry(name: str, kind: Kind | None, default: Any) -> list[str]:
+    """Return the lines of one parameter in a numpydoc section."""
+    if kind is None:
+        return [f"{name} : object" + ("" if default is MISSING else ", optional")]
+    what = _TYPES.get(type(kind), f"{{{kind.legal}}}" if isinstance(kind, Choice) else "object")
+    if default is not MISSING:
+        plain = default is None or default in (inf, -inf)
+        what += ", optional" if plain else f", default {default!r}"
+    says = kind.help.rstrip(".")
+    if isinstance(kind, Number | Whole):
+        says += f", {kind.legal}" + (f" [{kind.unit}]" if kind.unit else "")
+    return [f"{name} : {what}", f"    {says}."]

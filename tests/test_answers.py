@@ -1,0 +1,40 @@
+import pandas as pd
+import pytest
+
+from shipnet.answers import COLUMNS, Findings
+from shipnet.errors import ArgumentError
+
+
+def findings(*verdicts):
+    rows = [("length", f"line {k}", 1.0, 0.0, 2.0, "m", v, "", "") for k, v in enumerate(verdicts)]
+    return Findings(pd.DataFrame(rows, columns=list(COLUMNS)))
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "ok", "line"),
+    [
+        (["met"], True, "1 check, all met"),
+        (["met", "not verified"], None, "2 checks, 1 not verified"),
+        (["met", "not verified", "violated"], False, "3 checks, 1 violated, 1 not verified"),
+        ([], True, "nothing was checked"),
+    ],
+)
+def test_findings_are_summed_up(verdicts, ok, line):
+    found = findings(*verdicts)
+    assert (found.ok, found.verdict, len(found)) == (ok, line, len(verdicts))
+    assert repr(found) == f"<Findings: {line}>"
+
+
+def test_violations_are_listed_and_the_table_is_a_copy():
+    found = findings("met", "violated")
+    assert found.violated()["object"].tolist() == ["line 1"]
+    table = found.table()
+    table["verdict"] = "met"
+    assert found.ok is False
+
+
+def test_a_table_of_another_form_is_refused():
+    with pytest.raises(ArgumentError, match="findings lack the columns source"):
+        Findings(findings("met").table().drop(columns="source"))
+    with pytest.raises(ArgumentError, match="verdict is 'pass'"):
+        findings("pass")

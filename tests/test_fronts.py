@@ -1,0 +1,129 @@
+"""The public API: the front of each package, its size, its documentation, what it loads."""
+
+import ast
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import pytest
+from numpydoc.docscrape import ClassDoc, FunctionDoc
+
+import shipnet
+
+ROOT = Path(__file__).resolve().parents[1] / "shipnet"
+#: Packages with a front; the others are still to get one.
+FRONTS = sorted(path.parent.name for path in ROOT.glob("*/__init__.pyi"))
+#: Modules that an engineer does not want to wait for.
+HEAVY = ["ipywidgets", "matplotlib", "networkx", "numpy", "pandas", "pymodbus", "scipy", "skfuzzy"]
+
+
+def stub(package):
+    """Return what a front's stub imports: name -> defining module; a namespace has none."""
+    found = {}
+    for node in ast.parse((ROOT / package / "__init__.pyi").read_text("utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and node.level == 1:
+            for alias in node.names:
+                assert alias.asname == alias.name, f"{package}: write `{alias.name} as` the same"
+                found[alias.name] = node.module
+    return found
+
+
+def front(package):
+    return importlib.import_module(f"shipnet.{package}")
+
+
+def public(package):
+    """Yield (name, object) of a front, and of the namespaces in it."""
+    for name in sorted(stub(package)):
+        value = getattr(front(package), name)
+        if isinstance(value, types.ModuleType):
+            yield from ((f"{name}.{inner}", getattr(value, inner)) for inner in value.__all__)
+        else:
+            yield name, value
+
+
+def documented():
+    for package in FRONTS:
+        for name, value in public(package):
+            if inspect.isclass(value) or inspect.isfunction(value):
+                yield pytest.param(value, id=f"{package}.{name}")
+
+
+def methods(kind):
+    """Yield (name, function) of the methods and properties that a class adds to its bases."""
+    for name, value in vars(kind).items():
+        if name.startswith("_"):
+            continue
+        value = value.func if hasattr(value, "func") else value
+        value = getattr(value, "__func__", getattr(value, "fget", value))
+        if inspect.isfunction(value):
+            yield name, value
+
+
+@pytest.mark.parametrize("package", FRONTS)
+def test_a_front_has_few_names_and_shows_them(package):
+    names = stub(package)
+    assert len(names) <= 40
+    assert dir(front(package)) == sorted(names) == sorted(front(package).__all__)
+    assert front(package).__doc__
+
+
+@pytest.mark.parametrize("package", FRONTS)
+def test_no_public_name_equals_a_module(package):
+    modules = {module.name for module in pkgutil.iter_modules([str(ROOT / package)])}
+    namespaces = {name for name, module in stub(package).items() if module is None}
+    assert set(stub(package)) & modules == namespaces
+
+
+@pytest.mark.parametrize("package", FRONTS)
+def test_a_front_loads_nothing_by_itself(package):
+    program = f"import shipnet.{package}, sys; print([m for m in {HEAVY} if m in sys.modules])"
+    assert subprocess.check_output([sys.executable, "-c", program], text=True).strip() == "[]"
+
+
+@pytest.mark.parametrize("value", list(documented()))
+def test_a_public_name_is_documented_in_full(value):
+    doc = (ClassDoc if inspect.isclass(value) else FunctionDoc)(value)
+    assert doc["Summary"]
+    assert doc["Examples"] or issubclass_of(value, (Exception,))
+    entries = [*doc["Parameters"], *doc.get("Other Parameters", [])]
+    listed = [name.strip(" *") for entry in entries for name in entry.name.split(",")]
+    if inspect.isfunction(value):
+        assert listed == list(inspect.signature(value).parameters)
+        assert doc["Returns"] or doc["Yields"] or value.__annotations__.get("return") == "None"
+    elif entries:
+        wanted = [n for n in inspect.signature(value).parameters if not n.startswith("_")]
+        assert set(listed) <= set(wanted), "documents a parameter that does not exist"
+        assert set(wanted) <= set(listed), "leaves out a parameter"
+
+
+@pytest.mark.parametrize("value", [p for p in documented() if inspect.isclass(p.values[0])])
+def test_a_public_class_documents_its_methods(value):
+    assert [name for name, method in methods(value) if not inspect.getdoc(method)] == []
+
+
+def issubclass_of(value, kinds):
+    return inspect.isclass(value) and issubclass(value, kinds)
+
+
+def test_the_package_shows_its_packages():
+    packages = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"workbook"}
+    assert packages <= set(dir(shipnet))
+    assert {"datasets", "errors", "style"} <= set(dir(shipnet))
+
+
+def modules():
+    yield "shipnet"
+    for module in pkgutil.walk_packages(shipnet.__path__, "shipnet."):
+        yield module.name
+
+
+@pytest.mark.parametrize("name", list(modules()))
+def test_a_module_says_what_it_is(name):
+    module = importlib.import_module(name)
+    assert module.__doc__
+    assert all(hasattr(module, public) for public in getattr(module, "__all__", []))
