@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from shipnet.ballast import Command, Fault, blocks, diagnose_run, simulate
-from shipnet.ballast.diagnosis import READINGS, with_slow_stroke
+from shipnet.ballast.diagnosis import READINGS
 from shipnet.ballast.faults import FAULTS
 from shipnet.ballast.features import command_features, running_time
+from shipnet.ballast.rule_table import rule_base
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy import Rule, RuleBase, published
+from shipnet.fuzzy import Rule, RuleBase
 
-BASE = published.rule_base("kim2014")
+BASE = rule_base()
 ORDERS = [
     Command("open", 1.0),
     Command("close", 4.0, valves=[0, 2]),
@@ -36,7 +37,7 @@ def pieces(size):
 @pytest.mark.parametrize("reading", READINGS)
 @pytest.mark.parametrize("size", [2, 11, 97])
 def test_blocks_are_diagnosed_as_the_whole_run_is(reading, size):
-    rules = with_slow_stroke()
+    rules = rule_base(slow_stroke=10)
     whole = diagnose_run(simulate(**settings(rng=np.random.default_rng(7))), rules, reading=reading)
     after, active, alarms, samples = None, [], [], []
     for piece in pieces(size):
@@ -123,7 +124,7 @@ def test_alarms_headline_and_explanation_tell_of_the_same_codes():
     assert {"V1", "P2", "V2", "G1"} <= set(diagnosis.alarms["code"])
     for alarm in diagnosis.alarms.itertuples():
         sentence = diagnosis.explain(alarm.valve, alarm.time_s)
-        assert sentence.startswith(alarm.headline)
+        assert sentence.startswith(alarm.top)
         assert alarm.code in sentence
         decided = diagnosis.decision(alarm.valve)
         row = int(np.searchsorted(run.time, alarm.time_s))
@@ -148,7 +149,7 @@ def test_what_is_shown_after_a_command_is_the_first_of_all_that_was_active(settl
         active = diagnosis.active[seen, command.valve].any(axis=0)
         expected = [c for c in BASE.ranking if active[BASE.codes.index(c)]]
         assert command.active.split() == expected
-        assert command.headline == (expected or ["normal"])[0]
+        assert command.top == (expected or ["normal"])[0]
         assert (command.delay_s >= 0) == bool(expected)
 
 
@@ -158,12 +159,12 @@ def test_the_slow_stroke_is_reported_by_the_added_rule_alone():
     lasted = run.strokes["duration_s"][0]
     assert 10.3 < lasted < 12
     assert not diagnose_run(run).active.any()
-    table = diagnose_run(run, with_slow_stroke()).commands()
-    assert table["headline"].tolist() == ["T1"]
+    table = diagnose_run(run, rule_base(slow_stroke=10)).commands()
+    assert table["top"].tolist() == ["T1"]
     assert table["delay_s"][0] == pytest.approx(10.2)
     sound = simulate(commands=[Command("open")], duration=20)
-    assert not diagnose_run(sound, with_slow_stroke()).active.any()
-    assert with_slow_stroke().rules[:12] == BASE.rules
+    assert not diagnose_run(sound, rule_base(slow_stroke=10)).active.any()
+    assert rule_base(slow_stroke=10).rules[:12] == BASE.rules
 
 
 def test_a_motor_that_turns_round_is_timed_anew():
@@ -192,7 +193,7 @@ def test_features_are_those_of_the_operating_point():
 def test_a_run_without_instants_or_commands_is_diagnosed_as_nothing():
     run = simulate(duration=0)
     diagnosis = diagnose_run(run)
-    assert diagnosis.headline.tolist() == [["normal"]]
+    assert diagnosis.top.tolist() == [["normal"]]
     assert len(diagnosis.alarms) == len(diagnosis.commands()) == len(command_features(run)) == 0
 
 
@@ -203,8 +204,8 @@ def test_a_run_without_instants_or_commands_is_diagnosed_as_nothing():
         ({"k": 6}, "k is 6; it must be a whole number 1..5"),
         ({"n": 0}, "n is 0"),
         ({"n": 1001}, "n is 1001"),
-        ({"cut": 0}, "cut is 0"),
-        ({"cut": float("nan")}, "cut is nan"),
+        ({"threshold": 0}, "cut is 0"),
+        ({"threshold": float("nan")}, "cut is nan"),
     ],
 )
 def test_a_setting_out_of_range_is_named(arguments, message):
