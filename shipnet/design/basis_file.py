@@ -20,7 +20,7 @@ from textwrap import wrap
 
 from shipnet.design.basis import Basis, changed, legal, meaning, names, shown
 from shipnet.errors import InputError
-from shipnet.spreadsheet import decode, read_bytes
+from shipnet.tables import read_bytes, text_of
 
 __all__ = ["format_basis", "load_basis", "parse_basis"]
 
@@ -63,7 +63,7 @@ def load_basis(path: str | PathLike[str]) -> Basis:
     ...     print(load_basis(Path(folder) / "own.toml"))
     not the defaults: detour 1.3 (1.15)
     """
-    return parse_basis(decode(read_bytes(path)), str(path))
+    return parse_basis(text_of(read_bytes(path)), str(path))
 
 
 def parse_basis(text: str, source: str = "text") -> Basis:

@@ -15,7 +15,7 @@ from shipnet.design.iolist.titles import column_of
 from shipnet.errors import InputError
 
 if TYPE_CHECKING:
-    from shipnet.spreadsheet import Sheet
+    from shipnet.tables import Sheet
 
 __all__ = ["Cells", "clean"]
 
@@ -40,7 +40,7 @@ class Cells:
 
     Examples
     --------
-    >>> from shipnet.spreadsheet import parse_sheet
+    >>> from shipnet.tables import parse_sheet
     >>> cells = Cells(parse_sheet("Tag,I/O,Home run [m]\nLS-1,DI,4"))
     >>> cells["tag"], cells["note"], cells.title("home_run_m")
     (['LS-1'], [''], 'Home run [m]')

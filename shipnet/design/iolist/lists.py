@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 from shipnet.design.iolist.points import points_of
 from shipnet.design.iolist.titles import COLUMNS, is_titles
 from shipnet.errors import ArgumentError
-from shipnet.spreadsheet import frame_sheet, parse_sheet, read_sheet
+from shipnet.tables import frame_sheet, parse_sheet, read_sheet
 
 if TYPE_CHECKING:
-    from shipnet.spreadsheet import Sheet
+    from shipnet.tables import Sheet
 
 __all__ = ["IoList", "from_table", "load_iolist", "parse_iolist", "save_iolist"]
 

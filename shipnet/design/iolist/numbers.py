@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from shipnet.design.iolist.cells import Cells
 from shipnet.design.iolist.titles import COLUMNS, UNITS
-from shipnet.spreadsheet import NUMBER
+from shipnet.tables import NUMBER
 
 __all__ = ["RANGES", "read_numbers"]
 
@@ -47,7 +47,7 @@ def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, _Floats]:
 
     Examples
     --------
-    >>> from shipnet.spreadsheet import parse_sheet
+    >>> from shipnet.tables import parse_sheet
     >>> cells = Cells(parse_sheet("tag;type;home run [mm];update [s]\nLS-1;DI;12500,0;0,5"))
     >>> numbers = read_numbers(cells, [""])
     >>> numbers["home_run_m"].tolist(), numbers["update_ms"].tolist()

@@ -16,7 +16,7 @@ from shipnet.design.signals import KINDS, SIGNALS, find_signal, plain
 from shipnet.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from shipnet.spreadsheet import Sheet
+    from shipnet.tables import Sheet
 
 __all__ = ["points_of"]
 
@@ -60,7 +60,7 @@ def points_of(sheet: Sheet) -> tuple[pd.DataFrame, tuple[str, ...]]:
 
     Examples
     --------
-    >>> from shipnet.spreadsheet import parse_sheet
+    >>> from shipnet.tables import parse_sheet
     >>> points, remarks = points_of(parse_sheet("tag,signal,home run\nLS-1,limit switch,40"))
     >>> points[["type", "signal", "conductors", "home_run_m"]].values.tolist()
     [['DI', 'contact', 2, 40.0]]

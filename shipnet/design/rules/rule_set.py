@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 from shipnet import datasets
 from shipnet.design.rules.measures import APPLIES, MEASURES
 from shipnet.errors import ArgumentError, InputError
-from shipnet.spreadsheet import NUMBER, frame_sheet, read_sheet
+from shipnet.tables import NUMBER, frame_sheet, read_sheet
 
 if TYPE_CHECKING:
-    from shipnet.spreadsheet import Sheet
+    from shipnet.tables import Sheet
 
 __all__ = ["BOUNDS", "RULE_COLUMNS", "RULE_SETS", "Rule", "load_rules", "published_rules"]
 

@@ -23,7 +23,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.spreadsheet import NUMBER, Sheet, parse_sheet, read_sheet
+from shipnet.tables import NUMBER, Sheet, parse_sheet, read_sheet
 
 __all__ = ["Tray", "Trays", "load_trays", "parse_trays"]
 
