@@ -124,7 +124,7 @@ def test_alarms_headline_and_explanation_tell_of_the_same_codes():
     assert {"V1", "P2", "V2", "G1"} <= set(diagnosis.alarms["code"])
     for alarm in diagnosis.alarms.itertuples():
         sentence = diagnosis.explain(alarm.valve, alarm.time_s)
-        assert sentence.startswith(alarm.top)
+        assert sentence.startswith(alarm.headline)
         assert alarm.code in sentence
         decided = diagnosis.decision(alarm.valve)
         row = int(np.searchsorted(run.time, alarm.time_s))
@@ -149,7 +149,7 @@ def test_what_is_shown_after_a_command_is_the_first_of_all_that_was_active(settl
         active = diagnosis.active[seen, command.valve].any(axis=0)
         expected = [c for c in BASE.ranking if active[BASE.codes.index(c)]]
         assert command.active.split() == expected
-        assert command.top == (expected or ["normal"])[0]
+        assert command.headline == (expected or ["normal"])[0]
         assert (command.delay_s >= 0) == bool(expected)
 
 
@@ -160,7 +160,7 @@ def test_the_slow_stroke_is_reported_by_the_added_rule_alone():
     assert 10.3 < lasted < 12
     assert not diagnose_run(run).active.any()
     table = diagnose_run(run, rule_base(slow_stroke=10)).commands()
-    assert table["top"].tolist() == ["T1"]
+    assert table["headline"].tolist() == ["T1"]
     assert table["delay_s"][0] == pytest.approx(10.2)
     sound = simulate(commands=[Command("open")], duration=20)
     assert not diagnose_run(sound, rule_base(slow_stroke=10)).active.any()
@@ -193,7 +193,7 @@ def test_features_are_those_of_the_operating_point():
 def test_a_run_without_instants_or_commands_is_diagnosed_as_nothing():
     run = simulate(duration=0)
     diagnosis = diagnose_run(run)
-    assert diagnosis.top.tolist() == [["normal"]]
+    assert diagnosis.headline.tolist() == [["normal"]]
     assert len(diagnosis.alarms) == len(diagnosis.commands()) == len(command_features(run)) == 0
 
 
@@ -204,8 +204,8 @@ def test_a_run_without_instants_or_commands_is_diagnosed_as_nothing():
         ({"k": 6}, "k is 6; it must be a whole number 1..5"),
         ({"n": 0}, "n is 0"),
         ({"n": 1001}, "n is 1001"),
-        ({"threshold": 0}, "cut is 0"),
-        ({"threshold": float("nan")}, "cut is nan"),
+        ({"cut": 0}, "threshold is 0"),
+        ({"cut": float("nan")}, "threshold is nan"),
     ],
 )
 def test_a_setting_out_of_range_is_named(arguments, message):

@@ -45,7 +45,7 @@ def test_every_fault_is_active_in_some_state_and_health_in_all_is_normal(code):
     found = {state: update(from_plant(code, state=state)) for state in STATES}
     assert any(code in result.active for result in found.values())
     assert all(update(from_plant(state=state)).headline == "normal" for state in STATES)
-    mild = [update(from_plant(code, 0.0, state)).top for state in STATES]
+    mild = [update(from_plant(code, 0.0, state)).headline for state in STATES]
     assert mild == ["normal"] * 4
 
 

@@ -28,7 +28,7 @@ import numpy as np
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_whole
 from shipnet.fuzzy.terms import Term, Variable, check_word, number_text
-from shipnet.spreadsheet import NUMBER, parse_sheet, read_bytes
+from shipnet.tables import NUMBER, parse_sheet, read_bytes
 
 if TYPE_CHECKING:
     import numpy.typing as npt
