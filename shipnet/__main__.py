@@ -230,7 +230,7 @@ def _ledger(arguments: argparse.Namespace) -> None:
 
 def _decode(arguments: argparse.Namespace) -> None:
     from shipnet.asi.capture import decode
-    from shipnet.asi.waveform_file import read_waveform
+    from shipnet.line.scope_file import read_waveform
 
     waveform = read_waveform(
         arguments.file, channel=arguments.channel, sample_interval=arguments.sample_interval
