@@ -237,7 +237,7 @@ def _decode(arguments: argparse.Namespace) -> None:
     )
     capture = decode(waveform.u, waveform.dt, threshold=arguments.threshold)
     if not capture.telegrams:
-        raise InputError(arguments.file, f"no AS-i telegram in channel {waveform.channel}")
+        raise InputError(arguments.file, f"no AS-i telegram in channel {waveform.names[0]}")
     rows = capture.transactions
     # The files come first: whoever reads the output may stop reading.
     written = []

@@ -23,7 +23,7 @@ def loaded(statement):
         ("import shipnet.asi", ["numpy"]),
         ("import shipnet.asi.network.file, shipnet.asi.network.rules", ["numpy"]),
         ("import shipnet.can.lengths, shipnet.can.batch_reader", ["numpy"]),
-        ("import shipnet.line", ["numpy"]),
+        ("import shipnet.line", []),
         ("import shipnet.design", []),
         ("import shipnet.__main__", []),
         ("import shipnet.asi.tables", ["numpy", "pandas"]),

@@ -8,13 +8,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from shipnet.asi import Profile
-from shipnet.asi.network.cables import cable_types
 from shipnet.asi.network.elements import CableRun, Master, Repeater, Slave, Supply, Terminator
 from shipnet.asi.network.graph import Groups, shortest_ways
 from shipnet.asi.network.plan import Plan, structure_faults
 from shipnet.asi.network.structures import behind, evenly, line, numbered, ring, star
 from shipnet.errors import ArgumentError
-from shipnet.line import CABLES
 
 EDGES = st.lists(
     st.tuples(st.integers(0, 8), st.integers(0, 8), st.integers(1, 50)), min_size=1, max_size=20
@@ -126,12 +124,6 @@ def test_slaves_are_numbered_so_that_none_clashes(n):
     assert len({slave.label for slave in slaves}) == n
     assert len({slave.address for slave in slaves}) == min(n, 31)
     assert all(slave.profile.extended == (n > 31) for slave in slaves)
-
-
-def test_the_nominal_cable_is_that_of_the_lines():
-    assert cable_types()["as-i 1.5"].signal == CABLES["as-i"]
-    for cable in cable_types().values():
-        assert cable.dc.r < cable.signal.r
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.asi import Profile
-from shipnet.asi.network.cables import cable_types
 from shipnet.asi.network.elements import (
     RANGES,
     CableRun,
@@ -23,6 +22,7 @@ from shipnet.asi.network.plan import Plan
 from shipnet.asi.network.rules import check
 from shipnet.asi.network.structures import behind, evenly, line, star
 from shipnet.errors import InputError
+from shipnet.line import CABLES
 
 SMALL = """kind,node,to,length_m,cable,address,profile,current_ma,voltage_v,rating_a
 master,bridge,,,,,,100,,
@@ -204,7 +204,7 @@ def quantities(name):
 def plans(draw):
     nodes = draw(st.lists(NAMES, min_size=2, max_size=6, unique=True))
     runs = [
-        CableRun(a, b, draw(quantities("length")), draw(st.sampled_from([*cable_types()])))
+        CableRun(a, b, draw(quantities("length")), draw(st.sampled_from([*CABLES])))
         for a, b in pairwise(nodes)
     ]
     at = st.sampled_from(nodes)

@@ -117,13 +117,9 @@ def star(
         if not 0 <= place <= trunk:
             raise ArgumentError(f"the {what} is at {place} m; it must be 0..{trunk} m")
     places = sorted({0.0, float(trunk), *(float(place) for _, place in named)})
-    runs = [
-        CableRun(_node(near), _node(far), far - near, cable) for near, far in pairwise(places)
-    ]
+    runs = [CableRun(_node(near), _node(far), far - near, cable) for near, far in pairwise(places)]
     ends = [f"leg {number}" for number, _ in enumerate(legs, 1)]
-    runs += [
-        CableRun(_node(trunk), end, leg, cable) for end, leg in zip(ends, legs, strict=True)
-    ]
+    runs += [CableRun(_node(trunk), end, leg, cable) for end, leg in zip(ends, legs, strict=True)]
     slaves = (*map(_node, along), *ends)
     devices = [{node: DEVICE} for node in (_node(master), *slaves)]
     network = Network(runs, joined({_node(supply): POWER_SUPPLY}, *devices))
@@ -131,7 +127,11 @@ def star(
 
 
 def ring(
-    length: float, slaves: Sequence[float], *, supply: float = 0.0, cable: Cable = CABLES["as-i 1.5"]
+    length: float,
+    slaves: Sequence[float],
+    *,
+    supply: float = 0.0,
+    cable: Cable = CABLES["as-i 1.5"],
 ) -> Segment:
     """Return a segment whose cable comes back to the master.
 

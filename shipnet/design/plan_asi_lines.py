@@ -25,13 +25,13 @@ from shipnet.asi.network import (
     rule_limits,
     worst,
 )
-from shipnet.asi.network.cables import cable_types
 from shipnet.asi.network.electrical import device_voltages, supply_current
 from shipnet.design.catalogue import cables
 from shipnet.design.drafting import Draft, Laid, Place, chain, divided, tree, without_place
 from shipnet.design.plan_asi_modules import Module, analogue_response, digital_response, modules
 from shipnet.design.settings import AsiLimits
 from shipnet.errors import ArgumentError
+from shipnet.line.cable import CABLES
 
 # One AS-i line: the way of its cable, the segments that repeaters make of it, their supplies
 
@@ -134,7 +134,7 @@ def place_supply(
     current = np.array([draws.get(node, 0.0) for node in nodes])
     # Axes: supply, device, device; what both ways from the supply have in common.
     shared = (away[:, :, None] + away[:, None, :] - away[None]) / 2
-    resistance = float(cable_types()[_CABLE].dc.r)
+    resistance = CABLES[_CABLE].resistance
     drop = (resistance * shared @ current).max(axis=1, where=current > 0, initial=0.0)
     least = float(rule_limits()["lowest"]["slave_voltage"])
     if first in number and voltage - drop[number[first]] >= least:

@@ -22,7 +22,9 @@ _ENDS = {
     "below 100 ohm": 42.8571,
     "short circuit": 1e-9,
 }
-_ECHOES = {round(CABLES["as-i 1.5"].reflection(resistor), 3): end for end, resistor in _ENDS.items()}
+_ECHOES = {
+    round(CABLES["as-i 1.5"].reflection(resistor), 3): end for end, resistor in _ENDS.items()
+}
 _MIRRORED = dict(zip(_ENDS, reversed(_ENDS), strict=True))
 
 #: Length from which the design goes up, and by how much [m].

@@ -17,7 +17,6 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 
 
-
 def laplace_grid(duration: float, f_max: float, damping: float = 7.0) -> npt.NDArray[np.complex128]:
     r"""Return the complex frequencies from which `synthesize` makes a waveform.
 

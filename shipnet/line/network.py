@@ -64,9 +64,7 @@ class CableRun:
         """Check the ends, the length and the cable."""
         check_node(self.a)
         check_node(self.b)
-        metres = check_quantity(
-            f"length of {self}", self.length, "m", low=SHORTEST, high=LONGEST
-        )
+        metres = check_quantity(f"length of {self}", self.length, "m", low=SHORTEST, high=LONGEST)
         object.__setattr__(self, "length", metres)
         if self.a == self.b:
             raise ArgumentError(f"{self} ends where it begins; its two nodes must differ")
@@ -327,7 +325,7 @@ class Network:
         n = round(duration / check_scalar("dt", dt, "s", 1e-15, 1e6))
         s = laplace_grid(n * dt, f_max)
         u = synthesize(self.transfer(root, s) * np.asarray(spectrum(s)), n, n * dt)
-        return Waveform(u, dt, nodes=self.nodes)
+        return Waveform(u, dt, names=self.nodes)
 
     def operating_point(
         self,

@@ -58,8 +58,12 @@ def plot_pulse(pulse: Pulse, step: int, *, ax: Axes | None = None) -> Axes:
 class Layout(NamedTuple):
     """Where the nodes of a network lie in a drawing."""
 
-    spot: npt.NDArray[np.float64]  # distance from the root along the cable [m], and row, 0 and below
-    strokes: list[npt.NDArray[np.float64]]  # points of each run: x in the first row, y in the second
+    spot: npt.NDArray[
+        np.float64
+    ]  # distance from the root along the cable [m], and row, 0 and below
+    strokes: list[
+        npt.NDArray[np.float64]
+    ]  # points of each run: x in the first row, y in the second
     closing: npt.NDArray[np.float64] | None  # the same of the run that closes a ring
 
     @property
@@ -107,9 +111,7 @@ def layout(network: Network, root: str | None = None) -> Layout:
     return Layout(spot, strokes, closing)
 
 
-def plot_network(
-    network: Network, *, root: str | None = None, ax: Axes | None = None
-) -> Axes:
+def plot_network(network: Network, *, root: str | None = None, ax: Axes | None = None) -> Axes:
     """Draw a network: lines to scale along x, loads as dots."""
     ax = axes(ax)
     placed = layout(network, root)

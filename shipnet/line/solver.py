@@ -354,9 +354,7 @@ def operating_point(
     if network.ring is not None:
         # One current is left free; the voltages around the ring add up to 0 and settle it.
         ring = network.runs.index(network.ring)
-        a, b = (
-            tree.order.index(network.index(end)) for end in (network.ring.a, network.ring.b)
-        )
+        a, b = (tree.order.index(network.index(end)) for end in (network.ring.a, network.ring.b))
         around = np.zeros_like(drawn)
         around[[tree.order[a], tree.order[b]]] = [[1.0], [-1.0]]
         ring_flow, ring_drop = _flow(tree, around, ohms)
@@ -377,6 +375,6 @@ def operating_point(
     volts = np.empty_like(drop)
     volts[tree.order] = emf - inner * flow[0] - drop
     if trees is None:
-        voltage = dict(zip(network.nodes, volts[:, 0].tolist(), strict=True))
-        return OperatingPoint(voltage, tuple(current[:, 0].tolist()))
+        single = dict(zip(network.nodes, volts[:, 0].tolist(), strict=True))
+        return OperatingPoint(single, tuple(current[:, 0].tolist()))
     return OperatingPoint(dict(zip(network.nodes, volts, strict=True)), tuple(current))

@@ -89,9 +89,7 @@ class BusLine:
         ]
         for node, metres in (self.stubs or {}).items():
             runs.append(CableRun(f"b{node}", f"s{node}", metres, self.cable))
-        loads = {
-            name: Load(r=self.resistance, c=self.capacitance) for name in Network(runs).nodes
-        }
+        loads = {name: Load(r=self.resistance, c=self.capacitance) for name in Network(runs).nodes}
         if self.terminator is not None:
             for name in ("b0", f"b{self.nodes - 1}"):
                 loads[name] += Load(r=self.terminator)
