@@ -19,7 +19,7 @@ def loaded(statement):
         ("import shipnet.errors", []),
         ("import shipnet.datasets", []),
         ("import shipnet.style", []),
-        ("import shipnet.spreadsheet, shipnet.workbook", []),
+        ("import shipnet.tables", []),
         ("import shipnet.asi", ["numpy"]),
         ("import shipnet.asi.network.file, shipnet.asi.network.rules", ["numpy"]),
         ("import shipnet.can.lengths, shipnet.can.batch_reader", ["numpy"]),

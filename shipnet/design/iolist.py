@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from shipnet.errors import ArgumentError, InputError
 from shipnet.signals import KINDS, SIGNALS, find_signal, plain
-from shipnet.spreadsheet import NUMBER, frame_sheet, parse_sheet, read_sheet
+from shipnet.tables import NUMBER, frame_sheet, parse_sheet, read_sheet
 
 if TYPE_CHECKING:
-    from shipnet.spreadsheet import Sheet
+    from shipnet.tables import Sheet
 
 
 # What the columns of an I/O list are called, on paper and here ----------------------------------

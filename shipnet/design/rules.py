@@ -20,12 +20,12 @@ from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
 from shipnet.engine.error_detection import undetected
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
-from shipnet.spreadsheet import NUMBER, frame_sheet, read_sheet
+from shipnet.tables import NUMBER, frame_sheet, read_sheet
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from shipnet.spreadsheet import Sheet
+    from shipnet.tables import Sheet
 
 
 # What can be computed of a planned network for a rule: times, losses, lines, standards

@@ -24,7 +24,7 @@ from shipnet.design.site import Site
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.timing import Serial
-from shipnet.spreadsheet import decode, read_bytes
+from shipnet.tables import read_bytes, text_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -729,7 +729,7 @@ _COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTI
 
 def load_basis(path: str | PathLike[str]) -> Basis:
     """Read a file of settings."""
-    return parse_basis(decode(read_bytes(path)), str(path))
+    return parse_basis(text_of(read_bytes(path)), str(path))
 
 
 def parse_basis(text: str, source: str = "text") -> Basis:

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.spreadsheet import NUMBER, Sheet, parse_sheet, read_sheet
+from shipnet.tables import NUMBER, Sheet, parse_sheet, read_sheet
 
 if TYPE_CHECKING:
     from shipnet.design.iolist import IoList

@@ -25,7 +25,7 @@ from typing import Any, TypeVar
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fuzzy.rules import Rule, RuleBase, rule_faults
 from shipnet.fuzzy.terms import Interval, Term, Variable, number_text
-from shipnet.spreadsheet import NUMBER, parse_sheet, read_bytes
+from shipnet.tables import NUMBER, parse_sheet, read_bytes
 
 __all__ = ["RULE_COLUMNS", "TERM_COLUMNS", "load_rules", "save_rules"]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 from shipnet.design.iolist import load_iolist, save_iolist
 from shipnet.design.settings import parse_basis
 from shipnet.errors import InputError
-from shipnet.spreadsheet import decode
+from shipnet.tables import text_of
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -33,11 +33,11 @@ def from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
         if content.startswith(b"PK"):
             save_iolist(iolist, path)
             content = path.read_bytes()
-    return replace(inputs, points=decode(content), name=name[-80:], cabinet="")
+    return replace(inputs, points=text_of(content), name=name[-80:], cabinet="")
 
 
 def settings_from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
     """Return inputs with the lines of a file of settings."""
-    lines = decode(content)
+    lines = text_of(content)
     parse_basis(lines, name)
     return replace(inputs, own=lines)

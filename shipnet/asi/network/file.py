@@ -36,7 +36,7 @@ from shipnet.asi.network.plan import Plan, structure_faults
 from shipnet.asi.profile import Profile
 from shipnet.errors import ArgumentError, InputError
 from shipnet.line.cable import CABLES
-from shipnet.spreadsheet import NUMBER, Sheet, read_sheet
+from shipnet.tables import NUMBER, Sheet, read_sheet
 
 __all__ = ["COLUMNS", "load_plan", "save_plan"]
 
