@@ -122,7 +122,7 @@ cable,b,c,5,,,,,,,extra
         "row 3, column rating_a: 'nan'; expected a number 0.01..100 A",
         "row 5, column length_m: '-3'; expected a number 0.01..10000 m",
         "row 6, column length_m: '5 m'; expected a number 0.01..10000 m",
-        "row 6, column cable: 'cat 5'; expected one of as-i 1.5, as-i 2.5, as-i 0.75",
+        f"row 6, column cable: 'cat 5'; expected one of {', '.join(CABLES)}",
         "row 6, column address: '12'; expected nothing, a cable has no address",
         "row 7, cable c - c ends where it begins; its two nodes must differ",
         "row 8, column address: '32'; expected 0 to 31, with A or B behind it for a slave that "
