@@ -35,7 +35,7 @@ def loaded(statement):
         ("import shipnet.modbus.server, shipnet.modbus.datagram", ["numpy"]),
         ("import shipnet.engine", ["numpy", "pandas", "scipy"]),
         ("import shipnet.remote_control", ["numpy"]),
-        ("import shipnet.fuzzy", ["numpy"]),
+        ("import shipnet.fuzzy", []),
         ("import shipnet.ballast", ["numpy"]),
         ("import shipnet.papers", ["numpy", "pandas"]),
         ("import shipnet.exercises", ["numpy"]),

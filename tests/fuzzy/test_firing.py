@@ -8,22 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shipnet.ballast.rule_table import FILLS, VERSIONS, rule_base, rule_vectors
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy import (
-    Interval,
-    Rule,
-    RuleBase,
-    Term,
-    Variable,
-    control_strengths,
-    crisp_strengths,
-    decide,
-    published,
-    strengths,
-    to_skfuzzy,
-)
+from shipnet.fuzzy import Rule, RuleBase, Term, Variable
+from tests.fuzzy.skfuzzy_control import control_strengths
 
-BASE = published.rule_base("kim2014")
+BASE = rule_base()
 NAN = math.nan
 #: Two routes to the same double arithmetic, each within some roundings.
 TOLERANCE = 1e-12
@@ -63,7 +53,7 @@ def test_a_rule_is_the_smallest_membership_of_its_terms_steps_and_shoulders_incl
         a, b, c, d = sorted(map(float, numbers))
         a, b = (-math.inf, -math.inf) if open_end == "left" else (a, b)
         c, d = (math.inf, math.inf) if open_end == "right" else (c, d)
-        term = Term("t", (a, b, c, d), Interval.parse("x >= 0"))
+        term = Term("t", (a, b, c, d), "x >= 0")
         variables.append(Variable(f"V{place}", "1", -3.5, 3.5, (term,)))
     names = [variable.name for variable in variables]
     # Rules of all lengths, the shortest first.
@@ -72,7 +62,7 @@ def test_a_rule_is_the_smallest_membership_of_its_terms_steps_and_shoulders_incl
         for k in range(len(names))
     ]
     values = np.array(x, float)
-    found = strengths(RuleBase(variables, rules), dict.fromkeys(names, values)).strength
+    found = RuleBase(variables, rules).fire(dict.fromkeys(names, values)).strength
     within = np.clip(values, -3.5, 3.5)
     degrees = [variable.terms[0].membership(within) for variable in variables]
     for k in range(len(names)):
@@ -104,7 +94,7 @@ def plain_strength(rule, row):
 
 @given(rows)
 def test_strengths_are_those_of_a_textbook_loop(table):
-    firing = strengths(BASE, samples_of(table))
+    firing = BASE.fire(samples_of(table))
     expected = [[plain_strength(rule, row) for rule in BASE.rules] for row in table]
     assert firing.strength.shape == (len(table), len(BASE.rules))
     assert np.allclose(firing.strength, np.reshape(expected, (-1, 12)), rtol=0, atol=TOLERANCE)
@@ -112,7 +102,7 @@ def test_strengths_are_those_of_a_textbook_loop(table):
 
 @given(rows)
 def test_what_the_sensors_lack_is_flagged(table):
-    firing = strengths(BASE, samples_of(table))
+    firing = BASE.fire(samples_of(table))
     for row, missing, clipped in zip(table, firing.missing, firing.clipped, strict=True):
         for variable, x, lacks, out in zip(BASE.variables, row, missing, clipped, strict=True):
             assert lacks == math.isnan(x)
@@ -122,7 +112,7 @@ def test_what_the_sensors_lack_is_flagged(table):
 @given(rows)
 def test_a_cut_of_a_half_is_the_comparison_with_a_dead_band(table):
     samples = samples_of(table)
-    fuzzy, crisp = strengths(BASE, samples), crisp_strengths(BASE, samples, dead_band=True)
+    fuzzy, crisp = BASE.fire(samples), BASE.fire(samples, "midpoint")
     clear = np.abs(fuzzy.strength - 0.5) > 1e-9
     assert ((fuzzy.strength >= 0.5) == (crisp.strength == 1))[clear].all()
 
@@ -137,7 +127,7 @@ def test_printed_comparisons_hold_as_python_has_them(table):
         "VPos.above": lambda x: x > 100, "VPos.below": lambda x: x < 0,
         "DVPos.still": lambda x: x == 0,
     }  # fmt: skip
-    firing = crisp_strengths(BASE, samples_of(table))
+    firing = BASE.fire(samples_of(table), "crisp")
     for row, found in zip(table, firing.strength, strict=True):
         sensors = dict(zip(BASE.names, row, strict=True))
         for rule, strength in zip(BASE.rules, found, strict=True):
@@ -148,11 +138,11 @@ def test_printed_comparisons_hold_as_python_has_them(table):
 
 def test_a_missing_sensor_never_raises_a_strength():
     given_all = uniform(500)
-    full = strengths(BASE, given_all)
+    full = BASE.fire(given_all)
     for name in BASE.names:
         without = {key: x for key, x in given_all.items() if key != name}
-        nan = strengths(BASE, {**given_all, name: NAN})
-        assert np.array_equal(strengths(BASE, without).strength, nan.strength)
+        nan = BASE.fire({**given_all, name: NAN})
+        assert np.array_equal(BASE.fire(without).strength, nan.strength)
         needs = np.array([name in rule.variables for rule in BASE.rules])
         assert not nan.strength[:, needs].any() and full.strength[:, needs].any()
         assert np.array_equal(nan.strength[:, ~needs], full.strength[:, ~needs])
@@ -161,63 +151,64 @@ def test_a_missing_sensor_never_raises_a_strength():
 def test_a_value_beyond_the_universe_counts_as_its_end():
     for variable in BASE.variables:
         ends = np.array([variable.low, variable.high])
-        inside = strengths(BASE, {variable.name: ends})
-        beyond = strengths(BASE, {variable.name: ends + np.array([-1e9, 1e9])})
+        inside = BASE.fire({variable.name: ends})
+        beyond = BASE.fire({variable.name: ends + np.array([-1e9, 1e9])})
         assert np.array_equal(inside.strength, beyond.strength)
         place = BASE.names.index(variable.name)
         assert beyond.clipped[:, place].all() and not inside.clipped.any()
     # As printed there is no universe: a negative current is not zero.
     sample = {"FP": 125, "MC": -0.01}
-    assert crisp_strengths(BASE, sample).of("G1") == 0
-    assert strengths(BASE, sample).of("G1") == 1
+    assert BASE.fire(sample, "crisp")["G1"] == 0
+    assert BASE.fire(sample)["G1"] == 1
 
 
 def test_a_term_that_ends_beyond_the_universe_is_not_left_by_a_wild_value():
-    term = Term("high", (7, 9, 10, 11), Interval.parse("x > 8"))
+    term = Term("high", (7, 9, 10, 11), "x > 8")
     base = RuleBase((Variable("x", "", 0, 10, (term,)),), (Rule("on", (("x", "high"),), 1),))
-    assert strengths(base, {"x": [10, 10.5, 99]}).of("on").tolist() == [1, 1, 1]
+    assert base.fire({"x": [10, 10.5, 99]})["on"].tolist() == [1, 1, 1]
 
 
 def test_normal_is_what_no_rule_takes_and_unknown_without_sensors():
-    firing = strengths(BASE, {"OT": [50, 82, 90, NAN]})
+    firing = BASE.fire({"OT": [50, 82, 90, NAN]})
     assert np.allclose(firing.normal, [1, 0.8, 0, NAN], atol=TOLERANCE, equal_nan=True)
 
 
 def test_many_samples_are_the_same_as_each_alone():
     n = 3 * 8192 + 5
     samples = uniform(n)
-    firing = strengths(BASE, samples)
+    firing = BASE.fire(samples)
     for place in (0, 8191, 8192, 16384, n - 1):
-        alone = strengths(BASE, {name: x[place] for name, x in samples.items()})
+        alone = BASE.fire({name: x[place] for name, x in samples.items()})
         assert alone.strength.shape == (12,)
         assert np.array_equal(alone.strength, firing.strength[place])
 
 
 def test_samples_of_many_units_keep_their_axes():
     samples = {name: x.reshape(30, 4) for name, x in uniform(120).items()}
-    firing = strengths(BASE, samples)
+    firing = BASE.fire(samples)
     assert firing.strength.shape == (30, 4, 12)
     assert firing.normal.shape == (30, 4) and firing.missing.shape == (30, 4, 6)
     for unit in range(4):
-        alone = strengths(BASE, {name: x[:, unit] for name, x in samples.items()})
+        alone = BASE.fire({name: x[:, unit] for name, x in samples.items()})
         assert np.array_equal(alone.strength, firing.strength[:, unit])
-    spread = strengths(BASE, {"FP": np.full((30, 1), 125), "MC": np.zeros(4)})
-    assert spread.strength.shape == (30, 4, 12) and (spread.of("G1") == 1).all()
+    spread = BASE.fire({"FP": np.full((30, 1), 125), "MC": np.zeros(4)})
+    assert spread.strength.shape == (30, 4, 12) and (spread["G1"] == 1).all()
 
 
 def test_the_inputs_are_left_as_they_are():
     samples = uniform(50)
     copies = {name: x.copy() for name, x in samples.items()}
-    strengths(BASE, samples)
+    BASE.fire(samples)
     assert all(np.array_equal(samples[name], copies[name]) for name in samples)
 
 
 def test_a_table_has_a_column_a_rule():
-    table = strengths(BASE, pd.DataFrame({"FP": [125, 90], "MC": [0, 1.2]})).table
+    table = BASE.fire(pd.DataFrame({"FP": [125, 90], "MC": [0, 1.2]})).table()
     assert table.columns.tolist() == [*BASE.codes, "normal"]
     assert table["G1"].tolist() == [1, 0] and table["normal"].tolist() == [0, 1]
-    with pytest.raises(ArgumentError, match="table is of two"):
-        _ = strengths(BASE, {"FP": 125}).table
+    with pytest.raises(ArgumentError, match="a table has two"):
+        BASE.fire({"FP": [[125]]}).table()
+    assert BASE.fire({"FP": 125, "MC": 0}).table()["G1"].tolist() == [1]
 
 
 @pytest.mark.parametrize(
@@ -232,24 +223,24 @@ def test_a_table_has_a_column_a_rule():
 )
 def test_samples_that_do_not_fit_are_refused(samples, fault):
     with pytest.raises(ArgumentError, match=fault):
-        strengths(BASE, samples)
+        BASE.fire(samples)
 
 
 def test_no_samples_are_no_fault():
-    firing = strengths(BASE, {"FP": []})
+    firing = BASE.fire({"FP": []})
     assert firing.strength.shape == (0, 12) and firing.normal.shape == (0,)
-    assert len(decide(firing, k=3, n=5).headline) == 0
-    assert strengths(BASE, {}).missing.all()
+    assert len(firing.decide(k=3, n=5).top) == 0
+    assert BASE.fire({}).missing.all()
 
 
 # scikit-fuzzy as the other route.
 
 
-@pytest.mark.parametrize("reading", published.READINGS)
-@pytest.mark.parametrize("fill", published.FILLS)
+@pytest.mark.parametrize("reading", VERSIONS)
+@pytest.mark.parametrize("fill", FILLS)
 def test_scikit_fuzzy_fires_the_same_on_the_published_vectors(reading, fill):
-    tests = published.vectors("kim2014", reading=reading, fill=fill)
-    difference = control_strengths(BASE, tests) - strengths(BASE, tests).strength
+    tests = rule_vectors(reading, fill=fill)
+    difference = control_strengths(BASE, tests) - BASE.fire(tests).strength
     assert np.abs(difference).max() < TOLERANCE
 
 
@@ -261,7 +252,7 @@ def test_scikit_fuzzy_fires_the_same_on_random_samples():
     samples["DVPos"][::2] = np.linspace(0, 2, 60)
     for start, name in enumerate(BASE.names):
         samples[name][start::17] = NAN
-    ours = strengths(BASE, samples).strength
+    ours = BASE.fire(samples).strength
     theirs = control_strengths(BASE, samples)
     assert ((ours > 0) & (ours < 1)).sum() > 50
     assert np.abs(theirs - ours).max() < TOLERANCE
@@ -269,19 +260,19 @@ def test_scikit_fuzzy_fires_the_same_on_random_samples():
 
 def test_a_variable_that_no_rule_uses_is_left_out_of_the_control_system():
     small = RuleBase(BASE.variables, BASE.rules[:1])
-    assert sorted(a.label for a in to_skfuzzy(small).antecedents) == ["FP", "MC"]
+    assert sorted(a.label for a in small.to_skfuzzy().antecedents) == ["FP", "MC"]
     samples = {"FP": [[125, 90]], "MC": [[0], [0.1]], "OT": 50}
     theirs = control_strengths(small, samples)
     assert theirs.shape == (2, 2, 1)
-    assert np.allclose(theirs, strengths(small, samples).strength, rtol=0, atol=TOLERANCE)
+    assert np.allclose(theirs, small.fire(samples).strength, rtol=0, atol=TOLERANCE)
     with pytest.raises(ArgumentError, match="n_points is 1"):
-        to_skfuzzy(small, n_points=1)
+        small.to_skfuzzy(n_points=1)
 
 
 def test_scikit_fuzzy_is_loaded_only_when_it_is_asked():
     program = (
-        "import sys; from shipnet.fuzzy import decide, published, strengths; "
-        "decide(strengths(published.rule_base('kim2014'), {'OT': [90]})).explain(0); "
+        "import sys; from shipnet.ballast.rule_table import rule_base; "
+        "rule_base().decide({'OT': [90]}).explain(0); "
         "print('skfuzzy' in sys.modules, 'pandas' in sys.modules)"
     )
     result = subprocess.check_output([sys.executable, "-c", program], text=True)

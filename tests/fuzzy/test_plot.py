@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from shipnet.ballast.rule_table import rule_base
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy import overlap_matrix, published, strengths
-from shipnet.fuzzy.plot import plot_firing, plot_overlaps, plot_terms
 
-BASE = published.rule_base("kim2014")
+BASE = rule_base()
 
 
 @pytest.fixture
@@ -15,8 +14,8 @@ def ax():
 
 
 def test_terms_are_drawn_over_the_universe_with_their_corners(ax):
-    variable = BASE.variable("MC")
-    assert plot_terms(variable, ax=ax) is ax
+    variable = BASE["MC"]
+    assert variable.plot(ax=ax) is ax
     lines = {line.get_label(): line for line in ax.lines}
     for term in variable.terms:
         x, y = lines[term.english].get_data()
@@ -32,13 +31,13 @@ def test_terms_are_drawn_over_the_universe_with_their_corners(ax):
 
 
 def test_terms_are_drawn_without_the_comparisons_if_asked(ax):
-    plot_terms(BASE.variable("MC"), ax=ax, crisp=False)
+    BASE["MC"].plot(ax=ax, crisp=False)
     assert len(ax.lines) == 3
 
 
 def test_firing_strengths_are_a_matrix_with_numbers(ax):
-    firing = strengths(BASE, {"FP": [125, 120, 90], "MC": 0})
-    assert plot_firing(firing, ax=ax, labels=["a", "b", "c"]) is ax
+    firing = BASE.fire({"FP": [125, 120, 90], "MC": 0})
+    assert firing.plot(["a", "b", "c"], ax=ax) is ax
     assert np.array_equal(ax.images[0].get_array(), firing.strength.T)
     assert {text.get_text(): text.get_position() for text in ax.texts} == {
         "1": (0, 0), ".50": (1, 0),
@@ -48,21 +47,21 @@ def test_firing_strengths_are_a_matrix_with_numbers(ax):
 
 
 def test_many_samples_have_no_numbers(ax):
-    firing = strengths(BASE, {"FP": np.linspace(110, 130, 21), "MC": 0})
-    plot_firing(firing, ax=ax)
+    firing = BASE.fire({"FP": np.linspace(110, 130, 21), "MC": 0})
+    firing.plot(ax=ax)
     assert not ax.texts and ax.images[0].get_array().shape == (12, 21)
 
 
 def test_what_cannot_be_a_matrix_is_refused(ax):
     with pytest.raises(ArgumentError, match="a matrix has two"):
-        plot_firing(strengths(BASE, {"FP": [[1]]}), ax=ax)
+        BASE.fire({"FP": [[1]]}).plot(ax=ax)
     with pytest.raises(ArgumentError, match="2 labels; expected 1"):
-        plot_firing(strengths(BASE, {"FP": [1]}), ax=ax, labels=["a", "b"])
+        BASE.fire({"FP": [1]}).plot(["a", "b"], ax=ax)
 
 
 def test_overlaps_are_shares_and_subsets_say_so(ax):
-    matrix = overlap_matrix(BASE)
-    assert plot_overlaps(matrix, ax=ax) is ax
+    overlaps = BASE.overlaps()
+    assert overlaps.plot(ax=ax) is ax
     texts = {text.get_position(): text.get_text() for text in ax.texts}
     codes = list(BASE.codes)
     place = {code: number for number, code in enumerate(codes)}
@@ -72,4 +71,4 @@ def test_overlaps_are_shares_and_subsets_say_so(ax):
     assert sum(text == "in" for text in texts.values()) == 6
     assert len(texts) == 2 * 42
     share = ax.images[0].get_array()
-    assert np.allclose(share, matrix.to_numpy() / np.diag(matrix)[:, None])
+    assert np.allclose(share, overlaps.matrix.to_numpy() / np.diag(overlaps.matrix)[:, None])
