@@ -1,4 +1,11 @@
-"""Recorded waveforms from files: scope CSV, numpy arrays, sigrok sessions."""
+"""Recorded waveforms from files: scope CSV, numpy arrays, sigrok sessions.
+
+No two makers of scopes agree on the header of a text file, so nothing is looked for at a fixed
+place. The last rows of the file say which columns hold numbers; the header ends where the first
+such row begins; titles and units are what is above. The layouts that were read for this:
+Tektronix TDS (the header beside the data) and MDO, Keysight, Rigol (an increment instead of
+times), Siglent, LeCroy, PicoScope, Rohde & Schwarz, OWON, Digilent.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +13,7 @@ import configparser
 import io
 import re
 import zipfile
+from collections import Counter
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -13,10 +21,10 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.scope_csv import Column, read_table
 from shipnet.errors import ArgumentError, InputError
+from shipnet.line.waveform import Waveform
 
-__all__ = ["SLOWEST_RATE", "Waveform", "read_waveform"]
+Floats = npt.NDArray[np.float64]
 
 #: Fewest samples a second that tell the pulses of 3 us apart [1/s].
 SLOWEST_RATE = 1e6
@@ -29,28 +37,29 @@ _LARGEST = 1e15
 
 _COUNTERS = ("x", "#", "n", "no", "nr", "index", "sample", "samples", "point", "points", "sequence")
 
-Floats = npt.NDArray[np.float64]
+#: Rows at the end of the file that decide on its layout, and rows that may be header.
+_TAIL, _HEADER = 10, 2000
+
+_NUMBER = r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?"
+_IS_NUMBER = re.compile(rf"{_NUMBER}|[+-]?inf", re.ASCII)
+_QUANTITY = re.compile(rf"(?:[^:=]*[:=])?\s*({_NUMBER})\s*([a-zµμ/]*)", re.ASCII | re.IGNORECASE)
+_UNIT_IN_TITLE = re.compile(r"(.*?)\s*(?:[(\[]([^()\[\]]*)[)\]]|\bin\s+(\S+))\s*")
+_INTERVAL = re.compile(
+    r"(sampl\w*\s+(interval|period)|time\s+(interval|increment)|(x\s*|t)?inc(rement)?"
+    r"|interval|delta\s*t|dt)\b"
+)
+_RATE = re.compile(r"(sampl\w*\s+(rate|frequency|freq)|samplerate|fs)\b")
+
+#: Prefixes of units; a scope shows no megavolt and no megasecond, so case does not matter there.
+_PREFIX = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3}
+_BASE = {
+    "s": "s", "sec": "s", "second": "s", "seconds": "s",
+    "v": "V", "volt": "V", "volts": "V",
+    "a": "A", "amp": "A", "ampere": "A", "w": "W", "watt": "W", "hz": "Hz", "db": "dB",
+}  # fmt: skip
 
 
-class Waveform(NamedTuple):
-    """A voltage over time.
-
-    Attributes
-    ----------
-    u : ndarray of float, shape (n_t,)
-        Voltage [V]; NaN where the recorder says that it recorded nothing.
-    dt : float
-        Time between two samples [s].
-    channel : str
-        Name of the channel.
-    description : str
-        One line on what was read.
-    """
-
-    u: Floats
-    dt: float
-    channel: str
-    description: str
+# Waveforms -------------------------------------------------------------------------------------
 
 
 def read_waveform(
@@ -59,47 +68,7 @@ def read_waveform(
     channel: str | None = None,
     sample_interval: float | None = None,
 ) -> Waveform:
-    r"""Read one channel of a recorded waveform.
-
-    Parameters
-    ----------
-    path : path
-        A scope's text file (see `shipnet.asi.scope_csv`), ``.npy`` (1-D: voltages; 2-D: time and
-        voltages), ``.npz`` (``t`` or ``dt`` beside ``u`` or ``v``) or sigrok's ``.sr``.
-    channel : str, optional
-        Title of the channel, upper or lower case, or the number of its column, 1 for the first.
-        The first channel with a voltage if omitted.
-    sample_interval : float, optional
-        Time between two samples [s]; it overrides what the file says.
-
-    Returns
-    -------
-    Waveform
-        Its times are even to 1 %, or as even as the digits printed allow.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is empty, has a cell that is no number, uneven times, fewer
-        than 1e6 samples a second, or no such channel.
-    ArgumentError
-        If `sample_interval` is not positive.
-
-    References
-    ----------
-    .. [1] sigrok, "File format: Sigrok/v2", https://sigrok.org/wiki/File_format:Sigrok/v2
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from tempfile import TemporaryDirectory
-    >>> with TemporaryDirectory() as folder:
-    ...     file = Path(folder, "scope.csv")
-    ...     _ = file.write_text("Second,Volt\n0,30.1\n4e-07,29.8\n8e-07,27.9\n")
-    ...     u, dt, _, _ = read_waveform(file)
-    >>> u.tolist(), dt
-    ([30.1, 29.8, 27.9], 4e-07)
-    """
+    r"""Read one channel of a recorded waveform."""
     if sample_interval is not None and not 0 < sample_interval < np.inf:
         raise ArgumentError(f"sample_interval is {sample_interval} s; it must be positive")
     file = str(path)
@@ -322,7 +291,7 @@ def _choose(
         f"{Path(file).name}: channel {title}{among}; {len(u)} samples at "
         f"{1e-6 / sample_interval:.6g} MS/s, {len(u) * sample_interval * 1e3:.6g} ms"
     )
-    return Waveform(u, sample_interval, title, description)
+    return Waveform(u, sample_interval, names=(title,), description=description)
 
 
 def _is_counter(values: Floats, column: Column, k: int, columns: list[Column]) -> bool:
@@ -372,3 +341,281 @@ def _even(file: str, table: _Channels, time: int, u: Floats) -> tuple[float, Flo
         ]
         raise InputError(file, *faults, more=wrong.size - len(faults))
     return dt, u
+
+
+# Text ------------------------------------------------------------------------------------------
+
+
+class Column(NamedTuple):
+    """What the header says about one column of numbers."""
+
+    number: int  # its place in the file, 1 for the first
+    title: str
+    unit: str  # "s", "V", another unit, or "" where the header gives none
+    scale: float  # factor from the unit printed to the base unit: 1e-6 for "(us)"
+    digits: int  # significant digits of the longest number among the first and the last rows
+
+
+class Table(NamedTuple):
+    """The numbers of a text file as printed, and what its header says; `interval` in s."""
+
+    values: Floats
+    columns: list[Column]
+    interval: float | None
+
+
+def read_table(file: str, data: bytes) -> Table:
+    r"""Read what a scope wrote as text."""
+    data = _normal(file, data)
+    tail = [line for line in _text(data[-64_000:]).split("\n") if line.strip(" ,;\t")][-_TAIL:]
+    separator, places, decimal = _layout(tail)
+    if not places:
+        raise InputError(file, "no column of numbers at its end; expected time and voltage")
+    header, offset = _header(file, data, separator, places, decimal)
+    try:
+        values = _parse(data, offset, separator, places, decimal)
+    except ValueError:
+        values = _parse_slowly(file, data, len(header), separator, places, decimal)
+    beyond = np.isinf(values)
+    if beyond.any():
+        finite = np.where(beyond, np.nan, values)
+        if np.isnan(finite).all(axis=0).any():
+            raise InputError(file, "a column is off the scale throughout")
+        values = np.clip(values, np.nanmin(finite, axis=0), np.nanmax(finite, axis=0))
+    first = _text(data[offset : offset + 4000]).split("\n")[:-1] or tail
+    digits = _digits(first[:_TAIL] + tail, separator, places)
+    above = [_split(line, separator) for line in header]
+    beside = [_split(line, separator)[: places[0]] for line in first]
+    return Table(values, _columns(above, places, digits), _interval(above, beside))
+
+
+def _normal(file: str, data: bytes) -> bytes:
+    """Return the content as UTF-8 or Latin-1 without a mark, its lines ended by LF."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        data = data.decode("utf-16", errors="replace").encode()
+    if b"\0" in data:
+        raise InputError(file, "not text: it holds zero bytes; expected a table of numbers")
+    data = data.removeprefix("\ufeff".encode())
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    # How PicoScope marks a sample that is off the scale, and how a word processor writes minus.
+    return data.replace("∞".encode(), b"inf").replace("\u2212".encode(), b"-")
+
+
+def _text(data: bytes) -> str:
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    cells = line.split(separator)
+    return [cell.strip(" \t\"'") for cell in cells]
+
+
+def _is_number(cell: str) -> bool:
+    return _IS_NUMBER.fullmatch(cell) is not None
+
+
+def _layout(tail: list[str]) -> tuple[str | None, tuple[int, ...], str]:
+    """Return separator (None: blanks), places of the columns of numbers, and decimal sign."""
+    separator: str | None
+    for separator in ("\t", ";", ","):
+        if 2 * sum(separator in line for line in tail) > len(tail):
+            break
+    else:
+        # A single column has no separator; its header may well have commas.
+        separator = None if any(len(line.split()) > 1 for line in tail) else ","
+    rows = [_split(line, separator) for line in tail]
+    patterns = Counter(
+        tuple(place for place, cell in enumerate(row) if _is_number(cell)) for row in reversed(rows)
+    )
+    places = next(iter(patterns.most_common(1)), ((), 0))[0]
+    cells = [row[place] for row in rows for place in places if place < len(row)]
+    decimal = "," if separator != "," and any("," in cell for cell in cells) else "."
+    return separator, places, decimal
+
+
+def _header(
+    file: str, data: bytes, separator: str | None, places: tuple[int, ...], decimal: str
+) -> tuple[list[str], int]:
+    """Return the lines above the numbers and the byte at which the numbers begin.
+
+    A row of numbers counts only if no other line than a row of numbers or a blank one is among
+    the next two: a header may hold numbers as well.
+    """
+    lines: list[str] = []
+    starts: list[int] = []
+    run = position = 0
+    while position < len(data) and len(lines) - run < _HEADER:
+        end = data.find(b"\n", position)
+        end = len(data) if end < 0 else end
+        line = _text(data[position:end])
+        lines.append(line)
+        starts.append(position)
+        position = end + 1
+        cells = _split(line, separator)
+        if all(_value(cells, place, decimal) is not None for place in places):
+            run += 1
+        elif any(cells) or not run:
+            run = 0
+        else:
+            run += 1
+        if run == 3:
+            break
+    if not run:
+        raise InputError(
+            file, f"no row of numbers in the first {_HEADER} rows; expected time and voltage"
+        )
+    return lines[:-run], starts[-run]
+
+
+def _value(cells: list[str], place: int, decimal: str) -> float | None:
+    if place >= len(cells) or not _is_number(cells[place]):
+        return None
+    if decimal == "." and "," in cells[place]:
+        return None
+    try:
+        return float(cells[place].replace(",", "."))
+    except ValueError:
+        return None
+
+
+def _parse(
+    data: bytes, offset: int, separator: str | None, places: tuple[int, ...], decimal: str
+) -> Floats:
+    """Read all rows at once; raise ValueError where one is not as the others."""
+    import pandas as pd
+
+    body = io.BytesIO(data)
+    body.seek(offset)
+    frame = pd.read_csv(
+        body,
+        sep=separator or r"\s+",
+        header=None,
+        usecols=list(places),
+        dtype=np.float64,
+        decimal=decimal,
+        engine="c",
+        quoting=3,
+        na_filter=False,
+        encoding="latin-1",
+    )
+    values = frame.to_numpy()
+    if np.isnan(values).any():
+        raise ValueError
+    return values
+
+
+def _parse_slowly(
+    file: str,
+    data: bytes,
+    skip: int,
+    separator: str | None,
+    places: tuple[int, ...],
+    decimal: str,
+) -> Floats:
+    """Read row by row, and name every cell that is not a number."""
+    rows: list[list[float]] = []
+    faults: list[str] = []
+    more = 0
+    for number, line in enumerate(_text(data).split("\n")[skip:], start=skip + 1):
+        cells = _split(line, separator)
+        if not any(cells):
+            continue
+        row = [_value(cells, place, decimal) for place in places]
+        for place, value in zip(places, row, strict=True):
+            if value is None and len(faults) == InputError.shown:
+                more += 1
+            elif value is None:
+                cell = cells[place] if place < len(cells) else ""
+                what = f"{cell[:20]!r} is not a number" if cell else "is empty"
+                faults.append(f"row {number}, column {place + 1}{': ' if cell else ' '}{what}")
+        rows.append([np.nan if value is None else value for value in row])
+    if faults:
+        raise InputError(file, *faults, more=more)
+    return np.array(rows)
+
+
+def _digits(lines: list[str], separator: str | None, places: tuple[int, ...]) -> list[int]:
+    rows = [_split(line, separator) for line in lines]
+    mantissas = [
+        [re.split("[eE]", row[place])[0] for row in rows if place < len(row)] for place in places
+    ]
+    return [
+        max((len(re.sub("[^0-9]", "", cell).lstrip("0")) for cell in column), default=0)
+        for column in mantissas
+    ]
+
+
+def _unit(text: str) -> tuple[str, float] | None:
+    """Read a unit such as ``Volt``, ``(us)`` or ``mV``; None if it is none."""
+    text = text.strip(" ()[]").lower()
+    if text in _BASE:
+        return _BASE[text], 1.0
+    if text[:1] in _PREFIX and text[1:] in ("s", "sec", "v", "volt", "a"):
+        return _BASE[text[1:]], _PREFIX[text[0]]
+    return None
+
+
+def _columns(above: list[list[str]], places: tuple[int, ...], digits: list[int]) -> list[Column]:
+    titles = [""] * len(places)
+    units: list[tuple[str, float] | None] = [None] * len(places)
+    for cells in reversed(above[-8:]):
+        here = [cells[place] if place < len(cells) else "" for place in places]
+        if not any(here):
+            continue
+        # Keysight titles its channels 1 to 4; other numbers belong to settings of the scope.
+        if any(_is_number(cell) and not re.fullmatch("[0-9]{1,2}", cell) for cell in here):
+            break
+        found = [_unit(cell) for cell in here]
+        if any(found) and not any(titles) and not any(units) and _all_units(here, found):
+            units = found
+        else:
+            titles = here
+            break
+    columns = []
+    for place, title, unit, count in zip(places, titles, units, digits, strict=True):
+        inside = _UNIT_IN_TITLE.fullmatch(title)
+        if unit is None and inside and (unit := _unit(inside[2] or inside[3] or "")):
+            title = inside[1]
+        name, scale = unit or ("", 1.0)
+        columns.append(Column(place + 1, title.lstrip("# "), name, scale, count))
+    return columns
+
+
+def _all_units(here: list[str], found: list[tuple[str, float] | None]) -> bool:
+    """Whether a row is one of units; Rigol writes "Sequence" under its counter."""
+    return all(
+        unit or cell.lower() in ("", "sequence") for cell, unit in zip(here, found, strict=True)
+    )
+
+
+def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
+    """Find the time between two samples among the cells of the header [s]."""
+    header = [*above, *beside]
+    for row, cells in enumerate(header):
+        below = header[row + 1] if row + 1 < len(header) else []
+        for place, cell in enumerate(cells):
+            key = cell.lower().lstrip("# ").replace("_", " ")
+            kind = _INTERVAL.match(key) or _RATE.match(key)
+            # The value stands in the same cell, in the next one, or in the one below.
+            around = [re.sub("^[^:=]*", "", cell), *cells[place + 1 : place + 2], *below[place:]]
+            for candidate in around[:3] if kind else []:
+                value = _quantity(candidate)
+                if value and kind:
+                    return value if kind.re is _INTERVAL else 1 / value
+    return None
+
+
+def _quantity(text: str) -> float | None:
+    """Read a positive number with a unit, such as ``4e-09``, ``4.0ns`` or ``CH1:250 MSa/s``."""
+    found = _QUANTITY.fullmatch(text.strip())
+    if not found:
+        return None
+    number, unit = found.groups()
+    prefixed = len(unit) > 1 and unit.lower() not in _BASE
+    scale = {**_PREFIX, "K": 1e3, "M": 1e6, "G": 1e9}.get(unit[0], 1.0) if prefixed else 1.0
+    value = float(number.replace(",", ".")) * scale
+    return value if 1e-13 < value < 1e13 else None

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shipnet.asi.waveform_file import read_waveform
 from shipnet.errors import ArgumentError, InputError
+from shipnet.line import Waveform
 
 N = 60
 DT = 1e-7
@@ -88,7 +88,7 @@ def save(tmp_path):
 
 def refused(file, **options):
     with pytest.raises(InputError) as refusal:
-        read_waveform(file, **options)
+        Waveform.read(file, **options)
     message = str(refusal.value)
     assert message.startswith(f"{file}: ")
     assert "\n" not in message
@@ -97,7 +97,7 @@ def refused(file, **options):
 
 @pytest.mark.parametrize("layout", SYNTHETIC)
 def test_every_layout_gives_the_same_waveform(layout, save):
-    waveform = read_waveform(save(SYNTHETIC[layout]))
+    waveform = Waveform.read(save(SYNTHETIC[layout]))
     assert waveform.u == pytest.approx(V, abs=1e-9)
     assert waveform.dt == pytest.approx(DT, rel=1e-6)
     assert "60 samples at 10 MS/s" in waveform.description
@@ -105,8 +105,8 @@ def test_every_layout_gives_the_same_waveform(layout, save):
 
 @pytest.mark.parametrize("encoding", ["utf-16", "latin-1", "utf-8-sig"])
 def test_encodings(encoding, save):
-    waveform = read_waveform(save(SYNTHETIC["picoscope_german"].encode(encoding)))
-    assert waveform.channel == "Channel A"
+    waveform = Waveform.read(save(SYNTHETIC["picoscope_german"].encode(encoding)))
+    assert waveform.names[0] == "Channel A"
     assert waveform.u == pytest.approx(V)
 
 
@@ -117,34 +117,34 @@ def test_titles_are_found():
         for layout, title in named.items():
             file = Path(folder, "a.csv")
             file.write_text(SYNTHETIC[layout], encoding="utf-8")
-            assert read_waveform(file).channel == title
+            assert Waveform.read(file).names[0] == title
 
 
 def test_a_channel_is_chosen_by_title_or_number(save):
     two = "Time,Channel A,Channel B\n(us),(mV),(V)\n" + rows("{t:.3f},5,{v:.3f}", time=1e6)
     for channel in ("Channel B", "channel b", "3"):
-        assert read_waveform(save(two), channel=channel).u == pytest.approx(V)
-    assert read_waveform(save(two)).u == pytest.approx(0.005)
+        assert Waveform.read(save(two), channel=channel).u == pytest.approx(V)
+    assert Waveform.read(save(two)).u == pytest.approx(0.005)
     assert "its channels are Channel A, Channel B" in refused(save(two), channel="C")
 
 
 def test_off_the_scale_is_clipped(save):
     text = "Time,Channel A\n(us),(V)\n" + rows("{t:.3f},{v:.3f}", time=1e6).replace("31.999", "∞")
-    u = read_waveform(save(text)).u
+    u = Waveform.read(save(text)).u
     assert np.isfinite(u).all()
     assert u.max() == np.sort(V[V < 31.999])[-1]
 
 
 def test_times_printed_with_few_digits_are_even_enough(save):
     coarse = "".join(f"{0.01 + k * DT:.6g},{v}\n" for k, v in enumerate(V))
-    assert read_waveform(save("Time,CH1\n" + coarse)).dt == pytest.approx(DT, rel=0.02)
+    assert Waveform.read(save("Time,CH1\n" + coarse)).dt == pytest.approx(DT, rel=0.02)
 
 
 def test_a_sample_interval_given_overrides_the_file(save):
-    assert read_waveform(save(SYNTHETIC["keysight"]), sample_interval=5e-8).dt == 5e-8
-    assert read_waveform(save(rows("{v:.3f}")), sample_interval=DT).u == pytest.approx(V)
+    assert Waveform.read(save(SYNTHETIC["keysight"]), sample_interval=5e-8).dt == 5e-8
+    assert Waveform.read(save(rows("{v:.3f}")), sample_interval=DT).u == pytest.approx(V)
     with pytest.raises(ArgumentError, match="sample_interval is 0"):
-        read_waveform(save("1"), sample_interval=0)
+        Waveform.read(save("1"), sample_interval=0)
 
 
 def test_bad_cells_are_all_named(save):
@@ -205,15 +205,15 @@ def test_an_error_survives_pickling():
 
 def test_numpy_files(tmp_path):
     np.save(tmp_path / "u.npy", V)
-    assert read_waveform(tmp_path / "u.npy", sample_interval=DT).u == pytest.approx(V)
+    assert Waveform.read(tmp_path / "u.npy", sample_interval=DT).u == pytest.approx(V)
     assert "it gives no times" in refused(tmp_path / "u.npy")
     for array in (np.column_stack([T, V]), np.stack([T, V]).astype(np.float32)):
         np.save(tmp_path / "tu.npy", array)
-        assert read_waveform(tmp_path / "tu.npy").dt == pytest.approx(DT, rel=1e-4)
+        assert Waveform.read(tmp_path / "tu.npy").dt == pytest.approx(DT, rel=1e-4)
     np.savez(tmp_path / "tv.npz", t=T, v=np.column_stack([V, -V]), probes=["n0", "n5"])
-    assert read_waveform(tmp_path / "tv.npz", channel="n5").u == pytest.approx(-V)
+    assert Waveform.read(tmp_path / "tv.npz", channel="n5").u == pytest.approx(-V)
     np.savez_compressed(tmp_path / "du.npz", dt=DT, u=V)
-    assert read_waveform(tmp_path / "du.npz").dt == DT
+    assert Waveform.read(tmp_path / "du.npz").dt == DT
 
 
 @pytest.mark.parametrize(
@@ -261,13 +261,13 @@ def session(parts, rate="10 MHz", number=1, extra=""):
 
 def test_a_sigrok_session_of_many_parts(save):
     file = save(session(np.split(V, 12), number=9, extra="total probes=8\nunitsize=1\n"), "a.sr")
-    waveform = read_waveform(file)
+    waveform = Waveform.read(file)
     assert waveform.u == pytest.approx(V, abs=1e-5)
-    assert waveform[1:3] == (DT, "AS-i")
+    assert (waveform.dt, waveform.names) == (DT, ("AS-i",))
 
 
 def test_a_sigrok_session_keeps_what_was_not_recorded(save):
-    waveform = read_waveform(save(session([V, np.full(N, np.nan), V]), "a.sr"))
+    waveform = Waveform.read(save(session([V, np.full(N, np.nan), V]), "a.sr"))
     assert np.isnan(waveform.u).sum() == N
 
 
@@ -287,7 +287,7 @@ def test_bad_sigrok_sessions(content, message, save):
 
 
 def test_an_archive_that_claims_too_much_is_not_unpacked(save, monkeypatch):
-    monkeypatch.setattr("shipnet.asi.waveform_file._LARGEST_PART", 100)
+    monkeypatch.setattr("shipnet.line.scope_file._LARGEST_PART", 100)
     assert "at most 100 are read" in refused(save(session([V]), "a.sr"))
 
 
@@ -323,7 +323,7 @@ def test_hostile_bytes_are_refused_or_read(kind, data):
         file = Path(folder, f"a{kind}")
         file.write_bytes(content)
         try:
-            waveform = read_waveform(file)
+            waveform = Waveform.read(file)
         except InputError:
             return
     assert waveform.u.ndim == 1
