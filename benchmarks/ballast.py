@@ -10,12 +10,12 @@ from timeit import repeat
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.plant import Command
+from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks, simulate
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.ballast.compliance import integrate_stroke
 
 N, DURATION = 256, 20.0
@@ -28,11 +28,11 @@ def seconds(function, repeats=3):
 
 
 def many():
-    return simulate(commands=OPEN, n_valves=N, duration=DURATION, rng=np.random.default_rng(2024))
+    return simulate(N, OPEN, until=DURATION, rng=np.random.default_rng(2024))
 
 
 def one():
-    return simulate(commands=OPEN, duration=DURATION, rng=np.random.default_rng(2024))
+    return simulate(1, OPEN, until=DURATION, rng=np.random.default_rng(2024))
 
 
 def stroke():
@@ -53,7 +53,7 @@ def report(what, time, peer=None, peer_time=None, note=""):
 
 
 def main():
-    ideal = simulate(commands=[Command("open")], duration=9, sensors=Sensors.ideal())
+    ideal = simulate(System(sensors=Sensors.ideal()), [Command("open")], until=9)
     ode = stroke()
     n = ode.time.size
     apart = np.abs(ode.opening - ideal.opening[:n, 0]).max()

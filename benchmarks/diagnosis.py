@@ -9,11 +9,12 @@ from timeit import default_timer, repeat
 
 import numpy as np
 
-from shipnet.ballast.diagnosis import READINGS, diagnose_run
+from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.plant import Command
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.simulation import blocks, simulate
 from shipnet.ballast.valve_faults import Fault
+from shipnet.fuzzy.rules import METHODS
 
 N, FEW = 256, 100
 BASE = rule_base()
@@ -47,7 +48,7 @@ def own_loop(rows):
 def day():
     """Diagnose a day of a fleet; return readings, and seconds of plant and of diagnosis."""
     orders = [Command(("open", "close")[hour % 2], 3600.0 * hour) for hour in range(24)]
-    faults = [Fault("V1", start=30000.0, valves=3), Fault("P2", start=50000.0, valves=70)]
+    faults = [Fault("V1", start=30000.0, valves=4), Fault("P2", start=50000.0, valves=71)]
     after, spent, readings = None, 0.0, 0
     begin = default_timer()
     rng = np.random.default_rng(1)
@@ -62,7 +63,7 @@ def day():
 def main():
     warnings.filterwarnings("ignore", category=DeprecationWarning, module="skfuzzy")
     orders = [Command("open", 5.0), Command("close", 35.0)]
-    run = simulate(commands=orders, duration=65, n_valves=N, rng=np.random.default_rng(2024))
+    run = simulate(N, orders, until=65, rng=np.random.default_rng(2024))
     diagnosis = diagnose_run(run)
     size = run.time.size * N
 
@@ -80,8 +81,8 @@ def main():
     assert np.array_equal(whole, diagnosis.active)
 
     per_sample = {
-        f"diagnose_run, {reading}": seconds(lambda r=reading: diagnose_run(run, reading=r)) / size
-        for reading in READINGS
+        f"diagnose_run, {reading}": seconds(lambda r=reading: diagnose_run(run, method=r)) / size
+        for reading in METHODS
     }
     per_sample["strengths, a sample at a time"] = seconds(lambda: own_loop(rows)) / len(rows)
     per_sample["ControlSystemSimulation, the same"] = seconds(lambda: control_loop(rows), 2) / len(

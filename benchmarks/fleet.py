@@ -11,8 +11,10 @@ from time import perf_counter
 
 import numpy as np
 
-from shipnet.ballast.fleet import random_commands, random_faults, watch
+from shipnet.ballast.fleet import run_fleet
+from shipnet.ballast.plant import Command
 from shipnet.ballast.simulation import blocks
+from shipnet.ballast.valve_faults import Fault
 
 DAY, N = 86400.0, 256
 
@@ -24,14 +26,14 @@ def peak():
 
 def scenario(duration):
     rng = np.random.default_rng(2024)
-    plan = random_commands(rng, duration=duration, operations=max(round(6 * duration / DAY), 2))
-    return plan, random_faults(24, rng, duration=0.9 * duration), rng
+    plan = Command.random(rng=rng, until=duration, operations=max(round(6 * duration / DAY), 2))
+    return plan, Fault.random(24, rng=rng, until=0.9 * duration), rng
 
 
 def day(duration=DAY, size=2000):
     plan, faults, rng = scenario(duration)
     start = perf_counter()
-    report = watch(plan, faults, rng=rng, duration=duration, size=size)
+    report = run_fleet(256, plan, faults=faults, rng=rng, until=duration, size=size)
     return report, perf_counter() - start
 
 
@@ -61,7 +63,7 @@ def main():
     print(f"peak memory {memory:.0f} MB")
     small, large = float(alone("hour", "2000")), float(alone("hour", "1000000"))
     print(f"an hour at once takes {large / small:.1f}x the memory of blocks, {large:.0f} MB")
-    print(report.summary.round(1).to_string())
+    print(report.summary().round(1).to_string())
 
 
 if __name__ == "__main__":

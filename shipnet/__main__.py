@@ -275,7 +275,8 @@ def _serve(arguments: argparse.Namespace) -> None:
     import logging
     from threading import Event
 
-    from shipnet.ballast.live import parse_fault, valve_server
+    from shipnet.ballast.live import serve
+    from shipnet.ballast.valve_faults import Fault
     from shipnet.engine.serving import engine_server
     from shipnet.errors import ArgumentError
     from shipnet.modbus.timing import Serial
@@ -299,8 +300,8 @@ def _serve(arguments: argparse.Namespace) -> None:
         server, units = engine_server(speed=arguments.speed, **options), "unit ids 2 and 3"
     else:
         units = "unit id 1" if n_valves == 1 else f"unit ids 1..{n_valves}"
-        faults = [parse_fault(text, n_valves) for text in arguments.fault]
-        server = valve_server(
+        faults = [Fault.parse(text, n_valves) for text in arguments.fault]
+        server = serve(
             n_valves,
             faults=faults,
             speed=arguments.speed,

@@ -38,7 +38,7 @@ def loaded(statement):
         ("from shipnet.remote_control import faults", []),
         ("from shipnet.remote_control import simulate, recommend", ["numpy"]),
         ("import shipnet.fuzzy", []),
-        ("import shipnet.ballast", ["numpy"]),
+        ("import shipnet.ballast", []),
         ("import shipnet.papers", ["numpy", "pandas"]),
         ("import shipnet.exercises", ["numpy"]),
     ],

@@ -131,7 +131,9 @@ def test_open_and_close_are_not_echoed():
     assert valve.status_is_the_command(commands=modes)
     assert not any(valve.status_is_the_command(commands=(move,)) for move in moves)
     # By hand: Open is 0x0008; 100 % with auto and open, Bit1 and Bit3, is 0x640A.
-    done = RegisterMap(status="table 2").pack([[0], [0], [0], [50], [100]], close=False, open=True)
+    done = RegisterMap(status="table 2").encode(
+        [[0], [0], [0], [50], [100]], close=False, open=True
+    )
     assert done.registers[0, 0] == 0x640A
     # At the start of a movement not even a position is.
     assert RegisterMap().command(Code.POSITION_OPEN, 40) == 0x280A != 0x000A
@@ -139,7 +141,7 @@ def test_open_and_close_are_not_echoed():
 
 def test_status_bits_are_two_places_apart():
     words = [
-        int(RegisterMap(status=t).pack([[0]] * 5, close=True, open=True).registers[0, 0])
+        int(RegisterMap(status=t).encode([[0]] * 5, close=True, open=True).registers[0, 0])
         for t in ("table 2", "table 3")
     ]
     assert words[1] == words[0] << 2

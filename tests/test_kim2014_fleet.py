@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.ballast.fleet import watch
+from shipnet.ballast.fleet import run_fleet
 from shipnet.ballast.plant import Command
 from shipnet.ballast.scan import status_poll, worst_age
 from shipnet.ballast.simulation import simulate
@@ -13,7 +13,7 @@ from shipnet.errors import ArgumentError
 from shipnet.modbus.ring import Loop
 from shipnet.modbus.timing import Serial
 from shipnet.papers.kim2014.fleet import age_table, broken_loops, picture_table, seen_strokes
-from shipnet.papers.kim2014.fleet.plot import plot_ages, plot_history, plot_seen_strokes
+from shipnet.papers.kim2014.fleet.plot import plot_ages, plot_seen_strokes
 
 SLOW, QUICK = "one by one, time-out 1 s", "all beyond, time-out 0.1 s"
 
@@ -29,7 +29,7 @@ def test_a_master_of_more_valves_sees_less_of_the_same_stroke():
     period = Loop(64, status_poll(Serial(9600))).period
     assert counts[0] > 10 * counts[1]
     assert np.diff(seen[64].time) == pytest.approx(np.full(counts[1] - 1, period), abs=0.03)
-    true = simulate(commands=[Command("open", 3.0)], duration=15)
+    true = simulate(1, [Command("open", 3.0)], until=15)
     for run in seen.values():
         # The command goes out after the poll under way, and a register has steps of 1 %.
         there = np.interp(run.time, true.time, true.VPos[:, 0])
@@ -54,13 +54,13 @@ def test_a_slow_rule_leaves_a_wrong_picture_and_a_quick_one_does_not(pictures):
     assert table.loc["all beyond, time-out 1 s", "unanswered"] < 5 < table.loc[SLOW, "unanswered"]
     # From before the break to the end nobody beyond it is heard again.
     assert 40.0 - 9.0 < table.loc[SLOW, "oldest_s"] < 40.0
-    assert pictures[SLOW].seen.screen()["state"].eq("silent").sum() == 0
+    assert pictures[SLOW].seen.screen().table()["state"].eq("silent").sum() == 0
 
 
 def test_the_ages_drawn_are_those_of_the_masters(pictures):
     ax = plot_ages(pictures, ax=Figure().subplots(), start=9.0)
     lines = {line.get_label(): line.get_ydata() for line in ax.lines}
-    oldest = pictures[SLOW].seen.age([20.0, 39.0]).max(axis=1)
+    oldest = pictures[SLOW].seen.ages([20.0, 39.0]).max(axis=1)
     assert lines[SLOW][[200, 390]] == pytest.approx(oldest)
     assert np.isnan(lines[SLOW][0])
     assert [text.get_text() for text in ax.get_legend().get_texts()] == list(pictures)
@@ -68,7 +68,7 @@ def test_the_ages_drawn_are_those_of_the_masters(pictures):
 
 
 def test_one_marker_is_drawn_for_each_status():
-    true, seen = simulate(commands=[Command("open", 3.0)], duration=15), seen_strokes([5, 64])
+    true, seen = simulate(1, [Command("open", 3.0)], until=15), seen_strokes([5, 64])
     ax = plot_seen_strokes(true, seen, ax=Figure().subplots())
     assert [len(line.get_xdata()) for line in ax.lines[1:]] == [r.time.size for r in seen.values()]
     assert ax.lines[0].get_ydata() == pytest.approx(true.VPos[:, 0])
@@ -76,12 +76,12 @@ def test_one_marker_is_drawn_for_each_status():
 
 def test_the_history_has_a_line_from_each_fault_to_its_report_or_to_the_end():
     orders = [Command("open", 600.0), Command("close", 1500.0)]
-    faults = [Fault("V1", start=900.0, valves=1), Fault("O1", start=1000.0, valves=0)]
-    report = watch(orders, faults, n_valves=2, duration=1800.0)
-    ax = plot_history(report, ax=Figure().subplots())
+    faults = [Fault("V1", start=900.0, valves=2), Fault("O1", start=1000.0, valves=1)]
+    report = run_fleet(2, orders, faults=faults, until=1800.0)
+    ax = report.plot(Figure().subplots())
     (lines,) = ax.collections
     ends = [(3600 * a[0], 3600 * b[0]) for a, b in lines.get_segments()]
-    assert ends[0] == pytest.approx((900.0, report.faults["alarm_s"][0]))
+    assert ends[0] == pytest.approx((900.0, report.faults()["alarm_s"][0]))
     assert ends[1] == pytest.approx((1000.0, 1800.0))
     assert [text.get_text() for text in ax.get_yticklabels()] == ["V1, valve 2", "O1, valve 1"]
     reported = next(line for line in ax.lines if line.get_label() == "reported")

@@ -15,7 +15,7 @@ from shipnet.modbus.timing import Serial
 from shipnet.papers.kim2014 import outlines, plot
 from shipnet.papers.kim2014.diagnosis import score_table
 from shipnet.papers.kim2014.loop import RATES, break_table, scan_table, status_poll
-from shipnet.papers.kim2014.severity import graded_trials, life_table
+from shipnet.papers.kim2014.severity import graded_trials
 from shipnet.papers.kim2014.talk import conversation
 
 PDU = ReadRequest(4, 0x4020, 4).pdu
@@ -134,17 +134,17 @@ def test_a_fault_without_severity_is_not_reported_and_the_worst_is():
         "V1": "its own name", "Pos4": "another fault's name", "O1": "its own name",
     }  # fmt: skip
     own = table["said"] == "its own name"
-    assert (own == (table["headline"] == table["fault"])).all()
+    assert (own == (table["top_fault"] == table["fault"])).all()
 
 
 def test_more_strokes_tell_the_end_of_a_pump_more_closely():
     wear = synthetic_wear(2, 300, rng=np.random.default_rng(2024))
-    table = life_table(wear, 1, [20, 60, 180])
+    table = wear.life_table(2, [20, 60, 180])
     assert table.index.tolist() == [20, 60, 180]
     assert np.allclose(table["true"] + table.index, wear.life[1])
     width = table["high"] - table["low"]
     assert (width.diff().dropna() < 0).all()
-    assert (abs(table["to_go"] - table["true"]) <= width).all()
+    assert (abs(table["remaining"] - table["true"]) <= width).all()
 
 
 @pytest.mark.parametrize("valves", [0, 9999, -1])

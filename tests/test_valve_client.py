@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.ballast.live import valve_server
+from shipnet.ballast.live import serve
 from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.frame import decode_tcp, encode_tcp
@@ -26,16 +26,22 @@ def linked(port, timeout=5.0):
 def test_a_valve_travels_in_model_time():
     valves = ModelValves(8)
     assert send(valves, 3, "open") == "valve 3: open"
-    assert send(valves, 5, "position", 40) == "valve 5: position 40 %"
+    assert send(valves, 5, 40) == "valve 5: position 40 %"
     places = []
     for valves.time in (0.0, 3.0, 12.0):
         result = update(Inputs(valves=8, valve=3), valves)
-        places.append(result.positions[[0, 2, 4]].tolist())
+        places.append(result.readout.positions[[0, 2, 4]].tolist())
     assert places == [[0, 0, 0], [0, 33, 33], [0, 100, 40]]
     assert result.verdict == "valve 3: open, 100 %"
     assert result.numbers["motor ran"] == "9.0 s"
     assert result.numbers["mode"] == "auto, last command open"
-    assert result.screen.state.tolist()[:5] == ["closed", "closed", "open", "closed", "part open"]
+    assert result.screen.table().state.tolist()[:5] == [
+        "closed",
+        "closed",
+        "open",
+        "closed",
+        "part open",
+    ]
 
 
 def test_the_numbers_have_their_units_while_it_moves():
@@ -59,12 +65,12 @@ def test_refusals_are_sentences():
 
 
 def test_over_a_socket_it_is_the_same_as_in_model_time():
-    with valve_server(4, speed=0, faults=[Fault("Pos3", valves=1)]) as server:
+    with serve(4, speed=0, faults=[Fault("Pos3", valves=2)]) as server:
         with linked(server.port) as link:
             assert send(link, 3, "open") == "valve 3: open"
             result = update(Inputs(valves=5, valve=3), link)
-    assert result.positions.tolist()[:4] == [0, 15, 0, 0]
-    assert result.units.tolist() == [1, 2, 3, 4]
+    assert result.readout.positions.tolist()[:4] == [0, 15, 0, 0]
+    assert result.readout.units.tolist() == [1, 2, 3, 4]
     assert result.verdict == "valve 3: moving, 0 %"
 
 
@@ -112,9 +118,8 @@ def test_a_server_that_answers_nonsense_is_told_in_a_sentence(reply):
         (lambda: Inputs(address=7), "address is 7"),
         (lambda: send(ModelValves(), 0, "open"), "valve is 0"),
         (lambda: send(ModelValves(), 1, "stop"), "action is 'stop'"),
-        (lambda: send(ModelValves(), 1, "position", 101), "position is 101"),
-        (lambda: send(ModelValves(), 1, "open", 5), "position is 5"),
-        (lambda: send(ModelValves(), 1, "position"), r"position is None.*0\.\.100"),
+        (lambda: send(ModelValves(), 1, 101), "position is 101"),
+        (lambda: send(ModelValves(), 1, "position"), r"action is 'position'.*0\.\.100"),
     ],
 )
 def test_a_value_out_of_range_is_named(make, message):
@@ -167,7 +172,7 @@ def test_a_reading_that_is_missing_is_said_and_is_no_silence():
     result = update(Inputs(valves=3), valves)
     assert result.numbers["position"] == result.numbers["pump pressure"] == "missing"
     assert result.verdict == "valve 1: not seen, missing"
-    assert result.screen.state.tolist() == ["not seen", "not seen", "silent"]
+    assert result.screen.table().state.tolist() == ["not seen", "not seen", "silent"]
 
 
 def test_a_refusal_colours_its_valve_only_until_that_obeys():
@@ -205,7 +210,7 @@ def test_the_explorer_goes_to_a_server_that_is_typed_and_says_where_none_is():
     box = explorer()
     try:
         fields, buttons = box.controls, box.buttons
-        with valve_server(2, speed=0, faults=[Fault("Pos3", valves=0)]) as other:
+        with serve(2, speed=0, faults=[Fault("Pos3", valves=1)]) as other:
             fields["port"].value = other.port
             fields["valves"].value = 2
             fields["address"].value = "127.0.0.1"

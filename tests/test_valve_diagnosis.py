@@ -42,8 +42,8 @@ def test_the_plant_sets_the_sensors_to_its_operating_point(code):
 def test_every_fault_is_active_in_some_state_and_health_in_all_is_normal(code):
     found = {state: update(from_plant(code, state=state)) for state in STATES}
     assert any(code in result.active for result in found.values())
-    assert all(update(from_plant(state=state)).headline == "normal" for state in STATES)
-    mild = [update(from_plant(code, 0.0, state)).headline for state in STATES]
+    assert all(update(from_plant(state=state)).top == "normal" for state in STATES)
+    mild = [update(from_plant(code, 0.0, state)).top for state in STATES]
     assert mild == ["normal"] * 4
 
 
@@ -52,14 +52,14 @@ def test_the_vectors_of_the_paper_are_diagnosed_as_it_says():
     for code, row in table.iterrows():
         commanded = bool(row["DVPos"] == row["DVPos"])
         values = {name: float(x) for name, x in row.items()}
-        assert update(Inputs(**values, commanded=commanded)).headline == code
+        assert update(Inputs(**values, commanded=commanded)).top == code
 
 
 def test_standstill_without_a_command_and_a_missing_sensor_fire_nothing():
-    assert update(Inputs(DVPos=0.0)).headline == "V2"
-    assert update(Inputs(DVPos=0.0, commanded=False)).headline == "normal"
+    assert update(Inputs(DVPos=0.0)).top == "V2"
+    assert update(Inputs(DVPos=0.0, commanded=False)).top == "normal"
     lost = update(Inputs(FP=nan, MC=4.0))
-    assert lost.headline == "normal"
+    assert lost.top == "normal"
     assert "missing FP" in lost.decision.explain(0)
 
 
@@ -136,10 +136,11 @@ def test_the_sliders_start_where_the_inputs_do_and_a_fault_sets_them():
 
 
 def test_the_confusion_matrix_shows_percent_and_frames_what_is_right():
-    trials = fault_trials(["normal", "Pos3"], n_valves=4, readings=["fuzzy"],
-                          rng=np.random.default_rng(1))  # fmt: skip
+    trials = fault_trials(
+        ["normal", "Pos3"], n_valves=4, methods=["fuzzy"], rng=np.random.default_rng(1)
+    ).table()
     table = confusion(trials)
-    ax = plot_confusion(table, ax=axes())
+    ax = plot_confusion(table, axes())
     assert [text.get_text() for text in ax.texts] == ["100", "100"]
     assert [label.get_text() for label in ax.get_xticklabels()] == ["normal", "Pos3", "S1"]
     assert sorted(p.get_xy() for p in ax.patches) == [(-0.5, -0.5), (0.5, 0.5)]
@@ -147,20 +148,19 @@ def test_the_confusion_matrix_shows_percent_and_frames_what_is_right():
 
 
 def test_the_strengths_over_time_are_those_of_the_diagnosis():
-    run = simulate(commands=[Command("open", 1.0)], duration=15, n_valves=2,
-                   faults=[Fault("S1", valves=1)])  # fmt: skip
+    run = simulate(2, [Command('open', 1.0)], until=15, faults=[Fault('S1', valves=2)])  # fmt: skip
     diagnosis = diagnose_run(run)
-    ax = diagnosis.decision(1).plot(diagnosis.time, ax=axes())
+    ax = diagnosis.decision(2).plot(diagnosis.time, ax=axes())
     drawn = ax.collections[0].get_array()
     base = diagnosis.base
     for row, code in enumerate(base.ranking):
-        np.testing.assert_array_equal(drawn[row], diagnosis.firing(1)[code])
+        np.testing.assert_array_equal(drawn[row], diagnosis.firing(2)[code])
     assert [label.get_text() for label in ax.get_yticklabels()] == list(base.ranking)
-    once = diagnose_run(simulate(duration=0))
+    once = diagnose_run(simulate(1, until=0))
     with pytest.raises(ArgumentError, match=r"time has the shape \(1,\)"):
-        once.decision(0).plot(once.time, ax=axes())
+        once.decision(1).plot(once.time, ax=axes())
     with pytest.raises(ArgumentError, match=r"time has the shape \(3,\)"):
-        diagnosis.decision(1).plot([0, 1, 2], ax=axes())
+        diagnosis.decision(2).plot([0, 1, 2], ax=axes())
 
 
 def test_the_trend_is_drawn_up_to_its_limit_and_no_trend_is_said():

@@ -6,97 +6,37 @@ code and shows how long a fault waits for a command that reveals it; it validate
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from shipnet.ballast.diagnosis import Diagnosis, diagnose_run
 from shipnet.ballast.plant import Command
-from shipnet.ballast.simulation import blocks
+from shipnet.ballast.scan import System, as_system
+from shipnet.ballast.simulation import blocks, stroke_rows
 from shipnet.ballast.valve_faults import FAULTS, Fault
-from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_scalar
 from shipnet.fuzzy.rules import RuleBase
+from shipnet.intervals import event_interval
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-#: The last valve of a group starts so long before the next group is commanded [s]: room for the
-#: longest run of a motor.
-_GROUP_PAUSE = 30.0
+    from matplotlib.axes import Axes
 
 
 #: Columns of `FleetReport.faults`, and their types.
 _FAULT_COLUMNS = {
     "valve": np.int64, "code": object, "severity": float, "start_s": float, "alarm_s": float,
-    "headline": object, "diagnosed_s": float, "isolated": bool, "delay_s": float,
+    "top_fault": object, "diagnosed_s": float, "isolated": bool, "delay_s": float,
     "command_s": float, "after_command_s": float,
 }  # fmt: skip
 
 
-def random_faults(
-    n_faults: int,
-    rng: np.random.Generator,
-    *,
-    n_valves: int = 256,
-    duration: float = 86400.0,
-    codes: Sequence[str] = tuple(FAULTS),
-    severity: float | tuple[float, float] = 1.0,
-) -> list[Fault]:
-    """Draw faults that appear at random times, each on a valve of its own."""
-    valves = check_whole("n_valves", n_valves, 1, 10_000)
-    count = check_whole("n_faults", n_faults, 0, valves)
-    end = check_scalar("duration", duration, "s", 0, 1e8)
-    if not codes:
-        raise ArgumentError("codes is empty; it must name 1.. faults")
-    low, high = severity if isinstance(severity, tuple) else (severity, severity)
-    low, high = check_scalar("severity", low, "", 0, 1), check_scalar("severity", high, "", low, 1)
-    names = np.resize(np.array(codes, dtype=object), count)
-    rng.shuffle(names)
-    where = rng.choice(valves, count, replace=False)
-    when, how = np.sort(rng.uniform(0, end, count)), rng.uniform(low, high, count)
-    return [
-        Fault(str(code), float(s), float(t), int(valve))
-        for code, s, t, valve in zip(names, how, when, where, strict=True)
-    ]
-
-
-def random_commands(
-    rng: np.random.Generator,
-    *,
-    n_valves: int = 256,
-    duration: float = 86400.0,
-    operations: int = 6,
-    group: int = 16,
-) -> list[Command]:
-    """Draw a plan in which every valve is opened and closed in turn, a group at a time."""
-    valves = check_whole("n_valves", n_valves, 1, 10_000)
-    times = check_whole("operations", operations, 1, 1000)
-    size = check_whole("group", group, 1, valves)
-    lasts = -(-valves // size) * _GROUP_PAUSE
-    share = check_scalar("duration", duration, "s", 0, 1e8) / times
-    if share < lasts:
-        raise ArgumentError(
-            f"duration is {duration:g} s; {times} operations of {lasts:g} s take {times * lasts:g}"
-        )
-    plan = []
-    for place in range(times):
-        begin = place * share + rng.uniform(0, share - lasts)
-        order = rng.permutation(valves)
-        for number, first in enumerate(range(0, valves, size)):
-            members = [int(valve) for valve in order[first : first + size]]
-            when = begin + number * _GROUP_PAUSE
-            plan.append(Command(("open", "close")[place % 2], when, valves=members))
-    return plan
-
-
 @dataclass(frozen=True, eq=False)
 class FleetReport:
-    """What came of watching a fleet.
+    """What was found of a fleet, as `run_fleet` returns it.
 
     Parameters
     ----------
@@ -109,9 +49,15 @@ class FleetReport:
     injected : list of Fault
         What was wrong, from when on.
     commands : DataFrame
-        One row a run of a motor: ``valve``, ``action``, ``start_s``, ``end_s``, ``outcome``.
+        One row per run of a motor: ``valve``, ``action``, ``start_s``, ``end_s``, ``outcome``.
     alarms : DataFrame
-        One row for every time a code became active: ``time_s``, ``valve``, ``code``, ``headline``.
+        One row for every time a code became active: ``time_s``, ``valve``, ``code``, ``top_fault``.
+
+    Examples
+    --------
+    >>> report = run_fleet(2, [Command("open", 60.0)], faults=Fault("V1", valves=2), until=120)
+    >>> report
+    FleetReport(2 valves, 0.0333333 h, 1 faults, 1 alarmed, 0 false alarms)
     """
 
     n_valves: int
@@ -121,7 +67,6 @@ class FleetReport:
     commands: pd.DataFrame
     alarms: pd.DataFrame
 
-    @cached_property
     def faults(self) -> pd.DataFrame:
         """One row a fault and valve, in order of time."""
         import pandas as pd
@@ -131,26 +76,26 @@ class FleetReport:
             severities = fault.severities(self.n_valves)
             for valve in severities.nonzero()[0]:
                 mine = self.alarms[
-                    (self.alarms["valve"] == valve) & (self.alarms["time_s"] >= fault.start)
+                    (self.alarms["valve"] == valve + 1) & (self.alarms["time_s"] >= fault.start)
                 ]
                 own = mine[mine["code"] == fault.code]
                 alarm = float(mine["time_s"].iloc[0]) if len(mine) else np.nan
                 ran = self.commands[
-                    (self.commands["valve"] == valve)
+                    (self.commands["valve"] == valve + 1)
                     & (self.commands["end_s"] >= fault.start)
                     & (self.commands["start_s"] <= alarm)
                 ]
                 command = max(float(ran["start_s"].iloc[-1]), fault.start) if len(ran) else np.nan
                 rows.append(
                     {
-                        "valve": int(valve),
+                        "valve": int(valve) + 1,
                         "code": fault.code,
                         "severity": float(severities[valve]),
                         "start_s": fault.start,
                         "alarm_s": alarm,
-                        "headline": mine["headline"].iloc[0] if len(mine) else "",
+                        "top_fault": mine["top_fault"].iloc[0] if len(mine) else "",
                         "diagnosed_s": float(own["time_s"].iloc[0]) if len(own) else np.nan,
-                        "isolated": bool((mine["headline"] == fault.code).any()),
+                        "isolated": bool((mine["top_fault"] == fault.code).any()),
                         "delay_s": alarm - fault.start,
                         "command_s": command,
                         "after_command_s": alarm - command,
@@ -159,7 +104,6 @@ class FleetReport:
         # Types of a report without faults: what counts and compares them must work there too.
         return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
 
-    @cached_property
     def false_alarms(self) -> pd.DataFrame:
         """Alarms of valves on which nothing was wrong yet; columns as `alarms`."""
         begin = np.full(self.n_valves, np.inf)
@@ -167,14 +111,13 @@ class FleetReport:
             sick = fault.severities(self.n_valves) > 0
             begin[sick] = np.minimum(begin[sick], fault.start)
         alarms: pd.DataFrame = self.alarms
-        wrong = alarms["time_s"].to_numpy() < begin[alarms["valve"].to_numpy(int)]
+        wrong = alarms["time_s"].to_numpy() < begin[alarms["valve"].to_numpy(int) - 1]
         false: pd.DataFrame = alarms.loc[wrong].reset_index(drop=True)
         return false
 
-    @cached_property
     def summary(self) -> pd.DataFrame:
         """One row a code: counts of ``faults``, ``alarmed``, ``own_code``, ``isolated``; delay."""
-        groups = self.faults.groupby("code", sort=False)
+        groups = self.faults().groupby("code", sort=False)
         table: pd.DataFrame = groups.agg(
             faults=("code", "size"),
             alarmed=("alarm_s", "count"),
@@ -186,50 +129,71 @@ class FleetReport:
 
     def __str__(self) -> str:
         """Return the report in a few lines."""
-        table = self.faults
+        table = self.faults()
         found, own = table["alarm_s"].count(), table["diagnosed_s"].count()
         return (
             f"{self.n_valves} valves, {self.duration / 3600:g} h, "
             f"{self.n_samples / 1e6:.1f} million samples, {len(self.commands)} motor runs\n"
             f"{len(table)} faults: {found} alarmed, {own} with their own code; "
-            f"{len(self.false_alarms)} false alarms"
+            f"{len(self.false_alarms())} false alarms"
         )
 
+    def __repr__(self) -> str:
+        """Return the numbers of valves, faults and false alarms."""
+        table = self.faults()
+        return (
+            f"FleetReport({self.n_valves} valves, {self.duration / 3600:g} h, {len(table)} faults, "
+            f"{table['alarm_s'].count()} alarmed, {len(self.false_alarms())} false alarms)"
+        )
 
-def watch(
+    def false_alarm_rate(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Return the interval of the rate of false alarms, per valve and year."""
+        years = self.n_valves * self.duration / (365.25 * 86400)
+        low, high = event_interval(len(self.false_alarms()), years, confidence=confidence)
+        return float(low), float(high)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw when each fault appeared, when its valve was moved, and when it was reported."""
+        from shipnet.ballast.plot import plot_history
+
+        return plot_history(self, ax)
+
+
+def run_fleet(
+    system: System | int,
     commands: Iterable[Command],
-    faults: Iterable[Fault] = (),
     *,
-    rng: np.random.Generator | None = None,
-    n_valves: int = 256,
-    duration: float = 86400.0,
+    faults: Fault | Iterable[Fault] = (),
+    until: float = 86400.0,
+    rng: Any = None,
     idle_step: float = 1.0,
     rules: RuleBase | None = None,
     size: int = 2000,
     **options: Any,
 ) -> FleetReport:
-    """Simulate a fleet block by block, and diagnose it on the way.
+    """Simulate a fleet block by block, and diagnose it on the way; alarms are kept, samples not.
 
     Parameters
     ----------
+    system : System or int
+        The valves; a number stands for plain valves. They are read directly, without a master.
     commands : iterable of Command
-        What the valves are told, such as from `random_commands`.
-    faults : iterable of Fault, optional
-        What goes wrong, such as from `random_faults`.
-    rng : numpy.random.Generator, optional
-        Draws the noise of the sensors; there is none if omitted.
-    n_valves : int, default 256
-        Number of valves, 1..10000.
-    duration : float, default 86400
-        How long, up to 1e8 [s].
+        What the valves are told, such as `Command.random` returns.
+    faults : Fault or iterable of Fault, optional
+        What goes wrong, such as `Fault.random` returns.
+    until : float, default 86400
+        End time, up to 1e8 [s].
+    rng : Generator, int or None, optional
+        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; there is none if
+        omitted.
     idle_step : float, default 1
         Time between two readings while no motor runs; it is 0.1 s while one does [s].
-    rules : RuleBase, optional
+    rules : shipnet.fuzzy.RuleBase, optional
         Those of the paper if omitted.
     size : int, default 2000
         Most instants of a block, which sets the memory; 1..1e6.
     **options
-        As `diagnose_run` takes them: reading, k, n, cut.
+        As `Run.diagnose` takes them: method, k, n, threshold.
 
     Returns
     -------
@@ -243,41 +207,44 @@ def watch(
 
     Notes
     -----
-    Readings are those of the slaves. Through the line they come once a scan and in the steps of
-    the registers; `shipnet.ballast.testbed` compares what either sees. A motor that is not cooled
-    (O1) needs many strokes in a row to reach the 90 degC of its rule: with six a day it never does.
+    A motor that is not cooled (O1) needs many strokes in a row to reach the 90 degC of its rule:
+    with six a day it never does.
 
     Examples
     --------
     Two hours of eight valves, which are opened and closed; two of them break:
 
     >>> rng = np.random.default_rng(2024)
-    >>> plan = random_commands(rng, n_valves=8, duration=7200, operations=4, group=4)
-    >>> faults = [Fault("V1", start=1000.0, valves=2), Fault("O1", start=1000.0, valves=5)]
-    >>> report = watch(plan, faults, rng=rng, n_valves=8, duration=7200)
-    >>> report.faults[["code", "headline"]].values.tolist(), len(report.false_alarms)
-    ([['V1', 'V1'], ['O1', '']], 0)
+    >>> plan = Command.random(8, until=7200, operations=4, group=4, rng=rng)
+    >>> faults = [Fault("V1", start=1000.0, valves=3), Fault("O1", start=1000.0, valves=6)]
+    >>> report = run_fleet(8, plan, faults=faults, until=7200, rng=rng)
+    >>> report.faults()[["valve", "code", "top_fault"]].values.tolist()
+    [[3, 'V1', 'V1'], [6, 'O1', '']]
     """
     import pandas as pd
 
-    failed = list(faults)
+    fleet = as_system(system)
+    failed = [faults] if isinstance(faults, Fault) else list(faults)
+    end = check_scalar("until", until, "s", 0, 1e8)
+    noise = None if rng is None else np.random.default_rng(rng)
     runs = blocks(
-        commands=commands, n_valves=n_valves, duration=duration, faults=failed,
-        idle_step=idle_step, rng=rng, size=size,
+        fleet.actuator, commands, n_valves=fleet.n_valves, duration=end, faults=failed,
+        sensors=fleet.sensors, opening=fleet.opening, step=fleet.step, idle_step=idle_step,
+        rng=noise, size=size,
     )  # fmt: skip
     n_samples, before = 0, None
     strokes, alarms = [], []
     for run in runs:
         diagnosis = diagnose_run(run, rules, after=before, **options)
         n_samples += run.time.size * run.n_valves
-        strokes.append(run.strokes[["valve", "action", "start_s", "end_s", "outcome"]])
-        alarms.append(diagnosis.alarms)
+        strokes.append(stroke_rows(run)[["valve", "action", "start_s", "end_s", "outcome"]])
+        alarms.append(diagnosis.alarms())
         before = _without_bulk(diagnosis)
     known = [table for table in alarms if len(table)] or alarms[:1]
     moved = [table for table in strokes if len(table)] or strokes[:1]
     return FleetReport(
-        n_valves,
-        float(duration),
+        fleet.n_valves,
+        end,
         n_samples,
         failed,
         pd.concat(moved, ignore_index=True),

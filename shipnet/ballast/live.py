@@ -6,31 +6,41 @@ has the fault simulator. The plant is ours; what the real test bed measured is n
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import cos, pi
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.master import Station, received_run
+from shipnet.ballast.master import Screen, Station, received_run, valve_states
 from shipnet.ballast.plant import Plant
-from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS, Code
-from shipnet.ballast.scan import status_poll
-from shipnet.ballast.simulation import Recorder
+from shipnet.ballast.registers import (
+    COMMAND_REGISTER,
+    FIRST_REGISTER,
+    N_REGISTERS,
+    Code,
+    RegisterMap,
+    Status,
+)
+from shipnet.ballast.scan import READ_STATUS, status_poll
+from shipnet.ballast.simulation import Recorder, Run
 from shipnet.ballast.slave import ValveDevice, valve_slaves
 from shipnet.ballast.valve_faults import FAULTS, Fault
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import NORMAL, RuleBase
 from shipnet.modbus.codes import ExceptionCode
 from shipnet.modbus.frame import LAST_UNIT, decode_tcp, encode_tcp
-from shipnet.modbus.request import ReadRequest, WriteRegister
+from shipnet.modbus.reader import decode_response
+from shipnet.modbus.request import ReadRequest, Request, WriteRegister
+from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse, Response
 from shipnet.modbus.ring import Loop
-from shipnet.modbus.server import DeviceError, Server, Slave, Table, answer, real_clock, serve
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.server import DeviceError, Server, Slave, Table, answer, real_clock
+from shipnet.modbus.server import serve as serve_slaves
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -138,23 +148,31 @@ class Step(NamedTuple):
 
 
 class TestBed:
-    """Five valves, their line, the master, the gateway to the PC, and the tank on S3.
+    """The test bed of Figure 15: five valves, line, master, gateway to a PC, and a tank on valve 3.
+
+    Its time moves on with `wait`.
 
     Parameters
     ----------
-    rng : numpy.random.Generator, optional
-        Draws the noise of the sensors; there is none if omitted.
     fault : str, optional
-        Code of the rule table: what the simulator on S5 imitates; nothing if omitted.
+        Code of the rule table: what the fault simulator on valve 5 imitates; nothing if omitted.
     opening : float, default 0
-        Where all valves stand at first, 0..1.
-    serial : Serial, default 9600 bit/s and 8E1
-        Settings of the line; the paper prints 2400 to 115200 bit/s.
+        Where all valves are at first, 0..1.
+    bit_rate : float, default 9600
+        Of the line [bit/s], with 8E1 characters; the paper prints 2400 to 115200 bit/s.
+    rng : Generator, int or None, optional
+        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; there is none if
+        omitted.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
 
     Examples
     --------
     >>> bed = TestBed()
-    >>> bed.station.command("open", 3).outcome
+    >>> bed.command(3, "open")
     'done'
     >>> bed.wait(12.0)
     >>> bed.position(3), round(bed.tank.level, 3)
@@ -166,18 +184,22 @@ class TestBed:
 
     def __init__(
         self,
-        rng: np.random.Generator | None = None,
-        *,
         fault: str | None = None,
+        *,
         opening: float = 0.0,
-        serial: Serial | None = None,
+        bit_rate: float = 9600.0,
+        rng: Any = None,
     ) -> None:
-        faults = [] if fault is None else [Fault(fault, valves=_SIMULATOR - 1)]
-        self.plant = Plant(n_valves=N_SLAVES, faults=faults, opening=opening, rng=rng)
-        line = serial if serial is not None else Serial(9600)
-        self.station = Station(self.plant, Loop(N_SLAVES, status_poll(line)))
+        faults = [] if fault is None else [Fault(fault, valves=_SIMULATOR)]
+        noise = None if rng is None else np.random.default_rng(rng)
+        self.plant = Plant(n_valves=N_SLAVES, faults=faults, opening=opening, rng=noise)
+        self.station = Station(self.plant, Loop(N_SLAVES, status_poll(bit_rate)))
         self.gateway, self.recorder = Gateway(self.station), Recorder(self.plant)
         self.tank = Tank()
+
+    def __repr__(self) -> str:
+        """Return the time and the screen."""
+        return f"TestBed({self.time:.1f} s, {self.screen()!r})"
 
     @property
     def time(self) -> float:
@@ -202,54 +224,76 @@ class TestBed:
             self.tank.fill((before + now) / 2, plant.time - since)
         self.recorder.take()
 
-    def position(self, unit: int) -> float:
+    def position(self, valve: int) -> float:
         """Return the position that the master shows of a valve [%]."""
-        return float(self.station.seen.screen().position_percent[unit])
+        return float(self.screen()[valve].position_percent)
+
+    def command(self, valve: int, action: str | float) -> str:
+        """Send a command from the master; return ``done``, or why it was not carried out.
+
+        `action` is ``open``, ``close``, a position [%], or one of the modes ``manual`` and
+        ``auto``.
+        """
+        return self.station.command(action, valve).outcome
+
+    def screen(self) -> Screen:
+        """Return what the master shows now."""
+        return self.station.seen.screen()
+
+    @property
+    def run(self) -> Run:
+        """What the sensors of the valves have read so far."""
+        return self.recorder.run
+
+    def serve(self, **options: Any) -> Server:
+        """Return a real server, for a ``with`` block, that answers as the master answers the PC."""
+        return serve_slaves(self.gateway.slaves, clock=lambda: self.time, **options)
 
 
-def acceptance(
-    rng: np.random.Generator | None = None,
+def acceptance_tests(
     *,
     diagnosed_by: str = "slave",
     tests: Iterable[str] = TESTS,
-    serial: Serial | None = None,
+    bit_rate: float = 9600.0,
+    rng: Any = None,
 ) -> pd.DataFrame:
-    """Carry out the four tests of section 4, each on a new test bed.
+    """Carry out the four tests of section 4 of kim2014, each on a new test bed.
 
     Parameters
     ----------
-    rng : numpy.random.Generator, optional
-        Draws the noise of the sensors; there is none if omitted.
     diagnosed_by : {"slave", "master"}, default "slave"
         Who applies the rules: the slave, to its own readings ten times a second, or the master, to
         what the registers brought it once a scan.
     tests : iterable of str, optional
-        Which of `TESTS`; all if omitted.
-    serial : Serial, optional
-        Settings of the line, as for `TestBed`.
+        Which of ``manual``, ``remote``, ``PC`` and ``diagnosis``; all if omitted.
+    bit_rate : float, default 9600
+        Of the line [bit/s].
+    rng : Generator, int or None, optional
+        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; there is none if
+        omitted.
 
     Returns
     -------
     pandas.DataFrame
-        One row a step: fields of `Step`.
+        One row per step: ``test``, ``step``, what was ``expected`` and ``found``, and whether it
+        ``passed``.
 
     Raises
     ------
     ArgumentError
-        If nobody, or no test, is called so.
+        If an argument is not as above.
 
     Notes
     -----
     The paper prints that all tests were passed, but neither steps nor criteria; these are ours. A
-    fault is found when its code is among those active after the command, for the rules are nested:
-    where S1 fires, Pos3 does. The slave's status has room for one of them, the first in rank; it
-    passes if its row is that of the fault, or of a rule that implies it. The faults are made to fit
-    the rules, so that this verifies code and validates no method. The master misses what the
-    position byte cannot carry: below 0 %.
+    fault is found when its code is among those active after the command, because the rules are
+    nested. The slave's status has room for one code; it passes if its row is that of the fault, or
+    of a rule that implies it. The faults are made to fit the rules, so this verifies code and does
+    not validate a method. The master misses what the position byte cannot carry: below 0 %.
 
     Examples
     --------
-    >>> table = acceptance(np.random.default_rng(2024), tests=["PC"])
+    >>> table = acceptance_tests(tests=["PC"], rng=2024)
     >>> table.iloc[-1][["step", "found"]].tolist(), int(table.passed.sum())
     (['tank of S3 after closing', 'rose, then held'], 11)
     """
@@ -261,7 +305,8 @@ def acceptance(
     strange = [repr(test) for test in chosen if test not in TESTS]
     if strange:
         raise ArgumentError(f"tests has {', '.join(strange)}; there are {', '.join(TESTS)}")
-    steps, make = [], partial(TestBed, rng, serial=serial)
+    noise = None if rng is None else np.random.default_rng(rng)
+    steps, make = [], partial(TestBed, bit_rate=bit_rate, rng=noise)
     for test in chosen:
         match test:
             case "manual":
@@ -285,7 +330,7 @@ def _manual(make: Callable[..., TestBed]) -> list[Step]:
         device.turn("open", bed.time)
         bed.wait(_STROKE + _SETTLE / 2)
         steps.append(_at("manual", f"S{unit} switched to open", bed.position(unit), 100))
-        refused = bed.station.command("close", unit).outcome
+        refused = bed.command(unit, "close")
         steps.append(
             _same("manual", f"S{unit} closed by the master", "server device failure", refused)
         )
@@ -306,11 +351,11 @@ def _remote(make: Callable[..., TestBed]) -> list[Step]:
     """Open, set and close every valve from the master."""
     bed, steps = make(), []
     for unit in range(1, N_SLAVES + 1):
-        echo = bed.station.command("open", unit).outcome
+        echo = bed.command(unit, "open")
         steps.append(_same("remote", f"S{unit} told to open", "done", echo))
         for action, target in (("open", 100.0), ("position", 40.0), ("close", 0.0)):
             if action != "open":
-                bed.station.command(action, unit, target if action == "position" else None)
+                bed.command(unit, target if action == "position" else action)
             bed.wait(_STROKE)
             steps.append(_at("remote", f"S{unit} {action}", bed.position(unit), target))
     return steps
@@ -351,13 +396,13 @@ def _diagnosis(make: Callable[..., TestBed], code: str | None, by: str) -> list[
     closing = code in _CLOSING
     bed = make(fault=code, opening=float(closing))
     bed.wait(1.0)
-    bed.station.command("close" if closing else "open", _SIMULATOR)
+    bed.command(_SIMULATOR, "close" if closing else "open")
     # A valve that does not arrive runs until its motor time is over.
     while bed.plant.running.any():
         bed.wait(1.0)
     bed.wait(_SETTLE)
     if by == "slave":
-        run, valve = bed.recorder.run, _SIMULATOR - 1
+        run, valve = bed.run, _SIMULATOR - 1
     else:
         run = received_run(bed.station.seen, _SIMULATOR, target=0.0 if closing else 100.0)
         valve = 0
@@ -372,7 +417,7 @@ def _diagnosis(make: Callable[..., TestBed], code: str | None, by: str) -> list[
     if by == "master":
         return steps
     # The slave finds it by itself, and reports the row of the table in its status.
-    seen = bed.station.seen.screen().loc[_SIMULATOR]
+    seen = bed.screen()[_SIMULATOR]
     shown = f"fault {seen['fault']}" if seen["state"] == "fault" else str(seen["state"])
     right = [f"fault {row}" for row in _rows(base, code)] if code else ["open"]
     step = f"screen with {code or 'nothing wrong'}"
@@ -395,56 +440,38 @@ def _at(test: str, step: str, position: float, target: float) -> Step:
     return Step(test, step, f"{target:g} %", f"{position:g} %", near)
 
 
-def parse_fault(text: str, n_valves: int = LAST_UNIT) -> Fault:
-    """Return the fault that a text such as ``3:V1:0.8`` names."""
-    parts = text.split(":")
-    try:
-        if len(parts) not in (2, 3):
-            raise ValueError
-        unit, severity = int(parts[0]), float(parts[2]) if parts[2:] else 1.0
-    except ValueError:
-        raise ArgumentError(
-            f"fault is {text!r}; it must be VALVE:CODE or VALVE:CODE:SEVERITY, such as 3:V1:0.8"
-        ) from None
-    try:
-        valve = check_whole("valve", unit, 1, n_valves)
-        return Fault(parts[1], severity, valves=valve - 1)
-    except ArgumentError as error:
-        raise ArgumentError(f"fault {text!r}: {error}") from None
-
-
-def valve_server(
+def serve(
     n_valves: int = 64,
     *,
-    faults: Iterable[Fault] = (),
+    faults: Fault | Iterable[Fault] = (),
     speed: float = 1.0,
-    rng: np.random.Generator | None = None,
+    rng: Any = None,
     watchdog: float | None = None,
     **options: Any,
 ) -> Server:
-    """Return a server for the valves of a new plant, all closed, to be used in ``with``.
+    """Return a real Modbus server for the valves of a new plant, all closed, to use in ``with``.
 
     Parameters
     ----------
     n_valves : int, default 64
-        Number of valves, 1..247.
-    faults : iterable of Fault, optional
+        Number of valves, 1..247, which is that of their unit ids.
+    faults : Fault or iterable of Fault, optional
         What is wrong with them, by model time.
     speed : float, default 1
-        Seconds of the valves in a real one, 0..1e4.
-    rng : numpy.random.Generator, optional
-        Draws the noise of the sensors; there is none if omitted.
+        Model seconds per real second, 0..1e4.
+    rng : Generator, int or None, optional
+        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; there is none if
+        omitted.
     watchdog : float, optional
         A motor stops when its valve has had no request for so long, 0.1..3600 [s] of the valves;
         never if omitted.
     **options
-        As `shipnet.modbus.server.serve` takes them: transport, host, port, and for a serial line
-        serial_port and serial.
+        As `shipnet.modbus` serves them: transport, host, port, and the settings of a serial line.
 
     Returns
     -------
     Server
-        When its block begins, it listens.
+        It listens from the beginning of its ``with`` block to its end.
 
     Raises
     ------
@@ -455,14 +482,235 @@ def valve_server(
 
     Examples
     --------
-    >>> with valve_server(3) as server:
+    >>> with serve(3, speed=100) as server:
     ...     sorted(server.slaves)
     [1, 2, 3]
     """
     count = check_whole("n_valves", n_valves, 1, LAST_UNIT)
     factor = check_scalar("speed", speed, "s/s", 0, 1e4)
-    failed = list(faults)
+    failed = [faults] if isinstance(faults, Fault) else list(faults)
+    noise = None if rng is None else np.random.default_rng(rng)
     for fault in failed:
         fault.severities(count)
-    plant = Plant(n_valves=count, faults=failed, rng=rng)
-    return serve(valve_slaves(plant, watchdog=watchdog), clock=real_clock(factor), **options)
+    plant = Plant(n_valves=count, faults=failed, rng=noise)
+    return serve_slaves(valve_slaves(plant, watchdog=watchdog), clock=real_clock(factor), **options)
+
+
+#: Takes unit id and request, returns the response: a `Link`, or `ModelValves`.
+Ask: TypeAlias = Callable[[int, Request], Response]
+
+_MBAP = 7
+
+
+class Link:
+    """A connection to a server, to be called with unit id and request, or closed."""
+
+    def __init__(self, address: str, port: int, timeout: float = 1.0) -> None:
+        self.where, self._last = f"{address}, port {port}", 0
+        try:
+            self._socket = socket.create_connection((address, port), timeout)
+        except (OSError, UnicodeError) as problem:
+            raise OSError(f"no server at {self.where}: {problem}") from None
+
+    def __call__(self, unit: int, request: Request) -> Response:
+        """Send a request and return the response."""
+        self._last = (self._last + 1) % 0x10000
+        try:
+            self._socket.sendall(encode_tcp(unit, request.pdu, self._last))
+            while True:
+                head = self._receive(_MBAP)
+                body = self._receive(int.from_bytes(head[4:6], "big") - 1)
+                adu = decode_tcp(head + body)
+                # The answer to a request that timed out is not for this one.
+                if adu.transaction_id == self._last:
+                    return decode_response(adu.pdu, request)
+        except (OSError, FrameError) as problem:
+            raise OSError(f"{self.where} does not answer for valve {unit}: {problem}") from None
+
+    def _receive(self, size: int) -> bytes:
+        got = b""
+        while len(got) < size:
+            more = self._socket.recv(size - len(got))
+            if not more:
+                raise OSError("the connection was closed")
+            got += more
+        return got
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._socket.close()
+
+
+class ModelValves:
+    """Valves without a server, whose model `time` [s] is set; it only moves on."""
+
+    def __init__(
+        self,
+        n_valves: int = 16,
+        faults: tuple[Fault, ...] = (),
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        self._slaves = valve_slaves(Plant(n_valves=n_valves, faults=faults, rng=rng))
+        self.time = 0.0
+
+    def __call__(self, unit: int, request: Request) -> Response:
+        """Answer a request."""
+        return decode_response(answer(self._slaves, unit, request.pdu, self.time).pdu, request)
+
+
+class Client:
+    """A client that commands and reads valves over Modbus/TCP, as the paper's PC does.
+
+    Parameters
+    ----------
+    address : str, default "127.0.0.1"
+        Name or address of the server.
+    port : int, default 5020
+        Its port.
+    n_valves : int, default 16
+        How many valves are read, 1..247.
+    timeout : float, default 1
+        How long to wait for a connection, or for an answer [s].
+
+    Raises
+    ------
+    ArgumentError
+        If `n_valves` is out of range.
+    OSError
+        If there is no answer, when the client is made or used; the message is a sentence.
+
+    Examples
+    --------
+    >>> with serve(3, speed=100) as server, Client(port=server.port, n_valves=3) as pc:
+    ...     pc.command(2, "open")
+    'valve 2: open'
+    """
+
+    def __init__(
+        self,
+        address: str = "127.0.0.1",
+        port: int = 5020,
+        *,
+        n_valves: int = 16,
+        timeout: float = 1.0,
+    ) -> None:
+        self.n_valves = check_whole("n_valves", n_valves, 1, LAST_UNIT)
+        self._link: Link | None = Link(address, port, timeout)
+        self._ask: Ask = self._link
+        self._map = RegisterMap()
+
+    @classmethod
+    def over(cls, ask: Ask, n_valves: int = 16) -> Client:
+        """Return a client that asks in another way, such as `ModelValves`."""
+        client = cls.__new__(cls)
+        client.n_valves = check_whole("n_valves", n_valves, 1, LAST_UNIT)
+        client._link, client._ask, client._map = None, ask, RegisterMap()
+        return client
+
+    def __enter__(self) -> Client:
+        """Return the client, whose connection is closed at the end of the block."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Close the connection."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection."""
+        if self._link is not None:
+            self._link.close()
+
+    def command(self, valve: int, action: str | float) -> str:
+        """Command a valve: ``open``, ``close``, ``manual``, ``auto`` or a position, 0..100 [%].
+
+        Return what was done, or why the valve refuses, as a sentence.
+        """
+        unit = check_whole("valve", valve, 1, LAST_UNIT)
+        request = WriteRegister(COMMAND_REGISTER, self._map.encode_command(action))
+        response = self._ask(unit, request)
+        if isinstance(response, ExceptionResponse):
+            why = ExceptionCode(response.exception).name.replace("_", " ").lower()
+            return f"valve {unit} refuses: {why}"
+        said = action if isinstance(action, str) else f"position {round(action)} %"
+        return f"valve {unit}: {said}"
+
+    def read(self) -> Readout:
+        """Read all valves; one that answers with an exception is left out."""
+        words, units = [], []
+        for unit in range(1, self.n_valves + 1):
+            response = self._ask(unit, READ_STATUS)
+            if isinstance(response, ReadRegistersResponse):
+                words.append(response.registers)
+                units.append(unit)
+        status = self._map.decode(np.array(words, np.int64).reshape(-1, 4))
+        return Readout(self.n_valves, status, np.array(units, np.int64))
+
+    def screen(self) -> Screen:
+        """Read all valves, and return them as the master would show them."""
+        return self.read().screen
+
+    def status(self, valve: int) -> pd.Series:
+        """Read one valve, and return what it says, as text with units."""
+        import pandas as pd
+
+        return pd.Series(self.read().numbers(valve), name=f"valve {valve}", dtype=object)
+
+
+@dataclass(frozen=True, eq=False)
+class Readout:
+    """What valves answered: the status of those that did, and their unit ids."""
+
+    n_valves: int
+    status: Status
+    units: np.ndarray[tuple[int], np.dtype[np.int64]]
+
+    @property
+    def positions(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        """Position of all valves from 1 on [%]; NaN where one did not answer."""
+        found = np.full(self.n_valves, np.nan)
+        found[self.units - 1] = self.status.readings[4]
+        return found
+
+    @property
+    def screen(self) -> Screen:
+        """The valves as the master would show them, just read."""
+        import pandas as pd
+
+        current = np.zeros(self.n_valves)
+        current[self.units - 1] = self.status.readings[2]
+        fault = np.zeros(self.n_valves, np.int64)
+        fault[self.units - 1] = self.status.fault
+        silent = np.ones(self.n_valves, bool)
+        silent[self.units - 1] = False
+        state = valve_states(self.positions, current, fault, silent=silent)
+        age = np.where(silent, np.inf, 0.0)
+        columns = {
+            "position_percent": self.positions, "age_s": age, "fault": fault, "state": state
+        }  # fmt: skip
+        index = pd.RangeIndex(1, self.n_valves + 1, name="valve")
+        return Screen(pd.DataFrame(columns, index=index), 0.0)
+
+    def numbers(self, valve: int) -> dict[str, str]:
+        """Return what one valve says, as text with units; nothing if it did not answer."""
+        place = np.flatnonzero(self.units == valve)
+        if not place.size:
+            return {}
+        k, status = int(place[0]), self.status
+        fp, op, mc, ot, position = status.readings[:, k]
+        mode = "auto" if status.auto[k] else "manual"
+        way = "open" if status.open[k] else "close" if status.close[k] else "not told yet"
+        return {
+            "position": said(position, 0, "%"),
+            "pump pressure": said(fp, 0, "bar"),
+            "operating pressure": said(op, 1, "bar"),
+            "motor current": said(mc, 1, "A"),
+            "motor temperature": said(ot, 0, "degC"),
+            "motor ran": f"{status.operating_time[k]:.1f} s",
+            "mode": f"{mode}, last command {way}",
+            "fault reported": str(int(status.fault[k])) if status.fault[k] else "none",
+        }
+
+
+def said(value: float, digits: int, unit: str) -> str:
+    """Return a reading as text, or that it is missing."""
+    return "missing" if np.isnan(value) else f"{value:.{digits}f} {unit}"

@@ -7,29 +7,33 @@ two ports and their faults are those of `shipnet.modbus`.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.registers import COMMAND_REGISTER, MISSING, Code, RegisterMap
-from shipnet.ballast.scan import READ_STATUS, command_poll
+from shipnet.ballast.scan import READ_STATUS, System, command_poll
 from shipnet.ballast.sensors import CHANNELS, position_speed
 from shipnet.ballast.simulation import Run
 from shipnet.ballast.slave import valve_slaves
+from shipnet.ballast.valve_faults import Fault as ValveFault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.codes import ExceptionCode
+from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import WriteRegister
 from shipnet.modbus.ring import Fault, Loop
 from shipnet.modbus.ring.master import LOST, A, Master, Try
 from shipnet.modbus.server import Slave, answer
+from shipnet.modbus.timing import Poll
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 
 Floats = npt.NDArray[np.float64]
@@ -96,10 +100,93 @@ def valve_states(
 
 
 @dataclass(frozen=True, eq=False)
-class MasterRun:
-    """What a master has seen; unit ids count from 1 on."""
+class Screen:
+    """Every valve as the master shows it at a time.
 
-    system: Loop
+    Parameters
+    ----------
+    shown : pandas.DataFrame
+        Indexed by ``valve``: ``position_percent`` and ``age_s`` (NaN and inf before the first
+        status), ``fault`` as the slave reports it, and ``state``. A valve is silent whose last try
+        before this time was in vain.
+    time : float
+        When [s].
+
+    Examples
+    --------
+    >>> from shipnet.ballast.scan import System, status_poll
+    >>> from shipnet.ballast.simulation import simulate
+    >>> screen = simulate(System(5, status_poll(9600)), [Command("open")], until=20).screen()
+    >>> screen
+    Screen(20.0 s: 5 open)
+    >>> screen[2].state
+    'open'
+    """
+
+    shown: pd.DataFrame
+    time: float
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per valve, as a copy."""
+        return self.shown.copy()
+
+    def __getitem__(self, valve: int) -> Any:
+        """Return the row of one valve, counted from 1."""
+        return self.shown.loc[check_whole("valve", valve, 1, len(self.shown))]
+
+    def __repr__(self) -> str:
+        """Return how many valves are in each state."""
+        counts = self.shown["state"].value_counts()
+        said = ", ".join(f"{counts[name]} {name}" for name in STATES if name in counts)
+        return f"Screen({self.time:.1f} s: {said})"
+
+    def plot(
+        self, selected: int | None = None, ax: Axes | None = None, *, columns: int = 32
+    ) -> Axes:
+        """Draw a bar and a number per valve, coloured by its state; the selected one is framed."""
+        from shipnet.ballast.plot import plot_screen
+
+        return plot_screen(self.shown, ax, selected, columns)
+
+
+@dataclass(frozen=True, eq=False)
+class MasterRun:
+    """What a master received of its valves, as `simulate` returns it for a system with a poll.
+
+    Parameters
+    ----------
+    n_valves : int
+        Number of valves, which is that of their unit ids; they count from 1.
+    poll : Poll
+        The poll of their line.
+    registers : RegisterMap
+        How statuses are read.
+    duration : float
+        End time [s].
+    shown : list of Shown
+        Statuses in the order in which they came.
+    writes : list of Write
+        Commands in the order in which they were sent.
+    tries : list of tuple
+        Polls: start, valve from 0 on, port, kind, answered.
+    write_time : float
+        What a command costs that is answered at once [s].
+
+    Examples
+    --------
+    A master with 50 valves at 9600 bit/s opens one; its position is up to a scan old:
+
+    >>> from shipnet.ballast.scan import System, status_poll
+    >>> from shipnet.ballast.simulation import simulate
+    >>> run = simulate(System(50, status_poll(9600)), [Command("open", 3.0, valves=7)], until=15)
+    >>> run.received(7).VPos[:, 0].tolist()
+    [0.0, 0.0, 4.0, 22.0, 40.0, 58.0, 76.0, 93.0, 100.0, 100.0]
+    >>> run.screen(7.2)
+    Screen(7.2 s: 1 moving, 49 closed)
+    """
+
+    n_valves: int
+    poll: Poll
     registers: RegisterMap
     duration: float
     shown: list[Shown]
@@ -114,7 +201,7 @@ class MasterRun:
 
         unit, read, time = self._columns
         words = np.array([s.registers for s in self.shown], np.int64).reshape(-1, 4)
-        status = self.registers.unpack(words)
+        status = self.registers.decode(words)
         columns: dict[str, object] = {"unit": unit, "read_s": read, "shown_s": time}
         columns |= {c.column: status.readings[k] for k, c in enumerate(CHANNELS)}
         columns |= {name: getattr(status, name) for name in ("auto", "close", "open", "fault")}
@@ -134,7 +221,7 @@ class MasterRun:
         times = np.array([(s.read, s.time) for s in self.shown], float).reshape(-1, 2)
         return unit, times[:, 0], times[:, 1]
 
-    def age(self, times: npt.ArrayLike) -> Floats:
+    def ages(self, times: npt.ArrayLike) -> Floats:
         """Return how old what the master shows of each valve is."""
         looked = np.atleast_1d(np.asarray(times, float))
         last = self._last(looked)
@@ -145,8 +232,8 @@ class MasterRun:
     def longest_age(self) -> Floats:
         """Greatest age of what was shown of each valve, shape (n_valves,) [s]."""
         unit, read, time = self._columns
-        longest = np.full(self.system.n_slaves, np.inf)
-        for k in range(self.system.n_slaves):
+        longest = np.full(self.n_valves, np.inf)
+        for k in range(self.n_valves):
             mine = unit == k + 1
             if mine.any():
                 until = np.append(time[mine][1:], self.duration)
@@ -157,37 +244,64 @@ class MasterRun:
     def scan_gap(self) -> float:
         """Longest time between two statuses of any valve [s]; NaN if none came twice."""
         unit, _, time = self._columns
-        gaps = [np.diff(time[unit == k]) for k in range(1, self.system.n_slaves + 1)]
+        gaps = [np.diff(time[unit == k]) for k in range(1, self.n_valves + 1)]
         every = np.concatenate(gaps)
         return float(every.max()) if every.size else float("nan")
 
-    def screen(self, time: float | None = None) -> pd.DataFrame:
-        """Return what the master shows at a time."""
+    def screen(self, time: float | None = None) -> Screen:
+        """Return what the master shows at a time [s]; at the end if omitted."""
         import pandas as pd
 
         at = self.duration if time is None else check_scalar("time", time, "s", 0, 1e9)
-        n = self.system.n_slaves
+        n = self.n_valves
         last = self._last(np.array([at]))[0]
         seen = last < len(self.shown)
         rows = self.answers.reindex(np.where(seen, last, -1))
         position = rows["VPos_percent"].to_numpy()
         fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
         state = valve_states(position, rows["MC_A"].to_numpy(), fault, silent=self._silent(at))
-        return pd.DataFrame(
+        table = pd.DataFrame(
             {
                 "position_percent": position,
-                "age_s": self.age([at])[0],
+                "age_s": self.ages([at])[0],
                 "fault": fault,
                 "state": state,
             },
-            index=pd.RangeIndex(1, n + 1, name="unit"),
+            index=pd.RangeIndex(1, n + 1, name="valve"),
+        )
+        return Screen(table, at)
+
+    @property
+    def oldest(self) -> float:
+        """Greatest age of what was shown of any valve [s]."""
+        return float(np.max(self.longest_age))
+
+    def received(self, valve: int) -> Run:
+        """Return the readings of one valve as the master received them, an instant per scan.
+
+        The command counts as active while the motor runs, by its current, and the position last
+        sent is not reached.
+        """
+        target = np.nan
+        for write in self.writes:
+            if write.unit == valve and write.answered:
+                code, position = self.registers.decode_command(write.value)
+                ends = {Code.OPEN: 100.0, Code.CLOSE: 0.0}
+                target = ends.get(code, float(position))
+        return received_run(self, valve, target=target)
+
+    def __repr__(self) -> str:
+        """Return the time, the numbers of valves and statuses, and the greatest age."""
+        return (
+            f"MasterRun({self.duration:g} s, {self.n_valves} valves, {len(self.shown)} statuses, "
+            f"oldest value shown {self.oldest:.2f} s)"
         )
 
     def _last(self, times: Floats) -> Ints:
         """Return which status is shown of each valve, (n_times, n_valves); past the end if none."""
         unit, _, shown = self._columns
-        found = np.full((times.size, self.system.n_slaves), len(self.shown))
-        for k in range(self.system.n_slaves):
+        found = np.full((times.size, self.n_valves), len(self.shown))
+        for k in range(self.n_valves):
             mine = np.flatnonzero(unit == k + 1)
             place = np.searchsorted(shown[mine], times, side="right") - 1
             there = place >= 0
@@ -195,10 +309,10 @@ class MasterRun:
         return found
 
     def _silent(self, time: float) -> npt.NDArray[np.bool_]:
-        silent = np.zeros(self.system.n_slaves, bool)
-        spent = (self.system.poll.unanswered, self.system.poll.answered)
+        silent = np.zeros(self.n_valves, bool)
+        spent = (self.poll.unanswered, self.poll.answered)
         ended = (t for t in reversed(self.tries) if t[0] + spent[t[4]] <= time + 1e-9)
-        unknown = set(range(self.system.n_slaves))
+        unknown = set(range(self.n_valves))
         for _, slave, _, _, answered in ended:
             if slave in unknown:
                 silent[slave] = not answered
@@ -259,8 +373,8 @@ class Station(Master):
     def seen(self) -> MasterRun:
         """What the master has seen up to now."""
         return MasterRun(
-            self.system, self.registers, self.time, list(self.shown), list(self.writes),
-            list(self.tries), float(self._command.answered),
+            self.n, self.system.poll, self.registers, self.time, list(self.shown),
+            list(self.writes), list(self.tries), float(self._command.answered),
         )  # fmt: skip
 
     def run_until(self, time: float) -> None:
@@ -276,22 +390,13 @@ class Station(Master):
                 self._skipped = 0
         self.plant.run_until(self.time)
 
-    def command(self, action: str, unit: int, position: float | None = None) -> Write:
-        """Send a command now, and wait for its answer."""
+    def command(self, action: str | float, unit: int) -> Write:
+        """Send a command now, and wait for its answer: an action, a mode, or a position [%]."""
         if unit not in self.slaves:
             raise ArgumentError(f"unit is {unit!r}; it must be 1..{self.n}")
-        if action in ("manual", "auto"):
-            return self.write(self.registers.command(Code(action.title())), unit)
-        asked = Command(action, position=position)
         if action == "stop":
             raise ArgumentError("action is 'stop'; Table 2 has no code for it, 'manual' stops too")
-        if asked.position is None:
-            return self.write(self.registers.command(Code(action.title())), unit)
-        whole = round(asked.position)
-        code = Code.POSITION_OPEN
-        if whole < self._position.get(unit, 0):
-            code = Code.POSITION_CLOSE
-        return self.write(self.registers.command(code, whole), unit)
+        return self.write(self.registers.encode_command(action, self._position.get(unit, 0)), unit)
 
     def write(self, value: int, unit: int) -> Write:
         """Send a value for the command register now, and wait for its answer."""
@@ -381,7 +486,7 @@ def operate(
     watchdog: float | None = None,
 ) -> MasterRun:
     """Let a master scan its valves and send commands at their times."""
-    end = check_scalar("duration", duration, "s", 0, 1e5)
+    end = check_scalar("until", duration, "s", 0, 1e5)
     station = Station(
         plant, system, faults, answer_at_end=answer_at_end, timeout=timeout, watchdog=watchdog
     )
@@ -390,14 +495,66 @@ def operate(
     for time, order, unit in due:
         station.run_until(min(time, end))
         if station.time < end:
-            station.command(order.action, int(unit), order.position)
+            station.command(order.action, int(unit))
     station.run_until(end)
     return station.seen
 
 
+def scan_fleet(
+    system: System,
+    commands: Iterable[Command],
+    faults: list[ValveFault],
+    line_faults: Iterable[Fault],
+    until: float,
+    rng: np.random.Generator | None,
+) -> MasterRun:
+    """Simulate the valves of a system and their masters, each with its share of the valves."""
+    shares = system.valve_addresses()["master"].value_counts(sort=False).tolist()
+    orders, cuts = list(commands), list(line_faults)
+    if len(shares) > 1 and (faults or cuts or system.actuator or np.ndim(system.opening)):
+        raise ArgumentError(
+            f"n_valves is {system.n_valves}; faults, actuators and openings need one master, with "
+            f"1..{LAST_UNIT} valves"
+        )
+    known = [command.mask(system.n_valves) for command in orders]
+    parts, first = [], 0
+    for share in shares:
+        plant = Plant(
+            system.actuator, n_valves=share, sensors=system.sensors, faults=faults,
+            opening=system.opening, step=system.step, rng=rng,
+        )  # fmt: skip
+        mine = [
+            replace(order, valves=[int(k) + 1 for k in np.flatnonzero(mask[first : first + share])])
+            for order, mask in zip(orders, known, strict=True)
+            if mask[first : first + share].any()
+        ]
+        loop = replace(system, n_valves=share).loop if len(shares) > 1 else system.loop
+        parts.append(
+            operate(
+                plant, loop, mine, duration=until, faults=cuts, watchdog=system.watchdog,
+                answer_at_end=system.answer_at_end, timeout=system.command_timeout,
+            )
+        )  # fmt: skip
+        first += share
+    if len(parts) == 1:
+        return parts[0]
+    offsets = np.cumsum([0, *shares[:-1]]).tolist()
+    pairs = list(zip(parts, offsets, strict=True))
+    shown = [one._replace(unit=one.unit + k) for part, k in pairs for one in part.shown]
+    writes = [one._replace(unit=one.unit + k) for part, k in pairs for one in part.writes]
+    tries = [(one[0], one[1] + k, *one[2:]) for part, k in pairs for one in part.tries]
+    whole = replace(parts[0], n_valves=system.n_valves, duration=max(p.duration for p in parts))
+    return replace(
+        whole,
+        shown=sorted(shown, key=lambda one: one.time),
+        writes=sorted(writes, key=lambda one: one.time),
+        tries=sorted(tries),
+    )
+
+
 def received_run(seen: MasterRun, unit: int, *, target: float, plant: Plant | None = None) -> Run:
     """Return the readings of one valve as the master was sent them."""
-    known = check_whole("unit", unit, 1, seen.system.n_slaves)
+    known = check_whole("unit", unit, 1, seen.n_valves)
     rows = seen.answers[seen.answers["unit"] == known]
     if rows.empty:
         raise ArgumentError(f"unit is {unit}; nothing has come from it")

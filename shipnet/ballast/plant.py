@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from math import ceil, floor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,8 +28,12 @@ from shipnet.ballast.valve_faults import Fault, faulty
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 
-#: What a command may ask for.
-ACTIONS = ("open", "close", "position", "stop")
+#: What a command may ask for, besides a position.
+ACTIONS = ("open", "close", "stop")
+
+#: The last valve of a group starts so long before the next group is commanded [s]: room for the
+#: longest run of a motor.
+_GROUP_PAUSE = 30.0
 
 
 @dataclass(frozen=True)
@@ -38,14 +42,12 @@ class Command:
 
     Parameters
     ----------
-    action : str
-        ``open``, ``close``, ``position`` or ``stop``.
+    action : str or float
+        ``open``, ``close`` or ``stop``; a number is the position to go to, 0..100 [%].
     time : float, default 0
         When it is given [s].
-    position : float or None, default None
-        Where to go, 0..100 [%]; only and always with ``position``.
     valves : int, sequence of int or None, default None
-        Which valves, counted from 0; None is all.
+        Which valves, counted from 1; None is all.
 
     Raises
     ------
@@ -54,43 +56,85 @@ class Command:
 
     Examples
     --------
-    >>> Command("position", 5.0, position=40, valves=[0, 7]).valves
-    (0, 7)
+    >>> Command("open", 3.0, valves=range(1, 4)).valves
+    (1, 2, 3)
+    >>> Command(40, 5.0).position
+    40.0
     """
 
-    action: str
+    action: str | float
     time: float = 0.0
-    position: float | None = None
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:
         """Check every field."""
-        if self.action not in ACTIONS:
-            raise ArgumentError(
-                f"action is {self.action!r}; it must be one of {', '.join(ACTIONS)}"
-            )
+        if isinstance(self.action, str):
+            if self.action not in ACTIONS:
+                raise ArgumentError(
+                    f"action is {self.action!r}; it must be one of {', '.join(ACTIONS)}, or a "
+                    "position 0..100 %"
+                )
+        else:
+            object.__setattr__(self, "action", check_scalar("position", self.action, "%", 0, 100))
         object.__setattr__(self, "time", check_scalar("time", self.time, "s", 0, 1e9))
-        if (self.position is None) == (self.action == "position"):
-            raise ArgumentError(
-                f"position is {self.position!r} with action {self.action!r}; it belongs to "
-                "'position', and must be given there"
-            )
-        if self.position is not None:
-            position = check_scalar("position", self.position, "%", 0, 100)
-            object.__setattr__(self, "position", position)
         if self.valves is not None:
             many = self.valves if isinstance(self.valves, Iterable) else (self.valves,)
-            checked = tuple(check_whole("valve", valve, 0, 9_999) for valve in many)
+            checked = tuple(check_whole("valve", valve, 1, 10_000) for valve in many)
             object.__setattr__(self, "valves", checked)
 
+    @property
+    def position(self) -> float | None:
+        """Where to go [%]; None without a position."""
+        return None if isinstance(self.action, str) else self.action
+
+    @property
+    def kind(self) -> str:
+        """The action in a word: ``open``, ``close``, ``stop`` or ``position``."""
+        return self.action if isinstance(self.action, str) else "position"
+
     def mask(self, n_valves: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Return which of so many valves are meant."""
+        """Return which of this number of valves are meant, valve 1 first."""
         if self.valves is None:
             return np.ones(n_valves, bool)
         meant = np.zeros(n_valves, bool)
         for valve in self.valves:  # type: ignore[union-attr]
-            meant[check_whole("valve", valve, 0, n_valves - 1)] = True
+            meant[check_whole("valve", valve, 1, n_valves) - 1] = True
         return meant
+
+    @classmethod
+    def random(
+        cls,
+        n_valves: int = 256,
+        *,
+        until: float = 86400.0,
+        operations: int = 6,
+        group: int = 16,
+        rng: Any = None,
+    ) -> list[Command]:
+        """Return a random plan in which all valves open and close in turn, a group at a time.
+
+        There are `operations` commands per valve up to the time `until` [s], to groups of `group`
+        valves 30 s apart. Groups keep short how long any motor runs: while one does, all valves are
+        read at 10 Hz. The paper prints no plan; this one is our assumption.
+        """
+        valves = check_whole("n_valves", n_valves, 1, 10_000)
+        times = check_whole("operations", operations, 1, 1000)
+        size = check_whole("group", group, 1, valves)
+        lasts = -(-valves // size) * _GROUP_PAUSE
+        share = check_scalar("until", until, "s", 0, 1e8) / times
+        if share < lasts:
+            raise ArgumentError(
+                f"until is {until:g} s; {times} operations of {lasts:g} s take {times * lasts:g} s"
+            )
+        plan, generator = [], np.random.default_rng(rng)
+        for place in range(times):
+            begin = place * share + generator.uniform(0, share - lasts)
+            order = generator.permutation(valves)
+            for number, first in enumerate(range(0, valves, size)):
+                members = [int(valve) + 1 for valve in order[first : first + size]]
+                when = begin + number * _GROUP_PAUSE
+                plan.append(cls(("open", "close")[place % 2], when, valves=members))
+        return plan
 
 
 class Movement(NamedTuple):
@@ -189,11 +233,11 @@ class Plant:
     def order(self, command: Command) -> None:
         """Carry out a command now, whatever time it names."""
         meant = command.mask(self.n_valves)
-        outcome = "stopped" if command.action == "stop" else "replaced"
+        outcome = "stopped" if command.kind == "stop" else "replaced"
         self._stop(meant & self.running, self.time, outcome)
         self._stale = True
         self.active[meant] = False
-        if command.action == "stop":
+        if command.kind == "stop":
             return
         self._target[meant] = np.nan
         if command.position is not None:
@@ -203,7 +247,7 @@ class Plant:
             self._target[meant] = command.position
             meant = meant & (np.abs(gap) > DEAD_BAND)
         else:
-            self.direction[meant] = 1 if command.action == "open" else -1
+            self.direction[meant] = 1 if command.kind == "open" else -1
         self._load = self._driven = None
         there = np.where(self.direction > 0, self.opening >= 1, self.opening <= 0)
         meant = meant & ~there
@@ -213,7 +257,7 @@ class Plant:
         allowed = np.broadcast_to(np.asarray(self._actuator.motor_time), self.n_valves)
         self.latest[meant] = self.deadline[meant] = self.time + allowed[meant]
         for valve in np.flatnonzero(meant):
-            self._action[valve] = command.action
+            self._action[valve] = command.kind
 
     def measure(self) -> Floats:
         """Read the sensors, which draws noise."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from shipnet.ballast.diagnosis import Diagnosis
+    from shipnet.ballast.fleet import FleetReport
 
 
 #: Ends of the position, which the rule table calls CLOSE and OPEN [%].
@@ -27,8 +29,9 @@ _ENDS = {"CLOSE": 0.0, "OPEN": 100.0}
 _TITLES = {channel.name: channel for channel in CHANNELS}
 
 
-def plot_confusion(table: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw what was said first of which fault, as shares of the rows."""
+def plot_confusion(table: pd.DataFrame, ax: Axes | None) -> Axes:
+    """Draw the top fault of each fault as shares of the rows; right ones are framed."""
+    ax = plt.gca() if ax is None else ax
     count = table.to_numpy(float)
     total = count.sum(axis=1, keepdims=True)
     share = np.divide(count, total, out=np.zeros_like(count), where=total > 0)
@@ -61,10 +64,11 @@ def plot_trend(
     y: npt.ArrayLike,
     *,
     limit: float,
-    ax: Axes,
+    ax: Axes | None,
     until: float | None = None,
 ) -> Axes:
     """Draw points, their trend with its interval, and the limit that it runs to."""
+    ax = plt.gca() if ax is None else ax
     places, values = np.asarray(x, float), np.asarray(y, float)
     ax.plot(places, values, ".", color="C0", markersize=3, label="read")
     ax.axhline(limit, **LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
@@ -111,17 +115,16 @@ STATE_COLOURS = {
 _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
 
 
-def plot_screen(
-    screen: pd.DataFrame, *, ax: Axes, chosen: int | None = None, columns: int = 32
-) -> Axes:
-    """Draw the master's screen: a bar and a number for each valve, coloured by its state."""
+def plot_screen(screen: pd.DataFrame, ax: Axes | None, selected: int | None, columns: int) -> Axes:
+    """Draw a bar and a number per valve, coloured by its state, after Figure 11."""
+    ax = plt.gca() if ax is None else ax
     units = screen.index.to_numpy()
     wide = min(len(units), columns)
     rows = -(-len(units) // wide)
     size = 9 if wide <= 20 else 6
     places = np.arange(len(units))
     x, y = places % wide, rows - 1 - places // wide
-    position, framed = screen["position_percent"].to_numpy(float), units == chosen
+    position, framed = screen["position_percent"].to_numpy(float), units == selected
     colours = [STATE_COLOURS[state] for state in screen["state"]]
     ax.bar(
         x, 0.62, 0.84, y, color="0.94", linewidth=np.where(framed, 2.0, 0.5),
@@ -159,8 +162,9 @@ def plot_screen(
     return ax
 
 
-def plot_operation(run: Run, *, ax: Axes, valve: int = 0) -> Axes:
-    """Draw all sensors of a valve over time on one pair of axes, in percent of full scale."""
+def plot_operation(run: Run, ax: Axes | None, valve: int) -> Axes:
+    """Draw all sensors of a valve over time in percent of full scale, after Figure 12."""
+    ax = plt.gca() if ax is None else ax
     frame = run.valve(valve)
     ax.fill_between(
         frame.index, 0, 1, where=frame["running"].to_numpy(), transform=ax.get_xaxis_transform(),
@@ -177,18 +181,19 @@ def plot_operation(run: Run, *, ax: Axes, valve: int = 0) -> Axes:
     return ax
 
 
-def plot_diagnosis(diagnosis: Diagnosis, *, ax: Axes, valve: int = 0) -> Axes:
-    """Draw what is shown after a command: the greatest strength of each rule, and the finding."""
+def plot_diagnosis(diagnosis: Diagnosis, ax: Axes | None, valve: int) -> Axes:
+    """Draw the greatest strength of each rule, active ones coloured, after Figure 13."""
+    ax = plt.gca() if ax is None else ax
     base = diagnosis.base
     strength = diagnosis.firing(valve).strength.max(axis=0)
-    active = [bool(diagnosis.active[:, valve, place].any()) for place in range(len(base.codes))]
+    active = [bool(diagnosis.active[:, valve - 1, place].any()) for place in range(len(base.codes))]
     colours = [LIMIT["color"] if on else "0.75" for on in active]
     places = np.arange(len(base.codes))
     ax.barh(places, strength, color=colours)
     names = [f"{rule.english or rule.flag} ({rule.code})" for rule in base.rules]
     ax.set_yticks(places, names, fontsize="small")
     ax.invert_yaxis()
-    ax.axvline(diagnosis.cut, color="0.3", linestyle=":", linewidth=1)
+    ax.axvline(diagnosis.threshold, color="0.3", linestyle=":", linewidth=1)
     ax.set(xlim=(0, 1.02), xlabel="greatest firing strength [-]")
     found = [code for code in base.ranking if active[base.codes.index(code)]]
     others = f", also {', '.join(found[1:])}" if found[1:] else ""
@@ -196,4 +201,31 @@ def plot_diagnosis(diagnosis: Diagnosis, *, ax: Axes, valve: int = 0) -> Axes:
         f"diagnosis: {found[0]}{others}" if found else "diagnosis: normal", loc="left",
         fontsize="medium", color=LIMIT["color"] if found else "C2",
     )  # fmt: skip
+    return ax
+
+
+def plot_history(report: FleetReport, ax: Axes | None) -> Axes:
+    """Draw a row per fault: its valve's movements, and in red the time for which nobody knew."""
+    ax = plt.gca() if ax is None else ax
+    faults, commands = report.faults(), report.commands
+    hour = 3600.0
+    rows = np.arange(len(faults))
+    known = faults["alarm_s"].fillna(report.duration).to_numpy()
+    start = faults["start_s"].to_numpy()
+    names = []
+    for row, (valve, code) in enumerate(faults[["valve", "code"]].itertuples(index=False)):
+        names.append(f"{code}, valve {valve}")
+        moved = commands.loc[commands["valve"] == valve, "start_s"] / hour
+        ax.plot(
+            moved, np.full(len(moved), row), "|", color="0.55", markersize=11,
+            label="_" if row else "valve is moved",
+        )  # fmt: skip
+    ax.hlines(rows, start / hour, known / hour, color=LIMIT["color"], linewidth=3, label="unknown")
+    ax.plot(start / hour, rows, "o", color=LIMIT["color"], markersize=5, label="fault appears")
+    found = faults["alarm_s"].notna().to_numpy()
+    ax.plot(known[found] / hour, rows[found], "D", color="C2", markersize=6, label="reported")
+    ax.set_yticks(rows, names, fontsize="small")
+    ax.invert_yaxis()
+    ax.set(xlabel="time [h]", xlim=(0, report.duration / hour))
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, frameon=False, fontsize="small")
     return ax

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError, FieldError
-from shipnet.fields import check_whole
+from shipnet.fields import check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -84,28 +84,6 @@ SCALES = (
     Scale("OT", 0x4022, 8, 1.0),
     Scale("VPos", 0x4020, 8, 1.0),
 )
-
-
-def scale_table(sensors: Sensors | None = None) -> pd.DataFrame:
-    """Return what the scales make of each channel."""
-    import pandas as pd
-
-    converter = (sensors if sensors is not None else Sensors()).step
-    rows = [
-        {
-            "channel": scale.channel,
-            "unit": channel.unit,
-            "register": f"0x{scale.register:04X}",
-            "byte": "high" if scale.shift else "low",
-            "step": scale.step,
-            "highest": HIGHEST * scale.step,
-            "missing": MISSING,
-            "converter_step": step,
-            "largest_error": (scale.step + step) / 2,
-        }
-        for scale, channel, step in zip(SCALES, CHANNELS, converter, strict=True)
-    ]
-    return pd.DataFrame(rows).set_index("channel")
 
 
 def whole_steps(
@@ -194,10 +172,12 @@ class RegisterMap:
 
     Examples
     --------
-    >>> registers = RegisterMap().pack([[90.06], [2.07], [1.2], [50.2], [40]], close=False,
+    >>> registers = RegisterMap().encode([[90.06], [2.07], [1.2], [50.2], [40]], close=False,
     ...                                open=True, operating_time=3.6).registers
     >>> [f"{value:04x}" for value in registers[0]]
     ['2828', '0024', '325a', '0c15']
+    >>> f"0x{RegisterMap().encode_command(40):04X}"
+    '0x280A'
     """
 
     status: str = "table 3"
@@ -212,7 +192,7 @@ class RegisterMap:
             raise ArgumentError(f"codes is {self.codes!r}; it must be one of {known}")
         command_codes(self.codes)
 
-    def pack(
+    def encode(
         self,
         readings: npt.ArrayLike,
         *,
@@ -255,7 +235,7 @@ class RegisterMap:
         registers[0 if in_status else 1] |= faults.astype(int) << (4 if in_status else 8)
         return Packed(registers.T.astype(np.uint16), saturated.T)
 
-    def unpack(self, registers: npt.ArrayLike) -> Status:
+    def decode(self, registers: npt.ArrayLike) -> Status:
         """Return what registers say."""
         try:
             rows = np.asarray(registers)
@@ -284,6 +264,48 @@ class RegisterMap:
         highest = 100 if code in (Code.POSITION_CLOSE, Code.POSITION_OPEN) else 0
         percent = check_whole("position", position, 0, highest, f" for {code.value}")
         return percent << 8 | command_codes(self.codes)[code]
+
+    def encode_command(self, action: str | float, now: float = 0.0) -> int:
+        """Return the command register for ``open``, ``close``, ``manual``, ``auto`` or a position.
+
+        A position, 0..100 [%], is rounded to a whole number; the code depends on whether it lies
+        below the position `now`.
+        """
+        if isinstance(action, str):
+            codes = {c.value.lower(): c for c in (Code.OPEN, Code.CLOSE, Code.MANUAL, Code.AUTO)}
+            if action not in codes:
+                raise ArgumentError(
+                    f"action is {action!r}; it must be one of {', '.join(codes)}, or a position "
+                    "0..100 %"
+                )
+            return self.command(codes[action])
+        whole = round(check_scalar("position", action, "%", 0, 100))
+        return self.command(Code.POSITION_CLOSE if whole < now else Code.POSITION_OPEN, whole)
+
+    def table(self, sensors: Sensors | None = None) -> pd.DataFrame:
+        """Return where each reading is sent, in which step, and the largest error that follows.
+
+        The largest error is that of converter and register together, within the scale of the sensor
+        and of the byte.
+        """
+        import pandas as pd
+
+        converter = (sensors if sensors is not None else Sensors()).step
+        rows = [
+            {
+                "channel": scale.channel,
+                "unit": channel.unit,
+                "register": f"0x{scale.register:04X}",
+                "byte": "high" if scale.shift else "low",
+                "step": scale.step,
+                "highest": HIGHEST * scale.step,
+                "missing": MISSING,
+                "converter_step": step,
+                "largest_error": (scale.step + step) / 2,
+            }
+            for scale, channel, step in zip(SCALES, CHANNELS, converter, strict=True)
+        ]
+        return pd.DataFrame(rows).set_index("channel")
 
     def decode_command(self, value: int) -> tuple[Code, int]:
         """Return what a command register asks for."""

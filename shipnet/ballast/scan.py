@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
+from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
+from shipnet.ballast.sensors import Sensors
+from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.modbus.codes import FunctionCode
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import ReadRequest, WriteRegister
-from shipnet.modbus.ring import Loop
+from shipnet.modbus.ring import Loop, Supervision
 from shipnet.modbus.timing import Poll, Serial
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
     import pandas as pd
 
 
@@ -30,28 +35,43 @@ _SCREEN = 2.0
 
 
 def status_poll(
-    serial: Serial, *, processing: float = 0.0, timeout: float = 1.0, retries: int = 0
+    line: Serial | float = 9600.0,
+    *,
+    processing: float = 0.0,
+    timeout: float = 1.0,
+    retries: int = 0,
 ) -> Poll:
-    """Return the poll with which a scan reads the status of a valve.
+    """Return the poll with which a master reads the status of a valve: four input registers.
 
     Parameters
     ----------
-    serial : Serial
-        Settings of the line.
-    processing, timeout, retries
-        As for `Poll`.
+    line : float or line, default 9600
+        Bit rate [bit/s] of a line with 8E1 characters, or the settings of the line. The paper
+        prints neither.
+    processing : float, default 0
+        How long a slave, and the master after it, work on top of the silences [s].
+    timeout : float, default 1
+        Response time-out of the master [s].
+    retries : int, default 0
+        How often the master repeats a request that is not answered.
 
     Returns
     -------
     Poll
-        Request of 8 bytes, response of 13.
+        Request of 8 bytes, response of 13, for `System`.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of its range.
 
     Examples
     --------
-    >>> poll = status_poll(Serial(9600))
+    >>> poll = status_poll(9600)
     >>> poll.request_size, poll.response_size, round(poll.answered * 1e3, 2)
     (8, 13, 32.08)
     """
+    serial = line if isinstance(line, Serial) else Serial(line)
     return Poll.of(READ_STATUS, serial, processing=processing, timeout=timeout, retries=retries)
 
 
@@ -116,3 +136,124 @@ def scan_table(
     columns += ["valves_in_2_s"]
     table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
     return table.rename_axis("bit_rate")
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Valves; with a poll also the line and the master that scans them.
+
+    Parameters
+    ----------
+    n_valves : int, optional
+        How many, 1..10000; as many as `actuator` has numbers for, or 1, if omitted.
+    poll : Poll, optional
+        How the master asks a valve for its status, such as `status_poll` returns; without one the
+        valves are commanded and read directly. More than 247 valves are shared among masters.
+    actuator : Actuator, optional
+        What the valves are; `Actuator` with its defaults if omitted.
+    sensors : Sensors, optional
+        What measures; `Sensors` with its defaults if omitted.
+    opening : float or array of float, shape (n_valves,), default 0
+        Where the valves are at first, 0..1.
+    step : float, default 0.1
+        Time between two readings while a motor runs, 1e-3..1 [s].
+    supervision : Supervision, optional
+        When the master moves a slave to its other port; its defaults if omitted.
+    answer_at_end : bool, default False
+        Whether a slave answers a command when the valve has arrived, as the paper prints it, else
+        at once.
+    command_timeout : float, optional
+        How long the master waits for the answer to a command [s]; that of the poll if omitted.
+    watchdog : float, optional
+        A motor stops that has had no request for so long [s]; never if omitted.
+
+    Raises
+    ------
+    ArgumentError
+        If the number of valves is out of range, or not that of the actuator.
+
+    Examples
+    --------
+    >>> round(System(247, poll=status_poll(9600)).worst_age(), 2)
+    7.94
+    """
+
+    n_valves: int = 0
+    poll: Poll | None = None
+    actuator: Actuator | None = None
+    sensors: Sensors | None = None
+    opening: Any = 0.0
+    step: float = 0.1
+    supervision: Supervision | None = None
+    answer_at_end: bool = False
+    command_timeout: float | None = None
+    watchdog: float | None = None
+
+    def __init__(
+        self,
+        n_valves: int | None = None,
+        poll: Poll | None = None,
+        *,
+        actuator: Actuator | None = None,
+        sensors: Sensors | None = None,
+        opening: npt.ArrayLike = 0.0,
+        step: float = 0.1,
+        supervision: Supervision | None = None,
+        answer_at_end: bool = False,
+        command_timeout: float | None = None,
+        watchdog: float | None = None,
+    ) -> None:
+        known = None if actuator is None else actuator.n_valves
+        count = check_whole("n_valves", known or 1 if n_valves is None else n_valves, 1, 10_000)
+        if known not in (None, count):
+            raise ArgumentError(f"n_valves is {n_valves}; the actuator has numbers for {known}")
+        fields = {
+            "n_valves": count, "poll": poll, "actuator": actuator, "sensors": sensors,
+            "opening": opening, "step": step, "supervision": supervision,
+            "answer_at_end": answer_at_end, "command_timeout": command_timeout,
+            "watchdog": watchdog,
+        }  # fmt: skip
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        """Return the number of valves, and the bit rate of their line."""
+        valves = f"{self.n_valves} valve{'s' if self.n_valves > 1 else ''}"
+        return f"System({valves}{f', {self.poll.serial.bit_rate:g} bit/s' if self.poll else ''})"
+
+    @property
+    def loop(self) -> Loop:
+        """The line of the valves, a closed loop with a port of the master at each end."""
+        if self.poll is None:
+            raise ArgumentError("the system has no poll; give it one, such as status_poll(9600)")
+        rule = () if self.supervision is None else (self.supervision,)
+        return Loop(self.n_valves, self.poll, *rule)
+
+    def worst_age(self, *, commands: int = 0) -> float:
+        """Return how old the position that the master shows can be while all valves answer [s].
+
+        `commands` are sent within one scan.
+        """
+        return worst_age(self.loop, commands=commands)
+
+    def scan_times(self, bit_rates: Iterable[float] = BIT_RATES) -> pd.DataFrame:
+        """Return how long transactions and scans take, a row per bit rate.
+
+        ``scan_s`` is that of the largest share of a master, ``halves_s`` that of a loop cut in the
+        middle whose ports scan at once, ``valves_in_2_s`` how many valves a master updates within
+        the 2 s in which DNV-OS-D202 asks for a full screen.
+        """
+        poll = self.poll if self.poll is not None else status_poll()
+        return scan_table(
+            self.n_valves, bit_rates=bit_rates, character=poll.serial.character,
+            processing=poll.processing,
+        )  # fmt: skip
+
+    def valve_addresses(self) -> pd.DataFrame:
+        """Return the master and the unit id of each valve, shared out evenly and in order."""
+        return assignment(self.n_valves)
+
+
+def as_system(system: System | int) -> System:
+    """Return a system, or plain valves of this number."""
+    return system if isinstance(system, System) else System(system)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from math import ceil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +19,12 @@ from shipnet.fields import check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
+
+    from shipnet.ballast.diagnosis import Diagnosis
+    from shipnet.ballast.master import MasterRun
+    from shipnet.ballast.scan import System
+    from shipnet.fuzzy.rules import RuleBase
 
 
 Floats = npt.NDArray[np.float64]
@@ -34,7 +39,7 @@ _COLUMNS = ("time", "readings", "DVPos", "running", "moving", "active", "opening
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What was read, one row an instant.
+    """What was read, one row per instant, as `simulate` returns it.
 
     Parameters
     ----------
@@ -51,6 +56,13 @@ class Run:
         True opening, 0..1, which no sensor knows.
     movements : tuple of Movement
         Runs of motors that ended meanwhile.
+
+    Examples
+    --------
+    >>> from shipnet.ballast.simulation import simulate
+    >>> run = simulate(1, [Command("open", 1.0)], until=12)
+    >>> run.VPos[::20, 0].round().tolist()
+    [0.0, 11.0, 33.0, 56.0, 78.0, 100.0, 100.0]
     """
 
     time: Floats
@@ -99,31 +111,63 @@ class Run:
         return found | {"DVPos": self.DVPos}
 
     def valve(self, valve: int) -> pd.DataFrame:
-        """Return the columns of one valve, indexed by ``time_s``."""
+        """Return the columns of one valve, counted from 1, indexed by ``time_s``."""
         import pandas as pd
 
-        k = check_whole("valve", valve, 0, self.n_valves - 1)
+        k = check_whole("valve", valve, 1, self.n_valves) - 1
         columns = {c.column: self.readings[:, place, k] for place, c in enumerate(CHANNELS)}
         columns["DVPos_percent_per_s"] = self.DVPos[:, k]
         flags = {name: getattr(self, name)[:, k] for name in ("running", "moving", "active")}
         return pd.DataFrame(columns | flags, index=pd.Index(self.time, name="time_s"))
 
-    @cached_property
     def table(self) -> pd.DataFrame:
-        """One row an instant and valve, indexed by ``valve`` and ``time_s``."""
+        """Return one row per instant and valve, indexed by ``valve`` and ``time_s``."""
         import pandas as pd
 
-        tables = {k: self.valve(k) for k in range(self.n_valves)}
+        tables = {k: self.valve(k) for k in range(1, self.n_valves + 1)}
         return pd.concat(tables, names=["valve"])
 
-    @cached_property
     def strokes(self) -> pd.DataFrame:
-        """One row a run of a motor that has ended: fields of `Movement` and ``duration_s``."""
-        import pandas as pd
+        """Return one row per run of a motor that has ended, from what sensors and clock say.
 
-        frame = pd.DataFrame(self.movements, columns=list(Movement._fields))
-        frame["duration_s"] = frame["end"] - frame["start"]
-        return frame.rename(columns={"start": "start_s", "end": "end_s"})
+        ``valve``, ``action``, ``start_s``, ``end_s``, ``outcome``; ``duration_s``;
+        ``travel_percent`` of VPos; ``stroke_s``, the time of a whole stroke at that speed (NaN for
+        a way of less than 20 %); medians ``FP_bar``, ``MC_A`` and maxima ``OP_max_bar``,
+        ``OT_max_degC`` while the motor ran.
+        """
+        return command_features(self)
+
+    def diagnose(
+        self,
+        rules: RuleBase | None = None,
+        method: str = "fuzzy",
+        *,
+        k: int = 3,
+        n: int = 5,
+        threshold: float = 0.5,
+    ) -> Diagnosis:
+        """Diagnose all valves at all instants; the rules are those of the paper by default.
+
+        A code is active if its rule fired in `k` or more of the last `n` instants. `method` is
+        ``fuzzy``, ``midpoint`` or ``crisp``; with the last, which takes the table as printed, DVPos
+        counts at any time, with the others while a command is active only.
+        """
+        from shipnet.ballast.diagnosis import diagnose_run
+
+        return diagnose_run(self, rules, method=method, k=k, n=n, threshold=threshold)
+
+    def plot(self, valve: int = 1, ax: Axes | None = None) -> Axes:
+        """Draw the sensors of a valve over time in percent of full scale, after Figure 12."""
+        from shipnet.ballast.plot import plot_operation
+
+        return plot_operation(self, ax, valve)
+
+    def __repr__(self) -> str:
+        """Return the time, and the numbers of valves and motor runs."""
+        span = f"{self.time[-1] - self.time[0]:g} s, " if self.time.size else ""
+        said = f"{self.n_valves} valve{'s' if self.n_valves != 1 else ''}"
+        n = len(self.movements)
+        return f"Run({span}{said}, {n} motor run{'s' if n != 1 else ''})"
 
 
 def blocks(
@@ -161,47 +205,37 @@ def blocks(
 
 
 def simulate(
-    actuator: Actuator | None = None,
+    system: System | int = 1,
     commands: Iterable[Command] = (),
     *,
-    duration: float,
-    n_valves: int | None = None,
-    faults: Iterable[Fault] = (),
-    sensors: Sensors | None = None,
-    opening: npt.ArrayLike = 0.0,
-    step: float = 0.1,
+    faults: Any = (),
+    until: float,
     idle_step: float | None = None,
-    rng: np.random.Generator | None = None,
-) -> Run:
-    """Simulate valves.
+    rng: Any = None,
+) -> Run | MasterRun:
+    """Simulate valves, and the master that scans them if the system has a poll.
 
     Parameters
     ----------
-    actuator : Actuator, optional
-        What the valves are; `Actuator` with its defaults if omitted.
+    system : System or int
+        The valves; a number stands for plain valves that are commanded and read directly.
     commands : iterable of Command, optional
-        What they are told, in any order.
-    duration : float
-        Until when, 0..1e8 [s]; the last reading is at or just after this time.
-    n_valves : int, optional
-        How many, 1..10000; 1 if omitted, or what `actuator` has arrays for.
-    faults : iterable of Fault, optional
-        What is wrong, and from when on.
-    sensors : Sensors, optional
-        What measures; `Sensors` with its defaults if omitted.
-    opening : float or array_like of float, shape (n_valves,), default 0
-        Where they stand at first, 0..1.
-    step : float, default 0.1
-        Time between two readings while a motor runs, 1e-3..1 [s].
+        What they are told, in any order. A master sends one for each valve, between two polls.
+    faults : Fault or iterable of Fault, optional
+        What is wrong, and from when on; also faults of the line (`shipnet.modbus`).
+    until : float
+        End time, 0..1e8 [s]; with a master 0..1e5 [s].
     idle_step : float, optional
-        Time between two readings while none does, `step`..3600 [s]; `step` if omitted.
-    rng : numpy.random.Generator, optional
-        Draws the noise of the sensors; there is none if omitted.
+        Time between two readings while no motor runs, `step`..3600 [s]; that of the system if
+        omitted. Without a master only.
+    rng : Generator, int or None, optional
+        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; there is no noise if
+        omitted.
 
     Returns
     -------
-    Run
-        Readings, flags and movements.
+    Run or MasterRun
+        Readings, flags and movements; with a master what it received and showed.
 
     Raises
     ------
@@ -212,18 +246,43 @@ def simulate(
     --------
     Four valves open; the pump of the last leaks:
 
-    >>> run = simulate(commands=[Command("open")], n_valves=4, duration=20,
-    ...                faults=[Fault("P2", 0.5, valves=3)], rng=np.random.default_rng(2024))
-    >>> run.FP[50].round().tolist()
-    [91.0, 90.0, 89.0, 28.0]
-    >>> run.strokes[["valve", "duration_s", "outcome"]].round(1).values.tolist()
-    [[0, 9.0, 'limit'], [1, 9.0, 'limit'], [2, 9.0, 'limit'], [3, 16.6, 'limit']]
+    >>> leak = Fault("P2", 0.5, valves=4)
+    >>> run = simulate(4, [Command("open")], faults=leak, until=20, rng=2024)
+    >>> run
+    Run(20 s, 4 valves, 4 motor runs)
+    >>> run.strokes()[["valve", "duration_s", "FP_bar"]].round().astype(int).values.tolist()
+    [[1, 9, 90], [2, 9, 90], [3, 9, 90], [4, 17, 28]]
     """
+    from shipnet.ballast.scan import as_system
+
+    valves = as_system(system)
+    noise = None if rng is None else np.random.default_rng(rng)
+    several = list(faults) if isinstance(faults, Iterable) else [faults]
+    own = [fault for fault in several if isinstance(fault, Fault)]
+    others = [fault for fault in several if not isinstance(fault, Fault)]
+    if valves.poll is not None:
+        from shipnet.ballast.master import scan_fleet
+
+        return scan_fleet(valves, commands, own, others, until, noise)
+    if others:
+        raise ArgumentError(f"one of faults is {others[0]!r}; the system has no line, give a poll")
+    return simulate_valves(valves, commands, own, until, idle_step, noise)
+
+
+def simulate_valves(
+    system: System,
+    commands: Iterable[Command],
+    faults: list[Fault],
+    until: float,
+    idle_step: float | None,
+    rng: np.random.Generator | None,
+) -> Run:
+    """Simulate valves without a master."""
     pieces = list(
         blocks(
-            actuator, commands, duration=duration, n_valves=n_valves, faults=faults,
-            sensors=sensors, opening=opening, step=step, rng=rng,
-            idle_step=step if idle_step is None else idle_step,
+            system.actuator, commands, duration=check_scalar("until", until, "s", 0, 1e8),
+            n_valves=system.n_valves, faults=faults, sensors=system.sensors, opening=system.opening,
+            step=system.step, rng=rng, idle_step=system.step if idle_step is None else idle_step,
         )
     )  # fmt: skip
     columns = {
@@ -306,11 +365,21 @@ def running_time(run: Run, before: npt.ArrayLike = np.nan) -> Floats:
     return np.where(running, since, np.nan)
 
 
+def stroke_rows(run: Run) -> pd.DataFrame:
+    """Return the runs of motors that have ended: valve, action, times, opening, outcome."""
+    import pandas as pd
+
+    frame = pd.DataFrame(run.movements, columns=list(Movement._fields))
+    frame["valve"] += 1
+    frame["duration_s"] = frame["end"] - frame["start"]
+    return frame.rename(columns={"start": "start_s", "end": "end_s"})
+
+
 def command_features(run: Run) -> pd.DataFrame:
     """Return one row for every run of a motor that has ended, from what sensors and clock say."""
     import pandas as pd
 
-    strokes = run.strokes
+    strokes = stroke_rows(run)
     rows = np.full((len(strokes), 5), np.nan)
     for row, moved in zip(rows, run.movements, strict=True):
         first, last = np.searchsorted(run.time, [moved.start - 1e-9, moved.end + 1e-9])
@@ -323,7 +392,7 @@ def command_features(run: Run) -> pd.DataFrame:
         row[1:3] = np.median(seen[:, [0, 2]], axis=0)
         row[3:5] = seen[:, [1, 3]].max(axis=0)
     names = ["travel_percent", "FP_bar", "MC_A", "OP_max_bar", "OT_max_degC"]
-    table = strokes.drop(columns="opening").join(pd.DataFrame(rows, columns=names))
+    table = strokes.join(pd.DataFrame(rows, columns=names))
     far = table["travel_percent"].where(table["travel_percent"] >= _SHORTEST)
     table["stroke_s"] = 100 * table["duration_s"] / far
     return table

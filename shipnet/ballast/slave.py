@@ -170,7 +170,7 @@ class ValveDevice:
         self._attend(time)
         plant, k = self.plant, self.valve
         ran = plant.time - plant.started[k] if plant.running[k] else plant.last_run[k]
-        packed = self.registers.pack(
+        packed = self.registers.encode(
             plant.readings[:, k : k + 1],
             auto=self.auto and not self.local,
             close=plant.direction[k] < 0,
@@ -215,9 +215,9 @@ class ValveDevice:
         self._order(action)
 
     def _order(self, action: str, position: int | None = None) -> None:
-        target = None if position is None else float(position)
         self.monitor.report(self.valve, 0)
-        self.plant.order(Command(action, position=target, valves=self.valve))
+        asked = action if position is None else float(position)
+        self.plant.order(Command(asked, valves=self.valve + 1))
 
     def _attend(self, time: float) -> None:
         """Bring the plant to the time of a request, which the watchdog has seen then."""

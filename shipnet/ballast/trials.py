@@ -7,13 +7,14 @@ not validate the method.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.ballast.actuator import Actuator
-from shipnet.ballast.diagnosis import READINGS, Diagnosis, diagnose_run
+from shipnet.ballast.diagnosis import Diagnosis, diagnose_run
 from shipnet.ballast.plant import Command
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import Sensors
@@ -22,11 +23,12 @@ from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.decision import top_codes
-from shipnet.fuzzy.rules import NORMAL, UNKNOWN, RuleBase
+from shipnet.fuzzy.rules import METHODS, NORMAL, UNKNOWN, RuleBase
 from shipnet.intervals import event_interval, share_interval
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 
 Floats = npt.NDArray[np.float64]
@@ -65,10 +67,71 @@ def spread_actuator(n_valves: int, spread: float, rng: np.random.Generator) -> A
 
 
 class Outcome(NamedTuple):
-    """What became of trials, for one reading of the rules."""
+    """What became of trials, for one method of the rules."""
 
     active: Flags
     first: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """Trials of the diagnosis, as `fault_trials` returns them.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        One row per trial and method: ``method``, ``fault``, ``valve``, ``severity``; the codes
+        ``active`` at any time of it, their ``top_fault``; whether any code was active
+        (``detected``), its own (``named``), and its own was on top (``isolated``); and ``delay_s``
+        from the first command to the first code: 0 if it was active before, NaN if there was none.
+
+    Examples
+    --------
+    With the motor off, a position far too high is a switch error as well, of higher rank:
+
+    >>> trials = fault_trials(["S1", "Pos3"], n_valves=9, methods=["fuzzy"], rng=2024)
+    >>> trials.confusion().loc["Pos3"].to_dict()
+    {'S1': 9, 'Pos3': 0}
+    >>> trials.rates().loc[("fuzzy", "S1"), ["n", "isolated", "isolated_low"]].round(3).tolist()
+    [9.0, 1.0, 0.664]
+    """
+
+    rows: pd.DataFrame
+
+    @property
+    def basis(self) -> str:
+        """What stands behind the numbers."""
+        return BASIS
+
+    def __repr__(self) -> str:
+        """Return the numbers of trials and of faults that were isolated."""
+        share = self.rows.groupby("method", sort=False)["isolated"].mean()
+        said = ", ".join(f"{name} {100 * x:.0f} %" for name, x in share.items())
+        n = len(self.rows) // max(len(share), 1)
+        return f"Trials({n} valves, isolated: {said})"
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per trial and method, as a copy."""
+        return self.rows.copy()
+
+    def rates(self, *, confidence: float = 0.95) -> pd.DataFrame:
+        """Return how often faults were found, indexed by method and fault.
+
+        Number ``n``; the shares ``detected``, ``named`` and ``isolated``, each with the ends
+        ``_low`` and ``_high`` of its interval; and the median ``delay_s``. For ``normal`` valves
+        ``detected`` is the share with a false alarm, and ``isolated`` the share without one.
+        """
+        return rates(self.rows, confidence=confidence)
+
+    def confusion(self, method: str = "fuzzy") -> pd.DataFrame:
+        """Return how many trials of each fault (rows) had which top fault (columns)."""
+        return confusion(self.rows, method=method)
+
+    def plot(self, method: str = "fuzzy", ax: Axes | None = None) -> Axes:
+        """Draw the confusion as shares of the rows."""
+        from shipnet.ballast.plot import plot_confusion
+
+        return plot_confusion(self.confusion(method), ax)
 
 
 def fault_trials(
@@ -76,41 +139,43 @@ def fault_trials(
     *,
     n_valves: int = 256,
     severity: npt.ArrayLike = 1.0,
-    readings: Iterable[str] = tuple(READINGS),
+    methods: Iterable[str] = tuple(METHODS),
     rules: RuleBase | None = None,
     k: int = 3,
     n: int = 5,
     spread: float = 0.02,
     sensors: Sensors | None = None,
-    rng: np.random.Generator,
-) -> pd.DataFrame:
+    rng: Any,
+) -> Trials:
     """Let valves with each fault open and close once, and diagnose them.
 
     Parameters
     ----------
     codes : iterable of str, optional
-        Faults; ``normal`` are healthy valves. All of them if omitted.
+        Faults; ``normal`` means healthy valves. All of them if omitted.
     n_valves : int, default 256
         Valves with each fault; 10000 in all at most.
     severity : float or array_like of float, shape (n_valves,), default 1
         How severe the faults are, 0..1.
-    readings : iterable of str, optional
-        Readings of the rules, see `READINGS`; all if omitted. They see the same sensors.
-    rules, k, n
-        As for `diagnose_run`.
+    methods : iterable of str, optional
+        Methods of diagnosis: ``crisp``, ``midpoint`` and ``fuzzy`` if omitted. They see the same
+        sensors.
+    rules : shipnet.fuzzy.RuleBase, optional
+        The rules; those of the paper if omitted.
+    k, n : int, default 3 and 5
+        A code is active if its rule fired in `k` or more of the last `n` instants.
     spread : float, default 0.02
-        How far the valves differ, see `spread_actuator`.
+        How far the valves differ: standard deviation of the logarithm of pump leak, restrictor and
+        bearing torque, 0..0.5; our assumption.
     sensors : Sensors, optional
         What measures; `Sensors` with its defaults if omitted.
-    rng : numpy.random.Generator
-        Draws valves and noise of the sensors.
+    rng : Generator, int or None
+        Draws valves and noise of the sensors, as `numpy.random.default_rng` takes it.
 
     Returns
     -------
-    pandas.DataFrame
-        One row a trial and reading: ``reading``, ``fault``, ``valve``, ``severity``; the codes
-        ``active`` at any time of it, their ``headline``, the flags of `CRITERIA`, and ``delay_s``
-        from the first command to the first code: 0 if it was active before, NaN if there was none.
+    Trials
+        One row per trial and method.
 
     Raises
     ------
@@ -124,13 +189,13 @@ def fault_trials(
 
     Examples
     --------
-    >>> trials = fault_trials(["normal", "V1"], n_valves=8, rng=np.random.default_rng(2024))
-    >>> trials.groupby("reading")["headline"].unique().str.join(" ").to_dict()
-    {'crisp': 'normal V1', 'fuzzy': 'normal V1', 'literal': 'P2 V1'}
+    >>> fault_trials(["normal", "V1"], n_valves=8, rng=2024).confusion().loc["V1"].to_dict()
+    {'normal': 0, 'V1': 8}
     """
     import pandas as pd
 
-    wanted, asked = _some("codes", codes), _some("readings", readings)
+    generator = np.random.default_rng(rng)
+    wanted, asked = _some("codes", codes), _some("methods", methods)
     valves = check_whole("n_valves", n_valves, 1, 10_000 // len(wanted))
     try:
         each = np.broadcast_to(np.asarray(severity, float), valves)
@@ -142,24 +207,24 @@ def fault_trials(
     severities = np.tile(each, len(wanted))
     base = rules if rules is not None else rule_base()
     faults = np.repeat(np.array(wanted, dtype=object), valves)
-    actuator = spread_actuator(faults.size, spread, rng)
-    found = _cycle(actuator, faults, severities, base, asked, (k, n), sensors, rng)
+    actuator = spread_actuator(faults.size, spread, generator)
+    found = _cycle(actuator, faults, severities, base, asked, (k, n), sensors, generator)
     ranked = [base.codes.index(code) for code in base.ranking]
     names = np.array(base.ranking, dtype=object)
     tables = []
-    for reading, outcome in found.items():
+    for method, outcome in found.items():
         rows = {
-            "reading": reading,
+            "method": method,
             "fault": faults,
-            "valve": np.tile(np.arange(valves), len(wanted)),
+            "valve": np.tile(np.arange(1, valves + 1), len(wanted)),
             "severity": np.where(faults == NORMAL, 0.0, severities),
             "active": [" ".join(names[row]) for row in outcome.active[:, ranked]],
-            "headline": top_codes(base, outcome.active),
+            "top_fault": top_codes(base, outcome.active),
             **{name: _found(base, faults, outcome, name) for name in CRITERIA},
             "delay_s": np.maximum(outcome.first - _OPEN, 0.0),
         }
         tables.append(pd.DataFrame(rows))
-    return pd.concat(tables, ignore_index=True)
+    return Trials(pd.concat(tables, ignore_index=True))
 
 
 def _some(name: str, words: Iterable[str]) -> list[str]:
@@ -185,22 +250,22 @@ def _cycle(
     faults: npt.NDArray[np.object_],
     severities: Floats,
     base: RuleBase,
-    readings: list[str],
+    methods: list[str],
     persistence: tuple[int, int],
     sensors: Sensors | None,
     rng: np.random.Generator,
 ) -> dict[str, Outcome]:
-    """Simulate one trial of every valve, and diagnose it in every reading."""
+    """Simulate one trial of every valve, and diagnose it in every method."""
     known = [code for code in dict.fromkeys(faults) if code != NORMAL]
     plan = []
     for code in known:
         mine = np.flatnonzero(faults == code)
-        plan.append(Fault(code, severities[mine], valves=mine))
+        plan.append(Fault(code, severities[mine], valves=mine + 1))
     orders = [Command("open", _OPEN), Command("close", _CLOSE)]
     k, n = persistence
-    last: dict[str, Diagnosis | None] = dict.fromkeys(readings)
-    active = {reading: np.zeros((faults.size, len(base.rules)), bool) for reading in readings}
-    first = {reading: np.full(faults.size, np.nan) for reading in readings}
+    last: dict[str, Diagnosis | None] = dict.fromkeys(methods)
+    active = {method: np.zeros((faults.size, len(base.rules)), bool) for method in methods}
+    first = {method: np.full(faults.size, np.nan) for method in methods}
     for run in blocks(
         actuator,
         orders,
@@ -211,13 +276,13 @@ def _cycle(
         idle_step=0.5,
         size=_BLOCK,
     ):
-        for reading in readings:
-            found = diagnose_run(run, base, reading=reading, k=k, n=n, after=last[reading])
-            active[reading] |= found.active.any(axis=0)
-            soonest = np.fmin.reduce(found.first_alarm, axis=1)
-            first[reading] = np.fmin(first[reading], soonest)
-            last[reading] = found
-    return {reading: Outcome(active[reading], first[reading]) for reading in readings}
+        for method in methods:
+            found = diagnose_run(run, base, method=method, k=k, n=n, after=last[method])
+            active[method] |= found.active.any(axis=0)
+            soonest = np.fmin.reduce(found.alarm_times, axis=1)
+            first[method] = np.fmin(first[method], soonest)
+            last[method] = found
+    return {method: Outcome(active[method], first[method]) for method in methods}
 
 
 #: What stands behind the numbers.
@@ -229,10 +294,10 @@ _YEAR = 365.25 * 86400
 
 
 def rates(trials: pd.DataFrame, *, confidence: float = 0.95) -> pd.DataFrame:
-    """Return how often faults were found, for each reading and fault."""
+    """Return how often faults were found, for each method and fault."""
     import pandas as pd
 
-    groups = trials.groupby(["reading", "fault"], sort=False)
+    groups = trials.groupby(["method", "fault"], sort=False)
     table = pd.DataFrame({"n": groups.size()})
     for name in CRITERIA:
         hits = groups[name].sum().astype(int)
@@ -244,63 +309,62 @@ def rates(trials: pd.DataFrame, *, confidence: float = 0.95) -> pd.DataFrame:
     return table
 
 
-def confusion(trials: pd.DataFrame, *, reading: str = "fuzzy") -> pd.DataFrame:
+def confusion(trials: pd.DataFrame, *, method: str = "fuzzy") -> pd.DataFrame:
     """Return what was said first of which fault."""
     import pandas as pd
 
-    mine = trials[trials["reading"] == reading]
+    mine = trials[trials["method"] == method]
     if mine.empty:
-        known = ", ".join(trials["reading"].unique())
-        raise ArgumentError(f"reading is {reading!r}; the trials are of {known}")
-    order = list(dict.fromkeys([*mine["fault"], *sorted(mine["headline"].unique())]))
-    counted = pd.crosstab(mine["fault"], mine["headline"])
+        known = ", ".join(trials["method"].unique())
+        raise ArgumentError(f"method is {method!r}; the trials are of {known}")
+    order = list(dict.fromkeys([*mine["fault"], *sorted(mine["top_fault"].unique())]))
+    counted = pd.crosstab(mine["fault"], mine["top_fault"])
     table = counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)
     table.attrs["basis"] = BASIS
     return table
 
 
 def false_alarms(
-    *,
-    duration: float = 3600.0,
-    period: float = 600.0,
     n_valves: int = 256,
-    readings: Iterable[str] = tuple(READINGS),
+    *,
+    until: float = 3600.0,
+    period: float = 600.0,
+    methods: Iterable[str] = tuple(METHODS),
     rules: RuleBase | None = None,
     k: int = 3,
     n: int = 5,
     spread: float = 0.02,
     sensors: Sensors | None = None,
     confidence: float = 0.95,
-    rng: np.random.Generator,
+    rng: Any,
 ) -> pd.DataFrame:
     """Let healthy valves work, and count what is reported of them.
 
     Parameters
     ----------
-    duration : float, default 3600
+    n_valves : int, default 256
+        How many, 1..10000.
+    until : float, default 3600
         For how long, `period`..1e7 [s].
     period : float, default 600
         Time between two commands, which open and close all valves in turn, 60..1e6 [s].
-    n_valves : int, default 256
-        How many, 1..10000.
-    readings, rules, k, n
+    methods, rules, k, n
         As for `fault_trials`.
     spread : float, default 0.02
-        How far the valves differ, see `spread_actuator`.
+        How far the valves differ, as for `fault_trials`.
     sensors : Sensors, optional
         What measures; `Sensors` with its defaults if omitted.
     confidence : float, default 0.95
         Of the intervals.
-    rng : numpy.random.Generator
-        Draws valves and noise of the sensors.
+    rng : Generator, int or None
+        Draws valves and noise of the sensors, as `numpy.random.default_rng` takes it.
 
     Returns
     -------
     pandas.DataFrame
-        Indexed by ``reading``: ``commands``; those with an ``alarmed`` period, its share
-        ``per_command`` with ``_low`` and ``_high`` (`shipnet.intervals.share_interval`);
-        ``valve_years``, the ``alarms`` in them (a headline other than normal that follows normal),
-        and ``per_valve_year`` with ``_low`` and ``_high`` (`shipnet.intervals.event_interval`).
+        Indexed by ``method``: ``commands``; those with an ``alarmed`` period, their share
+        ``per_command`` with ``_low`` and ``_high``; ``valve_years``, the ``alarms`` in them (a top
+        fault that follows normal), and ``per_valve_year`` with ``_low`` and ``_high``.
 
     Raises
     ------
@@ -315,40 +379,38 @@ def false_alarms(
 
     Examples
     --------
-    >>> table = false_alarms(duration=120, period=60, n_valves=16, rng=np.random.default_rng(2024))
-    >>> table[["commands", "alarmed"]].T
-    reading   literal  crisp  fuzzy
-    commands       32     32     32
-    alarmed        32      0      0
+    >>> table = false_alarms(16, until=120, period=60, rng=2024)
+    >>> table["alarmed"].to_dict()
+    {'crisp': 32, 'midpoint': 0, 'fuzzy': 0}
     """
     import pandas as pd
 
     every = check_scalar("period", period, "s", 60, 1e6)
-    time = check_scalar("duration", duration, "s", every, 1e7)
+    time = check_scalar("until", until, "s", every, 1e7)
     valves = check_whole("n_valves", n_valves, 1, 10_000)
     starts = np.arange(0.0, time - every + 1e-6, every)
     orders = [Command(("open", "close")[i % 2], start) for i, start in enumerate(starts)]
-    wanted = list(readings)
-    alarmed = {reading: np.zeros((starts.size, valves), bool) for reading in wanted}
+    wanted, generator = list(methods), np.random.default_rng(rng)
+    alarmed = {method: np.zeros((starts.size, valves), bool) for method in wanted}
     alarms = dict.fromkeys(wanted, 0)
     last: dict[str, Diagnosis | None] = dict.fromkeys(wanted)
-    quiet = {reading: np.ones((1, valves), bool) for reading in wanted}
-    actuator = spread_actuator(valves, spread, rng)
+    quiet = {method: np.ones((1, valves), bool) for method in wanted}
+    actuator = spread_actuator(valves, spread, generator)
     # The last period is whole: it ends just before the next command would come.
     end = starts[-1] + every - 0.1
     for run in blocks(
-        actuator, orders, duration=end, sensors=sensors, rng=rng, size=max(2**19 // valves, 1)
+        actuator, orders, duration=end, sensors=sensors, rng=generator, size=max(2**19 // valves, 1)
     ):
         of = np.minimum((run.time + 1e-6) // every, starts.size - 1).astype(int)
-        for reading in wanted:
-            found = diagnose_run(run, rules, reading=reading, k=k, n=n, after=last[reading])
-            calm = np.isin(found.headline, [NORMAL, UNKNOWN])
-            before = np.concatenate([quiet[reading], calm[:-1]])
-            alarms[reading] += int((before & ~calm).sum())
-            np.logical_or.at(alarmed[reading], of, ~calm)
-            last[reading], quiet[reading] = found, calm[-1:]
-    hits = np.array([int(alarmed[reading].sum()) for reading in wanted])
-    seen = np.array([alarms[reading] for reading in wanted])
+        for method in wanted:
+            found = diagnose_run(run, rules, method=method, k=k, n=n, after=last[method])
+            calm = np.isin(found.top, [NORMAL, UNKNOWN])
+            before = np.concatenate([quiet[method], calm[:-1]])
+            alarms[method] += int((before & ~calm).sum())
+            np.logical_or.at(alarmed[method], of, ~calm)
+            last[method], quiet[method] = found, calm[-1:]
+    hits = np.array([int(alarmed[method].sum()) for method in wanted])
+    seen = np.array([alarms[method] for method in wanted])
     commands, years = starts.size * valves, valves * (starts.size * every) / _YEAR
     share = share_interval(hits, np.full(hits.shape, commands), confidence=confidence)
     rate = event_interval(seen, years, confidence=confidence)
@@ -365,7 +427,7 @@ def false_alarms(
             "per_valve_year_low": rate[0],
             "per_valve_year_high": rate[1],
         },
-        index=pd.Index(wanted, name="reading"),
+        index=pd.Index(wanted, name="method"),
     )
     table.attrs["basis"] = BASIS
     return table

@@ -7,7 +7,7 @@ verifies code, it does not validate the rules.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.sensors import CHANNELS
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.fields import check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,7 +87,7 @@ class Fault:
         When it begins [s]. A motor that is not cooled from time 0 on has been so for long, and is
         as warm as that makes it.
     valves : int, sequence of int or None, default None
-        Which valves have it, counted from 0; None is all.
+        Which valves have it, counted from 1; None is all.
 
     Raises
     ------
@@ -100,6 +100,8 @@ class Fault:
     Traceback (most recent call last):
         ...
     shipnet.errors.ArgumentError: code is 'V3'; it must be one of G1, P1, P2, V1, V2, O1, S1, ...
+    >>> Fault.parse("3:P2:0.5")
+    Fault(code='P2', severity=0.5, start=0.0, valves=(3,))
     """
 
     code: str
@@ -124,9 +126,9 @@ class Fault:
 
     def severities(self, n_valves: int) -> Floats:
         """Return how severe it is for each valve, shape (n_valves,)."""
-        mine = range(n_valves) if self.valves is None else list(self.valves)  # type: ignore[arg-type]
+        mine = range(n_valves) if self.valves is None else [v - 1 for v in self.valves]  # type: ignore[union-attr]
         for valve in mine:
-            check_whole(f"valve of {self.code}", valve, 0, n_valves - 1)
+            check_whole(f"valve of {self.code}", valve + 1, 1, n_valves)
         if np.ndim(self.severity) and np.size(self.severity) != len(mine):
             raise ArgumentError(
                 f"severity of {self.code} has {np.size(self.severity)} values for {len(mine)} "
@@ -135,6 +137,57 @@ class Fault:
         found = np.zeros(n_valves)
         found[list(mine)] = self.severity
         return found
+
+    @classmethod
+    def parse(cls, text: str, n_valves: int = 247) -> Fault:
+        """Return the fault that a text such as ``3:V1:0.8`` names: valve, code and severity."""
+        parts = text.split(":")
+        try:
+            if len(parts) not in (2, 3):
+                raise ValueError
+            unit, severity = int(parts[0]), float(parts[2]) if parts[2:] else 1.0
+        except ValueError:
+            raise ArgumentError(
+                f"fault is {text!r}; it must be VALVE:CODE or VALVE:CODE:SEVERITY, such as 3:V1:0.8"
+            ) from None
+        try:
+            return cls(parts[1], severity, valves=check_whole("valve", unit, 1, n_valves))
+        except ArgumentError as error:
+            raise ArgumentError(f"fault {text!r}: {error}") from None
+
+    @classmethod
+    def random(
+        cls,
+        n_faults: int,
+        *,
+        n_valves: int = 256,
+        until: float = 86400.0,
+        codes: Sequence[str] = tuple(FAULTS),
+        severity: float | tuple[float, float] = 1.0,
+        rng: Any = None,
+    ) -> list[Fault]:
+        """Return faults that appear at random times up to `until` [s], each on its own valve.
+
+        All `codes` come up equally often but for one; `severity` is one for all, or the lowest and
+        the highest, 0..1.
+        """
+        if not codes:
+            raise ArgumentError("codes is empty; it must name one fault or more")
+        valves = check_whole("n_valves", n_valves, 1, 10_000)
+        count = check_whole("n_faults", n_faults, 0, valves)
+        end = check_scalar("until", until, "s", 0, 1e8)
+        low, high = severity if isinstance(severity, tuple) else (severity, severity)
+        low = check_scalar("severity", low, "", 0, 1)
+        high = check_scalar("severity", high, "", low, 1)
+        generator = np.random.default_rng(rng)
+        names = np.resize(np.array(codes, dtype=object), count)
+        generator.shuffle(names)
+        where = generator.choice(valves, count, replace=False)
+        when, how = np.sort(generator.uniform(0, end, count)), generator.uniform(low, high, count)
+        return [
+            cls(str(code), float(s), float(t), int(valve) + 1)
+            for code, s, t, valve in zip(names, how, when, where, strict=True)
+        ]
 
 
 def faulty(actuator: Actuator, faults: Iterable[Fault], n_valves: int) -> tuple[Actuator, Floats]:
@@ -171,4 +224,4 @@ def _valves(valves: Any) -> tuple[int, ...] | None:
         many = tuple(valves)
     except TypeError:
         many = (valves,)
-    return tuple(check_whole("valve", valve, 0, 9_999) for valve in many)
+    return tuple(check_whole("valve", valve, 1, 10_000) for valve in many)

@@ -6,10 +6,11 @@ found here is an upper bound of what can be found on a ship.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 from math import inf, isnan, nan, sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,10 +18,11 @@ import numpy.typing as npt
 from shipnet.ballast.actuator import Actuator, hydraulics, load_pressure, stroke_time
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.fuzzy.terms import Interval, Term
+from shipnet.fuzzy.terms import Term
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 
 Floats = npt.NDArray[np.float64]
@@ -36,7 +38,7 @@ _GRID = 2001
 
 @dataclass(frozen=True, eq=False)
 class Wear:
-    """Valves whose pumps wear out, one row a stroke.
+    """Valves whose pumps wear out, one row per stroke; `Wear.synthetic` makes such data.
 
     Parameters
     ----------
@@ -50,6 +52,14 @@ class Wear:
         As read [s].
     life : ndarray of float, shape (n_valves,)
         True number of strokes until one takes 10 s.
+
+    Examples
+    --------
+    >>> wear = Wear.synthetic(3, 400, rng=2024)
+    >>> wear
+    Wear(3 valves, 400 strokes, lives 282 to 339)
+    >>> wear.predict(1, at=200)
+    Prediction(valve 1 after 200 strokes: 140 more, 139 to 142)
     """
 
     rate: Floats
@@ -57,6 +67,140 @@ class Wear:
     FP: Floats
     stroke_time: Floats
     life: Floats
+
+    @classmethod
+    def synthetic(
+        cls,
+        n_valves: int = 256,
+        n_strokes: int = 1000,
+        *,
+        rate: float = 2.6e-3,
+        spread: float = 0.3,
+        noise: tuple[float, float] = (0.1, 0.05),
+        rng: Any,
+    ) -> Wear:
+        """Return synthetic data of pumps whose leak grows by a constant factor per stroke.
+
+        The rates of growth, 1e-6..1 per stroke, have the median `rate` and the standard deviation
+        `spread` of their logarithm; `noise` are the standard deviations of FP [bar] and of the
+        stroke time [s].
+        """
+        return synthetic_wear(
+            n_valves, n_strokes, rate=rate, spread=spread, noise=noise,
+            rng=np.random.default_rng(rng),
+        )  # fmt: skip
+
+    def __repr__(self) -> str:
+        """Return the numbers of valves and strokes, and the shortest and longest life."""
+        n = self.life.size
+        return (
+            f"Wear({n} valve{'s' if n != 1 else ''}, {len(self.FP)} strokes, "
+            f"lives {self.life.min():.0f} to {self.life.max():.0f})"
+        )
+
+    def pressure(self, valve: int) -> Floats:
+        """Return the pump pressure of one valve, as read in each stroke [bar]."""
+        return np.asarray(self.FP[:, self._place(valve)])
+
+    def alarms(self, *, k: int = 3, n: int = 5) -> pd.DataFrame:
+        """Return the true life of each valve, and the stroke at which rules report it.
+
+        ``P2`` is FP below 2.5 bar, ``T1`` (ours) a stroke longer than 10 s, each in `k` of the last
+        `n` strokes; NaN if the rule never reports.
+        """
+        table = alarm_strokes(self, k=k, n=n)
+        return table.set_axis(table.index + 1).rename_axis("valve")
+
+    def predict(
+        self, valve: int, at: int, *, predictor: str = "leak", window: int = 200
+    ) -> Prediction:
+        """Predict from the first `at` strokes, of which the last `window` count, how many are left.
+
+        `predictor` is ``leak`` (pump leak from FP by the inverted model, its logarithm straight),
+        ``stroke time`` or ``FP membership`` (both straight in the number of strokes).
+        """
+        k = self._place(valve)
+        trend, remaining = predict_life(self, k, at, predictor=predictor, window=window)
+        return Prediction(self, valve, at, predictor, trend, remaining)
+
+    def predictions(self, at: int, *, predictor: str = "leak", window: int = 200) -> pd.DataFrame:
+        """Return the strokes left of every valve after `at` strokes, indexed by ``valve``.
+
+        ``remaining`` with its interval ``low`` to ``high``, and the ``true`` number.
+        """
+        import pandas as pd
+
+        rows = {
+            valve: self.predict(valve, at, predictor=predictor, window=window).remaining
+            for valve in range(1, self.life.size + 1)
+        }
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=["remaining", "low", "high"])
+        table["true"] = self.life - at
+        return table.rename_axis("valve")
+
+    def life_table(self, valve: int = 1, at: Iterable[int] = (20, 50, 100, 200)) -> pd.DataFrame:
+        """Return the strokes left of one valve, predicted after some numbers of ``strokes``."""
+        import pandas as pd
+
+        k = self._place(valve)
+        rows = {now: (*self.predict(valve, now).remaining, self.life[k] - now) for now in at}
+        columns = ["remaining", "low", "high", "true"]
+        table = pd.DataFrame(rows, index=columns, dtype=float).T
+        return table.rename_axis("strokes")
+
+    def compare_predictors(
+        self, parts: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9), *, window: int = 200
+    ) -> pd.DataFrame:
+        """Compare the remaining life that each predictor gives with the true one.
+
+        Indexed by ``predictor`` and ``part`` of the true life at which it predicts: number of
+        ``valves``, share with a trend ``found``; quantiles ``p05``, ``median``, ``p95`` of the
+        predicted over the true life; share ``within_20`` percent; share whose interval ``covers``
+        the truth.
+        """
+        return life_comparison(self, parts=parts, window=window)
+
+    def _place(self, valve: int) -> int:
+        return check_whole("valve", valve, 1, self.life.size) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The strokes that a worn pump has left, from the trend of its first strokes."""
+
+    wear: Wear
+    valve: int
+    at: int
+    predictor: str
+    trend: Trend
+    remaining: Crossing
+
+    def __repr__(self) -> str:
+        """Return the strokes left with their interval."""
+        left = self.remaining
+        said = f"{left.estimate:.0f} more, {left.low:.0f} to {left.high:.0f}"
+        what = said if self.trend.found else self.trend.text
+        return f"Prediction(valve {self.valve} after {self.at} strokes: {what})"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw what was read, its trend with the interval, and the limit."""
+        from shipnet.ballast.plot import plot_trend
+
+        strokes, k = np.arange(self.at), self.valve - 1
+        pressure = self.wear.FP[: self.at, k]
+        shown: dict[str, tuple[Floats, float, str]] = {
+            "leak": (leak_from_pressure(pressure), limit_leak(), "leak of the pump [m3/(s Pa)]"),
+            "stroke time": (self.wear.stroke_time[: self.at, k], LIMIT, "stroke time [s]"),
+            "FP membership": (
+                WORN.membership(pressure),
+                float(WORN.membership(mid_pressure(limit_leak()))),
+                "membership of FP in worn [1]",
+            ),
+        }
+        values, limit, label = shown[self.predictor]
+        axes = plot_trend(self.trend, strokes, values, limit=limit, ax=ax)
+        axes.set(xlabel="stroke", ylabel=label)
+        return axes
 
 
 @cache
@@ -323,7 +467,7 @@ def _points(x: npt.ArrayLike, y: npt.ArrayLike, *, positive: bool) -> tuple[Floa
 
 
 #: A set for FP [bar] that spans all between its normal value and the limit of rule P2; ours.
-WORN = Term("worn", (-inf, -inf, 2.5, 90.0), Interval.parse("x < 2.5"), "worn")
+WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 
 
 #: From what the remaining life is told, and how.

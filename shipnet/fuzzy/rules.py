@@ -43,9 +43,9 @@ NORMAL, UNKNOWN = "normal", "unknown"
 
 #: How the terms are read.
 METHODS = {
-    "fuzzy": "membership functions",
     "crisp": "comparisons as written",
     "midpoint": "comparisons in the middle of the ramps",
+    "fuzzy": "membership functions",
 }
 
 #: Columns of the two files, in the order in which they are written.

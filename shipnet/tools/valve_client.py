@@ -11,30 +11,20 @@ from weakref import finalize
 
 import ipywidgets as widgets
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 
-from shipnet.ballast.live import valve_server
-from shipnet.ballast.master import valve_states
-from shipnet.ballast.plot import plot_screen
-from shipnet.ballast.registers import COMMAND_REGISTER, Code, RegisterMap, Status
-from shipnet.ballast.scan import READ_STATUS
-from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
-from shipnet.modbus.codes import ExceptionCode
+from shipnet.ballast.live import Ask, Client, Link, ModelValves, Readout, said, serve
+from shipnet.ballast.master import Screen
 from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.request import WriteRegister
-from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
 from shipnet.tools._inputs import check, text, whole
 from shipnet.tools._page import Button, Page
-from shipnet.tools._valve_link import Ask, Link, ModelValves
 from shipnet.tools._view import View
 
 __all__ = ["Explorer", "Inputs", "Link", "ModelValves", "Result"]
 __all__ += ["draw", "explorer", "send", "update", "view"]
 
-#: Valves of the server that the explorer starts, and how it reads their registers.
-_OWN, _MAP = 16, RegisterMap()
+#: Valves of the server that the explorer starts.
+_OWN = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,156 +84,52 @@ class Inputs:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What the valves answered.
-
-    Attributes
-    ----------
-    inputs : Inputs
-        What was asked.
-    status : Status
-        Of all valves that answered, in order.
-    units : ndarray of int
-        Their unit ids.
-    """
+    """What the valves answered."""
 
     inputs: Inputs
-    status: Status
-    units: np.ndarray[tuple[int], np.dtype[np.int64]]
+    readout: Readout
 
     @property
-    def positions(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        """Position of all valves from 1 on, shape (valves,) [%]; NaN where none answered."""
-        found = np.full(self.inputs.valves, np.nan)
-        found[self.units - 1] = self.status.readings[4]
-        return found
-
-    @property
-    def screen(self) -> pd.DataFrame:
-        """One row a valve, as `MasterRun.screen` has them, for the picture."""
-        position = self.positions
-        current = np.zeros(self.inputs.valves)
-        current[self.units - 1] = self.status.readings[2]
-        fault = np.zeros(self.inputs.valves, np.int64)
-        fault[self.units - 1] = self.status.fault
-        silent = np.ones(self.inputs.valves, bool)
-        silent[self.units - 1] = False
-        state = valve_states(position, current, fault, silent=silent)
-        columns = {"position_percent": position, "fault": fault, "state": state}
-        return pd.DataFrame(columns, index=pd.RangeIndex(1, position.size + 1, name="unit"))
+    def screen(self) -> Screen:
+        """All valves, for the picture."""
+        return self.readout.screen
 
     @property
     def numbers(self) -> dict[str, str]:
         """What the chosen valve says, as text with units; nothing if it does not answer."""
-        place = np.flatnonzero(self.units == self.inputs.valve)
-        if not place.size:
-            return {}
-        k, status = int(place[0]), self.status
-        fp, op, mc, ot, position = status.readings[:, k]
-        mode = "auto" if status.auto[k] else "manual"
-        way = "open" if status.open[k] else "close" if status.close[k] else "not told yet"
-        return {
-            "position": _said(position, 0, "%"),
-            "pump pressure": _said(fp, 0, "bar"),
-            "operating pressure": _said(op, 1, "bar"),
-            "motor current": _said(mc, 1, "A"),
-            "motor temperature": _said(ot, 0, "degC"),
-            "motor ran": f"{status.operating_time[k]:.1f} s",
-            "mode": f"{mode}, last command {way}",
-            "fault reported": str(int(status.fault[k])) if status.fault[k] else "none",
-        }
+        return self.readout.numbers(self.inputs.valve)
 
     @property
     def verdict(self) -> str:
         """The chosen valve in a few words."""
-        row = self.screen.loc[self.inputs.valve]
+        row = self.screen[self.inputs.valve]
         if row["state"] == "silent":
             return f"valve {self.inputs.valve} does not answer"
-        where = _said(self.positions[self.inputs.valve - 1], 0, "%")
+        where = said(row["position_percent"], 0, "%")
         return f"valve {self.inputs.valve}: {row['state']}, {where}"
 
 
-def send(ask: Ask, valve: int, action: str, position: int | None = None) -> str:
-    """Command a valve.
-
-    Parameters
-    ----------
-    ask : callable
-        A `Link`, or `ModelValves`.
-    valve : int
-        Unit id, 1..247.
-    action : str
-        ``open``, ``close``, ``position``, ``manual`` or ``auto``.
-    position : int, optional
-        Where to go, 0..100 [%]; with ``position`` only.
-
-    Returns
-    -------
-    str
-        What was done, or why the valve refuses, as a sentence.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-    OSError
-        If the server does not answer.
+def send(ask: Ask, valve: int, action: str | float) -> str:
+    """Command a valve over a `Link` or `ModelValves`; return what was done, as a sentence.
 
     Examples
     --------
     >>> send(ModelValves(4), 5, "close")
     'valve 5 refuses: gateway target failed to respond'
     """
-    unit = check_whole("valve", valve, 1, LAST_UNIT)
-    codes = {code.value.lower(): code for code in Code}
-    codes["position"] = Code.POSITION_OPEN
-    if action not in ("open", "close", "position", "manual", "auto"):
-        raise ArgumentError(
-            f"action is {action!r}; it must be open, close, position, manual or auto"
-        )
-    if position is None and action == "position":
-        raise ArgumentError("position is None; it must be a whole number 0..100 for position")
-    value = _MAP.command(codes[action], position if position is not None else 0)
-    response = ask(unit, WriteRegister(COMMAND_REGISTER, value))
-    if isinstance(response, ExceptionResponse):
-        return f"valve {unit} refuses: {_words(response.exception)}"
-    where = f" {position} %" if action == "position" else ""
-    return f"valve {unit}: {action}{where}"
+    return Client.over(ask).command(valve, action)
 
 
 def update(inputs: Inputs, ask: Ask) -> Result:
-    """Read all valves.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        How many valves, and which is chosen.
-    ask : callable
-        A `Link`, or `ModelValves`.
-
-    Returns
-    -------
-    Result
-        Their status; a valve that answers with an exception is left out.
-
-    Raises
-    ------
-    OSError
-        If the server does not answer.
+    """Read all valves over a `Link` or `ModelValves`.
 
     Examples
     --------
     >>> result = update(Inputs(valves=3), ModelValves(2))
-    >>> result.units.tolist(), result.verdict
+    >>> result.readout.units.tolist(), result.verdict
     ([1, 2], 'valve 1: closed, 0 %')
     """
-    words, units = [], []
-    for unit in range(1, inputs.valves + 1):
-        response = ask(unit, READ_STATUS)
-        if isinstance(response, ReadRegistersResponse):
-            words.append(response.registers)
-            units.append(unit)
-    status = _MAP.unpack(np.array(words, np.int64).reshape(-1, 4))
-    return Result(inputs, status, np.array(units, np.int64))
+    return Result(inputs, Client.over(ask, inputs.valves).read())
 
 
 def draw(result: Result, *, ax: Axes) -> Axes:
@@ -268,7 +154,7 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['closed']
     """
-    return plot_screen(result.screen, ax=ax, chosen=result.inputs.valve)
+    return result.screen.plot(result.inputs.valve, ax)
 
 
 def view(result: Result, said: str = "", *, refused: bool = False) -> View:
@@ -313,7 +199,7 @@ class Explorer(Page):
     """
 
     def __init__(self) -> None:
-        self.server = valve_server(_OWN, rng=np.random.default_rng()).__enter__()
+        self.server = serve(_OWN, rng=np.random.default_rng()).__enter__()
         self._end = finalize(self, self.server.__exit__)
         self._link: Link | None = None
         self._place: tuple[str, int] | None = None
@@ -355,9 +241,9 @@ class Explorer(Page):
         return self._link
 
     def _tell(self, inputs: Inputs, action: str) -> None:
-        target = inputs.target if action == "position" else None
+        told = inputs.target if action == "position" else action
         try:
-            self._answer = send(self._connected(inputs), inputs.valve, action, target)
+            self._answer = send(self._connected(inputs), inputs.valve, told)
         except OSError as problem:
             self._hang_up()
             self._answer = str(problem)
@@ -389,11 +275,3 @@ def explorer() -> Explorer:
     >>> client.close()
     """
     return Explorer()
-
-
-def _said(value: float, digits: int, unit: str) -> str:
-    return "missing" if np.isnan(value) else f"{value:.{digits}f} {unit}"
-
-
-def _words(exception: int) -> str:
-    return ExceptionCode(exception).name.replace("_", " ").lower()

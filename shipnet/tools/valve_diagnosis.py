@@ -12,8 +12,9 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.ballast.plant import Command
 from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import Sensors
-from shipnet.ballast.simulation import simulate
+from shipnet.ballast.simulation import simulate_valves
 from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.decision import Decision
@@ -125,7 +126,7 @@ class Result:
     printed: tuple[str, ...]
 
     @property
-    def headline(self) -> str:
+    def top(self) -> str:
         """The first of the active codes, or ``normal``."""
         return str(self.decision.top[0])
 
@@ -188,9 +189,8 @@ def from_plant(
     faults = [] if fault == NORMAL else [Fault(fault, severity)]
     orders = [] if order is None else [Command(order)]
     quiet = Sensors(noise=(0.0,) * 5, bits=None)
-    run = simulate(
-        commands=orders, duration=duration, faults=faults, sensors=quiet, opening=start, step=0.5
-    )
+    system = System(sensors=quiet, opening=start, step=0.5)
+    run = simulate_valves(system, orders, faults, duration, None, None)
     last = {name: round(float(values[-1, 0]), 6) for name, values in run.samples.items()}
     commanded = bool(run.active[-1, 0])
     return Inputs(
@@ -214,9 +214,9 @@ def update(inputs: Inputs) -> Result:
     Examples
     --------
     >>> result = update(from_plant("P2"))
-    >>> result.headline, result.active
+    >>> result.top, result.active
     ('P2', ('P2', 'V2'))
-    >>> update(Inputs()).headline
+    >>> update(Inputs()).top
     'normal'
     """
     base = _BASE
@@ -292,7 +292,7 @@ def view(result: Result) -> View:
     >>> view(update(from_plant("V1"))).text
     'V1: valve stuck'
     """
-    text = result.headline
+    text = result.top
     base = result.decision.firing.base
     return View(
         text=f"{text}: {base.rule(text).english}" if text in base.codes else text,

@@ -20,6 +20,7 @@ from shipnet.ballast.actuator import (
     velocity,
 )
 from shipnet.ballast.plant import Command
+from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import CHANNELS, Sensors, normal_values, rule_limits
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.valve_faults import Fault, faulty
@@ -122,11 +123,9 @@ def test_differential_equations_with_compliance_agree_with_the_closed_form(
     valve = one(code, severity)
     ode = integrate_stroke(valve, np.linspace(0, 12, 121), direction=direction)
     run = simulate(
-        valve,
+        System(actuator=valve, sensors=Sensors.ideal(), opening=0.0 if direction > 0 else 1.0),
         [Command("open" if direction > 0 else "close")],
-        duration=12,
-        sensors=Sensors.ideal(),
-        opening=0.0 if direction > 0 else 1.0,
+        until=12,
     )
     settled = ode.time >= 0.5
     n = ode.time.size
@@ -135,7 +134,7 @@ def test_differential_equations_with_compliance_agree_with_the_closed_form(
     assert np.abs(ode.pump_pressure / 1e5 - run.FP[:n, 0])[settled].max() < 0.2
     assert np.abs(ode.cylinder_pressure / 1e5 - run.OP[:n, 0])[settled].max() < 0.2
     if np.isfinite(ode.end):
-        assert run.strokes["duration_s"][0] == pytest.approx(ode.end, abs=0.02)
+        assert run.strokes()["duration_s"][0] == pytest.approx(ode.end, abs=0.02)
 
 
 def test_past_a_leaking_piston_the_viscous_friction_explains_the_difference():
@@ -147,7 +146,11 @@ def test_past_a_leaking_piston_the_viscous_friction_explains_the_difference():
     heavier = replace(valve, bearing_torque=valve.bearing_torque + extra)
 
     def far(actuator):
-        run = simulate(actuator, [Command("open")], duration=12, sensors=Sensors.ideal(), step=0.5)
+        run = simulate(
+            System(actuator=actuator, sensors=Sensors.ideal(), step=0.5),
+            [Command("open")],
+            until=12,
+        )
         return np.abs(ode.opening - run.opening[:, 0]).max()
 
     assert far(heavier) < 0.005 < far(valve) < 0.04

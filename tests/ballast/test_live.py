@@ -4,24 +4,23 @@ import numpy as np
 import pytest
 
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.live import Tank, acceptance
+from shipnet.ballast.live import Tank, acceptance_tests
 from shipnet.ballast.live import TestBed as Bed
 from shipnet.ballast.master import received_run
 from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.simulation import Recorder, simulate
 from shipnet.ballast.valve_faults import FAULTS
 from shipnet.errors import ArgumentError
-from shipnet.modbus.timing import Serial
 
 
 def test_the_three_tests_of_control_are_passed_with_noise():
-    table = acceptance(np.random.default_rng(2024), tests=("manual", "remote", "PC"))
+    table = acceptance_tests(rng=np.random.default_rng(2024), tests=("manual", "remote", "PC"))
     assert table["passed"].all(), table[~table["passed"]]
     assert table["test"].value_counts().to_dict() == {"manual": 20, "remote": 20, "PC": 11}
 
 
 def test_the_slaves_find_all_twelve_faults_and_nothing_where_nothing_is_wrong():
-    table = acceptance(np.random.default_rng(2024), tests=["diagnosis"])
+    table = acceptance_tests(rng=np.random.default_rng(2024), tests=["diagnosis"])
     assert table["passed"].all(), table[~table["passed"]]
     assert table["expected"].tolist()[::2] == ["normal", *FAULTS]
     screens = table[1::2].set_index("step")
@@ -36,12 +35,14 @@ def test_the_slaves_find_all_twelve_faults_and_nothing_where_nothing_is_wrong():
 def test_a_slave_that_finds_nothing_or_reports_another_row_does_not_pass(monkeypatch):
     for wrong, left in ((0, ["screen with nothing wrong"]), (8, ["screen with O1"])):
         monkeypatch.setattr("shipnet.ballast.slave.Monitor.row", lambda *_, row=wrong: row)
-        table = acceptance(tests=["diagnosis"])
+        table = acceptance_tests(tests=["diagnosis"])
         assert table[1::2].query("passed")["step"].tolist() == left
 
 
 def test_the_master_cannot_see_a_position_below_zero_for_its_byte_has_no_sign():
-    table = acceptance(np.random.default_rng(2024), tests=["diagnosis"], diagnosed_by="master")
+    table = acceptance_tests(
+        rng=np.random.default_rng(2024), tests=["diagnosis"], diagnosed_by="master"
+    )
     missed = table[~table["passed"]]
     assert missed["expected"].tolist() == ["S2", "Pos2", "Pos4"]
     assert missed["found"].tolist() == ["normal"] * 3
@@ -50,7 +51,7 @@ def test_the_master_cannot_see_a_position_below_zero_for_its_byte_has_no_sign():
 
 def test_a_broken_system_does_not_pass(monkeypatch):
     monkeypatch.setattr("shipnet.ballast.slave.ValveDevice.turn", lambda *_: None)
-    table = acceptance(tests=["manual"])
+    table = acceptance_tests(tests=["manual"])
     failed = table[~table["passed"]]["step"]
     assert failed.tolist() == [f"S{unit} switched to open" for unit in range(1, 6)]
 
@@ -79,7 +80,7 @@ def test_the_tank_rises_by_the_closed_form():
 
 def test_a_recorder_keeps_what_a_simulation_returns():
     orders = [Command("open", 1.0), Command("close", 12.0), Command("open", 14.0)]
-    theirs = simulate(commands=orders, n_valves=2, duration=20, rng=np.random.default_rng(4))
+    theirs = simulate(2, orders, until=20, rng=np.random.default_rng(4))
     plant = Plant(n_valves=2, rng=np.random.default_rng(4))
     recorder = Recorder(plant)
     waiting = list(orders)
@@ -97,7 +98,7 @@ def test_a_recorder_keeps_what_a_simulation_returns():
 
 
 def test_what_the_master_received_has_the_steps_of_the_registers():
-    bed = Bed(np.random.default_rng(1))
+    bed = Bed(rng=1)
     bed.wait(1.0)
     bed.station.command("open", 5)
     bed.wait(12.0)
@@ -113,14 +114,14 @@ def test_what_the_master_received_has_the_steps_of_the_registers():
     assert (there.active == (there.running & (there.VPos != passed))).all()
     assert (there.running & ~there.active).any()
     assert np.nanmax(run.time[run.running[:, 0]]) == pytest.approx(10.0, abs=0.2)
-    assert (diagnose_run(run).headline == "normal").all()
+    assert (diagnose_run(run).top == "normal").all()
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: acceptance(diagnosed_by="ship"), "diagnosed_by is 'ship'"),
-        (lambda: acceptance(tests=["sea"]), "tests has 'sea'"),
+        (lambda: acceptance_tests(diagnosed_by="ship"), "diagnosed_by is 'ship'"),
+        (lambda: acceptance_tests(tests=["sea"]), "tests has 'sea'"),
         (lambda: Bed(fault="X"), "code is 'X'"),
         (lambda: Recorder(Plant()).run, "nothing has been recorded"),
         (lambda: received_run(Bed().station.seen, 1, target=0), "nothing has come"),
@@ -138,5 +139,5 @@ def test_a_bad_argument_is_named(make, message):
 def test_a_rate_below_those_printed_is_too_slow():
     # At the slowest that is printed all tests are passed: kim2014, part 3 shows it.
     # Here it is so slow that the screen is older than what is left of the 10 s after a stroke.
-    late = acceptance(serial=Serial(300), tests=["remote"])
+    late = acceptance_tests(bit_rate=300, tests=["remote"])
     assert not late["passed"].all()

@@ -50,19 +50,19 @@ def test_every_valve_has_a_master_and_no_master_too_many(n):
 
 @pytest.mark.parametrize(("n", "commands"), [(1, 0), (5, 0), (40, 0), (40, 3)])
 def test_the_oldest_position_shown_is_as_old_as_the_closed_form_says(n, commands):
-    orders = [Command("open", 3.0, valves=list(range(commands)))] if commands else []
+    orders = [Command("open", 3.0, valves=range(1, commands + 1))] if commands else []
     run = operate(Plant(n_valves=n), loop(n), orders, duration=10)
-    age = worst_age(run.system, commands=commands)
+    age = worst_age(loop(n), commands=commands)
     assert run.longest_age.max() == pytest.approx(age, abs=1e-9)
     times = np.linspace(5, 9, 4001)
     # Looked at from outside, at any time.
-    assert run.age(times).max() <= age + 1e-9
-    assert run.age(times).min() >= status_poll(LINE).shortest_timeout - 1e-9
+    assert run.ages(times).max() <= age + 1e-9
+    assert run.ages(times).min() >= status_poll(LINE).shortest_timeout - 1e-9
 
 
 def test_what_is_shown_is_what_the_plant_was_when_the_slave_was_asked():
     plant = Plant(n_valves=20)
-    run = operate(plant, loop(20), [Command("open", 2.0, valves=7)], duration=12)
+    run = operate(plant, loop(20), [Command("open", 2.0, valves=8)], duration=12)
     mine = run.answers.query("unit == 8")
     sent = run.commands["sent_s"][0]
     since = mine["read_s"].to_numpy() - sent
@@ -73,13 +73,13 @@ def test_what_is_shown_is_what_the_plant_was_when_the_slave_was_asked():
 
 
 def test_a_command_goes_out_between_two_polls_and_costs_its_transaction():
-    run = operate(Plant(n_valves=10), loop(10), [Command("open", 1.0, valves=[2, 5])], duration=3)
+    run = operate(Plant(n_valves=10), loop(10), [Command("open", 1.0, valves=[3, 6])], duration=3)
     first, second = run.commands.itertuples()
     assert (first.unit, second.unit) == (3, 6)
     assert 1.0 <= first.sent_s < 1.0 + status_poll(LINE).answered
     assert second.sent_s == first.free_s
     assert first.free_s - first.sent_s == pytest.approx(run.write_time)
-    assert run.scan_gap == pytest.approx(run.system.period + 2 * run.write_time)
+    assert run.scan_gap == pytest.approx(loop(10).period + 2 * run.write_time)
     assert run.commands["value"].tolist() == ["0x0008", "0x0008"]
 
 
@@ -113,19 +113,19 @@ def test_no_gap_is_longer_than_the_ring_allows(faults):
             assert shown[-1] > 29
         else:
             assert shown[-1] < 2.2
-            assert run.screen().state[unit] == "silent"
+            assert run.screen().table().state[unit] == "silent"
 
 
 def test_a_line_that_is_shorted_is_tried_again_later_and_comes_back():
     run = operate(Plant(n_valves=3), loop(3), duration=100, faults=[Short(1, start=1.0, stop=30.0)])
-    assert run.screen(20.0).state.tolist() == ["silent"] * 3
-    assert run.screen().state.tolist() == ["closed"] * 3
-    assert run.screen(0.01).state.tolist() == ["not seen"] * 3
-    assert np.isinf(run.screen(0.01)["age_s"]).all()
+    assert run.screen(20.0).table().state.tolist() == ["silent"] * 3
+    assert run.screen().table().state.tolist() == ["closed"] * 3
+    assert run.screen(0.01).table().state.tolist() == ["not seen"] * 3
+    assert np.isinf(run.screen(0.01).table()["age_s"]).all()
 
 
 def test_a_command_that_is_lost_is_reported_and_not_repeated():
-    orders = [Command("open", 2.0, valves=3)]
+    orders = [Command("open", 2.0, valves=4)]
     cut = [Break(0, start=1.99), DeadPort("B", start=1.99)]
     plant = Plant(n_valves=5)
     run = operate(plant, loop(5), orders, duration=15, faults=cut)
@@ -138,7 +138,7 @@ def test_a_command_that_is_lost_is_reported_and_not_repeated():
 def test_the_gap_that_a_command_tears_is_that_of_the_closed_form(n, at_end):
     expected = write_outcome(LINE, n, 9.0, at_end=at_end, timeout=10)
     run = operate(
-        Plant(n_valves=n), loop(n), [Command("open", 2.0, valves=1)], duration=25,
+        Plant(n_valves=n), loop(n), [Command('open', 2.0, valves=2)], duration=25,
         answer_at_end=at_end, timeout=10.0,
     )  # fmt: skip
     assert run.commands["outcome"].tolist() == ["done"]
@@ -151,14 +151,14 @@ def test_the_gap_that_a_command_tears_is_that_of_the_closed_form(n, at_end):
 
 
 def test_an_answer_at_the_end_that_nobody_waits_for_garbles_one_transaction():
-    orders = [Command("open", 2.0, valves=1)]
+    orders = [Command("open", 2.0, valves=2)]
     run = operate(Plant(n_valves=5), loop(5), orders, duration=20, answer_at_end=True, timeout=1.0)
     assert run.commands["outcome"].tolist() == ["no answer"]
     failed = [t for t in run.tries if not t[4]]
     assert len(failed) == 1
     start = failed[0][0]
     assert start < 2.0 + 9.0 + LINE.t35 + LINE.frame_time(8) + 0.1
-    assert start + run.system.poll.answered > 2.0 + 9.0 - 0.1
+    assert start + run.poll.answered > 2.0 + 9.0 - 0.1
     table = answer_table(LINE, 5, 9.0)
     assert run.commands["free_s"][0] - run.commands["sent_s"][0] == pytest.approx(
         table.loc["at the end", "write_s"]
@@ -167,15 +167,15 @@ def test_an_answer_at_the_end_that_nobody_waits_for_garbles_one_transaction():
 
 def test_positions_are_commanded_from_where_the_valve_is_shown():
     orders = [
-        Command("position", 1.0, position=60, valves=0),
-        Command("position", 10.0, position=20, valves=0),
+        Command(60, 1.0, valves=1),
+        Command(20, 10.0, valves=1),
     ]
     plant = Plant(n_valves=2)
     run = operate(plant, loop(2), orders, duration=20)
     assert run.commands["value"].tolist() == [f"0x{60:02X}0A", f"0x{20:02X}06"]
     assert plant.opening == pytest.approx([0.2, 0.0], abs=0.002)
-    assert run.screen().position_percent.tolist() == [20, 0]
-    assert run.screen().state.tolist() == ["part open", "closed"]
+    assert run.screen().table().position_percent.tolist() == [20, 0]
+    assert run.screen().table().state.tolist() == ["part open", "closed"]
 
 
 def test_modes_and_refusals():
@@ -184,22 +184,22 @@ def test_modes_and_refusals():
     assert station.command("open", 2).outcome == "server device failure"
     assert station.command("open", 1).outcome == "done"
     station.run_until(3.0)
-    assert station.seen.screen().state.tolist() == ["moving", "closed", "closed"]
+    assert station.seen.screen().table().state.tolist() == ["moving", "closed", "closed"]
     assert station.command("manual", 1).outcome == "done"
     station.run_until(4.0)
-    assert station.seen.screen().state[1] == "part open"
+    assert station.seen.screen().table().state[1] == "part open"
     assert station.command("close", 1).outcome == "server device failure"
     assert station.command("auto", 1).outcome == "done"
     assert station.command("close", 1).outcome == "done"
     station.slaves[3].device.fault = 4
     station.run_until(9.0)
-    assert station.seen.screen()[["state", "fault"]].values.tolist()[2] == ["fault", 4]
+    assert station.seen.screen().table()[["state", "fault"]].values.tolist()[2] == ["fault", 4]
     with pytest.raises(ArgumentError, match="no code for it"):
         station.command("stop", 1)
     with pytest.raises(ArgumentError, match="unit is 4"):
         station.command("open", 4)
     with pytest.raises(ArgumentError, match="position is 101"):
-        station.command("position", 1, 101)
+        station.command(101, 1)
 
 
 def test_a_refused_command_is_answered_at_once_even_where_answers_come_at_the_end():
@@ -211,7 +211,7 @@ def test_a_refused_command_is_answered_at_once_even_where_answers_come_at_the_en
 
 
 def test_a_pc_sees_the_last_scan_and_commands_through_the_master():
-    plant = Plant(n_valves=3, faults=[Fault("Pos3", valves=2)])
+    plant = Plant(n_valves=3, faults=[Fault("Pos3", valves=3)])
     station = Station(plant, loop(3))
     pc = Gateway(station)
     early = pc.answer(standard_adu("read query", unit=1, transaction_id=7))
@@ -255,7 +255,7 @@ def _open():
 )  # fmt: skip
 def test_time_moves_on_and_nothing_overlaps_whatever_happens(orders, at_end, faults):
     commands = [
-        Command(action, time, valves=valve, position=50 if action == "position" else None)
+        Command(50 if action == "position" else action, time, valves=valve + 1)
         for action, time, valve in orders
     ]
     system = Loop(5, status_poll(LINE, timeout=0.1), Supervision(recheck=1.0))
@@ -269,7 +269,7 @@ def test_time_moves_on_and_nothing_overlaps_whatever_happens(orders, at_end, fau
     assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(spans))
     assert all(shown.read < shown.time for shown in run.shown)
     assert len(run.writes) == len([c for c in commands if c.time < 8]) or at_end or faults
-    assert set(run.screen().state) <= {
+    assert set(run.screen().table().state) <= {
         "silent",
         "not seen",
         "moving",
@@ -286,7 +286,7 @@ def test_time_moves_on_and_nothing_overlaps_whatever_happens(orders, at_end, fau
         (lambda: Station(Plant(), loop(1), answer_at_end=1), "answer_at_end is 1"),
         (lambda: Station(Plant(), loop(1), timeout=0.001), "timeout is 0.001"),
         (lambda: Station(Plant(), loop(1), [Break(2)]), "section is 2"),
-        (lambda: operate(Plant(), loop(1), duration=-1), "duration is -1"),
+        (lambda: operate(Plant(), loop(1), duration=-1), "until is -1"),
         (lambda: operate(Plant(), loop(1), [Command("stop")], duration=1), "no code for it"),
         (lambda: scan_table(0), "n_valves is 0"),
         (lambda: assignment(5, most=248), "most is 248"),
@@ -303,4 +303,4 @@ def test_a_master_that_saw_nothing_says_so():
     assert run.answers.empty and run.commands.empty
     assert np.isnan(run.scan_gap)
     assert np.isinf(run.longest_age).all()
-    assert run.screen().state.tolist() == ["not seen"] * 2
+    assert run.screen().table().state.tolist() == ["not seen"] * 2

@@ -3,14 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.ballast.registers import (
-    CODE_READINGS,
-    SCALES,
-    Code,
-    RegisterMap,
-    command_codes,
-    scale_table,
-)
+from shipnet.ballast.registers import CODE_READINGS, SCALES, Code, RegisterMap, command_codes
 from shipnet.ballast.rule_table import rule_base
 from shipnet.errors import ArgumentError, FieldError, LengthError
 from shipnet.modbus.frame import decode_tcp
@@ -42,11 +35,11 @@ def test_what_is_packed_comes_back(map_, rows, flags, fault, ticks):
     steps = np.array([scale.step for scale in SCALES])
     readings = (np.array(rows) * steps).T
     auto, close, opened = flags
-    packed = map_.pack(
+    packed = map_.encode(
         readings, auto=auto, close=close, open=opened, fault=fault, operating_time=ticks * 0.1
     )
     assert not packed.saturated.any()
-    status = map_.unpack(packed.registers)
+    status = map_.decode(packed.registers)
     assert status.readings == pytest.approx(readings)
     assert (status.auto == auto).all()
     assert (status.manual != auto).all()
@@ -58,7 +51,7 @@ def test_what_is_packed_comes_back(map_, rows, flags, fault, ticks):
 
 @given(words=st.lists(st.integers(0, 0xFFFF), min_size=4, max_size=4), map_=MAPS)
 def test_any_registers_can_be_read(words, map_):
-    status = map_.unpack([words])
+    status = map_.decode([words])
     known = status.readings[~np.isnan(status.readings)]
     assert ((known >= 0) & (known <= 254)).all()
     whole = [words[0] >> 8, *(byte for word in words[2:] for byte in divmod(word, 256))]
@@ -67,23 +60,23 @@ def test_any_registers_can_be_read(words, map_):
 
 def test_each_byte_stands_where_table_3_prints_it():
     readings = np.array([[1.0], [0.2], [0.3], [4.0], [5.0]])
-    words = RegisterMap().pack(readings, close=True, open=False, operating_time=0.6).registers[0]
+    words = RegisterMap().encode(readings, close=True, open=False, operating_time=0.6).registers[0]
     assert [f"{word:04x}" for word in words] == ["0518", "0006", "0401", "0302"]
-    words = RegisterMap("table 2").pack(readings, close=True, open=False, fault=12).registers[0]
+    words = RegisterMap("table 2").encode(readings, close=True, open=False, fault=12).registers[0]
     assert f"{words[0]:04x}" == "05c6"
 
 
 def test_what_does_not_fit_is_flagged_and_sent_as_the_nearest_that_does():
     readings = np.array([[300, 90], [np.nan, 2], [-0.2, 1.2], [50, 50], [-5, 305]])
-    packed = RegisterMap().pack(readings, close=0, open=0, operating_time=[25.5, 25.6])
+    packed = RegisterMap().encode(readings, close=0, open=0, operating_time=[25.5, 25.6])
     assert packed.saturated.tolist() == [
         [True, True, True, False, True, False],
         [False, False, False, False, True, True],
     ]
-    read = RegisterMap().unpack(packed.registers).readings
+    read = RegisterMap().decode(packed.registers).readings
     assert read[:, 0] == pytest.approx([254, np.nan, 0, 50, 0], nan_ok=True)
     assert read[4, 1] == 254
-    long = RegisterMap("table 2").pack(readings[:, 1:], close=0, open=0, operating_time=6000.0)
+    long = RegisterMap("table 2").encode(readings[:, 1:], close=0, open=0, operating_time=6000.0)
     assert not long.saturated[0, 5]
 
 
@@ -92,23 +85,23 @@ def test_a_dead_sensor_fires_no_rule_on_its_way_through_the_registers():
     for k, name in enumerate(["FP", "OP", "MC", "OT", "VPos"]):
         dead = np.array(rest)
         dead[k] = np.nan
-        packed = RegisterMap().pack(dead[:, np.newaxis], close=0, open=0)
-        read = RegisterMap().unpack(packed.registers).readings[:, 0]
+        packed = RegisterMap().encode(dead[:, np.newaxis], close=0, open=0)
+        read = RegisterMap().decode(packed.registers).readings[:, 0]
         assert np.isnan(read).nonzero()[0].tolist() == [k]
         samples = dict(zip(["FP", "OP", "MC", "OT", "VPos"], read, strict=True))
         fired = base.fire(samples).strength
         assert fired.max() == 0, name
-    assert (scale_table()["missing"] == 255).all()
+    assert (RegisterMap().table()["missing"] == 255).all()
 
 
 def test_no_reading_within_its_scale_is_off_by_more_than_the_table_says():
-    table = scale_table()
+    table = RegisterMap().table()
     rng = np.random.default_rng(2024)
     for k, scale in enumerate(SCALES):
         values = rng.uniform(0, min(100.0, table["highest"].iloc[k]), 400)
         readings = np.zeros((5, 400))
         readings[k] = values
-        back = RegisterMap().unpack(RegisterMap().pack(readings, close=0, open=0).registers)
+        back = RegisterMap().decode(RegisterMap().encode(readings, close=0, open=0).registers)
         worst = np.abs(back.readings[k] - values).max()
         assert 0.45 * scale.step < worst <= scale.step / 2 + 1e-9
         assert worst < table["largest_error"].iloc[k] + 1e-9
@@ -211,11 +204,11 @@ def test_400_settings_make_247_legal_ids_each_once():
     [
         (lambda: RegisterMap("table 1"), "status is 'table 1'"),
         (lambda: RegisterMap(codes="octal"), "codes is 'octal'"),
-        (lambda: RegisterMap().pack(np.zeros((4, 1)), close=0, open=0), "shape"),
-        (lambda: RegisterMap().pack(np.zeros((5, 1)), close=0, open=0, fault=13), "fault is 13"),
-        (lambda: RegisterMap().pack(np.zeros((5, 2)), close=[0] * 3, open=0), "2 valves"),
-        (lambda: RegisterMap().unpack([[0, 0, 0]]), "rows of four"),
-        (lambda: RegisterMap().unpack([[0, 0, 0, 65536]]), r"0\.\.65535"),
+        (lambda: RegisterMap().encode(np.zeros((4, 1)), close=0, open=0), "shape"),
+        (lambda: RegisterMap().encode(np.zeros((5, 1)), close=0, open=0, fault=13), "fault is 13"),
+        (lambda: RegisterMap().encode(np.zeros((5, 2)), close=[0] * 3, open=0), "2 valves"),
+        (lambda: RegisterMap().decode([[0, 0, 0]]), "rows of four"),
+        (lambda: RegisterMap().decode([[0, 0, 0, 65536]]), r"0\.\.65535"),
         (lambda: RegisterMap().command(Code.POSITION_OPEN, 101), "position is 101"),
         (lambda: RegisterMap().command(Code.OPEN, 40), r"position is 40.*0\.\.0 for Open"),
         (lambda: RegisterMap().decode_command(65536), "value is 65536"),

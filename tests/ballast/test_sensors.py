@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import WINDOW, position_speed
 from shipnet.ballast.simulation import Recorder, blocks, simulate
 
@@ -15,7 +16,7 @@ def test_simulation_and_recorder_give_one_speed_whatever_the_step(step):
         recorder.take()
         plant.advance()
     ours = recorder.run.DVPos[:, 0]
-    theirs = simulate(commands=[Command("open")], duration=10, step=step).DVPos[:, 0]
+    theirs = simulate(System(step=step), [Command("open")], until=10).DVPos[:, 0]
     np.testing.assert_allclose(ours[: theirs.size], theirs[: ours.size])
     # The first that counts is that of the first instant a second or longer after the start.
     assert np.flatnonzero(np.isfinite(theirs))[0] == np.ceil(WINDOW / step - 1e-6)
@@ -26,7 +27,7 @@ def test_simulation_and_recorder_give_one_speed_whatever_the_step(step):
 def test_blocks_have_the_speed_of_the_whole_run(size):
     orders = [Command("open", 1.0), Command("close", 6.0)]
     rng = np.random.default_rng
-    whole = simulate(commands=orders, duration=12, step=0.3, idle_step=1.0, rng=rng(1)).DVPos
+    whole = simulate(System(step=0.3), orders, until=12, idle_step=1.0, rng=rng(1)).DVPos
     parts = blocks(commands=orders, duration=12, step=0.3, idle_step=1.0, rng=rng(1), size=size)
     np.testing.assert_allclose(np.concatenate([run.DVPos for run in parts]), whole)
 

@@ -11,7 +11,7 @@ import pytest
 from pymodbus.client import ModbusTcpClient, ModbusUdpClient
 
 from shipnet.__main__ import main
-from shipnet.ballast.live import parse_fault, valve_server
+from shipnet.ballast.live import serve
 from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
@@ -34,13 +34,13 @@ def connected(kind, port):
 
 def status(client, unit):
     registers = client.read_input_registers(0x4020, count=4, device_id=unit).registers
-    return RegisterMap().unpack([registers])
+    return RegisterMap().decode([registers])
 
 
 def test_a_clock_of_our_own_shows_the_valve_travelling_in_model_time(monkeypatch):
     now = [0.0]
     monkeypatch.setattr("shipnet.ballast.live.real_clock", lambda factor: lambda: now[0])
-    with valve_server(3) as server, connected("tcp", server.port) as client:
+    with serve(3) as server, connected("tcp", server.port) as client:
         plant = server.slaves[1].device.plant
         assert client.write_register(0x4001, OPEN, device_id=2).registers == [OPEN]
         places = []
@@ -59,7 +59,7 @@ def test_a_clock_of_our_own_shows_the_valve_travelling_in_model_time(monkeypatch
 
 @pytest.mark.parametrize("kind", CLIENTS)
 def test_a_valve_opens_and_closes_in_real_time_for_clients_of_another_make(kind):
-    with valve_server(4, speed=1000, transport=kind) as server:
+    with serve(4, speed=1000, transport=kind) as server:
         with connected(kind, server.port) as client:
             for command, end, way in ((OPEN, 100, "open"), (CLOSE, 0, "close")):
                 assert client.write_register(0x4001, command, device_id=4).registers == [command]
@@ -75,8 +75,8 @@ def test_a_valve_opens_and_closes_in_real_time_for_clients_of_another_make(kind)
 
 
 def test_a_fault_acts_on_its_valve_only():
-    fault = [Fault("Pos3", valves=1)]
-    with valve_server(2, faults=fault, speed=0) as server, connected("tcp", server.port) as client:
+    fault = [Fault("Pos3", valves=2)]
+    with serve(2, faults=fault, speed=0) as server, connected("tcp", server.port) as client:
         assert [status(client, unit).readings[4, 0] for unit in (1, 2)] == [0, 15]
 
 
@@ -85,7 +85,7 @@ def test_a_serial_line_has_the_valves_too():
     ours, theirs = os.openpty()
     name, line = os.ttyname(theirs), Serial(115200, "8N1")
     try:
-        server = valve_server(2, speed=1000, transport="rtu", serial_port=name, serial=line)
+        server = serve(2, speed=1000, transport="rtu", serial_port=name, serial=line)
         with server, os.fdopen(os.dup(ours), "r+b", buffering=0) as port:
             port.write(bytes.fromhex("02 06 40 01 00 08 cc 3f"))
             assert read(port, 8).hex(" ") == "02 06 40 01 00 08 cc 3f"
@@ -144,10 +144,10 @@ def test_a_wrong_option_is_told_in_one_line(arguments, message, capsys):
 
 
 def test_a_fault_is_read_with_and_without_its_severity():
-    assert parse_fault("7:P2:0.5") == Fault("P2", 0.5, valves=6)
-    assert parse_fault("1:O1") == Fault("O1", 1.0, valves=0)
-    with pytest.raises(ArgumentError, match="valve of V1 is 2"):
-        valve_server(2, faults=[Fault("V1", valves=2)])
+    assert Fault.parse("7:P2:0.5") == Fault("P2", 0.5, valves=7)
+    assert Fault.parse("1:O1") == Fault("O1", 1.0, valves=1)
+    with pytest.raises(ArgumentError, match="valve of V1 is 3"):
+        serve(2, faults=[Fault("V1", valves=3)])
 
 
 @pytest.mark.parametrize("options", [[], ["--udp"]])

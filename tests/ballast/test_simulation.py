@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from shipnet.ballast.actuator import Actuator, losses, move_time, steady_temperature, stroke_time
 from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import Sensors, normal_values
 from shipnet.ballast.simulation import blocks, simulate
 from shipnet.ballast.slave import Monitor
@@ -21,23 +22,23 @@ def rng():
 
 
 def test_a_stroke_takes_the_time_of_the_quadrature_in_both_directions():
-    run = simulate(commands=[Command("open"), Command("close", 15.0)], duration=30)
+    run = simulate(1, [Command("open"), Command("close", 15.0)], until=30)
     expected = [float(stroke_time(Actuator(), way)) for way in (1, -1)]
-    assert run.strokes["duration_s"].tolist() == pytest.approx(expected, abs=1e-4)
-    assert run.strokes["outcome"].tolist() == ["limit", "limit"]
+    assert run.strokes()["duration_s"].tolist() == pytest.approx(expected, abs=1e-4)
+    assert run.strokes()["outcome"].tolist() == ["limit", "limit"]
     assert run.opening[-1, 0] == 0
 
 
 def test_a_valve_whose_speed_changes_on_its_way_takes_the_time_of_the_quadrature_too():
     leaking, _ = faulty(Actuator(), [Fault("V2", 0.8)], 1)
-    run = simulate(commands=[Command("open")], duration=20, faults=[Fault("V2", 0.8)])
+    run = simulate(1, [Command("open")], until=20, faults=[Fault("V2", 0.8)])
     # Steps of the speed at their beginning would be 8 ms off, those at their middle 0.1 ms.
-    assert run.strokes["duration_s"][0] == pytest.approx(stroke_time(leaking)[0], abs=1e-3)
+    assert run.strokes()["duration_s"][0] == pytest.approx(stroke_time(leaking)[0], abs=1e-3)
 
 
 def test_a_longer_step_changes_a_stroke_by_less_than_a_thousandth():
     times = [
-        simulate(commands=OPEN, duration=15, step=step).strokes["duration_s"][0]
+        simulate(System(step=step), OPEN, until=15).strokes()["duration_s"][0]
         for step in (0.01, 0.1, 0.5)
     ]
     assert times[1:] == pytest.approx(times[:1] * 2, rel=1e-3)
@@ -46,9 +47,9 @@ def test_a_longer_step_changes_a_stroke_by_less_than_a_thousandth():
 @settings(max_examples=25)
 @given(targets=st.lists(st.integers(0, 100), min_size=1, max_size=4), seed=st.integers(0, 99))
 def test_a_valve_goes_where_it_is_sent_within_noise_and_dead_band(targets, seed):
-    orders = [Command("position", 15.0 * k, position=p) for k, p in enumerate(targets)]
+    orders = [Command(p, 15.0 * k) for k, p in enumerate(targets)]
     generator = np.random.default_rng(seed)
-    run = simulate(commands=orders, duration=15.0 * len(targets), rng=generator, step=0.2)
+    run = simulate(System(step=0.2), orders, until=15.0 * len(targets), rng=generator)
     for k, target in enumerate(targets, 1):
         row = np.searchsorted(run.time, 15.0 * k - 0.1)
         # Five deviations of the potentiometer, the dead band, and a step of the converter.
@@ -57,16 +58,16 @@ def test_a_valve_goes_where_it_is_sent_within_noise_and_dead_band(targets, seed)
 
 
 def test_a_position_is_reached_at_the_time_of_the_quadrature():
-    run = simulate(
-        commands=[Command("position", position=40)], duration=10, sensors=Sensors.ideal()
+    run = simulate(System(sensors=Sensors.ideal()), [Command(40)], until=10)
+    assert run.strokes()["duration_s"][0] == pytest.approx(
+        float(move_time(Actuator(), 0, 0.4)), 1e-4
     )
-    assert run.strokes["duration_s"][0] == pytest.approx(float(move_time(Actuator(), 0, 0.4)), 1e-4)
-    assert run.strokes["opening"][0] == pytest.approx(0.4, abs=1e-9)
+    assert run.strokes()["opening"][0] == pytest.approx(0.4, abs=1e-9)
     assert not run.active[-1, 0]
 
 
 def test_a_healthy_valve_shows_the_normal_values_while_it_moves_and_nothing_at_rest():
-    run = simulate(commands=OPEN, duration=20, n_valves=64, rng=rng())
+    run = simulate(64, OPEN, until=20, rng=rng())
     middle = (run.time > 5) & (run.time < 7)
     for name, value in normal_values().items():
         # 20 x 64 readings of noise leave the mean good to a hundredth of what is asked.
@@ -78,7 +79,7 @@ def test_a_healthy_valve_shows_the_normal_values_while_it_moves_and_nothing_at_r
 
 
 def test_dvpos_is_known_only_while_the_motor_has_run_for_the_whole_window():
-    run = simulate(commands=OPEN, duration=20, sensors=Sensors.ideal())
+    run = simulate(System(sensors=Sensors.ideal()), OPEN, until=20)
     known = ~np.isnan(run.DVPos[:, 0])
     on = run.time[run.running[:, 0]]
     assert run.time[known].min() == pytest.approx(on.min() + 1.0)
@@ -89,14 +90,14 @@ def test_dvpos_is_known_only_while_the_motor_has_run_for_the_whole_window():
 
 def test_a_new_direction_begins_a_new_window():
     orders = [Command("open"), Command("close", 4.0)]
-    run = simulate(commands=orders, duration=8, sensors=Sensors.ideal())
+    run = simulate(System(sensors=Sensors.ideal()), orders, until=8)
     known = ~np.isnan(run.DVPos[:, 0])
     assert not known[(run.time >= 4.0) & (run.time < 4.95)].any()
-    assert run.strokes["outcome"].tolist() == ["replaced", "limit"]
+    assert run.strokes()["outcome"].tolist() == ["replaced", "limit"]
 
 
 def test_the_same_seed_gives_the_same_run_and_another_seed_another():
-    runs = [simulate(commands=OPEN, duration=5, rng=np.random.default_rng(k)) for k in (1, 1, 2)]
+    runs = [simulate(1, OPEN, until=5, rng=np.random.default_rng(k)) for k in (1, 1, 2)]
     assert np.array_equal(runs[0].readings, runs[1].readings)
     assert not np.array_equal(runs[0].readings, runs[2].readings)
 
@@ -104,10 +105,10 @@ def test_the_same_seed_gives_the_same_run_and_another_seed_another():
 @settings(max_examples=15)
 @given(size=st.integers(1, 300), idle=st.sampled_from([0.1, 0.5, 1.0]))
 def test_blocks_of_any_size_strung_together_are_the_whole(size, idle):
-    orders = [Command("position", 2.0, position=30), Command("close", 8.0, valves=1)]
+    orders = [Command(30, 2.0), Command("close", 8.0, valves=2)]
     plan = {"commands": orders, "duration": 12, "n_valves": 2, "idle_step": idle}
     faults = [Fault("P2", 0.4, start=5.05)]
-    whole = simulate(**plan, faults=faults, rng=rng())
+    whole = simulate(2, orders, faults=faults, until=12, idle_step=idle, rng=rng())
     parts = list(blocks(**plan, faults=faults, rng=rng(), size=size))
     assert all(part.time.size <= size for part in parts)
     for name in ("time", "readings", "DVPos", "running", "moving", "active", "opening"):
@@ -117,7 +118,7 @@ def test_blocks_of_any_size_strung_together_are_the_whole(size, idle):
 
 
 def test_rest_is_measure_and_advance_in_turn():
-    faults = [Fault("Pos2", valves=1), Fault("O1", start=60.0, valves=2)]
+    faults = [Fault("Pos2", valves=2), Fault("O1", start=60.0, valves=3)]
     plants = [
         Plant(n_valves=3, faults=faults, opening=[0, 0.4, 1], rng=np.random.default_rng(7))
         for _ in range(2)
@@ -135,9 +136,9 @@ def test_rest_is_measure_and_advance_in_turn():
 
 
 def test_a_valve_that_turns_round_beside_a_running_one_does_as_it_would_alone():
-    orders = [Command("open"), Command("position", 5.0, position=10, valves=0)]
-    alone = simulate(commands=orders, n_valves=1, duration=20)
-    beside = simulate(commands=orders, n_valves=2, duration=20)
+    orders = [Command("open"), Command(10, 5.0, valves=1)]
+    alone = simulate(1, orders, until=20)
+    beside = simulate(2, orders, until=20)
     assert np.array_equal(beside.readings[:, :, 0], alone.readings[:, :, 0])
     # The torque of the flow helps it to close: it takes less pressure than on the way up.
     assert alone.OP[51, 0] < alone.OP[49, 0] - 0.1
@@ -156,17 +157,17 @@ def test_nothing_rests_that_runs_breaks_or_is_watched():
 
 
 def test_an_idle_day_is_one_reading_a_second_and_events_are_not_missed():
-    run = simulate(commands=[Command("open", 300.25)], duration=600, idle_step=1.0)
+    run = simulate(1, [Command("open", 300.25)], until=600, idle_step=1.0)
     steps = np.diff(run.time)
     assert steps.max() == pytest.approx(1.0)
     assert steps.min() == pytest.approx(0.1)
-    assert run.strokes["start_s"][0] == pytest.approx(300.3)
+    assert run.strokes()["start_s"][0] == pytest.approx(300.3)
     assert run.time[-1] == pytest.approx(600)
 
 
 def test_the_temperature_follows_its_exponentials():
-    quick = simulate(commands=OPEN, duration=400, sensors=Sensors.ideal())
-    slow = simulate(commands=OPEN, duration=400, sensors=Sensors.ideal(), idle_step=60)
+    quick = simulate(System(sensors=Sensors.ideal()), OPEN, until=400)
+    slow = simulate(System(sensors=Sensors.ideal()), OPEN, until=400, idle_step=60)
     assert quick.OT[-1, 0] == pytest.approx(slow.OT[-1, 0], abs=1e-9)
     start = float(steady_temperature(Actuator()))
     # Heat of 9 s of running, less what 10.5 s at 5 K over the surroundings give off.
@@ -178,7 +179,7 @@ def test_the_temperature_follows_its_exponentials():
 @pytest.mark.parametrize("code", FAULTS)
 def test_severity_0_is_healthy_to_the_last_bit_and_1_is_not(code):
     def run(faults):
-        return simulate(commands=OPEN, duration=14, faults=faults, sensors=Sensors.ideal())
+        return simulate(System(sensors=Sensors.ideal()), OPEN, until=14, faults=faults)
 
     healthy, none, sick = (run(f) for f in ([], [Fault(code, 0.0)], [Fault(code)]))
     assert np.array_equal(healthy.readings, none.readings)
@@ -209,10 +210,7 @@ def test_a_fault_meets_the_antecedent_of_its_own_rule_and_a_healthy_valve_does_n
     order = [Command("close" if closes else "open", 1.0)]
 
     def seen(faults):
-        run = simulate(
-            commands=order, duration=30, n_valves=16, opening=float(closes), rng=rng(),
-            faults=faults,
-        )  # fmt: skip
+        run = simulate(System(16, opening=float(closes)), order, until=30, rng=rng(), faults=faults)
         met = rule(run.samples) & (run.running == moving)
         return met.sum(axis=0)
 
@@ -222,8 +220,8 @@ def test_a_fault_meets_the_antecedent_of_its_own_rule_and_a_healthy_valve_does_n
 
 
 def test_a_fault_begins_at_its_time_on_its_valves_with_its_severity():
-    fault = Fault("G1", [0.2, 1.0], start=3.0, valves=[2, 0])
-    run = simulate(duration=6, n_valves=3, faults=[fault], sensors=Sensors.ideal())
+    fault = Fault("G1", [0.2, 1.0], start=3.0, valves=[3, 1])
+    run = simulate(System(3, sensors=Sensors.ideal()), until=6, faults=[fault])
     before, after = run.FP[run.time < 2.95], run.FP[run.time > 2.95]
     assert (before == 0).all()
     assert after[0].tolist() == [125.0, 0.0, 25.0]
@@ -247,24 +245,24 @@ def test_every_fault_of_the_rule_table_is_there_and_changes_what_exists():
 
 def test_the_motor_time_stops_a_valve_that_does_not_arrive():
     slow = replace(Actuator(), motor_time=[5.0, 20.0])
-    run = simulate(slow, OPEN, duration=20)
-    assert run.strokes["outcome"].tolist() == ["time", "limit"]
-    assert run.strokes["duration_s"][0] == pytest.approx(5.0)
+    run = simulate(System(actuator=slow), OPEN, until=20)
+    assert run.strokes()["outcome"].tolist() == ["time", "limit"]
+    assert run.strokes()["duration_s"][0] == pytest.approx(5.0)
     assert run.active[-1].tolist() == [True, False]
 
 
 def test_a_command_that_asks_for_what_is_so_starts_no_motor():
-    orders = [Command("close"), Command("position", 1.0, position=0.3), Command("stop", 2.0)]
-    run = simulate(commands=orders, duration=4, sensors=Sensors.ideal())
+    orders = [Command("close"), Command(0.3, 1.0), Command("stop", 2.0)]
+    run = simulate(System(sensors=Sensors.ideal()), orders, until=4)
     assert not run.running.any()
-    assert run.strokes.empty
+    assert run.strokes().empty
 
 
 def test_the_tables_have_a_row_for_every_instant_and_valve():
-    run = simulate(commands=OPEN, duration=2, n_valves=3)
-    assert run.table.shape == (3 * 21, 9)
+    run = simulate(3, OPEN, until=2)
+    assert run.table().shape == (3 * 21, 9)
     assert run.valve(1).index.name == "time_s"
-    assert run.table.loc[1].equals(run.valve(1))
+    assert run.table().loc[1].equals(run.valve(1))
 
 
 @settings(max_examples=30)
@@ -279,11 +277,8 @@ def test_the_tables_have_a_row_for_every_instant_and_valve():
     ),
 )
 def test_whatever_happens_the_state_stays_within_its_bounds(orders, faults):
-    commands = [
-        Command(what, time) if isinstance(what, str) else Command("position", time, position=what)
-        for what, time in orders
-    ]
-    run = simulate(commands=commands, duration=14, faults=faults, rng=rng(), step=0.25)
+    commands = [Command(what, time) for what, time in orders]
+    run = simulate(System(step=0.25), commands, until=14, faults=faults, rng=rng())
     assert ((run.opening >= 0) & (run.opening <= 1)).all()
     assert np.isfinite(run.readings).all()
     assert not (run.moving & ~run.running).any()
@@ -296,26 +291,25 @@ def test_whatever_happens_the_state_stays_within_its_bounds(orders, faults):
     [
         (lambda: Command("shut"), "action is 'shut'"),
         (lambda: Command("open", -1), "time is -1"),
-        (lambda: Command("open", position=40), "position is 40"),
-        (lambda: Command("position"), "position is None"),
-        (lambda: Command("position", position=101), r"position is 101.*0\.\.100"),
-        (lambda: Command("open", valves=-1), "valve is -1"),
+        (lambda: Command("position"), "action is 'position'"),
+        (lambda: Command(101), r"position is 101.*0\.\.100"),
+        (lambda: Command("open", valves=0), "valve is 0"),
         (lambda: Fault("P1", 1.1), "severity of P1 is 1.1"),
         (lambda: Fault("P1", float("nan")), "severity of P1"),
         (lambda: Fault("P1", "high"), "severity of P1"),
         (lambda: Fault("P1", start=-1), "start of P1"),
-        (lambda: simulate(duration=1, faults=[Fault("P1", valves=1)]), r"valve of P1 is 1.*0\.\.0"),
-        (lambda: simulate(duration=1, faults=[Fault("P1", [0, 1])]), "2 values for 1"),
-        (lambda: simulate(commands=[Command("open", 9, valves=3)], duration=1), "valve is 3"),
-        (lambda: simulate(duration=-1), "duration is -1"),
-        (lambda: simulate(duration=1, n_valves=0), "n_valves is 0"),
-        (lambda: simulate(Actuator(speed=[20] * 3), duration=1, n_valves=2), "n_valves is 2"),
-        (lambda: simulate(duration=1, opening=1.1), r"opening is 1.1"),
-        (lambda: simulate(duration=1, opening=[0, 1]), "one for each of 1"),
-        (lambda: simulate(duration=1, step=0), "step is 0"),
-        (lambda: simulate(duration=1, idle_step=0.01), "idle_step is 0.01"),
+        (lambda: simulate(1, until=1, faults=[Fault("P1", valves=2)]), r"valve of P1 is 2.*1\.\.1"),
+        (lambda: simulate(1, until=1, faults=[Fault("P1", [0, 1])]), "2 values for 1"),
+        (lambda: simulate(1, [Command("open", 9, valves=4)], until=1), "valve is 4"),
+        (lambda: simulate(1, until=-1), "until is -1"),
+        (lambda: simulate(0, until=1), "n_valves is 0"),
+        (lambda: simulate(System(2, actuator=Actuator(speed=[20] * 3)), until=1), "n_valves is 2"),
+        (lambda: simulate(System(opening=1.1), until=1), r"opening is 1.1"),
+        (lambda: simulate(System(opening=[0, 1]), until=1), "one for each of 1"),
+        (lambda: simulate(System(step=0), until=1), "step is 0"),
+        (lambda: simulate(1, until=1, idle_step=0.01), "idle_step is 0.01"),
         (lambda: blocks(duration=1, size=0), "size is 0"),
-        (lambda: simulate(duration=1).valve(1), "valve is 1"),
+        (lambda: simulate(1, until=1).valve(2), "valve is 2"),
         (lambda: Plant(faults=[Fault("G1", start=1)]).advance(20), "ticks is 20"),
     ],
 )

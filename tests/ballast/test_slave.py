@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.live import valve_server
+from shipnet.ballast.live import serve
 from shipnet.ballast.master import operate
 from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.registers import Code, RegisterMap
@@ -32,7 +32,7 @@ def write(device, code, time, position=0):
 
 
 def status(device, time):
-    return MAP.unpack([device.read(Table.INPUT_REGISTERS, 0x4020, 4, time)])
+    return MAP.decode([device.read(Table.INPUT_REGISTERS, 0x4020, 4, time)])
 
 
 def test_a_valve_is_a_device_of_the_server():
@@ -42,7 +42,7 @@ def test_a_valve_is_a_device_of_the_server():
 def test_a_position_command_moves_the_valve_as_the_simulation_does():
     device = ValveDevice(Plant())
     write(device, Code.POSITION_OPEN, 1.0, 40)
-    run = simulate(commands=[Command("position", 1.0, position=40)], duration=8)
+    run = simulate(1, [Command(40, 1.0)], until=8)
     for time in (1.0, 2.5, 4.0, 7.0):
         row = round(time * 10)
         read = status(device, time).readings[:, 0]
@@ -109,7 +109,7 @@ def test_slaves_answer_requests_and_exceptions_as_the_standard_wants():
     echo = WriteRegister(0x4001, MAP.command(Code.POSITION_OPEN, 40))
     assert slave.answer(echo.pdu) == echo.pdu
     answer = decode_response(slave.answer(READ.pdu, 2.0), READ)
-    assert MAP.unpack([answer.registers]).readings[4, 0] == 22
+    assert MAP.decode([answer.registers]).readings[4, 0] == 22
     exceptions = {
         "03 4020 0004": 1, "04 4020 0005": 2, "04 401f 0001": 2, "06 4002 0001": 2,
         "06 4001 0003": 3, "06 4001 650a": 3,
@@ -141,7 +141,7 @@ def test_a_slave_finds_its_fault_and_what_does_not_fit_reaches_the_master():
 @pytest.mark.parametrize(("code", "row"), [("Pos1", 9), ("Pos2", 10), ("Pos3", 6), ("Pos4", 7)])
 def test_the_four_faults_of_the_position_are_found_by_the_slave(code, row):
     slaves = valve_slaves(
-        Plant(n_valves=3, faults=[Fault(code, valves=1)], opening=float(code in ("Pos1", "Pos3"))),
+        Plant(n_valves=3, faults=[Fault(code, valves=2)], opening=float(code in ("Pos1", "Pos3"))),
     )
     device = slaves[2].device
     # Pos1 and Pos2 need a pressure that only a stroke traps.
@@ -156,7 +156,7 @@ def test_the_four_faults_of_the_position_are_found_by_the_slave(code, row):
 
 
 def test_a_slave_finds_what_the_offline_diagnosis_of_the_same_readings_finds():
-    faults = [Fault(code, valves=k) for k, code in enumerate(FAULTS)]
+    faults = [Fault(code, valves=k + 1) for k, code in enumerate(FAULTS)]
     plant = Plant(n_valves=13, faults=faults, rng=np.random.default_rng(7))
     monitor, recorder = Monitor(plant), Recorder(plant)
     for action, until in (("open", 25.0), ("close", 50.0)):
@@ -172,7 +172,7 @@ def test_a_slave_finds_what_the_offline_diagnosis_of_the_same_readings_finds():
 
 
 def test_what_is_still_wrong_is_found_again_though_no_reading_changes():
-    plant = Plant(n_valves=2, faults=[Fault("Pos4", valves=1)])
+    plant = Plant(n_valves=2, faults=[Fault("Pos4", valves=2)])
     monitor = Monitor(plant)
     rows = []
     for time in range(1, 9):
@@ -225,7 +225,7 @@ def test_the_watchdog_is_reached_through_slaves_station_and_server():
         ends.append({moved.valve: moved.outcome for moved in plant.movements})
     assert ends[0] == {0: "limit", 1: "limit"}
     assert ends[1] == {0: "time", 1: "limit"}
-    with valve_server(2, watchdog=1.5) as server:
+    with serve(2, watchdog=1.5) as server:
         assert [slave.device.watchdog for slave in server.slaves.values()] == [1.5, 1.5]
 
 
@@ -280,7 +280,7 @@ def test_at_the_end_the_master_times_out_or_sees_nothing_of_the_movement():
         (lambda: ValveDevice(Plant(), 1), "valve is 1"),
         (lambda: ValveDevice(Plant(), watchdog=0), "watchdog is 0"),
         (lambda: valve_slaves(Plant(), watchdog=0), "watchdog is 0"),
-        (lambda: valve_server(1, watchdog=4000), "watchdog is 4000"),
+        (lambda: serve(1, watchdog=4000), "watchdog is 4000"),
         (lambda: ValveDevice(Plant(), monitor=Monitor(Plant())), "monitor looks on at another"),
         (lambda: Monitor(Plant(), k=6), "k is 6"),
         (lambda: Monitor(Plant(), rule_base(slow_stroke=10)), "rules has 13 rules"),

@@ -3,8 +3,9 @@ import pandas as pd
 import pytest
 from scipy.stats import binomtest, poisson
 
-from shipnet.ballast.diagnosis import READINGS, diagnose_run
+from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.plant import Command
+from shipnet.ballast.scan import System
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.trials import (
     BASIS,
@@ -16,12 +17,13 @@ from shipnet.ballast.trials import (
 )
 from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
+from shipnet.fuzzy.rules import METHODS
 from shipnet.intervals import event_interval, share_interval
 
 
 @pytest.fixture(scope="module")
 def trials():
-    return fault_trials(n_valves=12, rng=np.random.default_rng(2024))
+    return fault_trials(n_valves=12, rng=np.random.default_rng(2024)).table()
 
 
 @pytest.mark.parametrize(("hits", "n"), [(0, 1), (0, 2048), (3, 7), (7, 7), (100, 2048)])
@@ -68,20 +70,20 @@ def test_counts_that_cannot_be_are_named(call, message):
 
 def test_all_faults_are_named_by_dead_bands_and_ramps_alike(trials):
     table = rates(trials)
-    for reading in ("crisp", "fuzzy"):
+    for reading in ("midpoint", "fuzzy"):
         found = table.loc[reading]
         assert (found.loc[list(FAULTS), "named"] == 1).all()
         assert found.loc["normal", "detected"] == 0
         isolated = found.loc[list(FAULTS), "isolated"]
         # With the motor off S1 and S2 are true as well, and of higher rank.
         assert isolated[isolated < 1].index.tolist() == ["Pos3", "Pos4"]
-    same = [trials[trials["reading"] == r].drop(columns="reading").reset_index(drop=True)
-            for r in ("crisp", "fuzzy")]  # fmt: skip
+    same = [trials[trials["method"] == r].drop(columns="method").reset_index(drop=True)
+            for r in ("midpoint", "fuzzy")]  # fmt: skip
     pd.testing.assert_frame_equal(*same)
 
 
 def test_read_as_printed_every_healthy_valve_has_an_alarm(trials):
-    table = rates(trials).loc["literal"]
+    table = rates(trials).loc["crisp"]
     assert table.loc["normal", "detected"] == 1
     # What outranks P2, which noise alone sets off at rest, is all that is right.
     assert table.index[table["isolated"] == 1].tolist() == ["G1", "P1", "P2", "V1"]
@@ -90,8 +92,8 @@ def test_read_as_printed_every_healthy_valve_has_an_alarm(trials):
 def test_shares_and_confusion_count_the_same_trials(trials):
     table = rates(trials)
     assert (table["n"] == 12).all()
-    for reading in READINGS:
-        matrix = confusion(trials, reading=reading)
+    for reading in METHODS:
+        matrix = confusion(trials, method=reading)
         assert (matrix.sum(axis=1) == 12).all()
         right = [matrix.loc[fault, fault] / 12 for fault in matrix.index]
         assert table.loc[reading, "isolated"].tolist() == right
@@ -106,36 +108,44 @@ def test_tables_say_what_stands_behind_them(trials):
 
 def test_a_trial_is_what_the_run_of_the_same_valve_shows():
     rng = np.random.default_rng(11)
-    trials = fault_trials(["V2"], n_valves=3, readings=["fuzzy"], spread=0.1, rng=rng)
+    trials = fault_trials(["V2"], n_valves=3, methods=["fuzzy"], spread=0.1, rng=rng).table()
     again = np.random.default_rng(11)
     actuator = spread_actuator(3, 0.1, again)
     orders = [Command("open", 5.0), Command("close", 35.0)]
-    run = simulate(actuator, orders, duration=65, faults=[Fault("V2")], idle_step=0.5, rng=again)
+    run = simulate(
+        System(actuator=actuator), orders, until=65, faults=[Fault("V2")], idle_step=0.5, rng=again
+    )
     diagnosis = diagnose_run(run)
-    first = np.nanmin(diagnosis.first_alarm, axis=1)
+    first = np.nanmin(diagnosis.alarm_times, axis=1)
     np.testing.assert_allclose(trials["delay_s"], np.maximum(first - 5.0, 0))
     assert trials["active"].tolist() == ["V2"] * 3
 
 
 def test_severities_may_differ_from_valve_to_valve():
-    trials = fault_trials(["Pos3"], n_valves=3, severity=[0.0, 0.1, 1.0], readings=["fuzzy"],
-                          rng=np.random.default_rng(1))  # fmt: skip
+    trials = fault_trials(
+        ["Pos3"],
+        n_valves=3,
+        severity=[0.0, 0.1, 1.0],
+        methods=["fuzzy"],
+        rng=np.random.default_rng(1),
+    ).table()
     assert trials["named"].tolist() == [False, False, True]
     assert trials["delay_s"].isna().tolist() == [True, True, False]
 
 
 def test_false_alarms_are_those_of_a_diagnosis_of_the_whole_run():
     more = dict(n_valves=6, spread=0.0)
-    table = false_alarms(duration=130, period=60, readings=["literal", "fuzzy"],
-                         rng=np.random.default_rng(4), **more)  # fmt: skip
+    table = false_alarms(
+        until=130, period=60, methods=["crisp", "fuzzy"], rng=np.random.default_rng(4), **more
+    )
     rng = np.random.default_rng(4)
     actuator = spread_actuator(6, 0.0, rng)
     orders = [Command("open"), Command("close", 60.0)]
-    run = simulate(actuator, orders, duration=119.9, idle_step=1.0, rng=rng)
-    quiet = diagnose_run(run, reading="literal").headline == "normal"
+    run = simulate(System(actuator=actuator), orders, until=119.9, idle_step=1.0, rng=rng)
+    quiet = diagnose_run(run, method="crisp").top == "normal"
     begins = quiet[:-1] & ~quiet[1:]
-    assert table.loc["literal", "alarms"] == begins.sum() + (~quiet[0]).sum()
-    assert table.loc["literal", "commands"] == table.loc["literal", "alarmed"] == 12
+    assert table.loc["crisp", "alarms"] == begins.sum() + (~quiet[0]).sum()
+    assert table.loc["crisp", "commands"] == table.loc["crisp", "alarmed"] == 12
     assert table.loc["fuzzy", "alarms"] == 0
     assert table["valve_years"].to_numpy() == pytest.approx(6 * 120 / (365.25 * 86400))
     years = table.loc["fuzzy", "valve_years"]
@@ -145,7 +155,7 @@ def test_false_alarms_are_those_of_a_diagnosis_of_the_whole_run():
 def test_blocks_do_not_change_the_count_of_false_alarms(monkeypatch):
 
     def count():
-        return false_alarms(duration=60, period=60, n_valves=3, rng=np.random.default_rng(4))
+        return false_alarms(until=60, period=60, n_valves=3, rng=np.random.default_rng(4))
 
     import shipnet.ballast.trials
 
@@ -159,12 +169,12 @@ def test_blocks_do_not_change_the_count_of_false_alarms(monkeypatch):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda r: fault_trials(["V9"], n_valves=2, rng=r), "code is 'V9'"),
-        (lambda r: fault_trials([], n_valves=2, rng=r), "codes is empty"),
-        (lambda r: fault_trials(["V1"], n_valves=0, rng=r), "n_valves is 0"),
-        (lambda r: fault_trials(["V1"], n_valves=2, severity=2.0, rng=r), "severity of V1"),
-        (lambda r: fault_trials(["V1"], n_valves=2, readings=["x"], rng=r), "reading is 'x'"),
-        (lambda r: false_alarms(duration=10, period=60, rng=r), "duration is 10"),
+        (lambda r: fault_trials(["V9"], n_valves=2, rng=r).table(), "code is 'V9'"),
+        (lambda r: fault_trials([], n_valves=2, rng=r).table(), "codes is empty"),
+        (lambda r: fault_trials(["V1"], n_valves=0, rng=r).table(), "n_valves is 0"),
+        (lambda r: fault_trials(["V1"], n_valves=2, severity=2.0, rng=r).table(), "severity of V1"),
+        (lambda r: fault_trials(["V1"], n_valves=2, methods=["x"], rng=r).table(), "method is 'x'"),
+        (lambda r: false_alarms(until=10, period=60, rng=r), "until is 10"),
         (lambda r: false_alarms(period=1, rng=r), "period is 1"),
         (lambda r: spread_actuator(3, -1, r), "spread is -1"),
     ],
@@ -175,5 +185,5 @@ def test_an_argument_of_a_trial_out_of_range_is_named(call, message):
 
 
 def test_a_reading_that_was_not_tried_is_named(trials):
-    with pytest.raises(ArgumentError, match="reading is 'x'; the trials are of literal, crisp"):
-        confusion(trials, reading="x")
+    with pytest.raises(ArgumentError, match="method is 'x'; the trials are of crisp, midpoint"):
+        confusion(trials, method="x")

@@ -211,8 +211,8 @@ def test_a_limit_or_direction_that_cannot_be_is_named():
 def test_the_limit_of_the_leak_is_that_of_the_simulated_stroke():
     factor = limit_leak() / Actuator().pump_leak
     severity = np.log(factor) / np.log(821)
-    run = simulate(commands=[Command("open")], duration=15, faults=[Fault("P2", severity)])
-    assert run.strokes["duration_s"][0] == pytest.approx(10.0, abs=0.005)
+    run = simulate(1, [Command("open")], until=15, faults=[Fault("P2", severity)])
+    assert run.strokes()["duration_s"][0] == pytest.approx(10.0, abs=0.005)
     assert float(mid_pressure(limit_leak())) == pytest.approx(73, abs=0.5)
 
 

@@ -99,8 +99,8 @@ def through_registers(code: str) -> str:
     """
     tests = rule_vectors(fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]
-    registers = RegisterMap().pack(tests[names].to_numpy().T, close=False, open=True).registers
-    received = pd.DataFrame(RegisterMap().unpack(registers).readings.T, tests.index, names)
+    registers = RegisterMap().encode(tests[names].to_numpy().T, close=False, open=True).registers
+    received = pd.DataFrame(RegisterMap().decode(registers).readings.T, tests.index, names)
     tests = received.assign(DVPos=tests["DVPos"])
     return str(BASE.check(tests, "crisp")["top"].iloc[0])
 

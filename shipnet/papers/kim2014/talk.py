@@ -72,7 +72,7 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
     for time in times:
         data = exchange(time, read.pdu, "how are you?")[2:]
         words = [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
-        seen = registers.unpack([words]).readings[:, 0]
+        seen = registers.decode([words]).readings[:, 0]
         said = [f"{c.name} {x:.3g} {c.unit}" for c, x in zip(CHANNELS, seen, strict=True)]
         rows[-1] = (*rows[-1][:3], ", ".join(said))
     return pd.DataFrame(rows, columns=["time_s", "from", "frame", "says"])

@@ -28,7 +28,7 @@ _VPOS = [channel.name for channel in CHANNELS].index("VPos")
 
 def _status(readings: list[list[float]], **flags: bool) -> tuple[int, bool]:
     """Return register 0x4020 as Table 2 has it, and whether the position did not fit."""
-    packed = RegisterMap(status="table 2").pack(readings, **flags)
+    packed = RegisterMap(status="table 2").encode(readings, **flags)
     return int(packed.registers[0, 0]), bool(packed.saturated[0, _VPOS])
 
 
@@ -75,7 +75,7 @@ def status_is_the_command(*, commands: tuple[str, ...] = tuple(c.value for c in 
 def status_bits_agree(*, other: str = "table 3") -> bool:
     """Whether this table has the status bits where Table 2 has them."""
     words = [
-        RegisterMap(status=table).pack(_at(0.0), close=False, open=True).registers[0, 0]
+        RegisterMap(status=table).encode(_at(0.0), close=False, open=True).registers[0, 0]
         for table in ("table 2", other)
     ]
     return bool(words[0] == words[1])

@@ -47,7 +47,7 @@ class Picture(NamedTuple):
     @property
     def wrong(self) -> int:
         """Valves whose position is not known, or shown more than `NEAR` from the true one."""
-        shown = self.seen.screen()["position_percent"].to_numpy()
+        shown = self.seen.screen().table()["position_percent"].to_numpy()
         return int((~(np.abs(shown - 100 * self.plant.opening) <= NEAR)).sum())
 
 
@@ -78,7 +78,7 @@ def seen_strokes(
     runs = {}
     for number in numbers:
         system = Loop(number, status_poll(Serial(9600)))
-        order = Command("open", start, valves=number - 1)
+        order = Command("open", start, valves=number)
         seen = operate(Plant(n_valves=number), system, [order], duration=duration)
         runs[number] = received_run(seen, number, target=100.0)
     return runs
@@ -121,7 +121,7 @@ def age_table(
         age = worst_age(system, commands=count)
         if duration / 2 < 2 * age:
             raise ArgumentError(f"duration is {duration:g} s; it must be {4 * age:.3g} or more")
-        orders = [Command("open", duration / 2, valves=range(count))] if count else []
+        orders = [Command("open", duration / 2, valves=range(1, count + 1))] if count else []
         seen = operate(Plant(n_valves=n_valves), system, orders, duration=duration)
         rows[count] = (age, float(_longest(seen)))
     table = pd.DataFrame.from_dict(rows, orient="index", columns=["formula_s", "simulated_s"])
@@ -155,7 +155,7 @@ def broken_loops(
     >>> [picture.wrong for picture in broken_loops().values()]
     [0, 100, 0, 0, 0]
     """
-    orders = [Command("open", 3.0, valves=range(opened))]
+    orders = [Command("open", 3.0, valves=range(1, opened + 1))]
     unbroken: list[Break] = []
     cases = {"no break": (Loop(n_valves, status_poll(Serial(9600))), unbroken)}
     for move, timeout in _CASES:
@@ -199,7 +199,7 @@ def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
         name: {
             "oldest_s": _longest(picture.seen),
             "unanswered": sum(not answered for *_, answered in picture.seen.tries),
-            "shown_moving": int((picture.seen.screen()["state"] == "moving").sum()),
+            "shown_moving": int((picture.seen.screen().table()["state"] == "moving").sum()),
             "moving": int(picture.plant.running.sum()),
             "wrong": picture.wrong,
         }

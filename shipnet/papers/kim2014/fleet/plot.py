@@ -7,12 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 
-from shipnet.ballast.fleet import FleetReport
 from shipnet.ballast.simulation import Run
 from shipnet.papers.kim2014.fleet.picture import Picture
 from shipnet.style import LIMIT
 
-__all__ = ["plot_ages", "plot_history", "plot_seen_strokes"]
+__all__ = ["plot_ages", "plot_seen_strokes"]
 
 _MARKS = ".o^sD"
 
@@ -64,7 +63,7 @@ def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axe
     """
     for place, (name, picture) in enumerate(pictures.items()):
         time = np.arange(0.0, picture.seen.duration, 0.1)
-        oldest = picture.seen.age(time).max(axis=1)
+        oldest = picture.seen.ages(time).max(axis=1)
         ax.plot(
             time, np.where(np.isfinite(oldest), oldest, np.nan), color=f"C{place}", label=name,
             linewidth=5 - 0.8 * place, alpha=0.9,
@@ -76,44 +75,4 @@ def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axe
     )  # fmt: skip
     ax.set(xlabel="time [s]", ylabel="oldest position shown [s]", ylim=(0, None))
     ax.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
-    return ax
-
-
-def plot_history(report: FleetReport, *, ax: Axes) -> Axes:
-    """Draw when each fault appeared, when its valve was moved, and when it was reported.
-
-    Parameters
-    ----------
-    report : FleetReport
-        What `shipnet.ballast.fleet.watch` returned, with a fault or more.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given: one row a fault, in order of their time; the red line is the time for which
-        nobody knew, and reaches the end if nobody ever did.
-    """
-    faults, commands = report.faults, report.commands
-    hour = 3600.0
-    rows = np.arange(len(faults))
-    known = faults["alarm_s"].fillna(report.duration).to_numpy()
-    start = faults["start_s"].to_numpy()
-    names = []
-    for row, (valve, code) in enumerate(faults[["valve", "code"]].itertuples(index=False)):
-        names.append(f"{code}, valve {valve + 1}")
-        moved = commands.loc[commands["valve"] == valve, "start_s"] / hour
-        ax.plot(
-            moved, np.full(len(moved), row), "|", color="0.55", markersize=11,
-            label="_" if row else "valve is moved",
-        )  # fmt: skip
-    ax.hlines(rows, start / hour, known / hour, color=LIMIT["color"], linewidth=3, label="unknown")
-    ax.plot(start / hour, rows, "o", color=LIMIT["color"], markersize=5, label="fault appears")
-    found = faults["alarm_s"].notna().to_numpy()
-    ax.plot(known[found] / hour, rows[found], "D", color="C2", markersize=6, label="reported")
-    ax.set_yticks(rows, names, fontsize="small")
-    ax.invert_yaxis()
-    ax.set(xlabel="time [h]", xlim=(0, report.duration / hour))
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, frameon=False, fontsize="small")
     return ax
