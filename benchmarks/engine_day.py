@@ -24,8 +24,8 @@ def measure(function, *arguments, **options):
     return time.perf_counter() - begin
 
 
-for name, system in (("printed", System()), ("mended", System.mended())):
-    ours = measure(simulate, system, DAY, phases=PHASES)
+for name, system in (("printed", System()), ("corrected", System.corrected())):
+    ours = measure(simulate, system, until=DAY, phases=PHASES)
     walk = measure(run_reference, system, SHORT, [], PHASES) / SHORT * DAY
     frames = float(np.sum(DAY * 1e9 / system.period_ns[system.sender]))
     print(

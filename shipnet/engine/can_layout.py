@@ -7,22 +7,21 @@ the first in the lowest bit as Modbus packs coils; and cuts these bytes into fra
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.schedule import Message, MessageSet, frame_bits
-from shipnet.engine.points import Point, by_box, check_points
+from shipnet.engine.points import PointList
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.fields import check_whole, record, whole
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["CanLayout", "volume_table"]
+    from shipnet.can.schedule import MessageSet
 
 #: Data bytes of a classic CAN frame; ISO 11898-1.
 _FRAME = 8
@@ -34,14 +33,14 @@ _Values = npt.NDArray[np.uint16]
 _Bytes = npt.NDArray[np.uint8]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CanLayout:
-    """Which frame holds which point.
+    """Which CAN frame holds which point.
 
     Parameters
     ----------
-    points : iterable of Point
-        One or more; box k of them sends the identifiers from 0x100 k on, k = 1..7.
+    points : PointList or iterable of Point
+        One or more; box k of them sends the identifiers from 0x100 k up, k = 1..7.
     bits : int, default 16
         Bits of an analogue value, 1..16.
 
@@ -58,78 +57,52 @@ class CanLayout:
 
     Examples
     --------
-    >>> from shipnet.engine.points import load_points
-    >>> points = load_points()
-    >>> layout = CanLayout(points)
+    >>> from shipnet import engine
+    >>> points = engine.read_points()
+    >>> layout = engine.CanLayout(points)
     >>> len(layout.messages()), [layout.size(box) for box in layout.boxes]
     (22, [75, 33, 56])
-    >>> frames = layout.pack([k * point.analogue for k, point in enumerate(points)])
+    >>> frames = layout.encode([k * point.analogue for k, point in enumerate(points)])
     >>> bytes(frames["JB1-01"]).hex(" ")
     '00 00 00 01 00 02 00 03'
+    >>> layout.volume().loc["all", ["bytes", "frames", "worst_bits", "ms_125k"]].tolist()
+    [164.0, 22.0, 2850.0, 22.8]
     """
 
-    points: tuple[Point, ...]
-    bits: int = 16
+    points: PointList
+    bits: int = whole(1, 16, "", "Bits of an analogue value", default=16)
 
     def __post_init__(self) -> None:
-        """Check both."""
-        object.__setattr__(self, "points", check_points(self.points))
-        object.__setattr__(self, "bits", check_whole("bits", self.bits, 1, 16))
+        """Check the points, and that the identifiers suffice."""
+        object.__setattr__(self, "points", PointList(self.points))
         most = _HIGHEST_ID // _ID_STEP
         if len(self.boxes) > most:
             raise ArgumentError(f"there are {len(self.boxes)} boxes; there must be 1..{most}")
         largest = max(self.size(box) for box in self.boxes)
         if largest > _FRAME * _ID_STEP:
-            raise ArgumentError(f"a box has {largest} bytes; its identifiers reach for 2048")
+            raise ArgumentError(f"a box has {largest} bytes; its identifiers suffice for 2048")
 
-    @property
+    @cached_property
     def boxes(self) -> tuple[str, ...]:
         """Boxes in the order of their points."""
-        return tuple(by_box(self.points))
+        return self.points.boxes
 
     def size(self, box: str) -> int:
-        """Return how many data bytes a box sends.
-
-        Parameters
-        ----------
-        box : str
-            One of `boxes`.
-        """
+        """Return how many data bytes a box sends."""
         return _bytes(self._analogue(box), self.bits) + _bytes(self._switches(box), 1)
 
     def messages(self, period: float = 1.0) -> MessageSet:
-        """Return the message set.
+        """Return the message set, with one update per `period` [s]; the paper prints none."""
+        from shipnet.can.schedule import Message, MessageSet
 
-        Parameters
-        ----------
-        period : float, default 1
-            From one update to the next, 1e-6..1e5 [s]; not printed, the assumption is the
-            polling period.
-        """
         return MessageSet(
             Message(name, identifier, dlc, period, sender=box)
             for box in self.boxes
             for name, identifier, dlc in self._frames(box)
         )
 
-    def pack(self, values: npt.ArrayLike) -> dict[str, _Bytes]:
-        """Return the data bytes of each frame.
-
-        Parameters
-        ----------
-        values : array_like of int, shape (..., n_points)
-            Codes in the order of the points: 0..2**bits - 1, and 0 or 1 of a switch.
-
-        Returns
-        -------
-        dict of str to ndarray of uint8, shape (..., dlc)
-            Bytes by the name of the message.
-
-        Raises
-        ------
-        ArgumentError
-            If the shape does not fit, or a code is not whole or out of range.
-        """
+    def encode(self, values: npt.ArrayLike) -> dict[str, _Bytes]:
+        """Return the data bytes of each frame, for codes of shape (..., n_points)."""
         codes = self._checked(values)
         frames: dict[str, _Bytes] = {}
         for box in self.boxes:
@@ -146,24 +119,8 @@ class CanLayout:
                 frames[name] = data[..., _FRAME * place : _FRAME * place + dlc]
         return frames
 
-    def unpack(self, frames: Mapping[str, Any]) -> _Values:
-        """Return the codes that frames hold.
-
-        Parameters
-        ----------
-        frames : mapping of str to bytes or array_like of uint8, shape (..., dlc)
-            Bytes of every message by its name, all of the same leading shape.
-
-        Returns
-        -------
-        ndarray of uint16, shape (..., n_points)
-            Codes in the order of the points.
-
-        Raises
-        ------
-        ArgumentError
-            If a message is missing, is not of this layout, or has another length.
-        """
+    def decode(self, frames: Mapping[str, Any]) -> _Values:
+        """Return the codes that frames hold, from the bytes of every message by its name."""
         rows = self._checked_frames(frames)
         shape = next(iter(rows.values())).shape[:-1]
         codes = np.zeros((*shape, len(self.points)), np.uint16)
@@ -182,16 +139,45 @@ class CanLayout:
         return codes
 
     def table(self) -> pd.DataFrame:
-        """Return where every point lies.
+        """Return in which message and byte every point begins, and its last message: by tag."""
+        import pandas as pd
 
-        Returns
-        -------
-        pandas.DataFrame
-            One row a point: ``tag``, ``box``, ``message`` and ``byte`` that its first bit is in,
-            ``bits``, and ``last_message``, another one where the value lies in two frames.
+        columns = ["tag", "box", "message", "byte", "bits", "last_message"]
+        return pd.DataFrame(self._rows(), columns=columns).set_index("tag")
+
+    def volume(
+        self, bit_rates: Sequence[int] = (125_000, 250_000, 500_000, 1_000_000)
+    ) -> pd.DataFrame:
+        """Return how much one update of all boxes puts on the bus, by box and for ``all``.
+
+        ``worst_bits`` and ``worst_extended_bits`` are for 11-bit and 29-bit identifiers,
+        intermission included; ``ms_125k`` and so on is the time of the worst bits of the former.
         """
         import pandas as pd
 
+        from shipnet.can.schedule import frame_bits
+
+        rates = [check_whole("bit_rates", rate, 1000, 10**6, " bit/s") for rate in bit_rates]
+        table = pd.DataFrame(
+            {
+                "analogue": [len(self._analogue(box)) for box in self.boxes],
+                "switches": [len(self._switches(box)) for box in self.boxes],
+                "bytes": [self.size(box) for box in self.boxes],
+                "frames": [len(self._frames(box)) for box in self.boxes],
+            },
+            index=list(self.boxes),
+        )
+        dlcs = [[dlc for _, _, dlc in self._frames(box)] for box in self.boxes]
+        ways = {"nominal_bits": (False, "nominal"), "worst_bits": (False, "worst")}
+        for column, (extended, way) in {**ways, "worst_extended_bits": (True, "worst")}.items():
+            table[column] = [int(frame_bits(dlc, extended, way).sum()) for dlc in dlcs]  # type: ignore[arg-type] # the two ways are legal
+        table.loc["all"] = table.sum()
+        for rate in rates:
+            table[f"ms_{rate / 1000:g}k"] = table["worst_bits"] / rate * 1e3
+        return table
+
+    def _rows(self) -> list[tuple[str, str, str, int, int, str]]:
+        """Return tag, box, message, byte, bits and last message of every point."""
         rows = {}
         for box in self.boxes:
             names = [name for name, _, _ in self._frames(box)]
@@ -203,8 +189,13 @@ class CanLayout:
                 ends = [place // 8 // _FRAME for place in (first, first + width - 1)]
                 byte = first // 8 % _FRAME
                 rows[k] = (self.points[k].tag, box, names[ends[0]], byte, width, names[ends[1]])
-        columns = ["tag", "box", "message", "byte", "bits", "last_message"]
-        return pd.DataFrame([rows[k] for k in sorted(rows)], columns=columns)
+        return [rows[k] for k in sorted(rows)]
+
+    @cached_property
+    def message_of(self) -> npt.NDArray[np.int64]:
+        """Number of the message in which each point begins, shape (n_points,)."""
+        names = [name for box in self.boxes for name, _, _ in self._frames(box)]
+        return np.array([names.index(row[2]) for row in self._rows()], dtype=np.int64)
 
     def _analogue(self, box: str) -> list[int]:
         return self._places(box, analogue=True)
@@ -272,63 +263,3 @@ class CanLayout:
 
 def _bytes(places: Sequence[int], bits: int) -> int:
     return -(-len(places) * bits // 8)
-
-
-def volume_table(
-    points: Iterable[Point],
-    *,
-    bits: int = 16,
-    bit_rates: Sequence[int] = (125_000, 250_000, 500_000, 1_000_000),
-) -> pd.DataFrame:
-    """Return how much one update of all boxes puts on the bus.
-
-    Parameters
-    ----------
-    points : iterable of Point
-        One or more.
-    bits : int, default 16
-        Bits of an analogue value, 1..16.
-    bit_rates : sequence of int, optional
-        Bit rates, 1000..1000000 [bit/s].
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a box and a last one ``"all"``: ``analogue``, ``switches``, ``bytes``, ``frames``,
-        ``nominal_bits`` without stuff bits, ``worst_bits`` and ``worst_extended_bits`` for 11-bit
-        and 29-bit identifiers, intermission included, and ``ms_125k`` and so on: the time of the
-        worst bits of 11-bit identifiers.
-
-    Raises
-    ------
-    ArgumentError
-        As `CanLayout`, or if a bit rate is out of range.
-
-    Examples
-    --------
-    >>> from shipnet.engine.points import load_points
-    >>> table = volume_table(load_points())
-    >>> table.loc["all", ["bytes", "frames", "worst_bits", "ms_125k"]].tolist()
-    [164.0, 22.0, 2850.0, 22.8]
-    """
-    import pandas as pd
-
-    layout = CanLayout(tuple(points), bits)
-    rates = [check_whole("bit_rates", rate, 1000, 10**6, " bit/s") for rate in bit_rates]
-    table = pd.DataFrame(
-        {
-            "analogue": [len(layout._analogue(box)) for box in layout.boxes],
-            "switches": [len(layout._switches(box)) for box in layout.boxes],
-            "bytes": [layout.size(box) for box in layout.boxes],
-            "frames": [len(layout._frames(box)) for box in layout.boxes],
-        },
-        index=list(layout.boxes),
-    )
-    dlcs = [[dlc for _, _, dlc in layout._frames(box)] for box in layout.boxes]
-    ways = {"nominal_bits": (False, "nominal"), "worst_bits": (False, "worst")}
-    for column, (extended, way) in {**ways, "worst_extended_bits": (True, "worst")}.items():
-        table[column] = [int(frame_bits(dlc, extended, way).sum()) for dlc in dlcs]  # type: ignore[arg-type] # the two ways are legal
-    table.loc["all"] = table.sum()
-    for rate in rates:
-        table[f"ms_{rate / 1000:g}k"] = table["worst_bits"] / rate * 1e3
-    return table
