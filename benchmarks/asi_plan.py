@@ -14,7 +14,7 @@ from shipnet.asi.network.electrical import segment_network, signal_quality
 from shipnet.asi.network.file import load_plan
 from shipnet.asi.network.rules import check
 from shipnet.asi.network.structures import evenly, line, ring, star
-from shipnet.line import laplace_grid
+from shipnet.line.laplace import laplace_grid
 
 
 def seconds(function, repeats=5):

@@ -17,7 +17,8 @@ from shipnet.asi.network.structures import behind, evenly, line, ring, star
 from shipnet.asi.receiver import receive
 from shipnet.asi.segment import DEVICE, POWER_SUPPLY, Segment
 from shipnet.errors import ArgumentError
-from shipnet.line import CABLES, Network
+from shipnet.line import CableRun as Run
+from shipnet.line import Load, Network
 
 R = 0.027  # ohm/m of the loop, 1.5 mm2
 INFORMATION = np.arange(2**11)
@@ -93,13 +94,9 @@ def test_the_signal_is_that_of_a_segment_built_by_hand():
         [Slave("s1", 1), Slave("s2", 2)],
         terminators=[Terminator("s2", 120.0)],
     )
-    network = Network()
-    for a, b, length in [("m", "hub", 40), ("hub", "s1", 10), ("hub", "s2", 30)]:
-        network.line(a, b, length, CABLES["as-i"])
-    network.load("hub", **POWER_SUPPLY)
-    for node in ("m", "s1", "s2"):
-        network.load(node, **DEVICE)
-    network.terminator("s2", 120.0)
+    runs = [Run("m", "hub", 40), Run("hub", "s1", 10), Run("hub", "s2", 30)]
+    end = DEVICE + Load(r=120.0)
+    network = Network(runs, {"hub": POWER_SUPPLY, "m": DEVICE, "s1": DEVICE, "s2": end})
     ours = segment_network(plan.segments[0])
     s = 2j * np.pi * np.array([20e3, 167e3, 400e3])
     assert ours.nodes[0] == "m"

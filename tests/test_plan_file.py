@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.asi import Profile
-from shipnet.asi.network.cables import cable_types
 from shipnet.asi.network.elements import (
     RANGES,
     CableRun,
@@ -23,6 +22,7 @@ from shipnet.asi.network.plan import Plan
 from shipnet.asi.network.rules import check
 from shipnet.asi.network.structures import behind, evenly, line, star
 from shipnet.errors import InputError
+from shipnet.line import CABLES
 
 SMALL = """kind,node,to,length_m,cable,address,profile,current_ma,voltage_v,rating_a
 master,bridge,,,,,,100,,
@@ -122,7 +122,7 @@ cable,b,c,5,,,,,,,extra
         "row 3, column rating_a: 'nan'; expected a number 0.01..100 A",
         "row 5, column length_m: '-3'; expected a number 0.01..10000 m",
         "row 6, column length_m: '5 m'; expected a number 0.01..10000 m",
-        "row 6, column cable: 'cat 5'; expected one of as-i 1.5, as-i 2.5, as-i 0.75",
+        f"row 6, column cable: 'cat 5'; expected one of {', '.join(CABLES)}",
         "row 6, column address: '12'; expected nothing, a cable has no address",
         "row 7, cable c - c ends where it begins; its two nodes must differ",
         "row 8, column address: '32'; expected 0 to 31, with A or B behind it for a slave that "
@@ -204,7 +204,7 @@ def quantities(name):
 def plans(draw):
     nodes = draw(st.lists(NAMES, min_size=2, max_size=6, unique=True))
     runs = [
-        CableRun(a, b, draw(quantities("length")), draw(st.sampled_from([*cable_types()])))
+        CableRun(a, b, draw(quantities("length")), draw(st.sampled_from([*CABLES])))
         for a, b in pairwise(nodes)
     ]
     at = st.sampled_from(nodes)

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from shipnet.asi.network.cables import cable_types
 from shipnet.asi.network.plan import PlanSegment
 from shipnet.asi.quality import SignalQuality, signal_quality
 from shipnet.asi.response import RESPONSES
 from shipnet.asi.segment import DEVICE, POWER_SUPPLY, Segment
+from shipnet.asi.topology import joined
 from shipnet.errors import ArgumentError
-from shipnet.line import Network, solve_dc
+from shipnet.line.network import CableRun, Load, Network
 
 __all__ = [
     "PROBES",
@@ -31,20 +31,18 @@ __all__ = [
 PROBES = ("01010101010101", "01111111111111", "00011111111111")
 
 
-def segment_network(segment: PlanSegment, *, dc: bool = False) -> Network:
+def segment_network(segment: PlanSegment) -> Network:
     """Return a planned segment as a network of lines and loads.
 
     Parameters
     ----------
     segment : PlanSegment
         A segment of a plan.
-    dc : bool, default False
-        Whether its cables have their resistance at direct current, or that at signal frequencies.
 
     Returns
     -------
     shipnet.line.Network
-        Its first node is the segment's head if it has one.
+        Its nodes in the order of its cables.
 
     Examples
     --------
@@ -52,19 +50,11 @@ def segment_network(segment: PlanSegment, *, dc: bool = False) -> Network:
     >>> segment_network(line(100, [40, 100]).segments[0]).nodes
     ('0 m', '40 m', '100 m')
     """
-    network = Network()
-    nodes = [node for node, _ in segment.draws]
-    # The head first: a drawing grows from there.
-    for node in sorted(nodes, key=lambda node: node != segment.head):
-        network.load(node, **DEVICE)
-    for supply in segment.supplies:
-        network.load(supply.node, **POWER_SUPPLY)
-    for terminator in segment.terminators:
-        network.terminator(terminator.node, terminator.resistance)
-    for run in segment.cables:
-        cable = cable_types()[run.cable]
-        network.line(run.a, run.b, run.length, cable.dc if dc else cable.signal)
-    return network
+    loads: list[tuple[str, Load]] = [(node, DEVICE) for node, _ in segment.draws]
+    loads += [(supply.node, POWER_SUPPLY) for supply in segment.supplies]
+    loads += [(one.node, Load(r=one.resistance)) for one in segment.terminators]
+    runs = [CableRun(run.a, run.b, run.length, run.cable) for run in segment.cables]
+    return Network(runs, joined(*({node: load} for node, load in loads)))
 
 
 def supply_current(segment: PlanSegment) -> float:
@@ -122,13 +112,13 @@ def device_voltages(segment: PlanSegment) -> dict[str, float]:
     """
     if len(segment.supplies) != 1:
         raise ArgumentError(f"{segment} has {len(segment.supplies)} supplies; it must be one")
-    network = segment_network(segment, dc=True)
+    network = segment_network(segment)
     drawn: dict[str, float] = {}
     for node, current in segment.draws:
         drawn[node] = drawn.get(node, 0.0) + current
     (supply,) = segment.supplies
-    point = solve_dc(network, supply.node, supply.voltage, drawn)
-    return dict(zip(network.nodes, point.voltage.tolist(), strict=True))
+    voltage = network.operating_point(supply.node, supply.voltage, drawn).voltage
+    return {node: float(value) for node, value in voltage.items()}
 
 
 def listeners(segment: PlanSegment) -> tuple[tuple[str, str], ...]:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Literal
 
-from shipnet.asi.network.cables import cable_types
 from shipnet.asi.profile import Profile
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.line.cable import CABLES
 
 __all__ = [
     "RANGES",
@@ -89,7 +89,7 @@ class CableRun(_Checked):
     length : float
         Length, 0.01..10000 [m].
     cable : str, default "as-i 1.5"
-        Its type, a key of `cable_types`.
+        Its type, a key of `shipnet.line.cable.CABLES`.
     """
 
     a: str
@@ -102,9 +102,9 @@ class CableRun(_Checked):
         _Checked.__post_init__(self)
         if self.a == self.b:
             raise ArgumentError(f"{self} ends where it begins; its two nodes must differ")
-        if self.cable not in cable_types():
+        if self.cable not in CABLES:
             raise ArgumentError(
-                f"cable of {self} is {self.cable!r}; it must be one of {', '.join(cable_types())}"
+                f"cable of {self} is {self.cable!r}; it must be one of {', '.join(CABLES)}"
             )
 
     def __str__(self) -> str:

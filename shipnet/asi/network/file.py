@@ -22,7 +22,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from shipnet.asi.network.cables import cable_types
 from shipnet.asi.network.elements import (
     RANGES,
     CableRun,
@@ -36,7 +35,8 @@ from shipnet.asi.network.elements import (
 from shipnet.asi.network.plan import Plan, structure_faults
 from shipnet.asi.profile import Profile
 from shipnet.errors import ArgumentError, InputError
-from shipnet.spreadsheet import NUMBER, Sheet, read_sheet
+from shipnet.line.cable import CABLES
+from shipnet.tables import NUMBER, Sheet, read_sheet
 
 __all__ = ["COLUMNS", "load_plan", "save_plan"]
 
@@ -268,8 +268,8 @@ def _read(argument: str, column: str, cell: str, point: str) -> dict[str, Any]:
             return {argument: Profile.parse(cell)}
         except ArgumentError:
             raise ArgumentError("a profile such as S-7.A.E or S-0.F") from None
-    if column == "cable" and cell not in cable_types():
-        raise ArgumentError(f"one of {', '.join(cable_types())}")
+    if column == "cable" and cell not in CABLES:
+        raise ArgumentError(f"one of {', '.join(CABLES)}")
     return {argument: cell}
 
 

@@ -69,7 +69,7 @@ def plot_plan(plan: Plan, table: pd.DataFrame | None = None, *, ax: Axes) -> Axe
     top = 0.0
     for segment in plan.segments:
         network = segment_network(segment)
-        placed = layout(network)
+        placed = layout(network, segment.head)
         origin = np.array([segment.lead, top])
         places |= dict(zip(network.nodes, placed.spot + origin, strict=True))
         colour = LIMIT["color"] if str(segment) in failed else "0.6"

@@ -14,7 +14,6 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.asi.cycle import update_time
-from shipnet.asi.network.cables import cable_types
 from shipnet.asi.network.electrical import (
     device_voltages,
     listeners,
@@ -24,6 +23,7 @@ from shipnet.asi.network.electrical import (
 from shipnet.asi.network.plan import Plan, PlanSegment
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Transaction
 from shipnet.errors import ArgumentError
+from shipnet.line.cable import CABLES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -226,7 +226,7 @@ def _segment_rows(segment: PlanSegment, terminated: bool) -> Iterator[_Row]:
         yield "answer_delay", name, np.nan, None, "no master on the line"
         return
     yield series, name, len(segment.way), None, f"{segment.reach:g} m from the master"
-    per_metre = max(float(cable_types()[run.cable].signal.delay) for run in segment.cables)
+    per_metre = max(float(CABLES[run.cable].delay) for run in segment.cables)
     cable = 2 * segment.reach * per_metre
     answer = _slowest_answer()
     delay = answer + cable + 2 * sum(repeater.delay for repeater in segment.way)
