@@ -295,3 +295,183 @@ class RegisterMap:
     (99, 82, 113)
     >>> corrected.table().tail(4)["kind"].to_dict()
     {109: 'heartbeat', 110: 'valid', 111: 'valid', 112: 'valid'}
+    """
+
+    points: PointList
+    coding: Coding = CODINGS["tenths, 0x00FF"]
+    switches: Packing = choice(("single", "box", "all"), "How switches lie", default="single")
+    status: bool = switch("Whether status words follow", default=False)
+    first_address: int = 0
+
+    def __post_init__(self) -> None:
+        """Check points, coding and address."""
+        object.__setattr__(self, "points", PointList(self.points))
+        if not isinstance(self.coding, Coding):
+            raise ArgumentError(f"coding is {self.coding!r}; it must be a Coding")
+        most = 0x10000 - len(self)
+        why = f" for {len(self)} registers"
+        address = check_whole("first_address", self.first_address, 0, most, why)
+        object.__setattr__(self, "first_address", address)
+
+    @classmethod
+    def corrected(cls, points: Iterable[Point], *, first_address: int = 0) -> RegisterMap:
+        """Return the map with the corrected coding and status words."""
+        return cls(PointList(points), CORRECTED, status=True, first_address=first_address)
+
+    @cached_property
+    def words(self) -> tuple[Word, ...]:
+        """Registers in the order of their addresses."""
+        points = enumerate(self.points)
+        own = [k for k, point in points if point.analogue or self.switches == "single"]
+        words = [Word("value", self.points[k].box, (k,)) for k in own]
+        rest = [k for k in range(len(self.points)) if k not in set(own)]
+        boxes = self.points.boxes
+        most = _WORD if self.status else _SWITCHES
+        if self.switches == "all":
+            words += [Word("switches", self._box(part), part) for part in _cut(rest, most)]
+        else:
+            for box in boxes:
+                part = [k for k in rest if self.points[k].box == box]
+                words += [Word("switches", box, places) for places in _cut(part, most)]
+        for box in boxes if self.status else ():
+            places = [k for k, point in enumerate(self.points) if point.box == box]
+            words += [Word("age", box, ()), Word("heartbeat", box, ())]
+            words += [Word("valid", box, part) for part in _cut(places, _WORD)]
+        return tuple(words)
+
+    def __len__(self) -> int:
+        return len(self.words)
+
+    def requests(self) -> tuple[ReadRequest, ...]:
+        """Return the requests that read the whole map, 125 registers each at most."""
+        size = len(self)
+        return tuple(
+            ReadRequest(
+                FunctionCode.READ_HOLDING_REGISTERS,
+                self.first_address + start,
+                min(_REQUEST, size - start),
+            )
+            for start in range(0, size, _REQUEST)
+        )
+
+    def table(self) -> pd.DataFrame:
+        """Return the address map: by address the kind, box, tags (lowest bit first) and step."""
+        import pandas as pd
+
+        rows = []
+        for address, word in enumerate(self.words, self.first_address):
+            tags = ", ".join(self.points[k].tag for k in word.places)
+            step, unit = {"age": (AGE_STEP, "s"), "heartbeat": (1.0, "")}.get(word.kind, (1.0, ""))
+            if word.kind == "value":
+                point = self.points[word.places[0]]
+                step, unit = self.coding.step_of(point), point.unit
+            rows.append((address, word.kind, word.box, tags, step, unit))
+        columns = ["address", "kind", "box", "tags", "step", "unit"]
+        return pd.DataFrame(rows, columns=columns).set_index("address")
+
+    def collisions(self) -> pd.DataFrame:
+        """Return which legal readings this map cannot distinguish from a mark.
+
+        As `Coding.collisions`, but a packed switch never collides with the mark of its word.
+        """
+        table = self.coding.collisions(self.points)
+        packed = [k for word in self.words if word.kind == "switches" for k in word.places]
+        table.loc[packed, "collides"] = False
+        table.loc[packed, ["reads", "from", "to"]] = np.nan
+        table.loc[packed, "percent"] = 0.0
+        return table
+
+    def encode(
+        self,
+        values: npt.ArrayLike,
+        failed: npt.ArrayLike = False,
+        *,
+        ages: npt.ArrayLike = 0.0,
+        heartbeats: npt.ArrayLike = 0,
+    ) -> _Registers:
+        """Return the content of all registers.
+
+        `values` and `failed` are by point, `ages` [s] and `heartbeats` by box; NaN counts as
+        failed, and ages are rounded up.
+        """
+        single = self.coding.encode(self.points, values, failed)
+        lead = single.shape[:-1]
+        given = np.asarray(values, np.float64)
+        missing = np.isnan(given) | np.broadcast_to(failed, given.shape)
+        age = np.asarray(ages, np.float64)
+        beat = np.asarray(heartbeats)
+        if not (age >= 0).all():
+            raise ArgumentError(f"ages are {ages!r} s; they must be 0 or more")
+        if beat.dtype.kind not in "iu" or (beat < 0).any():
+            raise ArgumentError(f"heartbeats are {heartbeats!r}; they must be whole, 0 or more")
+        boxes = self.points.boxes
+        # 0.3 s are 3.0000000000000004 tenths, which must not become 4.
+        tenths = np.minimum(np.ceil(age / AGE_STEP - 1e-9), 0xFFFF)
+        per_box = {
+            "age": self._by_box("ages", tenths, lead),
+            "heartbeat": self._by_box("heartbeats", beat & 0xFFFF, lead),
+        }
+        registers = np.zeros((*lead, len(self)), np.uint16)
+        for n, word in enumerate(self.words):
+            places = list(word.places)
+            if word.kind == "value":
+                registers[..., n] = single[..., places[0]]
+            elif word.kind in per_box:
+                registers[..., n] = per_box[word.kind][..., boxes.index(word.box)]
+            elif word.kind == "valid":
+                registers[..., n] = _bits(~missing[..., places])
+            else:
+                gone = missing[..., places]
+                # With status words a switch is marked there, and its neighbours stay readable.
+                marked = gone.any(axis=-1) & (not self.status)
+                states = np.where(gone, False, given[..., places] >= 0.5)
+                registers[..., n] = np.where(marked, PACKED_MARK, _bits(states))
+        return registers
+
+    def decode(self, registers: npt.ArrayLike) -> Decoded:
+        """Return what the monitoring system reads."""
+        r = np.asarray(registers)
+        if r.dtype.kind not in "iu" or not r.ndim or r.shape[-1] != len(self):
+            raise ArgumentError(f"registers have shape {r.shape}; it must be (..., {len(self)})")
+        boxes = self.points.boxes
+        single = np.zeros((*r.shape[:-1], len(self.points)), np.int64)
+        ages, beats = (np.full((*r.shape[:-1], len(boxes)), np.nan) for _ in range(2))
+        good = np.ones(single.shape, np.bool_)
+        packed = []
+        for n, word in enumerate(self.words):
+            places, content = list(word.places), r[..., n]
+            if word.kind == "value":
+                single[..., places[0]] = content
+            elif word.kind == "switches":
+                marked = (content == PACKED_MARK) & (not self.status)
+                states = content[..., np.newaxis] >> np.arange(len(places)) & 1
+                packed.append((places, np.where(marked[..., np.newaxis], np.nan, states)))
+            elif word.kind == "age":
+                ages[..., boxes.index(word.box)] = content * AGE_STEP
+            elif word.kind == "heartbeat":
+                beats[..., boxes.index(word.box)] = content
+            else:
+                good[..., places] = content[..., np.newaxis] >> np.arange(len(places)) & 1 == 1
+        values = self.coding.decode(self.points, single)
+        for places, states in packed:
+            values[..., places] = states
+        return Decoded(np.where(good, values, np.nan), ages, beats)
+
+    def _box(self, places: tuple[int, ...]) -> str:
+        boxes = {self.points[k].box for k in places}
+        return boxes.pop() if len(boxes) == 1 else ""
+
+    def _by_box(self, name: str, array: Any, lead: tuple[int, ...]) -> Any:
+        wanted = (*lead, len(self.points.boxes))
+        try:
+            return np.broadcast_to(array, wanted)
+        except ValueError:
+            raise ArgumentError(f"{name} have shape {array.shape}; it must fit {wanted}") from None
+
+
+def _cut(places: list[int], most: int) -> list[tuple[int, ...]]:
+    return [tuple(places[k : k + most]) for k in range(0, len(places), most)]
+
+
+def _bits(states: npt.NDArray[np.bool_]) -> Any:
+    return states @ (1 << np.arange(states.shape[-1]))

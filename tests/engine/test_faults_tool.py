@@ -1,12 +1,11 @@
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.engine import marking
 from shipnet.engine.system import RULE
 from shipnet.errors import ArgumentError
 from shipnet.tools.engine_faults import DESIGNS, FAULTS, START, Inputs, draw, explorer, update
 
-PRINTED, RING, MENDED = DESIGNS
+PRINTED, RING, CORRECTED = DESIGNS
 
 
 #: The cable that closes the ring; a line has none.
@@ -22,14 +21,14 @@ def test_every_fault_can_be_looked_at_in_every_design(fault, design):
         return
     for time in (2, START, 25):
         result = update(Inputs(fault, design, time))
-        assert len(result.screen) == 99
+        assert len(result.screen.table()) == 99
         assert result.old == 0 or (fault != "none" and time > START)
-    # The mended design shows nothing old as good, but for a sensor that does not move.
-    assert design != MENDED or fault.startswith("sensor stuck") or result.old == 0
+    # The corrected design shows nothing old as good, but for a sensor that does not move.
+    assert design != CORRECTED or fault.startswith("sensor stuck") or result.old == 0
 
 
 def test_a_dead_box_looks_alive_until_it_is_marked():
-    after = START + marking(DESIGNS[PRINTED]).after
+    after = START + DESIGNS[PRINTED].staleness_flag().after
     assert update(Inputs("box dead JB2", PRINTED, START + RULE + 1)).old == 18
     late = update(Inputs("box dead JB2", PRINTED, round(after + 0.5)))
     assert (late.marked, late.old) == (18, 0)
@@ -84,7 +83,7 @@ def test_the_controls_start_where_the_inputs_do():
     values = [control.value for control in page.controls.values()]
     assert values == [getattr(Inputs(), name) for name in page.controls]
     picture = page.figure.value
-    page.controls["design"].value = MENDED
+    page.controls["design"].value = CORRECTED
     assert "0 old values" in page.text and "18 points" in page.text
     assert page.figure.value != picture
     page.controls["fault"].value = "none"

@@ -4,14 +4,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from shipnet.engine.accuracy import accuracy_table
-from shipnet.engine.converters import BURDEN, EXCITATION, NAMUR, Adc, InputCard, kinds
-from shipnet.engine.input_faults import fault_signals, input_fault_table
-from shipnet.engine.points import Point, load_points
-from shipnet.engine.pt100 import measured_resistance, pt100_resistance, pt100_temperature
+from shipnet.engine.inputs import (
+    BURDEN,
+    EXCITATION,
+    NAMUR,
+    WIRE_FAULTS,
+    Adc,
+    InputCard,
+    pt100_resistance,
+    pt100_temperature,
+)
+from shipnet.engine.points import Point, read_points
 from shipnet.errors import ArgumentError
 
-POINTS = load_points()
+POINTS = read_points()
 LOW, HIGH = (np.array([getattr(point, end) for point in POINTS]) for end in ("low", "high"))
 ANALOGUE = np.array([point.analogue for point in POINTS])
 RTD = np.array([point.condition == "RTD" for point in POINTS])
@@ -36,20 +42,6 @@ def test_the_inverse_is_the_root_that_a_solver_finds():
 @given(st.floats(-200, 850))
 def test_there_and_back_is_the_same_temperature(t):
     assert pt100_temperature(pt100_resistance(t)) == pytest.approx(t, abs=1e-9)
-
-
-def test_leads_add_on_two_wires_and_their_difference_on_three():
-    assert [measured_resistance(100, 2, wires=n) for n in (2, 3, 4)] == [104, 100, 100]
-    assert [measured_resistance(100, 2, wires=n, mismatch=0.5) for n in (2, 3, 4)] == [
-        104.5, 100.5, 100,
-    ]  # fmt: skip
-    for kwargs, message in (
-        ({"wires": 5}, "wires is 5"),
-        ({"mismatch": -3}, "below 0"),
-        ({"mismatch": np.nan}, "mismatch is nan"),
-    ):
-        with pytest.raises(ArgumentError, match=message):
-            measured_resistance(100, 2, **kwargs)
 
 
 @pytest.mark.parametrize("bad", [-201, 851, np.nan, np.inf, "x", True, None])
@@ -100,8 +92,8 @@ def test_a_step_is_the_reference_over_1024():
 @pytest.mark.parametrize("linearised", [True, False])
 def test_the_largest_error_is_that_of_a_dense_grid(margin, linearised):
     card = InputCard(POINTS, margin=margin, linearised=linearised)
-    table = accuracy_table(card)
-    places = [k for k, _ in kinds(POINTS) if POINTS[k].analogue]
+    table = card.accuracy()
+    places = [k for k, _ in POINTS.kinds() if POINTS[k].analogue]
     grid = np.linspace(LOW, HIGH, 100_001)[:, places]
     few = InputCard([POINTS[k] for k in places], margin=margin, linearised=linearised)
     error = np.abs(few.value(few.code(few.signal(grid))) - grid).max(axis=0)
@@ -113,7 +105,7 @@ def test_the_largest_error_is_that_of_a_dense_grid(margin, linearised):
 
 def test_the_error_of_a_loop_is_a_step_at_the_top_or_half_of_one():
     for margin, part in ((0.0, 1.0), (0.125, 0.5)):
-        table = accuracy_table(InputCard(POINTS, margin=margin))
+        table = InputCard(POINTS, margin=margin).accuracy()
         loops = table[table.condition == "4-20 mA"]
         step = (loops.high - loops.low) * (1 + 2 * margin) / 1024
         assert loops.step_low.to_numpy() == pytest.approx(step.to_numpy())
@@ -121,14 +113,14 @@ def test_the_error_of_a_loop_is_a_step_at_the_top_or_half_of_one():
 
 
 def test_without_margin_no_fault_of_an_analogue_sensor_is_told():
-    table = input_fault_table(InputCard(POINTS))
+    table = InputCard(POINTS).wire_faults()
     assert not table.told.any()
     assert table.legal.all()
 
 
 def test_with_margin_every_fault_of_an_analogue_sensor_is_told():
     card = InputCard(POINTS, margin=0.125)
-    table = input_fault_table(card)
+    table = card.wire_faults()
     analogue = table.condition != "switch"
     assert table.told[analogue].all() and not table.legal[analogue].any()
     assert not table.told[~analogue].any()
@@ -142,18 +134,22 @@ def test_with_margin_every_fault_of_an_analogue_sensor_is_told():
         assert (card.valid(codes)[loops] != told).all()
 
 
+def wire_codes(card, fault):
+    return card.code([WIRE_FAULTS[fault][point.condition] for point in card.points])
+
+
 def test_a_broken_wire_alarms_a_closed_contact_and_hides_an_open_one():
     closed = Point("C", "B", "switch", "logic", signal="NC contact")
     opens = Point("O", "B", "switch", "logic", signal="NO contact")
     card = InputCard([closed, opens])
     assert card.value(card.code(card.signal([[0, 0], [1, 1]]))).tolist() == [[0, 0], [1, 1]]
-    assert card.value(card.code(fault_signals(card, "open"))).tolist() == [1, 0]
-    assert card.value(card.code(fault_signals(card, "short"))).tolist() == [0, 1]
+    assert card.value(wire_codes(card, "open")).tolist() == [1, 0]
+    assert card.value(wire_codes(card, "short")).tolist() == [0, 1]
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.05, 0.125]), st.integers(6, 16))
 def test_a_value_comes_back_within_the_error_of_the_table(seed, margin, bits):
-    card = InputCard(POINTS, Adc(bits), margin)
+    card = InputCard(POINTS, bits=bits, margin=margin)
     values = LOW + (HIGH - LOW) * np.random.default_rng(seed).random((4, 99))
     values[:, ~ANALOGUE] = values[:, ~ANALOGUE].round()
     back = card.value(card.code(card.signal(values)))
@@ -177,18 +173,17 @@ def test_what_cannot_be_is_refused():
         (lambda: Adc(10, 0), "reference is 0 V"),
         (lambda: Adc().code(np.nan), "voltage is nan"),
         (lambda: InputCard([]), "points are empty"),
-        (lambda: InputCard(POINTS, 10), "adc is 10"),
+        (lambda: InputCard(POINTS, bits=17), "bits is 17"),
         (lambda: InputCard(POINTS, margin=-0.1), "margin is -0.1"),
         (lambda: InputCard(POINTS, linearised=1), "linearised is 1"),
         (lambda: card.signal(LOW[:-1]), r"values have shape \(98,\)"),
         (lambda: card.signal(nan), "ME-JB1-022 is nan"),
-        (lambda: card.signal(half), "ME-JB3-099 is none of 0 and 1"),
+        (lambda: card.signal(half), "ME-JB3-099 is neither 0 nor 1"),
         (lambda: card.signal(cold), "temperature is -300"),
         (lambda: card.code(nan), "signal is nan"),
         (lambda: card.value([0] * 98), r"code has shape \(98,\)"),
         (lambda: card.value([0.5] * 99), "must be whole"),
         (lambda: card.value([1024] * 99), "out of range"),
-        (lambda: fault_signals(card, "wet"), "fault is 'wet'"),
     ):
         with pytest.raises(ArgumentError, match=message):
             action()

@@ -1,25 +1,20 @@
+import pickle
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from shipnet import datasets
-from shipnet.engine.points import (
-    Point,
-    by_box,
-    check_points,
-    load_points,
-    point_table,
-    read_points,
-)
-from shipnet.engine.wiring import conductors
+from shipnet.engine.points import Point, PointList, read_points
 from shipnet.errors import ArgumentError, InputError
+from shipnet.papers.lee2012.points import printed_points
 
 CONDITIONS = {"RTD": "RTD", "4~20mA": "4-20 mA", "S/W": "switch"}
 
 
 def test_the_points_are_those_of_table_3_written_out():
     table = pd.read_csv(datasets.path("lee2012_table3_sensors.csv"))
-    points = iter(load_points())
+    points = iter(read_points())
     for row in table.itertuples():
         own = [next(points) for _ in range(row.quantity_points)]
         condition = CONDITIONS[row.condition]
@@ -40,35 +35,42 @@ def test_the_points_are_those_of_table_3_written_out():
 
 
 def test_one_row_less_leaves_the_current_loops_of_the_exhaust_gas():
-    full, less = load_points(), load_points(double_row=False)
+    full, less = printed_points(), printed_points(double_row=False)
     gone = [point for point in full if point not in less]
     assert (len(full), len(less)) == (99, 89)
     assert {(p.box, p.condition, p.low, p.high) for p in gone} == {("JB1", "RTD", -50.0, 600.0)}
-    assert len(by_box(less)["JB1"]) == 33
-    with pytest.raises(ArgumentError, match="double_row is 1"):
-        load_points(double_row=1)
+    assert len(less.by_box()["JB1"]) == 33
+
+
+def test_a_list_of_points_is_a_tuple_with_a_table():
+    points = read_points()
+    assert points[:2] == (points[0], points[1]) and isinstance(points[:2], PointList)
+    assert pickle.loads(pickle.dumps(points)) == points
+    assert PointList(points) is points
+    assert points.table().loc["ME-JB1-011", "service"] == "Exhaust gas outlet cyl 1 (RTD)"
 
 
 def test_the_inputs_of_each_box_fit_its_converters():
-    table = point_table(load_points())
+    table = read_points().counts()
     assert table["RTD"].drop("all").max() <= 32
     assert table["4-20 mA"].drop("all").max() <= 18
     assert table.loc["all"].tolist() == table.drop("all").sum().tolist() == [62, 18, 19, 80, 99]
 
 
 def test_conductors_are_counted_sensor_by_sensor():
-    points = load_points()
-    assert conductors(points).hardwired == 62 * 3 + 18 * 2 + 19 * 2
-    assert conductors(points).share == pytest.approx(10 / 260)
-    assert conductors(points, rtd=4, loop=3, switch=1).hardwired == 62 * 4 + 18 * 3 + 19
-    assert conductors(points, segments=2, segment_wires=3, channel_wires=4).bus == 14
-    assert conductors(points, segments=0, channels=0).bus == 0
+    points = read_points()
+    assert points.conductors().hardwired == 62 * 3 + 18 * 2 + 19 * 2
+    assert points.conductors().share == pytest.approx(10 / 260)
+    assert points.conductors(rtd=4, loop=3, switch=1).hardwired == 62 * 4 + 18 * 3 + 19
+    assert points.conductors(segments=2, segment_wires=3, channel_wires=4).bus == 14
+    assert points.conductors(segments=0, channels=0).bus == 0
 
 
 def test_conductors_grow_in_a_straight_line_with_the_cylinders():
-    points = load_points()
+    points = read_points()
     counts = [
-        conductors([p for p in points if (p.cylinder or 0) <= n]).hardwired for n in range(4, 9)
+        PointList(p for p in points if (p.cylinder or 0) <= n).conductors().hardwired
+        for n in range(4, 9)
     ]
     assert np.ptp(np.diff(counts)) == 0
     assert counts[-1] == 260 and counts[0] < 260
@@ -80,7 +82,7 @@ def test_conductors_grow_in_a_straight_line_with_the_cylinders():
         ({"tag": ""}, "tag is empty"),
         ({"box": "a\nb"}, "printable"),
         ({"tag": 3}, "printable"),
-        ({"condition": "TC"}, "condition is 'TC'; it must be one of RTD, 4-20 mA, switch"),
+        ({"condition": "TC"}, "condition is 'TC'; it must be one of 'RTD', '4-20 mA', 'switch'"),
         ({"alarm": "H"}, "alarm is 'H'"),
         ({"low": float("nan")}, "low is nan"),
         ({"high": "200"}, "high is '200'"),
@@ -97,13 +99,13 @@ def test_a_point_that_cannot_be_says_why(change, message):
 
 
 def test_a_list_of_points_must_be_one():
-    point = load_points()[0]
+    point = read_points()[0]
     for bad, message in ((3, "sequence"), ([1], "class Point"), ([point, point], "same tag")):
         with pytest.raises(ArgumentError, match=message):
-            check_points(bad)
+            PointList(bad)
     for name, value in (("rtd", 0), ("loop", 2.0), ("segments", 101), ("channel_wires", 9)):
         with pytest.raises(ArgumentError, match=name):
-            conductors([point], **{name: value})
+            PointList([point]).conductors(**{name: value})
 
 
 def test_every_fault_of_a_file_is_named_at_once(tmp_path):

@@ -6,15 +6,14 @@ Every job of every CPU is stepped through; a Modbus interrupt stops the clocks o
 from collections import deque
 from math import inf
 
-from shipnet.engine.age import hop_ns
 from shipnet.engine.faults import (
     BusOff,
-    CutCan,
-    CutModbus,
+    CanBreak,
     DeadBox,
     DeadPort,
-    LostCan,
-    LostModbus,
+    LostCanFrames,
+    LostModbusFrames,
+    ModbusBreak,
 )
 
 
@@ -33,16 +32,16 @@ def requests(system, duration, phase, faults):
             begin, stop = fault.span
             whole = begin < start + answered and start < stop
             here = fault.where == str(channel + 1)
-            if here and type(fault) in (CutModbus, DeadPort) and whole:
+            if here and type(fault) in (ModbusBreak, DeadPort) and whole:
                 return "deaf"
             if type(fault) is DeadBox and fault.where == box and whole:
                 return "deaf"
-            if type(fault) is LostModbus and here and begin <= start < stop:
+            if type(fault) is LostModbusFrames and here and begin <= start < stop:
                 assert {fault.request, fault.response} <= {0.0, 1.0}
                 if fault.request:
                     return "deaf"
         damaged = any(
-            type(f) is LostModbus
+            type(f) is LostModbusFrames
             and f.where == str(channel + 1)
             and f.span[0] <= start < f.span[1]
             and f.response
@@ -140,7 +139,7 @@ def islands(system, faults, now):
             here = todo.pop()
             for segment in system.segments:
                 ends = [system.boxes.index(end) for end in segment.split("-")]
-                if here in ends and not broken((CutCan,), segment):
+                if here in ends and not broken((CanBreak,), segment):
                     other = ends[0] + ends[1] - here
                     if other not in found:
                         found.add(other)
@@ -162,14 +161,14 @@ def run_reference(system, duration, faults, phases):
     )
     reads = deque(sorted(reads))
     gap = round(3e9 / system.can_bit_rate)
-    kinds = (CutCan, DeadBox, BusOff)
+    kinds = (CanBreak, DeadBox, BusOff)
     borders = deque(sorted({t for f in faults if type(f) in kinds for t in f.span if t < 1 << 61}))
     deaths = [(f.span, f.where) for f in faults if type(f) is DeadBox]
     dead = set()
     now = -warm
     reach = islands(system, faults, now)
     queued, wires = [], {}  # wires: island -> [arrival, free, message, samples, done]
-    hops = {k: hop_ns(system, k) for k in range(len(boxes))}
+    hops = {k: system.hop_ns(k) for k in range(len(boxes))}
     limit, receive = ns(system.stale_limit), ns(system.firmware.receive)
     mark = ns(system.firmware.mark)
     answers = []
@@ -218,7 +217,7 @@ def run_reference(system, duration, faults, phases):
                 message, sender, samples, since = wire[2]
                 for k in wire[3] - {sender}:
                     gone = any(
-                        type(f) is LostCan
+                        type(f) is LostCanFrames
                         and f.where == system.boxes[sender]
                         and f.span[0] <= since < f.span[1]
                         for f in faults

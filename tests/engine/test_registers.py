@@ -3,15 +3,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.engine.coding import CODINGS, MENDED, Coding, collisions
-from shipnet.engine.points import Point, load_points
-from shipnet.engine.registers import AGE_STEP, RegisterMap
+from shipnet.engine.points import Point, read_points
+from shipnet.engine.registers import AGE_STEP, CODINGS, CORRECTED, Coding, RegisterMap
 from shipnet.errors import ArgumentError, FieldError, LengthError
 from shipnet.modbus.reader import decode_request, decode_response
 from shipnet.modbus.server import RegisterDevice, Slave
 from shipnet.modbus.timing import Poll, Serial
 
-POINTS = load_points()
+POINTS = read_points()
 LOW, HIGH = (np.array([getattr(point, end) for point in POINTS]) for end in ("low", "high"))
 ANALOGUE = np.array([point.analogue for point in POINTS])
 CODING = pytest.mark.parametrize("coding", CODINGS.values(), ids=CODINGS)
@@ -39,7 +38,7 @@ def test_the_collisions_are_those_of_a_dense_grid(coding):
     grid = np.linspace(LOW, HIGH, 20_001)
     grid[:, ~ANALOGUE] = grid[:, ~ANALOGUE].round()
     hit = coding.encode(POINTS, grid) == coding.error
-    table = collisions(POINTS, coding)
+    table = coding.collisions(POINTS)
     assert table.collides.tolist() == hit.any(axis=0).tolist()
     assert table.percent.to_numpy() == pytest.approx(100 * hit.mean(axis=0), abs=0.02)
     for k in np.flatnonzero(hit.any(axis=0) & ANALOGUE):
@@ -51,12 +50,12 @@ def test_the_collisions_are_those_of_a_dense_grid(coding):
 
 def test_the_mended_coding_never_sends_its_mark_for_a_value():
     wild = np.random.default_rng(3).normal(0, 1e6, (1000, 99))
-    assert (MENDED.encode(POINTS, wild) != MENDED.error).all()
-    assert not collisions(POINTS, MENDED).collides.any()
+    assert (CORRECTED.encode(POINTS, wild) != CORRECTED.error).all()
+    assert not CORRECTED.collisions(POINTS).collides.any()
 
 
 def test_255_degrees_are_an_error_to_the_printed_coding():
-    table = collisions(POINTS, CODINGS["whole units, 0x00FF"])
+    table = CODINGS["whole units, 0x00FF"].collisions(POINTS)
     found = table[table.collides]
     assert {(row.low, row.high) for row in found.itertuples()} == {(-50.0, 600.0)}
     assert (found.reads == 255).all()
@@ -78,15 +77,15 @@ def test_a_value_comes_back_within_half_a_step_or_as_missing(coding, seed):
 def test_the_decimal_step_is_within_a_thousandth_of_the_span():
     for point in POINTS:
         if point.analogue:
-            step = MENDED.step_of(point)
+            step = CORRECTED.step_of(point)
             assert point.span / 10_000 < step <= point.span / 1000 * (1 + 1e-12)
             assert np.log10(step) == pytest.approx(round(np.log10(step)))
     bar = Point("P", "B", "4-20 mA", "pressure", 0, 1000, "bar")
-    assert MENDED.step_of(bar) == 1.0
+    assert CORRECTED.step_of(bar) == 1.0
 
 
 @pytest.mark.parametrize("switches", ["single", "box", "all"])
-@pytest.mark.parametrize("coding", ["tenths, 0xFFFF", "mended: decimal, 0x8000"])
+@pytest.mark.parametrize("coding", ["tenths, 0xFFFF", "corrected: decimal, 0x8000"])
 @pytest.mark.parametrize("status", [False, True])
 def test_what_the_map_encodes_it_decodes(switches, coding, status):
     rng = np.random.default_rng(7)
@@ -105,7 +104,7 @@ def test_what_the_map_encodes_it_decodes(switches, coding, status):
     near = np.abs(read.values - values)[~gone & ~np.isnan(read.values)]
     assert near.max() <= 0.05 + 1e-9
     assert np.isnan(read.values)[gone].all()
-    if coding.startswith("mended"):
+    if coding.startswith("corrected"):
         assert (np.isnan(read.values) == gone).all()
     if status:
         assert (read.ages >= ages - 1e-9).all() and (read.ages - ages < AGE_STEP).all()
@@ -117,12 +116,12 @@ def test_what_the_map_encodes_it_decodes(switches, coding, status):
 def test_sizes_and_requests_of_the_maps():
     sizes = {kind: len(RegisterMap(POINTS, switches=kind)) for kind in ("single", "box", "all")}
     assert sizes == {"single": 99, "box": 83, "all": 82}
-    mended = RegisterMap.mended(POINTS)
+    corrected = RegisterMap.corrected(POINTS)
     # 99 values, and for each box age, heartbeat and a bit a point: 43, 18 and 38.
-    assert len(mended) == 99 + 3 * 2 + 3 + 2 + 3
-    assert [len(m.requests()) for m in (RegisterMap(POINTS), mended)] == [1, 1]
+    assert len(corrected) == 99 + 3 * 2 + 3 + 2 + 3
+    assert [len(m.requests()) for m in (RegisterMap(POINTS), corrected)] == [1, 1]
     line = Serial(9600)
-    times = [Poll.of(m.requests()[0], line).answered for m in (RegisterMap(POINTS), mended)]
+    times = [Poll.of(m.requests()[0], line).answered for m in (RegisterMap(POINTS), corrected)]
     assert times[0] == pytest.approx(249.79e-3, abs=5e-6)
     assert times[1] == pytest.approx(times[0] + 14 * 2 * 11 / 9600)
     many = [Point(f"P{k}", "B", "4-20 mA", "pressure", 0, 1) for k in range(251)]
@@ -135,7 +134,7 @@ def test_sizes_and_requests_of_the_maps():
 def test_the_table_names_every_point_once():
     for layout in (RegisterMap(POINTS, switches="box", first_address=100), RegisterMap(POINTS)):
         table = layout.table()
-        assert table.address.tolist() == list(
+        assert table.index.tolist() == list(
             range(layout.first_address, layout.first_address + len(layout))
         )
         tags = ", ".join(table.tags).split(", ")
@@ -143,7 +142,7 @@ def test_the_table_names_every_point_once():
 
 
 def test_an_old_value_is_never_called_younger():
-    layout = RegisterMap.mended(POINTS)
+    layout = RegisterMap.corrected(POINTS)
     for age, shown in ((0.3, 0.3), (0.30001, 0.4), (1e9, 6553.5), (np.inf, 6553.5)):
         read = layout.decode(layout.encode(LOW, ages=age))
         assert read.ages == pytest.approx(shown)
@@ -159,8 +158,8 @@ def test_8_switches_in_alarm_are_no_error_to_a_packed_word():
     failed = np.isin(np.arange(len(POINTS)), jb3[3])
     marked = layout.decode(layout.encode(values, failed)).values
     assert np.isnan(marked[jb3]).all() and not np.isnan(np.delete(marked, jb3)).any()
-    mended = RegisterMap(POINTS, MENDED, "box", True)
-    assert (mended.decode(mended.encode(values)).values[jb3] == values[jb3]).all()
+    corrected = RegisterMap(POINTS, CORRECTED, "box", True)
+    assert (corrected.decode(corrected.encode(values)).values[jb3] == values[jb3]).all()
 
 
 SWITCHES = tuple(Point(f"S{k}", f"B{k % 3}", "switch", "level") for k in range(40))
@@ -252,12 +251,11 @@ def test_what_no_box_has_is_refused():
         (lambda: Coding("x", 1, 65536), "error is 65536"),
         (lambda: Coding("x", 1, 255, bits=17), "bits is 17"),
         (lambda: Coding("x", 1, 255, signed=1), "signed is 1"),
-        (lambda: collisions(POINTS, "mended"), "coding is 'mended'"),
-        (lambda: MENDED.encode(POINTS, LOW[1:]), r"shape \(98,\)"),
-        (lambda: MENDED.encode(POINTS, LOW, 1), "failed is 1"),
-        (lambda: MENDED.encode(POINTS, LOW, [True, False]), "failed has shape"),
-        (lambda: MENDED.decode(POINTS, [0] * 98), r"shape \(98,\)"),
-        (lambda: MENDED.decode(POINTS, [65536] * 99), "out of range"),
+        (lambda: CORRECTED.encode(POINTS, LOW[1:]), r"shape \(98,\)"),
+        (lambda: CORRECTED.encode(POINTS, LOW, 1), "failed is 1"),
+        (lambda: CORRECTED.encode(POINTS, LOW, [True, False]), "failed has shape"),
+        (lambda: CORRECTED.decode(POINTS, [0] * 98), r"shape \(98,\)"),
+        (lambda: CORRECTED.decode(POINTS, [65536] * 99), "out of range"),
         (lambda: RegisterMap([]), "points are empty"),
         (lambda: RegisterMap(POINTS, "tenths"), "coding is 'tenths'"),
         (lambda: RegisterMap(POINTS, switches="none"), "switches is 'none'"),

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.can.schedule import load_messages, response_times
-from shipnet.engine.can_messages import CanLayout, volume_table
-from shipnet.engine.points import Point, load_points
+from shipnet.engine.can_layout import CanLayout
+from shipnet.engine.points import Point, read_points
 from shipnet.errors import ArgumentError
 
-POINTS = load_points()
-REFERENCE = Path(__file__).parent / "reference" / "can" / "lee2012_jb_can_volume.csv"
+POINTS = read_points()
+REFERENCE = Path(__file__).parents[1] / "reference" / "can" / "lee2012_jb_can_volume.csv"
 
 
 def codes(bits, shape, seed=1):
@@ -25,7 +25,7 @@ def codes(bits, shape, seed=1):
 
 @pytest.mark.parametrize("bits", [16, 12, 10, 8])
 def test_the_reference_table_comes_out(bits):
-    table = volume_table(POINTS, bits=bits).rename(index={"all": "TOTAL"})
+    table = CanLayout(POINTS, bits).volume().rename(index={"all": "TOTAL"})
     with REFERENCE.open() as file:
         rows = [row for row in csv.DictReader(file) if int(row["bits_per_analog"]) == bits]
     assert [row["jb"] for row in rows] == list(table.index)
@@ -57,18 +57,18 @@ def test_the_last_message_waits_for_all_others_at_most():
 def test_what_is_packed_comes_out_again(bits, seed):
     layout = CanLayout(POINTS, bits)
     values = codes(bits, (3,), seed)
-    frames = layout.pack(values)
+    frames = layout.encode(values)
     assert {m.name: m.dlc for m in layout.messages()} == {k: v.shape[1] for k, v in frames.items()}
-    assert (layout.unpack(frames) == values).all()
+    assert (layout.decode(frames) == values).all()
     row = {name: data[1].tobytes() for name, data in frames.items()}
-    assert (layout.unpack(row) == values[1]).all()
+    assert (layout.decode(row) == values[1]).all()
 
 
 @pytest.mark.parametrize("bits", [16, 12, 10, 8])
 def test_the_bytes_are_those_of_a_long_number(bits):
     # The second route: each box is one whole number, written digit by digit.
     layout, values = CanLayout(POINTS, bits), codes(bits, ())
-    frames = layout.pack(values)
+    frames = layout.encode(values)
     for box in layout.boxes:
         own = [(p, int(v)) for p, v in zip(POINTS, values, strict=True) if p.box == box]
         digits = "".join(f"{v:0{bits}b}" for p, v in own if p.analogue)
@@ -88,9 +88,9 @@ def database(layout):
     for point, row in zip(POINTS, layout.table().itertuples(), strict=True):
         place = row.message, row.byte
         if point.analogue:
-            signal = db.can.signal.Signal(row.tag, 8 * row.byte + 7, 16, "big_endian")
+            signal = db.can.signal.Signal(row.Index, 8 * row.byte + 7, 16, "big_endian")
         else:
-            signal = db.can.signal.Signal(row.tag, 8 * row.byte + states[place], 1)
+            signal = db.can.signal.Signal(row.Index, 8 * row.byte + states[place], 1)
             states[place] += 1
         signals.setdefault(row.message, []).append(signal)
     messages = [
@@ -105,7 +105,7 @@ def test_cantools_reads_the_same_values():
     layout, values = CanLayout(POINTS), codes(16, ())
     known = database(layout)
     read = {}
-    for name, data in layout.pack(values).items():
+    for name, data in layout.encode(values).items():
         read |= known.decode_message(name, data.tobytes())
     assert [read[point.tag] for point in POINTS] == values.tolist()
 
@@ -113,11 +113,11 @@ def test_cantools_reads_the_same_values():
 @pytest.mark.parametrize("bits", [16, 12, 10])
 def test_the_table_says_which_frames_change_with_a_point(bits):
     layout = CanLayout(POINTS, bits)
-    zero = layout.pack(np.zeros(99, int))
+    zero = layout.encode(np.zeros(99, int))
     for k, row in enumerate(layout.table().itertuples()):
         value = np.zeros(99, int)
         value[k] = 2**bits - 1 if POINTS[k].analogue else 1
-        frames = layout.pack(value)
+        frames = layout.encode(value)
         changed = {name for name in frames if (frames[name] != zero[name]).any()}
         assert changed == {row.message, row.last_message}
         assert frames[row.message].nonzero()[0][0] == row.byte
@@ -129,8 +129,8 @@ def test_a_box_of_switches_alone_and_one_of_values_alone():
     points = [Point("S", "A", "switch", "logic"), Point("P", "B", "4-20 mA", "pressure", 0, 6)]
     layout = CanLayout(points, 12)
     assert [layout.size("A"), layout.size("B")] == [1, 2]
-    assert layout.unpack(layout.pack([1, 4095])).tolist() == [1, 4095]
-    assert layout.pack([1, 4095])["B-01"].tobytes() == b"\xff\xf0"
+    assert layout.decode(layout.encode([1, 4095])).tolist() == [1, 4095]
+    assert layout.encode([1, 4095])["B-01"].tobytes() == b"\xff\xf0"
 
 
 def test_what_does_not_fit_is_refused():
@@ -141,15 +141,15 @@ def test_what_does_not_fit_is_refused():
         (lambda: CanLayout([]), "points are empty"),
         (lambda: CanLayout(many), "there are 8 boxes"),
         (lambda: layout.size("JB9"), "box is 'JB9'"),
-        (lambda: layout.pack([0] * 98), r"shape \(98,\)"),
-        (lambda: layout.pack([0.5] * 99), "float64"),
-        (lambda: layout.pack(7), r"shape \(\)"),
-        (lambda: layout.pack([256] + [0] * 98), r"ME-JB1-001 is 256; .* 0\.\.255"),
-        (lambda: layout.pack([0] * 98 + [2]), r"ME-JB3-099 is 2; .* 0\.\.1"),
-        (lambda: layout.pack([-1] + [0] * 98), "is -1"),
-        (lambda: layout.unpack({}), "lack"),
-        (lambda: layout.unpack({m.name: b"" for m in layout.messages()}), "must be uint8"),
-        (lambda: volume_table(POINTS, bit_rates=[10]), "bit_rates is 10"),
+        (lambda: layout.encode([0] * 98), r"shape \(98,\)"),
+        (lambda: layout.encode([0.5] * 99), "float64"),
+        (lambda: layout.encode(7), r"shape \(\)"),
+        (lambda: layout.encode([256] + [0] * 98), r"ME-JB1-001 is 256; .* 0\.\.255"),
+        (lambda: layout.encode([0] * 98 + [2]), r"ME-JB3-099 is 2; .* 0\.\.1"),
+        (lambda: layout.encode([-1] + [0] * 98), "is -1"),
+        (lambda: layout.decode({}), "lack"),
+        (lambda: layout.decode({m.name: b"" for m in layout.messages()}), "must be uint8"),
+        (lambda: layout.volume([10]), "bit_rates is 10"),
     ):
         with pytest.raises(ArgumentError, match=message):
             action()
@@ -157,6 +157,6 @@ def test_what_does_not_fit_is_refused():
 
 def test_nothing_in_time_is_nothing_in_frames():
     layout = CanLayout(POINTS)
-    frames = layout.pack(np.zeros((0, 99), int))
+    frames = layout.encode(np.zeros((0, 99), int))
     assert frames["JB1-01"].shape == (0, 8)
-    assert layout.unpack(frames).shape == (0, 99)
+    assert layout.decode(frames).shape == (0, 99)

@@ -4,10 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.engine.faults import DeadBox
-from shipnet.engine.firmware import Cpu, Firmware
 from shipnet.engine.simulation import simulate
-from shipnet.engine.system import System
-from shipnet.engine.timeline import timeline
+from shipnet.engine.system import Firmware, System
+from shipnet.engine.traffic import Cpu
 from shipnet.errors import ArgumentError
 
 
@@ -69,7 +68,7 @@ def test_a_request_makes_the_conversion_longer_by_its_service_and_can_does_not()
     phases = {"JB1": 0.0, "JB2": 0.25, "JB3": 0.28, "AMS": 0.0}
     firmware = Firmware(processing=6e-3)
     system = System(firmware=firmware, update_period=0.5)
-    run = simulate(system, 3, phases=phases)
+    run = simulate(system, until=3, phases=phases)
     loop = run.loops[0].converted
     length = np.diff(loop[loop > 0])[:4] / 1e6
     # Rounds at 1.0 s and 2.0 s are met by a poll, those at 0.5 s and 1.5 s are not.
@@ -79,8 +78,8 @@ def test_a_request_makes_the_conversion_longer_by_its_service_and_can_does_not()
 
 def test_a_cpu_does_one_thing_at_a_time_and_loses_no_work():
     phases = {"JB1": 0.0, "JB2": 0.01, "JB3": 0.02, "AMS": 0.0}
-    run = simulate(System(), 5, phases=phases)
-    table = timeline(run, 0.9, 3.2)
+    run = simulate(System(), until=5, phases=phases)
+    table = run.timeline(0.9, 3.2).table()
     for _, rows in table.groupby("row"):
         ordered = rows.sort_values("start_ms")
         gaps = ordered["start_ms"].to_numpy()[1:] - ordered["end_ms"].to_numpy()[:-1]
@@ -105,8 +104,8 @@ def test_a_cpu_does_one_thing_at_a_time_and_loses_no_work():
         (lambda: Firmware(processing=0), "processing is 0"),
         (lambda: Firmware().conversion_time(-1), r"n_analogue is -1.*0\.\.1000"),
         (lambda: Firmware(holds_cpu=None), "holds_cpu is None"),
-        (lambda: timeline(simulate(System(), 1), 0, None), "stop is None"),
-        (lambda: timeline(simulate(System(), 1), 1, 1), "stop is 1 s"),
+        (lambda: simulate(System(), until=1).timeline(0, None), "stop is None"),
+        (lambda: simulate(System(), until=1).timeline(1, 1), "stop is 1 s"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):
@@ -116,13 +115,13 @@ def test_arguments_out_of_range_are_named(make, message):
 
 def test_the_timer_marks_a_silent_box_once_and_only_where_values_are_read():
     system = System()
-    run = simulate(system, 20, faults=[DeadBox("JB2", 10)], phases={"JB2": 0.2})
-    table = timeline(run, 0, 20).query("task == 'timer'")
+    run = simulate(system, until=20, faults=[DeadBox("JB2", start=10)], phases={"JB2": 0.2})
+    table = run.timeline(0, 20).table().query("task == 'timer'")
     # JB1 and JB3 answer the AMS. The last frames of JB2 came with the round before its death.
     assert table["row"].tolist() == ["JB1", "JB3"]
     for mark in table.itertuples():
         assert mark.end_ms - mark.start_ms == pytest.approx(1e3 * system.firmware.mark)
         assert 13.5e3 < mark.start_ms < 14e3
-    assert timeline(run, 0, 10).query("task == 'timer'").empty
-    mended = simulate(System.mended(), 20, faults=[DeadBox("JB2", 10)])
-    assert timeline(mended, 0, 20).query("task == 'timer'").empty
+    assert run.timeline(0, 10).table().query("task == 'timer'").empty
+    corrected = simulate(System.corrected(), until=20, faults=[DeadBox("JB2", start=10)])
+    assert corrected.timeline(0, 20).table().query("task == 'timer'").empty
