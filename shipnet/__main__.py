@@ -275,7 +275,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     import logging
     from threading import Event
 
-    from shipnet.ballast.serving import parse_fault, valve_server
+    from shipnet.ballast.live import parse_fault, valve_server
     from shipnet.engine.faults import parse_fault as parse_engine_fault
     from shipnet.engine.serving import serve as serve_engine
     from shipnet.engine.system import System
