@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from shipnet.asi.apm import HALF_BIT
 from shipnet.asi.batch import bits_of
+from shipnet.asi.modulation import HALF_BIT
 from shipnet.asi.network.electrical import (
     PROBES,
     device_voltages,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.frame import RESPONSE_BITS
+from shipnet.asi.telegram import RESPONSE_BITS
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 

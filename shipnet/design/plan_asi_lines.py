@@ -12,7 +12,6 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
-from shipnet.asi import Profile
 from shipnet.asi.cycle import ADDRESSES, cycle_time
 from shipnet.asi.network import (
     CableRun,
@@ -26,6 +25,7 @@ from shipnet.asi.network import (
     worst,
 )
 from shipnet.asi.network.electrical import device_voltages, supply_current
+from shipnet.asi.profile import Profile
 from shipnet.design.catalogue import cables
 from shipnet.design.drafting import Draft, Laid, Place, chain, divided, tree, without_place
 from shipnet.design.plan_asi_modules import Module, analogue_response, digital_response, modules

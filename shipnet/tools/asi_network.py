@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet.asi.cycle import ResponseTime, cycle_time, response_time, update_time
-from shipnet.asi.emc.repetition import cycle_effect
+from shipnet.asi.emc.failures import cycle_effect
 from shipnet.asi.network.plan import Plan
 from shipnet.asi.network.plot import plot_plan
 from shipnet.asi.network.rules import check

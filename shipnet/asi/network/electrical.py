@@ -11,8 +11,8 @@ import numpy as np
 
 from shipnet.asi.network.plan import PlanSegment
 from shipnet.asi.quality import SignalQuality, signal_quality
-from shipnet.asi.response import RESPONSES
 from shipnet.asi.segment import DEVICE, POWER_SUPPLY, Segment
+from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.topology import joined
 from shipnet.errors import ArgumentError
 from shipnet.line.network import CableRun, Load, Network

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from shipnet import style
-from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.simulation.states import TRANSITIONS, Action, Event, State
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.timing import BIT_TIME
 from shipnet.errors import ArgumentError
 

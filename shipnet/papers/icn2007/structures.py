@@ -7,7 +7,7 @@ import numpy as np
 from shipnet.asi.network.plan import Plan
 from shipnet.asi.network.rules import check as check_plan
 from shipnet.asi.network.structures import evenly, line, ring, star
-from shipnet.asi.rates import bus_efficiencies
+from shipnet.papers.icn2007.rates import bus_efficiencies
 from shipnet.papers.registry import check
 
 __all__ = ["allowed", "keeps_all_rules"]
