@@ -21,7 +21,7 @@ def loaded(statement):
         ("import shipnet.style", []),
         ("import shipnet.tables", []),
         ("import shipnet.asi", []),
-        ("import shipnet.asi.network.file, shipnet.asi.network.rules", ["numpy"]),
+        ("import shipnet.asi.plan_file, shipnet.asi.rules", ["numpy"]),
         ("import shipnet.can.lengths, shipnet.can.batch_reader", ["numpy"]),
         ("import shipnet.line", []),
         ("import shipnet.design", []),

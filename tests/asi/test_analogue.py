@@ -3,9 +3,15 @@ import pytest
 
 from shipnet import datasets
 from shipnet.asi import Profile
-from shipnet.asi.analogue import analogue_profiles, least_cycles, transfer_cycles, transfer_time
-from shipnet.asi.cycle import cycle_time
+from shipnet.asi.cycle import (
+    Cycle,
+    analogue_profiles,
+    cycle_time,
+    transfer_cycles,
+    transfer_time,
+)
 from shipnet.errors import ArgumentError
+from shipnet.papers.kim2023.transfer import least_cycles
 
 PUBLISHED = datasets.read("asi_published_cycles.csv").astype({"number": int, "time_ms": float})
 
@@ -61,7 +67,10 @@ def test_numbers_of_channels(channels):
         transfer_cycles("S-7.3", channels=channels)
 
 
-def test_the_table_cannot_be_spoilt():
-    table = analogue_profiles()
-    table["cycles"] = 0
-    assert transfer_cycles("S-7.3") == 7
+def test_a_value_waits_for_a_round_its_transfer_and_the_conversions():
+    cycle, one = Cycle(31), 7 * cycle_time(31)
+    best, worst = cycle.response_time("S-7.3", channels=4, conversion=60e-3)
+    assert (best, worst) == pytest.approx((one + 60e-3, 5 * one + 4 * 60e-3))
+    # The second of two exchanges waits as one does.
+    best, worst = Cycle(62).response_time("S-7.A.7", direction="out")
+    assert worst == pytest.approx(60e-6 + 4 * cycle_time(31))

@@ -14,7 +14,6 @@ default of its element. Columns may come in any order and be left out if no row 
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Callable
 from decimal import Decimal
 from itertools import zip_longest
@@ -22,8 +21,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from shipnet.asi.network.elements import (
-    RANGES,
+from shipnet.asi.elements import (
     CableRun,
     Element,
     Master,
@@ -31,30 +29,36 @@ from shipnet.asi.network.elements import (
     Slave,
     Supply,
     Terminator,
+    slave_key,
 )
-from shipnet.asi.network.plan import Plan, structure_faults
+from shipnet.asi.plan import Plan, structure_faults
 from shipnet.asi.profile import Profile
 from shipnet.errors import ArgumentError, InputError
+from shipnet.fields import Number, declared
 from shipnet.line.cable import CABLES
 from shipnet.tables import NUMBER, Sheet, read_sheet
 
-__all__ = ["COLUMNS", "load_plan", "save_plan"]
 
+class _Column(NamedTuple):
+    """A column of numbers: how it is declared, and the power of ten of its unit."""
 
-class _Number(NamedTuple):
-    """A column of numbers: the quantity it holds, and the power of ten of its unit."""
-
-    quantity: str
+    declared: Number
     power: int = 0
 
 
+def _declared(element: type, field: str) -> Number:
+    kind = declared(element)[field]
+    assert isinstance(kind, Number)
+    return kind
+
+
 _NUMBERS = {
-    "length_m": _Number("length"),
-    "current_ma": _Number("current", -3),
-    "voltage_v": _Number("voltage"),
-    "rating_a": _Number("rating"),
-    "delay_us": _Number("delay", -6),
-    "resistance_ohm": _Number("resistance"),
+    "length_m": _Column(Number(low=0.01, high=10e3, unit="m", shown=(0.01, 10e3))),
+    "current_ma": _Column(_declared(Slave, "current"), -3),
+    "voltage_v": _Column(_declared(Supply, "voltage")),
+    "rating_a": _Column(_declared(Supply, "rating")),
+    "delay_us": _Column(_declared(Repeater, "delay"), -6),
+    "resistance_ohm": _Column(_declared(Terminator, "resistance")),
 }
 
 _PREFIX = {0: "", -3: "m", -6: "u"}
@@ -73,7 +77,7 @@ _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]]
     "terminator": (Terminator, {"node": "node"}, {"resistance": "resistance_ohm"}),
     "slave": (
         Slave,
-        {"node": "node", "address": "address"},
+        {"node": "node", "label": "address"},
         {"profile": "profile", "current": "current_ma"},
     ),
 }
@@ -83,7 +87,7 @@ COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "cur
            "voltage_v", "rating_a", "delay_us", "resistance_ohm")  # fmt: skip
 
 
-def load_plan(path: str | PathLike[str]) -> Plan:
+def read_plan(path: str | PathLike[str]) -> Plan:
     """Read a plan from a CSV file.
 
     Parameters
@@ -108,7 +112,7 @@ def load_plan(path: str | PathLike[str]) -> Plan:
     Examples
     --------
     >>> from shipnet import datasets
-    >>> plan = load_plan(datasets.path("synthetic_asi_plan_300m.csv"))
+    >>> plan = read_plan(datasets.path("synthetic_asi_plan_300m.csv"))
     >>> len(plan.slaves), [f"{segment.length:.0f} m" for segment in plan.segments]
     (62, ['100 m', '100 m', '100 m'])
     """
@@ -116,29 +120,10 @@ def load_plan(path: str | PathLike[str]) -> Plan:
 
 
 def save_plan(plan: Plan, path: str | PathLike[str]) -> None:
-    """Write a plan as a CSV file, from which `load_plan` makes the same plan.
-
-    Parameters
-    ----------
-    plan : Plan
-        What to write.
-    path : path
-        File, in an existing folder; it is overwritten.
-
-    Returns
-    -------
-    None
-        Numbers are written with all digits that tell them apart.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from shipnet.asi.network.structures import line
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_plan(line(100, [100]), Path(folder) / "plan.csv")
-    ...     load_plan(Path(folder) / "plan.csv") == line(100, [100])
-    True
-    """
+    """Write a plan as a CSV file with all digits that tell its numbers apart."""
+    own = [run for run in plan.cables if not isinstance(run.cable, str)]
+    if own:
+        raise ArgumentError(f"{own[0]} has a cable of its own; a file knows cables by name only")
     used = [column for column in COLUMNS if any(column in _row(element) for element in plan)]
     with Path(path).open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, used, restval="", lineterminator="\n")
@@ -158,7 +143,7 @@ def _row(element: Element) -> dict[str, str]:
             shifted = Decimal(repr(value)).scaleb(-_NUMBERS[column].power)
             row[column] = f"{shifted.normalize():f}"
         else:
-            row[column] = element.label if column == "address" else str(value)  # type: ignore[union-attr]
+            row[column] = str(value)
     return row
 
 
@@ -259,10 +244,13 @@ def _read(argument: str, column: str, cell: str, point: str) -> dict[str, Any]:
     if column in _NUMBERS:
         return {argument: _number(column, cell, point)}
     if column == "address":
-        found = re.fullmatch(r"([0-9]{1,2})([ABab]?)", cell)
-        if not found or int(found[1]) > 31:
-            raise ArgumentError("0 to 31, with A or B behind it for a slave that shares it")
-        return {"address": int(found[1]), "half": found[2].upper() or None}
+        label = cell.upper()
+        try:
+            return {argument: f"{slave_key(label)[0] >> 1}{slave_key(label)[1] or ''}"}
+        except ArgumentError:
+            raise ArgumentError(
+                "0 to 31, with A or B behind it for a slave that shares it"
+            ) from None
     if column == "profile":
         try:
             return {argument: Profile.parse(cell)}
@@ -274,9 +262,9 @@ def _read(argument: str, column: str, cell: str, point: str) -> dict[str, Any]:
 
 
 def _number(column: str, cell: str, point: str) -> float:
-    quantity, power = _NUMBERS[column]
-    base, low, high = RANGES[quantity]
-    legal = f"a number {low * 10**-power:g}..{high * 10**-power:g} {_PREFIX[power]}{base}"
+    known, power = _NUMBERS[column]
+    low, high = known.low, known.high
+    legal = f"a number {low * 10**-power:g}..{high * 10**-power:g} {_PREFIX[power]}{known.unit}"
     other = "," if point == "." else "."
     if other in cell:
         raise ArgumentError(f"{legal}, with a decimal {'point' if point == '.' else 'comma'}")

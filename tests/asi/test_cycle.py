@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.asi import Transaction
-from shipnet.asi.cycle import cycle_time, fastest_loop, response_time, update_time
+from shipnet.asi.cycle import Cycle, cycle_time, response_time
 from shipnet.errors import ArgumentError
 
 PUBLISHED = datasets.read("asi_published_cycles.csv").astype({"number": int, "time_ms": float})
@@ -40,8 +40,8 @@ def test_the_specified_cycles_need_short_transactions():
     assert cycle_time(slaves, transaction=short) == pytest.approx(4.95e-3)
     assert cycle_time(slaves, transaction=short) < limit < cycle_time(slaves, transaction=long)
     slaves, limit = published("cycle, specification, A/B")
-    assert update_time(0, slaves // 2, transaction=short) == pytest.approx(9.9e-3)
-    assert update_time(0, slaves // 2, transaction=short) < limit
+    assert Cycle(slaves, transaction=short).update_time == pytest.approx(9.9e-3)
+    assert Cycle(slaves, transaction=short).update_time < limit
 
 
 def test_schneider_prints_156_us_times_n_plus_one_above_a_floor():
@@ -59,12 +59,13 @@ def test_a_master_that_asks_by_turns_hears_every_slave_in_its_time(used):
     alone = addresses - pairs
     line = list(requests(alone, pairs, cycles=4))
     step = Transaction().duration
-    assert len(line) / 4 * step == pytest.approx(cycle_time(alone, pairs))
+    cycle = Cycle(alone + 2 * pairs, pairs=pairs)
+    assert len(line) / 4 * step == pytest.approx(cycle.time)
     gaps = []
     for slave in set(line) - {None}:
         places = [place for place, asked in enumerate(line) if asked == slave]
         gaps += [b - a for a, b in itertools.pairwise(places)]
-    assert max(gaps) * step == pytest.approx(update_time(alone, pairs))
+    assert max(gaps) * step == pytest.approx(cycle.update_time)
 
 
 @pytest.mark.parametrize(("alone", "pairs", "slave"), [(5, 0, "3"), (3, 2, "1A"), (3, 2, "2")])
@@ -75,7 +76,8 @@ def test_changes_at_any_time_are_heard_within_the_bounds(alone, pairs, slave):
     looks = [place * step + 14 * bit for place, asked in enumerate(line) if asked == slave]
     change = np.random.default_rng(1).uniform(looks[0], looks[-1], 200_000)
     heard = np.array(looks)[np.searchsorted(looks, change)] + (3 + 7) * bit
-    best, worst = response_time(cycle_time(alone, pairs), paired=slave.endswith("A"))
+    cycle = Cycle(alone + 2 * pairs, pairs=pairs)
+    best, worst = cycle.response_time(paired=slave.endswith("A"))
     waited = heard - change
     assert best <= waited.min() < best + 1e-6
     assert worst - 1e-6 < waited.max() <= worst
@@ -89,38 +91,31 @@ def test_repetitions_and_the_host_only_make_it_later():
 
 def test_arrays_broadcast():
     alone, pairs = np.arange(20)[:, np.newaxis], np.arange(12)
-    times = cycle_time(alone, pairs)
-    assert times.shape == (20, 12)
-    assert times[7, 5] == cycle_time(7, 5)
-    assert update_time(alone, pairs)[3].tolist() == [
-        update_time(3, int(number)) for number in pairs
+    cycles = Cycle(alone + 2 * pairs, pairs=pairs)
+    assert cycles.time.shape == (20, 12)
+    assert cycles.time[7, 5] == cycle_time(17, pairs=5)
+    assert cycles.update_time[3].tolist() == [
+        Cycle(3 + 2 * int(number), pairs=int(number)).update_time for number in pairs
     ]
-    assert response_time(times, paired=True).worst.shape == (20, 12)
-
-
-def test_four_bits_a_cycle_suit_slow_loops():
-    # kim2023-090: ship alarms ask for 0.1 s of sampling, motor current loops for kilohertz.
-    assert fastest_loop(cycle_time(31)) == pytest.approx(9.71, abs=0.01)
-    assert fastest_loop(4 * 7 * 5e-3) == pytest.approx(1 / (20 * 0.14))
+    assert cycles.response_time().worst.shape == (20, 12)
+    assert cycles.efficiency()[0, 0] == 0
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: cycle_time(32), "alone is 32; .* 0..31"),
-        (lambda: cycle_time(-1), "alone is -1"),
-        (lambda: cycle_time(1.0), "alone is 1.0"),
-        (lambda: cycle_time(True), "alone is True"),
-        (lambda: cycle_time("5"), "alone is '5'"),
-        (lambda: cycle_time(20, 12), "take 32 addresses together"),
-        (lambda: cycle_time([1, 31], [0, 1]), "take 32 addresses"),
+        (lambda: cycle_time(63), "slaves is 63; .* 0..62"),
+        (lambda: cycle_time(-1), "slaves is -1"),
+        (lambda: cycle_time(1.0), "slaves is 1.0"),
+        (lambda: cycle_time(True), "slaves is True"),
+        (lambda: cycle_time("5"), "slaves is '5'"),
+        (lambda: cycle_time(44, pairs=12), "pairs is 12; 44 slaves take 31 addresses"),
+        (lambda: cycle_time([3, 31], pairs=[2, 1]), "two slaves share one"),
         (lambda: cycle_time(1, repetitions=-1), "repetitions is -1"),
         (lambda: cycle_time(1, minimum=float("nan")), "minimum is nan s"),
         (lambda: response_time(0.0), "cycle is 0.0 s; it must be positive"),
         (lambda: response_time(5e-3, paired=2), "paired is 2"),
         (lambda: response_time(5e-3, host=-1), "host is -1 s"),
-        (lambda: fastest_loop(0), "interval is 0 s"),
-        (lambda: fastest_loop(1, samples=0), "samples is 0"),
     ],
 )
 def test_what_is_no_cycle_is_refused(call, message):

@@ -13,103 +13,70 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shipnet import datasets
-from shipnet.asi.cycle import update_time
-from shipnet.asi.network.electrical import (
-    device_voltages,
-    listeners,
-    segment_quality,
-    supply_current,
-)
-from shipnet.asi.network.plan import Plan, PlanSegment
+from shipnet.answers import COLUMNS, Findings
+from shipnet.asi.cycle import Cycle
+from shipnet.asi.plan import Plan, PlanSegment
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Transaction
 from shipnet.errors import ArgumentError
-from shipnet.line.cable import CABLES
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["check", "rule_limits", "worst"]
+    from matplotlib.axes import Axes
 
 #: A value that is on its limit but for rounding keeps the rule.
 _SLACK = 1e-9
 
 #: One row of the table before it is judged: rule, object, value, highest if the object has a
-#: limit of its own, note.
+#: limit of its own, why.
 _Row = tuple[str, str, float, float | None, str]
 
 
 def rule_limits() -> pd.DataFrame:
-    """Return the limits of all rules, to be looked at or changed.
+    """Return the limits of all rules with their sources, to be looked at or changed.
 
     Returns
     -------
     pandas.DataFrame
-        Indexed by rule; `lowest` and `highest` are NaN where there is no limit, or where the user
-        or the object sets it.
+        Indexed by rule: `object`, `low`, `high`, `unit`, `source`, `note`. A limit is NaN where
+        there is none, or where the user or the object sets it.
 
     Examples
     --------
-    >>> rule_limits().loc["cable_length", "highest"]
-    np.float64(100.0)
+    A line may have 20 m more, by whatever means:
+
+    >>> limits = rule_limits()
+    >>> limits.loc["cable_length", "high"] += 20
+    >>> from shipnet.asi.topologies import line
+    >>> line(120, [120]).check(limits=limits).ok
+    True
     """
     table = datasets.read("asi_plan_rules.csv").set_index("rule")
-    for bound in ("lowest", "highest"):
+    table = table.rename(columns={"lowest": "low", "highest": "high"})
+    for bound in ("low", "high"):
         table[bound] = table[bound].replace("", "nan").astype(float)
     return table
 
 
-def check(
+class PlanFindings(Findings):
+    """What the rules say of a plan; the drawing shows it."""
+
+    def __init__(self, table: pd.DataFrame, plan: Plan) -> None:
+        super().__init__(table)
+        self.plan = plan
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the plan; what violates a rule is red."""
+        return self.plan.plot(self, ax=ax)
+
+
+def check_plan(
     plan: Plan,
     *,
     wanted_cycle: float | None = None,
     transaction: Transaction | None = None,
     limits: pd.DataFrame | None = None,
-) -> pd.DataFrame:
-    """Check a plan against every rule.
-
-    Parameters
-    ----------
-    plan : Plan
-        What to check.
-    wanted_cycle : float, optional
-        Time within which every slave shall be heard again, positive [s]: two cycles of the line
-        where slaves share an address. Without it the rule ``update_time`` is left out.
-    transaction : Transaction, optional
-        What one exchange takes; 26 bit times if omitted.
-    limits : pandas.DataFrame, optional
-        Limits in the form of `rule_limits`, which stands for it if omitted.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a rule and object: `rule`, `object`, `value`, `lowest`, `highest`, `unit`,
-        `passed`, `source`, `note`. The value is NaN, and the rule not passed, where it cannot be
-        computed: voltages need one supply in a segment, signals a master on the line.
-
-    Raises
-    ------
-    ArgumentError
-        If `wanted_cycle` is not positive, or `limits` lacks a rule or a column.
-
-    Notes
-    -----
-    The length of 500 m between two slaves is no rule of its own: it follows from two repeaters to
-    either side of a master in the middle. Signals are those of `segment_quality`: nominal cables,
-    assumed decoupling, send current and repeaters. They tell which slave is the critical one
-    better than by how many millivolts it passes.
-
-    Examples
-    --------
-    62 slaves in a star at the end of 90 m keep every rule if the supply stands beside them, and
-    not if it stands beside the master:
-
-    >>> from shipnet.asi.network.structures import star
-    >>> for supply in (90, 0):
-    ...     table = check(star(90, [10 / 62] * 62, supply=supply))
-    ...     print(table.loc[~table["passed"], "rule"].unique().tolist())
-    []
-    ['slave_voltage']
-    """
+) -> PlanFindings:
+    """Check a plan against every rule; `Plan.check` says how."""
     import pandas as pd
 
     if wanted_cycle is not None and not 0 < wanted_cycle < np.inf:
@@ -127,52 +94,18 @@ def check(
             rows += _supply_rows(segment)
             rows += _signal_rows(segment)
 
-    table = pd.DataFrame(rows, columns=["rule", "object", "value", "own", "note"])
+    table = pd.DataFrame(rows, columns=["rule", "object", "value", "own", "why"])
     table["value"] = table["value"].astype(float)
-    says = bounds.rename(columns={"note": "says"}).drop(columns="object")
-    table = table.join(says, on="rule")
-    table["highest"] = table["own"].astype(float).fillna(table["highest"])
-    low, high = table["lowest"].fillna(-np.inf), table["highest"].fillna(np.inf)
-    table["passed"] = (table["value"] >= low - _SLACK * low.abs()) & (
+    table = table.join(bounds.drop(columns="object"), on="rule")
+    table["high"] = table["own"].astype(float).fillna(table["high"])
+    low, high = table["low"].fillna(-np.inf), table["high"].fillna(np.inf)
+    met = (table["value"] >= low - _SLACK * low.abs()) & (
         table["value"] <= high + _SLACK * high.abs()
     )
-    table["note"] = table["note"].where(table["note"] != "", table["says"])
-    columns = ["rule", "object", "value", "lowest", "highest", "unit", "passed", "source", "note"]
-    return table[columns]
-
-
-def worst(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the row of each rule that is nearest to its limit, or farthest beyond it.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        What `check` returned.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a rule, indexed by it, with the share of the limit that is left as `margin`: 0 on
-        the limit, negative beyond it; NaN if the value is, and such a row comes before all others.
-
-    Examples
-    --------
-    >>> from shipnet.asi.network.structures import line
-    >>> found = worst(check(line(100, [5, 100])))
-    >>> found.loc["signal_level_most", "object"]
-    'slave 2 at 100 m'
-    >>> print(f"{found.loc['signal_level_most', 'margin']:.0%} below the limit")
-    19% below the limit
-    """
-    left = {}
-    for bound, sign in (("lowest", 1), ("highest", -1)):
-        scale = table[bound].abs().where(table[bound] != 0, 1.0)
-        left[bound] = (sign * (table["value"] - table[bound]) / scale).fillna(np.inf)
-    margin = left["lowest"].clip(upper=left["highest"]).where(table["value"].notna())
-    margin += 0.0  # no minus zero
-    order = margin.fillna(-np.inf).sort_values(kind="stable").index
-    first = table.assign(margin=margin).loc[order].drop_duplicates("rule")
-    return first.sort_index().set_index("rule")
+    known = np.where(met, "met", "violated")
+    table["verdict"] = np.where(table["value"].isna(), "not verified", known)
+    table["why"] = table["why"].where(table["why"] != "", table["note"])
+    return PlanFindings(table[list(COLUMNS)], plan)
 
 
 def _check_limits(bounds: pd.DataFrame) -> None:
@@ -193,9 +126,9 @@ def _line_rows(
     yield "slaves", name, len(slaves), None, ""
     if wanted is not None:
         on_address = Counter(slave.address for slave in slaves if slave.address)
-        alone = sum(number == 1 for number in on_address.values())
-        time = update_time(alone, len(on_address) - alone, transaction=transaction)
-        yield "update_time", name, float(time), wanted, ""
+        pairs = sum(number > 1 for number in on_address.values())
+        cycle = Cycle(len(on_address) + pairs, pairs=pairs, transaction=transaction)
+        yield "update_time", name, float(cycle.update_time), wanted, ""
 
 
 def _address_rows(line: tuple[PlanSegment, ...]) -> Iterator[_Row]:
@@ -212,7 +145,7 @@ def _address_rows(line: tuple[PlanSegment, ...]) -> Iterator[_Row]:
             and (None in (other.half, slave.half) or other.half == slave.half)
         ]
         yield "sharing", name, len(others), None, ", ".join(map(str, others))
-        odd = (slave.half is not None) != slave.profile.extended
+        odd = (slave.half is not None) != slave.kind.extended
         yield "half", name, int(odd), None, f"profile {slave.profile}" if odd else ""
 
 
@@ -225,14 +158,14 @@ def _segment_rows(segment: PlanSegment, terminated: bool) -> Iterator[_Row]:
         yield series, name, np.nan, None, "no master on the line"
         yield "answer_delay", name, np.nan, None, "no master on the line"
         return
-    yield series, name, len(segment.way), None, f"{segment.reach:g} m from the master"
-    per_metre = max(float(CABLES[run.cable].delay) for run in segment.cables)
+    yield series, name, len(segment.path), None, f"{segment.reach:g} m from the master"
+    per_metre = max(float(run.made_of.delay) for run in segment.cables)
     cable = 2 * segment.reach * per_metre
     answer = _slowest_answer()
-    delay = answer + cable + 2 * sum(repeater.delay for repeater in segment.way)
+    delay = answer + cable + 2 * sum(repeater.delay for repeater in segment.path)
     note = ""
-    if segment.way:
-        room = (MASTER_PAUSE_BITS[1] * BIT_TIME - answer - cable) / (2 * len(segment.way))
+    if segment.path:
+        room = (MASTER_PAUSE_BITS[1] * BIT_TIME - answer - cable) / (2 * len(segment.path))
         note = f"each repeater may take {room * 1e6:.1f} us"
     yield "answer_delay", name, delay / BIT_TIME, None, note
 
@@ -246,20 +179,20 @@ def _slowest_answer() -> float:
 
 def _supply_rows(segment: PlanSegment) -> Iterator[_Row]:
     yield "supplies", str(segment), len(segment.supplies), None, ""
-    current = supply_current(segment)
+    current = segment.current
     for supply in segment.supplies:
         yield "supply_voltage", str(supply), supply.voltage, None, ""
         yield "supply_current", str(supply), current, None, ""
         yield "supply_rating", str(supply), current, supply.rating, ""
     one = len(segment.supplies) == 1
-    volts = device_voltages(segment) if one else {}
+    volts = segment.voltages if one else {}
     note = "" if one else f"{len(segment.supplies)} supplies in the segment"
     for slave in segment.slaves:
         yield "slave_voltage", str(slave), volts.get(slave.node, np.nan), None, note
 
 
 def _signal_rows(segment: PlanSegment) -> Iterator[_Row]:
-    names = [name for name, _ in listeners(segment)]
+    names = [name for name, _ in segment.listeners]
     rules = ("signal_level_least", "signal_level_most", "signal_evenness", "ringing", "reception")
     why = "no master on the line" if segment.head is None else ""
     if not why and len(segment.supplies) != 1:
@@ -267,5 +200,5 @@ def _signal_rows(segment: PlanSegment) -> Iterator[_Row]:
     if why:
         yield from ((rule, name, np.nan, None, why) for rule in rules for name in names)
         return
-    for rule, values in zip(rules, segment_quality(segment), strict=True):
+    for rule, values in zip(rules, segment.signals(), strict=True):
         yield from ((rule, name, float(v), None, "") for name, v in zip(names, values, strict=True))
