@@ -275,7 +275,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     import logging
     from threading import Event
 
-    from shipnet.ballast.serving import parse_fault, valve_server
+    from shipnet.ballast.live import parse_fault, valve_server
     from shipnet.engine.serving import engine_server
     from shipnet.errors import ArgumentError
     from shipnet.modbus.timing import Serial

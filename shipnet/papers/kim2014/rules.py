@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from shipnet import datasets
-from shipnet.ballast.channels import CHANNELS, rule_limits
 from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.sensors import CHANNELS, rule_limits
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["BASE"]

@@ -1,39 +1,27 @@
 from math import inf
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.figure import Figure
 
-from shipnet.ballast import (
-    FAULTS,
-    Command,
-    Fault,
-    Plant,
-    RegisterMap,
-    ValveDevice,
-    diagnose_run,
-    operate,
-    simulate,
-    status_poll,
-    valve_slaves,
-)
-from shipnet.ballast.answer import answer_table, write_outcome
-from shipnet.ballast.codes import Code
-from shipnet.ballast.monitor import Monitor
-from shipnet.ballast.plot import plot_channel, plot_stroke
-from shipnet.ballast.recorder import Recorder
+from shipnet.ballast.diagnosis import diagnose_run
+from shipnet.ballast.live import valve_server
+from shipnet.ballast.master import operate
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.registers import Code, RegisterMap
 from shipnet.ballast.rule_table import rule_base
-from shipnet.ballast.serving import valve_server
+from shipnet.ballast.scan import status_poll
+from shipnet.ballast.simulation import Recorder, simulate
+from shipnet.ballast.slave import Monitor, ValveDevice, valve_slaves
+from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.reader import decode_response
 from shipnet.modbus.request import ReadRequest, WriteRegister
 from shipnet.modbus.ring import Break, Loop
 from shipnet.modbus.server import Device, DeviceError, Table
 from shipnet.modbus.timing import Poll, Serial
-from shipnet.style import LIMIT
+from shipnet.papers.kim2014.answer import answer_table, write_outcome
 
 MAP = RegisterMap()
 READ = ReadRequest(4, 0x4020, 4)
@@ -305,37 +293,3 @@ def test_at_the_end_the_master_times_out_or_sees_nothing_of_the_movement():
 def test_arguments_out_of_range_are_named(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
-
-
-@pytest.fixture
-def axes():
-    with mpl.rc_context():
-        yield Figure(figsize=(6.4, 5)).subplots(4, sharex=True)
-
-
-def test_a_stroke_is_drawn_with_the_limits_of_the_rules(axes):
-    run = simulate(commands=[Command("open", 1.0)], duration=14)
-    plot_stroke(run, axes=axes)
-    labels = ["FP [bar]", "OP [bar]", "MC [A]", "VPos [%]"]
-    assert [ax.get_ylabel() for ax in axes] == labels
-    assert axes[3].get_xlabel() == "time [s]"
-    assert np.array_equal(axes[0].lines[0].get_ydata(), run.FP[:, 0])
-    limits = [
-        [line.get_ydata()[0] for line in ax.lines[1:] if line.get_color() == LIMIT["color"]]
-        for ax in axes
-    ]
-    assert [sorted(values) for values in limits] == [[2.5, 120.0], [2.5], [2.5], [0.0, 100.0]]
-    texts = [text.get_text() for text in axes[0].texts]
-    assert texts == ["G1 P1 V1", "P2"]
-    assert axes[0].get_ylim()[1] > 120
-
-
-def test_another_valve_and_another_channel_are_drawn_as_such(axes):
-    run = simulate(commands=[Command("open", valves=1)], duration=3, n_valves=2)
-    ax = plot_channel(run, "OT", ax=axes[0], valve=1, limits=False)
-    assert np.array_equal(ax.lines[0].get_ydata(), run.OT[:, 1])
-    assert len(ax.lines) == 1
-    with pytest.raises(ArgumentError, match="channel is 'XX'"):
-        plot_channel(run, "XX", ax=ax)
-    with pytest.raises(ArgumentError, match="axes has 3"):
-        plot_stroke(run, axes=axes[:3])

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from shipnet.ballast import Command, Plant, blocks, simulate
-from shipnet.ballast.recorder import Recorder
-from shipnet.ballast.speed import WINDOW, position_speed
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.sensors import WINDOW, position_speed
+from shipnet.ballast.simulation import Recorder, blocks, simulate
 
 
 @pytest.mark.parametrize("step", [0.1, 0.25, 0.3, 0.4, 1.0])

@@ -18,34 +18,7 @@ __all__ = ["switch_table", "unit_id"]
 
 
 def unit_id(pins: int, tens: int, units: int) -> int:
-    """Return the unit id of a setting.
-
-    Parameters
-    ----------
-    pins : int
-        Both pins as a number, 0..3: hundreds.
-    tens, units : int
-        Dials, 0..9.
-
-    Returns
-    -------
-    int
-        Unit id, 1..247.
-
-    Raises
-    ------
-    ArgumentError
-        If a switch cannot stand so, or if no slave may have this id.
-
-    Examples
-    --------
-    >>> unit_id(2, 4, 7)
-    247
-    >>> unit_id(2, 4, 8)
-    Traceback (most recent call last):
-        ...
-    shipnet.errors.ArgumentError: switches are set to 248, which is reserved; legal are 1..247
-    """
+    """Return the unit id of a setting."""
     number = 100 * check_whole("pins", pins, 0, 3)
     number += 10 * check_whole("tens", tens, 0, 9) + check_whole("units", units, 0, 9)
     if (why := _verdict(number)) != "legal":
@@ -56,18 +29,7 @@ def unit_id(pins: int, tens: int, units: int) -> int:
 
 
 def switch_table() -> pd.DataFrame:
-    """Return all settings of the switches.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row each of 4 * 10 * 10: ``pins``, ``tens``, ``units``, ``number`` and ``verdict``.
-
-    Examples
-    --------
-    >>> switch_table()["verdict"].value_counts().to_dict()
-    {'legal': 247, 'more than a byte': 144, 'reserved': 8, 'the broadcast': 1}
-    """
+    """Return all settings of the switches."""
     import pandas as pd
 
     rows = [(n // 100, n // 10 % 10, n % 10, n, _verdict(n)) for n in range(400)]

@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 
-from shipnet.ballast import FAULTS, Command, Fault, simulate
 from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.fleet import random_commands, random_faults, watch
+from shipnet.ballast.plant import Command
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 
 HOURS = {"n_valves": 16, "duration": 7200.0}

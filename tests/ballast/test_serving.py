@@ -11,8 +11,9 @@ import pytest
 from pymodbus.client import ModbusTcpClient, ModbusUdpClient
 
 from shipnet.__main__ import main
-from shipnet.ballast import Fault, RegisterMap
-from shipnet.ballast.serving import parse_fault, valve_server
+from shipnet.ballast.live import parse_fault, valve_server
+from shipnet.ballast.registers import RegisterMap
+from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.timing import Serial
 from tests.support import require
@@ -38,7 +39,7 @@ def status(client, unit):
 
 def test_a_clock_of_our_own_shows_the_valve_travelling_in_model_time(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("shipnet.ballast.serving.real_clock", lambda factor: lambda: now[0])
+    monkeypatch.setattr("shipnet.ballast.live.real_clock", lambda factor: lambda: now[0])
     with valve_server(3) as server, connected("tcp", server.port) as client:
         plant = server.slaves[1].device.plant
         assert client.write_register(0x4001, OPEN, device_id=2).registers == [OPEN]

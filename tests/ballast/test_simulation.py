@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shipnet.ballast import FAULTS, Actuator, Command, Fault, Plant, Sensors, blocks, simulate
-from shipnet.ballast.channels import normal_values
-from shipnet.ballast.faults import fault_table, faulty
-from shipnet.ballast.hydraulics import move_time, stroke_time
-from shipnet.ballast.monitor import Monitor
-from shipnet.ballast.motor import losses, steady_temperature
+from shipnet.ballast.actuator import Actuator, losses, move_time, steady_temperature, stroke_time
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.sensors import Sensors, normal_values
+from shipnet.ballast.simulation import blocks, simulate
+from shipnet.ballast.slave import Monitor
+from shipnet.ballast.valve_faults import FAULTS, Fault, fault_table, faulty
 from shipnet.errors import ArgumentError
 
 OPEN = [Command("open", 1.0)]

@@ -5,15 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shipnet.ballast import Command, Fault, Plant
-from shipnet.ballast.answer import answer_table, write_outcome
-from shipnet.ballast.gateway import Gateway
+from shipnet.ballast.live import Gateway
 from shipnet.ballast.master import Station, operate
-from shipnet.ballast.messages import standard_adu
+from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.scan import assignment, scan_table, status_poll, worst_age
+from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.modbus.ring import Break, DeadPort, DeadSlave, Loop, Short, Supervision, worst_gap
 from shipnet.modbus.timing import Serial
+from shipnet.papers.kim2014.answer import answer_table, write_outcome
+from shipnet.papers.kim2014.printed_messages import standard_adu
 
 LINE = Serial(9600)
 
@@ -235,7 +236,7 @@ def test_a_pc_sees_the_last_scan_and_commands_through_the_master():
 
 
 def _open():
-    from shipnet.ballast.codes import Code
+    from shipnet.ballast.registers import Code
 
     return Code.OPEN
 

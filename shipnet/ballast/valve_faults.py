@@ -15,16 +15,16 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.ballast.actuator import Actuator
-from shipnet.ballast.channels import CHANNELS
+from shipnet.ballast.sensors import CHANNELS
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FAULTS", "Change", "Fault", "fault_table", "faulty"]
 
 Floats = npt.NDArray[np.float64]
+
 
 #: What severity s makes of a number: a factor that grows evenly or by powers, a factor without
 #: bound, or something added. Severity 0 leaves the number as it is, to the last bit.
@@ -37,18 +37,7 @@ _LAWS = {
 
 
 class Change(NamedTuple):
-    """What a fault does to one number.
-
-    Attributes
-    ----------
-    target : str
-        A parameter of `Actuator`, or a sensor, whose reading is shifted.
-    law : str
-        ``linear`` or ``power``: multiplied by 1 up to `value`; ``stuck``: divided by 1 - s;
-        ``added``.
-    value : float
-        Factor, or what is added, at severity 1; in the target's unit.
-    """
+    """What a fault does to one number."""
 
     target: str
     law: str
@@ -79,6 +68,7 @@ FAULTS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "Pos3": ("position reads far too high", (Change("VPos", "added", 15.0),)),
     "Pos4": ("position reads far too low", (Change("VPos", "added", -15.0),)),
 }
+
 
 _SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
 
@@ -133,18 +123,7 @@ class Fault:
         object.__setattr__(self, "valves", _valves(self.valves))
 
     def severities(self, n_valves: int) -> Floats:
-        """Return how severe it is for each valve, shape (n_valves,).
-
-        Parameters
-        ----------
-        n_valves : int
-            Number of valves.
-
-        Raises
-        ------
-        ArgumentError
-            If a valve is not there, or the numbers of valves and severities differ.
-        """
+        """Return how severe it is for each valve, shape (n_valves,)."""
         mine = range(n_valves) if self.valves is None else list(self.valves)  # type: ignore[arg-type]
         for valve in mine:
             check_whole(f"valve of {self.code}", valve, 0, n_valves - 1)
@@ -159,31 +138,7 @@ class Fault:
 
 
 def faulty(actuator: Actuator, faults: Iterable[Fault], n_valves: int) -> tuple[Actuator, Floats]:
-    """Return what faults make of an actuator and its sensors, once they have begun.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        The healthy one.
-    faults : iterable of Fault
-        Several of one valve change it one after the other.
-    n_valves : int
-        Number of valves, 1..10000.
-
-    Returns
-    -------
-    actuator : Actuator
-        With an array of `n_valves` for every number that a fault changes.
-    offsets : ndarray of float, shape (5, n_valves)
-        What is added to the true values of FP, OP, MC, OT and VPos.
-
-    Examples
-    --------
-    >>> from shipnet.ballast.operation import operating_point
-    >>> sick, _ = faulty(Actuator(), [Fault("P2", [0.0, 0.5, 1.0])], 3)
-    >>> operating_point(sick).FP.round(1).tolist()
-    [90.1, 27.8, 2.0]
-    """
+    """Return what faults make of an actuator and its sensors, once they have begun."""
     n = check_whole("n_valves", n_valves, 1, 10_000)
     offsets = np.zeros((len(CHANNELS), n))
     numbers: dict[str, Any] = {}
@@ -202,18 +157,7 @@ def faulty(actuator: Actuator, faults: Iterable[Fault], n_valves: int) -> tuple[
 
 
 def fault_table() -> pd.DataFrame:
-    """Return what each fault changes.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a change: ``code``, ``meaning``, ``target``, ``law``, ``value``.
-
-    Examples
-    --------
-    >>> fault_table().query("code == 'P1'")[["target", "law", "value"]].values.tolist()
-    [['restrictor', 'linear', 0.02], ['friction', 'added', 10.6]]
-    """
+    """Return what each fault changes."""
     import pandas as pd
 
     rows = [(code, meaning, *change) for code, (meaning, ch) in FAULTS.items() for change in ch]

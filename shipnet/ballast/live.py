@@ -1,69 +1,134 @@
-"""The test bed of Figure 15 in simulated time, and the acceptance tests of section 4.
+"""Valves that can be talked to: a test bed in simulated time, its acceptance tests, real servers.
 
-A PC, the master and five slaves on a loop: S3 fills a tank, S5 has the fault simulator. Whether a
-test passes is decided on what comes back through registers and switches. The plant is ours; what
-the real test bed measured is not printed.
+The test bed is that of Figure 15: a PC, the master and five slaves on a loop; S3 fills a tank, S5
+has the fault simulator. The plant is ours; what the real test bed measured is not printed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from math import cos, pi
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from shipnet.ballast.codes import Code
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.faults import FAULTS, Fault
-from shipnet.ballast.gateway import Gateway
-from shipnet.ballast.master import Station
-from shipnet.ballast.messages import standard_adu
+from shipnet.ballast.master import Station, received_run
 from shipnet.ballast.plant import Plant
-from shipnet.ballast.recorder import Recorder, received_run
+from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS, Code
 from shipnet.ballast.scan import status_poll
-from shipnet.ballast.slave import ValveDevice
-from shipnet.ballast.tank import Tank
+from shipnet.ballast.simulation import Recorder
+from shipnet.ballast.slave import ValveDevice, valve_slaves
+from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import NORMAL, RuleBase
+from shipnet.modbus.codes import ExceptionCode
+from shipnet.modbus.frame import LAST_UNIT, decode_tcp, encode_tcp
+from shipnet.modbus.request import ReadRequest, WriteRegister
 from shipnet.modbus.ring import Loop
+from shipnet.modbus.server import DeviceError, Server, Slave, Table, answer, real_clock, serve
 from shipnet.modbus.timing import Serial
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["N_SLAVES", "TESTS", "Step", "TestBed", "acceptance"]
+
+class _Image:
+    """A valve as the master knows it."""
+
+    def __init__(self, station: Station, unit: int) -> None:
+        self.station, self.unit = station, unit
+
+    def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
+        """Return registers of the status that came last; exception 11 before the first."""
+        first = address - FIRST_REGISTER
+        if table is not Table.INPUT_REGISTERS or not 0 <= first <= N_REGISTERS - quantity:
+            raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+        for status in reversed(self.station.shown):
+            if status.unit == self.unit:
+                return status.registers[first : first + quantity]
+        raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
+
+    def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
+        """Send a command on to the slave, and its exception back."""
+        if table is not Table.HOLDING_REGISTERS or address != COMMAND_REGISTER or len(values) != 1:
+            raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+        response = self.station.write(values[0], self.unit).response
+        if not response:
+            raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
+        if response[0] & 0x80:
+            raise DeviceError(response[1])
+
+
+class Gateway:
+    """What the master answers a PC.
+
+    Section 3.5 of the paper: the PC watches a slave and commands it through the master. Whether
+    the master answers from memory or asks the slave is not printed; here it answers at once, for a
+    scan keeps the line busy.
+    """
+
+    def __init__(self, station: Station) -> None:
+        self.station = station
+        self.slaves = {
+            unit: Slave(_Image(station, unit), functions={4, 6}) for unit in station.slaves
+        }
+
+    def answer(self, adu: bytes) -> bytes:
+        """Return the answer to a frame."""
+        request = decode_tcp(adu)
+        if request.unit_id == 0:
+            return b""
+        pdu = answer(self.slaves, request.unit_id, request.pdu, self.station.time).pdu
+        return encode_tcp(request.unit_id, pdu, request.transaction_id or 0) if pdu else b""
+
+
+@dataclass
+class Tank:
+    """A tank whose level follows from the opening of its valve."""
+
+    area: float = 0.2
+    flow: float = 0.01
+    level: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        self.area = check_scalar("area", self.area, "m2", 1e-3, 1e5)
+        self.flow = check_scalar("flow", self.flow, "m3/s", 0, 100)
+        self.level = check_scalar("level", self.level, "m", 0, 100)
+
+    def fill(self, opening: float, duration: float) -> None:
+        """Let water in."""
+        x = check_scalar("opening", opening, "", 0, 1)
+        lasted = check_scalar("duration", duration, "s", 0, 1e6)
+        self.level += self.flow * (1 - cos(pi * x / 2)) * lasted / self.area
+
 
 #: Slaves of Figure 15; that with the tank, and that with the fault simulator.
 N_SLAVES, _TANK, _SIMULATOR = 5, 3, 5
 
+
 #: A healthy valve opens or closes within this; row 0 of the rule table [s].
 _STROKE = 10.0
+
 
 #: How long a valve is watched after its stroke [s], and the tolerance of a position [%].
 _SETTLE, _NEAR = 5.0, 1.5
 
+
 #: Faults that show at the closed end: the valve is open, and closes.
 _CLOSING = ("S2", "Pos2", "Pos4")
+
 
 #: Kinds of test, in the order of section 4.
 TESTS = ("manual", "remote", "PC", "diagnosis")
 
 
 class Step(NamedTuple):
-    """A step of a test.
-
-    Attributes
-    ----------
-    test : str
-        One of `TESTS`.
-    step : str
-        What is done.
-    expected, found : str
-        What should come of it, and what did.
-    passed : bool
-        Whether both agree.
-    """
+    """A step of a test."""
 
     test: str
     step: str
@@ -120,26 +185,14 @@ class TestBed:
         return self.station.time
 
     def device(self, unit: int) -> ValveDevice:
-        """Return a slave, for its switches.
-
-        Parameters
-        ----------
-        unit : int
-            1..5.
-        """
+        """Return a slave, for its switches."""
         device = self.station.slaves[unit].device
         if not isinstance(device, ValveDevice):
             raise ArgumentError(f"unit {unit} is no valve")
         return device
 
     def wait(self, duration: float) -> None:
-        """Let time pass: the master scans, the tank fills, the sensors of the slaves are recorded.
-
-        Parameters
-        ----------
-        duration : float
-            How long [s].
-        """
+        """Let time pass [s]: the master scans, the tank fills, the sensors are recorded."""
         end, plant = self.time + duration, self.plant
         while self.time < end:
             self.recorder.take()
@@ -150,13 +203,7 @@ class TestBed:
         self.recorder.take()
 
     def position(self, unit: int) -> float:
-        """Return the position that the master shows of a valve [%].
-
-        Parameters
-        ----------
-        unit : int
-            1..5.
-        """
+        """Return the position that the master shows of a valve [%]."""
         return float(self.station.seen.screen().position_percent[unit])
 
 
@@ -274,23 +321,21 @@ def _pc(make: Callable[..., TestBed]) -> list[Step]:
     bed, steps = make(), []
     registers = bed.station.registers
 
-    def ask(message: str, unit: int, value: int = 0) -> bytes:
-        return bed.gateway.answer(
-            standard_adu(message, unit=unit, value=value, transaction_id=unit)
-        )
-
-    def position(unit: int) -> float:
-        return float(ask("read query", unit)[9])
+    def frame(unit: int, code: Code | None = None) -> bytes:
+        """Return a command, or a query for the status, as the PC sends it."""
+        query = ReadRequest(4, FIRST_REGISTER, N_REGISTERS)  # type: ignore[arg-type]
+        write = None if code is None else WriteRegister(COMMAND_REGISTER, registers.command(code))
+        return encode_tcp(unit, (write or query).pdu, unit)
 
     for unit in range(1, N_SLAVES + 1):
-        value = registers.command(Code.OPEN)
-        sent = standard_adu("write query", unit=unit, value=value, transaction_id=unit)
+        sent = frame(unit, Code.OPEN)
         echo = bed.gateway.answer(sent)
         steps.append(_same("PC", f"S{unit} told to open", sent.hex(), echo.hex()))
         bed.wait(_STROKE)
-        steps.append(_at("PC", f"S{unit} open", position(unit), 100))
+        shown = float(bed.gateway.answer(frame(unit))[9])
+        steps.append(_at("PC", f"S{unit} open", shown, 100))
     level = bed.tank.level
-    ask("write query", _TANK, registers.command(Code.CLOSE))
+    bed.gateway.answer(frame(_TANK, Code.CLOSE))
     bed.wait(_STROKE + _SETTLE)
     full = bed.tank.level
     bed.wait(_SETTLE)
@@ -348,3 +393,76 @@ def _same(test: str, step: str, expected: str, found: str) -> Step:
 def _at(test: str, step: str, position: float, target: float) -> Step:
     near = abs(position - target) <= _NEAR
     return Step(test, step, f"{target:g} %", f"{position:g} %", near)
+
+
+def parse_fault(text: str, n_valves: int = LAST_UNIT) -> Fault:
+    """Return the fault that a text such as ``3:V1:0.8`` names."""
+    parts = text.split(":")
+    try:
+        if len(parts) not in (2, 3):
+            raise ValueError
+        unit, severity = int(parts[0]), float(parts[2]) if parts[2:] else 1.0
+    except ValueError:
+        raise ArgumentError(
+            f"fault is {text!r}; it must be VALVE:CODE or VALVE:CODE:SEVERITY, such as 3:V1:0.8"
+        ) from None
+    try:
+        valve = check_whole("valve", unit, 1, n_valves)
+        return Fault(parts[1], severity, valves=valve - 1)
+    except ArgumentError as error:
+        raise ArgumentError(f"fault {text!r}: {error}") from None
+
+
+def valve_server(
+    n_valves: int = 64,
+    *,
+    faults: Iterable[Fault] = (),
+    speed: float = 1.0,
+    rng: np.random.Generator | None = None,
+    watchdog: float | None = None,
+    **options: Any,
+) -> Server:
+    """Return a server for the valves of a new plant, all closed, to be used in ``with``.
+
+    Parameters
+    ----------
+    n_valves : int, default 64
+        Number of valves, 1..247.
+    faults : iterable of Fault, optional
+        What is wrong with them, by model time.
+    speed : float, default 1
+        Seconds of the valves in a real one, 0..1e4.
+    rng : numpy.random.Generator, optional
+        Draws the noise of the sensors; there is none if omitted.
+    watchdog : float, optional
+        A motor stops when its valve has had no request for so long, 0.1..3600 [s] of the valves;
+        never if omitted.
+    **options
+        As `shipnet.modbus.server.serve` takes them: transport, host, port, and for a serial line
+        serial_port and serial.
+
+    Returns
+    -------
+    Server
+        When its block begins, it listens.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+    ImportError
+        If pymodbus, or pyserial for a serial line, is missing.
+
+    Examples
+    --------
+    >>> with valve_server(3) as server:
+    ...     sorted(server.slaves)
+    [1, 2, 3]
+    """
+    count = check_whole("n_valves", n_valves, 1, LAST_UNIT)
+    factor = check_scalar("speed", speed, "s/s", 0, 1e4)
+    failed = list(faults)
+    for fault in failed:
+        fault.severities(count)
+    plant = Plant(n_valves=count, faults=failed, rng=rng)
+    return serve(valve_slaves(plant, watchdog=watchdog), clock=real_clock(factor), **options)

@@ -10,8 +10,7 @@ from dataclasses import replace
 from math import ceil
 from typing import TYPE_CHECKING, NamedTuple
 
-from shipnet.ballast.registers import COMMAND_REGISTER
-from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
+from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import ReadRequest, WriteRegister
@@ -24,21 +23,7 @@ __all__ = ["WriteOutcome", "answer_table", "write_outcome"]
 
 
 class WriteOutcome(NamedTuple):
-    """What a command costs the line.
-
-    Attributes
-    ----------
-    write_time : float
-        From the command to the next request [s].
-    tries : int
-        How often the command was sent.
-    answered : bool
-        Whether the master took an answer; else it reports a dead slave while the valve moves.
-    scan_gap : float
-        Longest time between two polls of another valve [s]: a scan, and the command in it.
-    polls_while_moving : int
-        Most polls of the valve itself while it moves; 0 leaves its sensors unseen.
-    """
+    """What a command costs the line."""
 
     write_time: float
     tries: int
@@ -56,49 +41,7 @@ def write_outcome(
     timeout: float = 1.0,
     retries: int = 0,
 ) -> WriteOutcome:
-    """Return what a command to one valve does to a scan of all.
-
-    Parameters
-    ----------
-    serial : Serial
-        Settings of the line.
-    n_slaves : int
-        Number of slaves, 1..247.
-    movement : float
-        How long the valve moves, 0..3600 [s]; `move_time` knows it.
-    at_end : bool
-        Whether the slave answers at the end of the movement, else at once.
-    timeout : float, default 1
-        Response timeout of the master [s], as for `Poll`.
-    retries : int, default 0
-        How often the master repeats a command that is not answered, 0..100.
-
-    Returns
-    -------
-    WriteOutcome
-        Times and counts.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range; a timeout must leave time for an answer that comes at
-        once.
-
-    Notes
-    -----
-    Function code 6 on RTU, four input registers in each poll of the scan. An answer that comes
-    while the master waits for that to a repetition is taken for it, for both look alike. One that
-    comes after the last repetition disturbs whatever is on the line then: the slave sends it into
-    another's transaction.
-
-    Examples
-    --------
-    >>> write_outcome(Serial(9600), 50, 9.0, at_end=True).answered
-    False
-    >>> outcome = write_outcome(Serial(9600), 50, 9.0, at_end=True, timeout=10)
-    >>> round(outcome.scan_gap, 1), outcome.polls_while_moving
-    (10.6, 0)
-    """
+    """Return what a command to one valve does to a scan of all."""
     slaves = check_whole("n_slaves", n_slaves, 1, LAST_UNIT)
     moving = check_scalar("movement", movement, "s", 0, 3600)
     write = Poll.of(WriteRegister(COMMAND_REGISTER, 0), serial, timeout=timeout, retries=retries)
@@ -126,30 +69,7 @@ def answer_table(
     timeout: float = 1.0,
     retries: int = 0,
 ) -> pd.DataFrame:
-    """Compare both moments of the answer, and the second with a timeout that waits for it.
-
-    Parameters
-    ----------
-    serial, n_slaves, movement, timeout, retries
-        As for `write_outcome`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by ``answer``: ``at the start``, ``at the end``, and ``at the end, waited for`` with
-        the shortest timeout that is long enough; columns ``timeout_s``, ``write_s``, ``tries``,
-        ``answered``, ``scan_gap_s``, ``polls_while_moving``.
-
-    Raises
-    ------
-    ArgumentError
-        As for `write_outcome`.
-
-    Examples
-    --------
-    >>> answer_table(Serial(9600), 247, 9.0)["scan_gap_s"].round(2).to_dict()
-    {'at the start': 7.95, 'at the end': 8.93, 'at the end, waited for': 16.95}
-    """
+    """Compare both moments of the answer, and the second with a timeout that waits for it."""
     import pandas as pd
 
     plain = Poll.of(WriteRegister(COMMAND_REGISTER, 0), serial)

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from shipnet.ballast import RegisterMap, diagnose_run, simulate
+from shipnet.ballast.diagnosis import diagnose_run
+from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.rule_table import rule_base
-from shipnet.ballast.trend import fit_trend
-from shipnet.ballast.trials import fault_trials, half_found
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.trials import fault_trials
+from shipnet.ballast.wear import fit_trend
 from shipnet.errors import ArgumentError
 from shipnet.intervals import share_interval
 
@@ -37,7 +39,6 @@ def trials(*codes, **options):
         (lambda: trials(readings=[]), "readings is empty"),
         (lambda: trials(n_valves=3, severity=[0.1, 0.2]), "severity is .*each of 3 valves"),
         (lambda: trials([]), "codes is empty"),
-        (lambda: half_found([], rng=np.random.default_rng(1)), "codes is empty"),
         (lambda: diagnose_run(simulate(duration=1)).explain(0, None), "time is None"),
         (lambda: diagnose_run(simulate(duration=1)).explain(0, "a"), "time is 'a'"),
         (lambda: share_interval("a", 2), "hits is 'a'"),

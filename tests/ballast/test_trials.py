@@ -1,27 +1,20 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.optimize import brentq
 from scipy.stats import binomtest, poisson
 
-from shipnet.ballast import (
-    Actuator,
-    Command,
-    Fault,
-    Sensors,
-    diagnose_run,
-    operating_point,
-    simulate,
-)
-from shipnet.ballast.diagnosis import READINGS
-from shipnet.ballast.faults import FAULTS, faulty
-from shipnet.ballast.metrics import (
+from shipnet.ballast.diagnosis import READINGS, diagnose_run
+from shipnet.ballast.plant import Command
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.trials import (
     BASIS,
     confusion,
     false_alarms,
+    fault_trials,
     rates,
+    spread_actuator,
 )
-from shipnet.ballast.trials import fault_trials, half_found, spread_actuator
+from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.intervals import event_interval, share_interval
 
@@ -124,72 +117,6 @@ def test_a_trial_is_what_the_run_of_the_same_valve_shows():
     assert trials["active"].tolist() == ["V2"] * 3
 
 
-def root(function, tolerance=1e-6):
-    return brentq(function, 1e-6, 1 - 1e-6, xtol=tolerance)
-
-
-def lowest_pressure(severity):
-    """Return the lowest pump pressure of a trial without noise while its motor ran."""
-    orders = [Command("open", 0.0), Command("close", 25.0)]
-    run = simulate(
-        commands=orders, duration=50, faults=[Fault("P2", severity)], sensors=Sensors.ideal()
-    )
-    return run.FP[run.running].min()
-
-
-def point(code, severity):
-    sick, _ = faulty(Actuator(), [Fault(code, severity)], 1)
-    return operating_point(sick)
-
-
-def test_half_of_the_faults_are_found_where_the_closed_form_crosses_the_middle_of_the_ramp():
-    codes = ["P2", "P1", "G1", "O1", "S1", "Pos3"]
-    quiet = Sensors(noise=(0.0,) * 5)
-    rng = np.random.default_rng(1)
-    table = half_found(codes, n_valves=2, spread=0.0, sensors=quiet, rng=rng)["half"]
-    expected = {
-        "P2": root(lambda s: lowest_pressure(s) - 2.5, 1e-3),
-        "P1": root(lambda s: point("P1", s).MC[0] - 2.5),
-        "G1": 120 / 125,
-        "S1": 2.5 / 5,
-        "Pos3": 2.5 / 15,
-    }
-    # Bisection leaves 0.002, the root of P2 0.001; a step of the converter is 0.007 of 5 %.
-    for code, severity in expected.items():
-        assert table[code] == pytest.approx(severity, abs=0.008), code
-    # The motor is hotter after the two strokes than in the mean of many.
-    assert 0.9 < table["O1"] < root(lambda s: point("O1", s).OT[0] - 85) + 0.005
-
-
-def test_noise_finds_a_fault_sooner_never_later():
-    noisy, quiet = (
-        half_found(["P2", "S1"], n_valves=6, spread=0.0, steps=6, sensors=sensors,
-                   rng=np.random.default_rng(1))["half"]
-        for sensors in (None, Sensors(noise=(0.0,) * 5))
-    )  # fmt: skip
-    assert (noisy < quiet).all()
-
-
-def test_about_half_of_the_trials_at_that_severity_are_found():
-    more = dict(n_valves=64, spread=0.1)
-    half = half_found(["V1"], steps=7, rng=np.random.default_rng(1), **more).loc["V1", "half"]
-    shares = [
-        fault_trials(["V1"], severity=half + change, readings=["fuzzy"],
-                     rng=np.random.default_rng(2), **more)["named"].mean()
-        for change in (-0.04, 0.0, 0.04)
-    ]  # fmt: skip
-    assert shares[0] < 0.2
-    # Median and share each vary by 0.0625; four standard deviations of both, and a bisection.
-    assert 0.12 <= shares[1] <= 0.88
-    assert shares[2] > 0.8
-
-
-def test_a_fault_that_is_not_found_at_all_has_no_severity():
-    never = half_found(["V1"], n_valves=3, reading="fuzzy", k=900, n=900, steps=1,
-                       rng=np.random.default_rng(1))  # fmt: skip
-    assert never.loc["V1"].isna().all()
-
-
 def test_severities_may_differ_from_valve_to_valve():
     trials = fault_trials(["Pos3"], n_valves=3, severity=[0.0, 0.1, 1.0], readings=["fuzzy"],
                           rng=np.random.default_rng(1))  # fmt: skip
@@ -216,13 +143,16 @@ def test_false_alarms_are_those_of_a_diagnosis_of_the_whole_run():
 
 
 def test_blocks_do_not_change_the_count_of_false_alarms(monkeypatch):
-    from shipnet.ballast import metrics
 
     def count():
         return false_alarms(duration=60, period=60, n_valves=3, rng=np.random.default_rng(4))
 
-    whole, original = count(), metrics.blocks
-    monkeypatch.setattr(metrics, "blocks", lambda *a, **k: original(*a, **k | {"size": 7}))
+    import shipnet.ballast.trials
+
+    whole, original = count(), shipnet.ballast.trials.blocks
+    monkeypatch.setattr(
+        shipnet.ballast.trials, "blocks", lambda *a, **k: original(*a, **k | {"size": 7})
+    )
     pd.testing.assert_frame_equal(count(), whole)
 
 
@@ -234,8 +164,6 @@ def test_blocks_do_not_change_the_count_of_false_alarms(monkeypatch):
         (lambda r: fault_trials(["V1"], n_valves=0, rng=r), "n_valves is 0"),
         (lambda r: fault_trials(["V1"], n_valves=2, severity=2.0, rng=r), "severity of V1"),
         (lambda r: fault_trials(["V1"], n_valves=2, readings=["x"], rng=r), "reading is 'x'"),
-        (lambda r: half_found(["V1"], criterion="x", rng=r), "criterion is 'x'"),
-        (lambda r: half_found(["V1"], steps=0, rng=r), "steps is 0"),
         (lambda r: false_alarms(duration=10, period=60, rng=r), "duration is 10"),
         (lambda r: false_alarms(period=1, rng=r), "period is 1"),
         (lambda r: spread_actuator(3, -1, r), "spread is -1"),

@@ -3,19 +3,30 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.ballast import RegisterMap
-from shipnet.ballast.codes import READINGS, Code, code_table, command_codes
-from shipnet.ballast.messages import MESSAGES, message_table, printed_adu, standard_adu
+from shipnet.ballast.registers import (
+    CODE_READINGS,
+    SCALES,
+    Code,
+    RegisterMap,
+    command_codes,
+    scale_table,
+)
 from shipnet.ballast.rule_table import rule_base
-from shipnet.ballast.scales import SCALES, scale_table, survival_table
-from shipnet.ballast.switches import switch_table, unit_id
 from shipnet.errors import ArgumentError, FieldError, LengthError
 from shipnet.modbus.frame import decode_tcp
 from shipnet.modbus.reader import decode_response
 from shipnet.modbus.request import ReadRequest, WriteRegister
+from shipnet.papers.kim2014.printed_messages import (
+    MESSAGES,
+    message_table,
+    printed_adu,
+    standard_adu,
+)
+from shipnet.papers.kim2014.switches import switch_table, unit_id
+from shipnet.papers.kim2014.valve import code_table, survival_table
 
 MAPS = st.builds(
-    RegisterMap, st.sampled_from(["table 2", "table 3"]), st.sampled_from(list(READINGS))
+    RegisterMap, st.sampled_from(["table 2", "table 3"]), st.sampled_from(list(CODE_READINGS))
 )
 BYTES, STEPS = st.integers(0, 255), st.integers(0, 254)
 
@@ -114,7 +125,7 @@ def test_of_the_test_values_only_positions_are_lost_on_the_way():
 
 def test_commands_come_back_in_the_readings_that_tell_them_apart():
     table = code_table()
-    for reading in READINGS:
+    for reading in CODE_READINGS:
         codes = RegisterMap(codes=reading)
         for code in Code:
             position = 40 if code.name.startswith("POSITION") else 0

@@ -7,18 +7,24 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.stats import linregress, t
 
-from shipnet.ballast import Actuator, Command, Fault, operating_point, simulate
-from shipnet.ballast.faults import faulty
-from shipnet.ballast.hydraulics import stroke_time
-from shipnet.ballast.life import (
+from shipnet.ballast.actuator import Actuator, operating_point, stroke_time
+from shipnet.ballast.plant import Command
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.valve_faults import Fault, faulty
+from shipnet.ballast.wear import (
+    METHODS,
     PREDICTORS,
     WORN,
     alarm_strokes,
+    fit_trend,
+    leak_from_pressure,
     life_comparison,
+    limit_leak,
+    mid_pressure,
     predict_life,
+    remaining_life,
+    synthetic_wear,
 )
-from shipnet.ballast.trend import METHODS, fit_trend, remaining_life
-from shipnet.ballast.wear import leak_from_pressure, limit_leak, mid_pressure, synthetic_wear
 from shipnet.errors import ArgumentError
 
 X = np.arange(60.0)

@@ -6,21 +6,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from shipnet.ballast import Actuator, Fault, Sensors, operating_point, simulate
-from shipnet.ballast.channels import CHANNELS, normal_values, rule_limits
-from shipnet.ballast.commands import Command
-from shipnet.ballast.compliance import DAMPING, integrate_stroke
-from shipnet.ballast.faults import faulty
-from shipnet.ballast.hydraulics import (
+from shipnet.ballast.actuator import (
+    Actuator,
     hydraulics,
     load_pressure,
+    losses,
+    motor_current,
     move_time,
+    operating_point,
+    steady_temperature,
     stroke_time,
     valve_torque,
     velocity,
 )
-from shipnet.ballast.motor import losses, motor_current, steady_temperature
+from shipnet.ballast.plant import Command
+from shipnet.ballast.sensors import CHANNELS, Sensors, normal_values, rule_limits
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.valve_faults import Fault, faulty
 from shipnet.errors import ArgumentError
+from tests.ballast.compliance import DAMPING, integrate_stroke
 
 
 def one(code, severity):

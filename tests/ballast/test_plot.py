@@ -2,11 +2,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.ballast import Command, Fault, Plant, simulate
 from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.master import operate
+from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.plot import plot_diagnosis, plot_operation, plot_screen
 from shipnet.ballast.scan import status_poll
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.valve_faults import Fault
 from shipnet.modbus.ring import DeadSlave, Loop
 from shipnet.modbus.timing import Serial
 

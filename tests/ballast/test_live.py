@@ -3,12 +3,13 @@ from math import pi
 import numpy as np
 import pytest
 
-from shipnet.ballast import FAULTS, Command, Plant, simulate
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.recorder import Recorder, received_run
-from shipnet.ballast.tank import Tank
-from shipnet.ballast.testbed import TestBed as Bed
-from shipnet.ballast.testbed import acceptance
+from shipnet.ballast.live import Tank, acceptance
+from shipnet.ballast.live import TestBed as Bed
+from shipnet.ballast.master import received_run
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.simulation import Recorder, simulate
+from shipnet.ballast.valve_faults import FAULTS
 from shipnet.errors import ArgumentError
 from shipnet.modbus.timing import Serial
 
@@ -34,7 +35,7 @@ def test_the_slaves_find_all_twelve_faults_and_nothing_where_nothing_is_wrong():
 
 def test_a_slave_that_finds_nothing_or_reports_another_row_does_not_pass(monkeypatch):
     for wrong, left in ((0, ["screen with nothing wrong"]), (8, ["screen with O1"])):
-        monkeypatch.setattr("shipnet.ballast.monitor.Monitor.row", lambda *_, row=wrong: row)
+        monkeypatch.setattr("shipnet.ballast.slave.Monitor.row", lambda *_, row=wrong: row)
         table = acceptance(tests=["diagnosis"])
         assert table[1::2].query("passed")["step"].tolist() == left
 

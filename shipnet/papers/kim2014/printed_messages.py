@@ -5,8 +5,7 @@ from __future__ import annotations
 import csv
 from typing import TYPE_CHECKING
 
-from shipnet.ballast.registers import COMMAND_REGISTER
-from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
+from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_whole
@@ -33,34 +32,7 @@ MESSAGES = {
 def printed_adu(
     message: str, *, unit: int = 1, value: int = 0, registers: tuple[int, ...] = (0, 0, 0, 0)
 ) -> bytes:
-    """Return a message with the bytes that the paper prints.
-
-    Parameters
-    ----------
-    message : str
-        One of `MESSAGES`.
-    unit : int, default 1
-        Slave id, 0..255.
-    value : int, default 0
-        Value of the command register, 0..65535, in the write query and its response.
-    registers : tuple of int, default four zeros
-        Registers 0x4020 to 0x4023 in the read response.
-
-    Returns
-    -------
-    bytes
-        The whole ADU.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such message, or a value is out of range.
-
-    Examples
-    --------
-    >>> printed_adu("read response", registers=(1, 2, 3, 4)).hex(" ")
-    '00 00 00 00 00 0e 01 04 40 20 08 04 00 01 00 02 00 03 00 04'
-    """
+    """Return a message with the bytes that the paper prints."""
     words = _checked(message, unit, value, registers)
     file, kind = MESSAGES[message]
     with path(file).open(encoding="utf-8") as table:
@@ -95,30 +67,7 @@ def standard_adu(
     registers: tuple[int, ...] = (0, 0, 0, 0),
     transaction_id: int = 0,
 ) -> bytes:
-    """Return the same message as the standard has it.
-
-    Parameters
-    ----------
-    message, unit, value, registers
-        As for `printed_adu`.
-    transaction_id : int, default 0
-        0..65535.
-
-    Returns
-    -------
-    bytes
-        The whole ADU. The error is exception 1, as printed.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such message, or a value is out of range.
-
-    Examples
-    --------
-    >>> standard_adu("read response", registers=(1, 2, 3, 4)).hex(" ")
-    '00 00 00 00 00 0b 01 04 08 00 01 00 02 00 03 00 04'
-    """
+    """Return the same message as the standard has it."""
     words = _checked(message, unit, value, registers)
     pdus = {
         "write query": WriteRegister(COMMAND_REGISTER, value).pdu,
@@ -131,20 +80,7 @@ def standard_adu(
 
 
 def message_table() -> pd.DataFrame:
-    """Compare the printed messages with the standard's.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by message: ``printed`` and ``standard`` (hexadecimal), ``length_printed`` and
-        ``length_standard`` (length field of the MBAP header [byte]), ``same``, and what a decoder
-        by the standard says of the printed bytes (``decoder``: ``ok`` or the name of the error).
-
-    Examples
-    --------
-    >>> message_table()[["length_printed", "length_standard", "decoder"]].values.tolist()
-    [[6, 6, 'ok'], [6, 6, 'ok'], [3, 3, 'LengthError'], [6, 6, 'ok'], [14, 11, 'LengthError']]
-    """
+    """Compare the printed messages with the standard's."""
     import pandas as pd
 
     rows = []

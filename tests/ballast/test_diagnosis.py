@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipnet.ballast import Command, Fault, blocks, diagnose_run, simulate
-from shipnet.ballast.diagnosis import READINGS
-from shipnet.ballast.faults import FAULTS
-from shipnet.ballast.features import command_features, running_time
+from shipnet.ballast.diagnosis import READINGS, diagnose_run
+from shipnet.ballast.plant import Command
 from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.simulation import blocks, command_features, running_time, simulate
+from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy import Rule, RuleBase
 
