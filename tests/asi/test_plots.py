@@ -4,10 +4,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet import datasets, style
-from shipnet.asi import IO_CONFIGURATIONS, Request, Response, Transaction
-from shipnet.asi.apm import pulses_of
-from shipnet.asi.eye import eye
+from shipnet.asi import Request, Response, Transaction
+from shipnet.asi.modulation import pulses_of
 from shipnet.asi.plot import plot_eye, plot_io_codes, plot_telegram, plot_transaction
+from shipnet.asi.profile import IO_CONFIGURATIONS
+from shipnet.asi.receiver import eye
 from shipnet.asi.topology import straight_line
 from shipnet.design.plot import plot_asi, plot_hardwired
 from shipnet.errors import ArgumentError, LengthError

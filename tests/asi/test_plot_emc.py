@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet import style
-from shipnet.asi.emc.levels import levels
+from shipnet.asi.emc.immunity import levels
 from shipnet.asi.emc.plot import plot_error_rate, plot_levels
 
 

@@ -4,16 +4,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from shipnet.asi import (
-    Call,
-    Request,
-    Response,
+from shipnet.asi import Call, Request, Response
+from shipnet.asi.batch import (
+    NONE,
+    bits_of,
     encode_requests,
     encode_responses,
     parse_requests,
     parse_responses,
+    words_of,
 )
-from shipnet.asi.batch import NONE, bits_of, words_of
 from shipnet.errors import ArgumentError, FrameError, LengthError, explain
 
 HALVES = {None: NONE, "A": 0, "B": 1}

@@ -3,8 +3,8 @@ import pytest
 
 from shipnet.asi.quality import signal_quality
 from shipnet.asi.receiver import receive
-from shipnet.asi.response import RESPONSES
 from shipnet.asi.segment import POWER_SUPPLY, Segment
+from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.topology import star, straight_line
 from shipnet.errors import ArgumentError
 from shipnet.line import CableRun, Load, Network

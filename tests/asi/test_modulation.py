@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from shipnet.asi import Request, Response
-from shipnet.asi.apm import (
+from shipnet.asi.modulation import (
     HALF_BIT,
     SEND_CURRENT,
     levels_of,

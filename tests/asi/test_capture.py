@@ -13,14 +13,14 @@ from scipy.signal import bilinear, lfilter
 import shipnet.asi.capture
 from shipnet.__main__ import main
 from shipnet.asi import Request
-from shipnet.asi.apm import send_current
 from shipnet.asi.bursts import pieces
 from shipnet.asi.capture import decode
+from shipnet.asi.modulation import send_current
 from shipnet.asi.plot import plot_capture
 from shipnet.errors import ArgumentError
 
 BIT = 6e-6
-REFERENCE = np.load(Path(__file__).parent / "reference" / "line" / "asi.npz")
+REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "line" / "asi.npz")
 #: Cases on 100 m and 150 m.
 SHORT = ("a_resp", "a_req_", "b_resp", "b_req_", "len150")
 

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from shipnet.asi.apm import as_bits, pulses_of
-from shipnet.asi.eye import eye
-from shipnet.asi.receiver import receive
-from shipnet.asi.response import RESPONSES
+from shipnet.asi.modulation import as_bits, pulses_of
+from shipnet.asi.receiver import eye, receive
+from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError
 from shipnet.papers.kim2023.tolerances import train_of

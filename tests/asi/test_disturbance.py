@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from shipnet.asi.emc.disturbance import conducted_rf, impulses, noise
-from shipnet.asi.emc.error_rate import all_telegrams, telegram_error_rate
-from shipnet.asi.emc.fast_transient import burst
+from shipnet.asi.emc.disturbances import burst, conducted_rf, impulses, noise
+from shipnet.asi.emc.monte_carlo import all_telegrams, telegram_error_rate
 from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError
 

@@ -4,11 +4,16 @@ import numpy as np
 import pytest
 
 from shipnet.asi import Response
-from shipnet.asi.apm import pulses_of
 from shipnet.asi.batch import bits_of
-from shipnet.asi.simulation.collision import ONE_PULSE_CODES, add_pulses, collide
+from shipnet.asi.modulation import (
+    ONE_PULSE_CODES,
+    add_pulses,
+    bits_of_slots,
+    check_slots,
+    collide,
+    pulses_of,
+)
 from shipnet.asi.simulation.disturbance import MISSED, REQUEST_LOST, VARIANTS, draw_disturbances
-from shipnet.asi.slots import bits_of_slots, check_slots
 from shipnet.errors import ArgumentError, FrameError, explain
 
 ANSWERS = [Response(data).bits for data in range(16)]

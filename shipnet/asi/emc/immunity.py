@@ -13,8 +13,6 @@ import pandas as pd
 from shipnet import datasets
 from shipnet.errors import ArgumentError
 
-__all__ = ["CRITERIA", "STANDARDS", "gap", "levels"]
-
 #: Performance criteria of a test, in short, after IEC 61000-6-2, clause 4.
 CRITERIA: dict[str, str] = {
     "A": "works as intended during the test and after it",
@@ -40,34 +38,7 @@ STANDARDS: dict[str, str] = {
 def gap(
     asi: npt.ArrayLike, marine: npt.ArrayLike, better: str | npt.ArrayLike = "higher"
 ) -> npt.NDArray[np.str_]:
-    """Compare what AS-i is tested against with what a ship asks for.
-
-    Parameters
-    ----------
-    asi, marine : array_like of float
-        Levels in the same unit, above 0; NaN where there is none.
-    better : str or array_like of str, default "higher"
-        Which level is the stricter: ``"higher"``, ``"lower"`` (as where a range begins), or
-        ``"equal"``, where the values only have to agree.
-
-    Returns
-    -------
-    ndarray of str, of the shape of the arguments broadcast
-        ``"covers"``, ``"below"``, ``"test missing"`` (AS-i has none) or ``"not asked"`` (the ship
-        asks for none).
-
-    Raises
-    ------
-    ArgumentError
-        If a level is not above 0 and finite, or `better` is another word.
-
-    Examples
-    --------
-    >>> gap([4, 8, np.nan], [6, 8, 1]).tolist()
-    ['below', 'covers', 'test missing']
-    >>> gap(0.15, 0.15, "lower").item()
-    'covers'
-    """
+    """Compare what AS-i is tested against with what a ship asks for."""
     ours, theirs = np.asarray(asi, dtype=float), np.asarray(marine, dtype=float)
     for name, value in (("asi", ours), ("marine", theirs)):
         if np.any((value <= 0) | np.isinf(value)):
@@ -91,44 +62,7 @@ def gap(
 
 
 def levels() -> pd.DataFrame:
-    """Return the immunity tests of AS-i and of ships, and the gap between them.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a parameter of a test: ``test``, ``parameter``, ``unit``; ``asi_printed``, as
-        kim2023 prints it in Table 2, and ``asi``, as it is meant; ``criterion``, of `CRITERIA`, as
-        printed; ``marine``, what a ship asks for; ``ratio``, asi over marine, and ``gap``,
-        computed from both; ``better``, as `gap` takes it; ``printed_name``, of the test;
-        ``standard``, ``source`` of the marine value, whether it was ``confirmed``, ``note``.
-        Missing numbers are NaN.
-
-    Notes
-    -----
-    Where ``confirmed`` is "yes", the marine value stands on a public page of a product that was
-    type-tested for ships, or of a test house. Where it is "no", it is general knowledge of IACS
-    UR E10 or of the basic standard, whose text was not read: confirm it before using it.
-    The levels are those of the paper, a generic list for industry; what IEC 62026-2 itself asks
-    for in clause 8.6 was not seen.
-
-    A kilovolt of the test is not a kilovolt between the wires. The coupling depends on cable,
-    earthing and symmetry; no table says it.
-
-    References
-    ----------
-    .. [1] R. G. Kim, Y. H. Cho, K. H. Hyun, "AS-Interface protocol utilization for smart ships",
-       J. Soc. Nav. Archit. Korea 60(6), 2023, Table 2.
-
-    Examples
-    --------
-    >>> table = levels()
-    >>> table.loc[table["gap"] == "below", ["test", "parameter", "asi", "marine", "unit"]].values
-    array([['electrostatic discharge, contact', 'voltage', 4.0, 6.0, 'kV'],
-           ['radio-frequency field', 'highest frequency', 1000.0, 2000.0,
-            'MHz']], dtype=object)
-    >>> table.loc[table["gap"] == "test missing", "test"].tolist()
-    ['surge, line to earth', 'surge, line to line', 'conducted low frequency, d.c. supply']
-    """
+    """Return the immunity tests of AS-i and of ships, and the gap between them."""
     table = datasets.read("emc_levels.csv")
     table[["asi", "marine"]] = table[["asi", "marine"]].apply(pd.to_numeric)
     table["ratio"] = table["asi"] / table["marine"]

@@ -31,17 +31,7 @@ MODBUS_BYTES, MODBUS_SILENCE, MODBUS_CHARACTER, MODBUS_MOST = 13 + 5, 2 * 3.5, 1
 
 
 class Rates(NamedTuple):
-    """What a line carries.
-
-    Attributes
-    ----------
-    gross : float
-        Bits on the line while somebody sends [bit/s].
-    net : float
-        User bits [bit/s].
-    efficiency : float
-        User bits over all bit times, 0..1.
-    """
+    """What a line carries."""
 
     gross: float
     net: float
@@ -56,49 +46,7 @@ def rates(
     management: int = 1,
     inclusion: int = 1,
 ) -> Rates:
-    """Return the rates over one transaction, or over a whole cycle.
-
-    Parameters
-    ----------
-    transaction : Transaction, optional
-        Its pauses decide; pauses of 2 and 2 bit times if omitted, 25 bit times in all.
-    addresses : int, optional
-        Addresses in use, 1..31. The rates are then those of the whole cycle, in which management
-        and inclusion carry no user data.
-    user_bits : int, default 8
-        User bits in one transaction, 0..8: 7 for an A/B slave, 4 for inputs alone.
-    management, inclusion : int, default 1
-        Requests of these phases in a cycle.
-
-    Returns
-    -------
-    Rates
-        Gross, net and efficiency.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range.
-
-    Notes
-    -----
-    icn2007 prints 167 and 53.5 kbit/s and 32 %. The last is 8 user bits in 25 bit times, which
-    make 53.33 kbit/s; 53.5 needs 24.92 bit times, and no pauses that anyone prints add up to
-    them. See claims icn2007-025 and -026.
-
-    References
-    ----------
-    .. [1] "AS-Interface communication system for field networks (2)", ICN, July 2007,
-       data link layer, section 3.
-
-    Examples
-    --------
-    >>> gross, net, efficiency = rates()
-    >>> f"{gross / 1e3:.0f} and {net / 1e3:.2f} kbit/s, {efficiency:.0%}"
-    '167 and 53.33 kbit/s, 32%'
-    >>> f"{rates(addresses=31).net / 1e3:.1f} kbit/s over a cycle of 31 slaves"
-    '50.1 kbit/s over a cycle of 31 slaves'
-    """
+    """Return the rates over one transaction, or over a whole cycle."""
     transaction = Transaction(2, 2) if transaction is None else transaction
     bits = check_whole("user_bits", user_bits, 0, USER_BITS)
     gross = 1 / transaction.bit_time
@@ -114,23 +62,7 @@ def rates(
 
 
 def rate_table() -> pd.DataFrame:
-    """Return the rates under each assumption about the length of a transaction.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row an assumption; `net_kbit_per_s` and `efficiency_percent` are not rounded.
-
-    Examples
-    --------
-    Which of them give the 53.5 kbit/s and the 32 % of icn2007, as printed?
-
-    >>> table = rate_table()
-    >>> table.index[table["net_kbit_per_s"].round(1) == 53.5].tolist()
-    []
-    >>> table.index[table["efficiency_percent"].round() == 32].tolist()
-    ['25 bit']
-    """
+    """Return the rates under each assumption about the length of a transaction."""
     import pandas as pd
 
     pauses = {
@@ -163,39 +95,6 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
     r"""Return the efficiencies of three buses that exchange the same data with one station.
 
     .. math:: \eta = \frac{2 n}{\text{bit times of all frames and silences}}
-
-    Parameters
-    ----------
-    user_bits : int or array_like of int
-        User bits n to the station, and as many back; 1..1936, which one Modbus frame holds.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by `user_bits`; one column a bus, values 0..1.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range.
-
-    Notes
-    -----
-    AS-i takes as many transactions of 25 bit times as 4 bits each way need. CAN takes data frames
-    of up to 8 bytes, one a direction or more, without stuff bits, which is the best case for it.
-    Modbus RTU takes one request of function 23 and its response. Rates are left out: a share of
-    the line is compared, not its speed.
-
-    Examples
-    --------
-    AS-i leads while the data are small, which is claim icn2007-027:
-
-    >>> table = bus_efficiencies([4, 16, 24, 1600])
-    >>> for bus in table:
-    ...     print(f"{bus:<11}", *(f"{share:6.1%}" for share in table[bus]))
-    as_i         32.0%  32.0%  32.0%  32.0%
-    can           7.3%  25.4%  33.8%  57.7%
-    modbus_rtu    2.5%  10.0%  13.2%  68.4%
     """
     import pandas as pd
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from shipnet.asi.emc.fast_transient import (
+from shipnet.asi.emc.disturbances import (
     PACKET_LENGTH,
     PULSE_RATE,
     burst,

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from shipnet import datasets
-from shipnet.asi.emc.fast_transient import PULSE_RATE
-from shipnet.asi.emc.levels import CRITERIA, STANDARDS, gap, levels
+from shipnet.asi.emc.disturbances import PULSE_RATE
+from shipnet.asi.emc.immunity import CRITERIA, STANDARDS, gap, levels
 from shipnet.errors import ArgumentError
 
 TABLE = levels()

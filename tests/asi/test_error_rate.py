@@ -4,13 +4,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from shipnet.asi.apm import HALF_BIT, pulses_of
 from shipnet.asi.batch import bits_of, encode_responses
-from shipnet.asi.emc.disturbance import impulses, noise
-from shipnet.asi.emc.error_rate import Telegrams, all_telegrams, monte_carlo, telegram_error_rate
-from shipnet.asi.emc.noise_theory import noise_error_rate
+from shipnet.asi.emc.disturbances import impulses, noise
+from shipnet.asi.emc.monte_carlo import (
+    Telegrams,
+    all_telegrams,
+    monte_carlo,
+    noise_error_rate,
+    telegram_error_rate,
+)
+from shipnet.asi.modulation import CLASSES, HALF_BIT, pulses_of
 from shipnet.asi.receiver import matched_filter, receive
-from shipnet.asi.slots import CLASSES
 from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError
 

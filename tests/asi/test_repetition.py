@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shipnet.asi.emc.repetition import CYCLES, TRIES, cycle_effect, error_series
+from shipnet.asi.emc.failures import CYCLES, TRIES, cycle_effect, error_series
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 

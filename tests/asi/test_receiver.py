@@ -9,10 +9,19 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import signal
 
-from shipnet.asi.apm import HALF_BIT, SEND_CURRENT, pulses_of, ramp, steps_of
 from shipnet.asi.batch import NONE, bits_of, encode_responses
+from shipnet.asi.modulation import (
+    CLASSES,
+    HALF_BIT,
+    SEND_CURRENT,
+    bits_of_slots,
+    check_slots,
+    pulses_of,
+    ramp,
+    steps_of,
+    violations,
+)
 from shipnet.asi.receiver import matched_filter, receive, within_tolerance
-from shipnet.asi.slots import CLASSES, bits_of_slots, check_slots, violations
 from shipnet.errors import ArgumentError, FrameError, SilenceError, explain
 
 RESPONSES = bits_of(encode_responses(np.arange(16))[0], 7)

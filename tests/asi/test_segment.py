@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from shipnet.asi import Request, Response
-from shipnet.asi.apm import send_spectrum
+from shipnet.asi.modulation import send_spectrum
 from shipnet.asi.segment import Segment
 from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError
