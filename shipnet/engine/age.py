@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.schedule import Convention, response_times
+from shipnet.can.response import Assumptions, response_times
 from shipnet.clock import nanoseconds
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 #: From queueing to the end of the frame, which is where the receiver's interrupt comes.
-_CONVENTION = Convention(own_jitter=False, intermission="between")
+_ASSUMPTIONS = Assumptions(own_jitter=False, intermission="between")
 
 
 def can_response(system: System) -> Floats:
@@ -51,7 +51,7 @@ def can_response(system: System) -> Floats:
     >>> (can_response(System()) * 1e3).round(3).tolist()[::21]
     [2.136, 22.776]
     """
-    found = response_times(system.messages, system.can_bit_rate, convention=_CONVENTION)
+    found = response_times(system.messages, system.can_bit_rate, assumptions=_ASSUMPTIONS)
     if not all(response.met for response in found):
         raise ArgumentError(
             f"can_bit_rate is {system.can_bit_rate} bit/s; frames must arrive within the update "

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.schedule import Message, MessageSet, frame_bits
+from shipnet.can.lengths import Stuffing, frame_length
+from shipnet.can.messages import Message, MessageSet
 from shipnet.engine.points import Point, by_box, check_points
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
@@ -325,9 +326,15 @@ def volume_table(
         index=list(layout.boxes),
     )
     dlcs = [[dlc for _, _, dlc in layout._frames(box)] for box in layout.boxes]
-    ways = {"nominal_bits": (False, "nominal"), "worst_bits": (False, "worst")}
-    for column, (extended, way) in {**ways, "worst_extended_bits": (True, "worst")}.items():
-        table[column] = [int(frame_bits(dlc, extended, way).sum()) for dlc in dlcs]  # type: ignore[arg-type] # the two ways are legal
+    ways: dict[str, tuple[bool, Stuffing]] = {
+        "nominal_bits": (False, "none"),
+        "worst_bits": (False, "worst"),
+        "worst_extended_bits": (True, "worst"),
+    }
+    for column, (extended, way) in ways.items():
+        table[column] = [
+            int(frame_length(dlc, stuffing=way, extended=extended).sum()) for dlc in dlcs
+        ]
     table.loc["all"] = table.sum()
     for rate in rates:
         table[f"ms_{rate / 1000:g}k"] = table["worst_bits"] / rate * 1e3

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shipnet.can.frame import Frame
-from shipnet.can.reader import decode
+from shipnet.can.frame import Frame, decode
 from shipnet.crc import ALGORITHMS, crc, crc_batch
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_whole
@@ -95,7 +94,7 @@ def undetected_on_can(frame: Frame, flips: int = 2) -> pd.DataFrame:
 
     Notes
     -----
-    Each pattern goes through `shipnet.can.reader.decode`. A receiver may find fault with a frame
+    Each pattern goes through `shipnet.can.frame.decode`. A receiver may find fault with a frame
     that others take; here there is one receiver, which acknowledges nothing itself.
 
     Examples

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.bus.arbitration import Releases, send_all
-from shipnet.can.layout import INTERMISSION
+from shipnet.can.bus import Releases, send_all
+from shipnet.can.frame import INTERMISSION
 from shipnet.engine.faults import BusOff, CutCan, DeadBox, Fault, outages
 from shipnet.engine.firmware import Cpu
 from shipnet.engine.system import System

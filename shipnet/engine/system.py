@@ -9,7 +9,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.schedule import MessageSet, frame_bits
+from shipnet.can.lengths import frame_length
+from shipnet.can.messages import MessageSet
 from shipnet.clock import nanoseconds
 from shipnet.engine.can_messages import CanLayout
 from shipnet.engine.firmware import Firmware
@@ -227,7 +228,7 @@ class System:
     @cached_property
     def frame_ns(self) -> Integers:
         """Longest time of each message on the bus, intermission included [ns]."""
-        bits = frame_bits([m.dlc for m in self._layout.messages()])
+        bits = frame_length([m.dlc for m in self._layout.messages()])
         return np.rint(bits * 1e9 / self.can_bit_rate).astype(np.int64)
 
     @cached_property
