@@ -2,8 +2,8 @@
 
     python docs/floors.py        write docs/_static/floors.svg
 
-Floors are the layers of the first import contract in pyproject.toml. An arrow means that code of one
-package imports the other when it is loaded, or inside a function.
+Floors are the layers of the first import contract in pyproject.toml. An arrow means that code of
+one package imports the other when it is loaded, or inside a function.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def imports(root: Path = ROOT) -> set[tuple[str, str]]:
 
 
 def draw(root: Path = ROOT, picture: Path = PICTURE) -> None:
-    """Write the picture; the two floors on top may use every floor below, so they have no arrows."""
+    """Write the picture; the two top floors may use every other, so they have no arrows."""
     import matplotlib
     import matplotlib.pyplot as plt
 

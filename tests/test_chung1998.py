@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shipnet.errors import ArgumentError
-from shipnet.papers import counts
+from shipnet.papers import ledger
 from shipnet.papers.chung1998 import integrity, link, overrun, packets, ring, stations
 from shipnet.papers.chung1998.stations import PRINTED, chips_needed
 from shipnet.remote_control import Markers, Ring
@@ -23,7 +23,7 @@ from shipnet.remote_control.signals import STATIONS
 
 
 def test_no_claim_is_open():
-    assert counts().loc["chung1998", "open"] == 0
+    assert ledger().counts().loc["chung1998", "open"] == 0
 
 
 def test_three_seconds_need_both_tests_to_be_reached():

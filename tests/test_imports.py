@@ -37,7 +37,7 @@ def loaded(statement):
         ("import shipnet.remote_control", ["numpy"]),
         ("import shipnet.fuzzy", ["numpy"]),
         ("import shipnet.ballast", ["numpy"]),
-        ("import shipnet.papers", ["numpy", "pandas"]),
+        ("import shipnet.papers", []),
         ("import shipnet.exercises", ["numpy"]),
     ],
 )

@@ -13,14 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.papers import counts, ledger, show
-from shipnet.papers.ledger import _LEANS_ON, PAPERS, STATUSES, VERDICTS, _status, as_number, match
+from shipnet.errors import ArgumentError
+from shipnet.papers import PAPERS, Claim, figure, ledger, show
+from shipnet.papers.judging import _LEANS_ON, STATUSES, VERDICTS, _status, as_number, match
 from shipnet.papers.registry import REGISTRY, check, numeric
 
-LEDGER = ledger()
+LEDGER = ledger().table().reset_index()
 CLAIMS = datasets.read("claims.csv")
 FIGURES = datasets.read("figures_tables.csv")
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 RECORDED = Path(__file__).with_name("expected_ledger.json")
 PRECISE = {"within precision"}
 NUMBERS = [claim for claim in REGISTRY if not REGISTRY[claim].counter]
@@ -197,7 +198,7 @@ def test_a_shifted_decimal_point_is_recognised(value, power):
 
 
 def test_counts_add_up_and_may_only_grow():
-    table = counts()
+    table = ledger().counts()
     assert list(table.index) == list(PAPERS)
     assert list(table.columns) == [*STATUSES, "claims"]
     assert (table[list(STATUSES)].sum(axis=1) == table["claims"]).all()
@@ -211,7 +212,7 @@ def test_counts_add_up_and_may_only_grow():
 
 
 def test_ledger_of_one_paper():
-    one = ledger("icn2007")
+    one = ledger("icn2007").table().reset_index()
     assert set(one["paper"]) == {"icn2007"}
     assert list(one["id"]) == sorted(one["id"])
     with pytest.raises(ValueError, match="paper is 'kim'"):
@@ -315,7 +316,7 @@ def test_a_claim_that_nobody_computes_is_open():
 
 @pytest.mark.parametrize("paper", ["kim2023", "icn2007"])
 def test_the_papers_on_as_i_have_no_open_claim_left(paper):
-    assert counts().loc[paper, "open"] == 0
+    assert ledger().counts().loc[paper, "open"] == 0
 
 
 def test_show_keeps_the_order_and_names_unknown_ids():
@@ -364,9 +365,36 @@ def test_a_paper_alone_is_judged_as_among_all():
     paper = "icn2007"  # the one which leans on another
     program = f"""
 import shipnet.papers as papers
-alone = papers.ledger({paper!r})
+alone = papers.ledger({paper!r}).table().reset_index()
 print(alone[["id", "status", "match"]].to_csv())
 """
     said = subprocess.check_output([sys.executable, "-c", program], text=True)
     among = LEDGER[LEDGER["paper"] == paper].reset_index(drop=True)
     assert said.strip() == among[["id", "status", "match"]].to_csv().strip()
+
+
+def test_a_claim_is_computed_anew_with_other_inputs():
+    claim = Claim("kim2023-074")
+    assert claim.recompute() == claim.computed
+    assert claim.recompute(slaves=100) == pytest.approx(100 * 28 / 200)
+    assert claim.verdict == "typo" and not hasattr(claim, "colour")
+    with pytest.raises(TypeError):
+        claim.recompute(sheep=1)
+    with pytest.raises(ArgumentError, match="not computed; its status is context"):
+        Claim("kim2014-012").recompute()
+    with pytest.raises(ArgumentError, match="no claim kim2023-999"):
+        Claim("kim2023-999")
+
+
+def test_the_ledger_of_a_paper_is_summed_up():
+    one = ledger("kim2023")
+    assert len(one.judged()) == 71 and str(one).startswith("95 claims, 71 judged, ")
+    assert "agrees" not in set(one.differing()["verdict"])
+    assert len(one.differing()) == (one.judged()["verdict"] != "agrees").sum()
+    assert set(one.items()["paper"]) == {"kim2023"} and set(ledger().items()["paper"]) == {*PAPERS}
+
+
+def test_a_figure_that_is_not_drawn_is_refused():
+    for paper, item in (("kim", "Fig 1"), ("kim2023", "Fig 99"), ("kim2023", "")):
+        with pytest.raises(ArgumentError, match=r"it must be one of|drawn are"):
+            figure(paper, item)

@@ -2,35 +2,51 @@ import pytest
 
 from shipnet import datasets
 from shipnet.asi import Call, Request
-from shipnet.papers.kim2023.tables import KIM2023, differences, explained, generated, printed
+from shipnet.errors import ArgumentError
+from shipnet.papers import PrintedTable, table
+
+GENERATED = [f"Table {number}" for number in (4, 5, 6, 7)]
+
+
+def printed(item):
+    return table("kim2023", item).printed
+
+
+def generated(item):
+    return table("kim2023", item).ours
 
 
 def test_every_difference_is_explained_and_no_reason_is_left_over():
     reasons = datasets.read("kim2023_table_differences.csv")
-    found = [explained(table) for table in KIM2023]
-    assert sum(len(table) for table in found) == len(reasons)
-    for table in found:
-        assert not table.isna().any(axis=None)
+    found = [table("kim2023", item).differences() for item in GENERATED]
+    assert sum(map(len, found)) == len(reasons)
+    for cells in found:
+        assert not cells.isna().any(axis=None)
     claims = set(datasets.read("claims.csv")["id"])
     assert set(reasons["claim"]) <= claims
     assert set(reasons["kind"]) == {"typo", "naming", "difference", "missing", "wording"}
 
 
 def test_a_changed_cell_would_be_seen(monkeypatch):
-    table = printed("Table 7")
-    table.loc["3", "D0"] = "OUT"
-    monkeypatch.setattr("shipnet.papers.kim2023.tables.printed", lambda name: table)
-    assert differences("Table 7").to_dict("records") == [
-        {"table": "Table 7", "row": "3", "column": "D0", "printed": "OUT", "ours": "IN"}
-    ]
+    cells = printed("Table 7")
+    cells.loc["3", "D0"] = "OUT"
+    monkeypatch.setattr(PrintedTable, "printed", cells)
+    (found,) = table("kim2023", "Table 7").differences().to_dict("records")
+    assert (found["row"], found["column"], found["printed"], found["ours"]) == (
+        "3",
+        "D0",
+        "OUT",
+        "IN",
+    )
+    assert found["reason"] != found["reason"]  # nobody has explained it
 
 
 def test_table_5_is_what_the_encoder_sends():
-    table = generated("Table 5").drop("HEADER")
-    assert list(table.index) == [call.name for call in Call]
+    cells = generated("Table 5").drop("HEADER")
+    assert list(cells.index) == [call.name for call in Call]
     fixed = {"DATA_EXCHANGE": (21, 5), "WRITE_PARAMETER": (21, 5), "DELETE_ADDRESS": (21, 0)}
     for call in Call:
-        names = list(table.loc[call.name])
+        names = list(cells.loc[call.name])
         address, data = fixed.get(call.name, (21, 0))
         if call.rule.pattern[1:6].isdigit():
             address, data = int(call.rule.pattern[1:6], 2), int("d" in call.rule.pattern)
@@ -55,9 +71,9 @@ def test_select_0_gives_the_requests_of_slaves_before_2_1():
     # What a standard slave is sent as I4..I0; it knows of no select bit.
     before = {"RESET": "11100", "READ_STATUS": "11110", "READ_IO_CONFIGURATION": "10000"}
     before |= {"DELETE_ADDRESS": "00000", "READ_ID": "10001"}
-    for table, agrees in ((generated("Table 5"), True), (printed("Table 5"), False)):
+    for cells, agrees in ((generated("Table 5"), True), (printed("Table 5"), False)):
         sent = {
-            call: "".join(table.loc[call, "I4":"I0"]).replace("~S", "1").replace("S", "0")
+            call: "".join(cells.loc[call, "I4":"I0"]).replace("~S", "1").replace("S", "0")
             for call in before
         }
         assert (sent == before) == agrees
@@ -70,7 +86,14 @@ def test_parameter_bits_are_called_p():
     assert printed("Table 5").loc["WRITE_PARAMETER", "I2":"I0"].tolist() == ["D2", "D1", "D0"]
 
 
-def test_other_tables_are_refused():
-    for function in (printed, generated):
-        with pytest.raises(ValueError, match="table is 'Table 1'"):
-            function("Table 1")
+def test_a_table_that_is_only_transcribed_is_shown_as_text():
+    sensors = table("kim2023", "Table 1")
+    assert len(sensors.printed) > 3 and sensors.printed.map(type).eq(str).all(axis=None)
+    with pytest.raises(ArgumentError, match="transcribed, not generated"):
+        _ = sensors.ours
+
+
+@pytest.mark.parametrize(("paper", "item"), [("kim2023", "Table 99"), ("kim", "Table 1")])
+def test_an_unknown_table_is_refused(paper, item):
+    with pytest.raises(ArgumentError, match=r"transcribed are Table 1|paper is 'kim'"):
+        table(paper, item)
