@@ -231,14 +231,14 @@ def _ledger(arguments: argparse.Namespace) -> None:
 
 def _decode(arguments: argparse.Namespace) -> None:
     from shipnet.asi.capture import decode
-    from shipnet.asi.waveform_file import read_waveform
+    from shipnet.line.scope_file import read_waveform
 
     waveform = read_waveform(
         arguments.file, channel=arguments.channel, sample_interval=arguments.sample_interval
     )
     capture = decode(waveform.u, waveform.dt, threshold=arguments.threshold)
     if not capture.telegrams:
-        raise InputError(arguments.file, f"no AS-i telegram in channel {waveform.channel}")
+        raise InputError(arguments.file, f"no AS-i telegram in channel {waveform.names[0]}")
     rows = capture.transactions
     # The files come first: whoever reads the output may stop reading.
     written = []

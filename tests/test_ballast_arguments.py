@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from shipnet.ballast import RegisterMap, diagnose_run, simulate
+from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.trend import fit_trend
 from shipnet.ballast.trials import fault_trials, half_found
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy import published, strengths
 from shipnet.intervals import share_interval
 
 FIVE = np.zeros((5, 1))
@@ -46,8 +46,8 @@ def trials(*codes, **options):
         (lambda: fit_trend([1, 2], [[1], [1, 2]]), "rows of numbers"),
         (lambda: simulate(commands=None, duration=1), "commands is None"),
         (lambda: simulate(commands=["open"], duration=1), r"commands is \['open'\]"),
-        (lambda: strengths(published.rule_base("kim2014"), None), "samples is None"),
-        (lambda: strengths(published.rule_base("kim2014"), 5), "samples is 5"),
+        (lambda: rule_base().fire(None), "samples is None"),
+        (lambda: rule_base().fire(5), "samples is 5"),
     ],
 )
 def test_a_wrong_argument_is_named_whatever_its_type(make, message):

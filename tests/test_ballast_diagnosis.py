@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from shipnet.ballast import Command, Fault, blocks, diagnose_run, simulate
-from shipnet.ballast.diagnosis import READINGS, with_slow_stroke
+from shipnet.ballast.diagnosis import READINGS
 from shipnet.ballast.faults import FAULTS
 from shipnet.ballast.features import command_features, running_time
+from shipnet.ballast.rule_table import rule_base
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy import Rule, RuleBase, published
+from shipnet.fuzzy import Rule, RuleBase
 
-BASE = published.rule_base("kim2014")
+BASE = rule_base()
 ORDERS = [
     Command("open", 1.0),
     Command("close", 4.0, valves=[0, 2]),
@@ -36,7 +37,7 @@ def pieces(size):
 @pytest.mark.parametrize("reading", READINGS)
 @pytest.mark.parametrize("size", [2, 11, 97])
 def test_blocks_are_diagnosed_as_the_whole_run_is(reading, size):
-    rules = with_slow_stroke()
+    rules = rule_base(slow_stroke=10)
     whole = diagnose_run(simulate(**settings(rng=np.random.default_rng(7))), rules, reading=reading)
     after, active, alarms, samples = None, [], [], []
     for piece in pieces(size):
@@ -158,12 +159,12 @@ def test_the_slow_stroke_is_reported_by_the_added_rule_alone():
     lasted = run.strokes["duration_s"][0]
     assert 10.3 < lasted < 12
     assert not diagnose_run(run).active.any()
-    table = diagnose_run(run, with_slow_stroke()).commands()
+    table = diagnose_run(run, rule_base(slow_stroke=10)).commands()
     assert table["headline"].tolist() == ["T1"]
     assert table["delay_s"][0] == pytest.approx(10.2)
     sound = simulate(commands=[Command("open")], duration=20)
-    assert not diagnose_run(sound, with_slow_stroke()).active.any()
-    assert with_slow_stroke().rules[:12] == BASE.rules
+    assert not diagnose_run(sound, rule_base(slow_stroke=10)).active.any()
+    assert rule_base(slow_stroke=10).rules[:12] == BASE.rules
 
 
 def test_a_motor_that_turns_round_is_timed_anew():
@@ -203,8 +204,8 @@ def test_a_run_without_instants_or_commands_is_diagnosed_as_nothing():
         ({"k": 6}, "k is 6; it must be a whole number 1..5"),
         ({"n": 0}, "n is 0"),
         ({"n": 1001}, "n is 1001"),
-        ({"cut": 0}, "cut is 0"),
-        ({"cut": float("nan")}, "cut is nan"),
+        ({"cut": 0}, "threshold is 0"),
+        ({"cut": float("nan")}, "threshold is nan"),
     ],
 )
 def test_a_setting_out_of_range_is_named(arguments, message):

@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 from shipnet.ballast import RegisterMap
 from shipnet.ballast.codes import READINGS, Code, code_table, command_codes
 from shipnet.ballast.messages import MESSAGES, message_table, printed_adu, standard_adu
+from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.scales import SCALES, scale_table, survival_table
 from shipnet.ballast.switches import switch_table, unit_id
 from shipnet.errors import ArgumentError, FieldError, LengthError
-from shipnet.fuzzy import published, strengths
 from shipnet.modbus.frame import decode_tcp
 from shipnet.modbus.reader import decode_response
 from shipnet.modbus.request import ReadRequest, WriteRegister
@@ -77,7 +77,7 @@ def test_what_does_not_fit_is_flagged_and_sent_as_the_nearest_that_does():
 
 
 def test_a_dead_sensor_fires_no_rule_on_its_way_through_the_registers():
-    base, rest = published.rule_base("kim2014"), [90.0, 2.0, 1.2, 50.0, 40.0]
+    base, rest = rule_base(), [90.0, 2.0, 1.2, 50.0, 40.0]
     for k, name in enumerate(["FP", "OP", "MC", "OT", "VPos"]):
         dead = np.array(rest)
         dead[k] = np.nan
@@ -85,7 +85,7 @@ def test_a_dead_sensor_fires_no_rule_on_its_way_through_the_registers():
         read = RegisterMap().unpack(packed.registers).readings[:, 0]
         assert np.isnan(read).nonzero()[0].tolist() == [k]
         samples = dict(zip(["FP", "OP", "MC", "OT", "VPos"], read, strict=True))
-        fired = strengths(base, samples).strength
+        fired = base.fire(samples).strength
         assert fired.max() == 0, name
     assert (scale_table()["missing"] == 255).all()
 

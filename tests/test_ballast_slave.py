@@ -22,10 +22,10 @@ from shipnet.ballast import (
 )
 from shipnet.ballast.answer import answer_table, write_outcome
 from shipnet.ballast.codes import Code
-from shipnet.ballast.diagnosis import with_slow_stroke
 from shipnet.ballast.monitor import Monitor
 from shipnet.ballast.plot import plot_channel, plot_stroke
 from shipnet.ballast.recorder import Recorder
+from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.serving import valve_server
 from shipnet.errors import ArgumentError
 from shipnet.modbus.reader import decode_response
@@ -295,7 +295,7 @@ def test_at_the_end_the_master_times_out_or_sees_nothing_of_the_movement():
         (lambda: valve_server(1, watchdog=4000), "watchdog is 4000"),
         (lambda: ValveDevice(Plant(), monitor=Monitor(Plant())), "monitor looks on at another"),
         (lambda: Monitor(Plant(), k=6), "k is 6"),
-        (lambda: Monitor(Plant(), with_slow_stroke()), "rules has 13 rules"),
+        (lambda: Monitor(Plant(), rule_base(slow_stroke=10)), "rules has 13 rules"),
         (lambda: setattr(ValveDevice(Plant()), "fault", 13), "row is 13"),
         (lambda: valve_slaves(Plant(n_valves=248)), "plant has 248 valves"),
         (lambda: valve_slaves(Plant(n_valves=2), first=247), "there are 1"),

@@ -14,11 +14,11 @@ from shipnet.ballast.channels import CHANNELS, normal_values, rule_limits
 from shipnet.ballast.codes import Code, code_table, command_codes
 from shipnet.ballast.messages import printed_adu, standard_adu
 from shipnet.ballast.registers import RegisterMap
+from shipnet.ballast.rule_table import rule_vectors
 from shipnet.ballast.scales import SCALES, survival_table
 from shipnet.ballast.switches import switch_table
 from shipnet.engine.class_rules import RULES
 from shipnet.errors import ArgumentError, LengthError
-from shipnet.fuzzy import crisp_strengths, decide, diagnose, published, strengths
 from shipnet.modbus.datagram import LossyPath, mix_ups, poll
 from shipnet.modbus.frame import decode_rtu, decode_tcp, encode_rtu
 from shipnet.modbus.reader import decode_response
@@ -29,7 +29,7 @@ from shipnet.modbus.timing import Serial
 from shipnet.papers.kim2014 import addresses, diagnosis, loop, messages, names, rules, valve
 
 READ = ReadRequest(4, 0x4020, 4)
-PRINTED = published.vectors("kim2014", reading="printed")
+PRINTED = rule_vectors("printed")
 
 
 # Addresses.
@@ -255,14 +255,14 @@ def test_the_row_of_the_flag_names_the_motor():
     ],
 )  # fmt: skip
 def test_what_fires_beside_the_headline(code, fired):
-    row = diagnose(rules.BASE, PRINTED.loc[[code]], crisp=True).iloc[0]
-    assert (row["fired"], row["headline"]) == (fired, code)
+    row = rules.BASE.check(PRINTED.loc[[code]], "crisp").iloc[0]
+    assert (row["fired"], row["top"]) == (fired, code)
 
 
 def test_nine_of_twelve_inputs_find_their_row():
     right = [code for code in rules.BASE.codes if diagnosis.diagnosed(code) == code]
     assert len(right) == 9 and set(rules.BASE.codes) - set(right) == {"V2", "S2", "Pos2"}
-    mended = [diagnosis.diagnosed(code, reading="meant") for code in rules.BASE.codes]
+    mended = [diagnosis.diagnosed(code, version="corrected") for code in rules.BASE.codes]
     assert tuple(mended) == rules.BASE.codes
 
 
@@ -292,8 +292,8 @@ def test_positions_as_printed_are_off_the_scale():
 def test_a_cut_at_a_half_is_a_table_of_comparisons():
     rng = np.random.default_rng(3)
     samples = {v.name: rng.uniform(v.low, v.high, 5000) for v in rules.BASE.variables}
-    fuzzy = decide(strengths(rules.BASE, samples)).active
-    crisp = decide(crisp_strengths(rules.BASE, samples, dead_band=True)).active
+    fuzzy = rules.BASE.fire(samples).decide().active
+    crisp = rules.BASE.fire(samples, "midpoint").decide().active
     assert fuzzy.any() and (fuzzy == crisp).all()
 
 

@@ -7,7 +7,7 @@ from shipnet.asi.response import RESPONSES
 from shipnet.asi.segment import POWER_SUPPLY, Segment
 from shipnet.asi.topology import star, straight_line
 from shipnet.errors import ArgumentError
-from shipnet.line import Network
+from shipnet.line import CableRun, Load, Network
 
 
 def test_it_is_the_worst_of_what_the_receiver_says():
@@ -24,9 +24,7 @@ def test_it_is_the_worst_of_what_the_receiver_says():
 
 def test_too_long_a_cable_loses_some_and_no_signal_loses_all():
     assert 0 <= signal_quality(straight_line(250, slaves=(5,))).received[0] < 1
-    shorted = Network()
-    shorted.line("0 m", "slave", 10, straight_line(10, ()).network.branches[0].cable)
-    shorted.load("0 m", **{**POWER_SUPPLY, "r": 0.01})
+    shorted = Network([CableRun("0 m", "slave", 10)], {"0 m": Load(r=0.01, l=POWER_SUPPLY.l)})
     found = signal_quality(Segment(shorted, "0 m", ("slave",)))
     assert (found.evenness[0], found.ringing[0], found.received[0]) == (0, 1, 0)
 

@@ -4,11 +4,11 @@ import pytest
 from shipnet.asi.segment import DEVICE, POWER_SUPPLY, Segment
 from shipnet.asi.topology import ring, star, straight_line
 from shipnet.errors import ArgumentError
-from shipnet.line import CABLES, Cable, Network
+from shipnet.line import CABLES, Cable, CableRun, Network
 
 
 def total(segment: Segment) -> float:
-    return sum(branch.length for branch in segment.network.branches)
+    return sum(run.length for run in segment.network.runs)
 
 
 def test_a_star_counts_every_leg():
@@ -40,14 +40,11 @@ def test_a_ring_is_fed_from_both_sides():
 def test_a_ring_agrees_with_its_two_halves_folded():
     # By symmetry no current crosses the middle: two cables side by side, open at their ends.
     closed = ring(100, slaves=(25, 50, 75))
-    cable = CABLES["as-i"]
+    cable = CABLES["as-i 1.5"]
     both = Cable(r=cable.r / 2, l=cable.l / 2, c=cable.c * 2)
-    fold = Network()
-    fold.line("0 m", "25 m", 25, both)
-    fold.line("25 m", "50 m", 25, both)
-    fold.load("0 m", **POWER_SUPPLY)
-    for node in ("0 m", "25 m", "25 m", "50 m"):
-        fold.load(node, **DEVICE)
+    runs = [CableRun("0 m", "25 m", 25, both), CableRun("25 m", "50 m", 25, both)]
+    loads = {"0 m": POWER_SUPPLY + DEVICE, "25 m": DEVICE + DEVICE, "50 m": DEVICE}
+    fold = Network(runs, loads)
     folded = Segment(fold, "0 m", ("25 m", "50 m")).signals("0011001")[1]
     assert closed.signals("0011001")[1][:2] == pytest.approx(folded, abs=1e-9)
 
@@ -58,7 +55,7 @@ def test_a_ring_agrees_with_its_two_halves_folded():
         (lambda: straight_line(100, slaves=(101,)), "the slave is at 101 m; it must be 0..100 m"),
         (lambda: star(10, (1,), along=(11,)), "the slave is at 11 m; it must be 0..10 m"),
         (lambda: star(10, (1,), supply=-1), "the supply is at -1 m"),
-        (lambda: star(10, (1, -2)), "'10 m'-'leg 2' is -2"),
+        (lambda: star(10, (1, -2)), "cable 10 m - leg 2 is -2"),
         (lambda: star(10, (float("nan"),)), "leg 1"),
         (lambda: ring(100, ()), "the last place on the ring is 0.0 m"),
         (lambda: ring(100, (50, 100)), "less than 100 m"),

@@ -15,7 +15,8 @@ from shipnet.asi.response import Response
 from shipnet.asi.simulation import Master, Slave, simulate
 from shipnet.asi.telegram import Request
 from shipnet.asi.timing import BIT_TIME, Timing, Transaction
-from shipnet.asi.waveform_file import Waveform, read_waveform
+from shipnet.line.scope_file import read_waveform
+from shipnet.line.waveform import Waveform
 
 __all__ = [
     "BIT_TIME",

@@ -14,16 +14,17 @@ import numpy.typing as npt
 
 from shipnet.asi.apm import HALF_BIT, SEND_CURRENT, ramp_spectrum, steps_of
 from shipnet.errors import ArgumentError
-from shipnet.line import Network, laplace_grid, synthesize
+from shipnet.line.laplace import laplace_grid, synthesize
+from shipnet.line.network import Load, Network
 
 __all__ = ["DEVICE", "POWER_SUPPLY", "Segment"]
 
 #: What a slave or a master loads the line with: r [ohm], l [H] and c [F] in parallel, the limits
 #: that the SAP5S/SAP51 data sheet (2012, p. 29) sets for an A/B slave.
-DEVICE = {"r": 13.5e3, "l": 13.5e-3, "c": 50e-12}
+DEVICE = Load(r=13.5e3, l=13.5e-3, c=50e-12)
 
 #: The decoupling of the power supply, 39 ohm beside 50 uH in each wire: assumed after IEC 62026-2.
-POWER_SUPPLY = {"r": 78.0, "l": 100e-6}
+POWER_SUPPLY = Load(r=78.0, l=100e-6)
 
 Floats = npt.NDArray[np.floating]
 

@@ -5,12 +5,13 @@ A network of another shape is a `shipnet.line.Network` of its own, given to `Seg
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from shipnet.asi.segment import DEVICE, POWER_SUPPLY, Segment
 from shipnet.errors import ArgumentError
-from shipnet.line import CABLES, Cable, Network
+from shipnet.line.cable import CABLES, Cable
+from shipnet.line.network import CableRun, Load, Network
 
 __all__ = ["ring", "star", "straight_line"]
 
@@ -21,7 +22,7 @@ def straight_line(
     *,
     master: float = 0.0,
     supply: float = 0.0,
-    cable: Cable = CABLES["as-i"],
+    cable: Cable = CABLES["as-i 1.5"],
     terminator: float | None = None,
 ) -> Segment:
     """Return a segment along one cable.
@@ -55,9 +56,20 @@ def straight_line(
     ('5 m', '100 m')
     """
     segment = star(length, (), along=slaves, master=master, supply=supply, cable=cable)
-    if terminator is not None:
-        segment.network.terminator(_node(length), terminator)
-    return segment
+    if terminator is None:
+        return segment
+    network, end = segment.network, _node(length)
+    ended = Network(network.runs, joined(network.loads, {end: Load(r=terminator)}))
+    return Segment(ended, segment.master, segment.slaves)
+
+
+def joined(*several: Mapping[str, Load]) -> dict[str, Load]:
+    """Return loads by node, several at a node in parallel."""
+    loads: dict[str, Load] = {}
+    for one in several:
+        for node, load in one.items():
+            loads[node] = loads[node] + load if node in loads else load
+    return loads
 
 
 def star(
@@ -67,7 +79,7 @@ def star(
     along: Sequence[float] = (),
     master: float = 0.0,
     supply: float = 0.0,
-    cable: Cable = CABLES["as-i"],
+    cable: Cable = CABLES["as-i 1.5"],
 ) -> Segment:
     """Return a segment whose cable fans out at its end.
 
@@ -104,22 +116,22 @@ def star(
     for what, place in named:
         if not 0 <= place <= trunk:
             raise ArgumentError(f"the {what} is at {place} m; it must be 0..{trunk} m")
-    network = Network()
     places = sorted({0.0, float(trunk), *(float(place) for _, place in named)})
-    for near, far in pairwise(places):
-        network.line(_node(near), _node(far), far - near, cable)
+    runs = [CableRun(_node(near), _node(far), far - near, cable) for near, far in pairwise(places)]
     ends = [f"leg {number}" for number, _ in enumerate(legs, 1)]
-    for end, leg in zip(ends, legs, strict=True):
-        network.line(_node(trunk), end, leg, cable)
-    network.load(_node(supply), **POWER_SUPPLY)
+    runs += [CableRun(_node(trunk), end, leg, cable) for end, leg in zip(ends, legs, strict=True)]
     slaves = (*map(_node, along), *ends)
-    for node in (_node(master), *slaves):
-        network.load(node, **DEVICE)
+    devices = [{node: DEVICE} for node in (_node(master), *slaves)]
+    network = Network(runs, joined({_node(supply): POWER_SUPPLY}, *devices))
     return Segment(network, _node(master), slaves)
 
 
 def ring(
-    length: float, slaves: Sequence[float], *, supply: float = 0.0, cable: Cable = CABLES["as-i"]
+    length: float,
+    slaves: Sequence[float],
+    *,
+    supply: float = 0.0,
+    cable: Cable = CABLES["as-i 1.5"],
 ) -> Segment:
     """Return a segment whose cable comes back to the master.
 
@@ -157,8 +169,9 @@ def ring(
             f"{length} m"
         )
     segment = star(last, (), along=slaves, supply=supply, cable=cable)
-    segment.network.line(_node(last), segment.master, length - last, cable)
-    return segment
+    closing = CableRun(_node(last), segment.master, length - last, cable)
+    network = Network([*segment.network.runs, closing], segment.network.loads)
+    return Segment(network, segment.master, segment.slaves)
 
 
 def _node(place: float) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,19 +16,18 @@ import numpy.typing as npt
 
 from shipnet.ballast.features import valve_row
 from shipnet.ballast.inputs import Tail, rule_inputs
+from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.simulation import Run
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.fuzzy import published
-from shipnet.fuzzy.decide import Decision, decide, headlines
-from shipnet.fuzzy.rules import Rule, RuleBase
-from shipnet.fuzzy.strengths import Firing, crisp_strengths, strengths
-from shipnet.fuzzy.terms import Interval, Term, Variable
+from shipnet.fuzzy.decision import Decision, top_codes
+from shipnet.fuzzy.firing import Firing
+from shipnet.fuzzy.rules import RuleBase
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["READINGS", "Diagnosis", "diagnose_run", "with_slow_stroke"]
+__all__ = ["READINGS", "Diagnosis", "diagnose_run"]
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -43,38 +41,6 @@ READINGS = {
 
 #: Valve readings whose strengths are held at once: 12 rules of them take 25 MB.
 _AT_ONCE = 2**18
-
-
-def with_slow_stroke(rules: RuleBase | None = None) -> RuleBase:
-    """Add T1: a stroke that takes longer than the 10 s that row 0 of the table prints.
-
-    Parameters
-    ----------
-    rules : RuleBase, optional
-        The rules; those of the paper if omitted.
-
-    Returns
-    -------
-    RuleBase
-        With a variable ``Time``, for how long the motor has been running, and T1 as last in rank.
-
-    Notes
-    -----
-    The rule is ours, not the paper's: its table names no fault for a slow valve. The ramp, 9.5 to
-    10.5 s, is our assumption.
-
-    Examples
-    --------
-    >>> base = with_slow_stroke()
-    >>> base.ranking[-1], base.rule("T1").text, str(base.variable("Time").term("slow").crisp)
-    ('T1', 'Time.slow', 'x > 10')
-    """
-    base = rules if rules is not None else published.rule_base("kim2014")
-    slow = Term("slow", (9.5, 10.5, inf, inf), Interval.parse("x > 10"), "slow")
-    time = Variable("Time", "s", 0, 3600, (slow,), "running time")
-    last = max(rule.priority for rule in base.rules) + 1
-    rule = Rule("T1", (("Time", "slow"),), last, "Degraded", "stroke slow (ours)")
-    return RuleBase((*base.variables, time), (*base.rules, rule))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +86,7 @@ class Diagnosis:
     def headline(self) -> npt.NDArray[np.object_]:
         """The first of the active codes, ``normal`` or ``unknown``; shape (n_times, n_valves)."""
         silent = np.logical_and.reduce([np.isnan(self.samples[name]) for name in self.base.names])
-        return headlines(self.base, self.active, silent)
+        return top_codes(self.base, self.active, silent)
 
     @cached_property
     def onset(self) -> Flags:
@@ -197,7 +163,7 @@ class Diagnosis:
         ranked = [self.base.codes.index(code) for code in self.base.ranking]
         names = np.array(self.base.ranking, dtype=object)
         table["active"] = [" ".join(names[row]) for row in found[:, ranked]]
-        table["headline"] = headlines(self.base, found)
+        table["headline"] = top_codes(self.base, found)
         table["delay_s"] = delay
         return table
 
@@ -305,7 +271,7 @@ def diagnose_run(
     >>> diagnosis.explain(1, 2.0)
     'V1 1.00: FP 126.7 bar high 1.00, OP 10 bar high 1.00'
     """
-    base = rules if rules is not None else published.rule_base("kim2014")
+    base = rules if rules is not None else rule_base()
     if not isinstance(reading, str) or reading not in READINGS:
         raise ArgumentError(f"reading is {reading!r}; it must be one of {', '.join(READINGS)}")
     window = check_whole("n", n, 1, 1000)
@@ -321,7 +287,7 @@ def diagnose_run(
     for start in range(kept, max(time.size, kept + 1), size):
         first = max(start - window + 1, 0)
         part = {name: x[first : start + size] for name, x in samples.items()}
-        decided = decide(_fire(base, part, reading), cut=cut, k=k, n=n).active
+        decided = _fire(base, part, reading).decide(threshold=cut, k=k, n=n).active
         active[start - kept : start - kept + size] = decided[start - first :]
     own = {name: x[kept:] for name, x in samples.items()}
     tail = Tail.keep(run, time, samples, active, window, earlier)
@@ -329,10 +295,8 @@ def diagnose_run(
 
 
 def _fire(base: RuleBase, samples: dict[str, Floats], reading: str) -> Firing:
-    given = {name: samples[name] for name in base.names}
-    if reading == "fuzzy":
-        return strengths(base, given)
-    return crisp_strengths(base, given, dead_band=reading == "crisp")
+    method = {"fuzzy": "fuzzy", "crisp": "midpoint", "literal": "crisp"}[reading]
+    return base.fire({name: samples[name] for name in base.names}, method)
 
 
 def _check_after(run: Run, after: Diagnosis, settings: tuple[object, ...]) -> None:

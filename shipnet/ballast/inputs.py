@@ -119,8 +119,8 @@ def rule_inputs(
     Examples
     --------
     >>> from shipnet.ballast import simulate
-    >>> from shipnet.fuzzy import published
-    >>> rules, run = published.rule_base("kim2014"), simulate(duration=2, step=1)
+    >>> from shipnet.ballast.rule_table import rule_base
+    >>> rules, run = rule_base(), simulate(duration=2, step=1)
     >>> [rule_inputs(run, rules, any_time=x)["DVPos"][:, 0].tolist() for x in (False, True)]
     [[nan, nan, nan], [nan, 0.0, 0.0]]
     """

@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from shipnet.ballast.channels import CHANNELS
 from shipnet.ballast.plant import Plant
+from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.speed import WINDOW, position_speed
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.fuzzy import decide, published, strengths
 from shipnet.fuzzy.rules import RuleBase
 
 __all__ = ["Monitor"]
@@ -64,7 +64,7 @@ class Monitor:
         self, plant: Plant, rules: RuleBase | None = None, *, k: int = 3, n: int = 5
     ) -> None:
         self.plant = plant
-        self.base = rules if rules is not None else published.rule_base("kim2014")
+        self.base = rules if rules is not None else rule_base()
         if len(self.base.rules) > _MOST_RULES:
             raise ArgumentError(
                 f"rules has {len(self.base.rules)} rules; it must be 1..{_MOST_RULES}"
@@ -149,7 +149,6 @@ class Monitor:
             speed = np.where(plant.active, found, np.nan)
         values = {c.name: x for c, x in zip(CHANNELS, plant.readings, strict=True)}
         values["DVPos"] = speed
-        firing = strengths(self.base, {name: values[name] for name in self.base.names})
-        fires = decide(firing).active
+        fires = self.base.decide({name: values[name] for name in self.base.names}).active
         self._calm = (plant.readings, fires.copy()) if calm else None
         return fires

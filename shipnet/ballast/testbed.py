@@ -25,7 +25,7 @@ from shipnet.ballast.scan import status_poll
 from shipnet.ballast.slave import ValveDevice
 from shipnet.ballast.tank import Tank
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy import NORMAL, RuleBase
+from shipnet.fuzzy.rules import NORMAL, RuleBase
 from shipnet.modbus.ring import Loop
 from shipnet.modbus.timing import Serial
 

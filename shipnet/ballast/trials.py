@@ -16,12 +16,12 @@ from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.commands import Command
 from shipnet.ballast.diagnosis import READINGS, Diagnosis, diagnose_run
 from shipnet.ballast.faults import FAULTS, Fault
+from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.fuzzy import published
-from shipnet.fuzzy.decide import headlines
+from shipnet.fuzzy.decision import top_codes
 from shipnet.fuzzy.rules import NORMAL, RuleBase
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def fault_trials(
             "valves"
         ) from None
     severities = np.tile(each, len(wanted))
-    base = rules if rules is not None else published.rule_base("kim2014")
+    base = rules if rules is not None else rule_base()
     faults = np.repeat(np.array(wanted, dtype=object), valves)
     actuator = spread_actuator(faults.size, spread, rng)
     found = _cycle(actuator, faults, severities, base, asked, (k, n), sensors, rng)
@@ -185,7 +185,7 @@ def fault_trials(
             "valve": np.tile(np.arange(valves), len(wanted)),
             "severity": np.where(faults == NORMAL, 0.0, severities),
             "active": [" ".join(names[row]) for row in outcome.active[:, ranked]],
-            "headline": headlines(base, outcome.active),
+            "headline": top_codes(base, outcome.active),
             **{name: _found(base, faults, outcome, name) for name in CRITERIA},
             "delay_s": np.maximum(outcome.first - _OPEN, 0.0),
         }
@@ -258,7 +258,7 @@ def half_found(
     wanted = _some("codes", codes)
     valves = check_whole("n_valves", n_valves, 1, 10_000 // len(wanted))
     turns = check_whole("steps", steps, 1, 20)
-    base = rules if rules is not None else published.rule_base("kim2014")
+    base = rules if rules is not None else rule_base()
     faults = np.repeat(np.array(wanted, dtype=object), valves)
     actuator = spread_actuator(faults.size, spread, rng)
 
@@ -296,7 +296,7 @@ def _found(base: RuleBase, faults: npt.NDArray[np.object_], outcome: Outcome, ho
     if how == "detected":
         return np.asarray(outcome.active.any(axis=1))
     if how == "isolated":
-        return np.asarray(headlines(base, outcome.active) == faults)
+        return np.asarray(top_codes(base, outcome.active) == faults)
     own = faults[:, np.newaxis] == np.array(base.codes, dtype=object)
     return np.asarray((outcome.active & own).any(axis=1))
 
