@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from shipnet import datasets
+from shipnet import datasets, style
 from shipnet.errors import ArgumentError
 from shipnet.papers import judging
 from shipnet.papers.registry import FIGURES, TABLES
@@ -171,9 +171,5 @@ def figure(paper: str, item: str, ax: Axes | None = None) -> Axes:
         raise ArgumentError(
             f"figure of {paper} is {item!r}; drawn are {', '.join(drawn) or 'none'}"
         )
-    if ax is None:
-        from matplotlib import pyplot
-
-        _, ax = pyplot.subplots()
-    made: Axes = FIGURES[paper, item](ax=ax)
+    made: Axes = FIGURES[paper, item](ax=style.axes(ax))
     return made

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
 
+from shipnet import style
 from shipnet.papers.judging import STATUSES
 
 _COLOURS = {
@@ -20,8 +20,7 @@ _COLOURS = {
 
 def draw_counts(counts: pd.DataFrame, ax: Axes | None) -> Axes:
     """Draw the counts of a ledger; numbers below 4 are drawn but not written."""
-    if ax is None:
-        _, ax = plt.subplots()
+    ax = style.axes(ax)
     left = pd.Series(0, index=counts.index)
     for status in STATUSES:
         bars = ax.barh(
