@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
-from shipnet.remote_control.extraction import extract_items, extract_value, extraction_table
-from shipnet.remote_control.packet import Markers
-from shipnet.remote_control.ring_buffer import Ring, State, pointer_case
-from shipnet.remote_control.ring_states import case_table, explore
+from shipnet.papers.chung1998.ring import extract_items, extract_value, extraction
+from shipnet.remote_control import MarkerFormat, Ring
+from shipnet.remote_control.ring_buffer import State, case_of, pointer_case
 
-RULES = ["literal", "meant", "mended"]
+RULES = ["printed", "intended", "corrected"]
 SIZES = range(2, 9)
 
 
@@ -97,10 +96,10 @@ OPERATIONS = st.lists(
 )
 
 
-@pytest.mark.parametrize("rule", ["literal", "meant"])
+@pytest.mark.parametrize("rule", ["printed", "intended"])
 @given(size=st.integers(2, 9), operations=OPERATIONS)
 def test_the_ring_does_what_the_four_printed_variables_do(rule, size, operations):
-    ring, printed = Ring(size, rule), Printed(size, rule == "literal")
+    ring, printed = Ring(size, rule), Printed(size, rule == "printed")
     for operation in operations:
         if operation is None:
             step = ring.extract()
@@ -139,7 +138,7 @@ def test_what_is_lost_and_what_is_stale_is_what_a_queue_says(rule, size, operati
 
 @given(size=st.integers(2, 9), operations=OPERATIONS)
 def test_the_mended_ring_takes_every_byte_in_order_but_those_overwritten(size, operations):
-    ring, queue = Ring(size, "mended"), []
+    ring, queue = Ring(size, "corrected"), []
     for operation in operations:
         if operation is not None:
             ring.store(operation)
@@ -170,7 +169,7 @@ def test_cases_are_those_of_the_data_file():
 def test_the_table_of_cases_is_what_rings_show(size):
     counted = {(lap, case): 0 for lap in range(3) for case in "abcd"}
     for lead, place in itertools.product(range(3 * size), range(size)):
-        ring = Ring(size, "mended")
+        ring = Ring(size, "corrected")
         for _ in range(place):
             ring.store(0)
             ring.extract()
@@ -179,16 +178,16 @@ def test_the_table_of_cases_is_what_rings_show(size):
         assert ring.unread == lead
         assert ring.seems_unread == lead % (2 * size)
         counted[lead // size, ring.case] += 1
-    table = case_table(size)
+    table = Ring(size).cases().table()
     assert {(lap, case): table.loc[lap, case] for lap, case in counted} == counted
 
 
 def test_a_lead_of_two_rounds_looks_in_order_and_is_lost_silently():
-    ring = filled(128, "meant", [0xCC] * 260)
+    ring = filled(128, "intended", [0xCC] * 260)
     assert (ring.unread, ring.seems_unread, ring.case) == (260, 4, "b")
     assert drain(ring) == bytes([0xCC] * 4)
     assert (ring.lost, ring.unread) == (256, 0)
-    mended = filled(128, "mended", [0xCC] * 260)
+    mended = filled(128, "corrected", [0xCC] * 260)
     assert mended.extract().lost == 132
     assert len(drain(mended)) == 128
 
@@ -197,7 +196,7 @@ def test_a_lead_of_two_rounds_looks_in_order_and_is_lost_silently():
 def test_all_interleavings_of_a_small_ring_are_among_the_states_explored(size):
     length = 11
     for rule in RULES:
-        table = explore(size, rule, most_unread=4 * size)
+        table = Ring(size, rule).explore(4 * size)
         columns = ["no", "ring_f", "get_no", "ring_get_f", "unread", "action", "lost", "stale"]
         explored = set(table[columns].itertuples(index=False, name=None))
         level, met = [Ring(size, rule)], set()
@@ -216,7 +215,7 @@ def test_all_interleavings_of_a_small_ring_are_among_the_states_explored(size):
 
 @pytest.mark.parametrize("size", SIZES)
 def test_by_the_meant_rule_a_ring_that_is_never_full_is_always_in_order(size):
-    table = explore(size, "meant", most_unread=size - 1)
+    table = Ring(size, "intended").explore(size - 1)
     assert set(table.case) == {"b", "d"}
     assert set(table.action) == {"take", "wait"}
     assert not table.stale.any() and not table.lost.any()
@@ -225,22 +224,24 @@ def test_by_the_meant_rule_a_ring_that_is_never_full_is_always_in_order(size):
 
 @pytest.mark.parametrize("size", SIZES)
 def test_by_the_letter_even_one_byte_at_a_time_reaches_the_abnormal_cases(size):
-    table = explore(size, "literal", most_unread=1)
+    table = Ring(size, "printed").explore(1)
     assert {"a", "c"} <= set(table.case)
     assert table.stale.any()
 
 
 @pytest.mark.parametrize("size", SIZES)
 def test_a_ring_that_is_just_full_is_repaired_though_nothing_is_lost(size):
-    table = explore(size, "meant", most_unread=size)
+    table = Ring(size, "intended").explore(size)
     full = table[table.unread == size]
     assert set(full.case) == {"c"} and set(full.action) == {"repair"}
     assert full.lost.max() == (size + 1) // 2
-    mended = explore(size, "mended", most_unread=size)
+    mended = Ring(size, "corrected").explore(size)
     assert not mended.lost.any() and not mended.stale.any()
 
 
-@pytest.mark.parametrize("form", [Markers("A"), Markers("B"), Markers("A", 1)], ids=str)
+@pytest.mark.parametrize(
+    "form", [MarkerFormat("A"), MarkerFormat("B"), MarkerFormat("A", 1)], ids=str
+)
 def test_after_the_repair_every_ring_of_packets_is_in_order(form):
     items = {number: 1000 + number for number in range(form.n_numbers)}
     packet = form.encode(items)
@@ -248,7 +249,7 @@ def test_after_the_repair_every_ring_of_packets_is_in_order(form):
     given_up = []
     for phase, no in itertools.product(range(len(packet)), range(128)):
         # The reader is at the start; `no` bytes beyond a full ring have been overwritten.
-        ring = filled(128, "meant", stream[phase : phase + 128 + no])
+        ring = filled(128, "intended", stream[phase : phase + 128 + no])
         assert ring.case == "c"
         given_up.append(ring.extract().lost - no)
         assert ring.case in ("b", "d") and ring.unread == ring.seems_unread
@@ -261,23 +262,23 @@ def test_after_the_repair_every_ring_of_packets_is_in_order(form):
 def test_bytes_given_up_by_the_repair_are_those_of_its_closed_form():
     # All bytes are 0xCC, so that the search ends at once.
     for no in range(128):
-        ring = filled(128, "meant", [0xCC] * (128 + no))
+        ring = filled(128, "intended", [0xCC] * (128 + no))
         assert ring.extract().lost - no == (64 - no if no < 64 else 128 - no)
 
 
 @given(cells=st.lists(st.integers(0, 0xCB), min_size=128, max_size=400))
 def test_a_repair_that_finds_no_packet_ends_with_an_empty_ring(cells):
-    ring = filled(128, "meant", cells)
+    ring = filled(128, "intended", cells)
     if ring.case == "c":
         ring.extract()
         assert ring.unread == ring.seems_unread == 0
         assert ring.extract().action == "wait"
 
 
-@pytest.mark.parametrize("form", [Markers("A"), Markers("B")], ids=str)
+@pytest.mark.parametrize("form", [MarkerFormat("A"), MarkerFormat("B")], ids=str)
 def test_twenty_of_128_places_break_a_value_by_the_letter_and_none_with_round_indices(form):
     items = {number: 0x1234 for number in range(10)}
-    printed = extraction_table(items, form)
+    printed = extraction(items, form)
     # By hand: item k's number stands at offset + first + k * step; 126 and 127 are bad.
     first, step = (2, 3) if form.reading == "A" else (2, 4)
     bad = [
@@ -287,7 +288,7 @@ def test_twenty_of_128_places_break_a_value_by_the_letter_and_none_with_round_in
     assert printed.wrong.tolist() == bad
     assert sum(bad) == 20
     assert printed.outside.sum() == 10 * (1 + 2)
-    mended = extraction_table(items, form, wrap=True)
+    mended = extraction(items, form, wrap=True)
     assert not mended.wrong.any() and not mended.outside.any()
 
 
@@ -307,7 +308,7 @@ def test_a_value_is_the_two_bytes_behind_its_number(cells, data):
 
 def test_a_packet_half_arrived_gives_old_bytes_as_values():
     old, new = ({number: value for number in range(10)} for value in (0x1111, 0x2222))
-    form = Markers()
+    form = MarkerFormat()
     ring = bytearray(form.encode(old).ljust(128, b"\0"))
     packet = form.encode(new)
     wrong = []
@@ -321,12 +322,10 @@ def test_a_packet_half_arrived_gives_old_bytes_as_values():
 
 
 def test_a_ring_is_drawn_with_its_pointers_and_unread_cells(axes):
-    from shipnet.remote_control.plot import plot_ring
-
-    ring = filled(16, "meant", range(1, 21))
+    ring = filled(16, "intended", range(1, 21))
     for _ in range(1 + 2):
         ring.extract()
-    assert plot_ring(ring, ax=axes) is axes
+    assert ring.plot(axes) is axes
     shaded = [p.get_label() for p in axes.patches if p.get_facecolor()[:3] != (1, 1, 1)]
     assert len(axes.patches) == 16
     assert len(shaded) == ring.unread
@@ -336,11 +335,9 @@ def test_a_ring_is_drawn_with_its_pointers_and_unread_cells(axes):
 
 
 def test_the_map_of_cases_agrees_with_the_table(axes):
-    from shipnet.remote_control.plot import plot_cases
-
-    plot_cases(16, ax=axes)
+    Ring(16).cases().plot(axes)
     shown = np.asarray(axes.images[0].get_array())
-    table = case_table(16)
+    table = Ring(16).cases().table()
     for lap, (code, case) in itertools.product(range(3), enumerate("bdca")):
         part = shown[:, 16 * lap : 16 * (lap + 1)]
         assert (part == code).sum() == table.loc[lap, case]
@@ -351,13 +348,16 @@ def test_the_map_of_cases_agrees_with_the_table(axes):
     ("make", "message"),
     [
         (lambda: Ring(1), r"size is 1.*2\.\.65536"),
-        (lambda: Ring(8, "printed"), "rule is 'printed'"),
+        (lambda: Ring(8, "literal"), "rule is 'literal'"),
+        (lambda: Ring.filled(-3, 2), "unread is -3"),
+        (lambda: Ring.filled(3, 500), r"get_no is 500.*0\.\.127"),
+        (lambda: Ring(8).cases().plot(get_no=8), r"get_no is 8.*0\.\.7"),
         (lambda: Ring(8).store(256), r"byte is 256.*0\.\.255"),
         (lambda: Ring(8).store(float("nan")), "byte is nan"),
-        (lambda: explore(17), "size is 17"),
-        (lambda: explore(4, most_unread=17), "most_unread is 17"),
-        (lambda: case_table(1), "size is 1"),
-        (lambda: case_table(8, 0), "rounds is 0"),
+        (lambda: Ring(17).explore(), "size is 17"),
+        (lambda: Ring(4).explore(17), "max_unread is 17"),
+        (lambda: Ring(2000).cases(), "size is 2000"),
+        (lambda: Ring(8).cases(0), "laps is 0"),
         (lambda: extract_value(None, 0), "cells is None"),
         (lambda: extract_items(b"", 0, 1), "cells has 0 bytes"),
         (lambda: extract_value(b"", 0), "cells and beyond have 0"),
@@ -365,7 +365,7 @@ def test_the_map_of_cases_agrees_with_the_table(axes):
         (lambda: extract_value(bytes(8), 0, beyond=b""), "2 and 0|8 and 0"),
         (lambda: extract_items(bytes(128), 128, 1), "get_no is 128"),
         (lambda: extract_items(bytes(128), 0, 11), "n_items is 11"),
-        (lambda: extraction_table({0: 1}, size=5), r"size is 5.*6\.\."),
+        (lambda: extraction({0: 1}, size=5), r"size is 5.*6\.\."),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):
@@ -380,3 +380,19 @@ def test_bytes_stored_at_once_are_bytes_stored_one_by_one(rule, size, before, da
     whole, single = filled(size, rule, before), filled(size, rule, before + data)
     whole.store_all(data)
     assert (whole.cells, whole.state, whole.unread) == (single.cells, single.state, single.unread)
+
+
+@given(size=st.integers(2, 9), data=st.data())
+def test_a_filled_ring_has_the_bytes_the_place_and_the_case_that_were_asked_for(size, data):
+    get_no = data.draw(st.integers(0, size - 1))
+    unread = data.draw(st.integers(0, 3 * size))
+    ring = Ring.filled(unread, get_no, size)
+    assert (ring.unread, ring.state.get_no, ring.stale) == (unread, get_no, 0)
+    assert ring.case == case_of(get_no, unread, size)
+
+
+def test_the_lead_is_drawn_with_the_letters_of_its_cases(axes):
+    Ring(128).cases().plot(axes, get_no=40)
+    letters = [text.get_text() for text in axes.texts if len(text.get_text()) == 1]
+    assert letters == ["b", "d", "c", "a", "b", "d"]
+    assert axes.lines[1].get_ydata().max() == 255

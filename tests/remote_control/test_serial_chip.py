@@ -5,12 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError
-from shipnet.remote_control.packet import Markers
-from shipnet.remote_control.usart import Status, Usart, send_meant, send_printed
+from shipnet.remote_control import MarkerFormat
+from shipnet.remote_control.usart import Status, Usart, send_intended, send_printed
 
 RATES = st.sampled_from([600, 1200, 2400, 4800, 9600])
 BYTE = 10 / 9600
-PACKET = Markers().encode({number: 1000 + number for number in range(10)})
+PACKET = MarkerFormat().encode({number: 1000 + number for number in range(10)})
 
 
 def busy_chip(n, rate=9600):
@@ -74,9 +74,9 @@ def test_received_bytes_are_read_in_time_or_replaced():
 
 
 @given(rate=RATES, data=st.binary(max_size=40), n=st.integers(0, 2))
-def test_the_meant_loop_sends_every_byte_once_whatever_the_chip_was_doing(rate, data, n):
+def test_the_intended_loop_sends_every_byte_once_whatever_the_chip_was_doing(rate, data, n):
     chip = busy_chip(n, rate)
-    sent = send_meant(chip, data)
+    sent = send_intended(chip, data)
     assert bytes(byte for _, byte in chip.line) == bytes([0x30, 0x31][:n]) + data
     assert (sent.lost, sent.repeated, sent.writes) == (0, 0, len(data))
     assert chip.overwritten == []
@@ -123,7 +123,7 @@ def test_how_often_the_first_byte_is_repeated_depends_on_the_moment():
 
 def test_a_packet_keeps_the_program_busy_for_all_but_two_characters():
     for rate in (9600, 600):
-        sent = send_meant(Usart(10 / rate), PACKET, poll=2e-6)
+        sent = send_intended(Usart(10 / rate), PACKET, poll=2e-6)
         # The wait ends when the last byte goes into the buffer: two characters are in the chip
         # and 31 are out, to within two polls a byte.
         assert sent.busy == pytest.approx(31 * 10 / rate, abs=33 * 2 * 2e-6)
@@ -140,7 +140,7 @@ def test_a_packet_keeps_the_program_busy_for_all_but_two_characters():
         (lambda: Usart(BYTE).status(-1.0), r"time is -1.0 s; it must be 0.0 or more"),
         (lambda: Usart(BYTE).status(float("nan")), "time is nan"),
         (lambda: Usart(BYTE).status(float("inf")), "time is inf"),
-        (lambda: send_meant(Usart(BYTE), b"a", poll=0), "poll is 0"),
+        (lambda: send_intended(Usart(BYTE), b"a", poll=0), "poll is 0"),
         (lambda: send_printed(Usart(BYTE), b"a", start=-1), "time is -1"),
     ],
 )

@@ -13,11 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.crc import crc_batch
+from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.remote_control.packet import PACKET_END, Markers
-from shipnet.remote_control.stuffed import Stuffed
-
-__all__ = ["Shares", "code_weights", "crc_residual", "packet_shares", "single_flip_share"]
+from shipnet.remote_control.packet import PACKET_END, CobsFormat, MarkerFormat, PacketFormat
 
 Floats = npt.NDArray[np.float64]
 
@@ -26,77 +24,41 @@ _CRC_BITS, _DIGITS = 16, 80
 
 
 class Shares(NamedTuple):
-    """What becomes of packets, as shares of all.
-
-    Attributes
-    ----------
-    intact : float
-        No bit is inverted.
-    detected : float
-        The receiver gives the packet up.
-    undetected : float
-        The receiver takes it with wrong items.
-    """
+    """What becomes of packets, as shares of all; `undetected` are accepted though wrong."""
 
     intact: float
     detected: float
     undetected: float
 
 
-def packet_shares(packet_format: Markers | Stuffed, n_items: int, rate: float) -> Shares:
-    r"""Return what becomes of packets with the items 0 to n - 1.
+def packet_shares(packet_format: PacketFormat, n_items: int, rate: float) -> Shares:
+    r"""Return what becomes of packets with the items 0 to n - 1 at a bit error rate p, 0..0.5.
 
-    Markers alone let every packet pass in which none of the m marker bytes is hit,
+    MarkerFormat alone let every packet pass in which none of the m marker bytes is hit,
 
     .. math:: P_u = (1 - p)^{8 m} \left( Q - (1 - p)^{24 n} \right)
 
-    with the probability Q that the receiver takes the n numbers, 1 or nearly so. With a CRC, the
+    with the probability Q that the receiver accepts the n numbers, 1 or nearly so. With a CRC, the
     bits beside the markers must be a code word as well, see `crc_residual`.
 
-    Parameters
-    ----------
-    packet_format : Markers or Stuffed
-        The format.
-    n_items : int
-        Items of a packet, 0..n_numbers.
-    rate : float
-        Bit error rate p, 0..0.5.
-
-    Returns
-    -------
-    Shares
-        Exact for `Markers` without CRC. With CRC, ``undetected`` is an upper bound, but for less
-        than a thousandth equal: that the numbers are looked at as well is left out. For `Stuffed`
-        it is an upper estimate, no bound: single inverted bits that pass are counted by trying
-        them all on a packet with the values 0, and two or more are taken as noise, of which
-        2**-16 passes. Noise it is not: of four million pairs of inverted bits none passed.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of range.
-
-    Examples
-    --------
-    Ten items at one inverted bit in 100 000, with markers and with a CRC behind them:
-
-    >>> shares = packet_shares(Markers(), 10, 1e-5)
-    >>> f"{shares.detected:.2e} {shares.undetected:.2e}"
-    '2.40e-04 2.40e-03'
-    >>> shares = packet_shares(Markers(crc=True), 10, 1e-5)
-    >>> f"{shares.detected:.2e} {shares.undetected:.2e}"
-    '2.80e-03 1.47e-16'
+    Exact for `MarkerFormat` without CRC. With CRC, `undetected` is an upper bound, though less
+    than a thousandth too high: that the numbers are checked as well is left out. For `CobsFormat`
+    it is an upper estimate, not a bound: single inverted bits that pass are counted by trying them
+    all on a packet with values of 0, and two or more are taken as noise, of which 2**-16 passes.
+    They are not noise: of four million pairs of inverted bits none passed.
     """
     p = check_scalar("rate", rate, "", 0, 0.5)
     size = packet_format.size(n_items)
     intact = (1 - p) ** (8 * size)
     # Of the difference 1 - intact nothing is left at small p unless it is taken like this.
     hit = -float(np.expm1(8 * size * np.log1p(-p)))
-    if isinstance(packet_format, Stuffed):
+    if isinstance(packet_format, CobsFormat):
         bits = 8 * size
         single = bits * p * (1 - p) ** (bits - 1)
-        passing = _stuffed_single_share(packet_format, n_items)
+        passing = single_flip_share(packet_format, n_items)
         undetected = passing * single + max(hit - single, 0.0) * 2.0**-_CRC_BITS
+    elif not isinstance(packet_format, MarkerFormat):
+        raise ArgumentError(f"packet_format is {packet_format!r}; it must be one of both formats")
     elif packet_format.crc:
         markers = len(packet_format.head) + n_items * len(packet_format.lead) + 1
         undetected = (1 - p) ** (8 * markers) * _residual(
@@ -114,94 +76,21 @@ def packet_shares(packet_format: Markers | Stuffed, n_items: int, rate: float) -
     return Shares(intact, hit - undetected, undetected)
 
 
-def single_flip_share(packet_format: Markers, n_items: int) -> float:
-    r"""Return which share of the single inverted bits a receiver does not see, by trying them all.
-
-    Where it looks at markers only,
-
-    .. math:: S = \frac{24 n}{8 L}
-
-    for n items in a packet of L bytes, unless a bit turns a number into 0xEE.
-
-    Parameters
-    ----------
-    packet_format : Markers
-        The format.
-    n_items : int
-        Items of a packet, 1..n_numbers.
-
-    Returns
-    -------
-    float
-        Share, 0..1.
-
-    Raises
-    ------
-    ArgumentError
-        If the number of items is out of range.
-
-    Examples
-    --------
-    240 of 264 bits, 240 of 336 bits:
-
-    >>> [round(single_flip_share(Markers(reading), 10), 3) for reading in "AB"]
-    [0.909, 0.714]
-    """
-    from shipnet.remote_control.batch import check_batch
-
-    n = check_whole("n_items", n_items, 1, packet_format.n_numbers)
-    frame = np.frombuffer(packet_format.encode(dict.fromkeys(range(n), 0)), np.uint8)
-    return float(check_batch(packet_format, _single_flips(frame)).accepted.mean())
-
-
 @cache
-def _stuffed_single_share(packet_format: Stuffed, n_items: int) -> float:
-    """Return which share of the single inverted bits passes, with the values 0."""
-    from shipnet.remote_control.batch import check_batch
-
-    frame = np.frombuffer(packet_format.encode(dict.fromkeys(range(n_items), 0)), np.uint8)
-    return float(check_batch(packet_format, _single_flips(frame)).accepted.mean())
+def single_flip_share(packet_format: PacketFormat, n_items: int) -> float:
+    """Return the share of single inverted bits that a receiver does not see, by trying them all."""
+    n = check_whole("n_items", n_items, 0, packet_format.n_numbers)
+    frame = np.frombuffer(packet_format.encode(dict.fromkeys(range(n), 0)), np.uint8)
+    return float(packet_format.decode_batch(_single_flips(frame)).accepted.mean())
 
 
 def crc_residual(n_bytes: int, rate: float) -> float:
-    r"""Return how often CRC-16/MODBUS takes bytes, with their check, that are not those sent.
+    r"""Return how often CRC-16/MODBUS passes bytes, with their check, that are not those sent.
 
     By MacWilliams' identity, with the number B of words of weight w in the dual code of a code
-    of L bits:
+    of L bits (T. Fujiwara, T. Kasami, S. Lin, IEEE Trans. Communications 37 (1989) 986-989):
 
     .. math:: P_u = 2^{-16} \sum_{w=0}^{L} B_w (1 - 2 p)^w - (1 - p)^L
-
-    Parameters
-    ----------
-    n_bytes : int
-        Bytes in front of the check, 0..4096.
-    rate : float
-        Bit error rate p, 0..0.5.
-
-    Returns
-    -------
-    float
-        Share of all packets, exact.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of range.
-
-    References
-    ----------
-    .. [1] T. Fujiwara, T. Kasami, S. Lin, "Error detecting capabilities of the shortened Hamming
-       codes adopted for error detection in IEEE standard 802.3", IEEE Trans. Communications 37
-       (1989) 986-989: the method.
-
-    Examples
-    --------
-    Noise passes with 2**-16; at small rates it takes four inverted bits:
-
-    >>> round(crc_residual(33, 0.5) * 2**16, 9)
-    1.0
-    >>> round(crc_residual(33, 1e-5) / crc_residual(33, 1e-6), 1)
-    9975.2
     """
     n = check_whole("n_bytes", n_bytes, 0, 4096)
     p = check_scalar("rate", rate, "", 0, 0.5)
@@ -210,29 +99,12 @@ def crc_residual(n_bytes: int, rate: float) -> float:
 
 @cache
 def code_weights(n_bytes: int) -> tuple[int, ...]:
-    """Return how many words of each weight the dual code of CRC-16/MODBUS has.
-
-    Parameters
-    ----------
-    n_bytes : int
-        Bytes in front of the check.
-
-    Returns
-    -------
-    tuple of int
-        Number of words of weight 0, 1, ... up to the length in bits; 65536 in all.
-
-    Examples
-    --------
-    >>> weights = code_weights(33)
-    >>> len(weights) - 1, sum(weights), weights[0]
-    (280, 65536, 1)
-    """
+    """Return how many words of weight 0, 1, ... the dual code of CRC-16/MODBUS has."""
     return _weights(np.zeros(n_bytes, np.uint8), np.zeros(0, np.int64))
 
 
 @cache
-def _marked_weights(packet_format: Markers, n_items: int) -> tuple[int, ...]:
+def _marked_weights(packet_format: MarkerFormat, n_items: int) -> tuple[int, ...]:
     """Return the weights for all bits of a packet but those of its markers."""
     head, step = len(packet_format.head), len(packet_format.lead) + 3
     end = head + n_items * step
@@ -284,15 +156,15 @@ def _becomes(number: int, p: float) -> Floats:
     return np.asarray(p**distance * (1 - p) ** (8.0 - distance))
 
 
-def _ends_early(packet_format: Markers, n_items: int, p: float) -> float:
-    """Return how often a number turns into the last marker, which reading A takes for it."""
+def _ends_early(packet_format: MarkerFormat, n_items: int, p: float) -> float:
+    """Return how often a number turns into the last marker, which reading A takes for its end."""
     if packet_format.lead:
         return 0.0
     early = [float(_becomes(number, p)[PACKET_END]) for number in range(n_items)]
     return -float(np.expm1(np.log1p(-np.array(early)).sum())) if early else 0.0
 
 
-def _numbers_taken(packet_format: Markers, n_items: int, p: float) -> float:
+def _numbers_taken(packet_format: MarkerFormat, n_items: int, p: float) -> float:
     """Return how often the receiver takes the numbers that arrive."""
     if packet_format.numbers == "any":
         return 1 - _ends_early(packet_format, n_items, p)

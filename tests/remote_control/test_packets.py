@@ -7,18 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
-from shipnet.remote_control import Markers, Stuffed
-from shipnet.remote_control.batch import check_batch, encode_batch
-from shipnet.remote_control.changes import Sender, changed
-from shipnet.remote_control.imitation import imitation_share, late_start
-from shipnet.remote_control.packet import DATA_START, PACKET_END, PACKET_START
-from shipnet.remote_control.stuffed import stuff, unstuff
+from shipnet.remote_control import CobsFormat, MarkerFormat, changed_items
+from shipnet.remote_control.packet import DATA_START, PACKET_END, PACKET_START, stuff, unstuff
+from shipnet.remote_control.station import Sender
 
 CHECKS = ["any", "known", "rising"]
 FORMATS = [
-    *(Markers(reading, 10, numbers, crc)
+    *(MarkerFormat(reading, 10, numbers, crc)
       for reading in "AB" for numbers in CHECKS for crc in (False, True)),
-    *(Stuffed(10, numbers) for numbers in CHECKS),
+    *(CobsFormat(10, numbers) for numbers in CHECKS),
 ]  # fmt: skip
 WORDS = st.one_of(
     st.integers(0, 0xFFFF),
@@ -43,16 +40,16 @@ def flipped(rows, bits):
 @pytest.mark.parametrize(
     ("form", "n_items", "size"),
     [
-        (Markers("A"), 10, 33),
-        (Markers("B"), 10, 42),
-        (Markers("A"), 1, 6),
-        (Markers("B"), 1, 6),
-        (Markers("A"), 0, 3),
-        (Markers("B"), 0, 2),
-        (Markers("A", crc=True), 10, 35),
-        (Stuffed(), 10, 34),
-        (Stuffed(84), 84, 256),
-        (Markers(n_numbers=204), 204, 615),
+        (MarkerFormat("A"), 10, 33),
+        (MarkerFormat("B"), 10, 42),
+        (MarkerFormat("A"), 1, 6),
+        (MarkerFormat("B"), 1, 6),
+        (MarkerFormat("A"), 0, 3),
+        (MarkerFormat("B"), 0, 2),
+        (MarkerFormat("A", crc=True), 10, 35),
+        (CobsFormat(), 10, 34),
+        (CobsFormat(84), 84, 256),
+        (MarkerFormat(n_numbers=204), 204, 615),
     ],
 )
 def test_a_packet_has_its_length(form, n_items, size):
@@ -91,27 +88,27 @@ def test_any_bytes_are_packets_or_given_up_or_still_open(form, noise):
     packets = parser.feed(noise)
     accounted = sum(form.size(len(items)) for items in packets) + parser.discarded
     assert 0 <= len(noise) - accounted
-    if isinstance(form, Markers):
+    if isinstance(form, MarkerFormat):
         assert len(noise) - accounted < form.size(10)
     if form.numbers != "any":
         assert all(number < 10 for items in packets for number, _ in items)
 
 
 ITEM = bytes([1, 2, 3])
-GOOD = Markers().encode({0: 7})
+GOOD = MarkerFormat().encode({0: 7})
 
 
 @pytest.mark.parametrize(
     ("form", "noise", "discarded"),
     [
-        (Markers(), b"\xcc", 1),
-        (Markers(), b"\xcc\xcc\xcc", 3),
-        (Markers(), b"\xdd\xee", 2),
-        (Markers(numbers="known"), b"\xcc\xdd" + ITEM, 5),
-        (Markers(), b"\xcc\xdd" + 10 * ITEM, 32),
-        (Markers(), b"\xcc\xdd" + 11 * ITEM + b"\xee", 36),
-        (Markers(numbers="known"), b"\xcc\xdd" + 2 * ITEM + b"\xee", None),
-        (Markers(numbers="rising"), b"\xcc\xdd" + 2 * ITEM + b"\xee", 9),
+        (MarkerFormat(), b"\xcc", 1),
+        (MarkerFormat(), b"\xcc\xcc\xcc", 3),
+        (MarkerFormat(), b"\xdd\xee", 2),
+        (MarkerFormat(numbers="known"), b"\xcc\xdd" + ITEM, 5),
+        (MarkerFormat(), b"\xcc\xdd" + 10 * ITEM, 32),
+        (MarkerFormat(), b"\xcc\xdd" + 11 * ITEM + b"\xee", 36),
+        (MarkerFormat(numbers="known"), b"\xcc\xdd" + 2 * ITEM + b"\xee", None),
+        (MarkerFormat(numbers="rising"), b"\xcc\xdd" + 2 * ITEM + b"\xee", 9),
     ],
 )
 def test_a_packet_is_found_behind_a_broken_one_and_the_bytes_given_up_are_counted(
@@ -125,11 +122,11 @@ def test_a_packet_is_found_behind_a_broken_one_and_the_bytes_given_up_are_counte
 
 
 def test_all_bytes_of_an_endless_packet_are_given_up_at_its_zero():
-    parser = Stuffed().parser()
+    parser = CobsFormat().parser()
     assert parser.feed(bytes([7]) * 100) == []
     assert parser.feed(b"\0") == []
     assert parser.discarded == 101
-    assert parser.feed(Stuffed().encode({3: 0})) == [((3, 0),)]
+    assert parser.feed(CobsFormat().encode({3: 0})) == [((3, 0),)]
 
 
 @streams
@@ -150,7 +147,7 @@ def test_stream_and_batch_agree_with_decode_on_disturbed_packets(form, items, da
     places = st.tuples(st.integers(0, len(packet) - 1), st.integers(0, 255))
     for place, byte in data.draw(st.lists(places, max_size=4)):
         packet[place] = byte
-    checked = check_batch(form, np.frombuffer(packet, np.uint8)[None])
+    checked = form.decode_batch(np.frombuffer(packet, np.uint8)[None])
     try:
         decoded, code = form.decode(packet), 0
     except FrameError as error:
@@ -169,14 +166,14 @@ def test_batch_and_scalar_agree_on_ten_thousand_disturbed_packets(form):
     rng = np.random.default_rng(1998)
     values = rng.integers(0, 0x10000, (2000, 10))
     values[rng.random(values.shape) < 0.2] = 0xDDCC
-    rows = encode_batch(form, range(10), values)
+    rows = form.encode_batch(range(10), values)
     for row, line in zip(rows[:50], values[:50].tolist(), strict=True):
         assert row.tobytes() == form.encode(dict(enumerate(line)))
-    assert (check_batch(form, rows).values == values).all()
-    assert check_batch(form, rows).accepted.all()
+    assert (form.decode_batch(rows).values == values).all()
+    assert form.decode_batch(rows).accepted.all()
     for n_flips in (1, 2, 4):
         damaged = flipped(rows, rng.integers(0, 8 * rows.shape[1], (len(rows), n_flips)))
-        checked = check_batch(form, damaged)
+        checked = form.decode_batch(damaged)
         for row, code, line in zip(damaged, checked.error, checked.values, strict=True):
             try:
                 decoded = form.decode(row.tobytes())
@@ -191,34 +188,36 @@ def test_batch_and_scalar_agree_on_ten_thousand_disturbed_packets(form):
 @pytest.mark.parametrize(
     ("form", "passed", "bits"),
     [
-        (Markers("A"), 240, 264),
-        (Markers("A", numbers="rising"), 160, 264),
-        (Markers("B"), 240, 336),
-        (Markers("A", 1), 24, 48),  # a datum a packet: the third reading
-        (Markers("A", crc=True), 0, 280),
-        (Stuffed(numbers="any"), 0, 272),
+        (MarkerFormat("A"), 240, 264),
+        (MarkerFormat("A", numbers="rising"), 160, 264),
+        (MarkerFormat("B"), 240, 336),
+        (MarkerFormat("A", 1), 24, 48),  # a datum a packet: the third reading
+        (MarkerFormat("A", crc=True), 0, 280),
+        (CobsFormat(numbers="any"), 0, 272),
     ],
 )
 def test_single_flips_that_pass_are_those_that_hit_no_marker(form, passed, bits):
     # Closed form: every bit of number, low and high byte passes, where nothing checks it.
     n = form.n_numbers
-    row = encode_batch(form, range(n), np.random.default_rng(3).integers(0, 0x10000, (1, n)))
+    row = form.encode_batch(range(n), np.random.default_rng(3).integers(0, 0x10000, (1, n)))
     damaged = flipped(np.repeat(row, 8 * row.shape[1], 0), np.arange(8 * row.shape[1])[:, None])
     assert len(damaged) == bits
-    assert check_batch(form, damaged).accepted.sum() == passed
+    assert form.decode_batch(damaged).accepted.sum() == passed
 
 
 def test_the_crc_sees_every_two_flips_of_ten_data_and_the_markers_do_not():
     pairs = np.array(list(itertools.combinations(range(33 * 8), 2)))
-    row = encode_batch(Markers(), range(10), np.full((1, 10), 1000))
-    passed = check_batch(Markers(), flipped(np.repeat(row, len(pairs), 0), pairs)).accepted.mean()
+    row = MarkerFormat().encode_batch(range(10), np.full((1, 10), 1000))
+    passed = (
+        MarkerFormat().decode_batch(flipped(np.repeat(row, len(pairs), 0), pairs)).accepted.mean()
+    )
     # Both bits outside the markers; a number of ours does not become 0xEE by two flips but by
     # three or more.
     assert passed == pytest.approx(240 * 239 / (264 * 263))
-    for form in (Markers(crc=True), Stuffed()):
-        row = encode_batch(form, range(10), np.full((1, 10), 1000))
+    for form in (MarkerFormat(crc=True), CobsFormat()):
+        row = form.encode_batch(range(10), np.full((1, 10), 1000))
         pairs = np.array(list(itertools.combinations(range(row.shape[1] * 8), 2)))
-        assert not check_batch(form, flipped(np.repeat(row, len(pairs), 0), pairs)).accepted.any()
+        assert not form.decode_batch(flipped(np.repeat(row, len(pairs), 0), pairs)).accepted.any()
 
 
 def test_a_packet_cut_short_or_made_longer_is_refused():
@@ -228,29 +227,29 @@ def test_a_packet_cut_short_or_made_longer_is_refused():
             with pytest.raises((LengthError, FormError)):
                 form.decode(wrong)
             rows = np.frombuffer(wrong, np.uint8)[None]
-            assert check_batch(form, rows).error[0] in (LengthError.code, FormError.code)
+            assert form.decode_batch(rows).error[0] in (LengthError.code, FormError.code)
 
 
 @pytest.mark.parametrize(
     ("form", "packet", "error"),
     [
-        (Markers(), "cc dd 01 02", LengthError),
-        (Markers(), "cc dc 01 02 03 ee", FormError),
-        (Markers(), "cc dd ee 02 03 ee", FormError),
-        (Markers("B"), "cc dd 01 02 03 ef", FormError),
-        (Markers(crc=True), "cc dd ee 00 00", CrcError),
-        (Markers(numbers="known"), "cc dd 0a 02 03 ee", FieldError),
-        (Markers(numbers="rising"), "cc dd 01 02 03 01 02 03 ee", FieldError),
-        (Stuffed(), "03 ff ff 01", FormError),
-        (Stuffed(), "02 ff ff 00", FormError),
-        (Stuffed(), "03 ff fe 00", CrcError),
+        (MarkerFormat(), "cc dd 01 02", LengthError),
+        (MarkerFormat(), "cc dc 01 02 03 ee", FormError),
+        (MarkerFormat(), "cc dd ee 02 03 ee", FormError),
+        (MarkerFormat("B"), "cc dd 01 02 03 ef", FormError),
+        (MarkerFormat(crc=True), "cc dd ee 00 00", CrcError),
+        (MarkerFormat(numbers="known"), "cc dd 0a 02 03 ee", FieldError),
+        (MarkerFormat(numbers="rising"), "cc dd 01 02 03 01 02 03 ee", FieldError),
+        (CobsFormat(), "03 ff ff 01", FormError),
+        (CobsFormat(), "02 ff ff 00", FormError),
+        (CobsFormat(), "03 ff fe 00", CrcError),
     ],
 )
 def test_each_fault_has_its_class(form, packet, error):
     with pytest.raises(error):
         form.decode(bytes.fromhex(packet))
     row = np.frombuffer(bytes.fromhex(packet), np.uint8)[None]
-    assert check_batch(form, row).error.tolist() == [error.code]
+    assert form.decode_batch(row).error.tolist() == [error.code]
 
 
 @given(data=st.binary(max_size=254))
@@ -291,37 +290,18 @@ def test_unstuffing_gives_bytes_that_stuff_alike_or_an_error(data):
 def test_two_bytes_imitate_as_often_as_counted():
     markers = {PACKET_START, DATA_START, PACKET_END}
     pairs = itertools.product(range(256), repeat=2)
-    assert sum(not markers.isdisjoint(pair) for pair in pairs) == imitation_share(2) * 65536
+    assert sum(not markers.isdisjoint(pair) for pair in pairs) == MarkerFormat.false_sync(2) * 65536
 
 
 def test_twenty_random_bytes_imitate_as_often_as_the_formula_says():
     values = np.random.default_rng(2024).integers(0, 256, (100_000, 20))
     for markers in ([PACKET_START], [PACKET_START, DATA_START, PACKET_END]):
-        share = imitation_share(20, len(markers))
+        share = MarkerFormat.false_sync(20, len(markers))
         found = np.isin(values, markers).any(axis=1).mean()
         # Four standard errors of a share of 100 000.
         assert found == pytest.approx(share, abs=4 * (share * (1 - share) / 1e5) ** 0.5)
-    assert [round(100 * imitation_share(20, m), 1) for m in (1, 3)] == [7.5, 21.0]
-    assert imitation_share(0) == 0 and imitation_share(5, 256) == 1
-
-
-@given(packets=st.lists(ITEMS, min_size=1, max_size=4))
-def test_a_late_start_in_reading_a_finds_true_items_only_and_misses_none(packets):
-    table = late_start(Markers("A"), packets)
-    assert not table.wrong_items.any()
-    assert not table.missed.any()
-
-
-def test_a_late_start_in_reading_b_can_miss_a_packet_or_believe_a_wrong_item():
-    assert late_start(Markers("B"), [{0: 0xDDCC}, {0: 0xEE01}]).missed.any()
-    packets = [{0: 0xDDCC, 1: 0xEE05}]
-    assert late_start(Markers("B"), packets).wrong_items.any()
-    assert not late_start(Markers("B", numbers="known"), packets).wrong_items.any()
-
-
-@given(packets=st.lists(ITEMS, min_size=1, max_size=4))
-def test_a_late_start_does_not_harm_the_mended_format(packets):
-    assert not late_start(Stuffed(), packets)[["missed", "false", "wrong_items"]].any(axis=None)
+    assert [round(100 * MarkerFormat.false_sync(20, m), 1) for m in (1, 3)] == [7.5, 21.0]
+    assert MarkerFormat.false_sync(0) == 0 and MarkerFormat.false_sync(5, 256) == 1
 
 
 def test_only_changes_are_sent_and_every_subset_comes_through():
@@ -335,7 +315,7 @@ def test_only_changes_are_sent_and_every_subset_comes_through():
                 sending[number] = (sending[number] + (mask >> number & 1)) % 0x10000
             packet = sender.packet(sending)
             assert len(packet) == form.size(mask.bit_count())
-            assert dict(form.decode(packet)) == changed(sending, last)
+            assert dict(form.decode(packet)) == changed_items(sending, last)
             table.update(form.decode(packet))
             assert list(table.values()) == sending
 
@@ -349,44 +329,48 @@ def test_repeating_mends_a_lost_packet_and_the_printed_rule_does_not(repeat, pac
             table.update(sender.packet_format.decode(sender.packet([7] * 10)))
         return list(table.values())
 
-    assert after_a_loss(Sender(Markers(), repeat=repeat), packets) == [7] * 10
-    assert after_a_loss(Sender(Markers()), 1000) == [0] * 10
+    assert after_a_loss(Sender(MarkerFormat(), repeat=repeat), packets) == [7] * 10
+    assert after_a_loss(Sender(MarkerFormat()), 1000) == [0] * 10
     if repeat < 10:
-        assert after_a_loss(Sender(Markers(), repeat=repeat), packets - 1) != [7] * 10
+        assert after_a_loss(Sender(MarkerFormat(), repeat=repeat), packets - 1) != [7] * 10
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Markers("C"), "reading is 'C'"),
-        (lambda: Markers(n_numbers=0), r"n_numbers is 0.*1\.\.204"),
-        (lambda: Markers(n_numbers=205), "n_numbers is 205"),
-        (lambda: Markers(numbers="all"), "numbers is 'all'"),
-        (lambda: Markers(crc=1), "crc is 1"),
-        (lambda: Stuffed(85), r"n_numbers is 85.*1\.\.84"),
-        (lambda: Markers().size(11), r"n_items is 11.*0\.\.10"),
-        (lambda: Markers().encode({10: 0}), r"number is 10.*0\.\.9"),
-        (lambda: Markers().encode({0: -1}), "value of item 0 is -1"),
-        (lambda: Stuffed().encode({0: 0x10000}), "value of item 0 is 65536"),
-        (lambda: Stuffed().encode({0: float("nan")}), "value of item 0 is nan"),
-        (lambda: Markers().encode([(0, 1)]), "items is"),
+        (lambda: MarkerFormat("C"), "reading is 'C'"),
+        (lambda: MarkerFormat(n_numbers=0), r"n_numbers is 0.*1\.\.204"),
+        (lambda: MarkerFormat(n_numbers=205), "n_numbers is 205"),
+        (lambda: MarkerFormat(numbers="all"), "numbers is 'all'"),
+        (lambda: MarkerFormat(crc=1), "crc is 1"),
+        (lambda: CobsFormat(85), r"n_numbers is 85.*1\.\.84"),
+        (lambda: MarkerFormat().size(11), r"n_items is 11.*0\.\.10"),
+        (lambda: MarkerFormat().encode({10: 0}), r"number is 10.*0\.\.9"),
+        (lambda: MarkerFormat().encode({0: -1}), "value of item 0 is -1"),
+        (lambda: CobsFormat().encode({0: 0x10000}), "value of item 0 is 65536"),
+        (lambda: CobsFormat().encode({0: float("nan")}), "value of item 0 is nan"),
+        (lambda: MarkerFormat().encode([(0, 1)]), "items is"),
         (lambda: stuff(bytes(255)), "length of data is 255"),
-        (lambda: encode_batch(Markers(), [0, 1], [[1, 2, 3]]), "shapes"),
-        (lambda: encode_batch(Markers(), [1, 0], [[1, 2]]), "rise"),
-        (lambda: encode_batch(Markers(), [0, 10], [[1, 2]]), r"numbers .* 0\.\.9"),
-        (lambda: encode_batch(Markers(), [0, 1], [[1, np.nan]]), "values must be"),
-        (lambda: encode_batch(Markers(), [0, 1], [[1, 2], [3]]), "equal length"),
-        (lambda: check_batch(Markers(), [[1, 2]]), "uint8"),
-        (lambda: changed([1, 2], [1]), "sending has 2 data; it must have 1"),
-        (lambda: Sender(Markers(), [0]), "sended has 1 data"),
-        (lambda: Sender(Markers(), repeat=11), "repeat is 11"),
-        (lambda: changed(["a"], [1]), r"sending\[0\] is 'a'"),
-        (lambda: Markers().parser().feed(204), "data is 204; it must be bytes"),
-        (lambda: Stuffed().parser().feed(204), "data is 204; it must be bytes"),
-        (lambda: Markers().decode(6), "packet is 6; it must be bytes"),
-        (lambda: Stuffed().decode(None), "packet is None; it must be bytes"),
-        (lambda: imitation_share(-1), "n_bytes is -1"),
-        (lambda: imitation_share(1, 257), "n_markers is 257"),
+        (lambda: MarkerFormat().encode_batch([0, 1], [[1, 2, 3]]), "shapes"),
+        (lambda: MarkerFormat().encode_batch([1, 0], [[1, 2]]), "rise"),
+        (lambda: MarkerFormat().encode_batch([0, 10], [[1, 2]]), r"numbers .* 0\.\.9"),
+        (lambda: MarkerFormat().encode_batch([0, 1], [[1, np.nan]]), "values must be"),
+        (lambda: MarkerFormat().encode_batch([0, 1], [[1, 2], [3]]), "equal length"),
+        (lambda: MarkerFormat().decode_batch([[1, 2]]), "uint8"),
+        (lambda: changed_items([1, 2], [1]), "sending has 2 data; it must have 1"),
+        (lambda: Sender(MarkerFormat(), [0]), "sended has 1 data"),
+        (lambda: Sender(MarkerFormat(), repeat=11), "repeat is 11"),
+        (lambda: changed_items(["a"], [1]), r"sending\[0\] is 'a'"),
+        (lambda: MarkerFormat().parser().feed(204), "data is 204; it must be bytes"),
+        (lambda: CobsFormat().parser().feed(204), "data is 204; it must be bytes"),
+        (lambda: MarkerFormat().decode(6), "packet is 6; it must be bytes"),
+        (lambda: CobsFormat().decode(None), "packet is None; it must be bytes"),
+        (lambda: MarkerFormat().stream(-1), "n_bytes is -1"),
+        (lambda: MarkerFormat().stream(10, items=11), "items is 11"),
+        (lambda: MarkerFormat().trace(b"\xcc", start=128), r"start is 128.*0\.\.127"),
+        (lambda: CobsFormat().trace(7), "stream is 7; it must be bytes"),
+        (lambda: MarkerFormat.false_sync(-1), "n_bytes is -1"),
+        (lambda: MarkerFormat.false_sync(1, 257), "markers is 257"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):
@@ -397,7 +381,56 @@ def test_arguments_out_of_range_are_named(make, message):
 
 @formats
 def test_no_packets_and_packets_without_items_are_arrays_too(form):
-    assert check_batch(form, np.zeros((0, form.size(10)), np.uint8)).values.shape == (0, 10)
-    rows = encode_batch(form, [], np.zeros((3, 0), int))
+    assert form.decode_batch(np.zeros((0, form.size(10)), np.uint8)).values.shape == (0, 10)
+    rows = form.encode_batch([], np.zeros((3, 0), int))
     assert [row.tobytes() for row in rows] == [form.encode({})] * 3
-    assert check_batch(form, rows).error.tolist() == [0, 0, 0]
+    assert form.decode_batch(rows).error.tolist() == [0, 0, 0]
+
+
+def test_a_trace_names_each_byte_as_the_parser_reads_it():
+    stream = bytes.fromhex("41 cc dd 03 34 12 09 01 02 ee 03 ee cc dd ee")
+    steps = MarkerFormat().trace(stream, start=122)
+    words = ["number", "low byte", "high byte"]
+    packet = ["start of the packet", "start of the data"]
+    assert steps.taken_as.tolist() == [
+        "passed over", *packet, *words, *words, "end of the packet",
+        "passed over", "passed over", *packet, "end of the packet",
+    ]  # fmt: skip
+    assert steps.place.tolist() == [(122 + k) % 128 for k in range(len(stream))]
+
+
+def test_a_trace_names_the_crc_and_the_markers_of_reading_b():
+    form = MarkerFormat("B", crc=True)
+    item = ["start of the data", "number", "low byte", "high byte"]
+    assert form.trace(form.encode({0: 1, 1: 2})).taken_as.tolist() == [
+        "start of the packet", *item, *item, "end of the packet", "CRC", "CRC",
+    ]  # fmt: skip
+
+
+def test_the_trace_of_a_byte_stuffed_packet_names_its_zeros():
+    form = CobsFormat()
+    packet = form.encode({0: 120, 3: 0xCCDD})
+    assert form.trace(packet).taken_as.tolist() == [
+        "distance to the first 0: 1", "number, a 0; distance to the next: 2", "low byte",
+        "high byte, a 0; distance to the next: 6", "number", "low byte", "high byte", "CRC",
+        "CRC", "end of the packet",
+    ]  # fmt: skip
+    broken = form.trace(b"\x07\0" + packet[:3])
+    assert broken.taken_as.tolist() == 2 * ["passed over"] + 3 * ["not complete"]
+
+
+@streams
+@given(items=ITEMS)
+def test_a_trace_has_a_row_per_byte_and_ends_where_the_packet_does(form, items):
+    packet = form.encode(items)
+    found = form.trace(packet, start=5, size=16)
+    assert len(found) == len(packet)
+    assert found.taken_as.iloc[-1] in ("end of the packet", "CRC")
+    assert (found.taken_as.str.startswith("number")).sum() == len(items)
+
+
+@streams
+def test_a_stream_repeats_one_packet_from_any_byte_of_it_on(form):
+    packet = form.encode({0: 1000, 1: 1000})
+    assert form.stream(50, items=2) == (packet * 10)[:50]
+    assert form.stream(50, items=2, phase=4) == (packet * 10)[4:54]

@@ -10,24 +10,23 @@ from scipy.stats import binom
 
 from shipnet.crc import crc_batch
 from shipnet.errors import ArgumentError
-from shipnet.remote_control import Markers, Stuffed, check_batch, encode_batch
-from shipnet.remote_control.experiment import (
-    Criterion,
-    Shares,
-    Trial,
-    candidates,
+from shipnet.remote_control import (
+    Change,
+    CobsFormat,
+    MarkerFormat,
+    System,
     compare_checks,
-    crc_residual,
-    packet_shares,
     recommend,
-    simulate_switch,
-    switch_staleness,
-    transmit,
+    simulate,
 )
-from shipnet.remote_control.experiment.plot import plot_candidates, plot_checks
-from shipnet.remote_control.experiment.residual import code_weights, single_flip_share
-from shipnet.remote_control.experiment.transmission import check_formats, draw_outcomes
-from shipnet.remote_control.link import LostPacket, System, simulate
+from shipnet.remote_control.experiment import (
+    Trial,
+    check_formats,
+    draw_outcomes,
+    switch_staleness,
+)
+from shipnet.remote_control.faults import LostPacket
+from shipnet.remote_control.residual import Shares, code_weights, crc_residual, packet_shares
 
 #: What a count may differ from its expectation: once in a million by chance.
 RARE = 1e-6
@@ -41,9 +40,9 @@ def is_likely(count, sent, share):
 @pytest.mark.parametrize("reading", ["A", "B"])
 @pytest.mark.parametrize(("n_items", "rate"), [(1, 1e-2), (10, 1e-3), (10, 5e-2), (40, 2e-3)])
 def test_markers_let_pass_what_the_closed_form_says(reading, numbers, n_items, rate):
-    form = Markers(reading, n_items, numbers)
-    trial = transmit(form, n_items, rate, 60_000, np.random.default_rng(2024))
-    shares = packet_shares(form, n_items, rate)
+    form = MarkerFormat(reading, n_items, numbers)
+    trial = form.transmit(n_items, rate, 60_000, np.random.default_rng(2024))
+    shares = form.error_shares(n_items, rate)
     assert sum(shares) == pytest.approx(1)
     for outcome in ("intact", "detected", "undetected"):
         count = getattr(trial, outcome)
@@ -56,19 +55,19 @@ def test_markers_let_pass_what_the_closed_form_says(reading, numbers, n_items, r
     [("A", "any", 240 / 264), ("B", "any", 240 / 336)],
 )
 def test_a_single_inverted_bit_passes_markers_as_often_as_all_of_them_say(reading, numbers, share):
-    assert single_flip_share(Markers(reading, 10, numbers), 10) == share
+    assert MarkerFormat(reading, 10, numbers).undetected_flips(10) == share
     # The closed form at a small rate is the same share of what is hit.
-    shares = packet_shares(Markers(reading, 10, numbers), 10, 1e-9)
+    shares = MarkerFormat(reading, 10, numbers).error_shares(10, 1e-9)
     assert shares.undetected / (shares.detected + shares.undetected) == pytest.approx(share)
 
 
 @pytest.mark.parametrize("numbers", ["known", "rising"])
 def test_a_check_of_the_numbers_sees_most_bits_of_them(numbers):
-    form = Markers("A", 10, numbers)
-    share = single_flip_share(form, 10)
+    form = MarkerFormat("A", 10, numbers)
+    share = form.undetected_flips(10)
     values = 160 / 264
     assert values <= share < values + 0.12
-    shares = packet_shares(form, 10, 1e-6)
+    shares = form.error_shares(10, 1e-6)
     assert shares.undetected / (1 - shares.intact) == pytest.approx(share, rel=1e-3)
 
 
@@ -98,45 +97,45 @@ def test_the_residual_of_a_crc_is_a_share_and_at_noise_it_is_two_to_the_minus_si
 
 
 def test_the_crc_lets_pass_what_the_weights_of_its_code_say():
-    form = Markers(crc=True, n_numbers=1)
+    form = MarkerFormat(crc=True, n_numbers=1)
     # One item at a rate with which the markers are often whole.
-    trial = transmit(form, 1, 0.03, 2_000_000, np.random.default_rng(2024))
-    expected = packet_shares(form, 1, 0.03).undetected
+    trial = form.transmit(1, 0.03, 2_000_000, np.random.default_rng(2024))
+    expected = form.error_shares(1, 0.03).undetected
     assert trial.undetected > 3
     assert is_likely(trial.undetected, trial.sent, expected)
 
 
 def test_the_stuffed_packet_keeps_under_its_estimate():
-    form = Stuffed(3)
-    trial = transmit(form, 3, 0.02, 500_000, np.random.default_rng(2024))
-    shares = packet_shares(form, 3, 0.02)
+    form = CobsFormat(3)
+    trial = form.transmit(3, 0.02, 500_000, np.random.default_rng(2024))
+    shares = form.error_shares(3, 0.02)
     assert is_likely(trial.intact, trial.sent, shares.intact)
     assert trial.interval("undetected", 0.999).low < shares.undetected
 
 
 @pytest.mark.parametrize("n_items", [1, 10])
 def test_no_single_inverted_bit_passes_the_stuffed_packet_whatever_its_values(n_items):
-    form, rng = Stuffed(10), np.random.default_rng(7)
+    form, rng = CobsFormat(10), np.random.default_rng(7)
     values = rng.integers(0, 2**16, (40, n_items)) * rng.integers(0, 2, (40, n_items))
-    rows = encode_batch(form, np.arange(n_items), values)
+    rows = form.encode_batch(np.arange(n_items), values)
     bits = 8 * rows.shape[1]
     flipped = np.repeat(rows, bits, axis=0)
     bit = np.tile(np.arange(bits), len(rows))
     flipped[np.arange(len(flipped)), bit >> 3] ^= (0x80 >> (bit & 7)).astype(np.uint8)
-    assert check_batch(form, rows).accepted.all()
-    assert not check_batch(form, flipped).accepted.any()
+    assert form.decode_batch(rows).accepted.all()
+    assert not form.decode_batch(flipped).accepted.any()
     # So of the estimate only packets with two inverted bits and more are left.
     two = 1 - (1 - 1e-6) ** bits - bits * 1e-6 * (1 - 1e-6) ** (bits - 1)
-    assert packet_shares(form, n_items, 1e-6).undetected == pytest.approx(two / 2**16, rel=1e-3)
+    assert form.error_shares(n_items, 1e-6).undetected == pytest.approx(two / 2**16, rel=1e-3)
 
 
 def test_the_gaps_between_inverted_bits_make_the_same_packets_as_a_coin_for_every_bit():
-    form, n, rate = Markers(numbers="known"), 10, 5e-3
+    form, n, rate = MarkerFormat(numbers="known"), 10, 5e-3
     rng = np.random.default_rng(2024)
     values = rng.integers(0, 1 << 16, (50_000, n))
-    sent = encode_batch(form, range(n), values)
+    sent = form.encode_batch(range(n), values)
     flips = np.packbits(rng.random((len(sent), 8 * sent.shape[1])) < rate, axis=1)
-    checked = check_batch(form, sent ^ flips)
+    checked = form.decode_batch(sent ^ flips)
     hit = flips.any(axis=1)
     coin = [int((~hit).sum()), int((~checked.accepted).sum()), int((hit & checked.accepted).sum())]
     drawn = np.bincount(draw_outcomes(form, n, rate, len(sent), rng), minlength=3)
@@ -171,6 +170,19 @@ def test_the_interval_holds_the_truth_as_often_as_it_says():
     assert Trial(10**6, 0, 0).interval("undetected", 0.9).high == pytest.approx(3e-6, rel=0.01)
 
 
+def simulate_switch(form, n_items, rate, period, interval, sending, packets, rng):
+    """Return the share of packets after which the receiver shows a wrong position."""
+    outcome = draw_outcomes(form, n_items, rate, packets, rng)
+    if sending == "changed":
+        position = np.arange(packets) % 2
+    else:
+        position = np.cumsum(rng.poisson(period / interval, packets)) % 2
+    # What is shown is what the last packet left that was accepted; 0 before the first.
+    taken = np.maximum.accumulate(np.where(outcome != 1, np.arange(packets), -1))
+    shown = np.where(taken >= 0, np.where(outcome[taken] == 2, -1, position[taken]), 0)
+    return float((shown != position).mean())
+
+
 @pytest.mark.parametrize("check", ["markers", "markers + CRC"])
 @pytest.mark.parametrize("sending", ["changed", "cyclic"])
 @pytest.mark.parametrize(("n_items", "rate", "interval"), [(1, 5e-3, 0.3), (10, 2e-3, 2.0)])
@@ -178,7 +190,7 @@ def test_a_switch_is_as_stale_as_the_chain_says(check, sending, n_items, rate, i
     form, n = check_formats(n_items)[check], 200_000
     rng = np.random.default_rng(2024)
     share = simulate_switch(form, n_items, rate, 0.1375, interval, sending, n, rng)
-    shares = packet_shares(form, n_items, rate)
+    shares = form.error_shares(n_items, rate)
     expected = switch_staleness(shares, 0.1375, interval, sending).share
     # Neighbouring packets depend on each other over 1 / (1 - d) of them: a wide margin of 3 %.
     assert share == pytest.approx(expected, rel=0.03)
@@ -202,7 +214,7 @@ def test_a_stale_switch_waits_as_long_as_a_walk_from_failure_to_success():
 
 
 def test_repetition_mends_in_a_cycle_what_a_change_sent_once_leaves_for_an_hour():
-    shares = packet_shares(Markers(crc=True), 10, 1e-5)
+    shares = MarkerFormat(crc=True).error_shares(10, 1e-5)
     once = switch_staleness(shares, 0.1375, 3600, "changed")
     again = switch_staleness(shares, 0.1375, 3600, "cyclic")
     assert once.duration == pytest.approx(3600, rel=0.01)
@@ -211,7 +223,7 @@ def test_repetition_mends_in_a_cycle_what_a_change_sent_once_leaves_for_an_hour(
 
 
 def test_markers_miss_the_same_share_whatever_the_items_and_a_crc_misses_none():
-    table = compare_checks([1, 10, 40], [1e-4], 50_000, np.random.default_rng(2024))
+    table = compare_checks([1, 10, 40], [1e-4], packets=50_000, rng=2024).table()
     assert (table.low <= table.expected).all() and (table.expected <= table.high).all()
     markers = table[table.check == "markers"]
     assert (markers.missed > 0.4).all() and markers.missed.is_monotonic_increasing
@@ -222,9 +234,9 @@ def test_markers_miss_the_same_share_whatever_the_items_and_a_crc_misses_none():
 @pytest.mark.parametrize("bit_rate", [9600, 600])
 @pytest.mark.parametrize("n_items", [1, 3, 10, 20, 40])
 def test_what_is_recommended_meets_every_limit_and_nothing_that_does_is_quicker(n_items, bit_rate):
-    system, criterion = System(bit_rate=bit_rate), Criterion(stale_time=20)
-    chosen = recommend(n_items, system, criterion=criterion)
-    table = candidates(n_items, system, criterion=criterion)
+    system = System(bit_rate=bit_rate)
+    chosen = recommend(n_items, system, stale_time=20)
+    table = chosen.candidates()
     good = table.query("errors_ok and stale_ok and alarm_ok")
     assert chosen.refresh_time == good.refresh_s.min()
     assert chosen.wrong_per_year <= 1 and chosen.stale_time <= 20
@@ -234,16 +246,14 @@ def test_what_is_recommended_meets_every_limit_and_nothing_that_does_is_quicker(
 def test_a_lost_packet_costs_the_cycle_and_the_turn_that_are_said():
     best = recommend(10, rate=1e-7)
     assert best.check == "CRC"
-    link = System(Stuffed(10), repeat=10, turn_timeout=best.turn_timeout)
-    run = simulate(link, 3, faults=[LostPacket("BCS", "RCS", 1.0)], changes=[(1.0, "BCS", 1, 1)])
-    lost = next(packet for packet in run.packets if packet.disturbed)
+    link = System(CobsFormat(10), repeat=10, turn_timeout=best.turn_timeout)
+    lost, move = LostPacket("BCS", "RCS", start=1.0), Change(1.0, "BCS", 1, 1)
+    run = simulate(link, move, faults=lost, until=3)
+    failed = next(packet for packet in run.packets if packet.disturbed)
     seen = next(u.time for u in run.updates if (u.station, u.number, u.value) == ("RCS", 1, 1))
-    assert seen - lost.end == pytest.approx(best.stale_time, rel=1e-4)
+    assert seen - failed.end == pytest.approx(best.stale_time, rel=1e-4)
     # As printed, RCS waits until its counters run out: four seconds and more.
-    printed = simulate(
-        replace(link, turn_timeout=None), 9, faults=[LostPacket("BCS", "RCS", 1.0)],
-        changes=[(1.0, "BCS", 1, 1)],
-    )  # fmt: skip
+    printed = simulate(replace(link, turn_timeout=None), move, faults=lost, until=9)
     assert 4.3 < printed.delays("SS").delay_s[0] < 4.9
 
 
@@ -258,14 +268,13 @@ def test_many_items_on_a_noisy_line_go_in_several_packets():
 
 
 def test_markers_alone_suffice_only_where_the_errors_are_as_rare_as_the_criterion():
-    loose = Criterion(wrong_per_year=1e12)
-    assert recommend(3, rate=1e-5, criterion=loose).check == "markers"
+    assert recommend(3, rate=1e-5, wrong_per_year=1e12).check == "markers"
     assert recommend(3, rate=1e-5).check != "markers"
 
 
 def test_an_impossible_wish_is_refused_with_its_reasons():
     with pytest.raises(ArgumentError, match=r"n_items is 84: of .* ways to send them"):
-        recommend(84, System(bit_rate=600), criterion=Criterion(stale_time=1))
+        recommend(84, System(bit_rate=600), stale_time=1)
 
 
 @pytest.fixture
@@ -279,42 +288,34 @@ def ax():
 
 
 def test_the_figures_show_what_the_tables_hold(ax):
-    table = compare_checks([1, 10], [1e-3], 5000, np.random.default_rng(2024))
-    plot_checks(table, ax=ax, bit_error_rate=1e-3)
+    found = compare_checks([1, 10], [1e-3], packets=5000, rng=2024)
+    found.plot(ax, bit_error_rate=1e-3)
+    table = found.table()
     expected = table[table.check == "markers"].expected.tolist()
     assert ax.lines[0].get_ydata().tolist() == expected
     assert ax.get_yscale() == "log"
     with pytest.raises(ArgumentError, match=r"bit_error_rate is 0\.1"):
-        plot_checks(table, ax=ax, bit_error_rate=0.1)
-
-
-def test_the_candidates_are_drawn_and_the_best_is_ringed(ax):
-    table = candidates(10)
-    plot_candidates(table, ax=ax)
-    best = recommend(10)
-    assert ax.lines[-1].get_xdata()[0] == best.per_packet
-    assert ax.lines[-1].get_ydata()[0] == best.refresh_time
+        found.plot(ax, bit_error_rate=0.1)
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: packet_shares(Markers(), 11, 0.1), r"n_items is 11.*0\.\.10"),
-        (lambda: packet_shares(Markers(), 1, float("nan")), "rate is nan"),
-        (lambda: packet_shares(Markers(), 1, 0.6), "rate is 0.6"),
+        (lambda: MarkerFormat().error_shares(11, 0.1), r"n_items is 11.*0\.\.10"),
+        (lambda: MarkerFormat().error_shares(1, float("nan")), "rate is nan"),
+        (lambda: MarkerFormat().error_shares(1, 0.6), "rate is 0.6"),
         (lambda: crc_residual(-1, 0.1), "n_bytes is -1"),
-        (lambda: single_flip_share(Markers(), 0), "n_items is 0"),
         (lambda: check_formats(85), r"n_items is 85.*1\.\.84"),
-        (lambda: draw_outcomes(Markers(), 1, 0.1, -1, None), "n_packets is -1"),
+        (lambda: draw_outcomes(MarkerFormat(), 1, 0.1, -1, None), "packets is -1"),
         (lambda: Trial(1, 0, 0).share("lost"), "outcome is 'lost'"),
         (lambda: Trial(1, 0, 0).interval("intact", 1), "confidence is 1"),
         (lambda: switch_staleness(Shares(0, 1, 0), 1, 1, "cyclic"), "below 1 in sum"),
         (lambda: switch_staleness(Shares(1, 0, 0), 0, 1, "cyclic"), "period is 0"),
         (lambda: switch_staleness(Shares(1, 0, 0), 1, 1, "once"), "sending is 'once'"),
-        (lambda: simulate_switch(Markers(), 1, 0, 1, 1, "once", 1, None), "sending is 'once'"),
-        (lambda: Criterion(wrong_per_year=0), "wrong_per_year is 0"),
-        (lambda: candidates(0), "n_items is 0"),
-        (lambda: compare_checks([1], [0.1], 10, None), "rng is None"),
+        (lambda: recommend(1, wrong_per_year=0), "wrong_per_year is 0"),
+        (lambda: recommend(0), "n_items is 0"),
+        (lambda: compare_checks([1], [0.6]), "rate is 0.6"),
+        (lambda: MarkerFormat().undetected_flips(11), "n_items is 11"),
         (lambda: recommend(1, rate=0.2), "rate is 0.2"),
     ],
 )
