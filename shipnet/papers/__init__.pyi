@@ -1,3 +1,4 @@
+from . import chung1998 as chung1998
 from .items import PrintedTable as PrintedTable
 from .items import figure as figure
 from .items import table as table
