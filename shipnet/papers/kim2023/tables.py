@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import pandas as pd
 
-from shipnet.asi import tables as asi_tables
+from shipnet.asi.profile import Profile
+from shipnet.asi.telegram import Request, Response
 from shipnet.papers.registry import table
 
 
 @table("kim2023", "Table 4")
 def request_fields() -> pd.DataFrame:
     """Return the fields of a request."""
-    return asi_tables.request_fields().astype(str)
+    return Request.fields().astype(str)
 
 
 @table("kim2023", "Table 5")
 def requests() -> pd.DataFrame:
     """Return the bits of every request, with a row for the names of the columns."""
-    requests = asi_tables.request_map()
+    requests = Request.table()
     header = pd.DataFrame([requests.columns], index=["HEADER"], columns=requests.columns)
     return pd.concat([header, requests]).rename_axis("call")
 
@@ -25,10 +26,10 @@ def requests() -> pd.DataFrame:
 @table("kim2023", "Table 6")
 def response_fields() -> pd.DataFrame:
     """Return the fields of a response."""
-    return asi_tables.response_fields().astype(str)
+    return Response.fields().astype(str)
 
 
 @table("kim2023", "Table 7")
 def io_codes() -> pd.DataFrame:
     """Return the directions of the four ports for every I/O code."""
-    return asi_tables.io_code_table()
+    return Profile.table()
