@@ -5,27 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from math import ceil, inf
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
-from shipnet.asi import Profile
 from shipnet.asi.cycle import ADDRESSES, cycle_time
-from shipnet.asi.network import (
-    CableRun,
-    Master,
-    Plan,
-    Repeater,
-    Slave,
-    Supply,
-    check,
-    rule_limits,
-    worst,
-)
-from shipnet.asi.network.electrical import device_voltages, supply_current
+from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply
+from shipnet.asi.plan import Plan
+from shipnet.asi.rules import rule_limits
+from shipnet.asi.topologies import assign_addresses as share_addresses
 from shipnet.design.catalogue import cables
 from shipnet.design.drafting import Draft, Laid, Place, chain, divided, tree, without_place
 from shipnet.design.plan_asi_modules import Module, analogue_response, digital_response, modules
@@ -136,7 +127,7 @@ def place_supply(
     shared = (away[:, :, None] + away[:, None, :] - away[None]) / 2
     resistance = CABLES[_CABLE].resistance
     drop = (resistance * shared @ current).max(axis=1, where=current > 0, initial=0.0)
-    least = float(rule_limits()["lowest"]["slave_voltage"])
+    least = float(rule_limits()["low"]["slave_voltage"])
     if first in number and voltage - drop[number[first]] >= least:
         return first
     drop[[node not in draws for node in nodes]] = np.inf
@@ -149,7 +140,7 @@ def plan_of(drawn: Drawn, slaves: Sequence[Slave], limits: AsiLimits) -> Plan:
         CableRun(piece.near, piece.far, max(piece.length, _SHORTEST), _CABLE)
         for piece in drawn.pieces
     ]
-    master = Master("0", limits.current)
+    master = Master(node="0", current=limits.current)
     repeaters = [Repeater(a, b, current=limits.current) for a, b in drawn.repeaters]
     bare = Plan(runs, [master], (), slaves, repeaters)
     supplies = []
@@ -195,18 +186,11 @@ def assign_addresses(
     needed = addresses_needed(group)
     if needed > ADDRESSES:
         raise ArgumentError(f"{len(group)} modules need {needed} addresses; there are {ADDRESSES}")
-    pairs = max(0, len(group) - ADDRESSES)
-    sharing = [place for place, module in enumerate(group) if module.shares]
-    waiting = sorted(sharing, key=lambda place: -need[place])[: 2 * pairs]
-    labels: dict[int, tuple[int, Literal["A", "B"] | None]] = {}
-    alone = [place for place in range(len(group)) if place not in waiting]
-    for address, place in enumerate(alone, 1):
-        labels[place] = address, "A" if group[place].shares else None
-    for number, place in enumerate(sorted(waiting)):
-        labels[place] = len(alone) + 1 + number // 2, "AB"[number % 2]  # type: ignore[assignment]
+    shares = [module.shares for module in group]
+    labels = share_addresses(len(group), shares=shares, need=need)
     return [
-        Slave(str(place + 1), *labels[place], Profile.parse(module.profile), module.current(limits))
-        for place, module in enumerate(group)
+        Slave(label, module.profile, node=str(place), current=module.current(limits))
+        for place, (label, module) in enumerate(zip(labels, group, strict=True), 1)
     ]
 
 
@@ -217,7 +201,7 @@ def build(
     most = [float(min(need[module.rows])) for module in group]
     slaves = assign_addresses(group, most, limits)
     pairs = sum(slave.half == "B" for slave in slaves)
-    cycle = float(cycle_time(len(group) - 2 * pairs, pairs))
+    cycle = float(cycle_time(len(group), pairs=pairs))
     paired = {slave.address for slave in slaves if slave.half == "B"}
     responses = [
         _responses(module, cycle, slave.address in paired, limits)
@@ -270,13 +254,13 @@ def _too_long(drawn: Drawn, limits: AsiLimits) -> Broken | None:
 
 def _against_rules(plan: Plan, limits: AsiLimits) -> Broken | None:
     rules = rule_limits()
-    rules.loc["cable_length", "highest"] = limits.length
-    rules.loc["repeaters_in_series", "highest"] = limits.repeaters
-    table = check(plan, limits=rules)
-    if table["passed"].all():
+    rules.loc["cable_length", "high"] = limits.length
+    rules.loc["repeaters_in_series", "high"] = limits.repeaters
+    findings = plan.check(limits=rules)
+    if findings.ok:
         return None
-    first = worst(table).query("margin < 0 or margin.isna()").sort_values("margin").iloc[0]
-    bound = first["lowest"] if first["value"] < first["lowest"] else first["highest"]
+    first = findings.worst().query("verdict != 'met'").sort_values("margin", kind="stable").iloc[0]
+    bound = first["low"] if first["value"] < first["low"] else first["high"]
     name = str(first.name).replace("_", " ")
     return Broken(name, float(first["value"]), float(bound), str(first["unit"]))
 
@@ -432,6 +416,6 @@ def _connect(draft: Draft, segment: str, line: Line, names: dict[str, str]) -> N
         load=used / ADDRESSES, response_ms=1e3 * max(float(r.max()) for r in line.responses),
         slowest_update_ms=1e3 * float(draft.need[rows].min()), masters=1, slaves=len(line.slaves),
         addresses=used, cycle_ms=1e3 * line.cycle, repeaters=len(line.drawn.repeaters),
-        supply_current_a=max(supply_current(part) for part in parts),
-        lowest_v=min(min(device_voltages(part)[node] for node, _ in part.draws) for part in parts),
+        supply_current_a=max(part.current for part in parts),
+        lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),
     )  # fmt: skip

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet.asi.cycle import cycle_time
-from shipnet.asi.network import CableRun, Master, Plan, Slave, Supply
-from shipnet.asi.network.electrical import device_voltages
+from shipnet.asi.elements import CableRun, Master, Slave, Supply
+from shipnet.asi.plan import Plan
 from shipnet.design.plan_asi_lines import Piece, draw, place_supply
 from shipnet.design.plan_asi_modules import analogue_response, digital_response
 from shipnet.design.planning import plan
@@ -72,11 +72,11 @@ def test_the_supply_stands_where_the_circuit_loses_least(hops, currents):
     def lowest(node):
         circuit = Plan(
             [CableRun(p.near, p.far, p.length) for p in pieces],
-            [Master("0", currents[0])],
+            [Master(node="0", current=currents[0])],
             [Supply(node)],
-            [Slave(str(n), n, current=currents[n]) for n in range(1, len(places))],
+            [Slave(str(n), node=str(n), current=currents[n]) for n in range(1, len(places))],
         )
-        volts = device_voltages(circuit.segments[0])
+        volts = circuit.voltages
         return min(volts[node] for node in draws if draws[node] > 0 or node == found)
 
     # The circuit is solved with its own resistances; a tenth of a millivolt is rounding.

@@ -304,7 +304,7 @@ def test_outputs_of_as_i_need_the_auxiliary_supply_and_inputs_do_not():
 
 
 def test_a_line_of_as_i_without_current_takes_what_lies_behind_it_too():
-    """Master and repeaters live on the line they send on, as `shipnet.asi.network` has it."""
+    """Master and repeaters live on the line they send on, as `shipnet.asi.plan` has it."""
     iolist = parse_iolist(
         "tag,signal,x,y,z\nA,contact,20,0,0\nB,contact,120,0,0\nC,contact,200,0,0"
     )

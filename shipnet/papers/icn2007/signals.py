@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.apm import HALF_BIT, ramp_spectrum, send_spectrum, steps_of
-from shipnet.asi.network.electrical import device_voltages
-from shipnet.asi.network.structures import line, ring
-from shipnet.asi.response import RESPONSES
+from shipnet.asi.modulation import HALF_BIT, ramp_spectrum, send_spectrum, steps_of
 from shipnet.asi.segment import Segment
-from shipnet.asi.telegram import Request
+from shipnet.asi.telegram import RESPONSES, Request
+from shipnet.asi.topologies import line, ring
 from shipnet.asi.topology import straight_line
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import Load, Network
@@ -53,7 +51,7 @@ def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -
     '1.35 V, 0.675 V'
     """
     (segment,) = (ring if closed else line)(length, [place], current=1.0).segments
-    voltage = device_voltages(segment)
+    voltage = segment.voltages
     return voltage[segment.supplies[0].node] - voltage[segment.slaves[0].node]
 
 
