@@ -203,12 +203,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _ledger(arguments: argparse.Namespace) -> None:
-    from shipnet.papers.ledger import counts, format_computed, ledger
+    from shipnet.papers.judging import Ledger, format_computed
 
+    ledger = Ledger(arguments.paper)
     if arguments.summary and arguments.csv is None:
-        print(counts(arguments.paper).to_string())
+        print(ledger.counts().to_string())
         return
-    table = ledger(arguments.paper)
+    table = ledger.table().reset_index()
     # The file comes first: whoever reads the output may stop reading.
     if arguments.csv is not None:
         table.to_csv(arguments.csv, index=False)
@@ -223,7 +224,7 @@ def _ledger(arguments: argparse.Namespace) -> None:
                 f"{row['id']:<15}{published:>16}  {computed:<14}{verdict:<19}{row['claim']}{unit}"
             )
         print()
-    print(counts(arguments.paper).to_string())
+    print(ledger.counts().to_string())
     if arguments.csv is not None:
         print(f"\n{len(table)} claims written to {arguments.csv}")
 
