@@ -5,5 +5,7 @@ field-bus for ship engine", Journal of IEEK 49-SC(2), 2012.
 """
 
 from shipnet.papers.lee2012 import can, engine, operation, points, serial
+from shipnet.papers.lee2012.scope import response_readings, response_scope, switch_over_scope
 
-__all__ = ["can", "engine", "operation", "points", "serial"]
+__all__ = ["can", "engine", "operation", "points", "response_readings", "response_scope"]
+__all__ += ["serial", "switch_over_scope"]
