@@ -10,7 +10,7 @@ from shipnet.ballast.tank import Tank
 from shipnet.ballast.testbed import TestBed as Bed
 from shipnet.ballast.testbed import acceptance
 from shipnet.errors import ArgumentError
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.uart import SerialLine
 
 
 def test_the_three_tests_of_control_are_passed_with_noise():
@@ -137,5 +137,5 @@ def test_a_bad_argument_is_named(make, message):
 def test_a_rate_below_those_printed_is_too_slow():
     # At the slowest that is printed all tests are passed: kim2014, part 3 shows it.
     # Here it is so slow that the screen is older than what is left of the 10 s after a stroke.
-    late = acceptance(serial=Serial(300), tests=["remote"])
+    late = acceptance(serial=SerialLine(300), tests=["remote"])
     assert not late["passed"].all()

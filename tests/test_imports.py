@@ -32,7 +32,7 @@ def loaded(statement):
         ("import shipnet.can", ["numpy"]),
         ("import shipnet.can.schedule", ["numpy", "scipy"]),
         ("import shipnet.modbus", []),
-        ("import shipnet.modbus.server, shipnet.modbus.datagram", ["numpy"]),
+        ("from shipnet.modbus import Request, Poll, serve, udp", ["numpy"]),
         ("import shipnet.engine", ["numpy", "pandas", "scipy"]),
         ("import shipnet.remote_control", ["numpy"]),
         ("import shipnet.fuzzy", ["numpy"]),

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from shipnet.ballast.master import Station
 from shipnet.ballast.registers import COMMAND_REGISTER
 from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
-from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.frame import decode_tcp, encode_tcp
-from shipnet.modbus.server import DeviceError, Slave, Table, answer
+from shipnet.modbus.adu import decode, tcp_frame
+from shipnet.modbus.pdu import ExceptionCode
+from shipnet.modbus.slave import DeviceError, Slave, Table, answer
 
 __all__ = ["Gateway"]
 
@@ -23,7 +23,7 @@ class _Image:
     def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
         """Return registers of the status that came last; exception 11 before the first."""
         first = address - FIRST_REGISTER
-        if table is not Table.INPUT_REGISTERS or not 0 <= first <= N_REGISTERS - quantity:
+        if table != "input_registers" or not 0 <= first <= N_REGISTERS - quantity:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         for status in reversed(self.station.shown):
             if status.unit == self.unit:
@@ -32,7 +32,7 @@ class _Image:
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
         """Send a command on to the slave, and its exception back."""
-        if table is not Table.HOLDING_REGISTERS or address != COMMAND_REGISTER or len(values) != 1:
+        if table != "holding_registers" or address != COMMAND_REGISTER or len(values) != 1:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         response = self.station.write(values[0], self.unit).response
         if not response:
@@ -59,9 +59,9 @@ class Gateway:
     --------
     >>> from shipnet.ballast import Plant
     >>> from shipnet.ballast.scan import status_poll
-    >>> from shipnet.modbus.ring import Loop
-    >>> from shipnet.modbus.timing import Serial
-    >>> station = Station(Plant(n_valves=5), Loop(5, status_poll(Serial(9600))))
+    >>> from shipnet.modbus.redundancy import Loop
+    >>> from shipnet.modbus.uart import SerialLine
+    >>> station = Station(Plant(n_valves=5), Loop(5, status_poll(SerialLine(9600))))
     >>> pc = Gateway(station)
     >>> pc.answer(bytes.fromhex("00010000000602 06 4001 0008")).hex(" ")
     '00 01 00 00 00 06 02 06 40 01 00 08'
@@ -95,8 +95,8 @@ class Gateway:
         FrameError
             If it is no frame.
         """
-        request = decode_tcp(adu)
+        request = decode(adu, "tcp")
         if request.unit_id == 0:
             return b""
-        pdu = answer(self.slaves, request.unit_id, request.pdu, self.station.time).pdu
-        return encode_tcp(request.unit_id, pdu, request.transaction_id or 0) if pdu else b""
+        pdu = answer(self.slaves, request, self.station.time).pdu
+        return tcp_frame(request.unit_id, pdu, request.transaction_id or 0) if pdu else b""

@@ -1,7 +1,7 @@
 """The master on a clock: it scans its valves, sends commands in between, and keeps what it saw.
 
 Everything goes through the registers of the slaves and the time that frames take on the line; the
-two ports and their faults are those of `shipnet.modbus.ring`.
+two ports and their faults are those of `shipnet.modbus.simulation`.
 """
 
 from __future__ import annotations
@@ -16,12 +16,14 @@ from shipnet.ballast.scales import MISSING
 from shipnet.ballast.scan import READ_STATUS, command_poll
 from shipnet.ballast.screen import MasterRun, Shown, Write
 from shipnet.ballast.slave import valve_slaves
+from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-from shipnet.modbus.request import WriteRegister
-from shipnet.modbus.ring import Fault, Loop
-from shipnet.modbus.ring.master import LOST, A, Master
-from shipnet.modbus.server import Slave, answer
+from shipnet.modbus.adu import Adu
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.simulation import LOST, A, Master
+from shipnet.modbus.slave import Slave, answer
 
 __all__ = ["Station", "operate"]
 
@@ -35,7 +37,7 @@ class Station(Master):
         The valves; slave n, which also is unit id n, has valve n - 1.
     system : Loop
         The line, with as many slaves as there are valves, polled by `status_poll`.
-    faults : iterable of shipnet.modbus.ring.Fault, optional
+    faults : iterable of shipnet.clock.Fault, optional
         What fails on the line, and when.
     registers : RegisterMap, optional
         Reading of the paper's tables, which slaves and master share.
@@ -74,8 +76,8 @@ class Station(Master):
     Examples
     --------
     >>> from shipnet.ballast.scan import status_poll
-    >>> from shipnet.modbus.timing import Serial
-    >>> station = Station(Plant(n_valves=5), Loop(5, status_poll(Serial(9600))))
+    >>> from shipnet.modbus.uart import SerialLine
+    >>> station = Station(Plant(n_valves=5), Loop(5, status_poll(SerialLine(9600))))
     >>> station.run_until(1.0)
     >>> station.command("open", 2).answered
     True
@@ -111,7 +113,7 @@ class Station(Master):
         self.at_end = answer_at_end
         poll = system.poll
         self._command = command_poll(
-            poll.serial,
+            poll.line,
             processing=poll.processing,
             timeout=poll.timeout if timeout is None else timeout,
         )
@@ -126,7 +128,7 @@ class Station(Master):
         """What the master has seen up to now."""
         return MasterRun(
             self.system, self.registers, self.time, list(self.shown), list(self.writes),
-            list(self.tries), float(self._command.answered),
+            list(self.tries), float(self._command.time),
         )  # fmt: skip
 
     def run_until(self, time: float) -> None:
@@ -202,16 +204,16 @@ class Station(Master):
         """
         port = self.port[unit - 1]
         begin, poll = self.time, self._command
-        arrives = begin + poll.serial.frame_time(poll.request_size)
-        request = WriteRegister(COMMAND_REGISTER, value)
+        arrives = begin + poll.line.frame_time(poll.request_size)
+        request = Request.write_single_register(COMMAND_REGISTER, value)
         response, end = b"", arrives + poll.timeout
         if self._holds(begin, arrives, unit, port):
-            response = answer(self.slaves, unit, request.pdu, arrives, serial=True).pdu
+            response = answer(self.slaves, Adu(unit, request.pdu), arrives, serial=True).pdu
             waits = self.at_end and response[:1] == b"\x06"
             ready = max(self._arrival(unit, end), arrives) if waits else arrives
             done = ready + poll.shortest_timeout
             if done <= end + 1e-9 and self._holds(arrives, done, unit, port):
-                end = done + poll.serial.t35
+                end = done + poll.line.t35
             else:
                 response = b""
                 if waits:
@@ -231,8 +233,8 @@ class Station(Master):
         if not super().attempt(slave, port, kind):
             return False
         unit, poll = slave + 1, self.system.poll
-        read = start + poll.serial.frame_time(poll.request_size)
-        response = answer(self.slaves, unit, READ_STATUS.pdu, read, serial=True).pdu
+        read = start + poll.line.frame_time(poll.request_size)
+        response = answer(self.slaves, Adu(unit, READ_STATUS.pdu), read, serial=True).pdu
         words = tuple(int.from_bytes(response[k : k + 2], "big") for k in (2, 4, 6, 8))
         if words[0] >> 8 != MISSING:
             self._position[unit] = words[0] >> 8
@@ -264,7 +266,7 @@ class Station(Master):
             return False
         # A motor that stops between two readings is known to have stopped at the second.
         self.plant.run_until(end + self.plant.step)
-        serial, garbled = self.system.poll.serial, False
+        serial, garbled = self.system.poll.line, False
         for unit, started in list(self._late.items()):
             begins = self._stopped(unit, started) + serial.t35
             lasts = serial.frame_time(self._command.response_size)
@@ -315,8 +317,8 @@ def operate(
     A master with 50 valves at 9600 bit/s opens one; its position is up to a scan old:
 
     >>> from shipnet.ballast.scan import status_poll
-    >>> from shipnet.modbus.timing import Serial
-    >>> loop = Loop(50, status_poll(Serial(9600)))
+    >>> from shipnet.modbus.uart import SerialLine
+    >>> loop = Loop(50, status_poll(SerialLine(9600)))
     >>> run = operate(Plant(n_valves=50), loop, [Command("open", 3.0, valves=6)], duration=15)
     >>> run.answers.query("unit == 7").VPos_percent.tolist()
     [0.0, 0.0, 4.0, 22.0, 40.0, 58.0, 76.0, 93.0, 100.0, 100.0]

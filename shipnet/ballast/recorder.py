@@ -101,10 +101,10 @@ def received_run(seen: MasterRun, unit: int, *, target: float, plant: Plant | No
     >>> from shipnet.ballast import Command
     >>> from shipnet.ballast.master import operate
     >>> from shipnet.ballast.scan import status_poll
-    >>> from shipnet.modbus.ring import Loop
-    >>> from shipnet.modbus.timing import Serial
+    >>> from shipnet.modbus.redundancy import Loop
+    >>> from shipnet.modbus.uart import SerialLine
     >>> plant = Plant(n_valves=5)
-    >>> seen = operate(plant, Loop(5, status_poll(Serial(9600))), [Command("open")], duration=4)
+    >>> seen = operate(plant, Loop(5, status_poll(SerialLine(9600))), [Command("open")], duration=4)
     >>> run = received_run(seen, 2, target=100.0)
     >>> run.VPos[-3:, 0], run.MC[-3:, 0]
     (array([39., 41., 42.]), array([1.2, 1.2, 1.2]))

@@ -12,9 +12,9 @@ import numpy.typing as npt
 from shipnet.ballast.channels import CHANNELS
 from shipnet.ballast.registers import RegisterMap
 from shipnet.fields import check_scalar
-from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.ring import Loop
-from shipnet.modbus.ring.master import Try
+from shipnet.modbus.pdu import ExceptionCode
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.simulation import Try
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -272,7 +272,7 @@ class MasterRun:
 
     def _silent(self, time: float) -> npt.NDArray[np.bool_]:
         silent = np.zeros(self.system.n_slaves, bool)
-        spent = (self.system.poll.unanswered, self.system.poll.answered)
+        spent = (self.system.poll.unanswered_time, self.system.poll.time)
         ended = (t for t in reversed(self.tries) if t[0] + spent[t[4]] <= time + 1e-9)
         unknown = set(range(self.system.n_slaves))
         for _, slave, _, _, answered in ended:

@@ -12,13 +12,13 @@ from shipnet.ballast.plant import Plant
 from shipnet.ballast.slave import valve_slaves
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.frame import LAST_UNIT
+from shipnet.modbus.adu import MAX_UNIT
 from shipnet.modbus.server import Server, real_clock, serve
 
 __all__ = ["parse_fault", "valve_server"]
 
 
-def parse_fault(text: str, n_valves: int = LAST_UNIT) -> Fault:
+def parse_fault(text: str, n_valves: int = MAX_UNIT) -> Fault:
     """Return the fault that a text such as ``3:V1:0.8`` names.
 
     Parameters
@@ -89,7 +89,7 @@ def valve_server(
         never if omitted.
     **options
         As `shipnet.modbus.server.serve` takes them: transport, host, port, and for a serial line
-        serial_port and serial.
+        serial_port and line.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def valve_server(
     ...     sorted(server.slaves)
     [1, 2, 3]
     """
-    count = check_whole("n_valves", n_valves, 1, LAST_UNIT)
+    count = check_whole("n_valves", n_valves, 1, MAX_UNIT)
     factor = check_scalar("speed", speed, "s/s", 0, 1e4)
     failed = list(faults)
     for fault in failed:

@@ -19,9 +19,9 @@ from shipnet.ballast.registers import COMMAND_REGISTER, RegisterMap
 from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
 from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.server import DeviceError, Slave, Table
+from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.pdu import ExceptionCode
+from shipnet.modbus.slave import DeviceError, Slave, Table
 
 __all__ = ["ValveDevice", "valve_slaves"]
 
@@ -72,12 +72,12 @@ class ValveDevice:
 
     Examples
     --------
-    >>> from shipnet.modbus.server import Table
+    >>> from shipnet.modbus.slave import Table
     >>> device = ValveDevice(Plant())
-    >>> device.write(Table.HOLDING_REGISTERS, 0x4001, [0x280A], 0.0)
-    >>> [f"{word:04x}" for word in device.read(Table.INPUT_REGISTERS, 0x4020, 4, 2.0)]
+    >>> device.write("holding_registers", 0x4001, [0x280A], 0.0)
+    >>> [f"{word:04x}" for word in device.read("input_registers", 0x4020, 4, 2.0)]
     ['1628', '0014', '325a', '0c12']
-    >>> device.read(Table.INPUT_REGISTERS, 0x4020, 1, 10.0)[0] >> 8
+    >>> device.read("input_registers", 0x4020, 1, 10.0)[0] >> 8
     40
     """
 
@@ -137,7 +137,7 @@ class ValveDevice:
             As many registers as asked for.
         """
         first = address - FIRST_REGISTER
-        if table is not Table.INPUT_REGISTERS or not 0 <= first <= N_REGISTERS - quantity:
+        if table != "input_registers" or not 0 <= first <= N_REGISTERS - quantity:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         self._attend(time)
         plant, k = self.plant, self.valve
@@ -168,7 +168,7 @@ class ValveDevice:
         time : float
             Model time [s].
         """
-        if table is not Table.HOLDING_REGISTERS or address != COMMAND_REGISTER or len(values) != 1:
+        if table != "holding_registers" or address != COMMAND_REGISTER or len(values) != 1:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         try:
             code, position = self.registers.decode_command(values[0])
@@ -263,11 +263,11 @@ def valve_slaves(
     >>> slaves[2].answer(bytes.fromhex("06 4001 0008")).hex(" ")
     '06 40 01 00 08'
     """
-    unit = check_whole("first", first, 1, LAST_UNIT)
-    if plant.n_valves > LAST_UNIT + 1 - unit:
+    unit = check_whole("first", first, 1, MAX_UNIT)
+    if plant.n_valves > MAX_UNIT + 1 - unit:
         raise ArgumentError(
             f"plant has {plant.n_valves} valves; from unit id {unit} on there are "
-            f"{LAST_UNIT + 1 - unit}"
+            f"{MAX_UNIT + 1 - unit}"
         )
     monitor = Monitor(plant)
     devices = (

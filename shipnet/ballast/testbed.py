@@ -26,8 +26,8 @@ from shipnet.ballast.slave import ValveDevice
 from shipnet.ballast.tank import Tank
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy import NORMAL, RuleBase
-from shipnet.modbus.ring import Loop
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.uart import SerialLine
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,7 +83,7 @@ class TestBed:
         Code of the rule table: what the simulator on S5 imitates; nothing if omitted.
     opening : float, default 0
         Where all valves stand at first, 0..1.
-    serial : Serial, default 9600 bit/s and 8E1
+    serial : SerialLine, default 9600 bit/s and 8E1
         Settings of the line; the paper prints 2400 to 115200 bit/s.
 
     Examples
@@ -105,11 +105,11 @@ class TestBed:
         *,
         fault: str | None = None,
         opening: float = 0.0,
-        serial: Serial | None = None,
+        serial: SerialLine | None = None,
     ) -> None:
         faults = [] if fault is None else [Fault(fault, valves=_SIMULATOR - 1)]
         self.plant = Plant(n_valves=N_SLAVES, faults=faults, opening=opening, rng=rng)
-        line = serial if serial is not None else Serial(9600)
+        line = serial if serial is not None else SerialLine(9600)
         self.station = Station(self.plant, Loop(N_SLAVES, status_poll(line)))
         self.gateway, self.recorder = Gateway(self.station), Recorder(self.plant)
         self.tank = Tank()
@@ -165,7 +165,7 @@ def acceptance(
     *,
     diagnosed_by: str = "slave",
     tests: Iterable[str] = TESTS,
-    serial: Serial | None = None,
+    serial: SerialLine | None = None,
 ) -> pd.DataFrame:
     """Carry out the four tests of section 4, each on a new test bed.
 
@@ -178,7 +178,7 @@ def acceptance(
         what the registers brought it once a scan.
     tests : iterable of str, optional
         Which of `TESTS`; all if omitted.
-    serial : Serial, optional
+    serial : SerialLine, optional
         Settings of the line, as for `TestBed`.
 
     Returns

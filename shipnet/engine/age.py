@@ -86,7 +86,7 @@ def poll_spacing(system: System, lost: float = 0.0) -> float:
     (1.0, 0.4)
     """
     period = nanoseconds(system.poll_period)
-    whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + system.poll.answered)
+    whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + system.poll.time)
     return -(-whole // period) * period / 1e9
 
 

@@ -116,8 +116,8 @@ class _Line:
         name, box = str(channel + 1), system.boxes[system.ports[channel]]
         self.deaf = outages(faults, name, CutModbus, DeadPort) + outages(faults, box, DeadBox)
         self.losses = [f for f in faults if isinstance(f, LostModbus) and f.where == name]
-        self.answered = nanoseconds(system.poll.answered)
-        self.silent = nanoseconds(system.poll.serial.frame_time(8) + system.timeout)
+        self.answered = nanoseconds(system.poll.time)
+        self.silent = nanoseconds(system.poll.line.frame_time(8) + system.timeout)
         self.draws: Iterator[list[float]] = iter(())
         if self.losses and rng is not None:
             most = (horizon // nanoseconds(system.poll_period) + 2) * (1 + system.retries)
@@ -220,10 +220,10 @@ def switch_over(system: System) -> SwitchOver:
     """
     if system.polled == "both":
         raise ArgumentError("polled is 'both'; only a system that polls one channel switches over")
-    request = system.poll.serial.frame_time(8)
+    request = system.poll.line.frame_time(8)
     lost = (1 + system.retries) * (request + system.timeout)
-    answer = lost + system.poll.answered
-    return SwitchOver(lost, answer, system.poll_period - system.poll.answered + answer)
+    answer = lost + system.poll.time
+    return SwitchOver(lost, answer, system.poll_period - system.poll.time + answer)
 
 
 def timeout_for(system: System, time: float, *, retries: int = 0) -> float:

@@ -147,7 +147,7 @@ def _answer(system: Description, rule: Rule) -> _Outcome:
     if system.poll is None:
         return _UNKNOWN
     poll = system.poll
-    time = poll.serial.frame_time(poll.request_size) + poll.shortest_timeout
+    time = poll.line.frame_time(poll.request_size) + poll.shortest_timeout
     return rule.judge(time, "from the first bit of the request to the last of the response")
 
 

@@ -9,7 +9,8 @@ from shipnet.engine.points import Point, check_points, load_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 
 __all__ = ["Description", "printed_system"]
 
@@ -125,5 +126,5 @@ def printed_system() -> Description:
         cpus=1,
         protocols=("CAN", "Modbus RTU"),
         links={"channel 1": ("JB1",), "channel 2": ("JB3",)},
-        poll=Poll.of(RegisterMap(points).requests()[0], Serial(9600)),
+        poll=Poll(RegisterMap(points).requests()[0], SerialLine(9600)),
     )

@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
-from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.server import DeviceError, Slave, Table
+from shipnet.modbus.pdu import ExceptionCode
+from shipnet.modbus.slave import DeviceError, Slave, Table
 
 __all__ = ["FUNCTIONS", "JunctionBox", "junction_box"]
 
@@ -38,7 +38,7 @@ class JunctionBox:
     >>> from shipnet.engine.points import load_points
     >>> points = load_points()[:2]
     >>> box = JunctionBox(RegisterMap(points), lambda time: [80 + time, float("nan")])
-    >>> box.read(Table.HOLDING_REGISTERS, 0, 2, time=1.5)  # tenths of a degree; 0x00FF
+    >>> box.read("holding_registers", 0, 2, time=1.5)  # tenths of a degree; 0x00FF
     [815, 255]
     """
 
@@ -52,7 +52,7 @@ class JunctionBox:
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
         """Return registers in a row; exception 2 if one of them does not exist."""
         first = address - self.registers.first_address
-        if table is not Table.HOLDING_REGISTERS or not 0 <= first <= len(self.registers) - quantity:
+        if table != "holding_registers" or not 0 <= first <= len(self.registers) - quantity:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         content: list[int] = self.registers.encode(self.values(time)).tolist()
         return content[first : first + quantity]

@@ -228,7 +228,7 @@ class Run:
         import pandas as pd
 
         rows = pd.DataFrame(self.attempts._asdict())
-        took = np.where(rows["outcome"] == 0, nanoseconds(self.system.poll.answered), np.inf)
+        took = np.where(rows["outcome"] == 0, nanoseconds(self.system.poll.time), np.inf)
         rows["end"] = rows["start"] + took
         by = rows.groupby("poll").agg(start=("start", "min"), end=("end", "min")).reset_index()
         return pd.DataFrame(
@@ -268,7 +268,7 @@ class Run:
     def _link_alarms(self) -> list[tuple[float, str, str]]:
         rows = []
         tries = 1 + self.system.retries
-        silent = nanoseconds(self.system.poll.serial.frame_time(8) + self.system.timeout)
+        silent = nanoseconds(self.system.poll.line.frame_time(8) + self.system.timeout)
         for channel in (0, 1):
             own = self.attempts.channel == channel
             columns = (self.attempts.poll, self.attempts.start, self.attempts.outcome)
@@ -278,7 +278,7 @@ class Run:
             final = np.repeat(count, count) == tries
             ends = np.append(poll[1:] != poll[:-1], True) if poll.size else fine
             told = ends & (fine | final)
-            wait = np.where(outcome == 1, silent, nanoseconds(self.system.poll.answered))
+            wait = np.where(outcome == 1, silent, nanoseconds(self.system.poll.time))
             for when, good in _changes((start + wait)[told], fine[told]):
                 word = "answers again" if good else "no answer"
                 rows.append((when / 1e9, f"channel {channel + 1}", word))

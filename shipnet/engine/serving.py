@@ -32,7 +32,7 @@ def engine_server(
         Draws the waves of the synthetic values; one seeded with 2024 if omitted.
     **options
         As `shipnet.modbus.server.serve` takes them: transport, host, port, and for a serial line
-        serial_port and serial.
+        serial_port and line.
 
     Returns
     -------

@@ -95,11 +95,11 @@ def simulate(
             f"be {_MOST_FRAMES} at most"
         )
     attempts = ask(system, horizon, begins["AMS"], wrong, rng)
-    answered = nanoseconds(system.poll.answered)
+    answered = nanoseconds(system.poll.time)
     last = int(attempts.start.max(initial=0)) + answered
     warm = 3 * int(system.period_ns.max()) + 10**9
     span = (-warm, max(horizon, last))
-    asked = attempts.start + nanoseconds(system.poll.serial.frame_time(8) + system.serial.t35)
+    asked = attempts.start + nanoseconds(system.poll.line.frame_time(8) + system.serial.t35)
     served = attempts.outcome != 1
     readers = np.array(system.ports)[attempts.channel]
     cpus = [

@@ -16,8 +16,9 @@ from shipnet.engine.firmware import Firmware
 from shipnet.engine.points import Point, by_box, check_points, load_points
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 
 __all__ = ["LONGEST", "RULE", "System"]
 
@@ -59,7 +60,7 @@ class System:
     topology : {"line", "ring"}, default "line"
         CAN as a line of boxes, or closed to a ring, as figure 3 may be read. A ring is no bus of
         ISO 11898; here it is one that works.
-    serial : Serial, default 9600 bit/s, 8E1
+    serial : SerialLine, default 9600 bit/s, 8E1
         Both Modbus lines.
     poll_period : float, default 1
         From poll to poll, 0.01..100 [s].
@@ -97,7 +98,7 @@ class System:
     >>> system = System()
     >>> system.boxes, len(system.points), system.registers
     (('JB1', 'JB2', 'JB3'), 99, 99)
-    >>> round(system.poll.answered * 1e3, 1), System.mended().registers
+    >>> round(system.poll.time * 1e3, 1), System.mended().registers
     (254.8, 121)
     """
 
@@ -106,7 +107,7 @@ class System:
     can_bit_rate: int = 125_000
     update_period: float = 0.5
     topology: Literal["line", "ring"] = "line"
-    serial: Serial = field(default_factory=lambda: Serial(9600))
+    serial: SerialLine = field(default_factory=lambda: SerialLine(9600))
     poll_period: float = 1.0
     timeout: float = 0.1238
     retries: int = 0
@@ -119,7 +120,7 @@ class System:
     def __post_init__(self) -> None:
         """Check every field."""
         object.__setattr__(self, "points", check_points(self.points))
-        for name, kind in (("firmware", Firmware), ("serial", Serial)):
+        for name, kind in (("firmware", Firmware), ("serial", SerialLine)):
             if not isinstance(getattr(self, name), kind):
                 raise ArgumentError(
                     f"{name} is {getattr(self, name)!r}; it must be of class {kind.__name__}"
@@ -150,9 +151,9 @@ class System:
                 "of two values is the newer: it must be one, or the coding mended"
             )
         check_whole("registers", self.registers, 1, 125, " of one request")
-        if self.polled == "both" and self.poll.answered > self.poll_period:
+        if self.polled == "both" and self.poll.time > self.poll_period:
             raise ArgumentError(
-                f"poll_period is {self.poll_period:g} s; a poll takes {self.poll.answered:g} s"
+                f"poll_period is {self.poll_period:g} s; a poll takes {self.poll.time:g} s"
             )
 
     @classmethod
@@ -195,9 +196,9 @@ class System:
     @cached_property
     def poll(self) -> Poll:
         """The transaction that reads all registers."""
-        request = ReadRequest(3, 0, self.registers)  # type: ignore[arg-type] # becomes its code
+        request = Request.read_holding_registers(0, self.registers)
         processing = self.firmware.processing
-        return Poll.of(request, self.serial, processing=processing, timeout=3600)
+        return Poll(request, self.serial, processing=processing, timeout=3600)
 
     @cached_property
     def _layout(self) -> CanLayout:

@@ -141,8 +141,8 @@ def _without(slices: _Slices, busy: _Slices) -> _Slices:
 
 
 def _lines(run: Run) -> dict[str, _Slices]:
-    request = nanoseconds(run.system.poll.serial.frame_time(8))
-    response = nanoseconds(run.system.poll.serial.frame_time(5 + 2 * run.system.registers))
+    request = nanoseconds(run.system.poll.line.frame_time(8))
+    response = nanoseconds(run.system.poll.line.frame_time(5 + 2 * run.system.registers))
     wait = nanoseconds(run.system.serial.t35 + run.system.firmware.processing)
     lines: dict[str, _Slices] = {"channel 1": [], "channel 2": []}
     columns = (run.attempts.channel, run.attempts.start, run.attempts.outcome)

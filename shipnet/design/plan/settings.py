@@ -9,7 +9,7 @@ from typing import ClassVar
 from shipnet.design.catalogue import cables
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.uart import SerialLine
 
 __all__ = ["AsiLimits", "BoxLimits", "CanLimits", "ModbusLimits", "Settings"]
 
@@ -77,7 +77,7 @@ class _Checked:
                         f"{own.name} is {value!r}; it must be one of {', '.join(fitting)}"
                     )
             elif own.name == "character":
-                Serial(9600, value)
+                SerialLine(9600, value)
             elif own.name == "bit_rates":
                 if not isinstance(value, tuple) or not value:
                     raise ArgumentError(f"bit_rates is {value!r}; it must be a tuple of bit rates")

@@ -6,8 +6,7 @@ from itertools import product
 
 from shipnet.ballast.switches import unit_id
 from shipnet.errors import ArgumentError
-from shipnet.modbus.frame import encode_rtu
-from shipnet.modbus.request import ReadRequest
+from shipnet.modbus.pdu import Request
 from shipnet.papers.registry import numeric
 
 __all__ = ["addresses"]
@@ -36,7 +35,7 @@ def addresses(bits: int = 8) -> list[int]:
 
 def _legal(unit: int) -> bool:
     try:
-        encode_rtu(unit, ReadRequest(4, 0, 1).pdu)  # type: ignore[arg-type]
+        Request.read_input_registers(0, 1).rtu(unit)
     except ArgumentError:
         return False
     return True

@@ -7,8 +7,8 @@ import numpy as np
 from shipnet import datasets
 from shipnet.engine.converters import Adc
 from shipnet.engine.points import CONDITIONS, by_box, load_points
-from shipnet.engine.serial_interface import INTERFACES
 from shipnet.engine.wiring import conductors
+from shipnet.modbus.electrical import INTERFACES
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["TABLE_3", "conductors_by_cylinders"]
