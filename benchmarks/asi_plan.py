@@ -10,11 +10,10 @@ from timeit import repeat
 import numpy as np
 
 from shipnet import datasets
-from shipnet.asi.network.electrical import segment_network, signal_quality
-from shipnet.asi.network.file import load_plan
-from shipnet.asi.network.rules import check
-from shipnet.asi.network.structures import evenly, line, ring, star
-from shipnet.line import laplace_grid
+from shipnet.asi.plan_file import read_plan
+from shipnet.asi.topologies import line, ring, star
+from shipnet.line.laplace import laplace_grid
+from shipnet.line.solver import dense_transfer
 
 
 def seconds(function, repeats=5):
@@ -24,25 +23,27 @@ def seconds(function, repeats=5):
 
 def main():
     plans = {
-        "line of 62": line(100, evenly(100, 62), supply=50),
+        "line of 62": line(100, 62, supply=50),
         "90 m and a star of 62": star(90, [10 / 62] * 62, supply=90),
-        "ring of 62": ring(100, [100 * k / 63 for k in range(1, 63)]),
-        "submarine, 190 on 14 lines": load_plan(datasets.path("synthetic_asi_plan_submarine.csv")),
+        "ring of 62": ring(100, 62),
+        "submarine, 190 on 14 lines": read_plan(datasets.path("synthetic_asi_plan_submarine.csv")),
     }
     grid = laplace_grid(102e-6, 3e6)
     print(f"{'plan':<28}{'check':>10}{'signals':>10}{'sweep':>10}{'dense':>10}{'dense/sweep':>13}")
     for name, plan in plans.items():
-        assert check(plan)["passed"].all()
-        networks = [(segment_network(segment), segment.head) for segment in plan.segments]
+        assert plan.check().ok
+        networks = [(segment.network, segment.head) for segment in plan.segments]
         for network, head in networks:
-            ours, dense = (f(head, grid) for f in (network.transfer, network.dense_transfer))
+            ours, dense = (network.transfer(head, grid), dense_transfer(network, head, grid))
             assert np.abs(ours - dense).max() < 1e-9 * np.abs(dense).max()
         times = [
-            seconds(lambda plan=plan: check(plan)),
-            seconds(lambda plan=plan: [signal_quality(segment) for segment in plan.segments]),
+            seconds(lambda plan=plan: plan.check()),
+            seconds(lambda plan=plan: [segment.signals() for segment in plan.segments]),
             seconds(lambda nets=networks: [network.transfer(head, grid) for network, head in nets]),
             seconds(
-                lambda nets=networks: [network.dense_transfer(head, grid) for network, head in nets]
+                lambda nets=networks: [
+                    dense_transfer(network, head, grid) for network, head in nets
+                ]
             ),
         ]
         print(f"{name:<28}", *(f"{1e3 * time:6.1f} ms" for time in times), end="")

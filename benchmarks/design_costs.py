@@ -7,11 +7,10 @@ from timeit import repeat
 
 import numpy as np
 
-from shipnet.design.costs.assumptions import Assumptions, values_at
-from shipnet.design.costs.plants import Plant
-from shipnet.design.costs.quantities import CABLE_RANGES, Model, quantities
-from shipnet.design.costs.sensitivity import tornado
-from shipnet.design.costs.uncertainty import draw
+from shipnet.design.costs import CABLE_RANGES, Model, quantities
+from shipnet.design.plant import Plant
+from shipnet.design.settings import Assumptions, values_at
+from shipnet.design.uncertainty import draw, tornado
 
 DRAWS = 10_000
 SAMPLE = 100  # what the loop gets; its time is scaled up

@@ -17,9 +17,9 @@ import networkx as nx
 import numpy as np
 import pandas as pd
 
+from shipnet.design.failures import single_cuts
 from shipnet.design.iolist import from_table
-from shipnet.design.plan import plan
-from shipnet.design.rules import single_cuts
+from shipnet.design.planning import plan
 from shipnet.design.site import Site
 
 POINTS = 2000

@@ -12,11 +12,9 @@ import numpy as np
 from openpyxl import load_workbook
 
 from shipnet import datasets
-from shipnet.design.iolist import load_iolist, save_iolist
-from shipnet.design.iolist.numbers import RANGES
-from shipnet.design.signals import KINDS, SIGNALS
-from shipnet.design.site import Site
-from shipnet.design.site.trays import load_trays
+from shipnet.design.iolist import RANGES, load_iolist, save_iolist
+from shipnet.design.site import Site, load_trays
+from shipnet.signals import KINDS, SIGNALS
 
 POINTS = 20_000
 ROUTES = 500  # what the loop over networkx gets; its time is scaled up

@@ -12,10 +12,9 @@ import numpy as np
 import pandas as pd
 
 from shipnet import datasets
+from shipnet.design.drafting import balanced, chain, zones
 from shipnet.design.iolist import from_table, load_iolist
-from shipnet.design.plan import OPTIONS, plan
-from shipnet.design.plan.clusters import balanced, zones
-from shipnet.design.plan.trunks import chain
+from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.site import Site
 
 PORTS, REACH = 4, 10.0

@@ -7,14 +7,13 @@ import numpy as np
 import pandas as pd
 
 from shipnet import datasets
-from shipnet.design.comparison import compare_networks
-from shipnet.design.costs.sensitivity import tornado
-from shipnet.design.costs.uncertainty import draw, likely
+from shipnet.design.comparison import compare_networks, study
+from shipnet.design.failures import single_cuts
 from shipnet.design.iolist import load_iolist
-from shipnet.design.plan import OPTIONS, plan
-from shipnet.design.rules import check, single_cuts
+from shipnet.design.planning import OPTIONS, plan
+from shipnet.design.rules import check
 from shipnet.design.site import Site
-from shipnet.design.study import study
+from shipnet.design.uncertainty import draw, likely, tornado
 
 GRID = {"detour": [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7]}
 N = len(GRID["detour"])

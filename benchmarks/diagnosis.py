@@ -9,12 +9,14 @@ from timeit import default_timer, repeat
 
 import numpy as np
 
-from shipnet.ballast import Command, Fault, blocks, diagnose_run, simulate
-from shipnet.ballast.diagnosis import READINGS
-from shipnet.fuzzy import crisp_strengths, decide, published, strengths, to_skfuzzy
+from shipnet.ballast.diagnosis import READINGS, diagnose_run
+from shipnet.ballast.plant import Command
+from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.simulation import blocks, simulate
+from shipnet.ballast.valve_faults import Fault
 
 N, FEW = 256, 100
-BASE = published.rule_base("kim2014")
+BASE = rule_base()
 
 
 def seconds(function, repeats=3):
@@ -26,7 +28,7 @@ def control_loop(rows):
     """Return firing strengths by ControlSystemSimulation.compute, sample by sample."""
     from skfuzzy import control
 
-    system = to_skfuzzy(BASE)
+    system = BASE.to_skfuzzy()
     rules = {rule.label: rule for rule in system.rules}
     simulation = control.ControlSystemSimulation(system, flush_after_run=10 * len(rows))
     result = []
@@ -39,9 +41,7 @@ def control_loop(rows):
 
 
 def own_loop(rows):
-    return np.concatenate(
-        [strengths(BASE, {k: [x] for k, x in row.items()}).strength for row in rows]
-    )
+    return np.concatenate([BASE.fire({k: [x] for k, x in row.items()}).strength for row in rows])
 
 
 def day():
@@ -76,7 +76,7 @@ def main():
     assert np.abs(control_loop(rows) - exact).max() < 1e-12
     assert np.array_equal(own_loop(rows), exact)
     # What is decided is that of the whole array at once, and of dead bands.
-    whole = decide(crisp_strengths(BASE, diagnosis.samples, dead_band=True), k=3, n=5).active
+    whole = BASE.fire(diagnosis.samples, "midpoint").decide(k=3, n=5).active
     assert np.array_equal(whole, diagnosis.active)
 
     per_sample = {

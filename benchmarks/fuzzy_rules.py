@@ -3,15 +3,20 @@
 simpful is left out where it is not installed.
 """
 
+import sys
 import warnings
 from contextlib import redirect_stdout
 from importlib.util import find_spec
 from io import StringIO
+from pathlib import Path
 from timeit import repeat
 
 import numpy as np
 
-from shipnet.fuzzy import control_strengths, decide, published, strengths, to_skfuzzy
+from shipnet.ballast.rule_table import rule_base
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tests.fuzzy.skfuzzy_control import control_strengths
 
 NUMBER = 1_000_000
 FEW = 200  # what the loops get; their time is scaled up
@@ -22,16 +27,11 @@ def seconds(function, repeats=5):
     return min(repeat(function, number=1, repeat=repeats))
 
 
-def samples(base, n, rng):
-    """Return n samples, uniform over the universes."""
-    return {v.name: rng.uniform(v.low, v.high, n) for v in base.variables}
-
-
 def control_loop(base):
     """Return a loop over ControlSystemSimulation.compute that keeps the firing strengths."""
     from skfuzzy import control
 
-    system = to_skfuzzy(base)
+    system = base.to_skfuzzy()
     rules = {rule.label: rule for rule in system.rules}
     order = [rules[code] for code in base.codes]
 
@@ -103,18 +103,15 @@ def simpful_loop(base):
 def main():
     warnings.filterwarnings("ignore", category=DeprecationWarning, module="skfuzzy")
     rng = np.random.default_rng(2024)
-    base = published.rule_base("kim2014")
-    many, few = samples(base, NUMBER, rng), samples(base, FEW, rng)
+    base = rule_base()
+    many, few = base.random_samples(NUMBER, rng), base.random_samples(FEW, rng)
     rows = [dict(zip(few, map(float, row), strict=True)) for row in zip(*few.values(), strict=True)]
-    exact = strengths(base, few).strength
+    exact = base.fire(few).strength
     assert np.abs(control_strengths(base, few) - exact).max() < 1e-12
 
     per_sample = {
-        "strengths": seconds(lambda: strengths(base, many)) / NUMBER,
-        "strengths, decide (3 of 5), headline": seconds(
-            lambda: decide(strengths(base, many), k=3, n=5).headline
-        )
-        / NUMBER,
+        "RuleBase.fire": seconds(lambda: base.fire(many)) / NUMBER,
+        "RuleBase.decide (3 of 5), top": seconds(lambda: base.decide(many, k=3, n=5).top) / NUMBER,
         "skfuzzy.trapmf on columns": seconds(lambda: trapezoids(base, many)) / NUMBER,
     }
     loops = {"ControlSystemSimulation in a loop": control_loop(base)}

@@ -14,12 +14,13 @@ from timeit import repeat
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from shipnet.line import Cable, Network, laplace_grid, synthesize
+from shipnet.line import Cable, CableRun, Load, Network
+from shipnet.line.laplace import laplace_grid, synthesize
 
 ERROR = 1e-5  # of the peak, what every waveform here must reach
 F_MAX = 6e6  # reaches it; the program says how well
 DURATION, START, SWING, HALF_BIT = 64e-6, 5e-6, 60e-3, 3e-6
-DEVICE, SUPPLY = {"r": 13.5e3, "l": 13.5e-3, "c": 50e-12}, {"r": 78.0, "l": 100e-6}
+DEVICE, SUPPLY = Load(r=13.5e3, l=13.5e-3, c=50e-12), Load(r=78.0, l=100e-6)
 RESPONSE = [0, 0, 1, 1, 0, 0, 1]
 SENDER = "stub 20"
 
@@ -30,17 +31,14 @@ def seconds(function, repeats=20):
 
 
 def tree(cable):
-    network = Network()
-    network.load("master", **SUPPLY)
-    network.load("master", **DEVICE)
+    runs, loads = [], {"master": SUPPLY + DEVICE}
     before = "master"
     for k in range(31):
-        network.line(before, f"tee {k}", 2.2, cable)
-        network.line(f"tee {k}", f"stub {k}", 1.0, cable)
-        network.load(f"tee {k}", **DEVICE)
-        network.load(f"stub {k}", **DEVICE)
+        runs.append(CableRun(before, f"tee {k}", 2.2, cable))
+        runs.append(CableRun(f"tee {k}", f"stub {k}", 1.0, cable))
+        loads |= {f"tee {k}": DEVICE, f"stub {k}": DEVICE}
         before = f"tee {k}"
-    return network
+    return Network(runs, loads)
 
 
 LOSSLESS = Cable.lossless(100.0, 6.5e-9)
@@ -86,9 +84,9 @@ def deck(network, sender, step):
     names = {name: name.replace(" ", "_") for name in network.nodes}
     lines = ["* 62 slaves", ".func cl(x) {min(max(x,0),1)}"]
     lines.append(f".func rho(x) {{cl(x)-sin({2 * np.pi!r}*cl(x))/{2 * np.pi!r}}}")
-    for k, (a, b, length, cable) in enumerate(network.branches):
-        delay = length * cable.delay
-        lines.append(f"T{k} {names[a]} 0 {names[b]} 0 Z0={cable.z0!r} TD={delay!r}")
+    for k, run in enumerate(network.runs):
+        ends, delay = (names[run.a], names[run.b]), run.length * run.made_of.delay
+        lines.append(f"T{k} {ends[0]} 0 {ends[1]} 0 Z0={run.made_of.z0!r} TD={delay!r}")
     for node, (g, per_henry, c) in zip(network.nodes, network.shunts()[:, :, 0].T, strict=True):
         for letter, value in (("R", 1 / g), ("L", 1 / per_henry), ("C", c)):
             if value:
@@ -128,10 +126,10 @@ def scikit_rf(skrf, f):
     media = skrf.media.DefinedGammaZ0(frequency, z0=z0, gamma=1j * omega * 6.5e-9)
     network = tree(LOSSLESS)
     joints = {node: [] for node in network.nodes}
-    for k, (a, b, length, _) in enumerate(network.branches):
-        piece = media.line(length, "m", name=f"line {k}")
-        joints[a].append((piece, 0))
-        joints[b].append((piece, 1))
+    for k, run in enumerate(network.runs):
+        piece = media.line(run.length, "m", name=f"line {k}")
+        joints[run.a].append((piece, 0))
+        joints[run.b].append((piece, 1))
     for node, (g, per_henry, c) in zip(network.nodes, network.shunts()[:, :, 0].T, strict=True):
         y = z0 * (g + per_henry / (1j * omega) + 1j * omega * c)
         reflection = ((1 - y) / (1 + y))[:, np.newaxis, np.newaxis]

@@ -230,14 +230,14 @@ def _ledger(arguments: argparse.Namespace) -> None:
 
 def _decode(arguments: argparse.Namespace) -> None:
     from shipnet.asi.capture import decode
-    from shipnet.asi.waveform_file import read_waveform
+    from shipnet.line.scope_file import read_waveform
 
     waveform = read_waveform(
         arguments.file, channel=arguments.channel, sample_interval=arguments.sample_interval
     )
     capture = decode(waveform.u, waveform.dt, threshold=arguments.threshold)
     if not capture.telegrams:
-        raise InputError(arguments.file, f"no AS-i telegram in channel {waveform.channel}")
+        raise InputError(arguments.file, f"no AS-i telegram in channel {waveform.names[0]}")
     rows = capture.transactions
     # The files come first: whoever reads the output may stop reading.
     written = []
@@ -275,7 +275,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     import logging
     from threading import Event
 
-    from shipnet.ballast.serving import parse_fault, valve_server
+    from shipnet.ballast.live import parse_fault, valve_server
     from shipnet.engine.serving import engine_server
     from shipnet.errors import ArgumentError
     from shipnet.modbus.uart import SerialLine

@@ -64,6 +64,54 @@ class Findings:
         """Return every finding: one row per rule and object, as a copy."""
         return self._table.copy()
 
+    def worst(self) -> pd.DataFrame:
+        """Return one row per rule, the nearest to its limit, or farthest beyond it.
+
+        Indexed by rule, with the share of the limit that is left as `margin`: 0 on the limit,
+        negative beyond it, NaN where the rule has no number. Rules come in the order of their
+        margins, those first that are violated or not verified without a number.
+        """
+        import numpy as np
+        import pandas as pd
+
+        table = self._table
+        value, low, high = (
+            pd.to_numeric(table[name], errors="coerce") for name in ("value", "low", "high")
+        )
+        left = []
+        for bound, sign in ((low, 1), (high, -1)):
+            scale = bound.abs().where(bound != 0, 1.0)
+            left.append((sign * (value - bound) / scale).fillna(np.inf))
+        margin = left[0].clip(upper=left[1]).where(value.notna())
+        margin += 0.0  # no minus zero
+        without = pd.Series(np.where(table["verdict"] == "met", np.inf, -np.inf), table.index)
+        order = margin.fillna(without).sort_values(kind="stable").index
+        rows = table.assign(margin=margin).loc[order]
+        return rows.drop_duplicates("rule").set_index("rule")
+
+    @property
+    def broken(self) -> list[str]:
+        """One line per rule that is violated or not verified, with the worst object."""
+        lines = []
+        for rule, row in self.worst().iterrows():
+            own = self._table[self._table["rule"] == rule]["verdict"]
+            number = int((own == row["verdict"]).sum())
+            if row["verdict"] == "met":
+                continue
+            name, unit = str(rule).replace("_", " "), str(row["unit"])
+            unit = "" if unit == "1" else f" {unit}"
+            if row["verdict"] == "not verified" or row["margin"] != row["margin"]:
+                said = f"{name}: {row['verdict']} at {row['object']}, {row['why']} ({number})"
+            else:
+                under = row["value"] < row["low"]
+                limit = f"at least {row['low']:g}" if under else f"at most {row['high']:g}"
+                said = (
+                    f"{name}: {row['value']:.4g}{unit} at {row['object']}, {limit}{unit} "
+                    f"({number} violated)"
+                )
+            lines.append(said)
+        return lines
+
     def violated(self) -> pd.DataFrame:
         """Return the rows of the rules that are violated."""
         return self._table[self._table["verdict"] == "violated"].reset_index(drop=True)
@@ -71,6 +119,10 @@ class Findings:
     def __len__(self) -> int:
         """Return the number of findings."""
         return len(self._table)
+
+    def __str__(self) -> str:
+        """Return the verdict, and a line per rule that is not met."""
+        return "\n".join([self.verdict, *self.broken])
 
     def __repr__(self) -> str:
         """Return the verdict."""

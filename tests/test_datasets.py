@@ -38,7 +38,7 @@ def test_file_is_the_one_described(name):
     row = SOURCES[name]
     assert all(row.values()), f"{name} has an empty cell in SOURCES.md"
     assert row["SHA-256"] == hashlib.sha256((DATA / name).read_bytes()).hexdigest()
-    tests = (DATA.parent / "tests").glob("test_*.py")
+    tests = (DATA.parent / "tests").rglob("test_*.py")
     functions = {
         f for file in tests for f in re.findall(r"^def (test_\w+)", file.read_text(), re.M)
     }

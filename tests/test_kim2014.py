@@ -9,16 +9,11 @@ from pymodbus.pdu import DecodePDU
 from pymodbus.transport import CommType
 
 from shipnet import datasets
-from shipnet.ballast.answer import answer_table, write_outcome
-from shipnet.ballast.channels import CHANNELS, normal_values, rule_limits
-from shipnet.ballast.codes import Code, code_table, command_codes
-from shipnet.ballast.messages import printed_adu, standard_adu
-from shipnet.ballast.registers import RegisterMap
-from shipnet.ballast.scales import SCALES, survival_table
-from shipnet.ballast.switches import switch_table
+from shipnet.ballast.registers import SCALES, Code, RegisterMap, command_codes
+from shipnet.ballast.rule_table import rule_vectors
+from shipnet.ballast.sensors import CHANNELS, normal_values, rule_limits
 from shipnet.engine.class_rules import RULES
 from shipnet.errors import ArgumentError, LengthError
-from shipnet.fuzzy import crisp_strengths, decide, diagnose, published, strengths
 from shipnet.modbus.adu import decode, rtu_frame
 from shipnet.modbus.faults import Break, Short
 from shipnet.modbus.pdu import Request, Response
@@ -26,9 +21,13 @@ from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 from shipnet.modbus.udp import LossyPath, compare, simulate
 from shipnet.papers.kim2014 import addresses, diagnosis, loop, messages, names, rules, valve
+from shipnet.papers.kim2014.answer import answer_table, write_outcome
+from shipnet.papers.kim2014.printed_messages import printed_adu, standard_adu
+from shipnet.papers.kim2014.switches import switch_table
+from shipnet.papers.kim2014.valve import code_table, survival_table
 
 READ = Request.read_input_registers(0x4020, 4)
-PRINTED = published.vectors("kim2014", reading="printed")
+PRINTED = rule_vectors("printed")
 
 
 # Addresses.
@@ -254,14 +253,14 @@ def test_the_row_of_the_flag_names_the_motor():
     ],
 )  # fmt: skip
 def test_what_fires_beside_the_headline(code, fired):
-    row = diagnose(rules.BASE, PRINTED.loc[[code]], crisp=True).iloc[0]
-    assert (row["fired"], row["headline"]) == (fired, code)
+    row = rules.BASE.check(PRINTED.loc[[code]], "crisp").iloc[0]
+    assert (row["fired"], row["top"]) == (fired, code)
 
 
 def test_nine_of_twelve_inputs_find_their_row():
     right = [code for code in rules.BASE.codes if diagnosis.diagnosed(code) == code]
     assert len(right) == 9 and set(rules.BASE.codes) - set(right) == {"V2", "S2", "Pos2"}
-    mended = [diagnosis.diagnosed(code, reading="meant") for code in rules.BASE.codes]
+    mended = [diagnosis.diagnosed(code, version="corrected") for code in rules.BASE.codes]
     assert tuple(mended) == rules.BASE.codes
 
 
@@ -291,8 +290,8 @@ def test_positions_as_printed_are_off_the_scale():
 def test_a_cut_at_a_half_is_a_table_of_comparisons():
     rng = np.random.default_rng(3)
     samples = {v.name: rng.uniform(v.low, v.high, 5000) for v in rules.BASE.variables}
-    fuzzy = decide(strengths(rules.BASE, samples)).active
-    crisp = decide(crisp_strengths(rules.BASE, samples, dead_band=True)).active
+    fuzzy = rules.BASE.fire(samples).decide().active
+    crisp = rules.BASE.fire(samples, "midpoint").decide().active
     assert fuzzy.any() and (fuzzy == crisp).all()
 
 

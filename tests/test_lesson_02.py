@@ -5,14 +5,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from shipnet.asi.apm import SEND_CURRENT, as_bits, steps_of
+from shipnet.asi.modulation import SEND_CURRENT, as_bits, steps_of
 from shipnet.asi.receiver import receive, within_tolerance
-from shipnet.asi.response import RESPONSES
 from shipnet.asi.segment import DEVICE, POWER_SUPPLY
+from shipnet.asi.telegram import RESPONSES
 from shipnet.exercises import given, student
 from shipnet.exercises.check import exercise
 from shipnet.exercises.lesson_02 import _ECHOES, _ENDS, _echo
-from shipnet.line import Cable, CurrentDriver, Network, simulate
+from shipnet.line import Cable, CableRun, Driver, Network, simulate
 
 NAMES = ("Kim", "Jeong", "a student")
 
@@ -49,8 +49,8 @@ def test_every_echo_names_its_end():
 def test_an_open_cable_is_a_short_at_a_quarter_wave(name):
     """An echo that needs half a period of a wave comes back against it."""
     numbers, echo = right("ex-02-2", name)
-    network = Network()
-    network.line("near", "far", numbers["length"], Cable.lossless(100, numbers["delay"] * 1e-9))
+    cable = Cable.lossless(100, numbers["delay"] * 1e-9)
+    network = Network([CableRun("near", "far", numbers["length"], cable)])
     f = np.linspace(1e3, 1.2e6, 4000)
     z = abs(network.transfer("near", 2j * np.pi * f)[network.index("near")])
     first = f[np.flatnonzero((z[1:-1] < z[:-2]) & (z[1:-1] < z[2:]))[0] + 1]
@@ -62,16 +62,14 @@ def test_the_longest_cable_is_that_of_another_solver(further, kept):
     """By the method of characteristics, in time, where the lesson adds up frequencies."""
     delay = 6.0
     length = exercise("ex-02-4").answer(delay=delay).value + further
-    network, dt = Network(), 10e-9
-    for near, far in pairwise((0, 5, length)):
-        network.line(f"{near}", f"{far}", far - near, Cable.lossless(100, delay * 1e-9))
-    network.load("0", **POWER_SUPPLY)
-    for place in (0, 5, length):
-        network.load(f"{place}", **DEVICE)
-    drivers = [
-        CurrentDriver(f"{place}", sender(word)) for place in (5, length) for word in RESPONSES
+    cable, dt = Cable.lossless(100, delay * 1e-9), 10e-9
+    runs = [
+        CableRun(f"{near}", f"{far}", far - near, cable) for near, far in pairwise((0, 5, length))
     ]
-    u = simulate(network, drivers, 102.4e-6, dt, probes=["0"]).v[0]
+    loads = {"0": POWER_SUPPLY + DEVICE, "5": DEVICE, f"{length}": DEVICE}
+    network = Network(runs, loads)
+    drivers = [[Driver(f"{place}", sender(word))] for place in (5, length) for word in RESPONSES]
+    u = simulate(network, drivers, 102.4e-6, dt, probes=["0"]).u[0]
     heard = receive(u[:, :10240:25], 25 * dt, 7)
     assert (heard.error == 0).all()
     assert (heard.bits == np.tile(as_bits(RESPONSES), (2, 1))).all()

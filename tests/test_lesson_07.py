@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.exercises.check import exercise
-from shipnet.remote_control import Markers
+from shipnet.remote_control import MarkerFormat
 from shipnet.remote_control.ring_buffer import Ring
 
 
@@ -52,9 +52,9 @@ def test_half_the_ring_would_lose_bytes(numbers):
 
 
 def test_the_torn_packet_of_the_lesson_is_taken_by_the_real_reader():
-    first, later = Markers().encode({3: 0x1234}), Markers().encode({9: 0x0201})
+    first, later = MarkerFormat().encode({3: 0x1234}), MarkerFormat().encode({9: 0x0201})
     # As in the lesson: later bytes stand where the rest of the first packet stood.
-    ring, parser, found = Ring(6, "meant"), Markers().parser(), []
+    ring, parser, found = Ring(6, "intended"), MarkerFormat().parser(), []
     for byte in first[:3]:
         ring.store(byte)
         found += parser.feed(bytes([ring.extract().byte]))

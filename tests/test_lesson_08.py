@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipnet.design.example import example
-from shipnet.design.rules.cuts import lost
+from shipnet.design.designs import example
+from shipnet.design.failures import lost
 from shipnet.engine import System, marking
 from shipnet.exercises import given, student
 from shipnet.exercises.check import exercise

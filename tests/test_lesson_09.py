@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from shipnet.ballast.rule_table import rule_base
 from shipnet.exercises.check import exercise
-from shipnet.fuzzy import published
 
 
 def right(key, **numbers):
@@ -73,5 +73,5 @@ def test_the_least_k_is_one_more_than_the_worst_window_holds():
 
 
 def test_the_middle_of_the_ramp_of_o1_is_where_the_lesson_says():
-    hot = published.rule_base("kim2014").variable("OT").term("hot")
+    hot = rule_base()["OT"]["hot"]
     assert hot.membership([80, 85, 90]).tolist() == [0, 0.5, 1]

@@ -7,15 +7,14 @@ import pytest
 
 from shipnet import datasets
 from shipnet.design.comparison import compare_networks
-from shipnet.design.costs.plants import Plant
-from shipnet.design.costs.quantities import quantities
-from shipnet.design.costs.savings import cost_saving
-from shipnet.design.costs.sensitivity import tornado
+from shipnet.design.costs import quantities
+from shipnet.design.failures import single_cuts
 from shipnet.design.iolist import from_table, load_iolist
-from shipnet.design.plan import Settings, mix, plan
-from shipnet.design.plan.settings import AsiLimits
-from shipnet.design.rules.cuts import single_cuts
+from shipnet.design.planning import mix, plan
+from shipnet.design.plant import Plant, cost_saving
+from shipnet.design.settings import AsiLimits, Settings
 from shipnet.design.site import Site
+from shipnet.design.uncertainty import tornado
 from shipnet.exercises import check, given, student
 from shipnet.exercises.check import exercise
 

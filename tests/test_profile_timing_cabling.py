@@ -5,10 +5,14 @@ import pandas as pd
 import pytest
 
 from shipnet import datasets
-from shipnet.asi import IO_CONFIGURATIONS, Profile, Transaction
-from shipnet.asi.profile import describe_io_configuration, describe_status, io_code
-from shipnet.design import (
-    SIGNALS,
+from shipnet.asi import Profile, Transaction
+from shipnet.asi.profile import (
+    IO_CONFIGURATIONS,
+    describe_io_configuration,
+    describe_status,
+    io_code,
+)
+from shipnet.design.plant import (
     Saving,
     asi_conductors,
     count_points,
@@ -18,6 +22,7 @@ from shipnet.design import (
     slaves_needed,
 )
 from shipnet.errors import ArgumentError, explain
+from shipnet.signals import SIGNALS
 
 
 def test_io_codes_mirror_inputs_and_outputs():

@@ -23,11 +23,11 @@ def test_any_order_of_buttons_leaves_a_ring_that_is_accounted_for(size, rule, ac
     assert 0 <= ring.lost + ring.unread <= ring.written
     assert result.wrong <= result.packets
     assert (result.said and "nothing done" not in result.said) or not actions
-    if rule != "literal":
+    if rule != "printed":
         assert ring.stale == 0
 
 
-@pytest.mark.parametrize("rule", ["meant", "mended"])
+@pytest.mark.parametrize("rule", ["intended", "corrected"])
 @pytest.mark.parametrize("size", SIZES)
 def test_a_reader_that_keeps_up_finds_every_packet(size, rule):
     result = update(Inputs(size, rule, 60 * (*PACKET, *ALL)))
@@ -36,25 +36,26 @@ def test_a_reader_that_keeps_up_finds_every_packet(size, rule):
 
 
 def test_by_the_letter_even_a_reader_that_keeps_up_reads_what_is_not_due():
-    result = update(Inputs(16, "literal", 60 * (*PACKET, *ALL)))
+    result = update(Inputs(16, "printed", 60 * (*PACKET, *ALL)))
     assert result.ring.stale > 0 and not result.sound
     assert result.packets != 60 or result.wrong
 
 
-def test_the_printed_repair_gives_up_what_the_mended_ring_still_has():
+def test_the_printed_repair_gives_up_what_the_corrected_ring_still_has():
     late = 3 * PACKET
-    printed, mended = (update(Inputs(16, rule, (*late, "repair"))) for rule in ("meant", "mended"))
+    rules = ("intended", "corrected")
+    printed, corrected = (update(Inputs(16, rule, (*late, "repair"))) for rule in rules)
     # Of 18 bytes in a ring of 16, two are overwritten. Place 8 is the middle, 12 a packet's start.
-    assert (printed.ring.lost, mended.ring.lost) == (12, 2)
-    found = [update(Inputs(16, rule, (*late, *ALL))).packets for rule in ("meant", "mended")]
+    assert (printed.ring.lost, corrected.ring.lost) == (12, 2)
+    found = [update(Inputs(16, rule, (*late, *ALL))).packets for rule in rules]
     assert found == [1, 2]
 
 
 def test_two_rounds_late_the_printed_ring_takes_itself_for_empty():
     actions = (*(5 * PACKET), "byte", "byte")
-    late = update(Inputs(16, "meant", (*actions, "extract")))
+    late = update(Inputs(16, "intended", (*actions, "extract")))
     assert late.ring.unread == 32 and "known to be empty" in late.said
-    assert update(Inputs(16, "mended", (*actions, *ALL))).packets == 2
+    assert update(Inputs(16, "corrected", (*actions, *ALL))).packets == 2
 
 
 def test_a_repair_is_refused_where_none_is_due():
@@ -64,14 +65,14 @@ def test_a_repair_is_refused_where_none_is_due():
 
 def test_reading_on_without_end_is_cut_off():
     # The reader stands behind the writer's last place, and comes back to it for ever.
-    result = update(Inputs(8, "literal", (*7 * ("byte",), *ALL)))
+    result = update(Inputs(8, "printed", (*7 * ("byte",), *ALL)))
     assert "for ever" in result.said
     # The packet in the ring is found once, and then again: that one is old.
     assert (result.packets, result.wrong) == (2, 1)
 
 
 def test_more_packets_than_a_byte_can_number_are_told_apart():
-    result = update(Inputs(8, "meant", 450 * (*PACKET, *ALL)))
+    result = update(Inputs(8, "intended", 450 * (*PACKET, *ALL)))
     assert (result.packets, result.wrong) == (450, 0)
 
 
@@ -85,7 +86,7 @@ def test_a_packet_that_is_begun_is_stored_to_its_end():
     [
         ({"size": 12}, r"size is 12; it must be one of 8, 16"),
         ({"size": 0}, "size is 0"),
-        ({"rule": "printed"}, "rule is 'printed'"),
+        ({"rule": "literal"}, "rule is 'literal'"),
         ({"actions": ("byte", "read")}, "one of actions is 'read'"),
         ({"actions": 2001 * ("byte",)}, "there are 2001 actions"),
     ],
@@ -114,7 +115,7 @@ def test_the_buttons_do_what_they_say():
     assert "case c: flags differ" in page.text
     page.buttons["repair"].click()
     assert "12 bytes lost" in page.text
-    rule.value = "mended"
+    rule.value = "corrected"
     assert "2 bytes lost" in page.text and "12 bytes" not in page.text
     size.value = 128
     assert "nothing to repair" in page.text

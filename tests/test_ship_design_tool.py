@@ -10,14 +10,12 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.design.basis_file import parse_basis
 from shipnet.design.catalogue import Range
 from shipnet.design.comparison import RESPONSE, compare
-from shipnet.design.costs.assumptions import Assumptions
 from shipnet.design.iolist import parse_iolist
-from shipnet.design.plan import OPTIONS
-from shipnet.design.plan.settings import CanLimits, Settings
+from shipnet.design.planning import OPTIONS
 from shipnet.design.report import BANNER
+from shipnet.design.settings import Assumptions, CanLimits, Settings, parse_basis
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError, InputError
 from shipnet.tools import _design_steps

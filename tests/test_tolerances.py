@@ -3,7 +3,7 @@ import pytest
 
 from shipnet.asi.segment import DEVICE, POWER_SUPPLY
 from shipnet.asi.topology import straight_line
-from shipnet.line import Network
+from shipnet.line import Load, Network
 from shipnet.papers.icn2007.signals import arriving_share, pulse_height, share_above
 from shipnet.papers.kim2023.tolerances import (
     copes_with_amplitudes,
@@ -19,11 +19,7 @@ def test_an_inductor_is_meant_not_a_conductor():
     # The supply's inductor turns changes of current into voltage: without it the line is a
     # capacitor, whatever inductor a slave may have.
     line = straight_line(100, slaves=(50,)).network
-    bare = Network()
-    for branch in line.branches:
-        bare.line(*branch)
-    bare.load("0 m", r=POWER_SUPPLY["r"])
-    bare.load("50 m", **DEVICE)
+    bare = Network(line.runs, {"0 m": Load(r=POWER_SUPPLY.r), "50 m": DEVICE})
     s = [2j * np.pi * 100e3]
     row = line.index("0 m")
     assert line.transfer("50 m", s)[row].imag > 0

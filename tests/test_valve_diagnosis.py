@@ -4,25 +4,22 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.ballast import (
-    FAULTS,
-    Actuator,
-    Command,
-    Fault,
-    diagnose_run,
-    operating_point,
-    simulate,
-)
-from shipnet.ballast.faults import faulty
-from shipnet.ballast.life import predict_life
-from shipnet.ballast.metrics import confusion
+from shipnet.ballast.actuator import Actuator, operating_point
+from shipnet.ballast.diagnosis import diagnose_run
+from shipnet.ballast.plant import Command
 from shipnet.ballast.plot import plot_confusion, plot_trend
-from shipnet.ballast.trend import fit_trend
-from shipnet.ballast.trials import fault_trials
-from shipnet.ballast.wear import leak_from_pressure, limit_leak, synthetic_wear
+from shipnet.ballast.rule_table import rule_vectors
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.trials import confusion, fault_trials
+from shipnet.ballast.valve_faults import FAULTS, Fault, faulty
+from shipnet.ballast.wear import (
+    fit_trend,
+    leak_from_pressure,
+    limit_leak,
+    predict_life,
+    synthetic_wear,
+)
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy import published
-from shipnet.fuzzy.plot import plot_decision
 from shipnet.tools.valve_diagnosis import STATES, Inputs, draw, explorer, from_plant, update
 
 
@@ -51,7 +48,7 @@ def test_every_fault_is_active_in_some_state_and_health_in_all_is_normal(code):
 
 
 def test_the_vectors_of_the_paper_are_diagnosed_as_it_says():
-    table = published.vectors("kim2014", fill="physical")
+    table = rule_vectors(fill="physical")
     for code, row in table.iterrows():
         commanded = bool(row["DVPos"] == row["DVPos"])
         values = {name: float(x) for name, x in row.items()}
@@ -153,17 +150,17 @@ def test_the_strengths_over_time_are_those_of_the_diagnosis():
     run = simulate(commands=[Command("open", 1.0)], duration=15, n_valves=2,
                    faults=[Fault("S1", valves=1)])  # fmt: skip
     diagnosis = diagnose_run(run)
-    ax = plot_decision(diagnosis.decision(1), diagnosis.time, ax=axes())
+    ax = diagnosis.decision(1).plot(diagnosis.time, ax=axes())
     drawn = ax.collections[0].get_array()
     base = diagnosis.base
     for row, code in enumerate(base.ranking):
-        np.testing.assert_array_equal(drawn[row], diagnosis.firing(1).of(code))
+        np.testing.assert_array_equal(drawn[row], diagnosis.firing(1)[code])
     assert [label.get_text() for label in ax.get_yticklabels()] == list(base.ranking)
     once = diagnose_run(simulate(duration=0))
     with pytest.raises(ArgumentError, match=r"time has the shape \(1,\)"):
-        plot_decision(once.decision(0), once.time, ax=axes())
+        once.decision(0).plot(once.time, ax=axes())
     with pytest.raises(ArgumentError, match=r"time has the shape \(3,\)"):
-        plot_decision(diagnosis.decision(1), [0, 1, 2], ax=axes())
+        diagnosis.decision(1).plot([0, 1, 2], ax=axes())
 
 
 def test_the_trend_is_drawn_up_to_its_limit_and_no_trend_is_said():

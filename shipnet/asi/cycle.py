@@ -1,85 +1,77 @@
 """The AS-i cycle in closed form: how often each slave is asked, and how late the host knows.
 
 In every cycle the master asks each address once, then sends one management request and looks for
-one new slave. An address that an A and a B slave share is asked once a cycle like any other, the
+one new slave. An address that an A and a B slave share is asked once per cycle like any other, the
 two slaves by turns: each of them is heard every second cycle.
+
+Four bits pass in a cycle, so the profiles for analogue values cut a value into pieces, each type
+of transfer (CTT) in its own way. How many cycles a value takes is data, from
+`asi_analogue_profiles.csv`; a profile that is not in there is not known to us, as is CTT4.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.frame import RESPONSE_BITS
+from shipnet import datasets
+from shipnet.asi.profile import Profile
+from shipnet.asi.telegram import RESPONSE_BITS
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
-__all__ = [
-    "ADDRESSES",
-    "ResponseTime",
-    "cycle_time",
-    "fastest_loop",
-    "response_time",
-    "update_time",
-]
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Addresses that slaves can be given: five bits without address 0.
 ADDRESSES = 31
 
+#: What an exchange takes unless said otherwise.
+_USUAL = Transaction()
+
 #: Most transactions of one kind that are taken; no cycle comes near.
 _MOST = 10_000
 
+#: Most channels of a slave.
+_CHANNELS = 4
+
 Floats = npt.NDArray[np.float64]
+Direction = Literal["in", "out"]
 
 
 class ResponseTime(NamedTuple):
-    """Bounds on the time from a change at a slave's input to the host's knowing of it.
-
-    Attributes
-    ----------
-    best, worst : float or ndarray
-        Shortest and longest time [s].
-    """
+    """Shortest and longest time from a change at a slave to the host's knowing of it [s]."""
 
     best: float | Floats
     worst: float | Floats
 
 
-def cycle_time(
-    alone: npt.ArrayLike,
-    pairs: npt.ArrayLike = 0,
-    *,
-    transaction: Transaction | None = None,
-    management: npt.ArrayLike = 1,
-    inclusion: npt.ArrayLike = 1,
-    repetitions: npt.ArrayLike = 0,
-    minimum: float = 0.0,
-) -> float | Floats:
-    r"""Return the time in which the master asks every address once.
+@dataclass(frozen=True)
+class Cycle:
+    r"""The cycle of a master that polls all slaves of a line.
 
-    .. math:: T_c = \max\left(T_{min},\, (n_{alone} + n_{pairs} + m + i + k) \, T\right)
+    .. math:: T_c = \max\left(T_{min},\, (n - n_{pairs} + m + i + k) \, T\right)
 
     Parameters
     ----------
-    alone : int or array_like of int
-        Addresses with one slave, standard or A or B; 0..31.
-    pairs : int or array_like of int, default 0
-        Addresses that an A and a B slave share, 0..31; with `alone` not more than 31.
-    transaction : Transaction, optional
-        What one exchange takes; 26 bit times if omitted.
+    slaves : int or array_like of int, default 31
+        Slaves n, 0..62. Numbers may be arrays, which broadcast against each other.
+    pairs : int or array_like of int, optional
+        Addresses that an A and a B slave share, so many that 31 addresses are enough. As few as
+        can be if omitted: n - 31.
+    transaction : Transaction, default Transaction()
+        What one exchange takes, T; 26 bit times by default.
     management, inclusion : int or array_like of int, default 1
-        Requests of the management and of the inclusion phase in a cycle.
+        Requests m and i of the management and of the inclusion phase in a cycle.
     repetitions : int or array_like of int, default 0
-        Telegrams that must be sent once more.
+        Telegrams k that must be sent once more.
     minimum : float, default 0
         Time below which the master does not begin the next cycle [s].
-
-    Returns
-    -------
-    float or ndarray of float
-        Cycle time [s]; the arguments broadcast against each other.
 
     Raises
     ------
@@ -104,71 +96,165 @@ def cycle_time(
     --------
     From [1]_ and [2]_, 31 slaves:
 
-    >>> round(cycle_time(31) * 1e6), round(cycle_time(31, inclusion=0) * 1e6)
+    >>> round(Cycle(31).time * 1e6), round(Cycle(31, inclusion=0).time * 1e6)
     (5148, 4992)
 
     62 slaves take no longer, but each is heard every other cycle:
 
-    >>> cycle_time(0, pairs=31) == cycle_time(31)
-    True
-    >>> cycle_time([6, 31], transaction=Transaction(2, 2)).round(5).tolist()
+    >>> Cycle(62).time == Cycle(31).time, f"{Cycle(62).update_time * 1e3:.3f} ms"
+    (True, '10.296 ms')
+    >>> Cycle([6, 31], transaction=Transaction(2, 2)).time.round(5).tolist()
     [0.0012, 0.00495]
     """
-    transaction = Transaction() if transaction is None else transaction
-    used = _addresses(alone, pairs)
-    extra = [
-        _whole(name, value, _MOST)
-        for name, value in [
-            ("management", management), ("inclusion", inclusion), ("repetitions", repetitions)
-        ]
-    ]  # fmt: skip
-    least = _seconds("minimum", minimum)
-    return _plain(np.maximum((used + sum(extra)) * transaction.duration, least))
+
+    slaves: npt.ArrayLike = ADDRESSES
+    pairs: npt.ArrayLike | None = field(default=None, kw_only=True)
+    transaction: Transaction = field(default=_USUAL, kw_only=True)
+    management: npt.ArrayLike = field(default=1, kw_only=True)
+    inclusion: npt.ArrayLike = field(default=1, kw_only=True)
+    repetitions: npt.ArrayLike = field(default=0, kw_only=True)
+    minimum: float = field(default=0.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        slaves = _whole("slaves", self.slaves, 2 * ADDRESSES)
+        least = np.maximum(slaves - ADDRESSES, 0)
+        pairs = least if self.pairs is None else _whole("pairs", self.pairs, ADDRESSES)
+        if (pairs < least).any() or (2 * pairs > slaves).any():
+            raise ArgumentError(
+                f"pairs is {self.pairs!r}; {self.slaves!r} slaves take {ADDRESSES} addresses at "
+                "most, and two slaves share one"
+            )
+        for name in ("management", "inclusion", "repetitions"):
+            _whole(name, getattr(self, name), _MOST)
+        _seconds("minimum", self.minimum)
+        object.__setattr__(self, "pairs", pairs if pairs.ndim else int(pairs))
+
+    @property
+    def addresses(self) -> int | npt.NDArray[np.int64]:
+        """Addresses that are asked in each cycle."""
+        used = np.asarray(self.slaves) - np.asarray(self.pairs)
+        return used if used.ndim else int(used)
+
+    @property
+    def time(self) -> float | Floats:
+        """Time in which the master asks every address once [s]."""
+        requests = np.asarray(self.addresses)
+        for extra in (self.management, self.inclusion, self.repetitions):
+            requests = requests + np.asarray(extra)
+        return _plain(np.maximum(requests * self.transaction.duration, self.minimum))
+
+    @property
+    def update_time(self) -> float | Floats:
+        """Time after which every slave has been heard again: two cycles where any share [s]."""
+        return _plain(np.multiply(self.time, np.where(np.asarray(self.pairs) > 0, 2, 1)))
+
+    def response_time(
+        self,
+        profile: Profile | str | None = None,
+        *,
+        channels: int = 1,
+        conversion: float = 0.0,
+        direction: Direction = "in",
+        paired: npt.ArrayLike | None = None,
+        repetitions: npt.ArrayLike = 0,
+        host: float = 0.0,
+    ) -> ResponseTime:
+        """Return how soon and how late the host knows of a change, or a slave of an output.
+
+        Without a `profile`, or with one for single bits, a slave looks at its inputs when the
+        request ends. At best the change comes just before: pause and response pass. At worst it
+        comes just after, and waits for the next request to this slave, every second cycle if it
+        shares its address (`paired`; the slowest slave if omitted); every one of the
+        `repetitions` makes that later by one transaction, and the `host` looks at the master's
+        image so often [s]. Delays of the input itself, a filter or a relay, come on top.
+
+        With a profile for values, its module converts so many `channels`, each in `conversion`
+        [s], and transfers them in turn; at worst a round of all has just missed the value.
+        """
+        shared = np.asarray(self.pairs) > 0 if paired is None else np.asarray(paired)
+        digital = response_time(
+            self.time, paired=shared, repetitions=repetitions, host=host,
+            transaction=self.transaction,
+        )  # fmt: skip
+        if profile is None:
+            return digital
+        interval = np.asarray(self.time) * np.where(shared, 2, 1)
+        one = interval * transfer_cycles(profile, direction=direction)
+        if not transfers_values(profile):
+            # The last piece of several takes an exchange, as a single one does.
+            return ResponseTime(digital.best, _plain(one + digital.worst - interval))
+        count = check_whole("channels", channels, 1, _CHANNELS)
+        wait = float(_seconds("conversion", conversion))
+        late = np.asarray(repetitions) * self.transaction.duration + _seconds("host", host)
+        return ResponseTime(_plain(one + wait), _plain((count + 1) * one + late + count * wait))
+
+    def transfer_time(
+        self,
+        profile: Profile | str,
+        *,
+        channels: int = 1,
+        paired: bool = False,
+        direction: Direction = "in",
+        value_bit: int | None = None,
+        extra_rounds: int = 0,
+    ) -> float | Floats:
+        """Return how long the bus takes to transfer all values of a slave [s].
+
+        ``S-7.3.C`` counts as ``S-7.3`` if it has no row of its own in `analogue_profiles`; of
+        several sizes the largest counts unless `value_bit` says which. `extra_rounds` are values
+        lost to synchronising; Siemens counts one (SlimLine analogue module, manual: 7 x 2 + 7 =
+        21 cycles for two channels). 20 to 60 ms of conversion per channel come on top.
+        """
+        return transfer_time(
+            profile, self.time, channels=channels, paired=paired, direction=direction,
+            value_bit=value_bit, extra_rounds=extra_rounds,
+        )  # fmt: skip
+
+    def efficiency(self, user_bits: int = 8) -> float | Floats:
+        """Return the share of the cycle in which user bits pass, so many per exchange, 0..1."""
+        bits = check_whole("user_bits", user_bits, 0, 8)
+        return _plain(np.asarray(self.addresses) * bits * self.transaction.bit_time / self.time)
 
 
-def update_time(
-    alone: npt.ArrayLike,
-    pairs: npt.ArrayLike = 0,
+def cycle_time(
+    slaves: npt.ArrayLike = ADDRESSES,
     *,
-    transaction: Transaction | None = None,
+    pairs: npt.ArrayLike | None = None,
+    transaction: Transaction = _USUAL,
     management: npt.ArrayLike = 1,
     inclusion: npt.ArrayLike = 1,
+    repetitions: npt.ArrayLike = 0,
     minimum: float = 0.0,
 ) -> float | Floats:
-    """Return the time after which every slave has been heard again: the slowest counts.
+    """Return the time in which the master asks every address once: `Cycle.time`.
 
     Parameters
     ----------
-    alone, pairs, transaction, management, inclusion, minimum
-        As for `cycle_time`.
+    slaves, pairs, transaction, management, inclusion, repetitions, minimum
+        As for `Cycle`.
 
     Returns
     -------
     float or ndarray of float
-        One cycle, or two where an A and a B slave share an address [s].
+        Cycle time [s]; the arguments broadcast against each other.
 
     Raises
     ------
     ArgumentError
-        As `cycle_time`.
+        As `Cycle`.
 
     Examples
     --------
-    One shared address is enough:
+    From OMRON's manual W357, p. 5, 31 slaves:
 
-    >>> short = Transaction(2, 2)
-    >>> [f"{update_time(*n, transaction=short) * 1e3:.2f} ms" for n in [(31, 0), (30, 1), (0, 31)]]
-    ['4.95 ms', '9.90 ms', '9.90 ms']
+    >>> cycle_time(31)
+    0.005148
     """
-    cycle = cycle_time(
-        alone,
-        pairs,
-        transaction=transaction,
-        management=management,
-        inclusion=inclusion,
-        minimum=minimum,
-    )
-    return _plain(np.multiply(cycle, np.where(np.greater(pairs, 0), 2, 1)))
+    return Cycle(
+        slaves, pairs=pairs, transaction=transaction, management=management, inclusion=inclusion,
+        repetitions=repetitions, minimum=minimum,
+    ).time  # fmt: skip
 
 
 def response_time(
@@ -177,51 +263,9 @@ def response_time(
     paired: npt.ArrayLike = False,
     repetitions: npt.ArrayLike = 0,
     host: float = 0.0,
-    transaction: Transaction | None = None,
+    transaction: Transaction = _USUAL,
 ) -> ResponseTime:
-    """Return how soon and how late the host knows that an input has changed.
-
-    Parameters
-    ----------
-    cycle : float or array_like
-        Cycle time without repetitions, positive [s].
-    paired : bool or array_like of bool, default False
-        Whether the slave shares its address, and so is asked every second cycle.
-    repetitions : int or array_like of int, default 0
-        Telegrams repeated while the change waits, at most.
-    host : float, default 0
-        Time between two looks of the host at the master's image of the inputs [s].
-    transaction : Transaction, optional
-        What one exchange takes; 26 bit times if omitted.
-
-    Returns
-    -------
-    ResponseTime
-        Best and worst.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
-    Notes
-    -----
-    A slave is taken to look at its inputs when the request ends. At best the change comes just
-    before: pause and response pass. At worst it comes just after, and waits for the next request
-    to this slave; every repetition on the line makes that later by one transaction. Delays of the
-    input itself, a filter or a relay, come on top.
-
-    Examples
-    --------
-    A line with 31 slaves, and one with 62:
-
-    >>> for paired in (False, True):
-    ...     best, worst = response_time(cycle_time(31), paired=paired, repetitions=1)
-    ...     print(f"{best * 1e3:.2f} to {worst * 1e3:.2f} ms")
-    0.06 to 5.36 ms
-    0.06 to 10.51 ms
-    """
-    transaction = Transaction() if transaction is None else transaction
+    """Return how soon and how late the host knows of a change, by the time of a cycle [s]."""
     interval = _seconds("cycle", cycle)
     if not (interval > 0).all():
         raise ArgumentError(f"cycle is {cycle!r} s; it must be positive")
@@ -235,44 +279,89 @@ def response_time(
     return ResponseTime(_plain(np.full(waited.shape, answer)), _plain(waited + answer + look))
 
 
-def fastest_loop(interval: npt.ArrayLike, *, samples: float = 20.0) -> float | Floats:
-    """Return the bandwidth of the fastest control loop that so rare a value can serve.
+# Values of more than four bits -----------------------------------------------------------------
 
-    Parameters
-    ----------
-    interval : float or array_like
-        Time from one value to the next, positive [s].
-    samples : float, default 20
-        Values that a period of the bandwidth needs; 10 to 30 are usual [1]_.
 
-    Returns
-    -------
-    float or ndarray of float
-        Bandwidth [Hz].
+@cache
+def analogue_profiles() -> pd.DataFrame:
+    """Return what is known about transfers: a row per profile, direction and size of value.
 
-    Raises
-    ------
-    ArgumentError
-        If an argument is not positive.
-
-    References
-    ----------
-    .. [1] K. J. Astrom, B. Wittenmark, "Computer-Controlled Systems", 3rd ed., 1997, section 2.9:
-       the sampling frequency is 10 to 30 times the bandwidth.
-
-    Examples
-    --------
-    Four bits every 5 ms, then 16 bits in seven such cycles:
-
-    >>> [f"{fastest_loop(interval):.1f} Hz" for interval in (5e-3, 7 * 5e-3)]
-    ['10.0 Hz', '1.4 Hz']
+    `cycles` are exchanges with the slave; `evidence` says whether the source prints them or they
+    are derived from it. The table is shared: do not change it.
     """
-    time = _seconds("interval", interval)
-    if not (time > 0).all():
-        raise ArgumentError(f"interval is {interval!r} s; it must be positive")
-    if not 0 < samples < np.inf:
-        raise ArgumentError(f"samples is {samples}; it must be positive")
-    return _plain(1 / (samples * time))
+    table = datasets.read("asi_analogue_profiles.csv")
+    return table.astype({"value_bit": int, "cycles": int, "addresses": int})
+
+
+def transfers_values(profile: Profile | str) -> bool:
+    """Return whether a profile is one for values of more than four bits."""
+    return _largest_value(Profile.parse(profile) if isinstance(profile, str) else profile) > 4
+
+
+@cache
+def _largest_value(profile: Profile) -> int:
+    table = analogue_profiles()
+    own = table[table["profile"].isin(_names(profile))]
+    return int(own["value_bit"].max()) if len(own) else 0
+
+
+def _names(profile: Profile) -> list[str]:
+    return [str(profile), f"S-{profile.io:X}.{profile.id:X}"]
+
+
+def transfer_cycles(
+    profile: Profile | str,
+    *,
+    channels: int = 1,
+    direction: Direction = "in",
+    value_bit: int | None = None,
+    extra_rounds: int = 0,
+) -> int:
+    """Return how many exchanges with a slave all of its values take."""
+    profile = Profile.parse(profile) if isinstance(profile, str) else profile
+    check_whole("channels", channels, 1, _CHANNELS)
+    check_whole("extra_rounds", extra_rounds, 0, 1000)
+    return _value_cycles(profile, direction, value_bit) * (channels + extra_rounds)
+
+
+@cache
+def _value_cycles(profile: Profile, direction: str, value_bit: int | None) -> int:
+    table = analogue_profiles()
+    found = table[table["profile"].isin(_names(profile)) & (table["direction"] == direction)]
+    if value_bit is not None:
+        found = found[found["value_bit"] == value_bit]
+    if found.empty:
+        columns = table[["profile", "direction", "value_bit"]]
+        known = [f"{name} {way} {bits} bit" for name, way, bits in columns.itertuples(index=False)]
+        raise ArgumentError(
+            f"profile is '{profile}' {direction}"
+            f"{'' if value_bit is None else f' {value_bit} bit'}; known are {', '.join(known)}"
+        )
+    return int(found.sort_values("value_bit")["cycles"].iloc[-1])
+
+
+def transfer_time(
+    profile: Profile | str,
+    cycle: npt.ArrayLike,
+    *,
+    channels: int = 1,
+    paired: bool = False,
+    direction: Direction = "in",
+    value_bit: int | None = None,
+    extra_rounds: int = 0,
+) -> float | Floats:
+    """Return how long all values of a slave take on the bus, by the time of a cycle [s]."""
+    time = np.asarray(cycle)
+    if time.dtype.kind not in "iuf" or not ((time > 0) & np.isfinite(time)).all():
+        raise ArgumentError(f"cycle is {cycle!r} s; it must be positive and finite")
+    exchanges = transfer_cycles(
+        profile, channels=channels, direction=direction, value_bit=value_bit,
+        extra_rounds=extra_rounds,
+    )  # fmt: skip
+    return _plain(time.astype(np.float64) * (exchanges * (2 if paired else 1)))
+
+
+# Checks ----------------------------------------------------------------------------------------
 
 
 def _whole(name: str, value: npt.ArrayLike, high: int) -> npt.NDArray[np.int64]:
@@ -282,15 +371,6 @@ def _whole(name: str, value: npt.ArrayLike, high: int) -> npt.NDArray[np.int64]:
     return array.astype(np.int64)
 
 
-def _addresses(alone: npt.ArrayLike, pairs: npt.ArrayLike) -> npt.NDArray[np.int64]:
-    used = _whole("alone", alone, ADDRESSES) + _whole("pairs", pairs, ADDRESSES)
-    if (used > ADDRESSES).any():
-        raise ArgumentError(
-            f"alone and pairs take {used.max()} addresses together; there are {ADDRESSES}"
-        )
-    return used
-
-
 def _seconds(name: str, value: npt.ArrayLike) -> Floats:
     array = np.asarray(value)
     if array.dtype.kind not in "iuf" or not ((array >= 0) & np.isfinite(array)).all():
@@ -298,5 +378,5 @@ def _seconds(name: str, value: npt.ArrayLike) -> Floats:
     return array.astype(np.float64)
 
 
-def _plain(array: Floats) -> float | Floats:
-    return array if array.ndim else float(array)
+def _plain(array: npt.NDArray[np.generic]) -> float | Floats:
+    return np.asarray(array, dtype=np.float64) if array.ndim else float(array)

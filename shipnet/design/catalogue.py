@@ -25,18 +25,7 @@ SPREAD: Mapping[str, float] = {
 
 
 class Range(NamedTuple):
-    """A figure that is known only within bounds.
-
-    Parameters
-    ----------
-    low, nominal, high : float
-        Bounds, and the value to count with; in this order.
-
-    Examples
-    --------
-    >>> Range.around(2.0, "estimate")
-    Range(low=1.5, nominal=2.0, high=2.5)
-    """
+    """A figure that is known only within bounds."""
 
     low: float
     nominal: float
@@ -44,25 +33,7 @@ class Range(NamedTuple):
 
     @classmethod
     def around(cls, nominal: float, status: str) -> Range:
-        """Return the range of a figure of which so much is known.
-
-        Parameters
-        ----------
-        nominal : float
-            The figure, at least 0.
-        status : {"confirmed", "estimate", "derived", "assumption"}
-            Key of `SPREAD`.
-
-        Returns
-        -------
-        Range
-            The same share to either side.
-
-        Raises
-        ------
-        ArgumentError
-            If the status is unknown, or the figure is negative or not finite.
-        """
+        """Return the range of a figure of which so much is known."""
         if status not in SPREAD:
             raise ArgumentError(f"status is {status!r}; it must be one of {', '.join(SPREAD)}")
         if not (isfinite(nominal) and nominal >= 0):
@@ -72,49 +43,7 @@ class Range(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Cable:
-    """A cable of the catalogue.
-
-    Parameters
-    ----------
-    id : str
-        Key of the catalogue.
-    description : str
-        What it is.
-    bus : str
-        What it is for: ``"hardwired"``, ``"AS-i"``, ``"CAN"``, ``"Modbus RTU"``, or several with
-        `` / `` between them.
-    pairs, conductors : int
-        Twisted pairs, and conductors in all.
-    cross_section_mm2 : float
-        Of one conductor [mm2].
-    diameter_mm : float
-        Outer diameter, or the width of a flat cable [mm].
-    height_mm : float
-        Height of a flat cable, else the diameter [mm].
-    mass : Range
-        Mass [kg/m].
-    price : Range
-        Price [EUR/m], assumed.
-    lay : Range
-        Work to lay it [h/m].
-    termination : Range
-        Work to connect one conductor at one end [h].
-    loop_resistance : float
-        Resistance there and back [ohm/km]; NaN if not known.
-    longest_m : float
-        Longest segment of its bus [m]; infinite if it is for no bus.
-    status : str
-        What is known of its figures.
-    source : str
-        Where they come from.
-
-    Examples
-    --------
-    >>> cable = cables()["MI7P075"]
-    >>> cable.conductors, cable.mass, cable.status
-    (14, Range(low=0.33225, nominal=0.443, high=0.55375), \
-'diameter estimate, mass estimate, price assumption, labour derived')
-    """
+    """A cable of the catalogue."""
 
     id: str
     description: str
@@ -148,24 +77,7 @@ class Cable:
 
 @cache
 def cables() -> Mapping[str, Cable]:
-    """Return the cables of the catalogue.
-
-    Returns
-    -------
-    mapping of str to Cable
-        Cables by their id. Most geometry is **estimated** and all prices are **assumed**, as
-        `status` says of each; replace them by those of a supplier.
-
-    Notes
-    -----
-    Bounds of mass and work follow from the status by `SPREAD`; those of the price stand in the
-    file, and the nominal price is their middle.
-
-    Examples
-    --------
-    >>> len(cables()), cables()["CAN_2x2x025"].mass.nominal
-    (25, 0.064)
-    """
+    """Return the cables of the catalogue."""
     with datasets.path("estimated_cables.csv").open(newline="", encoding="utf-8") as stream:
         found = [_cable(row) for row in csv.DictReader(stream)]
     return MappingProxyType({cable.id: cable for cable in found})
@@ -197,37 +109,7 @@ def _cable(row: dict[str, str]) -> Cable:
 
 
 def smallest(conductors: int, bus: str = "hardwired", spare: float = 0.2) -> Cable:
-    """Return the thinnest cable that has so many conductors and a reserve.
-
-    Parameters
-    ----------
-    conductors : int
-        Conductors in use, at least 1.
-    bus : str, default "hardwired"
-        What the cable is for.
-    spare : float, default 0.2
-        Reserve as a share of the conductors in use, 0..10; 20 % is a common rule, assumed here.
-
-    Returns
-    -------
-    Cable
-        The one of the smallest diameter; of several, the first.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of range, or no cable is large enough; the message names the largest.
-
-    Examples
-    --------
-    >>> smallest(43 * 2)
-    Traceback (most recent call last):
-        ...
-    shipnet.errors.ArgumentError: conductors is 86; with a reserve of 20 % that is 104, and the \
-largest cable for hardwired has 74
-    >>> smallest(30).conductors
-    38
-    """
+    """Return the thinnest cable that has so many conductors and a reserve."""
     buses = list(dict.fromkeys(name for cable in cables().values() for name in cable.buses))
     if bus not in buses:
         raise ArgumentError(f"bus is {bus!r}; it must be one of {', '.join(buses)}")

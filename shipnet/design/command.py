@@ -1,9 +1,4 @@
-"""The command `shipnet design`: from the words of a command line to a table and a report.
-
-What a design rests on (prices, detour, tails, spare, limits of the buses, time of the host) comes
-from a file, ``--settings own.toml``; ``--show-settings`` prints all of it as such a file, to begin
-from.
-"""
+"""The command `shipnet design`: from the words of a command line to a table and a report."""
 
 from __future__ import annotations
 
@@ -13,17 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from shipnet.design.basis import Basis
-from shipnet.design.basis_file import format_basis, load_basis
-from shipnet.design.cabinet import find_cabinet
 from shipnet.design.comparison import compare
+from shipnet.design.designs import Network
 from shipnet.design.iolist import IoList, load_iolist
-from shipnet.design.network import Network
-from shipnet.design.plan import OPTIONS, mix
+from shipnet.design.planning import OPTIONS, mix
 from shipnet.design.report import write_report
 from shipnet.design.rules import rules_of
-from shipnet.design.site import Site
-from shipnet.design.site.trays import load_trays
+from shipnet.design.settings import Basis, format_basis, load_basis
+from shipnet.design.site import Site, find_cabinet, load_trays
 from shipnet.errors import ArgumentError
 
 __all__ = ["run"]
@@ -33,19 +25,7 @@ _SEED = 2024
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Compare the options that a command line asks for, print the table and write the report.
-
-    Parameters
-    ----------
-    arguments : argparse.Namespace
-        list, output, sheet, cabinet, trays, rules, options, mix, redundant, settings,
-        show_settings, title and date, as `shipnet.__main__` reads them.
-
-    Raises
-    ------
-    ArgumentError, InputError
-        If an option or a file cannot be used; the message is one line.
-    """
+    """Compare the options that a command line asks for, print the table and write the report."""
     basis = Basis() if arguments.settings is None else load_basis(arguments.settings)
     if arguments.redundant:
         basis = basis.with_({"redundant": True})

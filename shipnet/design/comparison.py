@@ -1,28 +1,25 @@
-"""The same points connected in several ways, side by side: what each takes, loses and keeps."""
+"""Designs of the same points side by side: what each takes, loses and meets."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.design.basis import Basis
-from shipnet.design.conclusions import conclusions
-from shipnet.design.costs.assumptions import Assumptions
-from shipnet.design.costs.quantities import FIGURES, Quantities, quantities
-from shipnet.design.costs.sensitivity import Tornado, tornado
-from shipnet.design.costs.uncertainty import draw, likely
-from shipnet.design.digits import number
-from shipnet.design.front import CRITERIA, RESPONSE, complete, not_beaten
-from shipnet.design.network import Network
-from shipnet.design.plan import OPTIONS, Settings, plan
-from shipnet.design.rules import HOST_TIME, RuleSet, check
-from shipnet.design.rules.cuts import single_cuts, worst
+from shipnet.design.costs import FIGURES, Quantities, number, quantities
+from shipnet.design.designs import Network
+from shipnet.design.failures import single_cuts, worst
+from shipnet.design.planning import OPTIONS, plan
+from shipnet.design.rules import RuleSet, check, rules_of
+from shipnet.design.settings import HOST_TIME, Assumptions, Basis, Settings, changed
+from shipnet.design.uncertainty import Tornado, draw, likely, tornado
 from shipnet.errors import ArgumentError
+from shipnet.parallel import points_of, sweep
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,50 +27,111 @@ if TYPE_CHECKING:
     from shipnet.design.iolist import IoList
     from shipnet.design.site import Site
 
-__all__ = [
-    "CRITERIA",
-    "RESPONSE",
-    "Comparison",
-    "compare",
-    "compare_networks",
-    "complete",
-    "not_beaten",
-]
+
+# Which of several options are worth a look: whole ones, and those that no other beats
+
+RESPONSE = "worst response [ms]"
+
+#: Columns of a comparison in which less is better, and by which options are weighed.
+CRITERIA = ("total cost", RESPONSE, "lost by one failure")
+
+
+def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Return which rows no other row beats: the Pareto front, where less is better."""
+    rows = np.asarray(values, float)
+    if rows.ndim != 2:
+        raise ArgumentError(f"values have shape {rows.shape}; it must be (n, k)")
+    rows = np.where(np.isnan(rows), np.inf, rows)
+    as_low = (rows[:, None] <= rows).all(axis=-1)
+    return np.asarray(~(as_low & ~as_low.T).any(axis=0))
+
+
+def complete(networks: Mapping[str, Network]) -> dict[str, Network]:
+    """Return the networks that connect every point; all of them if none does."""
+    return {name: network for name, network in networks.items() if network.fits} or dict(networks)
+
+
+# What a comparison comes to, in words -----------------------------------------------------------
+
+#: Share of the lengths given by which those of our own may be off, one by one, and unsaid; assumed.
+_ALIKE = 0.1
+
+#: Columns of which the lowest value is told, with words and unit.
+_TOLD = (
+    ("total cost", "Lowest cost", "EUR"),
+    ("conductors at the cabinet", "Fewest conductors at the cabinet", ""),
+    (RESPONSE, "Shortest response at worst", "ms"),
+    ("lost by one failure", "Fewest points lost by one cable or device", ""),
+)
+
+
+def conclusions(
+    networks: Mapping[str, Network], table: pd.DataFrame, tornado: Tornado, criteria: Sequence[str]
+) -> list[str]:
+    """Return what a comparison comes to, in words."""
+    said = []
+    for name, network in networks.items():
+        if left := int(table["points left out"][name]):
+            said.append(f"{name} leaves {left} of {len(network.points)} points out{_why(network)}.")
+    said += _lengths(networks)
+    whole = table[table["points left out"] == 0]
+    if whole.empty:
+        return [*said, "No option connects every point."]
+    for column, words, unit in _TOLD:
+        values = whole[column].dropna()
+        if len(values) > 1:
+            same = ", ".join(map(str, values.index[values == values.min()]))
+            least = number(values.min())
+            said.append(f"{words}: {same} ({least}{f' {unit}' if unit else ''}).")
+    if beaten := [str(name) for name in whole.index[~whole["not beaten"]]]:
+        said.append(f"Beaten in {', '.join(criteria)} at once: {', '.join(beaten)}.")
+    return [*said, f"{str(tornado)[:1].upper()}{str(tornado)[1:]}."]
+
+
+def _lengths(networks: Mapping[str, Network]) -> Iterator[str]:
+    """Say that home runs of given lengths are not weighed alike, if it makes a difference."""
+    first = next(iter(networks.values()))
+    iolist, site = first.iolist, first.site
+    kept = {
+        tag
+        for network in networks.values()
+        for tag in network.runs.query("kind == 'home run' and route_m != route_m")["b"]
+    }
+    mine = iolist.points["tag"].isin(kept).to_numpy() & iolist.located
+    if not mine.any():
+        return
+    given = iolist.points["home_run_m"].to_numpy(float)[mine]
+    own = site.length(site.route(site.cabinet, iolist.places[mine]))
+    if np.abs(own - given).sum() > _ALIKE * given.sum():
+        cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
+        over = "" if site.trays is None else " over the trays"
+        yield (
+            f"Home runs keep the lengths of the list, {number(given.sum() / 1e3)} km for "
+            f"{len(given)} points; from the cabinet at {cabinet} m{over}, as all other cables are "
+            f"reckoned, they would be {number(own.sum() / 1e3)} km. With list_lengths false, all "
+            "are reckoned alike."
+        )
+
+
+def _why(network: Network) -> str:
+    """Return the first reason of each limit that an option runs into."""
+    counts = network.reasons["limit"].value_counts()
+    first = network.reasons.drop_duplicates("limit")
+    said = [
+        f"{text} (and {more} more)" if (more := counts[limit] - 1) else text
+        for limit, text in zip(first["limit"], first["text"], strict=True)
+    ]
+    return f": {'; '.join(said)}" if said else ""
+
+
+# The same points connected in several ways, side by side: what each takes, loses and keeps
 
 _VERDICTS = {"pass": "rules kept", "fail": "rules broken", "not verified": "rules not verified"}
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Several ways to connect the points of one I/O list.
-
-    Parameters
-    ----------
-    networks : dict of str to Network
-        The options by name.
-    quantities : dict of str to Quantities
-        What each takes.
-    cuts : dict of str to pandas.DataFrame
-        What every single failure of each costs.
-    rules : pandas.DataFrame
-        What `shipnet.design.rules.check` returned for each, behind a column ``option``.
-    tornado : Tornado
-        Which assumptions matter for what the cheapest option costs less than the first one, of
-        those that connect every point.
-    likely : pandas.DataFrame or None
-        Figures in 9 of 10 draws of the assumptions, by option and figure, if drawn.
-    criteria : tuple of str
-        Columns of `table` by which options are weighed.
-    basis : Basis
-        What else it rests on: limits, prices, allowances, and what the host adds.
-
-    Examples
-    --------
-    >>> from shipnet.design.example import example
-    >>> both = compare_networks([example(), example(redundant=True)])
-    >>> both.table[["cables", "lost by one cable", "rules broken"]].values.tolist()
-    [[6.0, 4.0, 1.0], [8.0, 1.0, 0.0]]
-    """
+    """Several ways to connect the points of one I/O list."""
 
     networks: dict[str, Network]
     quantities: dict[str, Quantities]
@@ -101,14 +159,7 @@ class Comparison:
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row an option: what it leaves out, takes, loses and keeps.
-
-        ``points left out``; every figure of `shipnet.design.costs.quantities.FIGURES`, nominal, and
-        ``total cost, low`` and ``, high``; ``worst response [ms]``; points ``lost by one cable``
-        (cut or shorted), ``by one tray`` (NaN without trays), ``by one device`` (but the cabinet)
-        and ``by one failure`` (cable or device); ``rules kept``, ``rules broken`` and ``rules not
-        verified``; ``not beaten``, as `pareto`.
-        """
+        """One row an option: what it leaves out, takes, loses and keeps."""
         import pandas as pd
 
         rows = {name: self._row(name) for name in self.networks}
@@ -119,11 +170,7 @@ class Comparison:
 
     @property
     def short(self) -> pd.DataFrame:
-        """The rows of `table` that are asked for first, one column an option.
-
-        Counts are whole; quantities have three digits. What a tray costs stands there if trays are
-        given.
-        """
+        """The rows of `table` that are asked for first, one column an option."""
         trays = ["lost by one tray"] if self.table["lost by one tray"].notna().any() else []
         rows = [
             "points left out", "conductors at the cabinet", "cable length", "cable mass", "labour",
@@ -159,10 +206,7 @@ class Comparison:
 
     @property
     def pareto(self) -> pd.Series[bool]:
-        """Which options no other beats: as good in every criterion, and better in one.
-
-        An option that leaves points out is beaten by not being one.
-        """
+        """Which options no other beats: as good in every criterion, and better in one."""
         return self.table["not beaten"]
 
     @cached_property
@@ -189,48 +233,7 @@ def compare(
     host_time: float = HOST_TIME,
     rng: np.random.Generator | None = None,
 ) -> Comparison:
-    """Plan the points of a list in several ways and compare them.
-
-    Parameters
-    ----------
-    iolist : IoList
-        The points.
-    site : Site
-        Where the cabinet is, and how cables get from place to place.
-    options : sequence of str, default all of `shipnet.design.plan.OPTIONS`
-        Which ways.
-    rule_set : str, path or tuple of Rule, default "DNV"
-        As `shipnet.design.rules.rules_of`.
-    assumptions : Assumptions, optional
-        Those of the data file if omitted.
-    settings : Settings, optional
-        Limits of the planners; their own if omitted.
-    more : iterable of Network
-        Networks of the same list to be compared too, such as those of `shipnet.design.plan.mix`.
-    criteria, host_time, rng
-        As `compare_networks`.
-
-    Returns
-    -------
-    Comparison
-        The options in the order given, then those of `more`.
-
-    Raises
-    ------
-    ArgumentError
-        If there is nothing to compare, an option is unknown or stands twice, or another argument
-        is out of range.
-    InputError
-        If a file of rules does not hold any.
-
-    Examples
-    --------
-    >>> from shipnet.design.example import example
-    >>> small = example()
-    >>> both = compare(small.iolist, small.site, ["home runs", "Modbus RTU"], rule_set="IMO")
-    >>> both.table["points left out"].tolist()
-    [0, 0]
-    """
+    """Plan the points of a list in several ways and compare them."""
     planned = [plan(iolist, site, option, settings=settings) for option in options]
     return compare_networks(
         [*planned, *more],
@@ -253,44 +256,7 @@ def compare_networks(
     host_time: float = HOST_TIME,
     rng: np.random.Generator | None = None,
 ) -> Comparison:
-    """Compare networks that connect the same points.
-
-    Parameters
-    ----------
-    networks : iterable of Network
-        One or more, each with a name of its own.
-    rule_set : str, path or tuple of Rule, default "DNV"
-        As `shipnet.design.rules.rules_of`.
-    assumptions : Assumptions, optional
-        Those of the data file if omitted.
-    settings : Settings, optional
-        Limits that they were planned within, which a report tells; the defaults if omitted.
-    criteria : sequence of str, default `CRITERIA`
-        Columns of the table by which options are weighed; less is better in each.
-    host_time : float, default 0.5
-        What the host adds to the response where a rule counts it [s]; assumed.
-    rng : numpy.random.Generator, optional
-        Draws the assumptions for the likely figures; without one there are none.
-
-    Returns
-    -------
-    Comparison
-        In the order given.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no network, two have one name or not the same points, or a criterion is no
-        column.
-
-    Examples
-    --------
-    >>> from shipnet.design.costs.plants import Plant
-    >>> plant = Plant(modules=62, contacts=4)
-    >>> both = compare_networks([plant.hardwired, plant.on_asi])
-    >>> both.table["conductors at the cabinet"].tolist()
-    [496.0, 2.0]
-    """
+    """Compare networks that connect the same points."""
     given = list(networks)
     named = {network.name: network for network in given}
     if not given or len(named) < len(given):
@@ -339,3 +305,69 @@ def _by_option(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     named = [table.assign(option=name) for name, table in tables.items()]
     joined = pd.concat([table for table in named if len(table)] or named[:1], ignore_index=True)
     return joined[["option", *joined.columns.drop("option")]]
+
+
+# Whole comparisons over values of what they rest on, to see how far the answer depends on them
+
+
+@dataclass(frozen=True)
+class _Case:
+    """A comparison at given values; it travels to other processes, so it is no inner function."""
+
+    iolist: IoList
+    site: Site
+    options: tuple[str, ...]
+    basis: Basis
+    rule_set: RuleSet
+
+    def __call__(self, **values: Any) -> dict[str, pd.DataFrame]:
+        basis = self.basis.with_(values)
+        found = compare(
+            self.iolist,
+            replace(self.site, detour=basis.detour, tails=basis.tails),
+            self.options,
+            rule_set=self.rule_set,
+            assumptions=basis.assumptions,
+            settings=basis.settings,
+            host_time=basis.host_time,
+        )
+        return {_TABLE: found.table.reset_index()}
+
+
+_TABLE = "comparison"
+
+
+def study(
+    iolist: IoList,
+    site: Site,
+    grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]],
+    options: Sequence[str] = OPTIONS,
+    *,
+    rule_set: RuleSet = "DNV",
+    assumptions: Assumptions | None = None,
+    settings: Settings | None = None,
+    host_time: float = HOST_TIME,
+    parallel: bool | AbstractContextManager[Any] | None = None,
+    progress: bool | Callable[[int, int], object] | None = None,
+) -> pd.DataFrame:
+    """Compare the options anew at every point of a grid of values."""
+    import pandas as pd
+
+    points = points_of(grid)
+    start = Basis(
+        Settings() if settings is None else settings,
+        Assumptions() if assumptions is None else assumptions,
+        site.detour, site.tails, host_time,
+    )  # fmt: skip
+    faults = {fault for point in points for fault in changed(start, point)[1]}
+    if faults:
+        raise ArgumentError("; ".join(sorted(faults)))
+    case = _Case(iolist, site, tuple(options), start, rules_of(rule_set))
+    found = sweep(case, points, parallel=parallel, progress=progress)
+    tables = []
+    for point, table in zip(points, found[_TABLE], strict=True):
+        # A value may be a range or several bit rates: it stands as it is in every row.
+        given = {name: [value] * len(table) for name, value in point.items()}
+        tables.append(table.assign(**given)[[*point, *table.columns]])
+    joined: pd.DataFrame = pd.concat(tables, ignore_index=True)
+    return joined

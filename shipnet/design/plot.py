@@ -14,11 +14,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from shipnet.design.cabling import SIGNALS, asi_conductors, count_points, hardwired_conductors
-from shipnet.design.costs.assumptions import words
-from shipnet.design.costs.quantities import FIGURES, Quantities, check_figure
-from shipnet.design.costs.sensitivity import Tornado
+from shipnet.design.costs import FIGURES, Quantities, check_figure
+from shipnet.design.plant import asi_conductors, count_points, hardwired_conductors
+from shipnet.design.settings import words
+from shipnet.design.uncertainty import Tornado
 from shipnet.errors import ArgumentError
+from shipnet.signals import SIGNALS
 from shipnet.style import LIMIT
 
 __all__ = ["plot_asi", "plot_hardwired", "plot_pareto", "plot_quantities", "plot_tornado", "svg"]
@@ -57,20 +58,7 @@ def _finish(ax: Axes, rows: float, text: str) -> Axes:
 
 
 def plot_hardwired(iolist: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw every point of an I/O list wired to the panel on its own: kim2023's Fig 1.
-
-    Parameters
-    ----------
-    iolist : pandas.DataFrame
-        One row a point, with the columns tag, device and signal.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; the strands counted stand under the drawing.
-    """
+    """Draw every point of an I/O list wired to the panel on its own: kim2023's Fig 1."""
     devices = _devices(iolist)
     height = len(devices)
     _box(ax, 0, -(height - 1) / 2, 1.6, height - 0.3, "control\npanel\n(PLC)", _PANEL)
@@ -104,20 +92,7 @@ def plot_hardwired(iolist: pd.DataFrame, *, ax: Axes) -> Axes:
 
 
 def plot_asi(iolist: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw the same points on one AS-i line: kim2023's Fig 2.
-
-    Parameters
-    ----------
-    iolist : pandas.DataFrame
-        One row a point, with the columns tag, device and signal; each device gets one module.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; the strands counted stand under the drawing.
-    """
+    """Draw the same points on one AS-i line: kim2023's Fig 2."""
     devices = _devices(iolist)
     height = len(devices)
     middle = -(height - 1) / 2
@@ -153,30 +128,7 @@ def plot_quantities(
     ax: Axes,
     likely: pd.DataFrame | None = None,
 ) -> Axes:
-    """Draw a figure of several options side by side, with its range.
-
-    Parameters
-    ----------
-    options : mapping of str to Quantities
-        The options by name.
-    figure : str, default "total cost"
-        One of `shipnet.design.costs.quantities.FIGURES`.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    likely : pandas.DataFrame, optional
-        From `shipnet.design.costs.uncertainty.likely`: drawn as a thick bar within the bounds.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; a row an option, with a bar to nominal and a thin line from all low to all
-        high.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no option, or no such figure.
-    """
+    """Draw a figure of several options side by side, with its range."""
     check_figure(figure)
     if not options:
         raise ArgumentError("there is no option to draw")
@@ -202,23 +154,7 @@ def plot_quantities(
 
 
 def plot_tornado(tornado: Tornado, *, ax: Axes, rows: int = 8) -> Axes:
-    """Draw what each assumption does to a figure, the one that does most on top.
-
-    Parameters
-    ----------
-    tornado : Tornado
-        From `shipnet.design.costs.sensitivity.tornado`.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    rows : int, default 8
-        Assumptions drawn at most; those that move nothing are left out.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; the vertical line is the figure with every assumption nominal, and a second
-        one at 0, where both options are level, if it lies within the picture.
-    """
+    """Draw what each assumption does to a figure, the one that does most on top."""
     names = tornado.top(rows)
     ends = tornado.ends.loc[names]
     y, base = np.arange(len(names)), tornado.at_nominal
@@ -246,30 +182,7 @@ def plot_pareto(
     pareto: pd.Series | None = None,
     ax: Axes,
 ) -> Axes:
-    """Draw two figures of every option over each other, and which options no other beats in both.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Indexed by option, with the columns `x` and `y`, both better when lower.
-    x, y : str
-        Columns; their unit is added if they are one of `shipnet.design.costs.quantities.FIGURES`.
-    pareto : pandas.Series of bool, optional
-        Which options no other beats, by option; none is marked if omitted.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; filled dots, joined by a line, are not beaten. Options whose dots cover each
-        other share a label.
-
-    Raises
-    ------
-    ArgumentError
-        If a column is missing.
-    """
+    """Draw two figures of every option, and which options are Pareto-optimal in them."""
     missing = [name for name in (x, y) if name not in table.columns]
     if missing:
         raise ArgumentError(f"the table has no column {' and no column '.join(missing)}")
@@ -332,20 +245,7 @@ def _label(name: str) -> str:
 
 
 def svg(draw: Callable[[Axes], object], *, width: float = 6.4, height: float = 3.2) -> str:
-    """Return a drawing as a picture of lines, the same bytes for the same drawing.
-
-    Parameters
-    ----------
-    draw : callable
-        Draws into the axes that it is given.
-    width, height : float
-        Size [inch].
-
-    Returns
-    -------
-    str
-        SVG; text is drawn as lines, so that it needs no font, and a dollar sign is a dollar sign.
-    """
+    """Return a drawing as a picture of lines, the same bytes for the same drawing."""
     fixed: Any = {"svg.hashsalt": "shipnet", "svg.fonttype": "path", "text.parse_math": False}
     with as_file(files("shipnet") / "shipnet.mplstyle") as sheet, rc_context(fixed, sheet):
         figure = Figure(figsize=(width, height))

@@ -10,8 +10,7 @@ from shipnet.asi.topology import straight_line
 from shipnet.exercises.answers import Choice, Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
-from shipnet.line import Cable
-from shipnet.line.travel import reflection_factor
+from shipnet.line.cable import CABLES, Cable
 
 __all__ = ["EXERCISES"]
 
@@ -23,7 +22,9 @@ _ENDS = {
     "below 100 ohm": 42.8571,
     "short circuit": 1e-9,
 }
-_ECHOES = {round(reflection_factor(resistor), 3): end for end, resistor in _ENDS.items()}
+_ECHOES = {
+    round(CABLES["as-i 1.5"].reflection(resistor), 3): end for end, resistor in _ENDS.items()
+}
 _MIRRORED = dict(zip(_ENDS, reversed(_ENDS), strict=True))
 
 #: Length from which the design goes up, and by how much [m].
@@ -32,7 +33,7 @@ _START, _STEP = 50, 10
 
 def _echo(volts: float, resistor: float, z0: float) -> float:
     """Return the height of the wave that comes back [V]."""
-    return volts * reflection_factor(resistor, Cable.lossless(z0, 5e-9))
+    return volts * Cable.lossless(z0, 5e-9).reflection(resistor)
 
 
 @cache

@@ -16,7 +16,7 @@ _SIZE, _CHARACTER = 128, 10
 
 def _shown(ring: dict[str, int]) -> int:
     """Return what the variables show, by bringing a ring into that state."""
-    found, wanted = Ring(_SIZE, "mended"), State(**ring)
+    found, wanted = Ring(_SIZE, "corrected"), State(**ring)
     while found.state[2:] != wanted[2:]:
         found.store(0)
         found.extract()
@@ -48,7 +48,7 @@ def _empty_again_ms(places: int, rate: int) -> float:
 
 
 def _lost(events: str, size: int) -> int:
-    ring = Ring(size, "mended")
+    ring = Ring(size, "corrected")
     for event in events:
         if event == "w":
             ring.store(0)

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from shipnet.ballast.rule_table import rule_base
 from shipnet.exercises.answers import Bits, Choices, Number
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function, Table
-from shipnet.fuzzy import RuleBase, crisp_strengths, decide, published, strengths
+from shipnet.fuzzy.rules import RuleBase
 
 __all__ = ["EXERCISES"]
 
@@ -30,12 +31,11 @@ _WINDOWS = (5, 10, 20)
 
 
 def _base() -> RuleBase:
-    return published.rule_base("kim2014")
+    return rule_base()
 
 
 def _codes(readings: dict[str, float]) -> tuple[str, ...]:
-    firing = crisp_strengths(_base(), {name: [value] for name, value in readings.items()})
-    return decide(firing).codes(0)
+    return _base().decide(readings, method="crisp").codes()
 
 
 def _stranger(readings: dict[str, float]) -> str:
@@ -44,7 +44,7 @@ def _stranger(readings: dict[str, float]) -> str:
 
 def _degrees(FP: float, OP: float) -> tuple[float, float]:
     base = _base()
-    high = (base.variable(name).term("high").membership(x) for name, x in (("FP", FP), ("OP", OP)))
+    high = (base[name]["high"].membership(x) for name, x in (("FP", FP), ("OP", OP)))
     one, other = map(float, high)
     return one, other
 
@@ -53,8 +53,8 @@ def _degrees(FP: float, OP: float) -> tuple[float, float]:
 def _persistent(fires: str, k: int, n: int) -> str:
     """Let a hot motor fire as told, and see when its code is active."""
     base = _base()
-    hot = strengths(base, {"OT": np.where(np.array(list(fires)) == "1", 100, 20)})
-    active = decide(hot, k=k, n=n).active[:, base.codes.index("O1")]
+    hot = {"OT": np.where(np.array(list(fires)) == "1", 100, 20)}
+    active = base.decide(hot, k=k, n=n).active[:, base.codes.index("O1")]
     return "".join(map(str, active.astype(int)))
 
 

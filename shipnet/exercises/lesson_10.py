@@ -6,13 +6,12 @@ from collections.abc import Callable, Mapping
 from functools import cache
 
 from shipnet import datasets
-from shipnet.design import saving
 from shipnet.design.comparison import compare
-from shipnet.design.costs.plants import Plant
-from shipnet.design.costs.quantities import Quantities, quantities
+from shipnet.design.costs import Quantities, quantities
 from shipnet.design.iolist import from_table, load_iolist
-from shipnet.design.plan import Settings, mix
-from shipnet.design.plan.settings import AsiLimits
+from shipnet.design.planning import mix
+from shipnet.design.plant import Plant, saving
+from shipnet.design.settings import AsiLimits, Settings
 from shipnet.design.site import Site
 from shipnet.exercises.answers import Choice, Number
 from shipnet.exercises.exercise import Exercise

@@ -3,48 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy.decide import Decision
-from shipnet.fuzzy.strengths import Firing
+from shipnet.fuzzy.audit import Overlaps
+from shipnet.fuzzy.decision import Decision
+from shipnet.fuzzy.firing import Firing
 from shipnet.fuzzy.terms import Variable
 from shipnet.style import LIMIT, PAPER
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-__all__ = ["plot_decision", "plot_firing", "plot_overlaps", "plot_terms"]
 
 #: Most columns in which a number can be read.
 _MOST_NUMBERS = 20
 
 
-def plot_terms(variable: Variable, *, ax: Axes, crisp: bool = True) -> Axes:
-    """Draw the membership functions of a variable over its universe.
-
-    Parameters
-    ----------
-    variable : Variable
-        What to draw.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    crisp : bool, default True
-        Draw the limits of the comparisons as printed too, dashed in grey.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; one line a term, in the order of the terms, and a legend.
-    """
+def plot_variable(variable: Variable, ax: Axes | None, crisp: bool) -> Axes:
+    """Draw the membership functions of a variable; with `crisp` the limits too, dashed in grey."""
+    ax = plt.gca() if ax is None else ax
     grid = np.linspace(variable.low, variable.high, 501)
     for term in variable.terms:
         corners = [x for x in term.corners if variable.low < x < variable.high]
-        # A point on either side of a corner draws a step upright.
+        # Points on both sides of a corner draw a step upright.
         sides = [np.nextafter(corners, end) for end in (-np.inf, np.inf)]
         x = np.unique(np.concatenate([grid, corners, *sides]))
         ax.plot(x, term.membership(x), label=term.english or term.name)
@@ -53,7 +35,7 @@ def plot_terms(variable: Variable, *, ax: Axes, crisp: bool = True) -> Axes:
     for limit in sorted(end for end in ends if np.isfinite(end)) if crisp else ():
         ax.axvline(limit, **PAPER, linewidth=1, zorder=0.5, label=label)  # type: ignore[arg-type]
         label = "_again"
-    # Two narrow terms stand too near each other for labels of their own.
+    # Two narrow terms lie too near each other for labels of their own.
     ax.legend(loc="best", fontsize="small", handlelength=1.2, labelspacing=0.2)
     ax.set_xlim(variable.low, variable.high)
     ax.set_ylim(-0.05, 1.05)
@@ -64,30 +46,15 @@ def plot_terms(variable: Variable, *, ax: Axes, crisp: bool = True) -> Axes:
     return ax
 
 
-def plot_firing(firing: Firing, *, ax: Axes, labels: Sequence[object] | None = None) -> Axes:
-    """Draw the firing strengths of rules and samples as a matrix.
-
-    Parameters
-    ----------
-    firing : Firing
-        Strengths of samples along one axis.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    labels : sequence, optional
-        What to write below each sample; their numbers if omitted.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given: one row a rule, the first on top, one column a sample; strengths above 0
-        are written into the cells if there are 20 samples or fewer.
-    """
-    strength = firing.strength
-    if strength.ndim != 2:
-        raise ArgumentError(f"strength has {strength.ndim} axes; a matrix has two")
+def plot_firing(firing: Firing, ax: Axes | None, labels: Sequence[object] | None) -> Axes:
+    """Draw firing strengths as a matrix; those above 0 are written if the samples are few."""
+    if firing.strength.ndim > 2:
+        raise ArgumentError(f"strength has {firing.strength.ndim} axes; a matrix has two")
+    strength = np.atleast_2d(firing.strength)
     n_samples = len(strength)
     if labels is not None and len(labels) != n_samples:
         raise ArgumentError(f"there are {len(labels)} labels; expected {n_samples}")
+    ax = plt.gca() if ax is None else ax
     _matrix(ax, strength.T, 1.0)
     if n_samples <= _MOST_NUMBERS:
         for (place, rule), value in np.ndenumerate(strength):
@@ -102,39 +69,19 @@ def plot_firing(firing: Firing, *, ax: Axes, labels: Sequence[object] | None = N
     return ax
 
 
-def plot_decision(decision: Decision, time: npt.ArrayLike, *, ax: Axes) -> Axes:
-    """Draw how strongly every rule fires over time, and when it is active.
-
-    Parameters
-    ----------
-    decision : Decision
-        Of samples along one axis, which is that of time.
-    time : array_like of float, shape (n_samples,)
-        When, increasing [s]; 2 or more.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given: one row a rule, the highest priority on top, as dark as its strength; a line
-        along its foot while its code is active.
-
-    Raises
-    ------
-    ArgumentError
-        If there are fewer samples, or not as many as times.
-    """
+def plot_decision(decision: Decision, time: npt.ArrayLike, ax: Axes | None) -> Axes:
+    """Draw strengths over time, and a line along the foot of each row while its code is active."""
     strength, when = decision.firing.strength, np.asarray(time, float)
     if when.size < 2 or strength.shape[:-1] != when.shape:
         raise ArgumentError(
             f"time has the shape {when.shape}, the samples {strength.shape[:-1]}; they must be "
             "equal rows of 2 or more"
         )
+    ax = plt.gca() if ax is None else ax
     base = decision.firing.base
     ranking, codes = base.ranking, base.codes
     places = [codes.index(code) for code in ranking]
-    # What was read holds until the next reading.
+    # A reading holds until the next one.
     edges = np.append(when, 2 * when[-1] - when[-2])
     rows = np.arange(len(ranking) + 1) - 0.5
     mesh = ax.pcolormesh(edges, rows, strength[:, places].T, cmap="Blues", vmin=0, vmax=1)
@@ -154,30 +101,17 @@ def plot_decision(decision: Decision, time: npt.ArrayLike, *, ax: Axes) -> Axes:
     return ax
 
 
-def plot_overlaps(matrix: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw which rules can fire together as a matrix.
-
-    Parameters
-    ----------
-    matrix : pandas.DataFrame
-        What `overlap_matrix` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given. A cell is as dark as the share of the row's rule in which the column's rule
-        fires too, written in percent; ``in`` where it always does; white where it cannot.
-    """
-    count = matrix.to_numpy(dtype=float)
+def plot_overlaps(overlaps: Overlaps, ax: Axes | None) -> Axes:
+    """Draw overlaps as a matrix in percent; ``in`` where the column's rule always fires too."""
+    ax = plt.gca() if ax is None else ax
+    count = overlaps.matrix.to_numpy(dtype=float)
     alone = np.diag(count)[:, None]
     share = np.divide(count, alone, out=np.zeros_like(count), where=alone > 0)
     _matrix(ax, share, 1.0)
     for (row, column), value in np.ndenumerate(share):
         if value > 0 and row != column:
             _write(ax, column, row, "in" if value == 1 else f"{100 * value:.0f}", value)
-    names = [str(name) for name in matrix.index]
+    names = overlaps.base.codes
     ax.set_xticks(range(len(names)), names)
     ax.set_yticks(range(len(names)), names)
     ax.set_xlabel("fires too, in percent of the regions")

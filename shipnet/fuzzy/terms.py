@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from math import inf, isfinite, isnan
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
 
-__all__ = ["Interval", "Term", "Variable"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Bools = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
@@ -29,14 +31,14 @@ class Interval:
     Parameters
     ----------
     low, high : float
-        Its ends; -inf or inf where it has none.
+        The ends; -inf or inf where there is none.
     low_closed, high_closed : bool, default False
-        Whether an end belongs to it.
+        Whether an end belongs to the interval.
 
     Raises
     ------
     ArgumentError
-        If it is empty, or holds every number.
+        If the interval is empty, or contains every number.
 
     Examples
     --------
@@ -61,13 +63,7 @@ class Interval:
 
     @classmethod
     def parse(cls, text: str) -> Interval:
-        """Return the values for which a comparison of x with numbers holds.
-
-        Parameters
-        ----------
-        text : str
-            Such as ``x > 120``, ``0 < x <= 2.5`` or ``x == 0``.
-        """
+        """Return the values for which a comparison such as ``0 < x <= 2.5`` holds."""
         found = _COMPARISON.fullmatch(text.strip())
         both = found and found["low"] and found["sign"] in (">", ">=", "==")
         if not found or both or not (found["low"] or found["sign"]):
@@ -93,13 +89,7 @@ class Interval:
         return f"{left}x <{'=' * self.high_closed} {high}"
 
     def contains(self, x: npt.ArrayLike) -> Bools:
-        """Return which values lie inside; NaN never does.
-
-        Parameters
-        ----------
-        x : array_like of float, any shape
-            Values.
-        """
+        """Return which values lie inside; NaN never does."""
         values = np.asarray(x, dtype=float)
         above = values >= self.low if self.low_closed else values > self.low
         below = values <= self.high if self.high_closed else values < self.high
@@ -118,21 +108,22 @@ class Term:
         The word, such as ``high``: letters, digits and underscores.
     corners : tuple of float
         Left foot, left shoulder, right shoulder, right foot of the trapezoid, in rising order; two
-        equal ones are a step. Both left corners -inf, or both right ones inf: an open shoulder.
-    crisp : Interval
-        What the word means without any fuzziness.
+        equal corners are a step. Both left corners -inf, or both right ones inf: an open shoulder.
+    crisp : Interval or str
+        What the word means as a comparison; text such as ``x > 90`` is parsed.
     english, korean : str, default ""
         Labels.
 
     Raises
     ------
     ArgumentError
-        If the name is no word, or the corners make no trapezoid.
+        If the name is not a word, the corners do not make a trapezoid, or the comparison cannot be
+        read.
 
     Examples
     --------
-    >>> hot = Term("hot", (80, 90, float("inf"), float("inf")), Interval.parse("x >= 90"))
-    >>> hot.membership([70, 85, 90, float("nan")]).tolist(), str(hot.dead_band)
+    >>> hot = Term("hot", (80, 90, float("inf"), float("inf")), "x >= 90")
+    >>> hot.membership([70, 85, 90, float("nan")]).tolist(), str(hot.midpoint)
     ([0.0, 0.5, 1.0, 0.0], 'x >= 85')
     """
 
@@ -142,9 +133,22 @@ class Term:
     english: str = ""
     korean: str = ""
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            name: str,
+            corners: tuple[float, float, float, float],
+            crisp: Interval | str,
+            english: str = "",
+            korean: str = "",
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         """Check the name and the corners."""
         check_word("term", self.name)
+        if isinstance(self.crisp, str):
+            object.__setattr__(self, "crisp", Interval.parse(self.crisp))
         corners = tuple(float(corner) for corner in self.corners)
         if len(corners) != 4 or any(isnan(corner) for corner in corners):
             raise ArgumentError(f"corners are {corners}; they must be four numbers")
@@ -158,36 +162,29 @@ class Term:
         object.__setattr__(self, "corners", corners)
 
     @property
-    def dead_band(self) -> Interval:
-        """The values with a membership of 0.5 or more: the comparison with shifted limits."""
+    def midpoint(self) -> Interval:
+        """The values with a membership of 0.5 or more: a comparison in the middle of the ramps."""
         a, b, c, d = self.corners
         # A step holds at its edge, and so does the middle of a ramp.
         return Interval(_middle(a, b), _middle(c, d), a > -inf, d < inf)
 
     def membership(self, x: npt.ArrayLike) -> Floats:
-        r"""Return the degree of membership of each value.
+        """Return the degree of membership of each value, 0..1, by `skfuzzy.trapmf`; 0 for NaN."""
+        # Importing scikit-fuzzy takes 0.4 s, so a rule base fires without it.
+        from skfuzzy.membership import trapmf
 
-        .. math:: \mu = \min \left( \frac{x - a}{b - a}, 1, \frac{d - x}{d - c} \right)
-
-        Parameters
-        ----------
-        x : array_like of float, any shape
-            Values.
-
-        Returns
-        -------
-        ndarray of float, the shape of `x`
-            0..1; 0 for NaN.
-        """
         values = np.asarray(x, dtype=float)
         a, b, c, d = self.corners
-        up = _ramp(values, a, b) if a > -inf else None
-        down = _ramp(-values, -d, -c) if d < inf else None
-        if up is None or down is None:
-            one = down if up is None else up
-            assert one is not None
-            return one
-        return np.asarray(np.minimum(up, down, out=up if up.ndim else None))
+        # trapmf has no open shoulders: clip the values to the shoulder that there is.
+        if a == -inf:
+            a = b = c
+            values = np.maximum(values, c)
+        if d == inf:
+            c = d = b
+            values = np.minimum(values, b)
+        # It takes one axis only, and calls NaN a full member.
+        degree = trapmf(values.reshape(-1), [a, b, c, d]).reshape(values.shape)
+        return np.where(np.isnan(values), 0.0, degree)
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,13 +207,13 @@ class Variable:
     Raises
     ------
     ArgumentError
-        If the universe is empty, a term stands twice, or has no full member in the universe.
+        If the universe is empty, a term occurs twice, or a term has no full member in it.
 
     Examples
     --------
-    >>> still = Term("still", (-float("inf"), -float("inf"), 0.5, 1.5), Interval.parse("x == 0"))
-    >>> Variable("DVPos", "%/s", 0, 30, (still,)).term("still").crisp.high
-    0.0
+    >>> still = Term("still", (-float("inf"), -float("inf"), 0.5, 1.5), "x == 0")
+    >>> Variable("DVPos", "%/s", 0, 30, (still,))["still"].membership([0, 1, 9]).tolist()
+    [1.0, 0.5, 0.0]
     """
 
     name: str
@@ -258,68 +255,32 @@ class Variable:
                     "it must reach into the universe"
                 )
 
-    def term(self, name: str) -> Term:
-        """Return the term of a name.
-
-        Parameters
-        ----------
-        name : str
-            One of the terms' names.
-        """
+    def __getitem__(self, name: str) -> Term:
+        """Return the term of a name."""
         for term in self.terms:
             if term.name == name:
                 return term
         names = ", ".join(term.name for term in self.terms)
         raise ArgumentError(f"term is {name!r}; {self.name} has {names}")
 
+    def plot(self, ax: Axes | None = None, *, crisp: bool = True) -> Axes:
+        """Draw the membership functions, and with `crisp` the limits of the comparisons, dashed."""
+        from shipnet.fuzzy.plot import plot_variable
+
+        return plot_variable(self, ax, crisp)
+
 
 def check_word(what: str, text: str) -> str:
-    """Return a name, or raise unless it is a word that an antecedent can hold.
-
-    Parameters
-    ----------
-    what : str
-        What it names.
-    text : str
-        Letters, digits and underscores, a letter first, as ``VPos``.
-
-    Returns
-    -------
-    str
-        The name.
-    """
+    """Return a name, or raise unless it is letters, digits and underscores, a letter first."""
     if not isinstance(text, str) or not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", text):
         raise ArgumentError(f"{what} is {text!r}; it must be letters, digits and underscores")
     return text
 
 
 def number_text(value: float) -> str:
-    """Return a number as short as it can be told from all others.
-
-    Parameters
-    ----------
-    value : float
-        The number.
-
-    Returns
-    -------
-    str
-        Such as ``120`` or ``0.05``; ``""`` for an infinite one.
-    """
+    """Return a number with as many digits as distinguish it; ``""`` for an infinite one."""
     return repr(float(value)).removesuffix(".0") if isfinite(value) else ""
 
 
 def _middle(a: float, b: float) -> float:
     return a if a == b else (a + b) / 2
-
-
-def _ramp(x: Floats, foot: float, shoulder: float) -> Floats:
-    """Return 0 up to the foot, 1 from the shoulder on, 0 for NaN."""
-    if foot == shoulder:
-        return np.asarray(x >= foot).astype(float)
-    # fmax drops a NaN, which so becomes 0. Nothing overflows, however narrow the ramp.
-    part = np.asarray(np.fmax(x, foot))
-    np.minimum(part, shoulder, out=part)
-    part -= foot
-    part /= shoulder - foot
-    return part

@@ -13,39 +13,122 @@ capacitors follow the trapezoidal rule.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-from shipnet.line.drivers import Driver, norton_sources
 from shipnet.line.network import Network
-from shipnet.line.tree import rooted
-
-__all__ = ["Waveforms", "simulate"]
+from shipnet.line.solver import rooted
+from shipnet.line.waveform import Waveform
 
 Floats = npt.NDArray[np.float64]
+
+#: A quantity over time: a constant, its samples, or a function of the array of times.
+Signal = float | npt.ArrayLike | Callable[[Floats], npt.ArrayLike]
 
 #: Most steps that are taken from one look into the past.
 _BLOCK = 512
 
 
-class Waveforms(NamedTuple):
-    """Voltages over time.
+@dataclass(frozen=True)
+class Driver:
+    """A sender on a network: a current that it draws, or a voltage behind a conductance.
 
-    Attributes
+    Each value is a number, one sample per time step, or a function of the array of times [s].
+
+    Parameters
     ----------
-    t : ndarray of float, shape (n_t,)
-        Times [s].
-    v : ndarray of float, shape (n_probes, n_columns, n_t)
-        Voltages [V].
+    node : str
+        Where it is connected.
+    current : float, array_like of shape (n_t,), or callable, optional
+        Current drawn from the node, such as that of an AS-i telegram [A].
+    voltage : float, array_like of shape (n_t,), or callable, optional
+        Voltage of a driver such as that of CAN or RS-485 [V]; it needs a `conductance`.
+    conductance : float, array_like of shape (n_t,), or callable, optional
+        Conductance in series with the voltage, not negative [S]; 0 while the driver is off.
+
+    Raises
+    ------
+    ArgumentError
+        If it has neither a current nor both a voltage and a conductance, or all of them.
+
+    Examples
+    --------
+    >>> Driver("b0", voltage=3.2, conductance=1 / 40)
+    Driver(node='b0', current=None, voltage=3.2, conductance=0.025)
     """
 
-    t: Floats
-    v: Floats
+    node: str
+    current: Signal | None = None
+    voltage: Signal | None = None
+    conductance: Signal | None = None
+
+    def __post_init__(self) -> None:
+        """Check that it is either kind of sender."""
+        given = [self.current is not None, self.voltage is not None, self.conductance is not None]
+        if given not in ([True, False, False], [False, True, True]):
+            raise ArgumentError(
+                f"driver at node {self.node!r} must have a current, or a voltage and a conductance"
+            )
+
+
+class NortonSources(NamedTuple):
+    """All drivers of all columns as current sources; those of one node and column add up."""
+
+    node: list[int]
+    column: list[int]
+    current: Floats  # into the node, shape (n_sources, n_t) [A]
+    conductance: Floats | None  # beside it [S]; None if there is none at any time
+    columns: int
+
+
+def norton_sources(
+    network: Network, columns: Sequence[Sequence[Driver]], t: Floats
+) -> NortonSources:
+    """Return the drivers of a simulation as current sources."""
+    current: dict[tuple[int, int], Floats] = {}
+    conductance: dict[tuple[int, int], Floats] = {}
+    zero = np.zeros_like(t)
+    for column, together in enumerate(columns):
+        for driver in together:
+            at = network.index(driver.node), column
+            name = f"of the driver at node {driver.node!r}"
+            if driver.current is not None:
+                into = -_samples(f"current {name}", driver.current, t, "A", -np.inf)
+            elif driver.voltage is not None and driver.conductance is not None:
+                g = _samples(f"conductance {name}", driver.conductance, t, "S", 0.0)
+                into = g * _samples(f"voltage {name}", driver.voltage, t, "V", -np.inf)
+                conductance[at] = conductance.get(at, zero) + g
+            current[at] = current.get(at, zero) + into
+    if not current:
+        raise ArgumentError("drivers are empty; there must be at least one")
+    return NortonSources(
+        [node for node, _ in current],
+        [column for _, column in current],
+        np.array(list(current.values())),
+        np.array([conductance.get(at, zero) for at in current]) if conductance else None,
+        len(columns),
+    )
+
+
+def _samples(what: str, signal: Signal, t: Floats, unit: str, low: float) -> Floats:
+    values = np.asarray(signal(t) if callable(signal) else signal)
+    if values.dtype.kind not in "iuf" or values.shape not in ((), t.shape):
+        raise ArgumentError(
+            f"{what} has shape {values.shape} and type {values.dtype}; "
+            f"it must be a number, or one for each of the {t.size} times"
+        )
+    good = np.isfinite(values) & (values >= low)
+    if not good.all():
+        worst = values.reshape(-1)[np.argmin(good)]
+        legal = "finite" if low == -np.inf else f"finite and at least {low:g} {unit}"
+        raise ArgumentError(f"{what} is {worst:g} {unit}; it must be {legal}")
+    return np.broadcast_to(values.astype(float), t.shape)
 
 
 class _Ends(NamedTuple):
@@ -67,11 +150,11 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
     """Return the ends of the lines, and the conductance that their insulation adds at each node."""
     leak = np.zeros(len(network.nodes))
     rows = []
-    for branch in network.branches:
-        cable, length = branch.cable, branch.length
+    for run in network.runs:
+        cable, length = run.made_of, run.length
         if cable.skin:
             raise ArgumentError(
-                f"cable of {branch} has skin = {cable.skin:g} Hz; steps in time need a constant "
+                f"cable of {run} has skin = {cable.skin:g} Hz; steps in time need a constant "
                 "resistance, skin = 0 (Network.transfer takes any)"
             )
         delay, z0, quarter = length * cable.delay, cable.z0, length * cable.r / 4
@@ -79,18 +162,18 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
         steps = delay / dt + 1e-9
         if steps < 1:
             raise ArgumentError(
-                f"dt is {dt:g} s, but {branch} delays by {delay:.4g} s only; "
+                f"dt is {dt:g} s, but {run} delays by {delay:.4g} s only; "
                 "dt must be at most the shortest delay"
             )
         if quarter >= z0:
             raise ArgumentError(
-                f"{branch} has {4 * quarter:.4g} ohm; in steps of time a line must stay below four "
+                f"{run} has {4 * quarter:.4g} ohm; in steps of time a line must stay below four "
                 f"times its wave impedance of {z0:.4g} ohm: use Network.subdivided"
             )
         whole = int(steps)
         fraction = max(0.0, steps - whole - 2e-9)
         row = (whole, fraction, 1 / (z0 + quarter), (z0 - quarter) / (z0 + quarter))
-        a, b = network.index(branch.a), network.index(branch.b)
+        a, b = network.index(run.a), network.index(run.b)
         rows += [(a, *row), (b, *row)]
         leak[[a, b]] += length * cable.g / 2
     order = np.argsort([row[0] for row in rows], kind="stable")
@@ -102,26 +185,26 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
 
 def simulate(
     network: Network,
-    drivers: Sequence[Driver | Sequence[Driver]],
-    duration: float,
+    drivers: Driver | Sequence[Driver] | Sequence[Sequence[Driver]],
+    until: float,
     dt: float,
     *,
     probes: Sequence[str] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
-) -> Waveforms:
-    """Return the voltages over time of a network that is at rest before its drivers begin.
+) -> Waveform:
+    """Simulate the voltages of a network that is at rest before its drivers begin.
 
     Parameters
     ----------
     network : Network
         A tree, or a network with a ring; a single one, whose cables have ``skin=0``.
-    drivers : sequence of CurrentDriver or TheveninDriver, or of lists of them
-        One entry a column of the result: columns do not see each other. The drivers of an inner
-        list act together, such as CAN nodes that send at the same time.
-    duration : float
+    drivers : Driver, sequence of Driver, or sequence of sequences of Driver
+        The senders, which act together, such as CAN nodes that send at the same time; a sequence
+        of sequences is one case each, and cases do not see each other.
+    until : float
         Time to simulate, at least `dt` [s].
     dt : float
-        Step, at least 1e-15 and at most the delay of the shortest line [s]. The error falls with
+        Step, at least 1e-15 and at most the delay of the shortest run [s]. The error falls with
         its square, and is least where it divides all the delays; else a wave is interpolated.
     probes : sequence of str, optional
         Nodes to report; all of them by default.
@@ -131,42 +214,46 @@ def simulate(
 
     Returns
     -------
-    Waveforms
-        Times, from 0 in steps of `dt`, and voltages by probe, column and time.
+    Waveform
+        Voltages at the probes from 0 in steps of `dt`, shape (n_probes, n_t), or
+        (n_probes, n_cases, n_t) if cases were given.
 
     Raises
     ------
     ArgumentError
-        If an argument is out of range, a node is unknown or connected to nothing, or a line is
+        If an argument is out of range, a node is unknown or connected to nothing, or a run is
         shorter than a step; the message names it.
 
     Notes
     -----
-    A line with resistance is modelled well while it stays far below its wave impedance; cut a
+    A run with resistance is modelled well while it stays far below its wave impedance; cut a
     long one by `Network.subdivided`, whose nodes also show the wave on its way.
 
     Examples
     --------
     A wave of 1 V meets the open end of 100 m after 0.65 us and doubles there:
 
-    >>> from shipnet.line import Cable, TheveninDriver
-    >>> net = Network()
-    >>> net.line("near", "far", 100, Cable.lossless(100, 6.5e-9))
-    >>> t, v = simulate(net, [TheveninDriver("near", g=0.01, e=2.0)], 1e-6, 0.05e-6)
-    >>> v[:, 0, [1, 12, 14]].round(6).tolist()
+    >>> from shipnet.line.cable import CABLES
+    >>> from shipnet.line.network import CableRun
+    >>> net = Network([CableRun("near", "far", 100, CABLES["as-i lossless"])])
+    >>> sender = Driver("near", voltage=2.0, conductance=0.01)
+    >>> wave = simulate(net, sender, until=1e-6, dt=0.05e-6)
+    >>> wave.u[:, [1, 12, 14]].round(6).tolist()
     [[1.0, 1.0, 1.0], [0.0, 0.0, 2.0]]
     """
     if network.trees is not None:
         raise ArgumentError(f"the network holds {network.trees} trees; steps in time take one")
     rooted(network, next(iter(network.nodes), ""))
     step = check_scalar("dt", dt, "s", 1e-15, 1e6)
-    total = check_scalar("duration", duration, "s", 1e-15, 1e6)
+    total = check_scalar("until", until, "s", 1e-15, 1e6)
     if total < step:
-        raise ArgumentError(f"duration is {total:g} s; it must be at least dt, {step:g} s")
+        raise ArgumentError(f"until is {total:g} s; it must be at least dt, {step:g} s")
     ends, leak = _ends(network, step)
     t: Floats = np.arange(int(total / step + 1e-9) + 1, dtype=float) * step
-    sources = norton_sources(network, drivers, t)
-    shown = [network.index(name) for name in (network.nodes if probes is None else probes)]
+    columns, single = _columns(drivers)
+    sources = norton_sources(network, columns, t)
+    names = network.nodes if probes is None else tuple(probes)
+    shown = [network.index(name) for name in names]
     nodes = _Nodes(network, step, sources.columns, limits)
 
     own = np.arange(len(ends.node))
@@ -195,7 +282,21 @@ def simulate(
         outward = y * voltage[:, ends.node]
         left[now % depth] = outward + h * (outward - into)
         v[:, :, now] = voltage[:, shown].transpose(1, 2, 0)
-    return Waveforms(t, v)
+    return Waveform(v[:, 0] if single else v, step, names=names)
+
+
+def _columns(
+    drivers: Driver | Sequence[Driver] | Sequence[Sequence[Driver]],
+) -> tuple[list[list[Driver]], bool]:
+    """Return the drivers of each case, and whether there is one case that was not given as such."""
+    entries: list[Any] = [drivers] if isinstance(drivers, Driver) else list(drivers)
+    single = not entries or not all(isinstance(entry, list | tuple) for entry in entries)
+    columns = [entries] if single else [list(entry) for entry in entries]
+    for together in columns:
+        for driver in together:
+            if not isinstance(driver, Driver):
+                raise ArgumentError(f"one of drivers is {driver!r}; it must be a Driver")
+    return columns, single
 
 
 class _Nodes:

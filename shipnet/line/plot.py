@@ -2,69 +2,47 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import matplotlib.pyplot as plt
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from shipnet.line.network import Network
-from shipnet.line.travel import Travel
-from shipnet.line.tree import rooted
+from shipnet.line.pulse import Pulse
+from shipnet.line.solver import rooted
+from shipnet.line.waveform import Waveform
 
-__all__ = ["Layout", "layout", "plot_network", "plot_travel", "plot_waveform"]
+
+def axes(ax: Axes | None, **size: Any) -> Axes:
+    """Return the axes given, or new ones."""
+    return plt.subplots(**size)[1] if ax is None else ax
 
 
-def plot_waveform(
-    t: npt.ArrayLike, u: npt.ArrayLike, *, ax: Axes, label: str | None = None
-) -> Axes:
-    """Draw a voltage over time.
-
-    Parameters
-    ----------
-    t : array_like, shape (n_t,)
-        Times [s].
-    u : array_like, shape (n_t,)
-        Voltages [V].
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    label : str, optional
-        Its name in a legend.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; x is in microseconds.
-    """
-    ax.plot(np.multiply(t, 1e6), u, label=label)
+def plot_waveform(wave: Waveform, *, ax: Axes | None = None) -> Axes:
+    """Draw every voltage of a waveform over time; x is in microseconds."""
+    ax = axes(ax)
+    rows = wave.u.reshape(-1, wave.u.shape[-1])
+    names = wave.names if len(wave.names) == len(rows) else [None] * len(rows)
+    for name, row in zip(names, rows, strict=True):
+        ax.plot(wave.t * 1e6, row, label=name)
     ax.set(xlabel="time [us]", ylabel="voltage [V]")
+    if len(wave.names) == len(rows) > 1:
+        ax.legend()
     return ax
 
 
-def plot_travel(pulse: Travel, step: int, *, ax: Axes) -> Axes:
-    """Draw a pulse on its way at one time, with all that it has reached in grey.
-
-    Parameters
-    ----------
-    pulse : Travel
-        What `travel` returned.
-    step : int
-        Which of its times, from 0.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; x is the place.
-    """
-    lowest, highest = min(pulse.v.min(), 0.0), max(pulse.v.max(), 0.0)
+def plot_pulse(pulse: Pulse, step: int, *, ax: Axes | None = None) -> Axes:
+    """Draw a pulse on its way at one time, with all that it has reached in grey."""
+    ax = axes(ax)
+    lowest, highest = min(pulse.u.min(), 0.0), max(pulse.u.max(), 0.0)
     margin = 0.08 * (highest - lowest)
-    reached = pulse.v[: step + 1]
+    reached = pulse.u[: step + 1]
     ax.fill_between(
         pulse.x, reached.min(axis=0), reached.max(axis=0), color="0.9", label="reached so far"
     )
-    ax.plot(pulse.x, pulse.v[step], label="now")
+    ax.plot(pulse.x, pulse.u[step], label="now")
     ax.set(
         xlim=(pulse.x[0], pulse.x[-1]),
         ylim=(lowest - margin, highest + margin),
@@ -78,21 +56,15 @@ def plot_travel(pulse: Travel, step: int, *, ax: Axes) -> Axes:
 
 
 class Layout(NamedTuple):
-    """Where the nodes of a network lie in a drawing.
+    """Where the nodes of a network lie in a drawing."""
 
-    Attributes
-    ----------
-    spot : ndarray of float, shape (n_nodes, 2)
-        Distance of each node from the first one along the cable [m], and its row, 0 and below.
-    strokes : list of ndarray of float, shape (2, 3)
-        Points of each line: x in the first row, y in the second.
-    closing : ndarray of float, shape (2, 4), or None
-        The same of the line that closes a ring.
-    """
-
-    spot: npt.NDArray[np.float64]
-    strokes: list[npt.NDArray[np.float64]]
-    closing: npt.NDArray[np.float64] | None
+    spot: npt.NDArray[
+        np.float64
+    ]  # distance from the root along the cable [m], and row, 0 and below
+    strokes: list[
+        npt.NDArray[np.float64]
+    ]  # points of each run: x in the first row, y in the second
+    closing: npt.NDArray[np.float64] | None  # the same of the run that closes a ring
 
     @property
     def lowest(self) -> float:
@@ -101,29 +73,18 @@ class Layout(NamedTuple):
         return float(np.concatenate(everything).min())
 
 
-def layout(network: Network) -> Layout:
-    """Place a network: lines to scale along x, branches in rows that do not cross.
-
-    Parameters
-    ----------
-    network : Network
-        The network; it grows from its first node. Of a Monte Carlo, the mean lengths count.
-
-    Returns
-    -------
-    Layout
-        The longest way goes straight on at every node.
-    """
-    tree = rooted(network, next(iter(network.nodes), ""))
+def layout(network: Network, root: str | None = None) -> Layout:
+    """Place a network: lines to scale along x, branches in rows that do not cross."""
+    tree = rooted(network, root or next(iter(network.nodes), ""))
     count = len(tree.order)
-    length = [float(np.mean(branch.length)) for branch in network.branches]
+    length = [float(np.mean(run.length)) for run in network.runs]
     children: list[list[int]] = [[] for _ in range(count)]
     x, reach = [0.0] * count, [0.0] * count
     for place in range(1, count):
         children[tree.parent[place]].append(place)
-        x[place] = x[tree.parent[place]] + length[tree.branch[place]]
+        x[place] = x[tree.parent[place]] + length[tree.run[place]]
     for place in range(count - 1, 0, -1):
-        way = reach[place] + length[tree.branch[place]]
+        way = reach[place] + length[tree.run[place]]
         reach[tree.parent[place]] = max(reach[tree.parent[place]], way)
 
     # What lies ahead takes the upper rows and a stub the next one below, so that no lines cross.
@@ -142,7 +103,7 @@ def layout(network: Network) -> Layout:
         strokes.append(np.array(stroke, dtype=float))
     closing = None
     if network.ring is not None:
-        a, b = (tree.order.index(network.index(end)) for end in network.ring[:2])
+        a, b = (tree.order.index(network.index(end)) for end in (network.ring.a, network.ring.b))
         below = lowest - 1
         closing = np.array([[x[a], x[a], x[b], x[b]], [row[a], below, below, row[b]]], dtype=float)
     spot = np.empty((count, 2))
@@ -150,23 +111,10 @@ def layout(network: Network) -> Layout:
     return Layout(spot, strokes, closing)
 
 
-def plot_network(network: Network, *, ax: Axes) -> Axes:
-    """Draw a network: lines to scale along x, loads as dots.
-
-    Parameters
-    ----------
-    network : Network
-        The network; it grows from its first node. Of a Monte Carlo, the mean lengths are drawn.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; x is the distance from the first node along the cable. The longest way
-        goes straight on at every node; the line that closes a ring is dashed.
-    """
-    placed = layout(network)
+def plot_network(network: Network, *, root: str | None = None, ax: Axes | None = None) -> Axes:
+    """Draw a network: lines to scale along x, loads as dots."""
+    ax = axes(ax)
+    placed = layout(network, root)
     for stroke in placed.strokes:
         ax.plot(*stroke, color="C0")
     if placed.closing is not None:

@@ -1,35 +1,39 @@
-"""The packet of a main engine's remote control: numbered data between three marker bytes.
+"""Packets of numbered values: between markers, as printed, and byte-stuffed with a CRC.
 
-A datum is its number, its low byte and its high byte. The drawing of the packet is lost, and the
-text can be read in two ways, so both are here:
+A value is sent as its number, its low byte and its high byte. The drawing of the printed packet is
+lost, and the text can be read in two ways, so both are here:
 
 - A: ``CC DD (number low high) x n EE``, 3 + 3 n bytes;
 - B: ``CC (DD number low high) x n EE``, 2 + 4 n bytes.
 
-That every datum is a packet of its own is reading A with one item a packet.
+That every value is a packet of its own is reading A with one item per packet.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
-from shipnet.errors import ArgumentError, CrcError, FormError, LengthError
-from shipnet.fields import check_whole
-from shipnet.remote_control.items import (
-    Items,
-    NumberCheck,
-    check_bytes,
-    check_items,
-    check_number_check,
-    check_numbers,
-    read_items,
-    trailer,
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.crc import crc, crc_batch
+from shipnet.errors import (
+    ArgumentError,
+    CrcError,
+    FieldError,
+    FormError,
+    FrameError,
+    LengthError,
 )
+from shipnet.fields import check_whole, choice, record, switch, whole
 
-__all__ = ["DATA_START", "PACKET_END", "PACKET_START", "Format", "MarkerParser", "Markers"]
-__all__ += ["Parser"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from shipnet.remote_control.experiment import Trial
+    from shipnet.remote_control.residual import Shares
 
 #: The markers; K. Y. Chung and K. S. Rhyu, "A study on the communication method for a ship main
 #: engine remote control system", 1998, section 3.2.
@@ -41,66 +45,296 @@ _MOST_NUMBERS = PACKET_START
 #: Bytes of an item, and of the CRC.
 _ITEM, _CRC = 3, 2
 
+#: Bytes that one code byte of COBS can span; longer packets would need more than one.
+_SPAN = 254
+
+#: The largest byte-stuffed packet has this many items: 3 x 84 + 2 = 254 bytes.
+MOST_STUFFED = 84
+
+#: What the bytes of an item are.
+_PARTS = ("number", "low byte", "high byte")
+
+#: Number and value of each item, in the order of the packet.
+Items = tuple[tuple[int, int], ...]
+
+#: What a receiver requires of the numbers.
+NumberCheck = Literal["any", "known", "rising"]
+_NUMBER_CHECKS = {
+    "any": "any number is taken",
+    "known": "the receiver's table has the number",
+    "rising": "the numbers are known and rise",
+}
+
+Bytes = npt.NDArray[np.uint8]
+Flags = npt.NDArray[np.bool_]
+
+
+# Bytes and items -------------------------------------------------------------------------------
+
+
+def check_bytes(name: str, data: object) -> bytes:
+    """Return bytes, or raise; `bytes` would turn a number into as many zeros."""
+    if not isinstance(data, (bytes, bytearray, memoryview)):
+        raise ArgumentError(f"{name} is {data!r}; it must be bytes")
+    return bytes(data)
+
+
+def _trailer(data: bytes) -> bytes:
+    """Return the CRC-16/MODBUS of some bytes as it is sent, low byte first."""
+    return crc("CRC-16/MODBUS", data).to_bytes(_CRC, "little")
+
+
+def _check_items(items: Mapping[int, int], n_numbers: int) -> Items:
+    """Return numbers and values in rising order, or raise unless a packet can hold them."""
+    if not isinstance(items, Mapping):
+        raise ArgumentError(f"items is {items!r}; it must map numbers to values")
+    return tuple(
+        sorted(
+            (
+                check_whole("number", number, 0, n_numbers - 1),
+                check_whole(f"value of item {number}", value, 0, 0xFFFF),
+            )
+            for number, value in items.items()
+        )
+    )
+
+
+def _read_items(data: bytes) -> Items:
+    """Return the items in bytes that hold nothing else."""
+    return tuple(zip(data[::3], map(_value, data[1::3], data[2::3]), strict=True))
+
+
+def _value(low: int, high: int) -> int:
+    return low | high << 8
+
+
+def _check_numbers(items: Items, numbers: NumberCheck, n_numbers: int) -> Items:
+    """Return the items, or raise unless a receiver accepts their numbers."""
+    if numbers == "any":
+        return items
+    found = [number for number, _ in items]
+    rising = numbers == "rising"
+    falls = any(one >= other for one, other in pairwise(found))
+    if any(number >= n_numbers for number in found) or (rising and falls):
+        raise FieldError(
+            f"numbers are {', '.join(map(str, found))}; they must be "
+            f"0..{n_numbers - 1}{' and rising' * rising}"
+        )
+    return items
+
+
+# What all formats share ------------------------------------------------------------------------
+
 
 class Parser(Protocol):
     """Finds the packets in a stream of bytes."""
 
-    #: Bytes given up so far, because no packet that holds them was found.
+    #: Bytes discarded so far, because no packet that holds them was found.
     discarded: int
 
     def feed(self, data: bytes) -> list[Items]:
         """Return the packets that these bytes complete."""
 
 
-class Format(Protocol):
-    """What a format of packets can do, so that one stands in for another."""
+class Decoded(NamedTuple):
+    """What a receiver makes of many packets: error codes, 0 for none, and the items accepted."""
+
+    error: Bytes
+    numbers: Bytes
+    values: npt.NDArray[np.uint16]
+
+    @property
+    def accepted(self) -> Flags:
+        """Whether each packet is accepted, shape (n_packets,)."""
+        accepted: Flags = self.error == 0
+        return accepted
+
+
+class PacketFormat:
+    """What the two formats share; each packs, reads and traces its packets in its own way."""
+
+    __slots__ = ()
 
     @property
     def n_numbers(self) -> int:
         """How many numbers there are, and the most items of a packet."""
+        raise NotImplementedError
 
     @property
     def numbers(self) -> NumberCheck:
-        """What a receiver asks of the numbers."""
+        """What a receiver requires of the numbers."""
+        raise NotImplementedError
 
     def size(self, n_items: int) -> int:
-        """Return the length of a packet [byte]."""
+        """Return the length of a packet with 0..n_numbers items [byte]."""
+        raise NotImplementedError
 
     def encode(self, items: Mapping[int, int]) -> bytes:
         """Return a packet."""
+        raise NotImplementedError
 
     def decode(self, packet: bytes | bytearray) -> Items:
         """Return the items of one packet, or raise."""
+        raise NotImplementedError
 
     def parser(self) -> Parser:
         """Return a parser that has seen nothing yet."""
+        raise NotImplementedError
+
+    def stream(self, n_bytes: int, items: int | None = None, *, phase: int = 0) -> bytes:
+        """Return the bytes of packets sent without a pause, from byte `phase` of the first one.
+
+        Every packet has the same number of `items`, all if omitted, each with the value 1000.
+        """
+        n = self.n_numbers if items is None else items
+        check_whole("items", n, 0, self.n_numbers)
+        packet = self.encode(dict.fromkeys(range(n), 1000))
+        count, begin = check_whole("n_bytes", n_bytes, 0, 10**6), phase % len(packet)
+        stream = packet * ((begin + count) // len(packet) + 1)
+        return stream[begin : begin + count]
+
+    def encode_batch(self, numbers: npt.ArrayLike, values: npt.ArrayLike) -> Bytes:
+        """Return many packets as rows of bytes, each as `encode` makes it.
+
+        `values` has the shape (n_packets, n_items), `numbers` the same or (n_items,); numbers
+        rise in each row.
+        """
+        value = _whole("values", values, 0xFFFF)
+        number = _whole("numbers", numbers, self.n_numbers - 1)
+        if value.ndim != 2 or number.shape not in (value.shape, value.shape[1:]):
+            raise ArgumentError(
+                f"numbers and values have the shapes {number.shape} and {value.shape}; they must "
+                "be (n_items,) or (n_packets, n_items), and (n_packets, n_items)"
+            )
+        if (np.diff(number, axis=-1) <= 0).any():
+            raise ArgumentError("numbers must rise in each row")
+        n_packets, n_items = value.shape
+        items = np.empty((n_packets, n_items, 3), np.uint8)
+        items[..., 0], items[..., 1], items[..., 2] = number, value & 0xFF, value >> 8
+        return self._encode_rows(items)
+
+    def decode_batch(self, packets: npt.ArrayLike) -> Decoded:
+        """Return what a receiver makes of rows of uint8, each as `decode` finds it.
+
+        All rows have one length. A row that is refused has an error code and items of 0.
+        """
+        rows = np.asarray(packets)
+        if rows.dtype != np.uint8 or rows.ndim != 2:
+            raise ArgumentError(
+                f"packets must be a 2-D uint8 array, got {rows.dtype}, {rows.ndim}-D"
+            )
+        step = self.size(1) - self.size(0)
+        n_items, rest = divmod(rows.shape[1] - self.size(0), step)
+        if rest or not 0 <= n_items <= self.n_numbers:
+            error = np.full(len(rows), LengthError.code, np.uint8)
+            none = np.zeros((len(rows), 0), np.uint8)
+            return Decoded(error, none, none.astype(np.uint16))
+        formed, checked, items = self._decode_rows(rows, n_items)
+        numbers = items[..., 0]
+        error = np.where(self._accepts(numbers), 0, FieldError.code).astype(np.uint8)
+        error[~checked] = CrcError.code
+        error[~formed] = FormError.code
+        values = items[..., 1] | items[..., 2].astype(np.uint16) << 8
+        good = (error == 0)[:, None]
+        return Decoded(error, numbers * good, values * good)
+
+    def error_shares(self, n_items: int, rate: float) -> Shares:
+        """Return which shares of packets arrive intact, detected and undetected, in closed form.
+
+        Bits are inverted independently of each other with the probability `rate`, 0..0.5.
+        """
+        from shipnet.remote_control.residual import packet_shares
+
+        return packet_shares(self, n_items, rate)
+
+    def undetected_flips(self, n_items: int) -> float:
+        r"""Return the share of single inverted bits that a receiver does not see.
+
+        All are tried, on values of 0. Where the receiver looks at markers only, it is
+
+        .. math:: S = \frac{24 n}{8 L}
+
+        for n items in a packet of L bytes, unless a bit turns a number into 0xEE.
+        """
+        from shipnet.remote_control.residual import single_flip_share
+
+        return single_flip_share(self, n_items)
+
+    def transmit(
+        self,
+        n_items: int,
+        rate: float,
+        packets: int,
+        rng: np.random.Generator | int | None = None,
+    ) -> Trial:
+        """Return how many of so many packets are detected as wrong, and accepted though wrong.
+
+        The values are random, and bits are inverted with the probability `rate`, 0..0.5.
+        """
+        from shipnet.remote_control.experiment import transmit
+
+        return transmit(self, n_items, rate, packets, rng)
+
+    def _encode_rows(self, items: Bytes) -> Bytes:
+        raise NotImplementedError
+
+    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Flags, Flags, Bytes]:
+        """Return whether form and CRC are in order, and the items."""
+        raise NotImplementedError
+
+    def _accepts(self, numbers: Bytes) -> Flags:
+        """Return whether the receiver accepts each row of numbers."""
+        if self.numbers == "any":
+            return np.ones(len(numbers), bool)
+        accepts: Flags = np.all(numbers < self.n_numbers, axis=1)
+        if self.numbers == "rising":
+            accepts &= np.all(numbers[:, 1:] > numbers[:, :-1], axis=1)
+        return accepts
 
 
-@dataclass(frozen=True, slots=True)
-class Markers:
-    """The format as printed: markers at their places, and nothing else, show a packet in order.
+def _crc_fits(rows: Bytes) -> Flags:
+    # Behind its own check, the register of a reflected CRC without final addition is 0.
+    fits: Flags = crc_batch("CRC-16/MODBUS", rows) == 0
+    return fits
 
-    Parameters
-    ----------
-    reading : {"A", "B"}, default "A"
-        Which way the lost figure is read.
-    n_numbers : int, default 10
-        How many data there are, 1..204; their numbers are 0..n_numbers - 1.
-    numbers : {"any", "known", "rising"}, default "any"
-        What the receiver asks of the numbers. The paper names no check of them.
-    crc : bool, default False
-        Whether CRC-16/MODBUS over all of the packet follows its last marker, low byte first. Not
-        in the paper.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
+def _with_crc(rows: Bytes) -> Bytes:
+    check = crc_batch("CRC-16/MODBUS", rows)
+    return np.column_stack([rows, (check & 0xFF).astype(np.uint8), (check >> 8).astype(np.uint8)])
+
+
+def _whole(name: str, values: npt.ArrayLike, highest: int) -> npt.NDArray[np.int64]:
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise ArgumentError(f"{name} must be whole numbers, in rows of equal length") from None
+    if array.size and (array.dtype.kind not in "iu" or array.min() < 0 or array.max() > highest):
+        raise ArgumentError(f"{name} must be whole numbers 0..{highest}")
+    return array.astype(np.int64)
+
+
+def _traced(taken: list[tuple[int, str]], start: int, size: int) -> pd.DataFrame:
+    """Return a row per byte with its place in a ring of `size`."""
+    import pandas as pd
+
+    check_whole("size", size, 2, 65536)
+    check_whole("start", start, 0, size - 1)
+    rows = [((start + k) % size, f"0x{byte:02X}", what) for k, (byte, what) in enumerate(taken)]
+    return pd.DataFrame(rows, columns=["place", "byte", "taken_as"])
+
+
+# The printed packet ----------------------------------------------------------------------------
+
+
+@record
+class MarkerFormat(PacketFormat):
+    """The packet as printed: accepted if its markers stand at their places.
 
     Notes
     -----
     A value byte may equal a marker; nothing escapes it. With ``numbers="any"`` a receiver that
-    stores by number, as printed, writes outside its table when a number is disturbed.
+    stores by number, as printed, writes outside its table when a number is disturbed. The paper
+    names no check of the numbers and no CRC.
 
     References
     ----------
@@ -109,34 +343,42 @@ class Markers:
 
     Examples
     --------
-    >>> Markers().encode({0: 120, 3: 0x1234}).hex(" ")
-    'cc dd 00 78 00 03 34 12 ee'
-    >>> Markers("B").encode({0: 120, 3: 0x1234}).hex(" ")
+    >>> from shipnet import remote_control as rc
+    >>> form = rc.MarkerFormat()
+    >>> packet = form.encode({0: 120, 3: 0x1234})
+    >>> packet.hex(" "), form.decode(packet)
+    ('cc dd 00 78 00 03 34 12 ee', ((0, 120), (3, 4660)))
+    >>> rc.MarkerFormat("B").encode({0: 120, 3: 0x1234}).hex(" ")
     'cc dd 00 78 00 dd 03 34 12 ee'
-    >>> Markers().size(10), Markers("B").size(10), Markers(crc=True).size(10)
+    >>> form.size(10), rc.MarkerFormat("B").size(10), rc.MarkerFormat(crc=True).size(10)
     (33, 42, 35)
 
-    Three false bytes before a packet are passed over:
+    Three stray bytes before a packet are discarded:
 
-    >>> parser = Markers().parser()
-    >>> parser.feed(b"abc" + Markers().encode({3: 7})), parser.discarded
+    >>> parser = form.parser()
+    >>> parser.feed(b"abc" + form.encode({3: 7})), parser.discarded
     ([((3, 7),)], 3)
+
+    Of ten values, 240 of 264 bits can be wrong without being seen:
+
+    >>> round(form.undetected_flips(10), 3)
+    0.909
     """
 
-    reading: Literal["A", "B"] = "A"
-    n_numbers: int = 10
-    numbers: NumberCheck = "any"
-    crc: bool = False
-
-    def __post_init__(self) -> None:
-        """Check every field."""
-        if self.reading not in ("A", "B"):
-            raise ArgumentError(f"reading is {self.reading!r}; it must be 'A' or 'B'")
-        check_number_check(self.numbers)
-        if not isinstance(self.crc, bool):
-            raise ArgumentError(f"crc is {self.crc!r}; it must be True or False")
-        most = check_whole("n_numbers", self.n_numbers, 1, _MOST_NUMBERS)
-        object.__setattr__(self, "n_numbers", most)
+    reading: Literal["A", "B"] = choice(
+        {"A": "one 0xDD per packet", "B": "one 0xDD per value"},
+        "How the lost drawing is read: A with one 0xDD per packet, B with one per value",
+        default="A",
+    )
+    n_numbers: int = whole(
+        1, _MOST_NUMBERS, "", "How many values there are; their numbers count from 0", default=10
+    )
+    numbers: NumberCheck = choice(
+        _NUMBER_CHECKS, "What the receiver requires of the numbers", default="any"
+    )
+    crc: bool = switch(
+        "Whether CRC-16/MODBUS over the packet follows it, low byte first", default=False
+    )
 
     @property
     def head(self) -> bytes:
@@ -149,50 +391,24 @@ class Markers:
         return b"" if self.reading == "A" else bytes([DATA_START])
 
     def size(self, n_items: int) -> int:
-        """Return the length of a packet [byte].
-
-        Parameters
-        ----------
-        n_items : int
-            How many items it has, 0..n_numbers.
-        """
+        """Return the length of a packet with 0..n_numbers items [byte]."""
         n = check_whole("n_items", n_items, 0, self.n_numbers)
         return len(self.head) + n * (len(self.lead) + _ITEM) + 1 + _CRC * self.crc
 
     def encode(self, items: Mapping[int, int]) -> bytes:
-        """Return a packet.
-
-        Parameters
-        ----------
-        items : mapping of int to int
-            Numbers 0..n_numbers - 1, with their values 0..65535; they are sent in
-            rising order.
-        """
+        """Return a packet with values 0..65535 by their numbers, in rising order of these."""
         body = b"".join(
             self.lead + bytes([number, value & 0xFF, value >> 8])
-            for number, value in check_items(items, self.n_numbers)
+            for number, value in _check_items(items, self.n_numbers)
         )
         packet = self.head + body + bytes([PACKET_END])
-        return packet + trailer(packet) if self.crc else packet
+        return packet + _trailer(packet) if self.crc else packet
 
     def decode(self, packet: bytes | bytearray) -> Items:
-        """Return the items of one packet.
+        """Return numbers and values of one packet.
 
-        Parameters
-        ----------
-        packet : bytes-like
-            All its bytes and no others.
-
-        Raises
-        ------
-        LengthError
-            If no packet has this length.
-        FormError
-            If a marker is not at its place, or the last one stands where a number should.
-        CrcError
-            If there is a CRC and it is not the one computed.
-        FieldError
-            If a number is none that `numbers` allows.
+        Raises `LengthError`, `FormError` (a marker is missing), `CrcError` or `FieldError` (a
+        number is refused).
         """
         data, step = check_bytes("packet", packet), len(self.lead) + _ITEM
         end = len(data) - 1 - _CRC * self.crc
@@ -203,51 +419,79 @@ class Markers:
         markers = not self.lead or all(data.startswith(self.lead, start) for start in starts)
         early = not self.lead and any(data[start] == PACKET_END for start in starts)
         if not (data.startswith(self.head) and markers and data[end] == PACKET_END) or early:
-            raise FormError(f"{data.hex(' ')} has no packet's markers at their places")
-        if self.crc and data[end + 1 :] != trailer(data[: end + 1]):
-            raise CrcError(f"the check of {data.hex(' ')} is {trailer(data[: end + 1]).hex(' ')}")
-        items = read_items(b"".join(data[k + len(self.lead) : k + step] for k in starts))
-        return check_numbers(items, self.numbers, self.n_numbers)
+            raise FormError(f"{data.hex(' ')} does not have a packet's markers at their places")
+        if self.crc and data[end + 1 :] != _trailer(data[: end + 1]):
+            raise CrcError(f"the check of {data.hex(' ')} is {_trailer(data[: end + 1]).hex(' ')}")
+        items = _read_items(b"".join(data[k + len(self.lead) : k + step] for k in starts))
+        return _check_numbers(items, self.numbers, self.n_numbers)
 
     def parser(self) -> MarkerParser:
-        """Return a parser that has seen nothing yet."""
+        """Return a parser that has seen nothing yet; its `feed` takes a stream in any pieces."""
         return MarkerParser(self)
+
+    def trace(self, stream: bytes, *, start: int = 0, size: int = 128) -> pd.DataFrame:
+        """Return what a reader takes each byte for: ``place``, ``byte`` and ``taken_as``.
+
+        The first byte lies at the place `start` of a ring of `size`.
+        """
+        parser = self.parser()
+        data = check_bytes("stream", stream)
+        return _traced([(byte, parser.read(byte)) for byte in data], start, size)
+
+    @staticmethod
+    def false_sync(n_bytes: int, markers: int = 3) -> float:
+        r"""Return how often random bytes hold at least one that equals one of the markers.
+
+        .. math:: P = 1 - \left( 1 - \frac{m}{256} \right)^n
+
+        Every byte is equally likely here. Values of a ship are not: a shaft speed below 204 rpm
+        sent as a whole number never holds a marker.
+        """
+        n = check_whole("n_bytes", n_bytes, 0, 10**6)
+        return 1 - (1 - check_whole("markers", markers, 0, 256) / 256) ** n
+
+    def _encode_rows(self, items: Bytes) -> Bytes:
+        n_packets, n_items, _ = items.shape
+        head, lead = self.head, self.lead
+        size = self.size(n_items) - _CRC * self.crc
+        rows = np.empty((n_packets, size), np.uint8)
+        rows[:, : len(head)] = list(head)
+        groups = rows[:, len(head) : -1].reshape(n_packets, n_items, len(lead) + _ITEM)
+        groups[..., : len(lead)], groups[..., len(lead) :] = list(lead), items
+        # A reshaped part of the rows is a copy, not a view.
+        rows[:, len(head) : -1] = groups.reshape(n_packets, -1)
+        rows[:, -1] = PACKET_END
+        return _with_crc(rows) if self.crc else rows
+
+    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Flags, Flags, Bytes]:
+        head, lead = len(self.head), len(self.lead)
+        end = rows.shape[1] - 1 - _CRC * self.crc
+        groups = rows[:, head:end].reshape(len(rows), n_items, lead + _ITEM)
+        formed = (rows[:, end] == PACKET_END) & (rows[:, :head] == list(self.head)).all(axis=1)
+        if lead:
+            formed &= (groups[..., :lead] == list(self.lead)).all(axis=(1, 2))
+        else:
+            formed &= (groups[..., 0] != PACKET_END).all(axis=1)
+        checked = np.ones(len(rows), bool) if not self.crc else _crc_fits(rows)
+        return formed, checked, groups[..., lead:]
 
 
 class MarkerParser:
-    """Reads a stream byte by byte: seeks 0xCC, and gives up what breaks the form.
+    """Reads a stream byte by byte: seeks 0xCC, and discards what breaks the form.
 
-    Parameters
-    ----------
-    packet_format : Markers
-        The format to read.
-
-    Notes
-    -----
     As in the paper, all bytes from the start of a broken packet are lost. The byte that broke it
-    is looked at again, for it may be the start of the next one.
+    is looked at again, because it may be the start of the next one.
     """
 
-    def __init__(self, packet_format: Markers) -> None:
+    def __init__(self, packet_format: MarkerFormat) -> None:
         self.discarded = 0
         self._format = packet_format
         self._head, self._lead = packet_format.head, packet_format.lead
         self._packet = bytearray()
         self._size = 0
 
-    @property
-    def pending(self) -> int:
-        """How many bytes of a packet that is not complete it holds."""
-        return len(self._packet)
-
     def feed(self, data: bytes) -> list[Items]:
-        """Return the packets that these bytes complete.
-
-        Parameters
-        ----------
-        data : bytes-like
-            Any bytes, any number of them.
-        """
+        """Return the packets that these bytes complete."""
         packets: list[Items] = []
         for byte in check_bytes("data", data):
             if not self._fits(byte):
@@ -260,6 +504,21 @@ class MarkerParser:
             if len(self._packet) == self._size:
                 self._finish(packets)
         return packets
+
+    def read(self, byte: int) -> str:
+        """Take one byte, and return what it was taken for."""
+        complete = self.feed(bytes([byte]))
+        place, head, lead = len(self._packet) - 1, len(self._head), len(self._lead)
+        if complete:
+            return "CRC" if self._format.crc else "end of the packet"
+        if place < 0:
+            return "passed over"
+        if place < head:
+            return ("start of the packet", "start of the data")[place]
+        if self._size:
+            return "CRC" if place >= self._size - _CRC else "end of the packet"
+        within = (place - head) % (lead + _ITEM) - lead
+        return "start of the data" if within < 0 else _PARTS[within]
 
     def _fits(self, byte: int) -> bool:
         """Tell whether a byte may follow those of the packet so far; note where the packet ends."""
@@ -289,3 +548,239 @@ class MarkerParser:
         except CrcError:
             self.discarded += self._size
         self._packet.clear()
+
+
+# The byte-stuffed packet -----------------------------------------------------------------------
+
+
+def stuff(data: bytes) -> bytes:
+    """Return up to 254 bytes written without any 0, by consistent overhead byte stuffing (COBS).
+
+    Every 0 is replaced by the distance to the next one, and the distance to the first goes in
+    front: S. Cheshire, M. Baker, IEEE/ACM Transactions on Networking 7 (1999) 159-172.
+    """
+    check_whole("length of data", len(data), 0, _SPAN)
+    return b"".join(bytes([len(part) + 1]) + part for part in data.split(b"\0"))
+
+
+def unstuff(data: bytes) -> bytes:
+    """Return the bytes that `stuff` was given; raise LengthError or FormError for any others."""
+    if not 1 <= len(data) <= _SPAN + 1:
+        raise LengthError(f"there are {len(data)} bytes; there must be 1..{_SPAN + 1}")
+    if 0 in data:
+        raise FormError(f"{data.hex(' ')} has a 0")
+    plain, place = bytearray(data), 0
+    while place < len(data):
+        step, plain[place] = data[place], 0
+        place += step
+    if place != len(data):
+        raise FormError(f"the distances in {data.hex(' ')} do not lead to its end")
+    return bytes(plain[1:])
+
+
+@record
+class CobsFormat(PacketFormat):
+    """The packet corrected: byte-stuffed, so that no value looks like its end, with a CRC.
+
+    Items and their CRC-16/MODBUS are written without any 0 by consistent overhead byte stuffing
+    (COBS) [1]_, and a 0 ends the packet: 4 + 3 n bytes. A receiver that has lost its place finds
+    it again at the next 0. Not in the paper.
+
+    References
+    ----------
+    .. [1] S. Cheshire, M. Baker, "Consistent overhead byte stuffing", IEEE/ACM Transactions on
+       Networking 7 (1999) 159-172.
+
+    Examples
+    --------
+    One byte more than reading A of the printed packet, with one item or ten:
+
+    >>> from shipnet import remote_control as rc
+    >>> form = rc.CobsFormat()
+    >>> packet = form.encode({0: 120, 3: 0xCCDD})
+    >>> packet.hex(" "), form.size(2)
+    ('01 02 78 06 03 dd cc 09 14 00', 10)
+    >>> form.decode(packet)
+    ((0, 120), (3, 52445))
+    >>> form.undetected_flips(10)
+    0.0
+    """
+
+    n_numbers: int = whole(
+        1, MOST_STUFFED, "", "How many values there are; their numbers count from 0", default=10
+    )
+    numbers: NumberCheck = choice(
+        _NUMBER_CHECKS, "What the receiver requires of the numbers", default="known"
+    )
+
+    def size(self, n_items: int) -> int:
+        """Return the length of a packet with 0..n_numbers items [byte]."""
+        return 4 + 3 * check_whole("n_items", n_items, 0, self.n_numbers)
+
+    def encode(self, items: Mapping[int, int]) -> bytes:
+        """Return a packet with values 0..65535 by their numbers, in rising order of these."""
+        body = b"".join(
+            bytes([number, value & 0xFF, value >> 8])
+            for number, value in _check_items(items, self.n_numbers)
+        )
+        return stuff(body + _trailer(body)) + b"\0"
+
+    def decode(self, packet: bytes | bytearray) -> Items:
+        """Return numbers and values of one packet.
+
+        Raises `LengthError`, `FormError` (the only 0 is not the last byte, or the stuffing breaks
+        off), `CrcError` or `FieldError` (a number is refused).
+        """
+        data = check_bytes("packet", packet)
+        n_items, rest = divmod(len(data) - 4, 3)
+        if rest or not 0 <= n_items <= self.n_numbers:
+            raise LengthError(f"the packet has {len(data)} bytes, which no number of items gives")
+        if data[-1]:
+            raise FormError(f"{data.hex(' ')} does not end with 0")
+        plain = unstuff(data[:-1])
+        body, check = plain[:-2], plain[-2:]
+        if check != _trailer(body):
+            raise CrcError(f"the check is {check.hex(' ')}; it must be {_trailer(body).hex(' ')}")
+        return _check_numbers(_read_items(body), self.numbers, self.n_numbers)
+
+    def parser(self) -> CobsParser:
+        """Return a parser that has seen nothing yet; its `feed` takes a stream in any pieces."""
+        return CobsParser(self)
+
+    def trace(self, stream: bytes, *, start: int = 0, size: int = 128) -> pd.DataFrame:
+        """Return what a reader takes each byte for: ``place``, ``byte`` and ``taken_as``.
+
+        The first byte lies at the place `start` of a ring of `size`.
+        """
+        *packets, rest = check_bytes("stream", stream).split(b"\0")
+        taken: list[tuple[int, str]] = []
+        for packet in packets:
+            taken += zip(packet + b"\0", self._parts(packet), strict=True)
+        return _traced(taken + [(byte, "not complete") for byte in rest], start, size)
+
+    def _parts(self, packet: bytes) -> list[str]:
+        """Return what each byte of a packet is, with the 0 that ends it."""
+        try:
+            self.decode(packet + b"\0")
+        except FrameError:
+            return ["passed over"] * (len(packet) + 1)
+        n_items = (len(packet) - 3) // 3
+        parts = [f"distance to the first 0: {packet[0]}", *n_items * _PARTS, "CRC", "CRC"]
+        place = packet[0]
+        while place < len(packet):
+            parts[place] += f", a 0; distance to the next: {packet[place]}"
+            place += packet[place]
+        return [*parts, "end of the packet"]
+
+    def _encode_rows(self, items: Bytes) -> Bytes:
+        """Stuff every row, with the 0 that ends it."""
+        data = _with_crc(items.reshape(len(items), -1))
+        n_packets, size = data.shape
+        rows = np.zeros((n_packets, size + 2), np.uint8)
+        rows[:, 1:-1] = data
+        places = np.arange(size + 2)
+        zero = np.where(rows == 0, places, size + 1)
+        following = np.minimum.accumulate(zero[:, :0:-1], axis=1)[:, ::-1]
+        step = (following - places[:-1]).astype(np.uint8)
+        rows[:, :-1] = np.where(rows[:, :-1] == 0, step, rows[:, :-1])
+        return rows
+
+    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Flags, Flags, Bytes]:
+        body = rows[:, :-1]
+        n_packets, width = body.shape
+        columns = np.ascontiguousarray(body.T)
+        code = np.zeros(n_packets, np.int64)
+        plain = np.empty_like(columns)
+        for place, column in enumerate(columns):
+            here = code == place
+            plain[place] = np.where(here, 0, column)
+            code = np.where(here, place + column.astype(np.int64), code)
+        formed = (code == width) & (body != 0).all(axis=1) & (rows[:, -1] == 0)
+        data = np.ascontiguousarray(plain[1:].T)
+        return formed, _crc_fits(data), data[:, :-2].reshape(n_packets, n_items, 3)
+
+
+class CobsParser:
+    """Reads a stream: whatever stands between two zeros is a packet, or is discarded."""
+
+    def __init__(self, packet_format: CobsFormat) -> None:
+        self.discarded = 0
+        self._format = packet_format
+        self._packet = bytearray()
+        self._lost = 0
+
+    def feed(self, data: bytes) -> list[Items]:
+        """Return the packets that these bytes complete."""
+        packets: list[Items] = []
+        longest = self._format.size(self._format.n_numbers)
+        for byte in check_bytes("data", data):
+            if len(self._packet) < longest:
+                self._packet.append(byte)
+            else:
+                self._lost += 1
+            if byte == 0:
+                self._finish(packets)
+        return packets
+
+    def _finish(self, packets: list[Items]) -> None:
+        size = len(self._packet) + self._lost
+        try:
+            if self._lost:
+                raise LengthError(f"the packet has {size} bytes")
+            packets.append(self._format.decode(self._packet))
+        except FrameError:
+            self.discarded += size
+        self._packet.clear()
+        self._lost = 0
+
+
+# What to send ----------------------------------------------------------------------------------
+
+
+def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
+    """Return the values that differ from those sent last, by number.
+
+    Parameters
+    ----------
+    sending : sequence of int
+        The values to send, 0..65535 each; ``SENDING`` of the paper [1]_.
+    sended : sequence of int
+        The values sent last, ``SENDED`` of the paper; as many as `sending`.
+
+    Returns
+    -------
+    dict of int to int
+        Number and value of each that differs, ``NEW_SEND`` of the paper; it may be empty.
+
+    Raises
+    ------
+    ArgumentError
+        If the two differ in length, or a value is not a whole number 0..65535.
+
+    References
+    ----------
+    .. [1] K. Y. Chung, K. S. Rhyu, "A study on the communication method for a ship main engine
+       remote control system", J. Korean Soc. Marine Eng., 1998, section 4.1 and Fig 6.
+
+    Examples
+    --------
+    >>> from shipnet import remote_control as rc
+    >>> rc.changed_items([120, 1, 0], [118, 1, 1])
+    {0: 120, 2: 0}
+    """
+    if len(sending) != len(sended):
+        raise ArgumentError(
+            f"sending has {len(sending)} data; it must have {len(sended)}, as many as sended"
+        )
+    pairs = zip(_values("sending", sending), _values("sended", sended), strict=True)
+    return {number: value for number, (value, last) in enumerate(pairs) if value != last}
+
+
+def _values(name: str, values: Sequence[int]) -> list[int]:
+    # The name of a value is only made for one that does not look right: there are two per byte.
+    return [
+        value
+        if type(value) is int and 0 <= value <= 0xFFFF
+        else check_whole(f"{name}[{number}]", value, 0, 0xFFFF)
+        for number, value in enumerate(values)
+    ]

@@ -1,17 +1,27 @@
-"""Figures of the receive ring."""
+"""Figures of the ring, of the link and of the comparison of checks."""
 
 from __future__ import annotations
 
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.patches import Patch, Wedge
+from matplotlib.patches import Patch, Rectangle, Wedge
 
+from shipnet import style
+from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.remote_control.ring_buffer import Case, Ring, State, pointer_case
-from shipnet.style import LIMIT
+from shipnet.remote_control.ring_buffer import Case, Ring, RingCases, case_of
+from shipnet.remote_control.signals import STATIONS
+from shipnet.remote_control.system import Counter, Supervision
 
-__all__ = ["plot_cases", "plot_ring"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from shipnet.remote_control.simulation import Run
 
 #: What each case shows, and its colour: normal pale, abnormal strong.
 _CASES: dict[Case, tuple[str, str]] = {
@@ -21,30 +31,23 @@ _CASES: dict[Case, tuple[str, str]] = {
     "a": ("a: same flags, no < get_no", "#c44e52"),
 }
 
+#: Packets that one figure can show.
+_MOST_PACKETS = 500
 
-def plot_ring(ring: Ring, *, ax: Axes) -> Axes:
-    """Draw a ring as a circle of cells, clockwise from the top, with its writer and its reader.
 
-    Parameters
-    ----------
-    ring : Ring
-        The ring as it is now.
-    ax : matplotlib.axes.Axes
-        Where to draw.
+def _axes(ax: Axes | None) -> Axes:
+    return plt.subplots()[1] if ax is None else ax
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given. Cells that hold unread bytes are shaded, in red when others have been
-        overwritten unread; flags and case stand below. Rings of up to 32 cells show their
-        bytes.
-    """
+
+def plot_ring(ring: Ring, ax: Axes | None) -> Axes:
+    """Draw a ring as a circle of cells, clockwise from the top, with its writer and its reader."""
+    ax = _axes(ax)
     size, state = ring.size, ring.state
     step = 360 / size
     held = {count % size for count in range(max(0, ring.written - min(ring.unread, size)),
                                             ring.written)}  # fmt: skip
     overrun = ring.unread > size
-    shade = LIMIT["color"] if overrun else "C0"
+    shade = style.LIMIT["color"] if overrun else "C0"
     for cell, byte in enumerate(ring.cells):
         middle = 90 - (cell + 0.5) * step
         wedge = Wedge(
@@ -76,40 +79,29 @@ def plot_ring(ring: Ring, *, ax: Axes) -> Axes:
     return ax
 
 
-def plot_cases(size: int = 128, *, ax: Axes, rounds: int = 3) -> Axes:
-    """Draw which case shows over the unread bytes and the reader's place.
+def _at(radius: float, degrees: float) -> tuple[float, float]:
+    angle = np.radians(degrees)
+    return float(radius * np.cos(angle)), float(radius * np.sin(angle))
 
-    Parameters
-    ----------
-    size : int, default 128
-        Size of the ring, 2..512.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    rounds : int, default 3
-        Up to how many rounds the writer leads, 1..8.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given: a map of the four cases; a red dashed line where the ring is full.
-    """
-    check_whole("size", size, 2, 512)
-    check_whole("rounds", rounds, 1, 8)
+def plot_cases(cases: RingCases, ax: Axes | None) -> Axes:
+    """Draw which case shows over the unread bytes and the reader's place."""
+    ax = _axes(ax)
+    size, laps = check_whole("size", cases.size, 2, 512), check_whole("laps", cases.laps, 1, 8)
     order = list(_CASES)
-    shown = np.empty((size, rounds * size), int)
+    shown = np.empty((size, laps * size), int)
     for get_no in range(size):
-        for lead in range(rounds * size):
-            ring_f, no = divmod((get_no + lead) % (2 * size), size)
-            shown[get_no, lead] = order.index(pointer_case(State(no, ring_f, get_no, 0)))
+        for lead in range(laps * size):
+            shown[get_no, lead] = order.index(case_of(get_no, lead, size))
     colours = [colour for _, colour in _CASES.values()]
     ax.imshow(
         shown, cmap=ListedColormap(colours), norm=BoundaryNorm(np.arange(-0.5, 4), 4),
         origin="lower", aspect="auto", interpolation="nearest",
     )  # fmt: skip
-    ax.axvline(size, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
+    ax.axvline(size, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
     ax.annotate(
         "ring full", (size, 0.5), (-3, 0), xycoords=("data", "axes fraction"),
-        textcoords="offset points", ha="right", va="center", color=LIMIT["color"],
+        textcoords="offset points", ha="right", va="center", color=style.LIMIT["color"],
     )  # fmt: skip
     ax.set_xlabel("unread bytes [byte]")
     ax.set_ylabel("get_no [index]")
@@ -119,6 +111,174 @@ def plot_cases(size: int = 128, *, ax: Axes, rounds: int = 3) -> Axes:
     return ax
 
 
-def _at(radius: float, degrees: float) -> tuple[float, float]:
-    angle = np.radians(degrees)
-    return float(radius * np.cos(angle)), float(radius * np.sin(angle))
+def plot_lead(cases: RingCases, get_no: int, ax: Axes | None) -> Axes:
+    """Draw what the four variables show of the unread bytes, over how many there are."""
+    ax = _axes(ax)
+    size, laps = cases.size, cases.laps
+    leads = np.arange(laps * size)
+    seems = leads % (2 * size)
+    ax.plot(leads, leads, color="0.5", linewidth=1, label="truly unread")
+    ax.plot(leads, seems, color="C0", label="what the variables show")
+    letters = [case_of(get_no, int(lead), size) for lead in leads]
+    edges = [0, *(np.flatnonzero(np.array(letters[1:]) != np.array(letters[:-1])) + 1), leads.size]
+    for start, end in pairwise(edges):
+        abnormal = letters[start] in ("a", "c")
+        ax.axvspan(start, end, color="#f7d9d5" if abnormal else "#dceaf5", zorder=0)
+        ax.text((start + end) / 2, laps * size * 0.93, letters[start], ha="center")
+    ax.axvline(size, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+    ax.annotate(
+        "ring full", (size, 0.8), (4, 0), xycoords=("data", "axes fraction"),
+        textcoords="offset points", color=style.LIMIT["color"],
+    )  # fmt: skip
+    ax.set(xlabel="bytes unread [byte]", ylabel="true and shown [byte]")
+    ax.set(xlim=(0, laps * size), ylim=(0, laps * size))
+    ax.grid(visible=False)
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+    return ax
+
+
+def plot_time_chart(run: Run, ax: Axes | None, start: float, end: float) -> Axes:
+    """Draw the packets of each station in time, as Fig. 2 of chung1998."""
+    shown = [p for p in run.packets if p.end >= start and p.start <= end]
+    if not 1 <= len(shown) <= _MOST_PACKETS:
+        raise ArgumentError(
+            f"start and stop show {len(shown)} packets; a figure shows 1 to {_MOST_PACKETS}"
+        )
+    ax = _axes(ax)
+    row = {name: place for place, name in enumerate(("BCS", "RCS", "SS"))}
+    colour = dict(zip(STATIONS, ("control", "address", "information"), strict=True))
+    for packet in shown:
+        lost = packet.outcome == "lost"
+        ax.add_patch(
+            Rectangle(
+                (packet.start, row[packet.source] - 0.3), packet.end - packet.start, 0.6,
+                facecolor=style.FIELD[colour[packet.target]], edgecolor="0.3", linewidth=0.5,
+                hatch="////" if lost else None,
+            )
+        )  # fmt: skip
+        if not lost:
+            side = 1 if row[packet.target] > row[packet.source] else -1
+            ax.annotate(
+                "", (packet.read, row[packet.target] - 0.3 * side),
+                (packet.end, row[packet.source] + 0.3 * side),
+                arrowprops={"arrowstyle": "->", "color": "0.4", "linewidth": 0.8},
+            )  # fmt: skip
+    alarms = run.alarms()
+    alarms = alarms[(alarms["time_s"] >= start) & (alarms["time_s"] <= end)]
+    for one in alarms.to_dict("records"):
+        place = row[one["station"]] - 0.4
+        ax.plot(one["time_s"], place, marker="v", color=style.LIMIT["color"], linestyle="none")
+        ax.annotate(
+            f"{one['partner']} failed", (one["time_s"], place), (3, 3),
+            textcoords="offset points", color=style.LIMIT["color"], fontsize="small",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
+        )  # fmt: skip
+    ax.set_xlim(start, min(end, run.until))
+    ax.set_ylim(2.5, -0.75)
+    ax.set_yticks(list(row.values()), list(row))
+    ax.set_xlabel("time [s]")
+    ax.grid(visible=False, axis="y")
+    ax.legend(
+        handles=[
+            Patch(facecolor=style.FIELD[colour[name]], edgecolor="0.3", label=f"to {name}")
+            for name in STATIONS
+        ]
+        + [
+            Patch(facecolor="white", edgecolor="0.3", hatch="////", label="lost")
+            for _ in range(any(packet.outcome == "lost" for packet in shown))
+        ],
+        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False,
+    )  # fmt: skip
+    return ax
+
+
+def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
+    """Draw how long a healthy slave's counters run, over the bit rate."""
+    ax = _axes(ax)
+    rate = table["bit_rate"].to_numpy(dtype=float)
+    for column, label in (
+        ("counted_s", "counters run"),
+        ("idle_s", "nothing heard"),
+        ("packet_s", "one packet"),
+    ):
+        ax.plot(rate, table[column].to_numpy(dtype=float), marker=".", label=label)
+    ax.axhline(limit, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+    ax.annotate(
+        f"failure after {limit:g} s", (1, limit), (-4, 3), xycoords=("axes fraction", "data"),
+        textcoords="offset points", ha="right", color=style.LIMIT["color"],
+    )  # fmt: skip
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.yaxis.set_major_formatter("{x:g}")
+    ax.set_xticks(rate, [f"{one:g}" for one in rate])
+    ax.minorticks_off()
+    ax.set_xlabel("bit rate [bit/s]")
+    ax.set_ylabel("time [s]")
+    ax.legend()
+    return ax
+
+
+def plot_counters(rule: Supervision, label: str, ax: Axes | None) -> Axes:
+    """Draw the counters of Fig 5 of chung1998 after the last 0xDD of a partner.
+
+    The count is a line, each miss a mark with its number, the last one in red.
+    """
+    ax = _axes(ax)
+    place = len(ax.get_legend_handles_labels()[1])
+    counter = Counter(rule)
+    times, counts = [0.0], [0]
+    while not counter.failed:
+        missed = counter.miss
+        counter.step()
+        times.append(len(times) * rule.tick)
+        counts.append(counter.count)
+        if counter.count == 0:
+            colour = style.LIMIT["color"] if counter.failed else f"C{place}"
+            y = 11.7 + 1.8 * place
+            ax.plot(times[-1], y, "v", color=colour)
+            said = f"failed, {times[-1]:.1f} s" if counter.failed else f"miss {missed + 1}"
+            ax.annotate(
+                said, (times[-1], y), (5, 0), textcoords="offset points", va="center",
+                color=colour, fontsize="small",
+            )  # fmt: skip
+    line, name = "-" if place == 0 else "--", label or f"rule {place + 1}"
+    ax.plot(times, counts, line, drawstyle="steps-post", color=f"C{place}", label=name)
+    ax.set(xlabel="time since the last 0xDD [s]", ylabel="count [tick]")
+    if (rule.count_limit, rule.tick) == (10, 0.1) and times[-1] <= 5.4:
+        ax.set(xlim=(0, 5.4), ylim=(0, 15.5), yticks=range(0, 11, 2))
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+    return ax
+
+
+def plot_checks(table: pd.DataFrame, ax: Axes | None, bit_error_rate: float | None) -> Axes:
+    """Draw the share of wrong packets that each check accepts, over the number of items."""
+    rate = table["bit_error_rate"].iloc[0] if bit_error_rate is None else bit_error_rate
+    shown = table[np.isclose(table["bit_error_rate"].to_numpy(dtype=float), rate)]
+    if shown.empty:
+        known = sorted(set(table["bit_error_rate"]))
+        raise ArgumentError(f"bit_error_rate is {rate}; it must be one of {known}")
+    ax = _axes(ax)
+    for place, (check, rows) in enumerate(shown.groupby("check", sort=False)):
+        colour = f"C{place}"
+        items = rows["n_items"].to_numpy(dtype=float)
+        count = rows["undetected"].to_numpy(dtype=float)
+        share = count / rows["sent"].to_numpy(dtype=float)
+        # Beside each other, so that none hides another.
+        beside = items + 0.4 * place
+        low, high = (rows[name].to_numpy(dtype=float) for name in ("low", "high"))
+        # See `packet_shares`: of the byte-stuffed packet the share is an estimate from above.
+        label = f"{check}" + ", upper estimate" * (check == "CRC")
+        ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=label)
+        some = count > 0
+        ax.errorbar(
+            beside[some], share[some], yerr=[(share - low)[some], (high - share)[some]],
+            color=colour, marker="o", linestyle="none", capsize=3,
+        )  # fmt: skip
+        ax.plot(beside[~some], high[~some], color=colour, marker="v", linestyle="none")
+    ax.set_yscale("log")
+    ax.set_xlabel("items a packet")
+    ax.set_ylabel("share of packets taken wrong [-]")
+    for marker, meaning in (("o", "counted, 95 % bounds"), ("v", "none counted, upper bound")):
+        ax.plot([], [], color="0.4", marker=marker, linestyle="none", label=meaning)
+    ax.legend()
+    return ax

@@ -2,42 +2,39 @@
 
 Writer and reader each have a place (``no``, ``get_no``) and a flag that turns over at the end of
 the ring (``ring_f``, ``ring_get_f``). Place and flag together count to twice the size of the ring
-and begin again, and the four cases that the paper tells apart are what this count shows of the
+and begin again. The four cases that the paper distinguishes are what this count shows of the
 unread bytes:
 
-- a: same flags, ``no < get_no``: seems that the reader has passed the writer;
+- a: same flags, ``no < get_no``: the reader seems to have passed the writer;
 - b: same flags, ``no >= get_no``: in order, or empty;
-- c: different flags, ``no >= get_no``: seems that the writer has passed the reader;
+- c: different flags, ``no >= get_no``: the writer seems to have passed the reader;
 - d: different flags, ``no < get_no``: in order, across the end of the ring.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from copy import copy
-from typing import Literal, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+
+import numpy as np
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.remote_control.items import check_bytes
-from shipnet.remote_control.packet import PACKET_START
+from shipnet.remote_control.packet import PACKET_START, check_bytes
 
-__all__ = ["Action", "Case", "Ring", "Rule", "State", "Step", "pointer_case"]
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
 Case = Literal["a", "b", "c", "d"]
 Action = Literal["take", "wait", "stop", "repair"]
-Rule = Literal["literal", "meant", "mended"]
+Rule = Literal["printed", "intended", "corrected"]
 
 
 class State(NamedTuple):
-    """The four variables of the paper.
-
-    Attributes
-    ----------
-    no, ring_f : int
-        Where the next byte is stored, and the flag of the writer.
-    get_no, ring_get_f : int
-        Where the next byte is taken, and the flag of the reader.
-    """
+    """The four variables of the paper: places and flags of the writer and of the reader."""
 
     no: int
     ring_f: int
@@ -46,20 +43,10 @@ class State(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What one step of the reader did.
+    """What one step of the reader did, in the case that it found.
 
-    Attributes
-    ----------
-    case : {"a", "b", "c", "d"}
-        The case in which it found the ring.
-    action : {"take", "wait", "stop", "repair"}
-        It took a byte; found none and waited; stopped receiving; or gave up bytes.
-    byte : int or None
-        The byte taken.
-    lost : int
-        How many unread bytes were skipped, be it noticed or not.
-    stale : bool
-        Whether the byte taken is none that was due: read before, or never received.
+    It took a `byte`, waited, stopped receiving, or repaired the ring. `lost` counts the unread
+    bytes that it skipped, noticed or not; a `stale` byte was read before, or never received.
     """
 
     case: Case
@@ -70,30 +57,7 @@ class Step(NamedTuple):
 
 
 def pointer_case(state: State) -> Case:
-    """Return which of the four cases the variables show.
-
-    Parameters
-    ----------
-    state : State
-        The four variables.
-
-    Returns
-    -------
-    {"a", "b", "c", "d"}
-        The case; lettered in the order in which the paper lists them.
-
-    References
-    ----------
-    .. [1] K. Y. Chung, K. S. Rhyu, "A study on the communication method for a ship main engine
-       remote control system", J. Korean Soc. Marine Eng., 1998, section 4.3.
-
-    Examples
-    --------
-    >>> pointer_case(State(no=5, ring_f=0, get_no=3, ring_get_f=0))
-    'b'
-    >>> pointer_case(State(no=5, ring_f=1, get_no=3, ring_get_f=0))
-    'c'
-    """
+    """Return which of the four cases the variables show, in the order of the printed list."""
     return _case(state.no >= state.get_no, state.ring_f == state.ring_get_f)
 
 
@@ -103,41 +67,47 @@ def _case(ahead: bool, same_flag: bool) -> Case:
     return "c" if ahead else "d"
 
 
+def case_of(get_no: int, lead: int, size: int) -> Case:
+    """Return the case that shows if the writer leads a reader at a place by so many bytes."""
+    ring_f, no = divmod((get_no + lead) % (2 * size), size)
+    return pointer_case(State(no, ring_f, get_no, 0))
+
+
 class Ring:
-    """A ring that is written and read step by step.
+    """A receive ring that is written and read step by step.
 
     Parameters
     ----------
     size : int, default 128
         How many bytes it holds, 2..65536.
-    rule : {"literal", "meant", "mended"}, default "literal"
-        How the reader decides. "literal": by the printed tests, in which ``no == get_no`` with
-        equal flags counts as data. "meant": the same, but such a ring is empty. "mended": writer
-        and reader count their bytes without beginning again.
+    rule : {"printed", "intended", "corrected"}, default "printed"
+        How the reader decides. "printed": by the printed tests, in which ``no == get_no`` with
+        equal flags counts as data. "intended": the same, but such a ring is empty. "corrected":
+        writer and reader count their bytes without beginning again.
 
     Attributes
     ----------
     written : int
-        Bytes stored so far; the truth, which the printed program does not know.
+        Bytes stored so far; the printed program does not know this number.
     lost : int
         Bytes that nobody has read or ever will.
     stale : int
-        Bytes taken that were not due.
+        Bytes taken that were read before or never received.
 
     Raises
     ------
     ArgumentError
-        If `size` is out of range, or there is no such rule.
+        If `size` is out of range, or `rule` is unknown.
 
     Notes
     -----
     In case a the printed reader switches the receive interrupt off and turns to sending; here it
     stops, and goes on when the case has changed. In case c it gives up a part of the ring: with
     ``no`` in the lower half it goes to the middle, else to the start, and seeks 0xCC from there.
-    Should there be none, the reader here ends at the writer, with an empty ring; the paper does
-    not say. Nor does it place ``no == size / 2``, which is taken with the upper half.
+    If there is none, the reader here ends at the writer, with an empty ring; the paper does not
+    say. Nor does it place ``no == size / 2``, which is taken with the upper half.
 
-    The counters of a mended program may be 16 bit wide: they begin again at a multiple of 128,
+    The counters of a corrected program may be 16 bits wide: they begin again at a multiple of 128,
     and their difference is right as long as fewer than 65536 bytes are unread.
 
     References
@@ -148,7 +118,8 @@ class Ring:
 
     Examples
     --------
-    >>> ring = Ring(8)
+    >>> from shipnet import remote_control as rc
+    >>> ring = rc.Ring(8)
     >>> ring.store(0xCC)
     >>> ring.state, ring.case, ring.unread
     (State(no=1, ring_f=0, get_no=0, ring_get_f=0), 'b', 1)
@@ -159,14 +130,21 @@ class Ring:
 
     >>> ring.extract()
     Step(case='b', action='take', byte=0, lost=0, stale=True)
-    >>> ring.extract().action, Ring(8, "mended").extract().action
+    >>> ring.extract().action, rc.Ring(8, "corrected").extract().action
     ('stop', 'wait')
+
+    A ring with five unread bytes across its end:
+
+    >>> rc.Ring.filled(unread=5, get_no=6, size=8).state
+    State(no=3, ring_f=1, get_no=6, ring_get_f=0)
     """
 
-    def __init__(self, size: int = 128, rule: Rule = "literal") -> None:
+    def __init__(self, size: int = 128, rule: Rule = "printed") -> None:
         self.size = check_whole("size", size, 2, 65536)
-        if rule not in ("literal", "meant", "mended"):
-            raise ArgumentError(f"rule is {rule!r}; it must be 'literal', 'meant' or 'mended'")
+        if rule not in get_args(Rule):
+            raise ArgumentError(
+                f"rule is {rule!r}; it must be 'printed', 'intended' or 'corrected'"
+            )
         self.rule = rule
         self.written = self.lost = self.stale = 0
         self._cells = bytearray(self.size)
@@ -174,6 +152,21 @@ class Ring:
         self._reader = 0
         # The next byte that was never read, counted from the first one stored.
         self._due = 0
+
+    @classmethod
+    def filled(cls, unread: int, get_no: int = 0, size: int = 128, rule: Rule = "intended") -> Ring:
+        """Return a ring with so many bytes unread and the reader at a place.
+
+        The n-th byte stored has the value n, modulo 256.
+        """
+        ring = cls(size, rule)
+        check_whole("get_no", get_no, 0, size - 1)
+        check_whole("unread", unread, 0, 10**6)
+        for n in range(get_no + unread):
+            ring.store(n % 256)
+            if n < get_no:
+                ring.extract()
+        return ring
 
     @property
     def cells(self) -> bytes:
@@ -190,13 +183,13 @@ class Ring:
     @property
     def case(self) -> Case:
         """The case that the variables show."""
-        round_, no = divmod(self.written, self.size)
-        round_read, get_no = divmod(self._reader, self.size)
-        return _case(no >= get_no, (round_ - round_read) % 2 == 0)
+        lap, no = divmod(self.written, self.size)
+        lap_read, get_no = divmod(self._reader, self.size)
+        return _case(no >= get_no, (lap - lap_read) % 2 == 0)
 
     @property
     def unread(self) -> int:
-        """How many bytes were stored and not read or given up: the truth."""
+        """How many bytes were stored and neither read nor given up."""
         return self.written - self._due
 
     @property
@@ -205,37 +198,18 @@ class Ring:
         return (self.written - self._reader) % (2 * self.size)
 
     def copy(self) -> Ring:
-        """Return a ring in the same state that goes its own way."""
+        """Return an independent ring in the same state."""
         other = copy(self)
         other._cells = bytearray(self._cells)
         return other
 
     def store(self, byte: int) -> None:
-        """Store a byte, as the receive interrupt does: it never looks at the reader.
-
-        Parameters
-        ----------
-        byte : int
-            The byte, 0..255.
-        """
+        """Store a byte, as the receive interrupt does: it never looks at the reader."""
         self._cells[self.written % self.size] = check_whole("byte", byte, 0, 255)
         self.written += 1
 
     def store_all(self, data: bytes) -> None:
-        """Store bytes one after the other.
-
-        Parameters
-        ----------
-        data : bytes-like
-            The bytes; of more than `size` of them the last are left, as of single ones.
-
-        Examples
-        --------
-        >>> ring = Ring(4)
-        >>> ring.store_all(b"abcdef")
-        >>> ring.cells, ring.written, ring.case
-        (b'efcd', 6, 'c')
-        """
+        """Store bytes one after the other; of more than `size` of them the last remain."""
         given = check_bytes("data", data)
         kept = given[-self.size :]
         first = (self.written + len(given) - len(kept)) % self.size
@@ -247,7 +221,7 @@ class Ring:
     def extract(self) -> Step:
         """Do one step of the reader."""
         case = self.case
-        if self.rule == "mended":
+        if self.rule == "corrected":
             if self.unread == 0:
                 return Step(case, "wait")
             if self.unread > self.size:
@@ -257,9 +231,60 @@ class Ring:
             return Step(case, "stop")
         if case == "c":
             return Step(case, "repair", lost=self._move(self._first_start()))
-        if self.rule == "meant" and self.seems_unread == 0:
+        if self.rule == "intended" and self.seems_unread == 0:
             return Step(case, "wait")
         return self._take(case)
+
+    def explore(self, max_unread: int | None = None) -> pd.DataFrame:
+        """Return every state that some order of storing and extracting reaches, and its step.
+
+        The search begins with an empty ring of this size, 2..16, and this rule; the writer rests
+        at `max_unread` bytes unread, three laps if omitted. A row per state: the four variables,
+        ``unread``, ``first_lap`` (whether some cells were never stored in), the ``case``, and the
+        ``action`` of the reader with the bytes ``lost`` in it and whether it took a ``stale`` one.
+
+        Every byte stored is 0xCC, so that a repair finds a packet's start at once.
+        """
+        import pandas as pd
+
+        check_whole("size", self.size, 2, 16)
+        limit = 3 * self.size
+        if max_unread is not None:
+            limit = check_whole("max_unread", max_unread, 0, 4 * self.size)
+        start = Ring(self.size, self.rule)
+        seen, rows, waiting = {_key(start)}, [], deque([start])
+        while waiting:
+            ring = waiting.popleft()
+            after = ring.copy()
+            step = after.extract()
+            row = (*ring.state, ring.unread, ring.written < ring.size)
+            rows.append((*row, step.case, step.action, step.lost, step.stale))
+            following = [after]
+            if ring.unread < limit:
+                more = ring.copy()
+                more.store(PACKET_START)
+                following.append(more)
+            for other in following:
+                if _key(other) not in seen:
+                    seen.add(_key(other))
+                    waiting.append(other)
+        columns = [*State._fields, "unread", "first_lap", "case", "action", "lost", "stale"]
+        return pd.DataFrame(rows, columns=columns)
+
+    def cases(self, laps: int = 3) -> RingCases:
+        """Return which case shows while the writer leads by less than so many laps, 1..16."""
+        check_whole("size", self.size, 2, 1024)
+        return RingCases(self.size, check_whole("laps", laps, 1, 16))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the ring as a circle of cells, clockwise from the top, with writer and reader.
+
+        Cells that hold unread bytes are shaded, in red if others have been overwritten unread.
+        Rings of up to 32 cells show their bytes.
+        """
+        from shipnet.remote_control.plot import plot_ring
+
+        return plot_ring(self, ax)
 
     def _take(self, case: Case) -> Step:
         place = self._reader % self.size
@@ -286,9 +311,51 @@ class Ring:
         """Return which byte the repair of Fig 9 finds."""
         no = self.state.no
         half = self.size >> 1
-        # From the middle on stands what was stored in the round before, behind it this round's.
+        # From the middle on stand the bytes of the lap before, then those of this lap.
         oldest = self.written - no + (half - self.size if no < half else 0)
         for count in range(oldest, self.written):
             if self._cells[count % self.size] == PACKET_START:
                 return count
         return self.written
+
+
+def _key(ring: Ring) -> tuple[int, ...]:
+    # These alone decide what follows: places, flags, unread bytes, and how many cells were used.
+    return (*ring.state, ring.unread, min(ring.written, ring.size))
+
+
+@dataclass(frozen=True)
+class RingCases:
+    """Which case a ring shows, by the reader's place and by how far the writer leads."""
+
+    size: int
+    laps: int
+
+    def table(self) -> pd.DataFrame:
+        """Return in how many pairs of lead and reader's place each case shows.
+
+        A row per lap, from a lead of ``from`` to one of ``to`` bytes. A lead of exactly one lap is
+        a full ring: nothing is lost yet, though case c shows.
+        """
+        import pandas as pd
+
+        size, laps = self.size, self.laps
+        lead, place = np.ogrid[: laps * size, :size]
+        written = lead + place
+        same = written // size % 2 == 0
+        ahead = written % size >= place
+        shown = {"a": same & ~ahead, "b": same & ahead, "c": ~same & ahead, "d": ~same & ~ahead}
+        first = np.arange(laps) * size
+        table = {case: at.reshape(laps, -1).sum(axis=1) for case, at in shown.items()}
+        return pd.DataFrame({"from": first, "to": first + size - 1, **table})
+
+    def plot(self, ax: Axes | None = None, *, get_no: int | None = None) -> Axes:
+        """Draw a map of the cases over the unread bytes and the reader's place.
+
+        With the reader at one place `get_no`: how many bytes seem unread over how many are.
+        """
+        from shipnet.remote_control.plot import plot_cases, plot_lead
+
+        if get_no is None:
+            return plot_cases(self, ax)
+        return plot_lead(self, check_whole("get_no", get_no, 0, self.size - 1), ax)

@@ -1,6 +1,6 @@
-"""What the three stations tell each other: bridge, engine room and safety system.
+"""What the three stations send each other: bridge, engine room and safety system.
 
-The names are those of chung1998, sections 2 and 5. Which number belongs to which datum, and that
+The names are those of chung1998, sections 2 and 5. Which number belongs to which value, and that
 there are just these, is our assumption: the drawing of its Fig. 1 is not in the text that we have.
 """
 
@@ -15,19 +15,6 @@ from shipnet.errors import ArgumentError
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "HOPS",
-    "SIGNALS",
-    "STATIONS",
-    "Hop",
-    "Kind",
-    "Signal",
-    "forwarded",
-    "signal_table",
-    "signals_on",
-]
-
-Kind = Literal["switch", "command", "measurement", "state"]
 Hop = tuple[str, str]
 
 #: Remote control system in the engine room (the master), bridge control system, safety system.
@@ -39,36 +26,15 @@ HOPS: tuple[Hop, ...] = (("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A datum of 16 bits that crosses the link.
+    """A value of 16 bits that crosses the link, who sets it and who reads it.
 
-    Parameters
-    ----------
-    number : int
-        Its number in a packet; ours.
-    name : str
-        What it is.
-    kind : {"switch", "command", "measurement", "state"}
-        A measurement changes all the time, a switch once in a while.
-    sources : tuple of str
-        Stations that set it; two for a switch that is there twice.
-    readers : tuple of str
-        Stations that need it, beside those that set it.
-    where : str
-        Section of chung1998 that names it.
-
-    Examples
-    --------
-    The shutdown of the engine can be cancelled on the bridge and at the safety system, and each
-    must know of the other's switch:
-
-    >>> switch = SIGNALS[1]
-    >>> switch.name, switch.mirrored, switch.hops
-    ('shutdown_cancel', True, (('RCS', 'BCS'), ('BCS', 'RCS'), ('RCS', 'SS'), ('SS', 'RCS')))
+    A switch that is there twice has two sources. `where` is the section of chung1998 that names
+    it; the number is ours.
     """
 
     number: int
     name: str
-    kind: Kind
+    kind: Literal["switch", "command", "measurement", "state"]
     sources: tuple[str, ...]
     readers: tuple[str, ...]
     where: str
@@ -80,9 +46,9 @@ class Signal:
 
     @property
     def routes(self) -> tuple[tuple[str, ...], ...]:
-        """Stations that it passes, one tuple for each source and each other station that uses it.
+        """Stations that it passes, one tuple per source and other station that uses it.
 
-        BCS and SS have no line between them: whatever one tells the other goes through RCS.
+        BCS and SS have no line between them: whatever one sends the other goes through RCS.
         """
         users = (*self.sources, *self.readers)
         pairs = [(a, b) for a in self.sources for b in users if a != b]
@@ -106,36 +72,13 @@ SIGNALS = (
     Signal(6, "alarm", "state", ("RCS",), ("BCS", "SS"), "2"),
     Signal(7, "safety_speed", "measurement", ("SS",), ("RCS", "BCS"), "2"),
     Signal(8, "overspeed", "state", ("SS",), ("RCS", "BCS"), "2"),
-    # Shutdown and slowdown fit into one datum of 16 bits: the paper sends ten data.
+    # Shutdown and slowdown fit into one value of 16 bits: the paper sends ten values.
     Signal(9, "shutdown_slowdown", "state", ("SS",), ("RCS", "BCS"), "2"),
 )
 
 
 def signals_on(source: str, target: str) -> tuple[Signal, ...]:
-    """Return what one station sends to another.
-
-    Parameters
-    ----------
-    source, target : str
-        Stations of `STATIONS`, one of them RCS.
-
-    Returns
-    -------
-    tuple of Signal
-        By their numbers.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no line between the two.
-
-    Examples
-    --------
-    >>> [signal.name for signal in signals_on("BCS", "RCS")]
-    ['control_position', 'shutdown_cancel', 'slowdown_cancel', 'speed_command']
-    >>> len(signals_on("RCS", "BCS"))
-    9
-    """
+    """Return what one station sends to another, by number."""
     if (source, target) not in HOPS:
         lines = ", ".join(f"{a} to {b}" for a, b in HOPS)
         raise ArgumentError(f"source and target are {source!r}, {target!r}; the lines are {lines}")
@@ -143,28 +86,7 @@ def signals_on(source: str, target: str) -> tuple[Signal, ...]:
 
 
 def forwarded(source: str, target: str) -> frozenset[int]:
-    """Return the numbers of what RCS passes on from one slave to the other.
-
-    Parameters
-    ----------
-    source, target : {"BCS", "SS"}
-        From whom, and to whom.
-
-    Returns
-    -------
-    frozenset of int
-        Numbers of signals.
-
-    Raises
-    ------
-    ArgumentError
-        If they are not the two slaves.
-
-    Examples
-    --------
-    >>> sorted(forwarded("BCS", "SS")), sorted(forwarded("SS", "BCS"))
-    ([1, 2], [1, 2, 7, 8, 9])
-    """
+    """Return the numbers of what RCS passes on from one slave to the other."""
     if {source, target} != {"BCS", "SS"}:
         raise ArgumentError(f"source and target are {source!r}, {target!r}; they must be BCS, SS")
     route = (source, "RCS", target)
@@ -172,22 +94,7 @@ def forwarded(source: str, target: str) -> frozenset[int]:
 
 
 def signal_table() -> pd.DataFrame:
-    """Return all signals and the lines that they cross.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row a signal: ``number``, ``name``, ``kind``, ``sources``, ``readers``, ``mirrored``,
-        ``where`` and, for each line of `HOPS`, whether it crosses it, such as ``RCS-BCS``.
-
-    Examples
-    --------
-    How many items a packet has if every value is sent:
-
-    >>> table = signal_table()
-    >>> table[["RCS-BCS", "BCS-RCS", "RCS-SS", "SS-RCS"]].sum().tolist()
-    [9, 4, 5, 5]
-    """
+    """Return all signals and, in a column per hop such as ``RCS-BCS``, whether they cross it."""
     import pandas as pd
 
     rows = [

@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from shipnet.design.basis_file import parse_basis
 from shipnet.design.iolist import load_iolist, save_iolist
+from shipnet.design.settings import parse_basis
 from shipnet.errors import InputError
-from shipnet.spreadsheet import decode
+from shipnet.tables import text_of
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -22,35 +22,7 @@ Inputs = TypeVar("Inputs", bound="DataclassInstance")
 
 
 def from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
-    r"""Return inputs with the I/O list of a file, whose cabinet is to be found.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        The inputs.
-    name : str
-        Name of the file.
-    content : bytes
-        A CSV file, which is kept as it is, or an Excel workbook, of which the checked points are.
-
-    Returns
-    -------
-    Inputs
-        With its points and its name.
-
-    Raises
-    ------
-    ArgumentError
-        If it is too long.
-    InputError
-        If it is no I/O list; all its faults at once.
-
-    Examples
-    --------
-    >>> from shipnet.tools.ship_design import Inputs
-    >>> from_file(Inputs(), "own.csv", b"tag;type;home run\nLS-1;DI;12,5").name
-    'own.csv'
-    """
+    """Return inputs with the I/O list of a file, whose cabinet is to be found."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "list"
         path.write_bytes(content)
@@ -61,39 +33,11 @@ def from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
         if content.startswith(b"PK"):
             save_iolist(iolist, path)
             content = path.read_bytes()
-    return replace(inputs, points=decode(content), name=name[-80:], cabinet="")
+    return replace(inputs, points=text_of(content), name=name[-80:], cabinet="")
 
 
 def settings_from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
-    r"""Return inputs with the lines of a file of settings.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        The inputs.
-    name : str
-        Name of the file.
-    content : bytes
-        As `shipnet.design.basis_file.load_basis` reads it.
-
-    Returns
-    -------
-    Inputs
-        With its lines as `own`.
-
-    Raises
-    ------
-    ArgumentError
-        If it is too long.
-    InputError
-        If it holds no settings; all its faults at once.
-
-    Examples
-    --------
-    >>> from shipnet.tools.ship_design import Inputs
-    >>> settings_from_file(Inputs(), "own.toml", b"tails = 4").own
-    'tails = 4'
-    """
-    lines = decode(content)
+    """Return inputs with the lines of a file of settings."""
+    lines = text_of(content)
     parse_basis(lines, name)
     return replace(inputs, own=lines)

@@ -9,8 +9,8 @@ from typing import Any
 import pandas as pd
 
 from shipnet.design.comparison import RESPONSE, Comparison
-from shipnet.design.costs.assumptions import words
-from shipnet.design.rules import worst
+from shipnet.design.failures import worst
+from shipnet.design.settings import words
 
 __all__ = ["Result"]
 
@@ -22,19 +22,7 @@ _FAILED = {"cut": "is cut", "short": "is shorted", "tray": "is lost", "device": 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Result:
-    """What the options come to.
-
-    `shipnet.tools.ship_design.update` makes it.
-
-    Attributes
-    ----------
-    comparison : Comparison
-        The options side by side.
-    cabinet : str
-        Where the cabinet stands and how that is known.
-    picture : str
-        What the figure shows.
-    """
+    """What the options come to."""
 
     comparison: Comparison
     cabinet: str

@@ -1,8 +1,4 @@
-"""The steps from an I/O list to a comparison, each kept for what it depends on.
-
-A list is read once, its cabinet found once, and an option planned once for its limits; so that a
-price which moves sends no planner back to work.
-"""
+"""The steps from an I/O list to a comparison, each kept for what it depends on."""
 
 from __future__ import annotations
 
@@ -16,23 +12,20 @@ import numpy as np
 import pandas as pd
 
 from shipnet import datasets
-from shipnet.design.basis import Basis
-from shipnet.design.basis_file import parse_basis
-from shipnet.design.cabinet import find_cabinet
 from shipnet.design.comparison import CRITERIA, Comparison, complete
-from shipnet.design.costs.assumptions import Assumptions
-from shipnet.design.costs.quantities import quantities
-from shipnet.design.costs.sensitivity import tornado
-from shipnet.design.costs.uncertainty import draw, likely
+from shipnet.design.costs import quantities
+from shipnet.design.designs import Network
+from shipnet.design.failures import single_cuts
 from shipnet.design.iolist import IoList, parse_iolist
-from shipnet.design.network import Network
-from shipnet.design.plan import OPTIONS, Settings, mix, plan
-from shipnet.design.rules import check, single_cuts
-from shipnet.design.site import Site
+from shipnet.design.planning import OPTIONS, mix, plan
+from shipnet.design.rules import check
+from shipnet.design.settings import Assumptions, Basis, Settings, parse_basis
+from shipnet.design.site import Site, find_cabinet
+from shipnet.design.uncertainty import draw, likely, tornado
 from shipnet.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from shipnet.design.site.trays import Place
+    from shipnet.design.site import Place
 
 __all__ = ["EXAMPLES", "MIXES", "assumptions", "basis_of", "compared", "place", "planned", "points"]
 
@@ -78,31 +71,7 @@ EXAMPLES = _examples()
 
 @lru_cache(maxsize=8)
 def points(text: str, name: str, update_ms: int) -> IoList:
-    r"""Return the points of a text, none of which may wait longer than a time.
-
-    Parameters
-    ----------
-    text, name : str
-        As `shipnet.design.iolist.parse_iolist`.
-    update_ms : int
-        Longest update need of a point [ms]; 0 for those of the list.
-
-    Returns
-    -------
-    IoList
-        The points.
-
-    Raises
-    ------
-    InputError
-        If the text is no I/O list.
-
-    Examples
-    --------
-    >>> text = "tag,type,home run,update\na,DI,9,500\nb,DI,9,50\nc,DI,9,"
-    >>> points(text, "x", 100).points["update_ms"].tolist()
-    [100.0, 50.0, 100.0]
-    """
+    """Return the points of a text, none of which may wait longer than a time."""
     iolist = parse_iolist(text, name)
     if not update_ms:
         return iolist
@@ -113,32 +82,7 @@ def points(text: str, name: str, update_ms: int) -> IoList:
 
 @lru_cache(maxsize=8)
 def place(iolist: IoList, typed: str) -> tuple[Place, str]:
-    """Return where the cabinet stands, and how that is known.
-
-    Parameters
-    ----------
-    iolist : IoList
-        The points.
-    typed : str
-        ``"x, y, z"`` in m; empty to find it from the lengths in the list.
-
-    Returns
-    -------
-    place : (float, float, float)
-        Where it stands [m].
-    words : str
-        How that is known.
-
-    Raises
-    ------
-    ArgumentError
-        If it is no place, or is not typed and cannot be found.
-
-    Examples
-    --------
-    >>> place(points(EXAMPLES["ship"], "ship", 0), "")[0]
-    (26.0, 6.0, 14.0)
-    """
+    """Return where the cabinet stands, and how that is known."""
     if typed.strip():
         try:
             x, y, z = (float(number) for number in typed.replace(";", ",").split(","))
@@ -174,60 +118,14 @@ def _planned(iolist: IoList, site: Site, settings: Settings, option: str) -> Net
 def planned(
     iolist: IoList, cabinet: Place, basis: Basis, options: tuple[str, ...]
 ) -> tuple[Network, ...]:
-    r"""Return the points of a list connected in several ways.
-
-    Parameters
-    ----------
-    iolist : IoList
-        The points.
-    cabinet : (float, float, float)
-        Where cables end [m].
-    basis : Basis
-        Its allowances and limits are kept.
-    options : tuple of str
-        Of `shipnet.design.plan.OPTIONS` and `MIXES`.
-
-    Returns
-    -------
-    tuple of Network
-        One an option; the very same ones for the same arguments.
-
-    Examples
-    --------
-    >>> three = points("tag,type,x,y,z\na,DI,9,0,0\nb,DI,9,1,0\nc,DO,5,1,0", "x", 0)
-    >>> once = planned(three, (0, 0, 0), Basis(), ("home runs", "CAN"))
-    >>> again = planned(three, (0, 0, 0), Basis(), ("CAN",))
-    >>> once[1] is again[0]
-    True
-    """
+    """Return the points of a list connected in several ways."""
     site = _site(cabinet, basis.detour, basis.tails)
     return tuple(_planned(iolist, site, basis.settings, option) for option in options)
 
 
 @lru_cache(maxsize=8)
 def assumptions(labour: float, parts: float) -> Assumptions:
-    """Return the assumptions with another labour rate and other prices of bus parts.
-
-    Parameters
-    ----------
-    labour : float
-        Nominal labour rate [EUR/h]; its low and high keep their share of it.
-    parts : float
-        What modules, stations, masters, supplies and the like cost, as a multiple of what is
-        assumed.
-
-    Returns
-    -------
-    Assumptions
-        What is changed is given by the user.
-
-    Examples
-    --------
-    >>> assumptions(110, 1)["labour_rate"]
-    Range(low=70.0, nominal=110.0, high=170.0)
-    >>> assumptions(55, 2)["can_station"]
-    Range(low=500.0, nominal=900.0, high=1800.0)
-    """
+    """Return the assumptions with another labour rate and other prices of bus parts."""
     assumed = Assumptions()
     times = {"labour_rate": labour / assumed.at("labour_rate")}
     times |= {
@@ -253,35 +151,7 @@ def basis_of(
     parts: float,
     own: str,
 ) -> Basis:
-    r"""Return what a comparison rests on: what the controls say, and over them lines of one's own.
-
-    Parameters
-    ----------
-    spare, redundant, list_lengths
-        As `shipnet.design.plan.Settings`.
-    detour : float
-        As `shipnet.design.site.Site`.
-    labour, parts : float
-        As for `assumptions`.
-    own : str
-        Settings as TOML, of `shipnet.design.basis_file`; empty for none.
-
-    Returns
-    -------
-    Basis
-        All of it.
-
-    Raises
-    ------
-    InputError
-        If the lines cannot be used; all their faults at once.
-
-    Examples
-    --------
-    >>> found = basis_of(0.2, False, True, 1.15, 55, 1, "host_time = 0.2\n[asi]\nlength = 200")
-    >>> found.host_time, found.settings.asi.length
-    (0.2, 200)
-    """
+    """Return the values of the controls, and over them lines of one's own."""
     settings = Settings(spare=spare, redundant=redundant, list_lengths=list_lengths)
     controls = Basis(settings, assumptions(labour, parts), detour)
     told = parse_basis(own, "limits and prices")
@@ -299,29 +169,7 @@ def _checked(network: Network, rule_set: str, host_time: float) -> pd.DataFrame:
 
 @lru_cache(maxsize=4)
 def compared(networks: tuple[Network, ...], rule_set: str, basis: Basis) -> Comparison:
-    """Compare networks, as `shipnet.design.comparison.compare_networks` does.
-
-    Parameters
-    ----------
-    networks : tuple of Network
-        From `planned`.
-    rule_set : str
-        One of `shipnet.design.rules.RULE_SETS`.
-    basis : Basis
-        What they were planned within, and what they cost.
-
-    Returns
-    -------
-    Comparison
-        With likely figures.
-
-    Examples
-    --------
-    >>> from shipnet.design.example import example
-    >>> both = compared((example(), example(redundant=True)), "DNV", Basis())
-    >>> both.table["rules broken"].tolist()
-    [1, 0]
-    """
+    """Compare networks, as `shipnet.design.comparison.compare_networks` does."""
     named = {network.name: network for network in networks}
     assumed, host = basis.assumptions, basis.host_time
     rules = [_checked(net, rule_set, host).assign(option=name) for name, net in named.items()]

@@ -7,7 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from shipnet.ballast import Fault, Plant, valve_slaves
+from shipnet.ballast.plant import Plant
+from shipnet.ballast.slave import valve_slaves
+from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import FrameError
 from shipnet.modbus.adu import Adu, decode
 from shipnet.modbus.pdu import Request, Response

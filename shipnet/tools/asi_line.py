@@ -10,7 +10,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.asi.apm import HALF_BIT
+from shipnet.asi.modulation import HALF_BIT, bits_of_slots
 from shipnet.asi.receiver import (
     AMPLITUDE_TOLERANCE,
     MINIMUM,
@@ -19,11 +19,10 @@ from shipnet.asi.receiver import (
     matched_filter,
     receive,
 )
-from shipnet.asi.response import Response
-from shipnet.asi.slots import bits_of_slots
+from shipnet.asi.telegram import Response
 from shipnet.asi.topology import straight_line
 from shipnet.errors import FrameError, SilenceError
-from shipnet.line import CABLES, Cable
+from shipnet.line.cable import CABLES, Cable
 from shipnet.tools._inputs import check, choice, number, switch, whole
 from shipnet.tools._page import Page
 from shipnet.tools._view import View
@@ -34,7 +33,7 @@ __all__ = ["CABLE_CHOICES", "Inputs", "Result", "draw", "explorer", "update", "v
 #: most 80 pF/m (Lapp, UNITRONIC BUS ASI); their resistance is that of the nominal cable.
 CABLE_CHOICES = MappingProxyType(
     {
-        "nominal: 100 ohm, 6.5 ns/m": CABLES["as-i"],
+        "nominal: 100 ohm, 6.5 ns/m": CABLES["as-i 1.5"],
         "lossless: 100 ohm, 6.5 ns/m": CABLES["as-i lossless"],
         "low: 79 ohm, 6.3 ns/m": Cable(r=0.06, l=0.5e-6, c=80e-12),
         "slow: 97 ohm, 7.7 ns/m": Cable(r=0.06, l=0.75e-6, c=80e-12),

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from shipnet.asi.cycle import ResponseTime, cycle_time, response_time, update_time
-from shipnet.asi.emc.repetition import cycle_effect
-from shipnet.asi.network.plan import Plan
-from shipnet.asi.network.plot import plot_plan
-from shipnet.asi.network.rules import check
-from shipnet.asi.network.structures import evenly, line, numbered, ring, star
+from shipnet.asi.cycle import ResponseTime
+from shipnet.asi.emc.failures import cycle_effect
+from shipnet.asi.plan import Plan
+from shipnet.asi.rules import PlanFindings
+from shipnet.asi.topologies import line, ring, star
 from shipnet.tools._inputs import check as check_inputs
 from shipnet.tools._inputs import choice, number, whole
 from shipnet.tools._page import Page
 from shipnet.tools._view import View
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 __all__ = ["STRUCTURES", "Inputs", "Result", "draw", "explorer", "update", "view"]
 
@@ -106,18 +101,16 @@ class Inputs:
     @property
     def plan(self) -> Plan:
         """The plan of the installation."""
+        current = 1e-3 * self.current_ma
         if self.structure == "star":
             trunk = 0.9 * self.length
             leg = (self.length - trunk) / self.slaves
-            shape = star(trunk, [leg] * self.slaves, supply=self.supply * trunk)
-        elif self.structure == "ring":
-            shape = ring(self.length, evenly(self.length, self.slaves + 1)[:-1])
-        else:
-            places = evenly(self.length, self.slaves)
-            shape = line(self.length, places, supply=self.supply * self.length)
-        nodes = [slave.node for slave in shape.slaves]
-        slaves = numbered(nodes, pairs=self.shared, current=1e-3 * self.current_ma)
-        return Plan(shape.cables, shape.masters, shape.supplies, slaves)
+            legs = [leg] * self.slaves
+            return star(trunk, legs, supply=self.supply * trunk, pairs=self.shared, current=current)
+        if self.structure == "ring":
+            return ring(self.length, self.slaves, pairs=self.shared, current=current)
+        supply = self.supply * self.length
+        return line(self.length, self.slaves, supply=supply, pairs=self.shared, current=current)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -128,8 +121,8 @@ class Result:
     ----------
     plan : Plan
         The plan.
-    rules : pandas.DataFrame
-        Every rule on every object, as `shipnet.asi.network.check` returns it.
+    rules : PlanFindings
+        Every rule on every object.
     cycle : float
         Cycle time without repetitions [s].
     heard : float
@@ -143,7 +136,7 @@ class Result:
     """
 
     plan: Plan
-    rules: pd.DataFrame
+    rules: PlanFindings
     cycle: float
     heard: float
     response: ResponseTime
@@ -153,17 +146,7 @@ class Result:
     @property
     def broken(self) -> list[str]:
         """One line for each rule that is broken, with the worst object."""
-        lines = []
-        for rule, rows in self.rules[~self.rules["passed"]].groupby("rule", sort=False):
-            excess = np.fmax(rows["lowest"] - rows["value"], rows["value"] - rows["highest"])
-            worst = rows.iloc[int(np.argmax(np.nan_to_num(excess, nan=np.inf)))]
-            low, high = worst["lowest"], worst["highest"]
-            limit = f"at least {low:g}" if worst["value"] < low else f"at most {high:g}"
-            lines.append(
-                f"{str(rule).replace('_', ' ')}: {worst['value']:.4g} {worst['unit']} at "
-                f"{worst['object']}, {limit} {worst['unit']} ({len(rows)} broken)"
-            )
-        return lines
+        return self.rules.broken
 
     @property
     def numbers(self) -> dict[str, str]:
@@ -196,20 +179,18 @@ def update(inputs: Inputs) -> Result:
     >>> update(Inputs()).broken
     []
     >>> print(*update(Inputs(slaves=62, supply=0)).broken)
-    slave voltage: 24.47 V at slave 31B at 100 m, at least 26.5 V (38 broken)
+    slave voltage: 24.47 V at slave 31B at 100 m, at least 26.5 V (38 violated)
     """
     plan = inputs.plan
-    pairs = inputs.shared
-    alone = inputs.slaves - 2 * pairs
-    cycle = float(cycle_time(alone, pairs))
+    cycle, asked = plan.cycle, inputs.slaves - inputs.shared
     # A slave is asked twice at most in a cycle; the second time counts in the worst case.
-    response = response_time(cycle, paired=pairs > 0, repetitions=int(inputs.error_rate > 0))
-    effect = cycle_effect(inputs.error_rate, slaves=alone + pairs, cycle_time=cycle).iloc[0]
+    response = cycle.response_time(repetitions=int(inputs.error_rate > 0))
+    effect = cycle_effect(inputs.error_rate, slaves=asked, cycle_time=float(cycle.time)).iloc[0]
     return Result(
         plan,
-        check(plan),
-        cycle,
-        float(update_time(alone, pairs)),
+        plan.check(),
+        float(cycle.time),
+        float(cycle.update_time),
         response,
         float(effect["repetitions_per_s"]),
         float(effect["drops_per_h"]),
@@ -238,7 +219,7 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     >>> [text.get_text() for text in ax.texts]
     ['1', '2', '3']
     """
-    return plot_plan(result.plan, result.rules, ax=ax)
+    return result.rules.plot(ax=ax)
 
 
 def view(result: Result) -> View:

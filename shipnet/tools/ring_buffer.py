@@ -7,8 +7,7 @@ from types import MappingProxyType
 
 from matplotlib.axes import Axes
 
-from shipnet.remote_control.packet import MarkerParser, Markers
-from shipnet.remote_control.plot import plot_ring
+from shipnet.remote_control.packet import MarkerFormat, MarkerParser
 from shipnet.remote_control.ring_buffer import Ring, Rule, Step
 from shipnet.tools._inputs import check, choice, series
 from shipnet.tools._page import Button, Page
@@ -23,9 +22,9 @@ SIZES = (8, 16, 32, 64, 128)
 #: Rules to choose from, and what each does.
 RULES: MappingProxyType[Rule, str] = MappingProxyType(
     {
-        "literal": "as printed: an empty ring is read on",
-        "meant": "as meant: an empty ring is left alone",
-        "mended": "mended: bytes are counted without starting again",
+        "printed": "as printed: an empty ring is read on",
+        "intended": "as intended: an empty ring is left alone",
+        "corrected": "corrected: bytes are counted without starting again",
     }
 )
 
@@ -61,7 +60,7 @@ CASES = MappingProxyType(
 
 #: Data of a packet, and the bytes it has.
 _ITEMS = 1
-_FORM = Markers(n_numbers=_ITEMS)
+_FORM = MarkerFormat(n_numbers=_ITEMS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +71,7 @@ class Inputs:
     ----------
     size : int, default 16
         Places of the ring, one of `SIZES`.
-    rule : str, default "literal"
+    rule : str, default "printed"
         Key of `RULES`.
     actions : tuple of str, default ()
         Keys of `ACTIONS`, in the order in which they are done; up to 2000.
@@ -87,7 +86,7 @@ class Inputs:
         16, SIZES, label="places", help="Places of the ring; that of the paper has 128."
     )
     rule: Rule = choice(  # noqa: RUF009 - it returns a field
-        "literal", RULES, label="reader", help="By which rule the reader works."
+        "printed", RULES, label="reader", help="By which rule the reader works."
     )
     actions: tuple[str, ...] = series(
         ACTIONS, most=2000, label="actions", help="What has been done, from an empty ring on."
@@ -279,7 +278,7 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     ring_f = 0, ring_get_f = 0
     case b, 6 unread
     """
-    return plot_ring(result.ring, ax=ax)
+    return result.ring.plot(ax)
 
 
 def view(result: Result) -> View:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import pandas as pd
 from matplotlib.axes import Axes
 
-from shipnet.design.basis_file import format_basis
 from shipnet.design.comparison import RESPONSE, not_beaten
 from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RULE_SETS
+from shipnet.design.settings import format_basis
 from shipnet.errors import ArgumentError
 from shipnet.tools._design_files import from_file, settings_from_file
 from shipnet.tools._design_result import Result
@@ -89,7 +89,7 @@ class Inputs:
     parts : float, default 1
         Price of the parts of a bus as a multiple of what is assumed, 0.25..4.
     own : str, default ""
-        Other limits and prices, as lines of a settings file (`shipnet.design.basis_file`); they win
+        Other limits and prices, as lines of a settings file (`shipnet.design.settings`); they win
         over the controls.
     picture : str, default "cost"
         Key of `PICTURES`.

@@ -10,9 +10,14 @@ from typing import Any
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.ballast import FAULTS, Command, Fault, Sensors, simulate
+from shipnet.ballast.plant import Command
+from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.sensors import Sensors
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy import NORMAL, Decision, RuleBase, crisp_strengths, decide, published, strengths
+from shipnet.fuzzy.decision import Decision
+from shipnet.fuzzy.rules import NORMAL, RuleBase
 from shipnet.tools._inputs import check, choice, number, switch
 from shipnet.tools._page import Page, Preset
 from shipnet.tools._view import View
@@ -29,11 +34,11 @@ STATES: dict[str, tuple[float, str | None, float]] = {
 }
 
 
-_BASE: RuleBase = published.rule_base("kim2014")
+_BASE: RuleBase = rule_base()
 
 
 def _sensor(name: str, default: float, label: str, help: str) -> Any:
-    variable = next(one for one in _BASE.variables if one.name == name)
+    variable = _BASE[name]
     return number(
         default, variable.low, variable.high, unit=variable.unit, step=0.05, missing=True,
         label=label, help=help,
@@ -122,7 +127,7 @@ class Result:
     @property
     def headline(self) -> str:
         """The first of the active codes, or ``normal``."""
-        return str(self.decision.headline[0])
+        return str(self.decision.top[0])
 
     @property
     def active(self) -> tuple[str, ...]:
@@ -133,7 +138,7 @@ class Result:
     def strength(self) -> dict[str, float]:
         """Firing strength by code, the highest priority first."""
         firing = self.decision.firing
-        return {code: float(firing.of(code)[0]) for code in firing.base.ranking}
+        return {code: float(firing[code][0]) for code in firing.base.ranking}
 
     @property
     def numbers(self) -> dict[str, str]:
@@ -218,8 +223,8 @@ def update(inputs: Inputs) -> Result:
     given = {name: [getattr(inputs, name)] for name in base.names}
     if not inputs.commanded:
         given["DVPos"] = [nan]
-    decision = decide(strengths(base, given), cut=inputs.cut)
-    printed = decide(crisp_strengths(base, given)).codes(0)
+    decision = base.decide(given, threshold=inputs.cut)
+    printed = base.decide(given, "crisp").codes(0)
     return Result(inputs, decision, printed)
 
 

@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.line import Cable, Network, TheveninDriver
-from shipnet.line.characteristics import simulate
+from shipnet.line.cable import Cable
+from shipnet.line.characteristics import Driver, simulate
+from shipnet.line.network import CableRun, Load, Network
 
 __all__ = ["BusLine", "LineRun", "send"]
 
@@ -82,18 +83,17 @@ class BusLine:
 
     def network(self) -> Network:
         """Return the cable with all its loads."""
-        network = Network()
         step = self.length / (self.nodes - 1)
-        for node in range(self.nodes - 1):
-            network.line(f"b{node}", f"b{node + 1}", step, self.cable)
+        runs = [
+            CableRun(f"b{node}", f"b{node + 1}", step, self.cable) for node in range(self.nodes - 1)
+        ]
         for node, metres in (self.stubs or {}).items():
-            network.line(f"b{node}", f"s{node}", metres, self.cable)
-        for name in network.nodes:
-            network.load(name, r=self.resistance, c=self.capacitance)
+            runs.append(CableRun(f"b{node}", f"s{node}", metres, self.cable))
+        loads = {name: Load(r=self.resistance, c=self.capacitance) for name in Network(runs).nodes}
         if self.terminator is not None:
             for name in ("b0", f"b{self.nodes - 1}"):
-                network.terminator(name, self.terminator)
-        return network
+                loads[name] += Load(r=self.terminator)
+        return Network(runs, loads)
 
 
 class LineRun(NamedTuple):
@@ -220,12 +220,13 @@ def send(
             # Sums of steps may fall a rounding below zero.
             return np.maximum(g, 0) / ohms
 
-        drivers.append(TheveninDriver(node, g=conductance, e=volts))
-    shortest = min(float(branch.length * branch.cable.delay) for branch in network.branches)
+        drivers.append(Driver(node, voltage=volts, conductance=conductance))
+    shortest = min(float(run.length * run.made_of.delay) for run in network.runs)
     if dt is None:
         dt = shortest / np.ceil(shortest / min(rise / 5, shortest))
-    t, v = simulate(network, [drivers], begin + length * bit, dt)
+    wave = simulate(network, drivers, begin + length * bit, dt)
+    t, v = wave.t, wave.u
     at = begin + (np.arange(length) + point) * bit
-    seen = np.array([np.interp(at, t, row[0]) for row in v])
+    seen = np.array([np.interp(at, t, row) for row in v])
     bits = np.where(seen >= DOMINANT, 0, np.where(seen <= RECESSIVE, 1, -1)).astype(np.int8)
-    return LineRun(network.nodes, t, v[:, 0], np.asarray(at, dtype=float), seen, bits, sent)
+    return LineRun(network.nodes, t, v, np.asarray(at, dtype=float), seen, bits, sent)

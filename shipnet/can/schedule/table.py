@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from shipnet.can.schedule.messages import RANGES, Message, MessageSet, set_faults
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError, InputError
-from shipnet.spreadsheet import NUMBER, Sheet, parse_sheet, read_sheet
+from shipnet.tables import NUMBER, Sheet, parse_sheet, read_sheet
 
 if TYPE_CHECKING:
     import pandas as pd

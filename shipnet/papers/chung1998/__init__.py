@@ -4,6 +4,8 @@ K. Y. Chung, K. S. Rhyu, "A study on the communication method for a ship main en
 system", J. Korean Soc. Marine Eng., 1998. Its drawings are not in the text that we have.
 """
 
-from shipnet.papers.chung1998 import integrity, link, overrun, packets, ring, stations
+from shipnet.papers.chung1998.link import cascades, deaths, flips, recommendations, send_loops
+from shipnet.papers.chung1998.ring import extraction, given_up, recovered, ring_trials
 
-__all__ = ["integrity", "link", "overrun", "packets", "ring", "stations"]
+__all__ = ["cascades", "deaths", "extraction", "flips", "given_up", "recommendations"]
+__all__ += ["recovered", "ring_trials", "send_loops"]

@@ -1,33 +1,243 @@
-"""Sections 3, 4 and 5: turns, cycle, supervision, and switches that are there twice."""
+"""Sections 1 to 4.1 and 5: stations, packets, turns, supervision, and what the markers see."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from shipnet import datasets
+from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.papers.chung1998.integrity import PATIENCE
-from shipnet.papers.chung1998.packets import ITEMS
-from shipnet.papers.chung1998.stations import PRINTED
 from shipnet.papers.registry import check, numeric
-from shipnet.remote_control.link.cascade import cascade
-from shipnet.remote_control.link.faults import Dead, LostPacket
-from shipnet.remote_control.link.run import simulate
-from shipnet.remote_control.link.supervision import Supervision
-from shipnet.remote_control.link.system import BIT_RATES, System
-from shipnet.remote_control.link.timing import cycle_time as cycle_of
-from shipnet.remote_control.link.timing import quiet_time
-from shipnet.remote_control.link.trials import switch_trials
-from shipnet.remote_control.packet import Markers
+from shipnet.remote_control.experiment import recommend, switch_staleness
+from shipnet.remote_control.faults import DeadStation, LostPacket
+from shipnet.remote_control.packet import MarkerFormat
+from shipnet.remote_control.residual import packet_shares, single_flip_share
+from shipnet.remote_control.signals import HOPS, SIGNALS, STATIONS, Hop
+from shipnet.remote_control.simulation import Change, simulate, switch_delays
+from shipnet.remote_control.station import Sender
+from shipnet.remote_control.system import BIT_RATES, Supervision, System
+from shipnet.remote_control.usart import Status, Usart, send_intended, send_printed
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["as_printed", "cascade_table", "deaths_table"]
+#: What the paper prints, by its name: `chung1998_parameters.csv`.
+_TABLE = datasets.read("chung1998_parameters.csv")
+PRINTED = dict(zip(_TABLE["parameter"], _TABLE["value"], strict=True))
+
+#: Inputs of an 8259, and counters of an 8253: data sheets of Intel.
+_INPUTS, _COUNTERS = 8, 3
+
+
+@check("chung1998-001", counter={"lines": 3})
+def chips_are_enough(*, lines: int = int(PRINTED["chips_8251"])) -> bool:
+    """Whether one 8259 and one 8253 serve so many serial chips and a timer of 0.1 s.
+
+    Each line needs an interrupt for the bytes that come in and a clock of its own, the
+    supervision one more of both. Sending needs none: it polls.
+    """
+    return lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
+
+
+def chips_needed(station: str, hops: tuple[Hop, ...] = HOPS) -> int:
+    """Return how many serial chips a station needs, one for each partner."""
+    if station not in STATIONS:
+        raise ArgumentError(f"station is {station!r}; it must be one of {STATIONS}")
+    return sum(station == source for source, _ in hops)
+
+
+@numeric("chung1998-029")
+def serial_chips(*, hops: tuple[Hop, ...] = HOPS) -> int:
+    """Serial chips that each station needs on these flows: the fewest of the three stations."""
+    return min(chips_needed(station, hops) for station in STATIONS)
+
+
+@check("chung1998-030", counter={"flows": HOPS[:3]})
+def flows_are_enough(*, flows: tuple[Hop, ...] = HOPS) -> bool:
+    """Whether every value comes to all who need it on these flows, by RCS where it must."""
+    return all(hop in flows for signal in SIGNALS for hop in signal.hops)
+
+
+def send_loops(
+    packet: bytes, waiting: bytes = b"12", polls: Sequence[float] = (20e-6,)
+) -> pd.DataFrame:
+    """Return what the printed loop and the intended one send, on an idle chip and on a busy one.
+
+    Parameters
+    ----------
+    packet : bytes
+        What to send at 9600 bit/s.
+    waiting : bytes, optional
+        What a busy chip has still to send, 2 bytes.
+    polls : sequence of float, optional
+        Times to read the status or to write a byte, 1e-7..1 [s]; assumed, the paper names none.
+        How often the printed loop repeats a byte on a busy chip depends on them by chance.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per chip, loop and poll: ``chip``, ``loop``, ``poll [us]``, ``on the line`` after the
+        byte that is being shifted out, ``writes`` to the chip, ``bytes lost``; an idle chip and
+        the intended loop only with the first poll, which makes no difference there.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of range, or there is no poll.
+
+    Examples
+    --------
+    >>> send_loops(b"abc")["on the line"].tolist()[:2]
+    ['', '61 62 63']
+    """
+    import pandas as pd
+
+    if not polls:
+        raise ArgumentError("polls is empty; it must hold a time")
+    ways = [("idle", b"", "printed", polls[0]), ("idle", b"", "intended", polls[0])]
+    ways += [("busy", waiting, "printed", poll) for poll in polls]
+    ways += [("busy", waiting, "intended", polls[0])]
+    loops = {"printed": send_printed, "intended": send_intended}
+    rows = []
+    for state, before, loop, poll in ways:
+        chip = Usart(10 / 9600)
+        for byte in before:
+            chip.write(byte, 0.0)
+        sent = loops[loop](chip, packet, poll=poll)
+        rows.append((state, loop, 1e6 * poll, sent.line.hex(" "), sent.writes, sent.lost))
+    columns = ["chip", "loop", "poll [us]", "on the line", "writes", "bytes lost"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+@check("chung1998-008", counter={"printed": False})
+def loop_sends_each_byte(*, printed: bool = True) -> bool:
+    """Whether the loop sends every byte of a packet once, on a chip that is ready."""
+    packet = bytes.fromhex("cc dd 03 34 12 ee")
+    send = send_printed if printed else send_intended
+    return send(Usart(10 / 9600), packet).line == packet
+
+
+@numeric("chung1998-009")
+def ready_bit(*, written: int = 1) -> int:
+    """Highest status bit set after so many bytes: of one, the chip shifts it and can take more."""
+    chip = Usart(10 / 9600)
+    for _ in range(written):
+        chip.write(0, 0.0)
+    return int(chip.status(0.0) & (Status.TXRDY | Status.TXEMPTY)).bit_length() - 1
+
+
+# The packet --------------------------------------------------------------------------------
+
+#: Section 5: data sent and received in the trial.
+ITEMS = int(PRINTED["data_count"])
+
+#: Section 3.2: start of the packet, start of the data, end of the packet.
+FLAGS = tuple(
+    int(PRINTED[f"{flag}_flag"], 16) for flag in ("packet_start", "data_start", "packet_end")
+)
+
+_FIELDS = datasets.read("chung1998_packet_format.csv")
+_DATUM = tuple(_FIELDS.loc[_FIELDS["kind"] == "data", "field"])
+
+
+def length(reading: Literal["A", "B", "C"], items: int) -> int:
+    """Return the bytes of so many data; in reading C every one is a packet of its own."""
+    if reading == "C":
+        return check_whole("items", items, 0, 204) * MarkerFormat("A").size(1)
+    return MarkerFormat(reading, max(items, 1)).size(items)
+
+
+@numeric("chung1998-004")
+def length_a(*, items: int = ITEMS) -> int:
+    """Bytes of a packet in reading A."""
+    return length("A", items)
+
+
+@numeric("chung1998-038")
+def length_b(*, items: int = ITEMS) -> int:
+    """Bytes of a packet in reading B."""
+    return length("B", items)
+
+
+@numeric("chung1998-039")
+def length_c(*, items: int = ITEMS) -> int:
+    """Bytes of so many data in reading C."""
+    return length("C", items)
+
+
+@check("chung1998-005", counter={"order": ("number", "high", "low")})
+def datum_is_number_low_high(*, order: tuple[str, ...] = _DATUM) -> bool:
+    """Whether each of the 65536 values comes back from three bytes in this order."""
+    values = np.arange(1 << 16)[:, None]
+    packets = MarkerFormat().encode_batch([7], values)
+    fields = dict(zip(order, packets[:, 2:5].T.astype(int), strict=True))
+    back = fields["low"] | fields["high"] << 8
+    return bool((fields["number"] == 7).all() and (back == values[:, 0]).all())
+
+
+def flags_at(reading: Literal["A", "B"], items: int) -> list[tuple[int, int]]:
+    """Return where each flag stands in a packet of so many data."""
+    packet = MarkerFormat(reading, items).encode(dict.fromkeys(range(items), 0))
+    return [(place, byte) for place, byte in enumerate(packet) if byte >= min(FLAGS)]
+
+
+@check("chung1998-037", counter={"flags": (0xCC, 0xEE, 0xDD)})
+def flags_stand_in_order(*, flags: tuple[int, ...] = FLAGS) -> bool:
+    """Whether a packet begins with the first, its data with the second, and it ends with the third.
+
+    In all three readings.
+    """
+    start, data, end = flags
+    once = [(0, start), (1, data)]
+    return (
+        flags_at("A", ITEMS) == [*once, (length("A", ITEMS) - 1, end)]
+        and flags_at("A", 1) == flags_at("B", 1) == [*once, (5, end)]
+        and flags_at("B", ITEMS)
+        == [(0, start), *((1 + 4 * k, data) for k in range(ITEMS)), (length("B", ITEMS) - 1, end)]
+    )
+
+
+@check("chung1998-036", counter={"numbered": False})
+def any_subset_can_be_sent(*, numbered: bool = True) -> bool:
+    """Whether each choice of some of ten data reaches the places where they belong."""
+    form = MarkerFormat(n_numbers=ITEMS)
+    choices = (chosen for k in range(ITEMS + 1) for chosen in combinations(range(ITEMS), k))
+    for chosen in choices:
+        sent = {number: 1000 + number for number in chosen}
+        items = form.decode(form.encode(sent))
+        places = [number if numbered else place for place, (number, _) in enumerate(items)]
+        if dict(zip(places, (value for _, value in items), strict=True)) != sent:
+            return False
+    return True
+
+
+@check("chung1998-010", counter={"lost": 1})
+def copies_stay_equal(*, lost: int = 0) -> bool:
+    """Whether sending only what differs keeps the receiver's table equal to the sender's.
+
+    Each of 200 packets must have 3 bytes and 3 for each datum that changed; so many are lost.
+    """
+    rng = np.random.default_rng(2024)
+    form = MarkerFormat(n_numbers=ITEMS)
+    sender, sending, table = Sender(form), [0] * ITEMS, [0] * ITEMS
+    for turn in range(200):
+        before = list(sending)
+        for number in rng.choice(ITEMS, rng.integers(0, 4), replace=False):
+            sending[number] = int(rng.integers(1 << 16))
+        packet = sender.packet(sending)
+        if len(packet) != 3 + 3 * sum(a != b for a, b in zip(before, sending, strict=True)):
+            return False
+        for number, value in form.decode(packet) if turn < 200 - lost else ():
+            table[number] = value
+    return table == sending
+
+
+# Turns, supervision, switches --------------------------------------------------------------
 
 #: Section 4: period of the timer [s], and the limits of the two counters.
 _TICK = float(PRINTED["tick"])
@@ -35,42 +245,21 @@ _COUNT, _MISS = (int(PRINTED[f"{name}_threshold"]) for name in ("count", "miss")
 
 
 def as_printed(rate: float = BIT_RATES[0], items: int = ITEMS, bits: int = 10) -> System:
-    """Return the link of the paper, in reading A, with all data in every packet.
-
-    Parameters
-    ----------
-    rate : float, optional
-        Bit rate [bit/s].
-    items : int, optional
-        Data a packet.
-    bits : int, default 10
-        Bits of a character on the line; the paper names none.
-
-    Returns
-    -------
-    System
-        The link.
-
-    Examples
-    --------
-    >>> link = as_printed(600)
-    >>> link.n_items, link.repeat
-    (10, 10)
-    """
-    form = Markers(n_numbers=items)
+    """Return the link of the paper, in reading A, with all data in every packet."""
+    form = MarkerFormat(n_numbers=items)
     return System(form, bit_rate=rate, character_bits=bits, repeat=items)
 
 
 @numeric("chung1998-003")
 def cycle_time(*, rate: float = 9600.0, items: int = ITEMS, bits: int = 10) -> float:
     """Seconds of one exchange with BCS and one with SS, nothing but bytes counted."""
-    return cycle_of(as_printed(rate, items, bits))
+    return as_printed(rate, items, bits).cycle_time
 
 
 @check("chung1998-040", counter={"master": "BCS"})
 def master_asks_in_turn(*, master: str = "RCS") -> bool:
     """Whether this station begins every exchange, and the two others answer in turn."""
-    run = simulate(as_printed(), 1.0)
+    run = simulate(as_printed(), until=1.0)
     hops = [(packet.source, packet.target) for packet in run.packets[:16]]
     asks, answers = hops[::2], hops[1::2]
     turns = [target for _, target in asks]
@@ -84,11 +273,11 @@ def master_asks_in_turn(*, master: str = "RCS") -> bool:
 @check("chung1998-031", counter={"turn_timeout": 0.01})
 def never_both_send(*, turn_timeout: float | None = None) -> bool:
     """Whether a sender listens as soon as it is done, and no two packets overlap in time."""
-    form = Markers(n_numbers=ITEMS)
-    run = simulate(System(form, repeat=ITEMS, turn_timeout=turn_timeout), 1.0)
+    form = MarkerFormat(n_numbers=ITEMS)
+    run = simulate(System(form, repeat=ITEMS, turn_timeout=turn_timeout), until=1.0)
     apart = all(one.end <= other.start for one, other in pairwise(run.packets))
-    listening = run.states.query("state == 'receiving' and time_s > 0")
-    ends = [packet.end for packet in run.packets if packet.end <= run.duration]
+    listening = run.states().query("state == 'receiving' and time_s > 0")
+    ends = [packet.end for packet in run.packets if packet.end <= run.until]
     return apart and listening["time_s"].tolist() == ends
 
 
@@ -101,19 +290,19 @@ def failure_time(*, count: int = _COUNT, miss: int = _MISS, tick: float = _TICK)
 @check("chung1998-043", counter={"readings": ("A",)})
 def sign_of_life_is_enough(*, readings: tuple[Literal["A", "B"], ...] = ("A", "B")) -> bool:
     """Whether a healthy link in which nothing changes raises no alarm, its packet read so."""
-    idle = (System(Markers(reading, ITEMS)) for reading in readings)
-    return all(len(simulate(system, 8.0).alarms) == 0 for system in idle)
+    idle = (System(MarkerFormat(reading, ITEMS)) for reading in readings)
+    return all(len(simulate(system, until=8.0).alarms()) == 0 for system in idle)
 
 
 @check("chung1998-044", counter={"miss": 99})
 def nobody_waits_for_ever(*, miss: int = _MISS) -> bool:
     """Whether, after either partner died, whoever waits for it goes on within 20 s."""
     rule = Supervision(_TICK, _COUNT, miss)
-    form = Markers(n_numbers=ITEMS)
+    form = MarkerFormat(n_numbers=ITEMS)
     system = System(form, repeat=ITEMS, master=rule, slave=rule)
     missed = set()
     for dead in ("RCS", "BCS", "SS"):
-        alarms = simulate(system, 21.0, faults=[Dead(dead, 1.0)]).alarms
+        alarms = simulate(system, until=21.0, faults=DeadStation(dead, start=1.0)).alarms()
         missed |= set(zip(alarms["station"], alarms["partner"], strict=True))
     return missed >= {("BCS", "RCS"), ("SS", "RCS"), ("RCS", "BCS"), ("RCS", "SS")}
 
@@ -121,19 +310,19 @@ def nobody_waits_for_ever(*, miss: int = _MISS) -> bool:
 @numeric("chung1998-046")
 def longest_silence(*, rate: float = 600.0, items: int = ITEMS, bits: int = 10) -> float:
     """Seconds without a 0xDD that a slave sees in health."""
-    return quiet_time(as_printed(rate, items, bits))
+    return as_printed(rate, items, bits).idle_time
 
 
 @numeric("chung1998-047")
 def silence_while_waiting(*, rate: float = 9600.0, items: int = ITEMS) -> float:
     """Seconds without a 0xDD for BCS while RCS waits for an SS that died silent, as printed."""
-    return cascade(as_printed(rate, items)).quiet[1]
+    return as_printed(rate, items).cascade().silent[1]
 
 
-def cascade_table(
+def cascades(
     mends: Mapping[str, Mapping[str, Any]], rates: Sequence[float] = (9600, 600)
 ) -> pd.DataFrame:
-    """Return what BCS sees while RCS waits for a dead SS, as printed or mended.
+    """Return what BCS sees while RCS waits for a dead SS, as printed or corrected.
 
     Parameters
     ----------
@@ -145,7 +334,7 @@ def cascade_table(
     Returns
     -------
     pandas.DataFrame
-        A row a rule and bit rate: ``rule``, ``bit/s``, ``RCS waits [s]`` and ``BCS hears nothing
+        A row per rule and bit rate: ``rule``, ``bit/s``, ``RCS waits [s]`` and ``BCS hears nothing
         [s]`` at the first turn of an SS that died silent, as the timers stand at worst, ``later,
         up to [s]`` for any moment of death and any turn, and ``false alarm`` of BCS: never,
         possible or certain.
@@ -157,7 +346,7 @@ def cascade_table(
 
     Examples
     --------
-    >>> cascade_table({"as printed": {}})["false alarm"].tolist()
+    >>> cascades({"as printed": {}})["false alarm"].tolist()
     ['possible', 'certain']
     """
     import pandas as pd
@@ -165,16 +354,14 @@ def cascade_table(
     rows = []
     for name, fields in mends.items():
         for rate in rates:
-            seen = cascade(replace(as_printed(rate), **fields))
-            rows.append((name, rate, seen.wait[1], seen.quiet[1], seen.longest, seen.alarm))
+            seen = replace(as_printed(rate), **fields).cascade()
+            rows.append((name, rate, seen.wait[1], seen.silent[1], seen.longest, seen.alarm))
     columns = ["rule", "bit/s", "RCS waits [s]", "BCS hears nothing [s]", "later, up to [s]"]
     columns += ["false alarm"]
     return pd.DataFrame(rows, columns=columns)
 
 
-def deaths_table(
-    mends: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
-) -> pd.DataFrame:
+def deaths(mends: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30) -> pd.DataFrame:
     """Return who is taken as failed when SS dies, its deaths spread over a cycle.
 
     Parameters
@@ -189,7 +376,7 @@ def deaths_table(
     Returns
     -------
     pandas.DataFrame
-        A row a rule: ``rule``, ``deaths``, and in how many of these ``RCS fails SS``, which is
+        A row per rule: ``rule``, ``deaths``, and in how many of these ``RCS fails SS``, which is
         right, ``RCS fails BCS`` and ``BCS fails RCS``, which are not.
 
     Raises
@@ -199,7 +386,7 @@ def deaths_table(
 
     Examples
     --------
-    >>> deaths_table({"a turn ends": {"turn_timeout": 1.0}}, n=3).iloc[0].astype(str).tolist()
+    >>> deaths({"a turn ends": {"turn_timeout": 1.0}}, n=3).iloc[0].astype(str).tolist()
     ['a turn ends', '3', '3', '0', '0']
     """
     import pandas as pd
@@ -208,12 +395,14 @@ def deaths_table(
     runs, rows = check_whole("n", n, 1, 1000), []
     for name, fields in mends.items():
         system = replace(as_printed(rate), **fields)
-        rng, cycle, found = np.random.default_rng(2024), cycle_of(system), []
+        rng, cycle, found = np.random.default_rng(2024), system.cycle_time, []
         for k in range(runs):
             # After a cycle; the last failure is found by four waits later.
             death = (1 + (k + 0.5) / runs) * cycle
             end = death + 4 * system.master.detection_time[1] + cycle
-            alarms = simulate(system, end, faults=[Dead("SS", death)], rng=rng).alarms
+            alarms = simulate(
+                system, until=end, faults=DeadStation("SS", start=death), rng=rng
+            ).alarms()
             found.append(set(zip(alarms["station"], alarms["partner"], strict=True)))
         rows.append((name, runs, *(sum(pair in seen for seen in found) for pair in pairs)))
     columns = ["rule", "deaths", *(f"{a} fails {b}" for a, b in pairs)]
@@ -226,8 +415,8 @@ def speed_has_little_effect(*, all_data: bool = True, limit: float = 1.0) -> boo
 
     With all data in every packet, or with the switch alone.
     """
-    system = System(Markers(n_numbers=ITEMS), repeat=ITEMS if all_data else 0)
-    table = switch_trials(np.random.default_rng(2024), system, n_changes=10)
+    system = System(MarkerFormat(n_numbers=ITEMS), repeat=ITEMS if all_data else 0)
+    table = switch_delays(system, changes=10, rng=2024)
     return bool((table["followed"] == 10).all() and (table["longest_s"] <= limit).all())
 
 
@@ -237,8 +426,157 @@ def switches_agree(*, lost: bool = True) -> bool:
 
     Soon is as long as a partner may be silent.
     """
-    faults = [LostPacket("BCS", "RCS", 1.0)] if lost else []
-    run = simulate(
-        System(Markers(n_numbers=ITEMS)), 12.0, faults=faults, changes=[(1.0, "BCS", 1, 1)]
-    )
+    faults = [LostPacket("BCS", "RCS", start=1.0)] if lost else []
+    system, move = System(MarkerFormat(n_numbers=ITEMS)), Change(1.0, "BCS", 1, 1)
+    run = simulate(system, move, faults=faults, until=12.0)
     return bool((run.delays("SS")["delay_s"] <= PATIENCE).all())
+
+
+# What markers see --------------------------------------------------------------------------
+
+#: How long a partner may be silent [s], and our measure of how long a switch may be wrong.
+PATIENCE = float(PRINTED["failure_time"])
+
+
+@numeric("chung1998-018")
+def crc_share(*, items: int = ITEMS) -> float:
+    """Percent that a CRC adds to a packet of so many data."""
+    plain, checked = (MarkerFormat(n_numbers=items, crc=crc).size(items) for crc in (False, True))
+    return 100 * (checked - plain) / plain
+
+
+@numeric("chung1998-067")
+def crc_share_of_one(*, items: int = 1) -> float:
+    """Percent that a CRC adds to a packet of one datum."""
+    return crc_share(items=items)
+
+
+def flips(items: int = ITEMS) -> pd.DataFrame:
+    """Return how many bits of a packet can each be inverted unseen.
+
+    Parameters
+    ----------
+    items : int, optional
+        Data of a packet; of reading C one.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per reading and check: ``reading``, ``check``, ``bits`` of the packet, how many
+        ``pass`` inverted, and their ``share [%]``.
+
+    Examples
+    --------
+    >>> print(*flips().iloc[0])
+    A markers 264 240 90.9
+    """
+    import pandas as pd
+
+    rows = []
+    for reading, what, form, n in (
+        ("A", "markers", MarkerFormat(n_numbers=items), items),
+        ("A", "numbers must be known", MarkerFormat(n_numbers=items, numbers="known"), items),
+        ("A", "numbers must rise", MarkerFormat(n_numbers=items, numbers="rising"), items),
+        ("B", "markers", MarkerFormat("B", items), items),
+        ("C", "markers", MarkerFormat(), 1),
+        ("A", "markers and CRC", MarkerFormat(n_numbers=items, crc=True), items),
+    ):
+        bits, share = 8 * form.size(n), single_flip_share(form, n)
+        rows.append((reading, what, bits, round(share * bits), round(100 * share, 1)))
+    return pd.DataFrame(rows, columns=["reading", "check", "bits", "pass", "share [%]"])
+
+
+def recommendations(items: Sequence[int], patience: Mapping[float, float]) -> pd.DataFrame:
+    """Return how to send so many data at some bit rates, by `recommend`.
+
+    Parameters
+    ----------
+    items : sequence of int
+        Numbers of data, 1..84 each.
+    patience : mapping of float to float
+        For each bit rate [bit/s] how long a switch may be wrong [s].
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per bit rate and number: ``bit/s``, ``values``, ``check``, ``sending``, ``values a
+        packet``, ``all sent in [s]``.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of range, or nothing meets the limits.
+
+    Examples
+    --------
+    >>> print(*recommendations([40], {600: 20}).iloc[0].iloc[:5])
+    600 40 CRC cyclic 10
+    """
+    import pandas as pd
+
+    rows = []
+    for rate, stale in patience.items():
+        for n in items:
+            best = recommend(n, System(bit_rate=rate), stale_time=stale)
+            rows.append((rate, n, best.check, best.sending, best.per_packet, best.refresh_time))
+    columns = ["bit/s", "values", "check", "sending", "values a packet", "all sent in [s]"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+@check("chung1998-019", counter={"crc": True})
+def flags_show_errors(*, crc: bool = False) -> bool:
+    """Whether a packet whose flags stand at their places has no error, tried with single bits."""
+    return single_flip_share(MarkerFormat(n_numbers=ITEMS, crc=crc), ITEMS) == 0
+
+
+@numeric("chung1998-020")
+def imitations(*, value_bytes: int = 2 * ITEMS, flags: int = len(FLAGS)) -> float:
+    """Percent of packets with random values in which a value byte equals a flag."""
+    return 100 * MarkerFormat.false_sync(value_bytes, flags)
+
+
+@check("chung1998-066", counter={"rate": 1e-13})
+def crc_is_inefficient_for_few(*, rate: float = 1e-5) -> bool:
+    """Whether markers alone are the quickest way to send one datum with few enough errors.
+
+    At this bit error rate, and by the limits of `recommend`, which are ours.
+    """
+    return recommend(1, rate=rate).check == "markers"
+
+
+@check("chung1998-068", counter={"interval": 0.5})
+def loss_does_no_harm(*, interval: float = 3600.0) -> bool:
+    """Whether a value that moves every so often [s] is right again soon after a lost packet.
+
+    Soon is as long as a partner may be silent. One datum at a bit error rate of 1e-5, which we
+    assume; the mean is over random times.
+    """
+    form = MarkerFormat(n_numbers=ITEMS)
+    wait = switch_staleness(
+        packet_shares(form, 1, 1e-5), System(form).cycle_time, interval, "changed"
+    )
+    return wait.duration <= PATIENCE
+
+
+@check("chung1998-069", counter={"place": 3})
+def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
+    """Whether an error at this byte costs the data of its packet, and those after it are found."""
+    form = MarkerFormat(n_numbers=ITEMS)
+    stream = b"".join(form.encode({0: turn, 1: turn}) for turn in range(1, 6))
+    hit = bytearray(stream)
+    hit[2 * form.size(2) + place] ^= 1
+    parser = form.parser()
+    found = [items[0][1] for items in parser.feed(bytes(hit))]
+    return found == [1, 2, 4, 5] and parser.discarded == form.size(2)
+
+
+@check("chung1998-070", counter={"per_packet": 1})
+def one_error_costs_much(*, per_packet: int = 40) -> bool:
+    """Whether a bit of an end flag costs more than half of 40 data, so many in each packet."""
+    data = {number: 1 for number in range(40)}
+    form = MarkerFormat(n_numbers=40)
+    parts = [dict(list(data.items())[k : k + per_packet]) for k in range(0, 40, per_packet)]
+    stream = bytearray(b"".join(form.encode(part) for part in parts))
+    stream[form.size(per_packet) - 1] ^= 1
+    taken = {number for items in form.parser().feed(bytes(stream)) for number, _ in items}
+    return len(data) - len(taken) > len(data) / 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,20 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyBboxPatch, Patch, Rectangle
 
 from shipnet import style
-from shipnet.papers.chung1998.overrun import full_rings, given_up, overrun_rings
-from shipnet.papers.chung1998.ring import SIZE, ring_with, stored
-from shipnet.remote_control.link.supervision import Counter, Supervision
-from shipnet.remote_control.packet import Markers
-from shipnet.remote_control.ring_buffer import pointer_case
+from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings, stored
+from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.signals import HOPS, signals_on
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from shipnet.remote_control.link.result import LinkRun
-
-__all__ = ["plot_counters", "plot_delays", "plot_given_up", "plot_lead", "plot_outside"]
-__all__ += ["plot_packets", "plot_recovered", "plot_stations", "plot_storing", "plot_switch"]
+    from shipnet.remote_control.simulation import Run
 
 #: Where each station stands, and what it is.
 _STATIONS = {
@@ -35,18 +28,7 @@ _STATIONS = {
 
 
 def plot_stations(*, ax: Axes) -> Axes:
-    """Draw the three stations and the values that cross each line: Fig 1.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; values that the sender itself sets stand out from those passed on.
-    """
+    """Draw the three stations and the values that cross each line: Fig 1."""
     for name, (x, what) in _STATIONS.items():
         box = FancyBboxPatch(
             (x - 0.42, -0.55), 0.84, 1.1, boxstyle="round,pad=0.04",
@@ -76,25 +58,12 @@ def plot_stations(*, ax: Axes) -> Axes:
 
 
 def plot_packets(items: Mapping[int, int], *, ax: Axes) -> Axes:
-    """Draw the bytes of the same data in the three readings of Fig 4.
-
-    Parameters
-    ----------
-    items : mapping of int to int
-        Numbers and values.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given, a row a reading; markers, numbers and values have colours of their own.
-    """
+    """Draw the bytes of the same data in the three readings of Fig 4."""
     colours = {"flag": "control", "number": "address", "low": "information", "high": "parity"}
     rows = {
-        "A": [Markers("A").encode(items)],
-        "B": [Markers("B").encode(items)],
-        "C": [Markers("A").encode({number: value}) for number, value in items.items()],
+        "A": [MarkerFormat("A").encode(items)],
+        "B": [MarkerFormat("B").encode(items)],
+        "C": [MarkerFormat("A").encode({number: value}) for number, value in items.items()],
     }
     for row, (reading, packets) in enumerate(rows.items()):
         start = 0.0
@@ -133,63 +102,8 @@ def _kind(reading: str, place: int, size: int) -> str:
     return ("flag", "number", "low", "high")[within]
 
 
-def plot_counters(rules: Mapping[str, Supervision], *, ax: Axes) -> Axes:
-    """Draw the counters of Fig 5 behind the last 0xDD of a partner, until it is taken as failed.
-
-    Parameters
-    ----------
-    rules : mapping of str to Supervision
-        Name of each rule.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given: count as a line for each rule, a mark at each miss with its number, the
-        last one in red.
-    """
-    for place, (name, rule) in enumerate(rules.items()):
-        counter = Counter(rule)
-        times, counts = [0.0], [0]
-        while not counter.failed:
-            missed = counter.miss
-            counter.step()
-            times.append(len(times) * rule.tick)
-            counts.append(counter.count)
-            if counter.count == 0:
-                colour = style.LIMIT["color"] if counter.failed else f"C{place}"
-                y = 11.7 + 1.8 * place
-                ax.plot(times[-1], y, "v", color=colour)
-                said = f"failed, {times[-1]:.1f} s" if counter.failed else f"miss {missed + 1}"
-                ax.annotate(
-                    said, (times[-1], y), (5, 0), textcoords="offset points", va="center",
-                    color=colour, fontsize="small",
-                )  # fmt: skip
-        line = "-" if place == 0 else "--"
-        ax.plot(times, counts, line, drawstyle="steps-post", color=f"C{place}", label=name)
-    ax.set(xlabel="time since the last 0xDD [s]", ylabel="count [tick]", ylim=(0, 15.5))
-    ax.set(xlim=(0, 5.4), yticks=range(0, 11, 2))
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
-    return ax
-
-
 def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
-    """Draw how soon a switch is followed over the bit rate.
-
-    Parameters
-    ----------
-    tables : mapping of str to pandas.DataFrame
-        What else is sent, and what `switch_trials` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given, both logarithmic: mean and longest simulated delay as markers, the bound
-        for packets of all data as a line.
-    """
+    """Draw how soon a switch is followed over the bit rate."""
     for place, (name, table) in enumerate(tables.items()):
         rate = table["bit_rate"].to_numpy(dtype=float)
         colour = f"C{place}"
@@ -204,54 +118,26 @@ def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
     return ax
 
 
-def plot_switch(runs: Mapping[str, LinkRun], number: int, *, ax: Axes) -> Axes:
-    """Draw a switch of the bridge, and what the safety system shows of it.
-
-    Parameters
-    ----------
-    runs : mapping of str to LinkRun
-        Name of each simulation; all with the same changes.
-    number : int
-        Number of the switch.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given, a row for the switch and one for each run.
-    """
+def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
+    """Draw a switch of the bridge, and what the safety system shows of it."""
     first = next(iter(runs.values()))
-    moves = [(c.time, c.value) for c in first.changes if c.number == number]
-    rows = {"BCS: the switch": moves}
-    for name, run in runs.items():
-        got = [(u.time, u.value) for u in run.updates if (u.station, u.number) == ("SS", number)]
-        rows[f"SS: {name}"] = got
+    rows = {"BCS: the switch": first.history(number, "BCS")}
+    rows |= {f"SS: {name}": run.history(number, "SS") for name, run in runs.items()}
     for row, points in enumerate(rows.values()):
-        times = [0.0, *(time for time, _ in points), first.duration]
-        values = [0, *(value for _, value in points)]
+        times = [*points["time_s"], first.until]
+        values = points["value"].tolist()
         low = 1.5 * (len(rows) - 1 - row)
         ax.plot(
             times, low + np.array([*values, values[-1]]), drawstyle="steps-post", color=f"C{row}"
         )
     ax.set_yticks([1.5 * (len(rows) - 1 - row) + 0.5 for row in range(len(rows))], list(rows))
-    ax.set(xlabel="time [s]", xlim=(0, first.duration))
+    ax.set(xlabel="time [s]", xlim=(0, first.until))
     ax.grid(visible=False, axis="y")
     return ax
 
 
 def plot_storing(size: int, n: int, *, axes: tuple[Axes, Axes]) -> None:
-    """Draw place and flag of the writer while bytes are stored: Fig 7.
-
-    Parameters
-    ----------
-    size : int
-        Places of the ring.
-    n : int
-        How many bytes are stored.
-    axes : tuple of matplotlib.axes.Axes
-        For the place and for the flag; they share x.
-    """
+    """Draw place and flag of the writer while bytes are stored: Fig 7."""
     seen = stored(n, size)
     bytes_stored = range(n)
     axes[0].plot(bytes_stored, [state.no for state in seen], drawstyle="steps-post")
@@ -260,63 +146,8 @@ def plot_storing(size: int, n: int, *, axes: tuple[Axes, Axes]) -> None:
     axes[1].set(ylabel="ring_f [1]", xlabel="bytes stored", ylim=(-0.2, 1.2), yticks=[0, 1])
 
 
-def plot_lead(get_no: int, *, ax: Axes, size: int = SIZE, rounds: int = 3) -> Axes:
-    """Draw what the four variables show of the unread bytes, over how many there are.
-
-    Parameters
-    ----------
-    get_no : int
-        Where the reader stands.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    size : int, optional
-        Places of the ring.
-    rounds : int, default 3
-        Up to how many rounds are unread.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given: the truth as a thin line, what shows as a thick one, the case as letters.
-    """
-    leads = np.arange(rounds * size)
-    seems = leads % (2 * size)
-    ax.plot(leads, leads, color="0.5", linewidth=1, label="truly unread")
-    ax.plot(leads, seems, color="C0", label="what the variables show")
-    cases = [pointer_case(ring_with(int(lead), get_no, size).state) for lead in leads]
-    edges = [0, *(np.flatnonzero(np.array(cases[1:]) != np.array(cases[:-1])) + 1), leads.size]
-    for start, end in pairwise(edges):
-        abnormal = cases[start] in ("a", "c")
-        colour = "#f7d9d5" if abnormal else "#dceaf5"
-        ax.axvspan(start, end, color=colour, zorder=0)
-        ax.text((start + end) / 2, rounds * size * 0.93, cases[start], ha="center")
-    ax.axvline(size, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
-    ax.annotate(
-        "ring full", (size, 0.8), (4, 0), xycoords=("data", "axes fraction"),
-        textcoords="offset points", color=style.LIMIT["color"],
-    )  # fmt: skip
-    ax.set(xlabel="bytes unread [byte]", ylabel="true and shown [byte]")
-    ax.set(xlim=(0, rounds * size), ylim=(0, rounds * size))
-    ax.grid(visible=False)
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
-    return ax
-
-
 def plot_outside(table: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw how many values of a packet come out wrong, over where it stands in the ring.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        What `extraction_table` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-    """
+    """Draw how many values of a packet come out wrong, over where it stands in the ring."""
     ax.bar(table["offset"], table["wrong"], width=0.8, color=style.LIMIT["color"])
     ax.set(xlabel="place of the packet's first byte [index]", ylabel="wrong values")
     ax.set(yticks=[0, 1], xlim=(-1, len(table)))
@@ -324,23 +155,9 @@ def plot_outside(table: pd.DataFrame, *, ax: Axes) -> Axes:
 
 
 def plot_given_up(*, ax: Axes, items: int = 10) -> Axes:
-    """Draw how many bytes the repair of Fig 9 gives up, over the place of the writer.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    items : int, default 10
-        Data of each packet in the ring.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given: the move alone as markers on its closed form, with the search for 0xCC a
-        band for all ways in which packets can lie.
-    """
+    """Draw how many bytes the repair of Fig 9 gives up, over the place of the writer."""
     places = np.arange(SIZE)
-    alone = given_up(full_rings())
+    alone = given_up()
     band = np.reshape(given_up(overrun_rings(items)), (SIZE, -1))
     ax.fill_between(
         places, band.min(axis=1), band.max(axis=1), color="#f5c56b", alpha=0.6,
@@ -348,7 +165,7 @@ def plot_given_up(*, ax: Axes, items: int = 10) -> Axes:
     )  # fmt: skip
     ax.plot(places, SIZE // 2 - places % (SIZE // 2), color="C0", label="half ring, closed form")
     ax.plot(places[::4], alone[::4], "o", markersize=3, color="C0", label="half ring, simulated")
-    ax.axhline(0, color="C2", label="mended ring")
+    ax.axhline(0, color="C2", label="corrected ring")
     ax.set(xlabel="no [index]", ylabel="bytes given up [byte]", xlim=(0, SIZE - 1))
     ax.set_xticks([0, 32, 64, 96, 127])
     ax.legend(loc="center left", bbox_to_anchor=(1, 0.5))
@@ -356,30 +173,16 @@ def plot_given_up(*, ax: Axes, items: int = 10) -> Axes:
 
 
 def plot_recovered(table: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw how many packets are found in a ring that was not read for a while.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        What `recovered_table` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given, a line for each rule, and a band from the fewest to the most of the
-        printed one.
-    """
+    """Draw how many packets are found in a ring that was not read for a while."""
     waiting = table["waiting"]
     ax.plot(waiting, table["sent"], color="0.6", linewidth=1, label="packets that came")
-    for name, colour in (("mended", "C2"), ("printed", "C0")):
+    for name, colour in (("corrected", "C2"), ("intended", "C0")):
         ax.plot(
             waiting,
             table[name],
             drawstyle="steps-post",
             color=colour,
-            label=f"{name} ring" + ", mean" * (name == "printed"),
+            label=f"{name} ring" + ", mean" * (name == "intended"),
         )
     ax.fill_between(
         waiting, table["fewest"], table["most"], color="C0", alpha=0.15,

@@ -1,51 +1,42 @@
-"""Sections 3.1, 4.2 and 4.3: the ring, its four variables, its four cases, what is taken out."""
+"""Sections 3.1, 4.2, 4.3 and 5: the ring, its cases, what is taken out, its repair, the trials."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
-from shipnet.fields import check_whole
-from shipnet.papers.chung1998.packets import ITEMS
-from shipnet.papers.chung1998.stations import PRINTED
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
+from shipnet.papers.chung1998.link import ITEMS, PRINTED, as_printed, length
 from shipnet.papers.registry import check, numeric
-from shipnet.remote_control.extraction import extraction_table
-from shipnet.remote_control.items import check_bytes
-from shipnet.remote_control.packet import Markers
-from shipnet.remote_control.ring_buffer import Case, Ring, State, pointer_case
-from shipnet.remote_control.ring_states import case_table
+from shipnet.remote_control.faults import Stall
+from shipnet.remote_control.packet import PACKET_START, Items, MarkerFormat, check_bytes
+from shipnet.remote_control.ring_buffer import Case, Ring, Rule, State, pointer_case
+from shipnet.remote_control.ring_buffer import case_of as case_in
+from shipnet.remote_control.simulation import simulate
+from shipnet.remote_control.system import System
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import pandas as pd
 
-__all__ = ["SIZE", "reader_steps", "ring_with", "states", "stored"]
+#: Longest time that a byte takes to be written into an EEPROM of the time [s]: Atmel, AT28C64B,
+#: data sheet, "write cycle time 10 ms maximum". That the paper's chip is like it is assumed.
+WRITE_TIME = 10e-3
+
+#: Abnormal states that chung1998 counted in the three trials of section 5; the middle one is in
+#: words: "also" normal.
+PAPER_EVENTS = (0, 0, 1)
+
+#: Bytes that one press of the Enter key stores: one integer of 16 bits; assumed.
+BYTES_PER_PRESS = 2
 
 #: Section 5: places of the ring.
 SIZE = int(PRINTED["ring_size"])
 
 
 def stored(n: int, size: int = SIZE) -> list[State]:
-    """Return the four variables before each of so many bytes that are stored.
-
-    Parameters
-    ----------
-    n : int
-        How many bytes, none of them read.
-    size : int, optional
-        Places of the ring.
-
-    Returns
-    -------
-    list of State
-        One a byte.
-
-    Examples
-    --------
-    >>> [(state.no, state.ring_f) for state in stored(5, size=3)]
-    [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
-    """
+    """Return the four variables before each of so many bytes that are stored."""
     ring = Ring(size)
     found = []
     for _ in range(n):
@@ -54,111 +45,8 @@ def stored(n: int, size: int = SIZE) -> list[State]:
     return found
 
 
-def ring_with(unread: int, get_no: int, size: int = SIZE) -> Ring:
-    """Return a ring with so many bytes unread and the reader at a place.
-
-    Parameters
-    ----------
-    unread : int
-        Bytes stored since the last was read, 0..1e6; the n-th byte of all has the value n.
-    get_no : int
-        Where the reader stands, 0..size - 1.
-    size : int, optional
-        Places of the ring.
-
-    Returns
-    -------
-    Ring
-        The ring, by the printed rules, an empty one known as empty.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of range.
-
-    Examples
-    --------
-    >>> ring = ring_with(unread=6, get_no=14, size=16)
-    >>> ring.state, ring.case
-    (State(no=4, ring_f=1, get_no=14, ring_get_f=0), 'd')
-    """
-    ring = Ring(size, "meant")
-    check_whole("get_no", get_no, 0, size - 1)
-    check_whole("unread", unread, 0, 10**6)
-    for n in range(get_no + unread):
-        ring.store(n % 256)
-        if n < get_no:
-            ring.extract()
-    return ring
-
-
-def reader_steps(stream: bytes, get_no: int, size: int = SIZE) -> pd.DataFrame:
-    """Return what the reader of Fig 8 takes each byte for.
-
-    Parameters
-    ----------
-    stream : bytes
-        What comes into the ring: any bytes, read one by one as packets in reading A.
-    get_no : int
-        Where the first byte lies, 0..size - 1.
-    size : int, optional
-        Places of the ring.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row a byte: ``get_no``, ``byte`` and ``taken_as``.
-
-    Raises
-    ------
-    ArgumentError
-        If the stream is no bytes, or the place is out of range.
-
-    Examples
-    --------
-    >>> steps = reader_steps(bytes.fromhex("41 cc dd 03 34 12 ee"), get_no=126)
-    >>> steps.iloc[[0, 1, 3]].values.tolist()
-    [[126, '0x41', 'passed over'], [127, '0xCC', 'start of the packet'], [1, '0x03', 'number']]
-    """
-    import pandas as pd
-
-    ring, parser = ring_with(0, get_no, size), Markers(n_numbers=ITEMS).parser()
-    rows = []
-    for byte in check_bytes("stream", stream):
-        place = ring.state.get_no
-        ring.store(byte)
-        taken = bytes([ring.extract().byte or 0])
-        complete, held = parser.feed(taken), parser.pending
-        if complete:
-            what = "end of the packet"
-        elif held < 3:
-            what = ("passed over", "start of the packet", "start of the data")[held]
-        else:
-            what = ("number", "low byte", "high byte")[held % 3]
-        rows.append((place, f"0x{taken[0]:02X}", what))
-    return pd.DataFrame(rows, columns=["get_no", "byte", "taken_as"])
-
-
 def states(places: int, flags: int) -> list[State]:
-    """Return all states of a ring of so many places, with flags of so many values.
-
-    Parameters
-    ----------
-    places : int
-        Places of the ring.
-    flags : int
-        Values that each flag can have.
-
-    Returns
-    -------
-    list of State
-        Every combination.
-
-    Examples
-    --------
-    >>> len(states(2, 2))
-    16
-    """
+    """Return all states of a ring of so many places, with flags of so many values."""
     return [State(*four) for four in product(*2 * (range(places), range(flags)))]
 
 
@@ -211,7 +99,7 @@ def pointer_cases(*, places: int = 2, flags: int = 2) -> int:
 
 def shown(rounds: int) -> set[Case]:
     """Return the cases that show while fewer than so many rounds are unread."""
-    table = case_table(SIZE, rounds)
+    table = Ring(SIZE).cases(rounds).table()
     cases: tuple[Case, ...] = ("a", "b", "c", "d")
     return {case for case in cases if table[case].sum()}
 
@@ -240,8 +128,7 @@ def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
 
 def case_of(get_no: int, lead: int) -> Case:
     """Return the case that shows with so many bytes stored ahead of the reader at a place."""
-    ring_f, no = divmod((get_no + lead) % (2 * SIZE), SIZE)
-    return pointer_case(State(no, ring_f, get_no, 0))
+    return case_in(get_no, lead, SIZE)
 
 
 @check("chung1998-051", counter={"leads": range(SIZE + 1, 2 * SIZE)})
@@ -262,7 +149,7 @@ def stops_behind_the_packet(*, while_receiving: bool = True) -> bool:
     If it begins to read at the first byte, or when all are there.
     """
     ring, taken = Ring(SIZE), bytearray()
-    packet = Markers(n_numbers=ITEMS).encode(dict.fromkeys(range(ITEMS), 1000))
+    packet = MarkerFormat(n_numbers=ITEMS).encode(dict.fromkeys(range(ITEMS), 1000))
     for byte in packet[:1] if while_receiving else packet:
         ring.store(byte)
     while (step := ring.extract()).byte is not None:
@@ -273,10 +160,10 @@ def stops_behind_the_packet(*, while_receiving: bool = True) -> bool:
 @check("chung1998-054", counter={"before": bytes([0xCC, 0xDD])})
 def packet_is_found(*, before: bytes = bytes(5)) -> bool:
     """Whether all data of a packet are taken at every place of the ring, behind other bytes."""
-    form = Markers(n_numbers=ITEMS)
+    form = MarkerFormat(n_numbers=ITEMS)
     sent = {number: 1000 + number for number in range(ITEMS)}
     for place in range(SIZE):
-        ring, parser = Ring(SIZE, "meant"), form.parser()
+        ring, parser = Ring(SIZE, "intended"), form.parser()
         for byte in bytes(place) + before + form.encode(sent):
             ring.store(byte)
             step = ring.extract()
@@ -289,5 +176,385 @@ def packet_is_found(*, before: bytes = bytes(5)) -> bool:
 @check("chung1998-023", counter={"wrap": True})
 def values_are_whole(*, wrap: bool = False) -> bool:
     """Whether the printed line takes the right values wherever a packet stands in the ring."""
-    table = extraction_table({number: 1000 for number in range(ITEMS)}, size=SIZE, wrap=wrap)
+    table = extraction({number: 1000 for number in range(ITEMS)}, size=SIZE, wrap=wrap)
     return bool((table["wrong"] == 0).all())
+
+
+# Values taken out of the ring --------------------------------------------------------------
+
+
+def extract_value(cells: bytes, get_no: int, *, wrap: bool = False, beyond: bytes = b"\0\0") -> int:
+    """Return the value whose number stands at a place of the ring."""
+    cells, beyond = check_bytes("cells", cells), check_bytes("beyond", beyond)
+    size = len(cells)
+    if size < 3 or len(beyond) != 2:
+        raise ArgumentError(
+            f"cells and beyond have {size} and {len(beyond)} bytes; they must have 3 or more, and 2"
+        )
+    place = check_whole("get_no", get_no, 0, size - 1)
+    memory = cells + (cells[:2] if wrap else beyond)
+    return memory[place + 1] | memory[place + 2] << 8
+
+
+def extract_items(
+    cells: bytes,
+    get_no: int,
+    n_items: int,
+    packet_format: MarkerFormat | None = None,
+    *,
+    wrap: bool = False,
+    beyond: bytes = b"\0\0",
+) -> Items:
+    """Return the items of a packet whose first marker stands at a place of the ring."""
+    form = packet_format or MarkerFormat()
+    if len(check_bytes("cells", cells)) < 3:
+        raise ArgumentError(f"cells has {len(cells)} bytes; it must have 3 or more")
+    check_whole("n_items", n_items, 0, form.n_numbers)
+    check_whole("get_no", get_no, 0, len(cells) - 1)
+    head, step = len(form.head), len(form.lead) + 3
+    first = get_no + head + len(form.lead)
+    places = [(first + k * step) % len(cells) for k in range(n_items)]
+    return tuple(
+        (cells[place], extract_value(cells, place, wrap=wrap, beyond=beyond)) for place in places
+    )
+
+
+def extraction(
+    items: Mapping[int, int],
+    packet_format: MarkerFormat | None = None,
+    *,
+    size: int = 128,
+    wrap: bool = False,
+    beyond: bytes = b"\0\0",
+) -> pd.DataFrame:
+    """Return what becomes of a packet at every place of the ring.
+
+    Parameters
+    ----------
+    items : mapping of int to int
+        Numbers and values of the packet.
+    packet_format : MarkerFormat, optional
+        Which way the figure is read; reading A with ten numbers if omitted.
+    size : int, default 128
+        Size of the ring; the packet must fit into it.
+    wrap : bool, default False
+        Whether the indices go round.
+    beyond : bytes, default two zeros
+        What stands in memory behind the ring, 2 bytes.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each place of the packet's first byte, ``offset``: how many bytes were read
+        ``outside`` the ring, and how many values came out ``wrong``.
+
+    Raises
+    ------
+    ArgumentError
+        If a packet cannot be sent, or is longer than the ring.
+
+    Examples
+    --------
+    Ten data, a packet at each of 128 places:
+
+    >>> table = extraction({number: 1000 for number in range(10)})
+    >>> int((table.wrong > 0).sum()), int((table.outside > 0).sum()), len(table)
+    (20, 20, 128)
+    """
+    import pandas as pd
+
+    form = packet_format or MarkerFormat()
+    packet = form.encode(items)
+    check_whole("size", size, max(3, len(packet)), 65536, ", so that the packet fits into the ring")
+    true = form.decode(packet)
+    head, step = len(form.head) + len(form.lead), len(form.lead) + 3
+    rows = []
+    for offset in range(size):
+        cells = bytearray(size)
+        for place, byte in enumerate(packet, offset):
+            cells[place % size] = byte
+        found = extract_items(bytes(cells), offset, len(true), form, wrap=wrap, beyond=beyond)
+        places = [(offset + head + k * step) % size for k in range(len(true))]
+        outside = 0 if wrap else sum(max(0, place + 3 - size) for place in places)
+        wrong = sum(one != other for one, other in zip(found, true, strict=True))
+        rows.append((offset, outside, wrong))
+    return pd.DataFrame(rows, columns=["offset", "outside", "wrong"])
+
+
+# Overrun, repair, trials -------------------------------------------------------------------
+
+
+def packets_stored(n: int, items: int, *, phase: int = 0, size: int = SIZE) -> Ring:
+    """Return a ring in which so many bytes of packets have been stored and none read."""
+    ring = Ring(size)
+    ring.store_all(MarkerFormat(n_numbers=items).stream(n, phase=phase))
+    return ring
+
+
+def overrun_rings(items: int) -> Iterator[Ring]:
+    """Return rings that show case c, for every place of the writer and every phase of a stream."""
+    for no in range(SIZE):
+        for phase in range(length("A", items)):
+            yield packets_stored(SIZE + no, items, phase=phase)
+
+
+def full_rings(size: int = SIZE) -> Iterator[Ring]:
+    """Return rings of packet starts only that show case c, for every place of the writer."""
+    for no in range(size):
+        ring = Ring(size)
+        for _ in range(size + no):
+            ring.store(PACKET_START)
+        yield ring
+
+
+def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
+    """Return how many bytes that a ring still holds each repair gives up.
+
+    Parameters
+    ----------
+    rings : iterable of Ring, optional
+        Overrun rings; each is repaired. If omitted, rings of 128 bytes 0xCC with the writer in
+        each place, so that the search for a packet ends at once.
+
+    Returns
+    -------
+    list of int
+        Bytes, one number per ring; those overwritten before the repair are not counted.
+
+    Examples
+    --------
+    >>> lost = given_up()
+    >>> min(lost), max(lost), sum(lost) / len(lost)
+    (1, 64, 32.5)
+    """
+    found = []
+    for ring in full_rings() if rings is None else rings:
+        ring.extract()
+        found.append(ring.size - ring.unread)
+    return found
+
+
+def packets_found(waiting: int, rule: Rule, items: int = ITEMS, get_no: int = 0) -> int:
+    """Return how many packets, as they were sent, are found after so many bytes nobody read.
+
+    The rule is "intended" or "corrected"; by "printed" the reader has no end. None is found where
+    the reader stops, in case a.
+    """
+    if rule not in ("intended", "corrected"):
+        raise ArgumentError(f"rule is {rule!r}; it must be 'intended' or 'corrected'")
+    check_whole("waiting", waiting, 0, 10**6)
+    form = MarkerFormat(n_numbers=items)
+    count = waiting // form.size(items) + 1
+    sent = [dict.fromkeys(range(items), n) for n in range(1, count + 1)]
+    ring = Ring.filled(0, get_no, SIZE, rule)
+    ring.store_all(b"".join(map(form.encode, sent))[:waiting])
+    taken = bytearray()
+    while (step := ring.extract()).action in ("take", "repair"):
+        taken += bytes([] if step.byte is None else [step.byte])
+    found = form.parser().feed(bytes(taken))
+    return sum(tuple(packet.items()) in found for packet in sent)
+
+
+def recovered(
+    waiting: Sequence[int] = range(0, 3 * SIZE + 1, 8),
+    places: Sequence[int] = range(0, SIZE, 8),
+) -> pd.DataFrame:
+    """Return how many packets the ring as intended and the corrected one still hold.
+
+    Parameters
+    ----------
+    waiting : sequence of int, optional
+        Numbers of bytes that wait, 0..1e6.
+    places : sequence of int, optional
+        Places of the reader, 0..127, at least one.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per number of ``waiting`` bytes: packets ``sent`` whole; found in the ring as
+        ``intended``, as the mean over the places, with the ``fewest`` and the ``most``; share of
+        the places at which its reader ``stops`` in case a; and found in the ``corrected`` ring.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of range, or there is no place.
+
+    Examples
+    --------
+    >>> recovered([100, 200]).values.tolist()
+    [[100.0, 3.0, 3.0, 3.0, 3.0, 0.0, 3.0], [200.0, 6.0, 1.0625, 0.0, 3.0, 0.5625, 3.0]]
+    """
+    import pandas as pd
+
+    if not len(places):
+        raise ArgumentError("places is empty; it must hold a place")
+    size, rows = length("A", ITEMS), []
+    for n in waiting:
+        found = [packets_found(n, "intended", get_no=place) for place in places]
+        stops = [case_of(place, n) == "a" for place in places]
+        # The corrected ring counts on: the place of its reader makes no difference.
+        corrected = packets_found(n, "corrected", get_no=places[0])
+        mean, stopped = (sum(column) / len(places) for column in (found, stops))
+        rows.append((n, n // size, mean, min(found), max(found), stopped, corrected))
+    columns = ["waiting", "sent", "intended", "fewest", "most", "stops", "corrected"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+@check("chung1998-013", counter={"shift": 2})
+def repair_restores_order(*, shift: int = 1) -> bool:
+    """Whether a repair ends at the first 0xCC from SIZE >> shift or from 0, in a normal case.
+
+    Of rings in case c only: in case a there is no repair.
+    """
+    for ring in overrun_rings(ITEMS):
+        cells, no = ring.cells, ring.state.no
+        ring.extract()
+        place = cells.find(PACKET_START, SIZE >> shift if no < SIZE >> shift else 0)
+        if ring.state.get_no != place or ring.case not in ("b", "d"):
+            return False
+    return True
+
+
+@check("chung1998-057", counter={"toggled": False})
+def toggled_flag_restores_order(*, toggled: bool = True) -> bool:
+    """Whether a reader moved to the start of the ring, its flag turned over, is in case b."""
+    for ring in full_rings(SIZE):
+        before = ring.state
+        ring.extract()
+        if before.no >= SIZE >> 1:
+            flag = ring.state.ring_get_f if toggled else before.ring_get_f
+            if pointer_case(ring.state._replace(ring_get_f=flag)) != "b":
+                return False
+    return True
+
+
+@check("chung1998-055", counter={"items": 45})
+def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
+    """Whether some of the bytes that the ring holds are left after every repair, in case c."""
+    for ring in overrun_rings(items):
+        ring.extract()
+        if ring.unread == 0:
+            return False
+    return True
+
+
+@numeric("chung1998-056")
+def bytes_given_up(*, size: int = SIZE) -> float:
+    """Bytes of those still held that a repair gives up, mean over the places of the writer."""
+    return sum(given_up(full_rings(size))) / size
+
+
+@numeric("chung1998-060")
+def fill_time(*, size: int = SIZE, rate: float = 9600.0) -> float:
+    """Seconds in which unbroken reception fills the ring."""
+    return size / SIZE * as_printed(rate).fill_time
+
+
+@numeric("chung1998-061")
+def packets_held(*, size: int = SIZE, items: int = ITEMS) -> float:
+    """Packets of so many data that the ring holds."""
+    return size / length("A", items)
+
+
+@numeric("chung1998-015")
+def abnormal_states(*, empty_is_empty: bool = True) -> int:
+    """Repairs in 100 packets, read byte by byte; or if an empty ring is read on, as printed."""
+    ring = Ring(SIZE, "intended" if empty_is_empty else "printed")
+    repairs = 0
+    for byte in MarkerFormat(n_numbers=ITEMS).stream(100 * length("A", ITEMS)):
+        ring.store(byte)
+        # As many steps as there are places: an empty ring that is read on has no end.
+        for _ in range(SIZE):
+            step = ring.extract()
+            repairs += step.action == "repair"
+            if step.action in ("wait", "stop"):
+                break
+    return repairs
+
+
+@check("chung1998-058", counter={"stall": 14.0})
+def parameter_change_does_no_harm(*, stall: float = BYTES_PER_PRESS * WRITE_TIME) -> bool:
+    """Whether a task that stalls so long [s] leaves the ring in order.
+
+    How long the paper's task stalled is not printed; 20 ms are assumed for an integer.
+    """
+    run = simulate(as_printed(), faults=Stall("BCS", start=5.0, stop=5.0 + stall), until=25.0)
+    return not bool(run.events()["event"].str.startswith("ring").any())
+
+
+@check("chung1998-021", counter={"size": SIZE})
+def larger_ring_is_not_overrun(*, size: int = 2 * SIZE, stall: float = 0.2) -> bool:
+    """Whether bytes that come without a break during a stall [s] leave a ring in a normal case."""
+    came = round(stall / as_printed().character_time)
+    return packets_stored(came, ITEMS, size=size).case in ("b", "d")
+
+
+def ring_trials(
+    system: System | None = None,
+    *,
+    station: str = "BCS",
+    presses: int = 10,
+    write_time: float = WRITE_TIME,
+    duration: float = 20.0,
+) -> pd.DataFrame:
+    """Return how often the ring is found in an abnormal state in the paper's three trials.
+
+    Parameters
+    ----------
+    system : System, optional
+        The link; if omitted, that of the paper with all 10 items in every packet.
+    station : str, default "BCS"
+        Who writes its EEPROM.
+    presses : int, default 10
+        How often the Enter key is pressed in the third trial, 1..10000, the writes one after
+        the other.
+    write_time : float, default WRITE_TIME
+        Time for a byte, 0..10 [s].
+    duration : float, default 20
+        How long each trial is simulated [s]; the stall begins after 5 s.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per trial: ``trial``, ``stall_s``, ``events`` (abnormal states, all stations),
+        ``unread`` (most bytes that waited in the ring), ``alarms``, ``paper_events``.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of range, or a stall does not end within the trial.
+
+    Notes
+    -----
+    The paper counted 0, 0 and 1. The one is not reproducible: it does not print the time to
+    write. While the partner waits for an answer, its one packet waits in the ring. When its
+    counters have run out, after 3.9 to 4.4 s, it comes again: up to three packets wait in a
+    stall below 13.1 s, and the ring of 128 bytes is still in order (claims chung1998-015, 016
+    and 058).
+
+    Examples
+    --------
+    >>> ring_trials()[["stall_s", "events", "unread", "paper_events"]].values.tolist()
+    [[0.0, 0.0, 1.0, 0.0], [0.02, 0.0, 1.0, 0.0], [0.2, 0.0, 33.0, 1.0]]
+    """
+    import pandas as pd
+
+    link = System(repeat=10) if system is None else system
+    byte = check_scalar("write_time", write_time, "s", 0, 10)
+    most = check_whole("presses", presses, 1, 10_000)
+    rows = []
+    for trial, pressed, printed in (
+        ("no parameter change", 0, PAPER_EVENTS[0]),
+        ("parameter change", 1, PAPER_EVENTS[1]),
+        (f"{most} presses of Enter", most, PAPER_EVENTS[2]),
+    ):
+        stall = pressed * BYTES_PER_PRESS * byte
+        if 5 + stall >= duration:
+            raise ArgumentError(f"duration is {duration:g} s; the stall ends at {5 + stall:g} s")
+        faults = [Stall(station, start=5.0, stop=5.0 + stall)] if stall else []
+        run = simulate(link, faults=faults, until=duration)
+        events = int(run.events()["event"].str.startswith("ring").sum())
+        rows.append((trial, stall, events, run.max_unread, len(run.alarms()), printed))
+    columns = ["trial", "stall_s", "events", "unread", "alarms", "paper_events"]
+    return pd.DataFrame(rows, columns=columns)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.apm import HALF_BIT, ramp_spectrum, send_spectrum, steps_of
-from shipnet.asi.network.electrical import device_voltages
-from shipnet.asi.network.structures import line, ring
-from shipnet.asi.response import RESPONSES
+from shipnet.asi.modulation import HALF_BIT, ramp_spectrum, send_spectrum, steps_of
 from shipnet.asi.segment import Segment
-from shipnet.asi.telegram import Request
+from shipnet.asi.telegram import RESPONSES, Request
+from shipnet.asi.topologies import line, ring
 from shipnet.asi.topology import straight_line
-from shipnet.line import CABLES, Cable, Network
+from shipnet.line.cable import CABLES, Cable
+from shipnet.line.network import Load, Network
 from shipnet.papers.registry import check
 
 __all__ = ["arriving_share", "consumer_drop", "pulse_height", "share_above"]
@@ -52,7 +51,7 @@ def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -
     '1.35 V, 0.675 V'
     """
     (segment,) = (ring if closed else line)(length, [place], current=1.0).segments
-    voltage = device_voltages(segment)
+    voltage = segment.voltages
     return voltage[segment.supplies[0].node] - voltage[segment.slaves[0].node]
 
 
@@ -64,10 +63,7 @@ def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
     """
     segment = straight_line(100, slaves=(5, 50, 100))
     if supply is not None:
-        network = Network()
-        for branch in segment.network.branches:
-            network.line(*branch)
-        network.load(segment.master, **supply)
+        network = Network(segment.network.runs, {segment.master: Load(**supply)})
         segment = Segment(network, segment.master, segment.slaves)
     _, u = segment.signals(RESPONSES, dt=250e-9)
     return bool((np.abs(u.sum(axis=-1)) < 1e-2 * np.abs(u).sum(axis=-1)).all())
@@ -126,7 +122,7 @@ def signal_suits_cable(*, length: float = 100.0) -> bool:
     return arriving_share(length) > 0.9
 
 
-def arriving_share(length: float, *, cable: Cable = CABLES["as-i"]) -> float:
+def arriving_share(length: float, *, cable: Cable = CABLES["as-i 1.5"]) -> float:
     """Return which share of the energy of the example's request a matched cable passes on.
 
     Parameters

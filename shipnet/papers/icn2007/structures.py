@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from shipnet.asi.network.plan import Plan
-from shipnet.asi.network.rules import check as check_plan
-from shipnet.asi.network.structures import evenly, line, ring, star
-from shipnet.asi.rates import bus_efficiencies
+from shipnet.asi.plan import Plan
+from shipnet.asi.topologies import line, ring, star
+from shipnet.papers.icn2007.rates import bus_efficiencies
 from shipnet.papers.registry import check
 
 __all__ = ["allowed", "keeps_all_rules"]
@@ -35,15 +34,15 @@ def allowed() -> dict[str, Plan]:
         "90 m and a star of 62": trunk_and_star(),
         "star, legs as long as the master's": star(100 / 63, [100 / 63] * SLAVES),
         "star, unequal legs": star(1, (99 * growing / growing.sum()).tolist()),
-        "62 along a line, evenly": line(100, evenly(100, SLAVES), supply=50),
+        "62 along a line, evenly": line(100, SLAVES, supply=50),
         "62 along a line, unevenly": line(100, (100 * (growing / SLAVES) ** 2).tolist(), supply=50),
-        "mixture": star(70, [1.5] * 20, along=evenly(70, 42), supply=35),
-        "passive ring": ring(100, evenly(100, SLAVES + 1)[:-1]),
+        "mixture": star(70, [1.5] * 20, along=42, supply=35),
+        "passive ring": ring(100, SLAVES),
     }
 
 
 def keeps_all_rules(plan: Plan) -> bool:
-    """Return whether a plan passes every rule of `shipnet.asi.network`.
+    """Return whether a plan passes every rule.
 
     Parameters
     ----------
@@ -60,7 +59,7 @@ def keeps_all_rules(plan: Plan) -> bool:
     >>> keeps_all_rules(line(101, [101]))
     False
     """
-    return bool(check_plan(plan)["passed"].all())
+    return plan.check().ok is True
 
 
 def trunk_and_star(leg: float = 10 / SLAVES) -> Plan:
@@ -83,7 +82,7 @@ def slave_at_end(*, length: float = 100.0) -> bool:
 @check("icn2007-048", counter={"supply": 0.0})
 def structures_are_allowed(*, supply: float = 50.0) -> bool:
     """Whether all structures keep every rule, with the supply of the even line in this place."""
-    plans = {**allowed(), "evenly": line(100, evenly(100, SLAVES), supply=supply)}
+    plans = {**allowed(), "evenly": line(100, SLAVES, supply=supply)}
     return all(keeps_all_rules(plan) for plan in plans.values())
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from itertools import product
 
-from shipnet.ballast.switches import unit_id
 from shipnet.errors import ArgumentError
+from shipnet.modbus.adu import rtu_frame
 from shipnet.modbus.pdu import Request
+from shipnet.papers.kim2014.switches import unit_id
 from shipnet.papers.registry import numeric
 
 __all__ = ["addresses"]
@@ -35,7 +36,7 @@ def addresses(bits: int = 8) -> list[int]:
 
 def _legal(unit: int) -> bool:
     try:
-        Request.read_input_registers(0, 1).rtu(unit)
+        rtu_frame(unit, Request.read_input_registers(0, 1).pdu)
     except ArgumentError:
         return False
     return True

@@ -6,32 +6,30 @@ from itertools import product
 
 import pandas as pd
 
-from shipnet.ballast.channels import CHANNELS
 from shipnet.ballast.registers import RegisterMap
-from shipnet.fuzzy import diagnose, published
+from shipnet.ballast.rule_table import FILLS, rule_vectors
+from shipnet.ballast.sensors import CHANNELS
 from shipnet.papers.kim2014.rules import BASE
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["diagnosed", "score_table", "through_registers"]
 
-_PAPER = "kim2014"
-
 #: Ends of the position [%]: CLOSE and OPEN of the rule table, as section 3.2 scales it.
 _CLOSE, _OPEN = 0.0, 100.0
 
 #: Position that row 12 prints below the closed end [%].
-_ROW_12 = float(published.vectors(_PAPER, reading="printed")["VPos"]["Pos4"])
+_ROW_12 = float(rule_vectors("printed")["VPos"]["Pos4"])
 
 
-def diagnosed(code: str, *, reading: str = "printed", **inputs: float) -> str:
+def diagnosed(code: str, *, version: str = "printed", **inputs: float) -> str:
     """Return what the rules as printed make of a row's inputs.
 
     Parameters
     ----------
     code : str
         Code of the row.
-    reading : {"printed", "meant"}, default "printed"
-        Inputs as printed, or mended.
+    version : {"printed", "corrected"}, default "printed"
+        Inputs as printed, or corrected.
     **inputs : float
         Other values for some of them.
 
@@ -45,17 +43,17 @@ def diagnosed(code: str, *, reading: str = "printed", **inputs: float) -> str:
     >>> diagnosed("S2"), diagnosed("S2", VPos=-5.0)
     ('S1', 'S2')
     """
-    tests = published.vectors(_PAPER, reading=reading).loc[[code]].assign(**inputs)
-    return str(diagnose(BASE, tests, crisp=True)["headline"].iloc[0])
+    tests = rule_vectors(version).loc[[code]].assign(**inputs)
+    return str(BASE.check(tests, "crisp")["top"].iloc[0])
 
 
 def score_table() -> pd.DataFrame:
-    """Return how many of the 13 rows are found, as printed and mended, with every fill.
+    """Return how many of the 13 rows are found, as printed and corrected, with every fill.
 
     Returns
     -------
     pandas.DataFrame
-        Indexed by reading of the ``inputs`` and ``fill`` of what they leave out: rows found by
+        Indexed by version of the ``inputs`` and ``fill`` of what they leave out: rows found by
         ``crisp`` comparisons and by ``fuzzy`` strengths, and what the comparisons make of the
         others, ``not found``.
 
@@ -65,19 +63,19 @@ def score_table() -> pd.DataFrame:
     [10, 10, 'V2 as normal, S2 as S1, Pos2 as normal']
     """
     rows = {}
-    for reading, fill in product(published.READINGS, published.FILLS):
-        tests = published.vectors(_PAPER, reading=reading, fill=fill)
-        crisp, fuzzy = diagnose(BASE, tests, crisp=True), diagnose(BASE, tests)
+    for version, fill in product(("printed", "corrected"), FILLS):
+        tests = rule_vectors(version, fill=fill)
+        crisp, fuzzy = BASE.check(tests, "crisp"), BASE.check(tests)
         missed = crisp[~crisp["right"]]
-        said = missed["expected"] + " as " + missed["headline"]
+        said = missed["expected"] + " as " + missed["top"]
         found = [int(one["right"].sum()) for one in (crisp, fuzzy)]
-        rows[reading, fill] = (*found, ", ".join(said))
+        rows[version, fill] = (*found, ", ".join(said))
     table = pd.DataFrame(rows, index=["crisp", "fuzzy", "not found"]).T
     return table.rename_axis(["inputs", "fill"])
 
 
 def through_registers(code: str) -> str:
-    """Return what the rules make of a row as meant, once its readings came through registers.
+    """Return what the rules make of a corrected row, once its readings came through registers.
 
     What the row does not print is as the plant would have it; the speed is not sent, so it is
     taken from the row.
@@ -99,12 +97,12 @@ def through_registers(code: str) -> str:
     >>> through_registers("S1"), through_registers("S2")
     ('S1', 'normal')
     """
-    tests = published.vectors(_PAPER, fill="physical").loc[[code]]
+    tests = rule_vectors(fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]
     registers = RegisterMap().pack(tests[names].to_numpy().T, close=False, open=True).registers
     received = pd.DataFrame(RegisterMap().unpack(registers).readings.T, tests.index, names)
     tests = received.assign(DVPos=tests["DVPos"])
-    return str(diagnose(BASE, tests, crisp=True)["headline"].iloc[0])
+    return str(BASE.check(tests, "crisp")["top"].iloc[0])
 
 
 @check("kim2014-026", counter={"speed": 11.0})
@@ -189,10 +187,10 @@ def below_closed(*, margin: float = 5.0) -> float:
     return position
 
 
-@check("kim2014-068", counter={"reading": "meant"})
-def all_tests_pass(*, reading: str = "printed") -> bool:
-    """Whether each of the 12 inputs is diagnosed as its row says, as printed or mended."""
-    return all(diagnosed(code, reading=reading) == code for code in BASE.codes)
+@check("kim2014-068", counter={"version": "corrected"})
+def all_tests_pass(*, version: str = "printed") -> bool:
+    """Whether each of the 12 inputs is diagnosed as its row says, as printed or corrected."""
+    return all(diagnosed(code, version=version) == code for code in BASE.codes)
 
 
 @check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})

@@ -7,7 +7,6 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Literal
 
 from shipnet.ballast import scan
-from shipnet.ballast.answer import write_outcome
 from shipnet.engine.class_rules import RULES
 from shipnet.modbus.adu import MAX_UNIT
 from shipnet.modbus.electrical import INTERFACES
@@ -15,6 +14,7 @@ from shipnet.modbus.faults import Break, DeadPort
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
+from shipnet.papers.kim2014.answer import write_outcome
 from shipnet.papers.registry import check, numeric
 
 if TYPE_CHECKING:

@@ -7,13 +7,12 @@ import re
 import numpy as np
 
 from shipnet import datasets
-from shipnet.ballast.messages import MESSAGES, printed_adu, standard_adu
-from shipnet.ballast.registers import COMMAND_REGISTER
-from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
+from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.modbus.adu import rtu_frame
 from shipnet.modbus.pdu import MAX_PDU, FunctionCode, Request, Response
 from shipnet.modbus.slave import Slave
+from shipnet.papers.kim2014.printed_messages import MESSAGES, printed_adu, standard_adu
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["table_1"]
@@ -154,7 +153,7 @@ def byte_count(*, registers: int = N_REGISTERS) -> int:
 @numeric("kim2014-080")
 def rtu_read_response(*, registers: int = N_REGISTERS) -> int:
     """Bytes of the RTU frame that brings so many registers."""
-    return len(_answer(registers).rtu(1))
+    return len(rtu_frame(1, _answer(registers).pdu))
 
 
 @check("kim2014-049", counter={"codes": (1, 2, 3, 7)})

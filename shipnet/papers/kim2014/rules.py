@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from shipnet import datasets
-from shipnet.ballast.channels import CHANNELS, rule_limits
-from shipnet.fuzzy import crisp_strengths, overlaps, published, strengths
+from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.sensors import CHANNELS, rule_limits
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["BASE"]
 
-BASE = published.rule_base("kim2014")
+BASE = rule_base()
 
 _TABLE = datasets.read("kim2014_rule_table.csv")
 _POSITION_FLAG = "PosFault"
@@ -37,7 +37,7 @@ def flags(*, with_position: bool = True) -> int:
 @numeric("kim2014-036")
 def nested_pairs(*, codes: tuple[str, ...] = BASE.codes) -> int:
     """Pairs of these rules of which one fires whenever the other does."""
-    pairs = overlaps(BASE)
+    pairs = BASE.overlaps().table()
     nested = pairs[pairs["relation"] != "overlap"]
     return int((nested["a"].isin(codes) & nested["b"].isin(codes)).sum())
 
@@ -51,9 +51,9 @@ def distinct_faults(*, equalities: bool = True) -> int:
 
 
 @numeric("kim2014-074")
-def overlapping_pairs(*, dead_band: bool = False) -> int:
+def overlapping_pairs(*, method: str = "crisp") -> int:
     """Pairs of rules that can fire together."""
-    return len(overlaps(BASE, dead_band=dead_band))
+    return len(BASE.overlaps(method))
 
 
 @numeric("kim2014-082")
@@ -72,7 +72,7 @@ def quantities_with_limit(*, limit: float = 2.5) -> int:
 def infers_by_degrees(*, ramps: bool = False) -> bool:
     """Whether a rule can hold in part, as printed or with the ramps that we assume."""
     sweep = {"FP": np.linspace(110, 130, 201), "OP": np.full(201, 4.0)}
-    found = (strengths if ramps else crisp_strengths)(BASE, sweep).strength
+    found = BASE.fire(sweep, "fuzzy" if ramps else "crisp").strength
     return bool(((found > 0) & (found < 1)).any())
 
 
@@ -80,7 +80,7 @@ def infers_by_degrees(*, ramps: bool = False) -> bool:
 def has_both_limits(*, sensors: tuple[str, ...] = tuple(c.name for c in CHANNELS)) -> bool:
     """Whether the rules ask for values above a limit, and for lower ones, of each sensor."""
     for sensor in sensors:
-        said = [term.crisp for term in BASE.variable(sensor).terms]
+        said = [term.crisp for term in BASE[sensor].terms]
         upper = [one.low for one in said if np.isinf(one.high)]
         if not any(one.high <= limit for limit in upper for one in said):
             return False

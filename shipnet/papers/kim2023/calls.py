@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from shipnet import datasets
-from shipnet.asi import Call, Profile, Request
-from shipnet.asi.frame import frame
-from shipnet.asi.telegram import Half
+from shipnet.asi.calls import Call
+from shipnet.asi.profile import Profile
+from shipnet.asi.telegram import Half, Request, frame
 from shipnet.papers.kim2023 import tables
 from shipnet.papers.kim2023.telegrams import DATASHEET_FRAMES
 from shipnet.papers.registry import check, numeric

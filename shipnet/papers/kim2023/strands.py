@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from shipnet.asi import IO_CONFIGURATIONS, Call, Profile
-from shipnet.design import lines_needed
-from shipnet.design.costs.bill import conductors_at_cabinet
-from shipnet.design.costs.plants import Plant
+from shipnet.asi.calls import Call
+from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
+from shipnet.design.costs import conductors_at_cabinet
+from shipnet.design.plant import Plant, lines_needed
 from shipnet.papers.registry import check, numeric
 
 __all__: list[str] = []

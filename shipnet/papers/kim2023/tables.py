@@ -5,7 +5,8 @@ from __future__ import annotations
 import pandas as pd
 
 from shipnet import datasets
-from shipnet.asi import tables as asi_tables
+from shipnet.asi.profile import Profile
+from shipnet.asi.telegram import Request, Response
 
 __all__ = ["KIM2023", "differences", "explained", "generated", "printed"]
 
@@ -66,12 +67,12 @@ def generated(table: str) -> pd.DataFrame:
     """
     _known(table)
     if table == "Table 4":
-        return asi_tables.request_fields().astype(str)
+        return Request.fields().astype(str)
     if table == "Table 6":
-        return asi_tables.response_fields().astype(str)
+        return Response.fields().astype(str)
     if table == "Table 7":
-        return asi_tables.io_code_table()
-    requests = asi_tables.request_map()
+        return Profile.table()
+    requests = Request.table()
     header = pd.DataFrame([requests.columns], index=["HEADER"], columns=requests.columns)
     return pd.concat([header, requests]).rename_axis("call")
 

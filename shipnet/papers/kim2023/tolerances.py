@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.apm import HALF_BIT, as_bits, pulses_of
+from shipnet.asi.modulation import HALF_BIT, as_bits, pulses_of
 from shipnet.asi.receiver import receive, within_tolerance
-from shipnet.asi.response import RESPONSES
 from shipnet.asi.segment import DEVICE, Segment
+from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.topology import straight_line
-from shipnet.line import CABLES, Cable, Network
+from shipnet.line.cable import CABLES, Cable
+from shipnet.line.network import CableRun, Network
 from shipnet.papers.registry import check
 
 __all__ = ["train_of"]
@@ -96,12 +99,10 @@ def works_without(*, part: str = "conductor") -> bool:
     The conductor is the metre of wire from the slave to the cable.
     """
     segment = straight_line(100, slaves=())
-    network: Network = segment.network
     lost = Cable(r=1e12, l=1e-6, c=1e-15)
-    network.line("100 m", "slave", 1, lost if part == "conductor" else CABLES["as-i"])
-    network.load(
-        "slave", **{name: DEVICE[name] for name in DEVICE if (name, part) != ("l", "inductor")}
-    )
+    stub = CableRun("100 m", "slave", 1, lost if part == "conductor" else CABLES["as-i 1.5"])
+    slave = replace(DEVICE, l=None) if part == "inductor" else DEVICE
+    network = Network([*segment.network.runs, stub], {**segment.network.loads, "slave": slave})
     sent = as_bits(RESPONSES)
     _, u = Segment(network, segment.master, ("slave",)).signals(sent, dt=STEP)
     return bool((receive(u[0], STEP, 7).error == 0).all())

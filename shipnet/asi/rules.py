@@ -1,0 +1,204 @@
+"""Does a plan keep the rules of AS-i? Each rule on each object, with its limit and its source.
+
+The limits are data, `asi_plan_rules.csv`; what they are compared with is computed here, from the
+plan, its voltages and its waveforms.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shipnet import datasets
+from shipnet.answers import COLUMNS, Findings
+from shipnet.asi.cycle import Cycle
+from shipnet.asi.plan import Plan, PlanSegment
+from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Transaction
+from shipnet.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+#: A value that is on its limit but for rounding keeps the rule.
+_SLACK = 1e-9
+
+#: One row of the table before it is judged: rule, object, value, highest if the object has a
+#: limit of its own, why.
+_Row = tuple[str, str, float, float | None, str]
+
+
+def rule_limits() -> pd.DataFrame:
+    """Return the limits of all rules with their sources, to be looked at or changed.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by rule: `object`, `low`, `high`, `unit`, `source`, `note`. A limit is NaN where
+        there is none, or where the user or the object sets it.
+
+    Examples
+    --------
+    A line may have 20 m more, by whatever means:
+
+    >>> limits = rule_limits()
+    >>> limits.loc["cable_length", "high"] += 20
+    >>> from shipnet.asi.topologies import line
+    >>> line(120, [120]).check(limits=limits).ok
+    True
+    """
+    table = datasets.read("asi_plan_rules.csv").set_index("rule")
+    table = table.rename(columns={"lowest": "low", "highest": "high"})
+    for bound in ("low", "high"):
+        table[bound] = table[bound].replace("", "nan").astype(float)
+    return table
+
+
+class PlanFindings(Findings):
+    """What the rules say of a plan; the drawing shows it."""
+
+    def __init__(self, table: pd.DataFrame, plan: Plan) -> None:
+        super().__init__(table)
+        self.plan = plan
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the plan; what violates a rule is red."""
+        return self.plan.plot(self, ax=ax)
+
+
+def check_plan(
+    plan: Plan,
+    *,
+    wanted_cycle: float | None = None,
+    transaction: Transaction | None = None,
+    limits: pd.DataFrame | None = None,
+) -> PlanFindings:
+    """Check a plan against every rule; `Plan.check` says how."""
+    import pandas as pd
+
+    if wanted_cycle is not None and not 0 < wanted_cycle < np.inf:
+        raise ArgumentError(f"wanted_cycle is {wanted_cycle!r} s; it must be positive")
+    bounds = rule_limits() if limits is None else limits
+    _check_limits(bounds)
+    transaction = Transaction() if transaction is None else transaction
+    rows: list[_Row] = []
+    for line in plan.lines:
+        rows += _line_rows(line, wanted_cycle, transaction)
+        rows += _address_rows(line)
+        terminated = any(segment.terminators for segment in line)
+        for segment in line:
+            rows += _segment_rows(segment, terminated)
+            rows += _supply_rows(segment)
+            rows += _signal_rows(segment)
+
+    table = pd.DataFrame(rows, columns=["rule", "object", "value", "own", "why"])
+    table["value"] = table["value"].astype(float)
+    table = table.join(bounds.drop(columns="object"), on="rule")
+    table["high"] = table["own"].astype(float).fillna(table["high"])
+    low, high = table["low"].fillna(-np.inf), table["high"].fillna(np.inf)
+    met = (table["value"] >= low - _SLACK * low.abs()) & (
+        table["value"] <= high + _SLACK * high.abs()
+    )
+    known = np.where(met, "met", "violated")
+    table["verdict"] = np.where(table["value"].isna(), "not verified", known)
+    table["why"] = table["why"].where(table["why"] != "", table["note"])
+    return PlanFindings(table[list(COLUMNS)], plan)
+
+
+def _check_limits(bounds: pd.DataFrame) -> None:
+    rules, columns = datasets.read("asi_plan_rules.csv")["rule"], rule_limits().columns
+    missing = [name for name in rules if name not in bounds.index]
+    missing += [name for name in columns if name not in bounds.columns]
+    if missing:
+        raise ArgumentError(f"limits lack {', '.join(missing)}")
+
+
+def _line_rows(
+    line: tuple[PlanSegment, ...], wanted: float | None, transaction: Transaction
+) -> Iterator[_Row]:
+    masters = [master for segment in line for master in segment.masters]
+    name = f"line of {masters[0]}" if masters else f"line with {line[0]}"
+    slaves = [slave for segment in line for slave in segment.slaves]
+    yield "masters", name, len(masters), None, ""
+    yield "slaves", name, len(slaves), None, ""
+    if wanted is not None:
+        on_address = Counter(slave.address for slave in slaves if slave.address)
+        pairs = sum(number > 1 for number in on_address.values())
+        cycle = Cycle(len(on_address) + pairs, pairs=pairs, transaction=transaction)
+        yield "update_time", name, float(cycle.update_time), wanted, ""
+
+
+def _address_rows(line: tuple[PlanSegment, ...]) -> Iterator[_Row]:
+    slaves = [slave for segment in line for slave in segment.slaves]
+    for slave in slaves:
+        name = str(slave)
+        yield "address", name, slave.address, None, ""
+        # A standard slave answers whichever half is asked.
+        others = [
+            other
+            for other in slaves
+            if other is not slave
+            and other.address == slave.address
+            and (None in (other.half, slave.half) or other.half == slave.half)
+        ]
+        yield "sharing", name, len(others), None, ", ".join(map(str, others))
+        odd = (slave.half is not None) != slave.kind.extended
+        yield "half", name, int(odd), None, f"profile {slave.profile}" if odd else ""
+
+
+def _segment_rows(segment: PlanSegment, terminated: bool) -> Iterator[_Row]:
+    name = str(segment)
+    rule = "cable_length_terminated" if segment.terminators else "cable_length"
+    yield rule, name, segment.length, None, ""
+    series = "repeaters_in_series_terminated" if terminated else "repeaters_in_series"
+    if segment.head is None:
+        yield series, name, np.nan, None, "no master on the line"
+        yield "answer_delay", name, np.nan, None, "no master on the line"
+        return
+    yield series, name, len(segment.path), None, f"{segment.reach:g} m from the master"
+    per_metre = max(float(run.made_of.delay) for run in segment.cables)
+    cable = 2 * segment.reach * per_metre
+    answer = _slowest_answer()
+    delay = answer + cable + 2 * sum(repeater.delay for repeater in segment.path)
+    note = ""
+    if segment.path:
+        room = (MASTER_PAUSE_BITS[1] * BIT_TIME - answer - cable) / (2 * len(segment.path))
+        note = f"each repeater may take {room * 1e6:.1f} us"
+    yield "answer_delay", name, delay / BIT_TIME, None, note
+
+
+def _slowest_answer() -> float:
+    """Return the silence before a slave that was not synchronous answers [s]."""
+    times = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
+    # From edge to edge in the middle of two bits; half a bit of either is no silence.
+    return float(times["edge to edge, asynchronous, most"]) * 1e-6 - BIT_TIME
+
+
+def _supply_rows(segment: PlanSegment) -> Iterator[_Row]:
+    yield "supplies", str(segment), len(segment.supplies), None, ""
+    current = segment.current
+    for supply in segment.supplies:
+        yield "supply_voltage", str(supply), supply.voltage, None, ""
+        yield "supply_current", str(supply), current, None, ""
+        yield "supply_rating", str(supply), current, supply.rating, ""
+    one = len(segment.supplies) == 1
+    volts = segment.voltages if one else {}
+    note = "" if one else f"{len(segment.supplies)} supplies in the segment"
+    for slave in segment.slaves:
+        yield "slave_voltage", str(slave), volts.get(slave.node, np.nan), None, note
+
+
+def _signal_rows(segment: PlanSegment) -> Iterator[_Row]:
+    names = [name for name, _ in segment.listeners]
+    rules = ("signal_level_least", "signal_level_most", "signal_evenness", "ringing", "reception")
+    why = "no master on the line" if segment.head is None else ""
+    if not why and len(segment.supplies) != 1:
+        why = f"{len(segment.supplies)} supplies in the segment"
+    if why:
+        yield from ((rule, name, np.nan, None, why) for rule in rules for name in names)
+        return
+    for rule, values in zip(rules, segment.signals(), strict=True):
+        yield from ((rule, name, float(v), None, "") for name, v in zip(names, values, strict=True))

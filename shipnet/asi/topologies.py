@@ -1,0 +1,256 @@
+"""Plans of the usual topologies: a line, a star at the end of a trunk, a ring.
+
+They are the topologies that icn2007, section 4, allows. Slaves are addressed in the order in which
+they are placed: up to 31 are standard slaves, more share addresses as A and B.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from shipnet.asi.cycle import ADDRESSES
+from shipnet.asi.elements import CURRENT, CableRun, Master, Slave, Supply, Terminator
+from shipnet.asi.plan import Plan
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
+from shipnet.line.cable import Cable
+
+
+def line(
+    length: float,
+    slaves: int | Sequence[float] = 0,
+    *,
+    pairs: int | None = None,
+    master: float = 0.0,
+    supply: float = 0.0,
+    cable: str | Cable = "as-i 1.5",
+    current: float = CURRENT,
+    terminator: float | None = None,
+) -> Plan:
+    """Return a plan along one cable.
+
+    Parameters
+    ----------
+    length : float
+        Length of the cable [m].
+    slaves : int or sequence of float, default 0
+        How many slaves, at equal distances with the last one at the end, or the place of each,
+        0..length [m]; up to 62.
+    pairs : int, optional
+        Addresses that an A and a B slave share, by the slaves placed last; the others have one
+        each. At least n - 31 and at most n / 2 of n slaves. If omitted, as few as can be, and all
+        slaves are A/B slaves if any are.
+    master, supply : float, default 0
+        Places of the master and of the power supply of 30 V [m].
+    cable : str or shipnet.line.Cable, default "as-i 1.5"
+        Type of the cable, or a cable of your own.
+    current : float, default 0.065
+        What each slave draws, 0..10 [A].
+    terminator : float, optional
+        Resistance across the far end, as an extension plug has it, 1..1e6 [ohm].
+
+    Returns
+    -------
+    Plan
+        Its nodes are named by their places: ``"0 m"``, ``"45 m"`` and so on.
+
+    Raises
+    ------
+    ArgumentError
+        If a place is not on the cable, there are too many slaves, or a value is out of range.
+
+    Examples
+    --------
+    >>> [str(slave) for slave in line(100, [5, 100]).slaves]
+    ['slave 1 at 5 m', 'slave 2 at 100 m']
+    >>> print(line(100, slaves=62, supply=0).check())
+    567 checks, 38 violated
+    slave voltage: 24.47 V at slave 31B at 100 m, at least 26.5 V (38 violated)
+    """
+    plan = star(
+        length, (), along=slaves, pairs=pairs, master=master, supply=supply, cable=cable,
+        current=current,
+    )  # fmt: skip
+    if terminator is None:
+        return plan
+    plug = Terminator(_node(length), terminator)
+    return Plan(plan.cables, plan.masters, plan.supplies, plan.slaves, terminators=[plug])
+
+
+def star(
+    trunk: float,
+    legs: Sequence[float],
+    *,
+    along: int | Sequence[float] = (),
+    pairs: int | None = None,
+    master: float = 0.0,
+    supply: float = 0.0,
+    cable: str | Cable = "as-i 1.5",
+    current: float = CURRENT,
+) -> Plan:
+    """Return a plan whose cable fans out at its end.
+
+    Parameters
+    ----------
+    trunk : float
+        Length of the cable to the hub of the star, 0 if it lies at the master [m].
+    legs : sequence of float
+        Length of each leg, with a slave at its end [m].
+    along : int or sequence of float, default ()
+        How many more slaves on the trunk, or the place of each, 0..trunk [m]. They come first.
+    pairs : int, optional
+        Addresses that an A and a B slave share; as for `line`.
+    master, supply : float, default 0
+        Places of the master and of the power supply of 30 V on the trunk [m].
+    cable : str or shipnet.line.Cable, default "as-i 1.5"
+        Type of all cables, or a cable of your own.
+    current : float, default 0.065
+        What each slave draws, 0..10 [A].
+
+    Returns
+    -------
+    Plan
+        Its nodes are named ``"0 m"``, ``"45 m"`` and so on along the trunk, and ``"leg 1"`` and
+        so on at the ends of the legs.
+
+    Raises
+    ------
+    ArgumentError
+        If a place is not on the trunk, there are too many slaves, or a value is out of range.
+
+    Examples
+    --------
+    icn2007's 90 m with a star of 62 slaves; 10 m are left for its legs:
+
+    >>> plan = star(90, [10 / 62] * 62)
+    >>> len(plan.slaves), round(plan.segments[0].length, 6)
+    (62, 100.0)
+    """
+    if isinstance(along, int):
+        along = evenly_spaced(trunk, along)
+    named = [("master", master), ("supply", supply), *(("slave", place) for place in along)]
+    for what, place in named:
+        if not 0 <= place <= trunk:
+            raise ArgumentError(f"the {what} is at {place} m; it must be 0..{trunk:g} m")
+    places = sorted({0.0, float(trunk), *(float(place) for _, place in named)})
+    cables = [
+        CableRun(_node(near), _node(far), far - near, cable) for near, far in pairwise(places)
+    ]
+    ends = [f"leg {number}" for number, _ in enumerate(legs, 1)]
+    cables += [CableRun(_node(trunk), end, leg, cable) for end, leg in zip(ends, legs, strict=True)]
+    nodes = [*map(_node, along), *ends]
+    labels = assign_addresses(len(nodes), pairs=pairs)
+    return Plan(
+        cables,
+        masters=[Master(node=_node(master))],
+        supplies=[Supply(_node(supply))],
+        slaves=[
+            Slave(label, node=node, current=current)
+            for label, node in zip(labels, nodes, strict=True)
+        ],
+    )
+
+
+def ring(
+    length: float,
+    slaves: int | Sequence[float],
+    *,
+    pairs: int | None = None,
+    supply: float = 0.0,
+    cable: str | Cable = "as-i 1.5",
+    current: float = CURRENT,
+) -> Plan:
+    """Return a plan whose cable comes back to the master: a passive ring.
+
+    Parameters
+    ----------
+    length : float
+        Length of the cable around the ring [m].
+    slaves : int or sequence of float
+        How many slaves, at equal distances, or the place of each, 0 to less than `length` [m].
+    pairs : int, optional
+        Addresses that an A and a B slave share; as for `line`.
+    supply : float, default 0
+        Place of the power supply of 30 V [m].
+    cable : str or shipnet.line.Cable, default "as-i 1.5"
+        Type of the cable, or a cable of your own.
+    current : float, default 0.065
+        What each slave draws, 0..10 [A].
+
+    Returns
+    -------
+    Plan
+        Its nodes are named by their places; the last two cables meet halfway between the last
+        place and the master.
+
+    Raises
+    ------
+    ArgumentError
+        If a place is not on the ring, or nothing is placed apart from the master.
+
+    Examples
+    --------
+    >>> [f"{run}: {run.length:g} m" for run in ring(100, [50]).cables]
+    ['cable 0 m - 50 m: 50 m', 'cable 50 m - 75 m: 25 m', 'cable 75 m - 0 m: 25 m']
+    """
+    if isinstance(slaves, int):
+        slaves = evenly_spaced(length, slaves + 1)[:-1]
+    last = max((*slaves, supply), default=0.0)
+    if not 0 < last < length:
+        raise ArgumentError(
+            f"the last place on the ring is {last} m; it must lie between 0 and {length} m"
+        )
+    there = line(last, slaves, pairs=pairs, supply=supply, cable=cable, current=current)
+    # Two cables, since two nodes have at most one between them.
+    half = (length - last) / 2
+    back = _node(last + half)
+    closing = [
+        CableRun(_node(last), back, half, cable),
+        CableRun(back, _node(0), half, cable),
+    ]
+    return Plan([*there.cables, *closing], there.masters, there.supplies, there.slaves)
+
+
+def evenly_spaced(length: float, n: int) -> list[float]:
+    """Return n places at equal distances along a cable [m], the last one at its end."""
+    check_whole("n", n, 0, 10_000)
+    check_scalar("length", length, "m", 0, 1e4)
+    return [length * (k / n) for k in range(1, n + 1)]
+
+
+def assign_addresses(
+    n: int,
+    *,
+    pairs: int | None = None,
+    shares: Sequence[bool] | None = None,
+    need: Sequence[float] | None = None,
+) -> list[str]:
+    """Return a label for each of n slaves: those that can wait longest share an address.
+
+    `pairs` addresses are shared, as few as can be if it is None; by slaves that `shares` lets, if
+    it is given, and by those with the longest `need`, or the last ones. If neither `pairs` nor
+    `shares` is given and some slaves must share, all others are A slaves, too.
+    """
+    able = list(range(n)) if shares is None else [k for k in range(n) if shares[k]]
+    least = max(0, n - ADDRESSES)
+    if n - len(able) // 2 > ADDRESSES:
+        least_needed = n - len(able) // 2
+        raise ArgumentError(f"{n} slaves need {least_needed} addresses; a line has {ADDRESSES}")
+    number = least if pairs is None else check_whole("pairs", pairs, least, len(able) // 2)
+    if need is None:
+        sharing = able[len(able) - 2 * number :]
+    else:
+        sharing = sorted(able, key=lambda place: -need[place])[: 2 * number]
+    alone_shares = set(able) if shares is not None or (pairs is None and number) else set()
+    labels = {}
+    alone = [place for place in range(n) if place not in set(sharing)]
+    for address, place in enumerate(alone, 1):
+        labels[place] = f"{address}A" if place in alone_shares else f"{address}"
+    for rank, place in enumerate(sorted(sharing)):
+        labels[place] = f"{len(alone) + 1 + rank // 2}{'AB'[rank % 2]}"
+    return [labels[place] for place in range(n)]
+
+
+def _node(place: float) -> str:
+    return f"{place:g} m"

@@ -1,0 +1,125 @@
+"""The rule table of kim2014 as a rule base, and the values with which the paper tests it."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet import datasets
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar
+from shipnet.fuzzy.rules import Rule, RuleBase, read_rules
+from shipnet.fuzzy.terms import Term, Variable
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+#: The test values as printed, and with the misprints corrected; the words of the data file.
+VERSIONS = {"printed": "printed", "corrected": "meant"}
+
+
+#: What is assumed of the sensors that a row does not print.
+FILLS = ("absent", "normal", "physical")
+
+
+def rule_base(slow_stroke: float | None = None) -> RuleBase:
+    """Return the twelve rules of Table 1 of kim2014 as a rule base.
+
+    Parameters
+    ----------
+    slow_stroke : float, optional
+        Time [s], 1..3600, from which on a stroke is slow: adds a variable ``Time``, for how long
+        the motor has been running, and a rule T1, last in rank. The rule is ours: the table names
+        no fault for a slow valve, but prints a stroke of up to 10 s. Its ramp is 1 s wide.
+
+    Returns
+    -------
+    shipnet.fuzzy.RuleBase
+        Comparisons as printed; ramps, units, universes and priorities are our assumption.
+
+    Raises
+    ------
+    ArgumentError
+        If `slow_stroke` is out of range.
+
+    Examples
+    --------
+    >>> base = rule_base()
+    >>> base.codes
+    ('G1', 'P1', 'P2', 'V1', 'V2', 'S1', 'S2', 'O1', 'Pos1', 'Pos2', 'Pos3', 'Pos4')
+    >>> str(base["MC"]["run"].crisp), base["MC"]["run"].corners
+    ('0 < x < 2.5', (0.05, 0.15, 2.0, 3.0))
+    >>> rule_base(slow_stroke=10).ranking[-1]
+    'T1'
+    """
+    files = (datasets.path(f"kim2014_assumed_{what}.csv") for what in ("rules", "terms"))
+    base = read_rules(*files)
+    if slow_stroke is None:
+        return base
+    limit = check_scalar("slow_stroke", slow_stroke, "s", 1, 3600)
+    slow = Term("slow", (limit - 0.5, limit + 0.5, inf, inf), f"x > {limit:g}", "slow")
+    time = Variable("Time", "s", 0, 3600, (slow,), "running time")
+    last = max(rule.priority for rule in base.rules) + 1
+    rule = Rule("T1", "Time.slow", last, "Degraded", "stroke slow (ours)")
+    return RuleBase((*base.variables, time), (*base.rules, rule))
+
+
+def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.DataFrame:
+    """Return the values with which kim2014 tests its rules.
+
+    Parameters
+    ----------
+    version : {"corrected", "printed"}, default "corrected"
+        With the misprints corrected, or as printed.
+    fill : {"absent", "normal", "physical"}, default "absent"
+        What a sensor reports that a row does not print: nothing; its normal value; or what it
+        reports in the state of the plant that the row describes.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per test, indexed by the code that the paper names; one column per variable, NaN
+        where it is missing. `shipnet.fuzzy.RuleBase.check` takes it.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such version or fill.
+
+    Examples
+    --------
+    The position of S2 contradicts its rule as printed:
+
+    >>> [rule_vectors(version).loc["S2", "VPos"].item() for version in ("printed", "corrected")]
+    [305.0, -5.0]
+    """
+    for name, value, legal in (("version", version, VERSIONS), ("fill", fill, FILLS)):
+        if value not in legal:
+            raise ArgumentError(f"{name} is {value!r}; it must be one of {', '.join(legal)}")
+    base = rule_base()
+    names = list(base.names)
+    every = datasets.read("kim2014_assumed_vectors.csv")
+    chosen = every[every["reading"] == VERSIONS[version]].set_index("code")
+    table = _numbers(chosen[names])
+    states = datasets.read("kim2014_assumed_fills.csv")
+    states = states[states["fill"] == fill]
+    left = table.notna().any(axis=1)
+    for when, (_, state) in zip(states["when"], _numbers(states[names]).iterrows(), strict=True):
+        here = left & (_holds(base, when, table) if when else True)
+        table[here] = table[here].fillna(state)
+        left &= ~here
+    return table
+
+
+def _numbers(text: pd.DataFrame) -> pd.DataFrame:
+    return text.replace("", "nan").astype(float)
+
+
+def _holds(base: RuleBase, term: str, table: pd.DataFrame) -> npt.NDArray[np.bool_]:
+    """Return the rows for which a term holds as printed."""
+    condition = RuleBase(base.variables, (Rule("condition", term, 1),))
+    return condition.fire(table, "crisp").strength[:, 0] > 0

@@ -1,0 +1,348 @@
+"""What a design takes: conductors, cable, hours and money, each low, nominal and high."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import floor, isinf, isnan, log10
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.design.catalogue import cables as catalogue
+from shipnet.design.settings import LEVELS, Assumptions, Level, values_at, words
+from shipnet.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from shipnet.design.catalogue import Cable
+    from shipnet.design.designs import Network
+
+
+# Numbers as a table of a design shows them: counts whole, estimates with three digits
+
+
+def number(value: float) -> str:
+    """Return a count as it is, and anything else with three significant digits."""
+    if isnan(value):
+        return "-"
+    if isinf(value):
+        return "without limit"
+    if value == int(value):
+        return f"{value:,.0f}"
+    places = 2 - floor(log10(abs(value)))
+    return f"{round(float(value), places):,.{max(places, 0)}f}"
+
+
+# What a network consists of, counted: cables by type, devices, channels -------------------------
+
+Floats = npt.NDArray[np.float64]
+
+#: The assumptions that a device of a kind costs on a bus, one price and one time each; "" stands
+#: for every other bus.
+_DEVICES: dict[str, dict[str, tuple[str, ...]]] = {
+    "cabinet": {"": ()},
+    "box": {"": ("box", "box_time")},
+    "module": {"": ("asi_module", "module_time")},
+    "station": {
+        "CAN": ("can_station", "station_time"),
+        "": ("modbus_station", "station_time"),
+    },
+    "master": {
+        "AS-i": ("asi_master", "master_time"),
+        "CAN": ("can_master", "master_time"),
+        "": ("modbus_master", "master_time"),
+    },
+    "gateway": {"": ("gateway", "master_time")},
+    "repeater": {"": ("repeater", "part_time")},
+    "supply": {"AS-i": ("asi_supply", "part_time"), "": ("supply", "part_time")},
+    "auxiliary supply": {"": ("supply", "part_time")},
+    "terminator": {"": ("terminator", "part_time")},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Bill:
+    """The counts of a network."""
+
+    cables: pd.DataFrame
+    conductors_at_cabinet: int
+    items: dict[str, int]
+    unconnected: int
+
+    def column(self, name: str) -> Floats:
+        """Return a column of `cables` as an array."""
+        return np.asarray(self.cables[name].to_numpy(dtype=float))
+
+
+def conductors_at_cabinet(network: Network) -> int:
+    """Count the conductors in use in the cables that enter the cabinet."""
+    runs = network.runs
+    return int(runs["used"][runs["at_cabinet"]].sum())
+
+
+def bill_of(network: Network) -> Bill:
+    """Count what a network consists of."""
+    runs = network.runs
+    cables = (
+        runs.assign(runs=1, ends=2 * runs["used"])
+        .groupby("cable")[["runs", "length_m", "ends", "conductors", "at_cabinet"]]
+        .sum()
+    )
+    points = network.points[["bus", "device"]].assign(
+        analogue=network.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
+    )
+    items = _devices(network, points) | _channels(points)
+    items["second_interface"] = _second_interfaces(network)
+    items["gland"] = items["gland_time"] = 2 * len(runs)
+    return Bill(
+        cables=cables,
+        conductors_at_cabinet=conductors_at_cabinet(network),
+        items={name: number for name, number in items.items() if number},
+        unconnected=int((points["bus"] == "").sum()),
+    )
+
+
+def _devices(network: Network, points: pd.DataFrame) -> dict[str, int]:
+    bus_of = dict(zip(network.segments["segment"], network.segments["bus"], strict=True))
+    bus = [bus_of.get(segment, "") for segment in network.devices["segment"]]
+    devices = network.devices
+    unknown = sorted(set(devices["kind"]) - set(_DEVICES))
+    if unknown:
+        raise ArgumentError(f"there is no price of a {', '.join(unknown)}")
+    items: dict[str, int] = {}
+    counted = Counter(zip(devices["kind"], bus, strict=True))
+    for (kind, of_bus), number in counted.items():
+        by_bus = _DEVICES[kind]
+        for name in by_bus.get(of_bus, by_bus[""]):
+            items[name] = items.get(name, 0) + number
+    modules = devices["device"][devices["kind"] == "module"]
+    analogue = int(modules.isin(points["device"][points["analogue"]]).sum())
+    if analogue:
+        items |= {"asi_analogue_module": analogue, "asi_module": items["asi_module"] - analogue}
+    return items
+
+
+def _second_interfaces(network: Network) -> int:
+    """Count the stations at which both lines of a redundant pair end."""
+    trunk = network.runs[(network.runs["kind"] == "trunk") & (network.runs["line"] != "")]
+    lines = trunk.melt(id_vars="line", value_vars=["a", "b"], value_name="device")
+    both = lines.groupby("device")["line"].nunique() > 1
+    stations = network.devices["device"][network.devices["kind"] == "station"]
+    return int(stations.isin(both.index[both]).sum())
+
+
+def _channels(points: pd.DataFrame) -> dict[str, int]:
+    analogue = points["analogue"]
+    wired, station = points["bus"] == "hardwired", points["bus"].isin(["CAN", "Modbus RTU"])
+    return {
+        "plc_digital_channel": int((wired & ~analogue).sum()),
+        "plc_analogue_channel": int((wired & analogue).sum()),
+        "station_digital_channel": int((station & ~analogue).sum()),
+        "station_analogue_channel": int((station & analogue).sum()),
+    }
+
+
+# What a network takes: conductors, cable, hours and money, each low, nominal and high
+
+
+#: The figures of a network, and their units.
+FIGURES: Mapping[str, str] = MappingProxyType(
+    {
+        "conductors at the cabinet": "1",
+        "conductors laid": "1",
+        "cables": "1",
+        "cable length": "km",
+        "cable mass": "kg",
+        "cable volume": "l",
+        "cross-section": "cm2",
+        "terminations": "1",
+        "labour": "h",
+        "cable cost": "EUR",
+        "hardware cost": "EUR",
+        "labour cost": "EUR",
+        "total cost": "EUR",
+    }
+)
+
+#: The assumptions of which each cable of the catalogue has its own range, and the field that holds
+#: it. A level of one is the level of all cables: they are dear together, or cheap together.
+CABLE_RANGES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "cable_mass": ("mass", "kg/m"),
+        "cable_price": ("price", "EUR/m"),
+        "laying_time": ("lay", "h/m"),
+        "termination_time": ("termination", "h"),
+    }
+)
+
+#: What no figure holds.
+EXCLUDED = (
+    "sensors and actuators, and their hook-up and test, which are the same in every option",
+    "engineering, documentation and software",
+    "commissioning and training",
+    "class approval and type approval",
+    "spares",
+    "cable trays, penetrations and the cabinet itself",
+    "cable cut to waste, and the termination of spare conductors and screens",
+    "operation, maintenance and what a failure costs",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Quantities:
+    """The figures of a network."""
+
+    name: str
+    table: pd.DataFrame
+    assumptions: pd.DataFrame
+    by_cable: pd.DataFrame
+    unconnected: int
+    excluded: tuple[str, ...] = EXCLUDED
+
+    def __getitem__(self, figure: str) -> float:
+        """Return a figure at nominal."""
+        return float(self.table["nominal"][check_figure(figure)])
+
+    def __repr__(self) -> str:
+        """Say the figures that are asked for first, and what is left out."""
+        cost = self.table.loc["total cost"]
+        left_out = f"; {self.unconnected} points not connected" if self.unconnected else ""
+        return (
+            f"<Quantities of {self.name!r}: {self['conductors at the cabinet']:.0f} conductors, "
+            f"{self['cable length']:.2f} km, {cost['nominal'] / 1e3:.0f} kEUR "
+            f"({cost['low'] / 1e3:.0f} to {cost['high'] / 1e3:.0f}){left_out}>"
+        )
+
+
+def check_figure(figure: str) -> str:
+    """Return the name of a figure, or raise if there is none of this name."""
+    if figure not in FIGURES:
+        raise ArgumentError(f"figure is {figure!r}; it must be one of {', '.join(FIGURES)}")
+    return figure
+
+
+class Model:
+    """The figures of one network as a function of what is assumed."""
+
+    def __init__(
+        self,
+        network: Network,
+        assumptions: Assumptions | None = None,
+        *,
+        cables: Mapping[str, Cable] | None = None,
+    ) -> None:
+        self.bill: Bill = bill_of(network)
+        self.assumptions = Assumptions() if assumptions is None else assumptions
+        known = catalogue() if cables is None else cables
+        unknown = sorted(set(self.bill.cables.index) - set(known))
+        if unknown:
+            raise ArgumentError(f"the catalogue has no cable {', '.join(unknown)}")
+        self.cables = {str(name): known[str(name)] for name in self.bill.cables.index}
+        self._section = 1e-6 * np.array([c.area_mm2 for c in self.cables.values()], dtype=float)
+        self._ranges = {
+            name: np.array([getattr(c, field) for c in self.cables.values()]).reshape(-1, 3)
+            for name, (field, _) in CABLE_RANGES.items()
+        }
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the assumptions that the figures depend on, those of the cables first."""
+        factors = ["laid_length", "cable_diameter"] if self.cables else []
+        own = [*factors, "labour_rate", *self.bill.items]
+        return [*(CABLE_RANGES if self.cables else ()), *(n for n in self.assumptions if n in own)]
+
+    def figures(
+        self, levels: Mapping[str, Level] | None = None, *, others: Level = "nominal"
+    ) -> dict[str, Any]:
+        """Return every figure at given levels of the assumptions."""
+        given = {} if levels is None else levels
+        bill, column = self.bill, self.bill.column
+
+        def at(name: str) -> Floats:
+            ranges = self._ranges.get(name)
+            ranges = np.array([self.assumptions[name]]) if ranges is None else ranges
+            return values_at(ranges, given.get(name, others))
+
+        def due(unit: str) -> Floats | float:
+            items = bill.items.items()
+            fits = [(name, n) for name, n in items if self.assumptions.entry(name).unit == unit]
+            return sum((n * at(name)[..., 0] for name, n in fits), start=0.0)
+
+        length = column("length_m") * at("laid_length")
+        section_m2 = self._section * at("cable_diameter") ** 2
+        labour = (length * at("laying_time") + column("ends") * at("termination_time")).sum(-1)
+        labour = labour + due("h")
+        cable_cost = (length * at("cable_price")).sum(-1)
+        hardware_cost = due("EUR")
+        labour_cost = labour * at("labour_rate")[..., 0]
+        figures = {
+            "conductors at the cabinet": bill.conductors_at_cabinet,
+            "conductors laid": column("conductors").sum(),
+            "cables": column("runs").sum(),
+            "cable length": length.sum(-1) / 1e3,
+            "cable mass": (length * at("cable_mass")).sum(-1),
+            "cable volume": (length * section_m2).sum(-1) * 1e3,
+            "cross-section": (column("at_cabinet") * section_m2).sum(-1) * 1e4,
+            "terminations": column("ends").sum(),
+            "labour": labour,
+            "cable cost": cable_cost,
+            "hardware cost": hardware_cost,
+            "labour cost": labour_cost,
+            "total cost": cable_cost + hardware_cost + labour_cost,
+        }
+        return {
+            name: float(value) if np.ndim(value) == 0 else value for name, value in figures.items()
+        }
+
+    @property
+    def used(self) -> pd.DataFrame:
+        """The assumptions in use: name, low, nominal, high, unit, status, source."""
+        import pandas as pd
+
+        columns = ["name", *LEVELS, "unit", "status", "source"]
+        own = [name for name in self.names if name not in CABLE_RANGES]
+        listed = self.assumptions.table.loc[own].reset_index()[columns]
+        return pd.concat(
+            [pd.DataFrame(list(self._cable_rows()), columns=columns), listed]
+        ).reset_index(drop=True)
+
+    def _cable_rows(self) -> Iterator[tuple[Any, ...]]:
+        for name, (field, unit) in CABLE_RANGES.items():
+            for cable in self.cables.values():
+                what = f"{words(name)} of {cable.id}"
+                yield (what, *getattr(cable, field), unit, cable.status, cable.source)
+
+
+def quantities(
+    network: Network,
+    assumptions: Assumptions | None = None,
+    *,
+    cables: Mapping[str, Cable] | None = None,
+) -> Quantities:
+    """Return what a network takes: conductors, cable, hours and money."""
+    import pandas as pd
+
+    model = Model(network, assumptions, cables=cables)
+    table = pd.DataFrame({level: model.figures(others=level) for level in LEVELS})
+    return Quantities(
+        name=network.name,
+        table=table.assign(unit=pd.Series(dict(FIGURES))).rename_axis("figure"),
+        assumptions=model.used,
+        by_cable=_by_cable(model),
+        unconnected=model.bill.unconnected,
+    )
+
+
+def _by_cable(model: Model) -> pd.DataFrame:
+    counts = model.bill.cables[["runs", "length_m"]]
+    kinds = model.cables.values()
+    each = {name: np.array([getattr(c, name).nominal for c in kinds]) for name in ("mass", "price")}
+    length = counts["length_m"] * model.assumptions.at("laid_length")
+    return counts.assign(
+        length_m=length, mass_kg=length * each["mass"], cost_eur=length * each["price"]
+    )

@@ -1,0 +1,589 @@
+"""What all planners share: a design in the making, boxes, clusters of places, trunks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, inf, isfinite
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
+from scipy.spatial.distance import cdist
+
+from shipnet.design.catalogue import cables, smallest
+from shipnet.design.designs import COLUMNS, Network, frame
+from shipnet.design.settings import Settings
+from shipnet.errors import ArgumentError
+from shipnet.signals import SIGNALS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from shipnet.design.catalogue import Cable
+    from shipnet.design.iolist import IoList
+    from shipnet.design.site import Site
+
+
+# Which places belong together: clusters within reach, groups of equal size, groups that fit
+
+#: Above so many places the tree of all distances takes too much memory, and they are halved first.
+_MOST = 3000
+
+#: Above so many items groups of equal size are not worth the time that the best ones take.
+_MANY = 1000
+
+#: Rounds of moving the centres; assignments settle in a few.
+_ROUNDS = 20
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.intp]
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def zones(places: npt.ArrayLike, *, reach: float, most: int | None = None) -> Ints:
+    """Return clusters whose places are all within reach of each other."""
+    xyz = _places(places)
+    if not (isfinite(reach) and reach >= 0):
+        raise ArgumentError(f"reach is {reach!r} m; it must be 0 or more")
+    largest = len(xyz) if most is None else most
+    if len(xyz) and largest < 1:
+        raise ArgumentError(f"most is {most!r}; it must be 1 or more")
+    if len(xyz) > _MOST:
+        upper = _halves(xyz)
+        labels = np.empty(len(xyz), dtype=np.intp)
+        low, high = (zones(xyz[side], reach=reach, most=most) for side in (~upper, upper))
+        labels[~upper], labels[upper] = low, high + low.max() + 1
+        return _renumbered(labels)
+    if len(xyz) < 2:
+        return np.zeros(len(xyz), dtype=np.intp)
+    tree = linkage(xyz, "complete", "cityblock")
+    # Beyond its limit a subtree is cut: both shares grow from the leaves to the root.
+    excess = np.maximum(tree[:, 2] - reach, (tree[:, 3] > largest).astype(float))
+    return _renumbered(fcluster(tree, 1e-9, "monocrit", monocrit=excess).astype(np.intp))
+
+
+def balanced(
+    places: npt.ArrayLike, groups: int, *, kinds: npt.ArrayLike = 0, most: Sequence[int] = ()
+) -> Ints:
+    """Return groups of nearly equal size whose places are near the middle of their group."""
+    from scipy.optimize import linear_sum_assignment  # slow to load, and few plans need it
+
+    xyz = _places(places)
+    kind = np.broadcast_to(np.asarray(kinds, dtype=np.intp), len(xyz))
+    if groups < 1:
+        raise ArgumentError(f"groups is {groups!r}; it must be 1 or more")
+    counts = np.bincount(kind) if len(xyz) else np.zeros(1, dtype=np.intp)
+    room = [ceil(count / groups) for count in counts] if not most else list(most)
+    for number, count in enumerate(counts):
+        if number >= len(room) or count > groups * room[number]:
+            raise ArgumentError(f"{count} places of kind {number} have no room in {groups} groups")
+    if groups == 1 or len(xyz) < 2:
+        return np.zeros(len(xyz), dtype=np.intp)
+    centres = _first_centres(xyz, groups)
+    labels = np.full(len(xyz), -1, dtype=np.intp)
+    for _ in range(_ROUNDS):
+        away = cdist(xyz, centres, "cityblock")
+        moved = np.empty_like(labels)
+        for number, seats in enumerate(room[: len(counts)]):
+            mine = np.flatnonzero(kind == number)
+            at, seat = linear_sum_assignment(np.repeat(away[mine], seats, axis=1))
+            moved[mine[at]] = seat // max(seats, 1)
+        if (moved == labels).all():
+            break
+        labels = moved
+        for group in range(groups):
+            if (labels == group).any():
+                centres[group] = np.median(xyz[labels == group], axis=0)
+    return _renumbered(labels)
+
+
+def divided(
+    items: Sequence[Item],
+    place: Callable[[Item], Sequence[float]],
+    judge: Callable[[Sequence[Item]], tuple[Result, float]],
+    halve: Callable[[Item], Sequence[Item]] | None = None,
+) -> list[tuple[list[Item], Result]]:
+    """Divide items into groups until each keeps its limits."""
+    waiting = [list(items)] if len(items) else []
+    done = []
+    while waiting:
+        group = waiting.pop(0)
+        result, parts = judge(group)
+        pieces: list[list[Item]] = []
+        if parts > 1 and len(group) > 1:
+            pieces = _pieces(group, place, parts)
+        elif parts > 1 and halve is not None:
+            pieces = [[piece] for piece in halve(group[0])]
+        if not pieces:
+            done.append((group, result))
+        waiting = pieces + waiting
+    return done
+
+
+def _pieces(
+    group: list[Item], place: Callable[[Item], Sequence[float]], parts: float
+) -> list[list[Item]]:
+    xyz = _places([place(item) for item in group])
+    if len(group) > _MANY:
+        labels = _halves(xyz).astype(np.intp)
+    elif parts == inf:
+        labels = fcluster(linkage(xyz, "complete", "cityblock"), 2, "maxclust")
+        if len(np.unique(labels)) < 2:  # all in one place
+            labels = np.arange(len(group)) % 2
+    else:
+        labels = balanced(xyz, min(ceil(parts), len(group)))
+    return [
+        [item for item, label in zip(group, labels, strict=True) if label == own]
+        for own in dict.fromkeys(labels.tolist())
+    ]
+
+
+def _first_centres(xyz: Floats, groups: int) -> Floats:
+    middle = xyz - xyz.mean(axis=0)
+    extent = np.linalg.svd(middle, full_matrices=False)[2][0]
+    order = np.argsort(middle @ extent, kind="stable")
+    chunks = np.array_split(order, groups)
+    return np.array([np.median(xyz[c], axis=0) if len(c) else xyz[order[-1]] for c in chunks])
+
+
+def _halves(xyz: Floats) -> npt.NDArray[np.bool_]:
+    along = xyz[:, np.ptp(xyz, axis=0).argmax()]
+    upper = np.zeros(len(xyz), dtype=np.bool_)
+    upper[np.argsort(along, kind="stable")[len(xyz) // 2 :]] = True
+    return upper
+
+
+def _renumbered(labels: Ints) -> Ints:
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(first))[inverse], dtype=np.intp)
+
+
+def _places(places: npt.ArrayLike) -> Floats:
+    xyz = np.asarray(places, dtype=np.float64)
+    if xyz.size == 0:
+        return np.empty((0, 3))
+    if xyz.ndim != 2 or xyz.shape[1] != 3 or not np.isfinite(xyz).all():
+        raise ArgumentError("places must be finite coordinates, three a place")
+    return xyz
+
+
+# How a trunk goes past its devices: branching, or from each to the next -------------------------
+
+#: What keeps two devices in one place apart: scipy takes a distance below 1e-8 for no edge [m].
+_APART = 1e-6
+
+
+def tree(ways: npt.ArrayLike) -> list[tuple[int, int]]:
+    """Return the branching trunk of least length: the minimum spanning tree."""
+    away = _square(ways)
+    if len(away) < 2:
+        return []
+    spanning = minimum_spanning_tree(away + _APART)
+    order, before = depth_first_order(spanning, 0, directed=False)
+    return [(int(before[place]), int(place)) for place in order[1:]]
+
+
+def chain(ways: npt.ArrayLike) -> list[int]:
+    """Return the order in which a trunk goes from device to device on a short way."""
+    away = _square(ways)
+    n = len(away)
+    if n < 3:
+        return list(range(n))
+    order = np.asarray(_walk(tree(away), n))
+    # Behind the last device comes a place that is near to all: the chain may end anywhere.
+    padded = np.zeros((n + 1, n + 1))
+    padded[:n, :n] = away
+    order = np.append(order, n)
+    first, last = np.triu_indices(n - 1, 0)
+    first, last = first + 1, last + 1
+    while True:
+        before, a, b, behind = order[first - 1], order[first], order[last], order[last + 1]
+        change = padded[before, b] + padded[a, behind] - padded[before, a] - padded[b, behind]
+        best = int(change.argmin())
+        if change[best] > -1e-6:
+            return [int(place) for place in order[:-1]]
+        start, end = first[best], last[best] + 1
+        order[start:end] = order[start:end][::-1].copy()
+
+
+def _walk(edges: list[tuple[int, int]], n: int) -> list[int]:
+    onward: list[list[int]] = [[] for _ in range(n)]
+    below = np.ones(n, dtype=np.intp)
+    for near, far in edges:
+        onward[near].append(far)
+    for near, far in reversed(edges):
+        below[near] += below[far]
+    order, waiting = [], [0]
+    while waiting:
+        place = waiting.pop()
+        order.append(place)
+        # The largest branch last: nothing has to come back from it.
+        waiting += sorted(onward[place], key=lambda other: -below[other])
+    return order
+
+
+def _square(ways: npt.ArrayLike) -> Floats:
+    away = np.asarray(ways, dtype=np.float64)
+    square = away.ndim == 2 and away.shape[0] == away.shape[1]
+    if not square or not ((away >= 0) & np.isfinite(away)).all():
+        raise ArgumentError("ways must be a square of finite ways, 0 m or more")
+    return away
+
+
+# A network in the making: what planners put down, and the ways that follow when all is there
+
+Place = tuple[float, float, float]
+
+
+class Laid(NamedTuple):
+    """How a cable gets its length, beside its ends."""
+
+    start: Place
+    end: Place
+    length: float = np.nan
+    slack: float = np.nan
+    share: float = 1.0
+    avoid: frozenset[str] = frozenset()
+
+
+@dataclass(eq=False)
+class Draft:
+    """A network in the making."""
+
+    iolist: IoList
+    site: Site
+    settings: Settings
+
+    def __post_init__(self) -> None:
+        """Take what every planner asks for from the list, and put the cabinet down."""
+        points = self.iolist.points
+        n = len(points)
+        self.places: Floats = self.iolist.places
+        self.need: Floats = points["update_ms"].to_numpy(np.float64) / 1e3
+        self.need = np.where(np.isnan(self.need), self.settings.update, self.need)
+        self.common = np.array([SIGNALS[str(s)].common for s in points["signal"]], dtype=np.int64)
+        self.wires = points["conductors"].to_numpy(np.int64) + self.common
+        self.types: list[str] = points["type"].tolist()
+        self.tags: list[str] = points["tag"].tolist()
+        self._point: dict[str, npt.NDArray[Any]] = {
+            name: np.full(n, "", dtype=object) for name in ("bus", "segment", "device", "address")
+        }
+        self._response = np.full(n, np.nan)
+        self._taken = set(self.tags)
+        self._in_cabinet: set[str] = set()
+        self._rows: dict[str, list[dict[str, Any]]] = {name: [] for name in COLUMNS}
+        self.middle: Place = tuple(float(x) for x in self.site.cabinet)  # type: ignore[assignment]
+        self.cabinet = self.device("cabinet", "cabinet", "", self.middle)
+        self._in_cabinet.add(self.cabinet)
+
+    def device(self, name: str, kind: str, segment: str, place: Place, at: str = "") -> str:
+        """Put down a device, and return its name, which gets a number if it is taken."""
+        free, number = name, 1
+        while free in self._taken:
+            number += 1
+            free = f"{name} ({number})"
+        self._taken.add(free)
+        if at and at in self._in_cabinet:
+            self._in_cabinet.add(free)
+        x, y, z = place
+        self._rows["devices"].append(
+            {"device": free, "kind": kind, "segment": segment, "x_m": x, "y_m": y, "z_m": z,
+             "at": at}
+        )  # fmt: skip
+        return free
+
+    def run(
+        self,
+        kind: str,
+        ends: tuple[str, str],
+        laid: Laid,
+        cable: Cable,
+        used: int,
+        segment: str = "",
+        line: str = "",
+    ) -> None:
+        """Put down a cable."""
+        a, b = ends
+        self._rows["runs"].append(
+            {"run": f"{kind} {len(self._rows['runs']) + 1}", "cable": cable.id, "a": a, "b": b,
+             "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
+             "at_cabinet": a in self._in_cabinet or b in self._in_cabinet, "line": line,
+             **laid._asdict()}
+        )  # fmt: skip
+
+    def given_lengths(self, column: str) -> Floats:
+        """Return the lengths that the list gives in a column [m]; NaN where they are reckoned."""
+        lengths = self.iolist.points[column].to_numpy(np.float64, copy=True)
+        if not self.settings.list_lengths:
+            lengths[self.iolist.located] = np.nan
+        return lengths
+
+    def drop(self, row: int, device: str, place: Place, segment: str, length: float) -> None:
+        """Put down the cable of a point to its device."""
+        wires = int(self.wires[row])
+        laid = Laid(place, _place(self.places[row]), length)
+        cable = smallest(wires, spare=0)
+        self.run("drop", (device, self.tags[row]), laid, cable, wires, segment)
+
+    def connect(
+        self, row: int, bus: str, segment: str, device: str, address: str, response: float
+    ) -> None:
+        """Say how a point is connected, and how late the host knows of it [s]."""
+        values = zip(
+            ("bus", "segment", "device", "address"), (bus, segment, device, address), strict=True
+        )
+        for name, value in values:
+            self._point[name][row] = value
+        self._response[row] = response
+
+    def segment(self, **columns: Any) -> None:
+        """Put down a segment."""
+        self._rows["segments"].append(columns)
+
+    def reason(
+        self, subject: str, limit: str, value: float, bound: float, unit: str, text: str
+    ) -> None:
+        """Say why something does not fit."""
+        self._rows["reasons"].append(
+            {"subject": subject, "limit": limit, "value": value, "bound": bound, "unit": unit,
+             "text": text}
+        )  # fmt: skip
+
+    def network(self, name: str) -> Network:
+        """Return the network, with all ways and lengths worked out."""
+        points = frame(
+            "points",
+            {"tag": self.tags, **self._point, "response_ms": self._response * 1e3,
+             "fits": self._point["bus"] != ""},
+        )  # fmt: skip
+        tables = {t: frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")}
+        return Network(name, self.iolist, self.site, points, runs=self._runs(), **tables)
+
+    def _runs(self) -> pd.DataFrame:
+        import pandas as pd
+
+        rows = self._rows["runs"]
+        if not rows:
+            return frame("runs")
+        runs = pd.DataFrame(rows).drop(columns=["start", "end"])
+        start, end = (
+            np.array([row[at] for row in rows], dtype=np.float64) for at in ("start", "end")
+        )
+        known = np.isfinite(start).all(axis=1) & np.isfinite(end).all(axis=1)
+        route = np.full(len(rows), np.nan)
+        length = runs["length"].to_numpy(np.float64, copy=True)
+        ways: list[tuple[str, ...]] = [()] * len(rows)
+        share = runs["share"].to_numpy(np.float64)
+        for avoid in dict.fromkeys(row["avoid"] for row in rows):
+            mine = np.flatnonzero(known & np.array([row["avoid"] == avoid for row in rows]))
+            for row, way in zip(
+                mine, self.site.ways(start[mine], end[mine], avoid=avoid), strict=True
+            ):
+                ways[row] = way
+            asked = mine[np.isnan(length[mine])]
+            route[asked] = self.site.route(start[asked], end[asked], avoid=avoid) * share[asked]
+        slack = runs["slack"].to_numpy(np.float64)
+        open_ = np.isnan(length)
+        length[open_] = np.where(
+            np.isnan(slack[open_]),
+            self.site.length(route[open_]),
+            self.site.detour * route[open_] + np.nan_to_num(slack[open_]),
+        )
+        return frame(
+            "runs",
+            runs.assign(route_m=route, length_m=length, way=pd.Series(ways, dtype=object))[
+                list(COLUMNS["runs"])
+            ],
+        )
+
+
+def _place(xyz: Floats) -> Place:
+    x, y, z = (float(value) for value in xyz)
+    return x, y, z
+
+
+# Junction boxes: those that the list names, and clusters of the points that it gives none
+
+
+class Box(NamedTuple):
+    """A place where the cables of some points end."""
+
+    name: str
+    place: Place
+    rows: npt.NDArray[np.intp]
+    lengths: npt.NDArray[np.float64]
+
+    def part(self, chosen: npt.NDArray[np.intp]) -> Box:
+        """Return the same box with some of its points, by their places in `rows`."""
+        return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
+
+    def halved(self, need: npt.NDArray[np.float64]) -> list[Box]:
+        """Return two boxes here, the urgent points apart; none if there is one point."""
+        if len(self.rows) < 2:
+            return []
+        order = np.argsort(need[self.rows], kind="stable")
+        return [self.part(np.sort(part)) for part in np.array_split(order, 2)]
+
+
+def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
+    """Return the boxes of some points; those that no box can be found for are given a reason."""
+    table = draft.iolist.points
+    names = table["box"].to_numpy(object)
+    at_box = draft.iolist.box_places
+    given = draft.given_lengths("to_box_m")
+    located = draft.iolist.located
+    limits = draft.settings.boxes
+    found: list[Box] = []
+    for name in dict.fromkeys(names[rows]):
+        mine = rows[names[rows] == name]
+        if name == "":
+            continue
+        places = at_box[mine][np.isfinite(at_box[mine]).all(axis=1)]
+        if not len(places):
+            places = draft.places[mine][located[mine]]
+        reached = (np.isfinite(given[mine]) | located[mine]) if len(places) else False
+        reached = np.broadcast_to(reached, len(mine))
+        without_place(draft, mine[~reached])
+        if reached.any():
+            found.append(_box(str(name), places, mine[reached], given[mine[reached]]))
+    loose = rows[names[rows] == ""]
+    without_place(draft, loose[~located[loose]])
+    loose = loose[located[loose]]
+    labels = zones(draft.places[loose], reach=limits.reach, most=limits.points)
+    for number in range(labels.max(initial=-1) + 1):
+        mine = loose[labels == number]
+        nothing = np.full(len(mine), np.nan)
+        found.append(_box(f"box {number + 1}", draft.places[mine], mine, nothing))
+    return found
+
+
+def without_place(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
+    """Give points the reason that their place is not known."""
+    for row in rows:
+        tag = draft.tags[row]
+        text = f"the list gives no place for {tag}, so that nothing can be put near it"
+        draft.reason(tag, "place", np.nan, np.nan, "m", text)
+
+
+def too_far(draft: Draft, box: Box, away: float, longest: float, most: str) -> None:
+    """Give the points of a box the reason that no trunk reaches it."""
+    for row in box.rows:
+        tag = draft.tags[row]
+        text = f"{tag} is {away:.0f} m of trunk away; {most.format(longest)}"
+        draft.reason(tag, "length", away, longest, "m", text)
+
+
+def _box(
+    name: str,
+    places: npt.NDArray[np.float64],
+    rows: npt.NDArray[np.intp],
+    lengths: npt.NDArray[np.float64],
+) -> Box:
+    x, y, z = (float(value) for value in np.median(places, axis=0))
+    return Box(name, (x, y, z), rows, lengths)
+
+
+# The trunk of a segment whose stations sit along one cable: its order, its second line, its ends
+
+#: Conductors of the bus itself; a screen is none.
+PAIR = 2
+
+
+class Backbone(NamedTuple):
+    """The way of a trunk past its stations."""
+
+    order: list[int]
+    hops: npt.NDArray[np.float64]
+    avoid: frozenset[str]
+
+    @property
+    def length(self) -> float:
+        """All of its cable [m]."""
+        return float(self.hops.sum())
+
+
+def route_past(draft: Draft, stations: Sequence[Box]) -> Backbone:
+    """Find the way of a trunk from the cabinet past all stations."""
+    places = np.array([draft.middle, *(station.place for station in stations)])
+    order = chain(draft.site.route(places[:, None], places[None, :]))
+    along = places[order]
+    routes = draft.site.route(along[:-1], along[1:])
+    avoid: frozenset[str] = frozenset()
+    if draft.settings.redundant:
+        ways = draft.site.ways(along[:-1], along[1:])
+        avoid = frozenset(tray for way in ways for tray in way)
+        routes = np.maximum(routes, draft.site.route(along[:-1], along[1:], avoid=avoid))
+    return Backbone([place - 1 for place in order[1:]], draft.site.length(routes), avoid)
+
+
+def lay(
+    draft: Draft,
+    segment: str,
+    bus: str,
+    stations: Sequence[Box],
+    trunk: Backbone,
+    cable: str,
+    repeaters: Sequence[int] = (),
+) -> list[str]:
+    """Put down masters, stations, trunk cables, feeders, terminators and repeaters of a segment."""
+    names = [draft.device(f"{bus} {box.name}", "station", segment, box.place) for box in stations]
+    places = [draft.middle, *(box.place for box in stations)]
+    for line in ("A", "B") if draft.settings.redundant else ("",):
+        of_line = f" {line}" if line else ""
+        avoid = trunk.avoid if line == "B" else frozenset[str]()
+        housing = draft.cabinet
+        master = draft.device(
+            f"{segment} master{of_line}", "master", segment, draft.middle, housing
+        )
+        ends = [master, *names]
+        # A cable leaves a station through its repeater if it has one.
+        leaving = {
+            place + 1: draft.device(
+                f"{names[place]} repeater{of_line}",
+                "repeater",
+                segment,
+                places[place + 1],
+                names[place],
+            )
+            for place in repeaters
+        }
+        for hop, (near, far) in enumerate(pairwise(places)):
+            laid = Laid(near, far, avoid=avoid)
+            run = leaving.get(hop, ends[hop]), ends[hop + 1]
+            draft.run("trunk", run, laid, cables()[cable], PAIR, segment, line)
+        _end(draft, segment, of_line, master, names[-1], places)
+        if draft.settings.fed:
+            _feed(draft, segment, line, names, places, avoid)
+    return names
+
+
+def _end(
+    draft: Draft,
+    segment: str,
+    of_line: str,
+    master: str,
+    last: str,
+    places: Sequence[tuple[float, float, float]],
+) -> None:
+    for number, (at, place) in enumerate([(master, places[0]), (last, places[-1])], 1):
+        draft.device(f"{segment} terminator {number}{of_line}", "terminator", segment, place, at)
+
+
+def _feed(
+    draft: Draft,
+    segment: str,
+    line: str,
+    names: Sequence[str],
+    places: Sequence[tuple[float, float, float]],
+    avoid: frozenset[str],
+) -> None:
+    of_line = f" {line}" if line else ""
+    supply = draft.device(f"{segment} supply{of_line}", "supply", segment, places[0], draft.cabinet)
+    feeder = cables()[draft.settings.feeder]
+    for (near, far), run in zip(pairwise(places), pairwise([supply, *names]), strict=True):
+        draft.run("feeder", run, Laid(near, far, avoid=avoid), feeder, PAIR, segment, line)

@@ -1,0 +1,429 @@
+"""What single failures cost: every cable, tray and device of a design, one at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from shipnet.design.designs import Network
+
+
+# What of a planned network is still reached when some of its cables are cut and devices dead
+
+Bools = npt.NDArray[np.bool_]
+Whole = npt.NDArray[np.int64]
+#: Numbers of the runs that are cut, and of the devices that are dead.
+Failure = tuple[Collection[int], Collection[int]]
+#: Nodes at both ends of each edge, and its run; -1 is no run.
+Edges = tuple[Whole, Whole, Whole]
+
+#: Devices that join the two lines of a pair, and those through which nothing passes once dead.
+_JOINS = ("cabinet", "master", "gateway")
+_BLOCKS = (*_JOINS, "repeater", "box")
+
+#: Devices at which a pair ends that is shorted, by what kind of cable it is.
+_PAIR_ENDS = {"trunk": ("repeater", "gateway"), "feeder": ("cabinet", "gateway")}
+
+#: Housings that are lost with all that they hold; a dead station is lost by itself.
+_SHELLS = ("box", "cabinet")
+
+#: Most truth values that are held at once.
+_CHUNK = 2**24
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """A planned network as arrays: runs and devices are the rows of its tables."""
+
+    network: Network
+
+    @cached_property
+    def kinds(self) -> npt.NDArray[Any]:
+        """Kind of each device."""
+        return self.network.devices["kind"].to_numpy(str)
+
+    @cached_property
+    def at_point(self) -> Bools:
+        """Which runs end at a point."""
+        return self.network.runs["kind"].isin(["drop", "home run"]).to_numpy()
+
+    @cached_property
+    def trays(self) -> dict[str, list[int]]:
+        """Runs on each tray."""
+        members: dict[str, list[int]] = {}
+        for number, way in enumerate(self.network.runs["way"]):
+            for tray in dict.fromkeys(way):
+                members.setdefault(str(tray), []).append(number)
+        return dict(sorted(members.items()))
+
+    @cached_property
+    def shorts(self) -> list[tuple[list[int], list[int]]]:
+        """Runs that are one pair, trunks of a bus or feeders, and what a short of them kills."""
+        runs, segments = self.network.runs, self.network.segments
+        buses = segments.loc[segments["bus"] != "hardwired", "segment"]
+        trunk = runs["segment"].isin(buses) & (runs["kind"] == "trunk")
+        found = []
+        for kind, chosen in (("trunk", trunk), ("feeder", self._feeders)):
+            for _, members in runs[chosen].groupby(["segment", "line"], sort=False):
+                for pair in self._together(members.index.to_numpy(), _PAIR_ENDS[kind]):
+                    bus = [run for run in pair if trunk[run] and self._asi[run]]
+                    ends = np.unique(self._ends[bus])
+                    found.append((pair, ends[self.kinds[ends] == "master"].tolist()))
+        return found
+
+    def _together(self, number: Whole, pair_ends: Sequence[str]) -> list[list[int]]:
+        """Return runs in groups that hang together but for devices of some kinds."""
+        # Runs and the devices that connect them are the nodes.
+        ends, row = self._ends[number], np.arange(len(number)) + len(self.kinds)
+        place, side = np.nonzero(~np.isin(self.kinds, pair_ends)[ends])
+        u, v = ends[place, side], row[place]
+        labels = _labels(np.ones((1, len(u)), bool), len(self.kinds) + len(number), u, v)[0, row]
+        return [number[labels == label].tolist() for label in dict.fromkeys(labels)]
+
+    @cached_property
+    def alone(self) -> dict[int, int]:
+        """Runs that are the only cable over which a point works, and this point."""
+        point, _, run = self._wires
+        good = self._good(*self._masks([((), ())]), self._needs_supply)[0]
+        only = np.bincount(point[good], minlength=len(self._connected)) == 1
+        mine = good & only[point] & (run >= 0)
+        return dict(zip(run[mine].tolist(), point[mine].tolist(), strict=True))
+
+    def lost(self, failures: Sequence[Failure]) -> Bools:
+        """Return which points each failure costs, shape (n_failures, n_points)."""
+        width = 4 * len(self.kinds) + 2 * len(self.network.runs) + len(self._connected)
+        step = max(1, _CHUNK // width)
+        parts = [failures[start : start + step] for start in range(0, len(failures), step)]
+        works = [self._works(*self._masks(part), self._needs_supply) for part in parts]
+        empty = np.zeros((0, len(self._connected)), bool)
+        return np.asarray(self._connected & ~np.concatenate([empty, *works]))
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
+        return {name: n for n, name in enumerate(self.network.devices["device"])}
+
+    @cached_property
+    def _cabinet(self) -> int:
+        return self._index[self.network.cabinet]
+
+    @cached_property
+    def _at(self) -> Whole:
+        """Device in whose housing each one stands; -1 in its own."""
+        return np.array([self._index.get(at, -1) for at in self.network.devices["at"]], np.int64)
+
+    @cached_property
+    def _ends(self) -> Whole:
+        """Devices at the ends of every run, shape (n_runs, 2); -1 where a point is."""
+        runs = self.network.runs
+        b = runs["b"].where(~self.at_point, "")
+        ends = [[self._index.get(name, -1) for name in end] for end in (runs["a"], b)]
+        return np.array(ends, np.int64).reshape(2, -1).T
+
+    @cached_property
+    def _wires(self) -> tuple[Whole, Whole, Whole]:
+        """Point, device and run of each cable that a point has; run -1 is a terminal."""
+        points, runs = self.network.points, self.network.runs
+        row = {tag: n for n, tag in enumerate(points["tag"])}
+        own = np.flatnonzero(self.at_point)
+        tags = runs["b"].to_numpy(object)[own]
+        bare = points[(points["device"] != "") & ~points["tag"].isin(tags)]
+        terminal = [self._index[name] for name in bare["device"]]
+        return (
+            np.array([row[tag] for tag in tags] + bare.index.tolist(), np.int64),
+            np.array(self._ends[own, 0].tolist() + terminal, np.int64),
+            np.concatenate([own, np.full(len(bare), -1)]),
+        )
+
+    @cached_property
+    def _data(self) -> Edges:
+        """What carries data; masters and the like are one node for both lines."""
+        count, trunk = len(self.kinds), (self.network.runs["kind"] == "trunk").to_numpy()
+        link = self._feeders & (self.kinds == "gateway")[self._ends].any(axis=1)
+        u, v, run = self._by_line(np.flatnonzero(trunk | link), self._joints)
+        joined = np.isin(self.kinds, _JOINS)
+        u, v = (np.where(joined[node % count], node % count, node) for node in (u, v))
+        return u, v, run
+
+    @cached_property
+    def _power(self) -> Edges:
+        """What carries power: feeders of stations, and the trunk of AS-i."""
+        trunk = self._asi & ~self._feeders & ~self.at_point
+        trunk &= (self.kinds != "repeater")[self._ends[:, 1]]
+        apart = np.isin(self.kinds, ("cabinet", "gateway"))[self._ends].any(axis=1)
+        return self._by_line(
+            np.flatnonzero(trunk | (self._feeders & ~self._asi & ~apart)), self._poles
+        )
+
+    @cached_property
+    def _current_at(self) -> Whole:
+        """Device at which each edge of data must have current to carry any; -1 for none."""
+        u, v, run = self._data
+        a, b = self._ends.T
+        end = np.where((self.kinds == "repeater")[b], a, b)
+        trunk = self._asi & (self.network.runs["kind"] == "trunk").to_numpy()
+        along = np.append(np.where(trunk, end, -1), -1)[run]
+        # A repeater beside its master has no cable to it, and is on the same line.
+        inside, at = u % len(self.kinds), v % len(self.kinds)
+        master = (self.kinds == "master") & self._of_asi(self.network.devices["segment"])
+        beside = (run < 0) & (self.kinds == "repeater")[inside] & master[at]
+        return np.where(beside, at, along)
+
+    @cached_property
+    def _mains(self) -> tuple[Whole, Whole]:
+        """Supplies with a feeder from the cabinet, and this run."""
+        from_cabinet = self._feeders & (self._ends == self._cabinet).any(axis=1)
+        number = np.flatnonzero(from_cabinet)
+        far = self._ends[number].sum(axis=1) - self._cabinet
+        fed = self.kinds[far] == "supply"
+        return far[fed], number[fed]
+
+    @cached_property
+    def _auxiliary(self) -> Edges:
+        """What feeds the outputs of AS-i modules from an auxiliary supply, beside the trunk."""
+        supplies = (self.kinds == "supply")[self._ends].any(axis=1)
+        number = np.flatnonzero(self._asi & self._feeders & ~supplies)
+        return (*self._ends[number].T, number)
+
+    @cached_property
+    def _feeders(self) -> Bools:
+        return (self.network.runs["kind"] == "feeder").to_numpy()
+
+    @cached_property
+    def _asi(self) -> Bools:
+        """Which runs are of an AS-i segment."""
+        return self._of_asi(self.network.runs["segment"])
+
+    def _of_asi(self, names: pd.Series[str]) -> Bools:
+        segments = self.network.segments
+        asi = segments.loc[segments["bus"] == "AS-i", "segment"]
+        return np.asarray(names.isin(asi).to_numpy(bool))
+
+    @cached_property
+    def _housings(self) -> Whole:
+        """Devices that stand in the housing of another, and that one, shape (n, 2)."""
+        inside = np.flatnonzero(self._at >= 0)
+        return np.stack([inside, self._at[inside]], axis=1)
+
+    @cached_property
+    def _joints(self) -> Whole:
+        """What stands in a housing, and what it hangs on there, shape (n, 2)."""
+        segment = self.network.devices["segment"].to_numpy(str)
+        master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
+        joints = self._housings.copy()
+        for row, (n, at) in enumerate(joints):
+            if at == self._cabinet and self.kinds[n] in ("repeater", "supply"):
+                joints[row, 1] = master.get(segment[n], at)
+        return joints
+
+    @cached_property
+    def _poles(self) -> Whole:
+        """Supplies, and where they feed their line without a cable of their own, shape (n, 2)."""
+        return np.asarray(self._joints[self.kinds[self._joints[:, 0]] == "supply"])
+
+    def _by_line(self, number: Whole, joints: Whole) -> Edges:
+        """Return runs and joints as edges; node n + D is device n on line B."""
+        line, count = self.network.runs["line"].to_numpy(str)[number], len(self.kinds)
+        first, second = number[line != "B"], number[line != "A"]
+        ends = [self._ends[first], joints, self._ends[second] + count, joints + count]
+        none = np.full(len(joints), -1)
+        return (*np.concatenate(ends).T, np.concatenate([first, none, second, none]))
+
+    @cached_property
+    def _needs_supply(self) -> Bools:
+        """Devices that a supply reaches while nothing has failed."""
+        return np.asarray(self._supplied(*self._masks([((), ())]))[0])
+
+    @cached_property
+    def _connected(self) -> Bools:
+        """Points that work while nothing has failed."""
+        return np.asarray(self._works(*self._masks([((), ())]), self._needs_supply)[0])
+
+    def _masks(self, failures: Sequence[Failure]) -> tuple[Bools, Bools]:
+        """Return which runs are cut and which devices dead; the last column is of no run."""
+        cut = np.zeros((len(failures), len(self.network.runs) + 1), bool)
+        dead = np.zeros((len(failures), len(self.kinds)), bool)
+        for row, (runs, devices) in enumerate(failures):
+            cut[row, list(runs)] = True
+            dead[row, list(devices)] = True
+        # With a box, what stands in it is dead.
+        inside, housing = self._housings[np.isin(self.kinds[self._housings[:, 1]], _SHELLS)].T
+        while (more := dead[:, housing] & ~dead[:, inside]).any():
+            dead[:, inside] |= more
+        return cut, dead
+
+    def _open(self, edges: Edges, cut: Bools, dead: Bools) -> Bools:
+        """Return which edges still carry, shape (n_failures, n_edges)."""
+        (u, v, run), count = edges, len(self.kinds)
+        blocked = dead & np.isin(self.kinds, _BLOCKS)
+        return ~(cut[:, run] | blocked[:, u % count] | blocked[:, v % count])
+
+    def _works(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
+        """Return which points work."""
+        point, good = self._wires[0], self._good(cut, dead, needs_supply)
+        works = np.zeros((len(cut), len(self.network.points)), bool)
+        for cables in _nth(point):
+            works[:, point[cables]] |= good[:, cables]
+        return works
+
+    def _good(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
+        """Return which cables of points still work, shape (n_failures, n_wires)."""
+        u, v, _ = self._data
+        count = len(self.kinds)
+        dark = needs_supply & ~self._supplied(cut, dead)
+        # The last column is of edges that need no current.
+        still = np.pad(~dark, ((0, 0), (0, 1)), constant_values=True)[:, self._current_at]
+        labels = _labels(self._open(self._data, cut, dead) & still, 2 * count, u, v)
+        reached = labels == labels[:, [self._cabinet]]
+        alive = (reached[:, :count] | reached[:, count:]) & ~dead & ~dead[:, [self._cabinet]]
+        alive &= ~dark
+        point, device, run = self._wires
+        output = self.network.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
+        unfed = self._needs_auxiliary & ~self._has_auxiliary(cut, dead)
+        good = alive[:, device] & ~cut[:, run] & ~(unfed[:, device] & output[point])
+        return np.asarray(good)
+
+    @cached_property
+    def _needs_auxiliary(self) -> Bools:
+        return np.asarray(self._has_auxiliary(*self._masks([((), ())]))[0])
+
+    def _has_auxiliary(self, cut: Bools, dead: Bools) -> Bools:
+        """Return which devices a live auxiliary supply reaches."""
+        u, v, _ = self._auxiliary
+        labels = _labels(self._open(self._auxiliary, cut, dead), len(self.kinds), u, v)
+        live = np.zeros_like(labels, dtype=bool)
+        row, device = np.nonzero(~dead & (self.kinds == "auxiliary supply"))
+        live[row, labels[row, device]] = True
+        return np.take_along_axis(live, labels, axis=1)
+
+    def _supplied(self, cut: Bools, dead: Bools) -> Bools:
+        """Return which devices a live supply reaches."""
+        u, v, _ = self._power
+        count = len(self.kinds)
+        labels = _labels(self._open(self._power, cut, dead), 2 * count, u, v)
+        live = np.zeros_like(labels, dtype=bool)
+        fed, mains = self._mains
+        unfed = np.zeros_like(dead)
+        row, place = np.nonzero(cut[:, mains])
+        unfed[row, fed[place]] = True
+        row, device = np.nonzero(~dead & ~unfed & (self.kinds == "supply"))
+        live[row, labels[row, device]] = live[row, labels[row, device + count]] = True
+        reached = np.take_along_axis(live, labels, axis=1)
+        return np.asarray(reached[:, :count] | reached[:, count:])
+
+
+def _labels(keep: Bools, count: int, u: Whole, v: Whole) -> Whole:
+    """Return the component of each node in each of several graphs, shape (n_graphs, count)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph, edge = np.nonzero(keep)
+    size = len(keep) * count
+    ends = (graph * count + u[edge], graph * count + v[edge])
+    adjacency = coo_array((np.ones(len(edge), bool), ends), (size, size))
+    labels = connected_components(adjacency, directed=False)[1]
+    labels = labels.reshape(len(keep), count).astype(np.int64)
+    # Components are numbered through all graphs, in the order of their first nodes.
+    return np.asarray(labels - labels.min(axis=1, initial=size, keepdims=True))
+
+
+def _nth(values: Whole) -> Iterator[Whole]:
+    """Yield where each value stands for the first time, for the second, and so on."""
+    order = np.argsort(values, kind="stable")
+    _, start, count = np.unique(values[order], return_index=True, return_counts=True)
+    nth = np.arange(len(values)) - np.repeat(start, count)
+    for number in range(nth.max(initial=-1) + 1):
+        yield order[nth == number]
+
+
+# What one failure costs: every cable, tray and device of a planned network, one at a time
+
+#: What can fail: a cable is cut, the cables that are one pair of a bus or of a supply are shorted,
+#: all cables on a tray are cut, a device is dead.
+FAILURES = ("cut", "short", "tray", "device")
+
+
+def single_cuts(network: Network) -> pd.DataFrame:
+    """Return what each single failure of a planned network costs."""
+    import pandas as pd
+
+    reach = Reach(network)
+    runs, devices = network.runs, network.devices
+    rows: list[tuple[str, str, str, str, str]] = []
+    failures: list[Failure] = []
+    for number, run in enumerate(
+        zip(*(runs[c] for c in ("run", "kind", "segment", "line")), strict=True)
+    ):
+        rows.append(("cut", *run))
+        failures.append(((number,), ()))
+    for pair, masters in reach.shorts:
+        rows.append(("short", *runs.loc[pair[0], ["run", "kind", "segment", "line"]]))
+        failures.append((pair, masters))
+    for tray, members in reach.trays.items():
+        rows.append(("tray", tray, "", "", ""))
+        failures.append((members, ()))
+    for number, device in enumerate(
+        zip(*(devices[c] for c in ("device", "kind", "segment")), strict=True)
+    ):
+        rows.append(("device", *device, ""))
+        failures.append(((), (number,)))
+    table = pd.DataFrame(rows, columns=["failure", "failed", "kind", "segment", "line"])
+
+    # The cable of one point, cut, costs that point and no other.
+    gone = [np.array([], int)] * len(rows)
+    for run_number, point in reach.alone.items():
+        gone[run_number] = np.array([point])
+    others = np.setdiff1d(np.arange(len(rows)), np.flatnonzero(reach.at_point))
+    for row, mask in zip(others, reach.lost([failures[row] for row in others]), strict=True):
+        gone[row] = np.flatnonzero(mask)
+    tags = network.points["tag"].to_numpy(object)
+    names, system = np.unique(network.iolist.points["system"].to_numpy(str), return_inverse=True)
+    return table.assign(
+        points_lost=[len(points) for points in gone],
+        systems=pd.Series(
+            [tuple(names[np.unique(system[points])].tolist()) for points in gone], dtype=object
+        ),
+        tags=pd.Series([tuple(tags[points]) for points in gone], dtype=object),
+    )
+
+
+def lost(
+    network: Network,
+    *,
+    runs: Collection[str] = (),
+    devices: Collection[str] = (),
+    trays: Collection[str] = (),
+) -> tuple[str, ...]:
+    """Return the points that several failures at once cost."""
+    reach = Reach(network)
+    numbers = {
+        "run": {name: [n] for n, name in enumerate(network.runs["run"])},
+        "device": {name: [n] for n, name in enumerate(network.devices["device"])},
+        "tray": reach.trays,
+    }
+    given = {"run": runs, "device": devices, "tray": trays}
+    for what, names in given.items():
+        if isinstance(names, str):
+            raise ArgumentError(f"{what}s is {names!r}; it must be a list of names")
+    unknown = [f"{w} {n!r}" for w, names in given.items() for n in names if n not in numbers[w]]
+    if unknown:
+        raise ArgumentError(f"network {network.name!r} has no {', no '.join(unknown)}")
+    found = {w: [k for n in names for k in numbers[w][n]] for w, names in given.items()}
+    (gone,) = reach.lost([(found["run"] + found["tray"], found["device"])])
+    return tuple(network.points["tag"].to_numpy(object)[gone])
+
+
+def worst(cuts: pd.DataFrame) -> pd.DataFrame:
+    """Return the row of each kind of failure that costs the most points."""
+    rest = cuts[cuts["kind"] != "cabinet"]
+    ranked = rest.sort_values("points_lost", ascending=False, kind="stable")
+    return ranked.drop_duplicates("failure").sort_index().reset_index(drop=True)

@@ -1,0 +1,421 @@
+"""Points on AS-i: modules on lines that meet every rule of an installation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import ceil, inf
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import shortest_path
+
+from shipnet.asi.cycle import ADDRESSES, cycle_time
+from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply
+from shipnet.asi.plan import Plan
+from shipnet.asi.rules import rule_limits
+from shipnet.asi.topologies import assign_addresses as share_addresses
+from shipnet.design.catalogue import cables
+from shipnet.design.drafting import Draft, Laid, Place, chain, divided, tree, without_place
+from shipnet.design.plan_asi_modules import Module, analogue_response, digital_response, modules
+from shipnet.design.settings import AsiLimits
+from shipnet.errors import ArgumentError
+from shipnet.line.cable import CABLES
+
+# One AS-i line: the way of its cable, the segments that repeaters make of it, their supplies
+
+#: The cable that the rules reckon with: 1.5 mm2, as any round cable of this area is much alike.
+_CABLE = "as-i 1.5"
+
+#: Shortest cable of a plan, and the least that is worth a cable before a repeater [m].
+_SHORTEST, _WORTH = 0.01, 1.0
+
+Floats = npt.NDArray[np.float64]
+
+
+class Piece(NamedTuple):
+    """A piece of cable between two nodes of a plan."""
+
+    near: str
+    far: str
+    edge: tuple[int, int]
+    length: float
+    share: float
+
+
+class Drawn(NamedTuple):
+    """The cable of a line, before anything is connected."""
+
+    pieces: list[Piece]
+    repeaters: list[tuple[str, str]]
+    depth: int
+    reach: float
+
+    @property
+    def length(self) -> float:
+        """All of its cable [m]."""
+        return sum(piece.length for piece in self.pieces)
+
+
+class _Segment:
+    """A segment while it is drawn: the cable in it [m], and the repeaters before it."""
+
+    def __init__(self, depth: int) -> None:
+        self.used, self.depth = 0.0, depth
+
+
+def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn:
+    """Lead the cable of a line from the master past all modules."""
+    edges = tree(ways) if limits.tree else list(pairwise(chain(ways)))
+    ends = {0: ("0", _Segment(0))}
+    behind: dict[int, tuple[str, _Segment]] = {}
+    reach = {0: 0.0}
+    pieces: list[Piece] = []
+    repeaters: list[tuple[str, str]] = []
+
+    for near, far in edges:
+        whole = left = max(float(cable[near, far]), _SHORTEST)
+        reach[far] = reach[near] + whole
+        node, segment = ends[near]
+        fits = segment.used + whole <= limits.length
+        if not fits and near in behind:
+            room = limits.length - behind[near][1].used
+            if whole <= room or (whole > limits.length and room >= _WORTH):
+                node, segment = behind[near]
+                fits = whole <= room
+        long = whole > limits.length and limits.length - segment.used >= _WORTH
+        if not fits and not long:
+            repeaters.append((ends[near][0], f"{near} out"))
+            node, segment = f"{near} out", _Segment(ends[near][1].depth + 1)
+            if near in behind:  # a third segment from one place: a node cannot have one name twice
+                node = f"{near} out {len(repeaters)}"
+                repeaters[-1] = (ends[near][0], node)
+            behind[near] = node, segment
+        number = 0
+        while left > limits.length - segment.used:
+            number += 1
+            length = limits.length - segment.used
+            into, out = (f"{near}>{far} {number} {side}" for side in ("in", "out"))
+            pieces.append(Piece(node, into, (near, far), length, length / whole))
+            repeaters.append((into, out))
+            segment.used = limits.length
+            left -= length
+            node, segment = out, _Segment(segment.depth + 1)
+        pieces.append(Piece(node, str(far), (near, far), left, left / whole))
+        segment.used += left
+        ends[far] = str(far), segment
+    depth = max(segment.depth for _, segment in ends.values())
+    return Drawn(pieces, repeaters, depth, max(reach.values()))
+
+
+def place_supply(
+    pieces: Sequence[Piece], draws: dict[str, float], first: str, voltage: float
+) -> str:
+    """Return the node at which the supply of a segment stands."""
+    nodes = list(dict.fromkeys(node for piece in pieces for node in (piece.near, piece.far)))
+    number = {node: place for place, node in enumerate(nodes)}
+    near, far = (
+        [number[node] for node in side]
+        for side in zip(*((p.near, p.far) for p in pieces), strict=True)
+    )
+    graph = coo_array(([piece.length for piece in pieces], (near, far)), shape=(len(nodes),) * 2)
+    away = shortest_path(graph.tocsr(), directed=False)
+    current = np.array([draws.get(node, 0.0) for node in nodes])
+    # Axes: supply, device, device; what both ways from the supply have in common.
+    shared = (away[:, :, None] + away[:, None, :] - away[None]) / 2
+    resistance = CABLES[_CABLE].resistance
+    drop = (resistance * shared @ current).max(axis=1, where=current > 0, initial=0.0)
+    least = float(rule_limits()["low"]["slave_voltage"])
+    if first in number and voltage - drop[number[first]] >= least:
+        return first
+    drop[[node not in draws for node in nodes]] = np.inf
+    return nodes[int(drop.argmin())]
+
+
+def plan_of(drawn: Drawn, slaves: Sequence[Slave], limits: AsiLimits) -> Plan:
+    """Return the plan of a line, with a supply in each segment."""
+    runs = [
+        CableRun(piece.near, piece.far, max(piece.length, _SHORTEST), _CABLE)
+        for piece in drawn.pieces
+    ]
+    master = Master(node="0", current=limits.current)
+    repeaters = [Repeater(a, b, current=limits.current) for a, b in drawn.repeaters]
+    bare = Plan(runs, [master], (), slaves, repeaters)
+    supplies = []
+    for segment in bare.segments:
+        ends = {(run.a, run.b) for run in segment.cables}
+        draws: dict[str, float] = {}
+        for node, current in segment.draws:
+            draws[node] = draws.get(node, 0.0) + current
+        pieces = [piece for piece in drawn.pieces if (piece.near, piece.far) in ends]
+        node = place_supply(pieces, draws, "0", limits.voltage)
+        supplies.append(Supply(node, limits.voltage, limits.rating))
+    return Plan(runs, [master], supplies, slaves, repeaters)
+
+
+# One AS-i line with what is known of it: addresses, responses, and the limit that it breaks
+
+
+class Broken(NamedTuple):
+    """A limit that is not kept."""
+
+    limit: str
+    value: float
+    bound: float
+    unit: str
+
+
+class Line(NamedTuple):
+    """A line with what is known of it."""
+
+    modules: list[Module]
+    drawn: Drawn
+    slaves: list[Slave]
+    plan: Plan | None
+    cycle: float
+    responses: list[Floats]
+    broken: Broken | None
+
+
+def assign_addresses(
+    group: Sequence[Module], need: Sequence[float], limits: AsiLimits
+) -> list[Slave]:
+    """Give each module an address, at the node of its number."""
+    needed = addresses_needed(group)
+    if needed > ADDRESSES:
+        raise ArgumentError(f"{len(group)} modules need {needed} addresses; there are {ADDRESSES}")
+    shares = [module.shares for module in group]
+    labels = share_addresses(len(group), shares=shares, need=need)
+    return [
+        Slave(label, module.profile, node=str(place), current=module.current(limits))
+        for place, (label, module) in enumerate(zip(labels, group, strict=True), 1)
+    ]
+
+
+def build(
+    group: Sequence[Module], ways: Floats, cable: Floats, need: Floats, limits: AsiLimits
+) -> Line:
+    """Draw up a line."""
+    most = [float(min(need[module.rows])) for module in group]
+    slaves = assign_addresses(group, most, limits)
+    pairs = sum(slave.half == "B" for slave in slaves)
+    cycle = float(cycle_time(len(group), pairs=pairs))
+    paired = {slave.address for slave in slaves if slave.half == "B"}
+    responses = [
+        _responses(module, cycle, slave.address in paired, limits)
+        for module, slave in zip(group, slaves, strict=True)
+    ]
+    drawn = draw(ways, cable, limits)
+    fault = _too_late(group, responses, need) or _too_long(drawn, limits)
+    plan = None
+    if fault is None:
+        plan = plan_of(drawn, slaves, limits)
+        fault = _against_rules(plan, limits)
+    return Line(list(group), drawn, slaves, plan, cycle, responses, fault)
+
+
+def addresses_needed(group: Sequence[Module]) -> int:
+    """Return how many addresses modules need, where all share that can."""
+    sharing = sum(module.shares for module in group)
+    return len(group) - sharing + ceil(sharing / 2)
+
+
+def _responses(module: Module, cycle: float, paired: bool, limits: AsiLimits) -> Floats:
+    if module.analogue:
+        return np.full(len(module.ports), analogue_response(len(module.ports), limits, cycle))
+    outputs = [port.startswith("Q") for port in module.ports]
+    late = {
+        output: digital_response(cycle, paired, module.profile, output, limits)
+        for output in set(outputs)
+    }
+    return np.array([late[output] for output in outputs])
+
+
+def _too_late(group: Sequence[Module], responses: Sequence[Floats], need: Floats) -> Broken | None:
+    for module, response in zip(group, responses, strict=True):
+        late = response > need[module.rows]
+        if late.any():
+            place = int(np.argmax(response / need[module.rows]))
+            bound = 1e3 * float(need[module.rows[place]])
+            return Broken("update", 1e3 * float(response[place]), bound, "ms")
+    return None
+
+
+def _too_long(drawn: Drawn, limits: AsiLimits) -> Broken | None:
+    if drawn.depth <= limits.repeaters:
+        return None
+    reach = limits.length * (1 + limits.repeaters)
+    if drawn.reach > reach:
+        return Broken("length", drawn.reach, reach, "m")
+    return Broken("repeaters in series", drawn.depth, limits.repeaters, "")
+
+
+def _against_rules(plan: Plan, limits: AsiLimits) -> Broken | None:
+    rules = rule_limits()
+    rules.loc["cable_length", "high"] = limits.length
+    rules.loc["repeaters_in_series", "high"] = limits.repeaters
+    findings = plan.check(limits=rules)
+    if findings.ok:
+        return None
+    first = findings.worst().query("verdict != 'met'").sort_values("margin", kind="stable").iloc[0]
+    bound = first["low"] if first["value"] < first["low"] else first["high"]
+    name = str(first.name).replace("_", " ")
+    return Broken(name, float(first["value"]), float(bound), str(first["unit"]))
+
+
+# Points on AS-i: modules among them, and lines that keep every rule of an installation
+
+#: Conductors of a line, and of a feeder.
+_PAIR = 2
+
+
+def plan_asi(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
+    """Connect points by AS-i modules near them, on as few lines as keep the limits."""
+    limits = draft.settings.asi
+    places = np.where(draft.iolist.located[:, None], draft.places, draft.iolist.box_places)
+    known = np.isfinite(places[rows]).all(axis=1)
+    without_place(draft, rows[~known])
+    rows = rows[known]
+    found = modules(draft, rows, places[rows])
+    spots = np.array([draft.middle, *(module.place for module in found)])
+
+    def judge(group: Sequence[int]) -> tuple[Line | None, float]:
+        own = [found[place] for place in group]
+        needed = addresses_needed(own)
+        if needed > ADDRESSES:
+            return None, needed / ADDRESSES
+        at = spots[[0, *(place + 1 for place in group)]]
+        ways = draft.site.route(at[:, None], at[None, :])
+        cable = draft.site.detour * ways + limits.slack
+        line = build(own, ways, cable, draft.need, limits)
+        return line, 1 if line.broken is None else inf
+
+    number = 0
+    for _, line in divided(range(len(found)), lambda place: found[place].place, judge):
+        assert line is not None
+        if line.broken is None:
+            number += 1
+            _lay(draft, f"AS-i {number}", line)
+        else:
+            _refuse(draft, line)
+
+
+def _refuse(draft: Draft, line: Line) -> None:
+    """Say of each point of a module that even a line of its own breaks a limit."""
+    assert line.broken is not None
+    limit, value, bound, unit = line.broken
+    for row in line.modules[0].rows:
+        tag = draft.tags[row]
+        text = (
+            f"{tag} breaks the limit of AS-i {limit} with a line of its own: "
+            f"{value:.4g} {unit}, allowed {bound:.4g} {unit}"
+        )
+        draft.reason(tag, limit, value, bound, unit, text.replace(" ,", ","))
+
+
+def _lay(draft: Draft, segment: str, line: Line) -> None:
+    assert line.plan is not None
+    limits, plan = draft.settings.asi, line.plan
+    cabinet = draft.device(f"{segment} master", "master", segment, draft.middle, draft.cabinet)
+    spots: list[Place] = [draft.middle, *(module.place for module in line.modules)]
+    names = {"0": cabinet}
+    where: dict[str, Place] = {str(place): spot for place, spot in enumerate(spots)}
+    for slave, module in zip(line.slaves, line.modules, strict=True):
+        name = f"{segment} slave {slave.label}"
+        names[slave.node] = draft.device(name, "module", segment, module.place)
+    _lay_repeaters(draft, segment, line, names, where, spots)
+    for supply in plan.supplies:
+        at = draft.cabinet if supply.node == "0" else names[supply.node]
+        name = draft.device(f"{segment} supply", "supply", segment, where[supply.node], at)
+        if at != draft.cabinet and draft.settings.fed:
+            laid, feeder = Laid(draft.middle, where[supply.node]), cables()[draft.settings.feeder]
+            draft.run("feeder", (draft.cabinet, name), laid, feeder, _PAIR, segment)
+    for piece in line.drawn.pieces:
+        near, far = piece.edge
+        laid = Laid(spots[near], spots[far], slack=limits.slack * piece.share, share=piece.share)
+        ends = names[piece.near], names[piece.far]
+        draft.run("trunk", ends, laid, cables()[limits.cable], _PAIR, segment)
+    if limits.auxiliary and (powered := _powered(line)):
+        _lay_auxiliary(draft, segment, line, names, spots, powered)
+    _connect(draft, segment, line, names)
+
+
+def _lay_auxiliary(
+    draft: Draft,
+    segment: str,
+    line: Line,
+    names: dict[str, str],
+    spots: Sequence[Place],
+    powered: set[int],
+) -> None:
+    """Put a supply into the cabinet, and its pair along the line as far as outputs need it."""
+    name = f"{segment} auxiliary supply"
+    supply = draft.device(name, "auxiliary supply", segment, draft.middle, draft.cabinet)
+    feeder, slack = cables()[draft.settings.feeder], draft.settings.asi.slack
+    for near, far in dict.fromkeys(piece.edge for piece in line.drawn.pieces):
+        if far in powered:
+            laid = Laid(spots[near], spots[far], slack=slack)
+            ends = supply if near == 0 else names[str(near)], names[str(far)]
+            draft.run("feeder", ends, laid, feeder, _PAIR, segment)
+
+
+def _lay_repeaters(
+    draft: Draft,
+    segment: str,
+    line: Line,
+    names: dict[str, str],
+    where: dict[str, Place],
+    spots: Sequence[Place],
+) -> None:
+    """Put repeaters beside the master or a module, or on the way where a cable is too long."""
+    done = dict.fromkeys({piece.edge for piece in line.drawn.pieces}, 0.0)
+    ends: dict[str, Place] = {}
+    for piece in line.drawn.pieces:
+        done[piece.edge] += piece.share
+        near, far = (np.array(spots[place]) for place in piece.edge)
+        x, y, z = (near + done[piece.edge] * (far - near)).tolist()
+        ends[piece.far] = (x, y, z)
+    for into, out in line.drawn.repeaters:
+        beside = into in names
+        place = where[into] if beside else ends[into]
+        at = "" if not beside else draft.cabinet if into == "0" else names[into]
+        name = draft.device(f"{segment} repeater", "repeater", segment, place, at)
+        names[out] = name
+        where[out] = place
+        if not beside:
+            names[into], where[into] = name, place
+
+
+def _powered(line: Line) -> set[int]:
+    """Return the places that lie on the way to a module with outputs, that module included."""
+    before = {far: near for near, far in (piece.edge for piece in line.drawn.pieces)}
+    powered: set[int] = set()
+    for place, module in enumerate(line.modules, 1):
+        while module.outputs and place != 0 and place not in powered:
+            powered.add(place)
+            place = before[place]
+    return powered
+
+
+def _connect(draft: Draft, segment: str, line: Line, names: dict[str, str]) -> None:
+    assert line.plan is not None
+    for module, slave, response in zip(line.modules, line.slaves, line.responses, strict=True):
+        device = names[slave.node]
+        for row, port, late in zip(module.rows, module.ports, response, strict=True):
+            address = f"{slave.label} {port}"
+            draft.connect(int(row), "AS-i", segment, device, address, float(late))
+            draft.drop(int(row), device, module.place, segment, np.nan)
+    rows = np.concatenate([module.rows for module in line.modules])
+    parts = line.plan.segments
+    used = len({slave.address for slave in line.slaves})
+    draft.segment(
+        segment=segment, bus="AS-i", points=len(rows),
+        devices=len(line.slaves) + 1 + len(line.drawn.repeaters), length_m=line.drawn.length,
+        load=used / ADDRESSES, response_ms=1e3 * max(float(r.max()) for r in line.responses),
+        slowest_update_ms=1e3 * float(draft.need[rows].min()), masters=1, slaves=len(line.slaves),
+        addresses=used, cycle_ms=1e3 * line.cycle, repeaters=len(line.drawn.repeaters),
+        supply_current_a=max(part.current for part in parts),
+        lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),
+    )  # fmt: skip

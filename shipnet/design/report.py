@@ -1,0 +1,509 @@
+"""The report of a comparison: one HTML file that opens offline and prints."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterable, Iterator, Sequence
+from html import escape
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from shipnet import __version__
+from shipnet.design.comparison import Comparison
+from shipnet.design.costs import EXCLUDED, FIGURES, number
+from shipnet.design.failures import FAILURES
+from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado, svg
+from shipnet.design.settings import shown
+from shipnet.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+# One page of HTML that stands alone: tables, pictures and text, nothing fetched, nothing run
+
+_STYLE = """
+@page { size: A4; margin: 16mm 14mm; }
+:root { --ink: #1d2733; --soft: #5a6673; --rule: #cfd6dd; --band: #f3f6f8; }
+* { box-sizing: border-box; }
+body { font: 15px/1.45 system-ui, "Segoe UI", Roboto, "Liberation Sans", Arial, sans-serif;
+  color: var(--ink); max-width: 1080px; margin: 0 auto; padding: 24px; background: #fff; }
+h1 { font-size: 27px; line-height: 1.2; margin: 0 0 4px; }
+h2 { font-size: 20px; margin: 36px 0 8px;
+  border-bottom: 2px solid var(--ink); padding-bottom: 3px; }
+h3 { font-size: 16px; margin: 22px 0 6px; }
+p.lead { color: var(--soft); margin: 0 0 14px; }
+p.banner { border: 2px solid #b03a2e; color: #8c2a20; background: #fdf3f1; padding: 9px 13px;
+  margin: 14px 0; font-weight: 600; }
+p.banner span { font-weight: 400; color: var(--ink); }
+div.wide { overflow-x: auto; }
+table { border-collapse: collapse; margin: 8px 0 14px; font-size: 13px; width: 100%; }
+caption { text-align: left; color: var(--soft); padding: 4px 0; }
+th, td { padding: 3px 8px; text-align: left; vertical-align: top;
+  border-bottom: 1px solid var(--rule);
+  overflow-wrap: anywhere; }
+thead th { background: var(--band); border-bottom: 1px solid var(--ink); overflow-wrap: normal; }
+td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; overflow-wrap: normal; }
+td.k { white-space: nowrap; }
+td.pass { color: #1e6b3a; } td.fail { color: #a32a1c; font-weight: 600; }
+td.open { color: #7a5a00; }
+figure { margin: 10px 0 16px; break-inside: avoid; }
+figure img { max-width: 100%; height: auto; }
+figcaption { color: var(--soft); font-size: 13px; }
+div.pair { display: grid; grid-template-columns: 1fr 1fr; gap: 14px; }
+@media (max-width: 760px) { div.pair { grid-template-columns: 1fr; } body { padding: 12px; } }
+@media print {
+  body { font-size: 10pt; max-width: none; padding: 0; }
+  table { font-size: 8.2pt; } th, td { padding: 2px 5px; }
+  div.wide { overflow: visible; }
+  h2, h3, caption { break-after: avoid; } tr { break-inside: avoid; }
+  thead { display: table-header-group; }
+  section.page { break-before: page; }
+}
+"""
+
+
+def document(title: str, *parts: str) -> str:
+    """Return a whole page."""
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        + "\n".join(parts)
+        + "\n</body>\n</html>\n"
+    )
+
+
+def section(title: str, *parts: str, page: bool = True) -> str:
+    """Return a section with its heading."""
+    kind = ' class="page"' if page else ""
+    body = "\n".join(parts)
+    return f"<section{kind}>\n<h2>{escape(title)}</h2>\n{body}\n</section>"
+
+
+def text(words: str, kind: str = "", tag: str = "p") -> str:
+    """Return a paragraph, or another element that holds text alone."""
+    named = f' class="{kind}"' if kind else ""
+    return f"<{tag}{named}>{escape(words)}</{tag}>"
+
+
+def bullets(lines: Iterable[str]) -> str:
+    """Return a list."""
+    return "\n".join(["<ul>", *(f"<li>{escape(line)}</li>" for line in lines), "</ul>"])
+
+
+def table(
+    head: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    caption: str = "",
+    numbers: Iterable[int] = (),
+    verdicts: Iterable[int] = (),
+) -> str:
+    """Return a table."""
+    right, judged = set(numbers), set(verdicts)
+
+    def cell(tag: str, place: int, value: str) -> str:
+        kinds = ["n"] * (place in right)
+        if tag == "td":
+            # A short word is not broken, however narrow its column.
+            kinds += ["k"] * (0 < len(value) <= _SHORT)
+            if place in judged:
+                kinds += [kind for word, kind in _VERDICTS.items() if value.startswith(word)]
+        named = f' class="{" ".join(kinds)}"' if kinds else ""
+        scope = ' scope="col"' if tag == "th" else ""
+        return f"<{tag}{scope}{named}>{escape(value)}</{tag}>"
+
+    lines = [f"<caption>{escape(caption)}</caption>"] if caption else []
+    lines.append("<thead><tr>" + "".join(cell("th", *c) for c in enumerate(head)) + "</tr></thead>")
+    body = ("<tr>" + "".join(cell("td", *c) for c in enumerate(row)) + "</tr>" for row in rows)
+    return "\n".join(
+        ['<div class="wide"><table>', *lines, "<tbody>", *body, "</tbody></table></div>"]
+    )
+
+
+#: Longest cell that stays on one line.
+_SHORT = 9
+
+_VERDICTS = {"pass": "pass", "fail": "fail", "not verified": "open"}
+
+
+def picture(svg: str, words: str) -> str:
+    """Return a picture with its caption."""
+    data = b64encode(svg.encode()).decode()
+    said = escape(words)
+    return (
+        f'<figure><img src="data:image/svg+xml;base64,{data}" alt="{said}">'
+        f"<figcaption>{said}</figcaption></figure>"
+    )
+
+
+# The later pages of a report: failures, what does not fit, segments, figures, assumptions
+
+#: Rows of a long table that the report shows.
+_FAILURES_SHOWN, _POINTS_SHOWN, _REASONS_SHOWN = 8, 2000, 200
+
+_FAILURE_WORDS = {
+    "cut": "one cable cut", "short": "one pair of a bus or a supply shorted",
+    "tray": "one tray lost",
+    "device": "one device dead (but the cabinet)",
+}  # fmt: skip
+
+
+def details(comparison: Comparison) -> list[str]:
+    """Return the sections in which the details of a comparison stand."""
+    return [
+        _failures(comparison),
+        _reasons(comparison),
+        _segments(comparison),
+        _figures(comparison),
+        _assumptions(comparison),
+        _points(comparison),
+    ]
+
+
+def _each(rows: pd.DataFrame) -> Iterator[Any]:
+    return iter(rows.itertuples())
+
+
+def _failures(comparison: Comparison) -> str:
+    rows, details = [], []
+    for option, cuts in comparison.cuts.items():
+        cuts = cuts[cuts["kind"] != "cabinet"]
+        for failure in FAILURES:
+            mine = cuts[cuts["failure"] == failure]
+            if len(mine):
+                worst: Any = mine.iloc[mine["points_lost"].to_numpy().argmax()]
+                costs = int((mine["points_lost"] > 0).sum())
+                rows.append(
+                    [option, _FAILURE_WORDS[failure], str(len(mine)), str(costs),
+                     str(worst["points_lost"]), worst["failed"] if costs else "",
+                     ", ".join(worst["systems"])]
+                )  # fmt: skip
+        many = cuts[cuts["points_lost"] > 1].sort_values(
+            "points_lost", ascending=False, kind="stable"
+        )
+        details += [
+            [option, row.failure, row.failed, row.segment, str(row.points_lost), _some(row.tags)]
+            for row in _each(many.head(_FAILURES_SHOWN))
+        ]
+    return section(
+        "What one failure costs",
+        text(
+            "Every cable, every pair of a bus or of its supply, every tray and every device fails "
+            "alone. A point is lost when nothing leads from it to the cabinet any more, or its "
+            "station has no supply. "
+            "Reflections at an open end, and what lies in the cabinet, are not looked at."
+        ),
+        table(
+            ["option", "failure", "cases", "that cost a point", "worst", "what", "systems"], rows,
+            numbers=[2, 3, 4],
+        ),
+        text(f"The {_FAILURES_SHOWN} failures of each option that cost most", tag="h3"),
+        table(["option", "failure", "what", "segment", "points", "tags"], details, numbers=[4]),
+    )  # fmt: skip
+
+
+def _some(names: tuple[str, ...], shown: int = 6) -> str:
+    more = f" and {len(names) - shown} more" if len(names) > shown else ""
+    return ", ".join(names[:shown]) + more
+
+
+def _reasons(comparison: Comparison) -> str:
+    reasons = comparison.reasons
+    rows = [
+        [row.option, row.subject, row.text, row.limit, f"{number(row.value)} {row.unit}",
+         f"{number(row.bound)} {row.unit}"]
+        for row in _each(reasons.head(_REASONS_SHOWN))
+    ]  # fmt: skip
+    if not rows:
+        return section("What does not fit", text("Every point fits in every option."), page=False)
+    more = len(reasons) - len(rows)
+    return section(
+        "What does not fit",
+        table(["option", "subject", "why", "limit", "value", "bound"], rows, numbers=[4, 5]),
+        *([text(f"And {more} reasons more.")] if more else []),
+        page=False,
+    )
+
+
+def _segments(comparison: Comparison) -> str:
+    rows = [
+        [option, row.segment, row.bus, str(row.points), str(row.devices), number(row.length_m),
+         "-" if row.load != row.load else f"{row.load:.1%}".replace("%", " %"),
+         number(row.response_ms), number(row.slowest_update_ms)]
+        for option, network in comparison.networks.items()
+        for row in _each(network.segments)
+    ]  # fmt: skip
+    head = ["option", "segment", "bus", "points", "devices", "trunk [m]", "load", "response [ms]",
+            "needed [ms]"]  # fmt: skip
+    body = table(head, rows, numbers=range(3, 9)) if rows else text("No option has a bus.")
+    return section("Segments", body, page=False)
+
+
+def _figures(comparison: Comparison) -> str:
+    parts = []
+    for option, takes in comparison.quantities.items():
+        rows = [
+            [f"{name} [{row['unit']}]" if row["unit"] != "1" else str(name),
+             *(number(row[level]) for level in ("low", "nominal", "high")),
+             *_likely(comparison, option, str(name))]
+            for name, row in takes.table.iterrows()
+        ]  # fmt: skip
+        head = ["", "all low", "nominal", "all high"]
+        head += ["5 %", "95 %"] if comparison.likely is not None else []
+        parts.append(text(option, tag="h3"))
+        parts.append(table(head, rows, numbers=range(1, len(head))))
+        cables = [
+            [str(cable), number(row["runs"]), number(row["length_m"]), number(row["mass_kg"]),
+             number(row["cost_eur"])]
+            for cable, row in takes.by_cable.iterrows()
+        ]  # fmt: skip
+        parts.append(table(["cable", "runs", "m", "kg", "EUR"], cables, numbers=range(1, 5)))
+    return section("What each option takes", *parts)
+
+
+def _likely(comparison: Comparison, option: str, figure: str) -> list[str]:
+    if comparison.likely is None:
+        return []
+    row: Any = comparison.likely.loc[(option, figure)]
+    return [number(row["low"]), number(row["high"])]
+
+
+def _assumptions(comparison: Comparison) -> str:
+    import pandas as pd
+
+    used = pd.concat([takes.assumptions for takes in comparison.quantities.values()])
+    used = used.drop_duplicates("name")
+    rows = [
+        [row["name"].replace("_", " "),
+         *(number(row[level]) for level in ("low", "nominal", "high")),
+         row["unit"], row["status"], row["source"]]
+        for _, row in used.iterrows()
+    ]  # fmt: skip
+    head = ["what", "low", "nominal", "high", "unit", "status", "source"]
+    return section(
+        "What was assumed",
+        table(head, rows, numbers=[1, 2, 3], caption="Every price, mass, hour and factor in use."),
+        text("What no figure holds", tag="h3"),
+        bullets(EXCLUDED),
+    )
+
+
+def _points(comparison: Comparison) -> str:
+    listed: pd.DataFrame = comparison.iolist.points.head(_POINTS_SHOWN)
+    columns = [listed["tag"], listed["system"], listed["signal"]]
+    for network in comparison.networks.values():
+        points = network.points.head(_POINTS_SHOWN)
+        at = (points["device"] + " " + points["address"]).str.strip()
+        columns.append(at.where(points["bus"] != "", "does not fit"))
+    rows = list(zip(*columns, strict=True))
+    more = len(comparison.iolist) - len(rows)
+    return section(
+        "Points",
+        table(["tag", "system", "signal", *comparison.networks], rows,
+              caption="Device and address of each point."),
+        *([text(f"And {more} points more.")] if more else []),
+    )  # fmt: skip
+
+
+# The report of a comparison: one file that a colleague opens offline and prints -----------------
+
+#: What the first page says.
+BANNER = "Design aid, not class approval."
+_BANNER_MORE = (
+    "Computed from an I/O list under the assumptions listed below. Prices, masses and hours are "
+    "estimates until a supplier's are put in; a rule is judged only where its text was read, and "
+    "no society has seen this."
+)
+
+
+def write_report(
+    comparison: Comparison,
+    path: str | PathLike[str],
+    *,
+    title: str | None = None,
+    date: str | None = None,
+    remarks: Sequence[str] = (),
+) -> None:
+    """Write a comparison as one self-contained HTML file."""
+    page = report_html(comparison, title=title, date=date, remarks=remarks)
+    Path(path).write_text(page, encoding="utf-8", newline="\n")
+
+
+def report_html(
+    comparison: Comparison,
+    *,
+    title: str | None = None,
+    date: str | None = None,
+    remarks: Sequence[str] = (),
+) -> str:
+    """Return the report of a comparison."""
+    if not isinstance(comparison, Comparison):
+        raise ArgumentError(f"comparison is {comparison!r}; it must be a Comparison")
+    named = title or f"Connecting the points of {Path(comparison.iolist.source).name}"
+    return document(
+        named,
+        text(named, tag="h1"),
+        text(f"{date + ', ' if date else ''}shipnet {__version__}", "lead"),
+        f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
+        bullets(comparison.sentences),
+        _side_by_side(comparison),
+        _what(comparison, remarks),
+        _pictures(comparison),
+        _rules(comparison),
+        *details(comparison),
+    )
+
+
+def _side_by_side(comparison: Comparison) -> str:
+    shown = comparison.table.drop(columns=["not beaten"])
+    rows = []
+    for column in shown:
+        unit = FIGURES.get(str(column).split(",")[0], "1")
+        name = f"{column} [{unit}]" if unit != "1" else str(column)
+        rows.append([name, *(number(value) for value in shown[column])])
+    rows.append(["not beaten", *("yes" if best else "no" for best in comparison.pareto)])
+    return table(
+        ["", *map(str, shown.index)], rows, numbers=range(1, len(shown) + 1),
+        caption=f"The options side by side. Not beaten: connects every point, and no other is as "
+        f"good in {', '.join(comparison.criteria)} and better in one of them.",
+    )  # fmt: skip
+
+
+def _what(comparison: Comparison, remarks: Sequence[str]) -> str:
+    iolist, site = comparison.iolist, comparison.site
+    counts = iolist.points["type"].value_counts()
+    systems = iolist.points["system"].replace("", None).nunique()
+    of_systems = f"of {systems} system{'s' if systems > 1 else ''}" if systems else "of no system"
+    trays = "cables run square to the ship's axes, as no trays are given"
+    if site.trays is not None:
+        trays = "cables run on the trays given"
+    cabinet = ", ".join(f"{x:g}" for x in site.cabinet)
+    where = (
+        f"Cabinet at {cabinet} m; {trays}. A cable is {site.detour:g} times its way and "
+        f"{site.tails:g} m for both ends{_assumed(comparison, 'detour', 'tails')}."
+    )
+    if not (iolist.located.any() or np.isfinite(iolist.box_places).all(axis=1).any()):
+        where = "The list gives no places: every length is its own."
+    lines = [
+        f"I/O list {Path(iolist.source).name}: {len(iolist)} points ("
+        + ", ".join(f"{n} {kind}" for kind, n in counts.items())
+        + f") {of_systems}.",
+        *(f"{said[:1].upper()}{said[1:]}." for said in (*iolist.remarks, *remarks)),
+        where,
+        f"The host adds {comparison.basis.host_time:g} s to a response where a rule counts it"
+        f"{_assumed(comparison, 'host_time')}.",
+    ]
+    return section("What was planned", bullets(lines), _changes(comparison), page=False)
+
+
+def _assumed(comparison: Comparison, *names: str) -> str:
+    """Return what to say of values that nobody gave."""
+    if not {*names}.isdisjoint(comparison.changes["name"]):
+        return ""
+    return ", both assumed" if len(names) > 1 else ", assumed"
+
+
+def _changes(comparison: Comparison) -> str:
+    rows = [
+        [row["name"], shown(row["value"]), shown(row["default"]), row["meaning"]]
+        for row in comparison.changes.to_dict("records")
+    ]
+    if not rows:
+        return text("Every limit, price and allowance has its default value.")
+    return table(
+        ["name", "here", "default", "what it is"], rows,
+        caption="Values that are not the defaults; all others are.",
+    )  # fmt: skip
+
+
+def _pictures(comparison: Comparison) -> str:
+    # A point that is left out costs nothing: no picture may hide that.
+    left_out = comparison.table["points left out"]
+    named = {
+        str(option): f"{option} ({count} left out)" if count else str(option)
+        for option, count in left_out.items()
+    }
+    takes = {named[option]: takes for option, takes in comparison.quantities.items()}
+    shown = comparison.table.rename(index=named)
+    likely = comparison.likely
+    if likely is not None:
+        likely = likely.rename(index=named, level="option")
+    height = 1.2 + 0.4 * len(takes)
+    figures = [
+        picture(
+            svg(lambda ax: plot_quantities(takes, ax=ax, likely=likely), height=height),
+            "Total cost of each option: nominal, and with all assumptions at low and at high"
+            + (", and in 9 of 10 draws of them." if likely is not None else "."),
+        ),
+        picture(
+            svg(
+                lambda ax: plot_quantities(takes, "conductors at the cabinet", ax=ax), height=height
+            ),
+            "Conductors in use that enter the cabinet.",
+        ),
+        picture(
+            svg(
+                lambda ax: plot_pareto(
+                    shown, pareto=comparison.pareto.rename(named), y="lost by one failure", ax=ax
+                )
+            ),
+            "Cost against the points that the worst failure takes along; filled: not beaten.",
+        ),
+    ]
+    if comparison.pareto.any():
+        # Of options that leave points out, no difference in cost says anything.
+        figures.append(
+            picture(
+                svg(lambda ax: plot_tornado(comparison.tornado, ax=ax)),
+                f"What each assumption does to the {comparison.tornado.subject}.",
+            )
+        )
+    return section("Figures", f'<div class="pair">{"".join(figures)}</div>')
+
+
+def _rules(comparison: Comparison) -> str:
+    rules: Any = comparison.rules  # a table without types
+    keys = ["rule_set", "rule"]
+    first = rules.drop_duplicates(keys)
+    options = list(comparison.networks)
+    found = {(r.rule_set, r.rule, r.option): r for r in rules.itertuples()}
+
+    def cell(rule: tuple[str, str], option: str) -> str:
+        row = found[*rule, option]
+        value = "" if row.computed != row.computed else f": {number(row.computed)} {row.unit}"
+        return f"{row.verdict}{value}"
+
+    judged, read, why = [], [], []
+    for row in first.itertuples():
+        limit = "" if row.limit != row.limit else f"{row.bound} {number(row.limit)} {row.unit}"
+        rule = (str(row.rule_set), str(row.rule))
+        judged.append([row.rule, row.asks, limit, *(cell(rule, option) for option in options)])
+        stated = "yes" if row.confirmed else "no"
+        read.append([row.rule, row.rule_set, row.clause, row.edition, row.source, stated])
+        same: dict[tuple[str, str], list[str]] = {}
+        for option in options:
+            mine = found[*rule, option]
+            same.setdefault((str(mine.subject), str(mine.why)), []).append(option)
+        for (subject, because), shared in same.items():
+            named = ", ".join(shared) if len(shared) < len(options) else "all"
+            why.append([row.rule, named, subject, because])
+    sets = ", ".join(dict.fromkeys(map(str, rules["rule_set"])))
+    return section(
+        "Rules",
+        table(
+            ["rule", "asks", "limit", *options],
+            judged,
+            verdicts=range(3, 3 + len(options)),
+            caption=f"Rule sets {sets}. Not verified: nothing in a plan tells, or the text of the "
+            "clause was not read; a value is what was computed all the same.",
+        ),
+        text("Where each rule stands", tag="h3"),
+        table(["rule", "set", "clause", "edition", "source", "text read"], read),
+        text("What the values are made of", tag="h3"),
+        table(["rule", "option", "where", "why"], why),
+    )

@@ -1,0 +1,521 @@
+"""Class rules as data, what can be computed for them, and the check of a design."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from os import PathLike
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet import datasets
+from shipnet.design.designs import Network
+from shipnet.design.failures import single_cuts
+from shipnet.design.settings import HOST_TIME
+from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
+from shipnet.engine.error_detection import undetected
+from shipnet.errors import ArgumentError, InputError
+from shipnet.fields import check_scalar
+from shipnet.tables import NUMBER, frame_sheet, read_sheet
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from shipnet.tables import Sheet
+
+
+# What can be computed of a planned network for a rule: times, losses, lines, standards
+
+Bools = npt.NDArray[np.bool_]
+
+#: Buses with an open international standard or public specification, and the CRC they have.
+STANDARDS: Mapping[str, tuple[str, str | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
+
+#: What the list wants within so long is fast [ms]: the shortest time that class rules name, 0.1 s
+#: in DNV-OS-D202 Ch.2 Sec.3 Table A1.
+FAST_MS = 100.0
+
+
+#: The measure that counts the points that are left out; all others know nothing of these.
+LEFT_OUT = "unconnected points"
+
+
+class Outcome(NamedTuple):
+    """What a measure came to."""
+
+    computed: float
+    subject: str = ""
+    why: str = ""
+    partial: bool = False
+
+
+#: Which points a rule is for, by name.
+APPLIES: Mapping[str, Callable[[pd.DataFrame], pd.Series[bool]]] = {
+    "all": lambda points: points["type"] != "",
+    "inputs": lambda points: points["type"].isin(["DI", "AI"]),
+    "outputs": lambda points: points["type"].isin(["DO", "AO"]),
+    "fast": lambda points: points["update_ms"] <= FAST_MS,
+    "fast outputs": lambda points: (
+        points["type"].isin(["DO", "AO"]) & (points["update_ms"] <= FAST_MS)
+    ),
+    "essential": lambda points: points["category"] != "I",
+    "category III": lambda points: points["category"] == "III",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """A network with what several measures need of it."""
+
+    network: Network
+    host_time: float
+    given_cuts: pd.DataFrame | None = None
+
+    @cached_property
+    def cuts(self) -> pd.DataFrame:
+        """Every single failure."""
+        return single_cuts(self.network) if self.given_cuts is None else self.given_cuts
+
+    @cached_property
+    def links(self) -> pd.DataFrame:
+        """The segments that are data links."""
+        segments = self.network.segments
+        return segments[segments["bus"].isin(["AS-i", "CAN", "Modbus RTU"])]
+
+    def left_out(self, concerned: Bools) -> int:
+        """Return how many of the points concerned fit nowhere."""
+        return int((concerned & ~self.network.points["fits"].to_numpy(bool)).sum())
+
+    def concerned(self, applies: str) -> Bools:
+        """Return which points are concerned."""
+        return APPLIES[applies](self.network.iolist.points).to_numpy(bool)
+
+
+class Measure(NamedTuple):
+    """Something that can be computed."""
+
+    unit: str
+    meaning: str
+    compute: Callable[[Facts, Bools, bool], Outcome]
+
+
+_NAN = float("nan")
+
+
+def _response(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    points = facts.network.points[concerned]
+    if points.empty:
+        return Outcome(_NAN, why="the list has no such point")
+    # Nothing lies between a hardwired point and its host.
+    times = points["response_ms"].where(points["bus"] != "hardwired", 0.0) / 1e3
+    known = times.dropna()
+    missing = len(times) - len(known)
+    if known.empty:
+        return Outcome(_NAN, why=f"none of {missing} points has a response time")
+    added = facts.host_time if host else 0.0
+    worst: Any = known.idxmax()
+    parts = [f"{known[worst]:.3g} s to the host"]
+    parts += [f"{added:g} s in the host, assumed"] if host else []
+    parts += [f"{missing} points have no response time"] if missing else []
+    where: Any = points.loc[worst, "segment"] or points.loc[worst, "tag"]
+    return Outcome(float(known[worst] + added), str(where), "; ".join(parts), missing > 0)
+
+
+def _late(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    points = facts.network.points
+    needs = facts.network.iolist.points["update_ms"]
+    late = concerned & (points["response_ms"] > needs).to_numpy()
+    first = str(points["tag"].to_numpy()[late][0]) if late.any() else ""
+    return Outcome(int(late.sum()), first, "response longer than the list's update time")
+
+
+def _unconnected(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    out = concerned & ~facts.network.points["fits"].to_numpy()
+    first = str(facts.network.points["tag"].to_numpy()[out][0]) if out.any() else ""
+    return Outcome(int(out.sum()), first, "see the reasons of the plan" if first else "")
+
+
+def _lost(
+    failures: tuple[str, ...], kinds: tuple[str, ...] | None, none: str
+) -> Callable[[Facts, Bools, bool], Outcome]:
+    def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+        rows = facts.cuts[facts.cuts["failure"].isin(failures)]
+        rows = rows[rows["kind"].isin(kinds)] if kinds else rows[rows["kind"] != "cabinet"]
+        if rows.empty:
+            return Outcome(_NAN, why=none)
+        if not concerned.any():
+            return Outcome(_NAN, why="the list has no such point")
+        counts = rows["points_lost"]
+        if not concerned.all():
+            mine = set(facts.network.points["tag"].to_numpy()[concerned])
+            counts = rows["tags"].map(lambda tags: len(mine.intersection(tags)))
+        worst: Any = counts.idxmax()
+        return Outcome(
+            int(counts[worst]), str(rows.loc[worst, "failed"]), f"worst of {len(rows)} failures"
+        )
+
+    return compute
+
+
+def _systems(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    cuts = facts.cuts
+    if facts.links.empty:
+        return Outcome(0, why="no data link")
+    rows = cuts[
+        cuts["failure"].isin(["cut", "short"])
+        & cuts["kind"].isin(["trunk", "feeder"])
+        & cuts["segment"].isin(facts.links["segment"])
+    ]
+    if rows.empty:
+        return Outcome(_NAN, why="the links have no cable of their own")
+    if not concerned.any():
+        return Outcome(_NAN, why="the list has no such point")
+    points = facts.network.iolist.points[concerned]
+    system = dict(zip(points["tag"], points["system"], strict=True))
+    found = rows["tags"].map(lambda tags: sorted({system[tag] for tag in tags if system.get(tag)}))
+    unnamed = {tag for tags in rows["tags"] for tag in tags if system.get(tag) == ""}
+    worst: Any = found.map(len).idxmax()
+    parts = [f"a cut costs points of {', '.join(found[worst])}"] if found[worst] else []
+    if unnamed:
+        s = "s" if len(unnamed) > 1 else ""
+        parts.append(f"the list names no system for {len(unnamed)} point{s} that a cut costs")
+    why = "; ".join(parts) or "none is lost"
+    return Outcome(len(found[worst]), str(rows.loc[worst, "failed"]), why, bool(unnamed))
+
+
+def _lines(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    trunk = facts.network.runs[facts.network.runs["kind"] == "trunk"]
+    trunk = trunk[trunk["segment"].isin(facts.links["segment"])]
+    if trunk.empty:
+        return Outcome(_NAN, why="no data link")
+    lines = trunk.groupby("segment", sort=False)["line"].nunique()
+    return Outcome(int(lines.min()), str(lines.idxmin()), "the fewest of any segment")
+
+
+def _switch_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    own = set(facts.network.points.loc[concerned, "segment"])
+    links = facts.links[facts.links["segment"].isin(own)]
+    if links.empty:
+        return Outcome(_NAN, why="no data link has such a point")
+    trunk = facts.network.runs[facts.network.runs["line"] != ""]
+    single = links.loc[~links["segment"].isin(trunk["segment"]), "segment"]
+    if len(single):
+        return Outcome(float("inf"), str(single.iloc[0]), "has no second line to switch to")
+    gaps = links.set_index("segment").get("switch_over_ms")
+    if gaps is None or gaps.isna().any():
+        return Outcome(_NAN, why="how a second line takes over is not in the plan")
+    return Outcome(gaps.max() / 1e3, str(gaps.idxmax()), "longest silence when a line breaks")
+
+
+def _change_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    lost = _LOST_BY_A_SUPPLY(facts, concerned, host)
+    if lost.computed != lost.computed:
+        return lost
+    if lost.computed:
+        return Outcome(float("inf"), lost.subject, "has no other supply beside it")
+    return Outcome(0.0, "", "two supplies feed at once, so that none has to take over")
+
+
+def _shared(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    trunk = facts.network.runs[facts.network.runs["kind"] == "trunk"]
+    pairs = trunk[trunk["line"] != ""]
+    if pairs.empty:
+        return Outcome(_NAN, why="no link has two lines")
+    if not pairs["way"].map(len).any():
+        return Outcome(_NAN, why="no trays are given: how the lines run is not known")
+    on = pairs[["segment", "line", "way"]].explode("way").dropna().drop_duplicates()
+    twice = on[on.duplicated(["segment", "way"])]
+    names = ", ".join(dict.fromkeys(twice["way"]))
+    return Outcome(twice["way"].nunique(), names, "trays with both lines of a segment")
+
+
+def _buses(facts: Facts) -> list[str]:
+    return sorted(set(facts.links["bus"]))
+
+
+def _standard(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    without = [bus for bus in _buses(facts) if bus not in STANDARDS]
+    known = [f"{bus}: {STANDARDS[bus][0]}" for bus in _buses(facts) if bus in STANDARDS]
+    return Outcome(len(without), ", ".join(without), "; ".join(known) or "no data link")
+
+
+def _unseen(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    if facts.links.empty:
+        return Outcome(_NAN, why="no data link")
+    checks = {bus: STANDARDS[bus][1] for bus in _buses(facts)}
+    without = [bus for bus, check in checks.items() if check is None]
+    if without:
+        return Outcome(float("inf"), ", ".join(without), "has no CRC")
+    missed = sum(undetected(check, flips=n) for check in checks.values() if check for n in (1, 2))
+    return Outcome(missed, "", ", ".join(check for check in checks.values() if check))
+
+
+def _repeats(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    if facts.links.empty:
+        return Outcome(_NAN, why="no data link")
+    asked = [bus for bus in _buses(facts) if bus != "CAN"]
+    if asked:
+        return Outcome(_NAN, why=f"how often the master of {asked[0]} asks again is not in a plan")
+    return Outcome(float("inf"), "", "CAN repeats by itself")
+
+
+_PARTS = ("module", "station", "box")
+_LOST_BY_A_SUPPLY = _lost(("device",), ("supply", "auxiliary supply"), "no supply is planned")
+
+#: What can be computed, by the name that a rule uses.
+MEASURES: Mapping[str, Measure] = {
+    "response": Measure("s", "longest time from a change to the host, and in it", _response),
+    "late points": Measure("points", "points slower than the list wants them", _late),
+    LEFT_OUT: Measure("points", "points that fit nowhere", _unconnected),
+    "points lost by a cable": Measure(
+        "points", "lost by the worst cut or short", _lost(("cut", "short"), None, "no cable")
+    ),
+    "points lost by a tray": Measure(
+        "points", "lost by the worst tray", _lost(("tray",), None, "no trays are given")
+    ),
+    "points lost by a station": Measure(
+        "points", "lost by the worst station, module or box",
+        _lost(("device",), _PARTS, "no station, module or box"),
+    ),
+    "points lost by a supply": Measure("points", "lost by the worst supply", _LOST_BY_A_SUPPLY),
+    "supply change-over": Measure("s", "until another supply feeds", _change_over),
+    "switch-over": Measure(
+        "s", "longest silence of a point until its second line takes over", _switch_over
+    ),
+    "points lost by a device": Measure(
+        "points", "lost by the worst device but the cabinet",
+        _lost(("device",), None, "no device but the cabinet"),
+    ),
+    "systems on one link": Measure("systems", "hit by the worst failure of a link", _systems),
+    "lines of a link": Measure("lines", "lines of the link that has the fewest", _lines),
+    "trays shared by two lines": Measure("trays", "trays that hold both lines of a link", _shared),
+    "links without a standard": Measure("links", "buses without an open standard", _standard),
+    "bit errors unseen": Measure("patterns", "wrong bits, one or two, that a CRC misses", _unseen),
+    "repeats": Measure("repeats", "how often a message that was lost is sent again", _repeats),
+}  # fmt: skip
+
+
+# Class rules as data: what each asks, what is computed for it, and where it stands
+
+#: Rule sets of `data/design_rules.csv`; what IMO asks holds beside the rules of a class society.
+RULE_SETS = ("DNV", "BV", "IMO", "lee2012")
+_WITH_IMO = ("DNV", "BV")
+
+#: On which side of the limit a computed value is good.
+BOUNDS = ("at most", "below", "at least")
+
+#: Columns of a file of rules, with their defaults; without one a column must be there.
+RULE_COLUMNS: Mapping[str, str | None] = {
+    "rule": None, "measure": None, "limit": None, "topic": "own", "asks": "", "applies": "all",
+    "bound": "at most", "unit": "", "host": "no", "clause": "", "edition": "", "source": "",
+    "confirmed": "no", "note": "", "rule_set": "own",
+}  # fmt: skip
+
+_YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False, "": False}
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One rule."""
+
+    rule: str
+    measure: str
+    limit: float
+    topic: str = "own"
+    asks: str = ""
+    applies: str = "all"
+    bound: str = "at most"
+    unit: str = ""
+    host: bool = False
+    clause: str = ""
+    edition: str = ""
+    source: str = ""
+    confirmed: bool = False
+    note: str = ""
+    rule_set: str = "own"
+
+    def __post_init__(self) -> None:
+        """Check the words, and that limit and measure go together."""
+        words = (self.rule, self.measure, self.applies, self.bound, self.unit)
+        if faults := list(_faults(*words, limit=self.limit)):
+            raise ArgumentError("; ".join(faults))
+        if self.measure:
+            object.__setattr__(self, "unit", MEASURES[self.measure].unit)
+
+    def keeps(self, computed: float) -> bool:
+        """Return whether a computed value is on the good side of the limit."""
+        if self.bound == "at least":
+            return computed >= self.limit
+        return computed < self.limit if self.bound == "below" else computed <= self.limit
+
+
+def published_rules(rule_set: str = "DNV") -> tuple[Rule, ...]:
+    """Return a rule set of a class society, of IMO, or as lee2012 quotes it."""
+    if rule_set not in RULE_SETS:
+        raise ArgumentError(f"rule_set is {rule_set!r}; it must be one of {', '.join(RULE_SETS)}")
+    wanted = (rule_set, "IMO") if rule_set in _WITH_IMO else (rule_set,)
+    return tuple(rule for rule in _all() if rule.rule_set in wanted)
+
+
+@cache
+def _all() -> tuple[Rule, ...]:
+    name = "design_rules.csv"
+    return _rules(frame_sheet(datasets.read(name), name))
+
+
+def load_rules(path: str | PathLike[str]) -> tuple[Rule, ...]:
+    """Read rules of one's own from a CSV file or an Excel workbook."""
+    return _rules(read_sheet(path, what="titles, which are at least rule, measure and limit"))
+
+
+def _rules(sheet: Sheet) -> tuple[Rule, ...]:
+    titles = ["_".join(title.lower().split()) for title in sheet.titles]
+    faults = [
+        f"column {place}: title {title!r}; expected one of {', '.join(RULE_COLUMNS)}"
+        for place, title in enumerate(titles, start=1)
+        if title not in RULE_COLUMNS
+    ]
+    faults += [f"title {t!r} stands twice" for t in dict.fromkeys(titles) if titles.count(t) > 1]
+    faults += [
+        f"no column {t}" for t, value in RULE_COLUMNS.items() if value is None and t not in titles
+    ]
+    if faults:
+        raise InputError(sheet.source, *faults)
+    rules: list[Rule] = []
+    for number, cells in sheet.rows:
+        if any(cells[len(titles) :]):
+            faults.append(f"row {number} has {len(cells)} cells; expected {len(titles)}")
+            continue
+        given = {t: cell for t, cell in zip(titles, cells, strict=False) if cell}
+        wrong, rule = _rule({t: given.get(t, value or "") for t, value in RULE_COLUMNS.items()})
+        faults += [f"row {number}: {fault}" for fault in wrong]
+        rules += rule
+    names = [(rule.rule_set, rule.rule) for rule in rules]
+    faults += [f"rule {name[1]!r} stands twice" for name in _twice(names)]
+    if faults or not rules:
+        raise InputError(sheet.source, *(faults or ["has no rule; expected one row a rule"]))
+    return tuple(rules)
+
+
+def _twice(names: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    return [name for name in dict.fromkeys(names) if names.count(name) > 1]
+
+
+def _rule(cells: Mapping[str, str]) -> tuple[list[str], list[Rule]]:
+    """Return what is wrong with a row, and the rule if nothing is."""
+    faults = []
+    number = cells["limit"].replace(",", ".")
+    if not NUMBER.fullmatch(number) and (number or cells["measure"]):
+        faults.append(f"limit is {cells['limit']!r}; expected a number")
+        number = "0"
+    limit = float(number or "nan")
+    flags = {name: cells[name].lower() for name in ("host", "confirmed")}
+    faults += [
+        f"{n} is {cells[n]!r}; expected yes or no" for n, f in flags.items() if f not in _YES
+    ]
+    words = {name: cells[name] for name in RULE_COLUMNS if name not in ("limit", *flags)}
+    checked = (words[name] for name in ("rule", "measure", "applies", "bound", "unit"))
+    faults += _faults(*checked, limit=limit)
+    if faults:
+        return faults, []
+    return [], [
+        Rule(**words, limit=limit, host=_YES[flags["host"]], confirmed=_YES[flags["confirmed"]])
+    ]
+
+
+def _faults(
+    rule: str, measure: str, applies: str, bound: str, unit: str, *, limit: float
+) -> Iterator[str]:
+    for name, value, known in (
+        ("measure", measure, ("", *MEASURES)),
+        ("applies", applies, tuple(APPLIES)),
+        ("bound", bound, BOUNDS),
+    ):
+        if value not in known:
+            yield f"{name} is {value!r}; expected one of {', '.join(map(repr, known))}"
+    if not rule:
+        yield "rule is ''; expected a name"
+    if measure in MEASURES:
+        if not (math.isfinite(limit) and limit >= 0):
+            yield f"limit is {limit!r}; expected a number, 0 or more"
+        if unit not in ("", MEASURES[measure].unit):
+            yield f"unit is {unit!r}; expected {MEASURES[measure].unit!r}, as computed"
+
+
+# Does a planned network keep the rules? Each rule with the value computed for it ----------------
+
+
+#: A published set by name, a file, or rules made elsewhere.
+RuleSet = str | PathLike[str] | tuple[Rule, ...]
+
+_COLUMNS = (
+    "clause", "rule", "subject", "computed", "limit", "unit", "verdict", "why", "edition", "source",
+    "confirmed", "topic", "asks", "bound", "rule_set",
+)  # fmt: skip
+
+
+def rules_of(rule_set: RuleSet) -> tuple[Rule, ...]:
+    """Return the rules that a name, a file or a tuple stands for."""
+    if isinstance(rule_set, tuple):
+        if not rule_set or not all(isinstance(rule, Rule) for rule in rule_set):
+            raise ArgumentError(f"rule_set is {rule_set!r}; it must be one Rule or more")
+        return rule_set
+    if isinstance(rule_set, PathLike) or str(rule_set).lower().endswith((".csv", ".xlsx")):
+        return load_rules(rule_set)
+    return published_rules(rule_set)
+
+
+def check(
+    network: Network,
+    rule_set: RuleSet = "DNV",
+    *,
+    host_time: float = HOST_TIME,
+    cuts: pd.DataFrame | None = None,
+) -> pd.DataFrame:
+    """Check a planned network against a rule set."""
+    import pandas as pd
+
+    if not isinstance(network, Network):
+        raise ArgumentError(f"network is {network!r}; it must be a Network")
+    facts = Facts(network, check_scalar("host_time", host_time, "s", 0.0, 60.0), cuts)
+    rows = []
+    for rule in rules_of(rule_set):
+        outcome = _outcome(rule, facts)
+        verdict, why = _judge(rule, outcome)
+        rows.append(
+            (rule.clause, rule.rule, outcome.subject, float(outcome.computed), rule.limit,
+             rule.unit, verdict, why, rule.edition, rule.source, rule.confirmed, rule.topic,
+             rule.asks, rule.bound, rule.rule_set)
+        )  # fmt: skip
+    return pd.DataFrame(rows, columns=list(_COLUMNS))
+
+
+def _outcome(rule: Rule, facts: Facts) -> Outcome:
+    if not rule.measure:
+        return Outcome(float("nan"), why=rule.note or "nothing in a plan tells")
+    concerned = facts.concerned(rule.applies)
+    outcome = MEASURES[rule.measure].compute(facts, concerned, rule.host)
+    out = facts.left_out(concerned)
+    if not out or outcome.partial or rule.measure == LEFT_OUT:
+        return outcome
+    # What is not connected is neither late nor lost; a pass would not be one of all points.
+    said = f"{out} point{'s' if out > 1 else ''} left out"
+    why = f"{outcome.why}; {said}" if outcome.why else said
+    return outcome._replace(why=why, partial=True)
+
+
+def _judge(rule: Rule, outcome: Outcome) -> tuple[str, str]:
+    """Return the verdict, and why."""
+    if outcome.computed != outcome.computed:
+        return "not verified", outcome.why
+    verdict = "pass" if rule.keeps(outcome.computed) else "fail"
+    if verdict == "pass" and outcome.partial:
+        return "not verified", outcome.why
+    if rule.confirmed:
+        return verdict, outcome.why
+    made = f" ({outcome.why})" if outcome.why else ""
+    return "not verified", f"would {verdict}{made}, but the clause was not read"

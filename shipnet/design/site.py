@@ -1,0 +1,490 @@
+"""The ship as cables see it: a cabinet, trays, and the ways along them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from math import isfinite, prod
+from os import PathLike
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from shipnet.errors import ArgumentError, InputError
+from shipnet.tables import NUMBER, Sheet, parse_sheet, read_sheet
+
+if TYPE_CHECKING:
+    from shipnet.design.iolist import IoList
+
+
+# Cable trays of a ship as a graph: places where they meet, and the ways along them
+
+#: A place on board [m]: x from aft to fore, y to port, z up, from wherever the list counts.
+Place = tuple[float, float, float]
+
+_COLUMNS = ("kind", "name", "x_m", "y_m", "z_m", "from", "to")
+_KINDS = ("cabinet", "node", "tray")
+
+#: Most nodes: the ways between all pairs are kept.
+_MOST_NODES = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class Tray:
+    """A straight tray between two nodes."""
+
+    name: str
+    a: str
+    b: str
+
+
+@dataclass(frozen=True, eq=False)
+class Trays:
+    """The trays of a ship."""
+
+    nodes: Mapping[str, Place]
+    trays: tuple[Tray, ...]
+    cabinets: Mapping[str, Place] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check that they are one graph."""
+        faults = tray_faults(self.nodes, self.trays)
+        if faults:
+            raise ArgumentError("; ".join(fault for _, fault in faults))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the trays in their order."""
+        return tuple(tray.name for tray in self.trays)
+
+    @cached_property
+    def ends(self) -> NDArray[np.intp]:
+        """Numbers of the nodes at the ends of each tray, shape (m, 2)."""
+        number = {name: n for n, name in enumerate(self.nodes)}
+        return np.array([(number[tray.a], number[tray.b]) for tray in self.trays], dtype=np.intp)
+
+    @cached_property
+    def places(self) -> NDArray[np.float64]:
+        """Places of the nodes [m], shape (n, 3)."""
+        return np.array(list(self.nodes.values()), dtype=np.float64)
+
+    @cached_property
+    def lengths(self) -> NDArray[np.float64]:
+        """Lengths of the trays [m], shape (m,)."""
+        a, b = self.places[self.ends.T]
+        return np.asarray(np.linalg.norm(b - a, axis=1))
+
+
+def tray_faults(nodes: Mapping[str, Place], trays: tuple[Tray, ...]) -> list[tuple[str, str]]:
+    """Return all that keeps nodes and trays from being one graph, each with the name concerned."""
+    faults = [
+        (name, f"node {name!r} is at {place!r}; expected three finite numbers")
+        for name, place in nodes.items()
+        if len(place) != 3 or not all(map(isfinite, place))
+    ]
+    seen: set[str] = set()
+    for tray in trays:
+        unknown = [end for end in (tray.a, tray.b) if end not in nodes]
+        text = f"tray {tray.name!r} ends at {{!r}}, which is no node"
+        faults += [(tray.name, text.format(end)) for end in unknown]
+        if tray.name in seen:
+            faults.append((tray.name, f"tray {tray.name!r} stands twice"))
+        if not unknown and tuple(nodes[tray.a]) == tuple(nodes[tray.b]):
+            faults.append((tray.name, f"tray {tray.name!r} has no length"))
+        seen.add(tray.name)
+    if not trays:
+        faults.append(("", "there is no tray"))
+    if len(nodes) > _MOST_NODES:
+        faults.append(("", f"there are {len(nodes)} nodes; expected {_MOST_NODES} at most"))
+    if not faults:
+        number = {name: n for n, name in enumerate(nodes)}
+        ends = np.array([(number[tray.a], number[tray.b]) for tray in trays])
+        graph = csr_array((np.ones(len(ends)), ends.T), shape=(len(nodes), len(nodes)))
+        parts, part = connected_components(graph, directed=False)
+        if parts > 1:
+            largest = np.bincount(part).argmax()
+            apart = [name for name, own in zip(nodes, part, strict=True) if own != largest]
+            faults.append((apart[0], f"no tray joins {', '.join(apart)} to the rest"))
+    return faults
+
+
+def load_trays(path: str | PathLike[str]) -> Trays:
+    """Read trays from a CSV file or an Excel workbook."""
+    return _trays(read_sheet(path))
+
+
+def parse_trays(text: str, source: str = "text") -> Trays:
+    """Read trays from text, as an editor holds it."""
+    return _trays(parse_sheet(text, source))
+
+
+def _trays(sheet: Sheet) -> Trays:
+    titles = [title.lower() for title in sheet.titles]
+    faults = [
+        f"row {sheet.top}: title {title!r} is unknown; expected {', '.join(_COLUMNS)}, note"
+        for title in titles
+        if title not in (*_COLUMNS, "note")
+    ]
+    faults += [f"row {sheet.top}: no column {name}" for name in _COLUMNS if name not in titles]
+    if len(set(titles)) < len(titles):
+        faults.append(f"row {sheet.top}: a title stands twice")
+    if faults:
+        raise InputError(sheet.source, *faults)
+    comma = sheet.separator in (";", "\t") and any("," in c for _, row in sheet.rows for c in row)
+    places: dict[str, dict[str, Place]] = {"node": {}, "cabinet": {}}
+    trays: list[Tray] = []
+    rows: dict[str, int] = {}
+    for number, row in sheet.rows:
+        cells = dict.fromkeys(_COLUMNS, "") | dict(zip(titles, row, strict=False))
+        kind, name = cells["kind"].lower(), cells["name"]
+        wrong = []
+        if any(row[len(titles) :]):
+            wrong.append(f" has {len(row)} cells; expected {len(titles)}")
+        if kind not in _KINDS:
+            wrong.append(f", column kind: {cells['kind']!r}; expected {', '.join(_KINDS)}")
+        if not name or not name.isprintable():
+            wrong.append(f", column name: {name!r}; expected printable text")
+        if kind == "tray":
+            wrong += [f", column {end}: is empty; expected a node" for end in ("from", "to")
+                      if not cells[end]]  # fmt: skip
+        elif name in places.get(kind, {}):
+            wrong.append(f": {kind} {name!r} stands twice")
+        place = [_metres(cells[axis], comma) for axis in ("x_m", "y_m", "z_m")]
+        if kind in places:
+            wrong += [
+                f", column {axis}: {cells[axis]!r}; expected a number -1000..1000 m"
+                for axis, value in zip(("x_m", "y_m", "z_m"), place, strict=True)
+                if value is None
+            ]
+        faults += [f"row {number}{fault}" for fault in wrong]
+        if wrong:
+            continue
+        if kind == "tray":
+            rows[name] = number
+            trays.append(Tray(name, cells["from"], cells["to"]))
+        else:
+            x, y, z = (value or 0.0 for value in place)
+            places[kind][name] = (x, y, z)
+    if not faults:
+        found = tray_faults(places["node"], tuple(trays))
+        faults = [f"row {rows[name]}: {text}" if name in rows else text for name, text in found]
+    if faults:
+        raise InputError(sheet.source, *faults)
+    return Trays(places["node"], tuple(trays), places["cabinet"])
+
+
+def _metres(cell: str, comma: bool) -> float | None:
+    text = cell.replace(",", ".") if comma and "." not in cell else cell
+    if not NUMBER.fullmatch(text) or (comma and "." in cell):
+        return None
+    value = float(text)
+    return value if -1e3 <= value <= 1e3 else None
+
+
+# The shortest ways along trays between places beside them ---------------------------------------
+
+_Floats = NDArray[np.float64]
+_Wholes = NDArray[np.intp]
+
+#: How much longer a metre of a tray counts that is to be avoided: longer than any way round it.
+_AVOIDED = 1e6
+
+#: Distances to trays that are computed at once.
+_AT_ONCE = 2**21
+
+
+class _Entry(NamedTuple):
+    """Where places reach the trays: which, how far along it [m], and how far away [m]."""
+
+    tray: _Wholes
+    along: _Floats
+    off: _Floats
+
+
+class _Join(NamedTuple):
+    """A way from one entry to another."""
+
+    first: _Wholes
+    last: _Wholes
+    out: _Floats
+    into: _Floats
+    length: _Floats
+
+
+class TrayRoutes:
+    """The shortest ways between all places of a ship, for one choice of trays to avoid."""
+
+    def __init__(self, trays: Trays, avoid: Collection[str] = ()) -> None:
+        names = {avoid} if isinstance(avoid, str) else set(avoid)
+        if names - set(trays.names):
+            unknown = ", ".join(map(repr, sorted(names - set(trays.names))))
+            raise ArgumentError(f"avoid names {unknown}; the trays are {', '.join(trays.names)}")
+        self.trays = trays
+        self._weight = np.where(np.isin(trays.names, list(names)), _AVOIDED, 1.0)
+        size = len(trays.nodes)
+        cost, metres = np.full((2, size, size), np.inf)
+        self._tray = np.full((size, size), -1, dtype=np.intp)
+        counted = trays.lengths * self._weight
+        # Of several trays between two nodes, the one that counts least is written last.
+        for n in np.argsort(-counted, kind="stable"):
+            for a, b in (trays.ends[n], trays.ends[n][::-1]):
+                cost[a, b], metres[a, b], self._tray[a, b] = counted[n], trays.lengths[n], n
+        a, b = np.nonzero(np.isfinite(cost))
+        graph = csr_array((cost[a, b], (a, b)), shape=(size, size))
+        self._cost, before = dijkstra(graph, return_predecessors=True)
+        self._before = before.astype(np.intp)
+        # What counts is not what is laid: metres are summed along the ways found, nearest first.
+        self._length = np.zeros((size, size))
+        rows = np.arange(size)
+        for node in np.argsort(self._cost, axis=1, kind="stable").T[1:]:
+            last = self._before[rows, node]
+            self._length[rows, node] = self._length[rows, last] + metres[last, node]
+
+    def lengths(self, a: _Floats, b: _Floats) -> _Floats:
+        """Return the lengths of the ways between places."""
+        start, end, direct, shape = self._both(a, b)
+        off = start.off + end.off
+        length = np.where(direct <= off, direct, off + self._join(start, end).length)
+        return np.asarray(length.reshape(shape))
+
+    def names(self, a: _Floats, b: _Floats) -> list[tuple[str, ...]]:
+        """Return the names of the trays between places."""
+        start, end, direct, _ = self._both(a, b)
+        join = self._join(start, end)
+        used = start.off + end.off < direct
+        # A tray that is only touched at its end is not used.
+        keys = np.column_stack([
+            np.where(join.out > 0, start.tray, -1), join.first, join.last,
+            np.where(join.into > 0, end.tray, -1),
+        ])  # fmt: skip
+        keys[~used] = -1
+        different, place = np.unique(keys, axis=0, return_inverse=True)
+        ways = [self._way(*key) for key in different.tolist()]
+        return [ways[n] for n in place.ravel().tolist()]
+
+    def _way(self, start: int, first: int, last: int, end: int) -> tuple[str, ...]:
+        """Return the names of the trays from the entry on one tray to that on another."""
+        path = [end]
+        while last != first:
+            before = int(self._before[first, last])
+            path.append(int(self._tray[before, last]))
+            last = before
+        path.append(start)
+        numbers = [n for n in reversed(path) if n >= 0]
+        return tuple(dict.fromkeys(self.trays.names[n] for n in numbers))
+
+    def _both(self, a: _Floats, b: _Floats) -> tuple[_Entry, _Entry, _Floats, tuple[int, ...]]:
+        """Return the entries of places and their direct distance, flat, and the shape of all."""
+        direct = np.abs(a - b).sum(axis=-1)
+        start, end = (_spread(self._enter(one), one.shape[:-1], direct.shape) for one in (a, b))
+        return start, end, direct.ravel(), direct.shape
+
+    def _enter(self, places: _Floats) -> _Entry:
+        """Return where places reach the nearest tray, the first of several as near; flat."""
+        points = places.reshape(-1, 3)
+        a, b = self.trays.places[self.trays.ends.T]
+        span, square = b - a, self.trays.lengths**2
+        tray = np.zeros(len(points), dtype=np.intp)
+        along, off = np.full((2, len(points)), np.nan)
+        known = np.flatnonzero(np.isfinite(points).all(axis=1))
+        step = max(1, _AT_ONCE // len(span))
+        for rows in (known[k : k + step] for k in range(0, len(known), step)):
+            own = points[rows]
+            # The nearest point of the line from a to b, kept between its ends.
+            share = ((own @ span.T - (a * span).sum(axis=1)) / square).clip(0, 1)
+            far = np.zeros_like(share)
+            for axis in range(3):
+                far += np.abs(own[:, axis, None] - a[:, axis] - share * span[:, axis])
+            best = far.argmin(axis=1)
+            each = np.arange(len(rows))
+            tray[rows], off[rows] = best, far[each, best]
+            along[rows] = share[each, best] * self.trays.lengths[best]
+        return _Entry(tray, along, off)
+
+    def _join(self, start: _Entry, end: _Entry) -> _Join:
+        """Return the way that counts least, over either end of either tray or along one tray."""
+        ends, lengths, weight = self.trays.ends, self.trays.lengths, self._weight
+        between = np.abs(start.along - end.along)
+        best = np.where(start.tray == end.tray, weight[start.tray] * between, np.inf)
+        none = np.full(len(best), -1, dtype=np.intp)
+        join = _Join(none, none, between, between, between)
+        for s in (0, 1):
+            out = start.along if s == 0 else lengths[start.tray] - start.along
+            a = ends[start.tray, s]
+            for e in (0, 1):
+                into = end.along if e == 0 else lengths[end.tray] - end.along
+                b = ends[end.tray, e]
+                cost = weight[start.tray] * out + self._cost[a, b] + weight[end.tray] * into
+                other = _Join(a, b, out, into, out + self._length[a, b] + into)
+                better = cost < best
+                best = np.where(better, cost, best)
+                join = _Join._make(map(partial(np.where, better), other, join))
+        return join
+
+
+def _spread(entry: _Entry, own: tuple[int, ...], shape: tuple[int, ...]) -> _Entry:
+    """Return entries of places of one shape for another to which it is broadcast, flat."""
+    tray = np.broadcast_to(entry.tray.reshape(own), shape).ravel()
+    along = np.broadcast_to(entry.along.reshape(own), shape).ravel()
+    return _Entry(tray, along, np.broadcast_to(entry.off.reshape(own), shape).ravel())
+
+
+# Where the cabinet stands and which way cables go to it: along trays, or square to the ship
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """A ship as cables see it."""
+
+    cabinet: Place
+    trays: Trays | None = None
+    detour: float = 1.15
+    tails: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Check every argument."""
+        cabinet = _places("cabinet", self.cabinet)
+        if cabinet.ndim != 1 or np.isnan(cabinet).any():
+            raise ArgumentError(f"cabinet is {self.cabinet!r}; it must be three finite numbers")
+        object.__setattr__(self, "cabinet", tuple(cabinet.tolist()))
+        if self.trays is not None and not isinstance(self.trays, Trays):
+            raise ArgumentError(f"trays is {self.trays!r}; it must be Trays or None")
+        for name, low, high in (("detour", 1.0, 10.0), ("tails", 0.0, 1000.0)):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+                raise ArgumentError(f"{name} is {value!r}; it must be a number {low:g}..{high:g}")
+            if not low <= value <= high:
+                raise ArgumentError(f"{name} is {value!r}; it must be a number {low:g}..{high:g}")
+
+    def length(self, route: ArrayLike) -> _Floats:
+        """Return the length of a cable to lay, for a route [m]."""
+        return self.detour * np.asarray(route, dtype=np.float64) + self.tails
+
+    def route(self, a: ArrayLike, b: ArrayLike, *, avoid: Collection[str] = ()) -> _Floats:
+        """Return the length of the way between places."""
+        a, b = _places("a", a), _places("b", b)
+        _fit(a, b)
+        routes = self._routes(avoid)
+        return np.asarray(np.abs(a - b).sum(axis=-1)) if routes is None else routes.lengths(a, b)
+
+    def way(self, a: ArrayLike, b: ArrayLike, *, avoid: Collection[str] = ()) -> tuple[str, ...]:
+        """Return the trays between two places."""
+        (names,) = self.ways(np.atleast_2d(_places("a", a)), b, avoid=avoid)
+        return names
+
+    def ways(
+        self, a: ArrayLike, b: ArrayLike, *, avoid: Collection[str] = ()
+    ) -> list[tuple[str, ...]]:
+        """Return the trays between each of two rows of places."""
+        a, b = _places("a", a), _places("b", b)
+        shape = _fit(a, b)
+        routes = self._routes(avoid)
+        return [()] * prod(shape) if routes is None else routes.names(a, b)
+
+    def _routes(self, avoid: Collection[str]) -> TrayRoutes | None:
+        if self.trays is None:
+            if avoid:
+                raise ArgumentError(f"avoid names {avoid!r}; the site has no trays")
+            return None
+        names = frozenset([avoid] if isinstance(avoid, str) else avoid)
+        if names not in self._known:
+            self._known[names] = TrayRoutes(self.trays, names)
+        return self._known[names]
+
+    @cached_property
+    def _known(self) -> dict[frozenset[str], TrayRoutes]:
+        return {}
+
+
+def _fit(a: _Floats, b: _Floats) -> tuple[int, ...]:
+    """Return the shape of what two arrays of places are together."""
+    try:
+        return np.broadcast_shapes(a.shape, b.shape)[:-1]
+    except ValueError:
+        raise ArgumentError(f"a has shape {a.shape} and b {b.shape}; they must fit") from None
+
+
+def _places(name: str, given: ArrayLike) -> _Floats:
+    """Return places as an array, or raise unless the last axis has three coordinates."""
+    try:
+        places = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        places = np.zeros(0)
+    if places.shape[-1:] != (3,):
+        raise ArgumentError(f"{name} is {given!r}; it must be an array of shape (..., 3)")
+    if np.isinf(places).any():
+        raise ArgumentError(f"{name} holds an infinite coordinate; it must be finite, or NaN")
+    return places
+
+
+# Where the cabinet stands, found from the lengths that a list gives for cables to it
+
+#: Points with place and length that are needed for three coordinates and a look at what is left.
+_FEWEST = 4
+
+#: Places along each axis in the first look and in the others, and how many are kept of a look.
+_FIRST, _NEXT, _KEPT = 15, 5, 25
+
+#: Reach of the last look [m], and how far a length may be rounded [m].
+_CLOSE, _ROUNDED = 0.02, 0.2
+
+
+class Found(NamedTuple):
+    """A cabinet that lengths speak for."""
+
+    place: tuple[float, float, float]
+    misfit: float
+    points: int
+    settled: bool
+
+    def __str__(self) -> str:
+        """Say it in a sentence."""
+        x, y, z = self.place
+        said = (
+            f"the cabinet is taken to stand at {x:g}, {y:g}, {z:g} m, where the cable lengths of "
+            f"{self.points} points put it, within {max(self.misfit, 0.1):.1f} m for half of them"
+        )
+        other = "; other places fit as well as this one: give the right one if you know it"
+        return said if self.settled else said + other
+
+
+def find_cabinet(iolist: IoList, *, detour: float = 1.15, tails: float = 5.0) -> Found:
+    """Find where the cabinet stands from home runs of known length."""
+    length = iolist.points["home_run_m"].to_numpy(float)
+    known = np.isfinite(length) & iolist.located
+    if known.sum() < _FEWEST:
+        raise ArgumentError(
+            f"{known.sum()} points of {iolist.source} have a position and a length to the cabinet; "
+            f"it takes {_FEWEST} to find the cabinet"
+        )
+    places, wanted = iolist.places[known], length[known]
+
+    def off(cabinets: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        way = np.abs(places - cabinets[..., None, :]).sum(axis=-1)
+        return np.asarray(np.abs(detour * way + tails - wanted))
+
+    # There are many low places: the best of a look all over the ship, each looked at more closely.
+    centres = places.mean(axis=0, keepdims=True)
+    reach, count = float(np.ptp(places, axis=0).max()) / 2 + 1.0, _FIRST
+    while reach > _CLOSE:
+        steps = np.stack(np.meshgrid(*3 * [np.linspace(-reach, reach, count)]), axis=-1)
+        tried = (centres[:, None] + steps.reshape(-1, 3)).reshape(-1, 3)
+        scale = max(reach / count, _ROUNDED)
+        loss = np.log1p((off(tried) / scale) ** 2).sum(axis=-1)
+        centres = tried[loss.argsort(kind="stable")[:_KEPT]]
+        reach, count = reach * (2 / count), _NEXT
+    centre = centres[0]
+    x, y, z = (round(float(value), 1) + 0.0 for value in centre)
+    place = np.array([x, y, z])
+    misfits = off(place)
+    # A length that goes up on one side of the cabinet and down on the other holds its coordinate.
+    side = places[misfits <= max(float(np.median(misfits)), _ROUNDED)] - place
+    held = ((side < -_ROUNDED).any(axis=0)) & ((side > _ROUNDED).any(axis=0))
+    flat = np.ptp(places, axis=0) < _ROUNDED
+    settled = bool((~held).sum() <= 1 and not (flat & ~held).any())
+    return Found((x, y, z), float(np.median(misfits)), int(known.sum()), settled)

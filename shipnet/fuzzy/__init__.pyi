@@ -1,0 +1,11 @@
+from .audit import Overlaps as Overlaps
+from .decision import Decision as Decision
+from .firing import Firing as Firing
+from .rules import NORMAL as NORMAL
+from .rules import UNKNOWN as UNKNOWN
+from .rules import Rule as Rule
+from .rules import RuleBase as RuleBase
+from .rules import read_rules as read_rules
+from .terms import Interval as Interval
+from .terms import Term as Term
+from .terms import Variable as Variable

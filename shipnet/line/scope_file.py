@@ -1,0 +1,621 @@
+"""Recorded waveforms from files: scope CSV, numpy arrays, sigrok sessions.
+
+No two makers of scopes agree on the header of a text file, so nothing is looked for at a fixed
+place. The last rows of the file say which columns hold numbers; the header ends where the first
+such row begins; titles and units are what is above. The layouts that were read for this:
+Tektronix TDS (the header beside the data) and MDO, Keysight, Rigol (an increment instead of
+times), Siglent, LeCroy, PicoScope, Rohde & Schwarz, OWON, Digilent.
+"""
+
+from __future__ import annotations
+
+import configparser
+import io
+import re
+import zipfile
+from collections import Counter
+from os import PathLike
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.errors import ArgumentError, InputError
+from shipnet.line.waveform import Waveform
+
+Floats = npt.NDArray[np.float64]
+
+#: Fewest samples a second that tell the pulses of 3 us apart [1/s].
+SLOWEST_RATE = 1e6
+
+#: Largest part of an archive that is unpacked [byte]; a few bytes can claim to be much more.
+_LARGEST_PART = 2**30
+
+#: Size from which a number is neither a time [s] nor a voltage [V], in no unit.
+_LARGEST = 1e15
+
+_COUNTERS = ("x", "#", "n", "no", "nr", "index", "sample", "samples", "point", "points", "sequence")
+
+#: Rows at the end of the file that decide on its layout, and rows that may be header.
+_TAIL, _HEADER = 10, 2000
+
+_NUMBER = r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?"
+_IS_NUMBER = re.compile(rf"{_NUMBER}|[+-]?inf", re.ASCII)
+_QUANTITY = re.compile(rf"(?:[^:=]*[:=])?\s*({_NUMBER})\s*([a-zµμ/]*)", re.ASCII | re.IGNORECASE)
+_UNIT_IN_TITLE = re.compile(r"(.*?)\s*(?:[(\[]([^()\[\]]*)[)\]]|\bin\s+(\S+))\s*")
+_INTERVAL = re.compile(
+    r"(sampl\w*\s+(interval|period)|time\s+(interval|increment)|(x\s*|t)?inc(rement)?"
+    r"|interval|delta\s*t|dt)\b"
+)
+_RATE = re.compile(r"(sampl\w*\s+(rate|frequency|freq)|samplerate|fs)\b")
+
+#: Prefixes of units; a scope shows no megavolt and no megasecond, so case does not matter there.
+_PREFIX = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3}
+_BASE = {
+    "s": "s", "sec": "s", "second": "s", "seconds": "s",
+    "v": "V", "volt": "V", "volts": "V",
+    "a": "A", "amp": "A", "ampere": "A", "w": "W", "watt": "W", "hz": "Hz", "db": "dB",
+}  # fmt: skip
+
+
+# Waveforms -------------------------------------------------------------------------------------
+
+
+def read_waveform(
+    path: str | PathLike[str],
+    *,
+    channel: str | None = None,
+    sample_interval: float | None = None,
+) -> Waveform:
+    r"""Read one channel of a recorded waveform."""
+    if sample_interval is not None and not 0 < sample_interval < np.inf:
+        raise ArgumentError(f"sample_interval is {sample_interval} s; it must be positive")
+    file = str(path)
+    data = _bytes(file)
+    kind = Path(file).suffix.lower()
+    if kind in (".npy", ".npz", ".sr"):
+        try:
+            reader = {".npy": _read_npy, ".npz": _read_npz, ".sr": _read_sr}[kind]
+            table = reader(file, data)
+        except InputError:
+            raise
+        except Exception as fault:
+            # The parsers below raise a dozen kinds, from BadZipFile and zlib.error to
+            # UnicodeDecodeError and MemoryError; for the user all say that the file is broken.
+            raise InputError(
+                file, f"not a whole {kind} file: {fault or type(fault).__name__}"
+            ) from fault
+    else:
+        read = read_table(file, data)
+        table = _Channels(read.values, read.columns, read.interval, None)
+    return _choose(file, table, channel, sample_interval)
+
+
+class _Channels(NamedTuple):
+    """All that a file holds: one column a channel, and what is known of the times."""
+
+    values: Floats
+    columns: list[Column]
+    interval: float | None
+    quantum: float | None  # step to which times are rounded; None: as the digits printed say
+
+
+def _bytes(file: str) -> bytes:
+    path = Path(file)
+    try:
+        # Reading a pipe or a device might never end.
+        if path.exists() and not path.is_file():
+            raise InputError(file, "not a file")
+        data = path.read_bytes()
+    except (OSError, ValueError) as fault:
+        if isinstance(fault, InputError):
+            raise
+        why = fault.strerror if isinstance(fault, OSError) else fault
+        raise InputError(file, f"cannot be read: {why}") from None
+    if not data.strip():
+        raise InputError(file, "the file is empty")
+    return data
+
+
+def _array(stream: IO[bytes]) -> npt.NDArray[Any]:
+    """Read an array, and nothing that could run code."""
+    return np.lib.format.read_array(stream, allow_pickle=False)
+
+
+def _check_real(file: str, what: str, array: npt.NDArray[Any]) -> Floats:
+    if array.dtype.kind not in "iuf" or not array.size:
+        raise InputError(
+            file,
+            f"{what} has the shape {array.shape} and the type {array.dtype}; expected real numbers",
+        )
+    return array.astype(float)
+
+
+def _rounding(times: npt.NDArray[Any]) -> float:
+    """Return the step to which an array of times is rounded."""
+    return float(np.spacing(np.abs(times).max())) if times.dtype.kind == "f" else 0.0
+
+
+def _read_npy(file: str, data: bytes) -> _Channels:
+    array = _array(io.BytesIO(data))
+    values = _check_real(file, "the array", array)
+    if values.ndim == 1:
+        return _Channels(values[:, np.newaxis], [Column(1, "u", "V", 1.0, 0)], None, None)
+    if values.ndim != 2 or min(values.shape) < 2:
+        raise InputError(
+            file,
+            f"the array has the shape {array.shape}; expected voltages, or time and voltages",
+        )
+    if values.shape[0] < values.shape[1]:
+        values, array = values.T, array.T
+    columns = [Column(1, "t", "s", 1.0, 0)]
+    columns += [Column(k + 1, f"u{k}", "V", 1.0, 0) for k in range(1, values.shape[1])]
+    return _Channels(values, columns, None, _rounding(array[:, 0]))
+
+
+def _read_npz(file: str, data: bytes) -> _Channels:
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        names = {name.removesuffix(".npy"): name for name in archive.namelist()}
+        held = {key: _array(io.BytesIO(_part(archive, names[key]))) for key in names}
+    voltage = next((key for key in ("u", "v") if key in held), None)
+    if voltage is None:
+        raise InputError(file, f"it holds {sorted(held)}; expected the voltages as u or v")
+    u = _check_real(file, voltage, held[voltage])
+    u = u[:, np.newaxis] if u.ndim == 1 else u
+    if u.ndim != 2:
+        raise InputError(file, f"{voltage} has the shape {u.shape}; expected (times, channels)")
+    titles = [voltage] if u.shape[1] == 1 else [f"{voltage}{k}" for k in range(u.shape[1])]
+    if "probes" in held and held["probes"].shape == (u.shape[1],):
+        titles = [str(name) for name in held["probes"]]
+    columns = [Column(k, title, "V", 1.0, 0) for k, title in enumerate(titles, start=1)]
+    if "t" in held:
+        t = _check_real(file, "t", held["t"])
+        if t.shape != u.shape[:1]:
+            raise InputError(file, f"t has the shape {t.shape}, but {voltage} {u.shape}")
+        columns = [Column(0, "t", "s", 1.0, 0), *columns]
+        return _Channels(np.column_stack([t, u]), columns, None, _rounding(held["t"]))
+    interval = None
+    if "dt" in held:
+        dt = _check_real(file, "dt", held["dt"])
+        if dt.size != 1 or not 0 < dt.item() < np.inf:
+            raise InputError(file, "dt is not one positive number")
+        interval = dt.item()
+    return _Channels(u, columns, interval, None)
+
+
+def _part(archive: zipfile.ZipFile, name: str) -> bytes:
+    size = archive.getinfo(name).file_size
+    if size > _LARGEST_PART:
+        raise ValueError(f"{name} claims to hold {size} bytes; at most {_LARGEST_PART} are read")
+    return archive.read(name)
+
+
+def _read_sr(file: str, data: bytes) -> _Channels:
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        names = set(archive.namelist())
+        if "metadata" not in names:
+            raise InputError(file, "no metadata in it; expected a sigrok session")
+        settings = configparser.RawConfigParser(strict=False)
+        settings.read_string(_part(archive, "metadata").decode())
+        device = next((settings[name] for name in settings.sections() if "device" in name), None)
+        titles = {
+            int(key[6:]): title
+            for key, title in (device or {}).items()
+            if re.fullmatch("analog[0-9]{1,4}", key)
+        }
+        chunks = {
+            number: sorted(
+                (int(name.split("-")[3]), name)
+                for name in names
+                if re.fullmatch(f"analog-1-{number}-[0-9]{{1,9}}", name)
+            )
+            for number in titles
+        }
+        chunks = {number: parts for number, parts in chunks.items() if parts}
+        if not chunks or device is None:
+            raise InputError(file, "no analog channel in it; expected a voltage, not logic levels")
+        for number, parts in chunks.items():
+            if [place for place, _ in parts] != list(range(1, len(parts) + 1)):
+                raise InputError(file, f"a part of analog-1-{number} is missing")
+        signals = [
+            np.frombuffer(b"".join(_part(archive, name) for _, name in parts), dtype="<f4")
+            for parts in chunks.values()
+        ]
+    if len({len(signal) for signal in signals}) > 1:
+        raise InputError(file, "its analog channels differ in length")
+    rate = re.fullmatch(r"([0-9.]+)\s*([kMG]?)(?:Hz)?", device.get("samplerate", "").strip())
+    interval = None
+    if rate:
+        hertz = float(rate[1]) * {"": 1, "k": 1e3, "M": 1e6, "G": 1e9}[rate[2]]
+        interval = 1 / hertz if hertz > 0 else None
+    columns = [Column(number, titles[number], "V", 1.0, 0) for number in chunks]
+    return _Channels(np.column_stack(signals).astype(float), columns, interval, None)
+
+
+def _choose(
+    file: str, table: _Channels, channel: str | None, sample_interval: float | None
+) -> Waveform:
+    """Pick the columns of time and voltage, and check both."""
+    values, columns = table.values, table.columns
+    if len(values) < 2:
+        raise InputError(file, f"it holds {len(values)} sample; expected a waveform")
+    # Neither a time nor a voltage; sums and products of such numbers would overflow further on.
+    if not np.fmax.reduce(np.abs(values), axis=None) < _LARGEST:
+        wild = np.argwhere(np.abs(values) >= _LARGEST)
+        faults = [
+            f"sample {k + 1}, column {columns[c].number}: {values[k, c]:g} is out of range"
+            for k, c in wild[: InputError.shown]
+        ]
+        raise InputError(
+            file, *(faults or ["it holds no numbers"]), more=max(0, len(wild) - InputError.shown)
+        )
+    time = _time_column(table)
+    usable = [
+        k
+        for k, column in enumerate(columns)
+        if k != time and column.unit in ("", "V") and not _is_counter(values, column, k, columns)
+    ]
+    known = ", ".join(columns[k].title or f"column {columns[k].number}" for k in usable)
+    if not usable:
+        raise InputError(file, "no voltage column; expected a channel in volts beside the time")
+    wanted = usable
+    if channel is not None:
+        name = channel.strip().lower()
+        wanted = [k for k in usable if name in (columns[k].title.lower(), str(columns[k].number))]
+        if not wanted:
+            raise InputError(file, f"no channel {channel!r}; its channels are {known}")
+    chosen = columns[wanted[0]]
+    u = values[:, wanted[0]] * chosen.scale
+    if np.isnan(u).all():
+        raise InputError(file, f"{chosen.title} holds no numbers")
+    if sample_interval is None:
+        if time is not None:
+            sample_interval, u = _even(file, table, time, u)
+        elif table.interval is not None:
+            sample_interval = table.interval
+        else:
+            raise InputError(
+                file, "it gives no times; state the time between two samples (--sample-interval)"
+            )
+    # A rate of exactly 1 MS/s, computed from rounded times, is fast enough.
+    if sample_interval > 1.001 / SLOWEST_RATE:
+        raise InputError(
+            file,
+            f"it has {1e-6 / sample_interval:.3g} MS/s; pulses of 3 us need {SLOWEST_RATE / 1e6:g} "
+            "or more",
+        )
+    title = chosen.title or f"column {chosen.number}"
+    among = f" of {known}" if len(usable) > 1 else ""
+    description = (
+        f"{Path(file).name}: channel {title}{among}; {len(u)} samples at "
+        f"{1e-6 / sample_interval:.6g} MS/s, {len(u) * sample_interval * 1e3:.6g} ms"
+    )
+    return Waveform(u, sample_interval, names=(title,), description=description)
+
+
+def _is_counter(values: Floats, column: Column, k: int, columns: list[Column]) -> bool:
+    """Whether a column only numbers the samples."""
+    if k > 0 or len(columns) == 1 or column.unit:
+        return False
+    return column.title.lower() in _COUNTERS or (
+        not column.title and bool((np.diff(values[:1000, k]) == 1).all())
+    )
+
+
+def _time_column(table: _Channels) -> int | None:
+    for k, column in enumerate(table.columns):
+        if column.unit == "s" or re.match(r"t(ime)?\b|x-axis", column.title.lower()):
+            return k
+    # Without any title, a first column that only rises is the time.
+    first = table.columns[0]
+    rises = bool((np.diff(table.values[:, 0]) >= 0).all()) and np.ptp(table.values[:, 0]) > 0
+    if len(table.columns) > 1 and not first.title and not first.unit and rises:
+        return None if _is_counter(table.values, first, 0, table.columns) else 0
+    return None
+
+
+def _even(file: str, table: _Channels, time: int, u: Floats) -> tuple[float, Floats]:
+    """Return the time between two samples, and the voltages in the order of time."""
+    column = table.columns[time]
+    t = table.values[:, time] * column.scale
+    if not np.isfinite(t).all():
+        raise InputError(file, "a time is not a finite number")
+    if t[0] > t[-1]:
+        t, u = t[::-1], u[::-1]
+    dt = float(t[-1] - t[0]) / (len(t) - 1)
+    if not dt > 0:
+        raise InputError(file, "its times do not rise")
+    quantum = table.quantum
+    if quantum is None:
+        largest = np.abs(t).max()
+        quantum = 10.0 ** (np.floor(np.log10(largest)) + 1 - max(column.digits, 1))
+    steps = np.diff(t)
+    typical = float(np.median(steps)) if quantum < 0.1 * dt else dt
+    wrong = np.flatnonzero(np.abs(steps - typical) > 0.01 * typical + quantum)
+    if wrong.size:
+        faults = [
+            f"sample {k + 2} comes {steps[k] * 1e9:.6g} ns after the one before it, not "
+            f"{typical * 1e9:.6g} ns"
+            for k in wrong[: InputError.shown]
+        ]
+        raise InputError(file, *faults, more=wrong.size - len(faults))
+    return dt, u
+
+
+# Text ------------------------------------------------------------------------------------------
+
+
+class Column(NamedTuple):
+    """What the header says about one column of numbers."""
+
+    number: int  # its place in the file, 1 for the first
+    title: str
+    unit: str  # "s", "V", another unit, or "" where the header gives none
+    scale: float  # factor from the unit printed to the base unit: 1e-6 for "(us)"
+    digits: int  # significant digits of the longest number among the first and the last rows
+
+
+class Table(NamedTuple):
+    """The numbers of a text file as printed, and what its header says; `interval` in s."""
+
+    values: Floats
+    columns: list[Column]
+    interval: float | None
+
+
+def read_table(file: str, data: bytes) -> Table:
+    r"""Read what a scope wrote as text."""
+    data = _normal(file, data)
+    tail = [line for line in _text(data[-64_000:]).split("\n") if line.strip(" ,;\t")][-_TAIL:]
+    separator, places, decimal = _layout(tail)
+    if not places:
+        raise InputError(file, "no column of numbers at its end; expected time and voltage")
+    header, offset = _header(file, data, separator, places, decimal)
+    try:
+        values = _parse(data, offset, separator, places, decimal)
+    except ValueError:
+        values = _parse_slowly(file, data, len(header), separator, places, decimal)
+    beyond = np.isinf(values)
+    if beyond.any():
+        finite = np.where(beyond, np.nan, values)
+        if np.isnan(finite).all(axis=0).any():
+            raise InputError(file, "a column is off the scale throughout")
+        values = np.clip(values, np.nanmin(finite, axis=0), np.nanmax(finite, axis=0))
+    first = _text(data[offset : offset + 4000]).split("\n")[:-1] or tail
+    digits = _digits(first[:_TAIL] + tail, separator, places)
+    above = [_split(line, separator) for line in header]
+    beside = [_split(line, separator)[: places[0]] for line in first]
+    return Table(values, _columns(above, places, digits), _interval(above, beside))
+
+
+def _normal(file: str, data: bytes) -> bytes:
+    """Return the content as UTF-8 or Latin-1 without a mark, its lines ended by LF."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        data = data.decode("utf-16", errors="replace").encode()
+    if b"\0" in data:
+        raise InputError(file, "not text: it holds zero bytes; expected a table of numbers")
+    data = data.removeprefix("\ufeff".encode())
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    # How PicoScope marks a sample that is off the scale, and how a word processor writes minus.
+    return data.replace("∞".encode(), b"inf").replace("\u2212".encode(), b"-")
+
+
+def _text(data: bytes) -> str:
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    cells = line.split(separator)
+    return [cell.strip(" \t\"'") for cell in cells]
+
+
+def _is_number(cell: str) -> bool:
+    return _IS_NUMBER.fullmatch(cell) is not None
+
+
+def _layout(tail: list[str]) -> tuple[str | None, tuple[int, ...], str]:
+    """Return separator (None: blanks), places of the columns of numbers, and decimal sign."""
+    separator: str | None
+    for separator in ("\t", ";", ","):
+        if 2 * sum(separator in line for line in tail) > len(tail):
+            break
+    else:
+        # A single column has no separator; its header may well have commas.
+        separator = None if any(len(line.split()) > 1 for line in tail) else ","
+    rows = [_split(line, separator) for line in tail]
+    patterns = Counter(
+        tuple(place for place, cell in enumerate(row) if _is_number(cell)) for row in reversed(rows)
+    )
+    places = next(iter(patterns.most_common(1)), ((), 0))[0]
+    cells = [row[place] for row in rows for place in places if place < len(row)]
+    decimal = "," if separator != "," and any("," in cell for cell in cells) else "."
+    return separator, places, decimal
+
+
+def _header(
+    file: str, data: bytes, separator: str | None, places: tuple[int, ...], decimal: str
+) -> tuple[list[str], int]:
+    """Return the lines above the numbers and the byte at which the numbers begin.
+
+    A row of numbers counts only if no other line than a row of numbers or a blank one is among
+    the next two: a header may hold numbers as well.
+    """
+    lines: list[str] = []
+    starts: list[int] = []
+    run = position = 0
+    while position < len(data) and len(lines) - run < _HEADER:
+        end = data.find(b"\n", position)
+        end = len(data) if end < 0 else end
+        line = _text(data[position:end])
+        lines.append(line)
+        starts.append(position)
+        position = end + 1
+        cells = _split(line, separator)
+        if all(_value(cells, place, decimal) is not None for place in places):
+            run += 1
+        elif any(cells) or not run:
+            run = 0
+        else:
+            run += 1
+        if run == 3:
+            break
+    if not run:
+        raise InputError(
+            file, f"no row of numbers in the first {_HEADER} rows; expected time and voltage"
+        )
+    return lines[:-run], starts[-run]
+
+
+def _value(cells: list[str], place: int, decimal: str) -> float | None:
+    if place >= len(cells) or not _is_number(cells[place]):
+        return None
+    if decimal == "." and "," in cells[place]:
+        return None
+    try:
+        return float(cells[place].replace(",", "."))
+    except ValueError:
+        return None
+
+
+def _parse(
+    data: bytes, offset: int, separator: str | None, places: tuple[int, ...], decimal: str
+) -> Floats:
+    """Read all rows at once; raise ValueError where one is not as the others."""
+    import pandas as pd
+
+    body = io.BytesIO(data)
+    body.seek(offset)
+    frame = pd.read_csv(
+        body,
+        sep=separator or r"\s+",
+        header=None,
+        usecols=list(places),
+        dtype=np.float64,
+        decimal=decimal,
+        engine="c",
+        quoting=3,
+        na_filter=False,
+        encoding="latin-1",
+    )
+    values = frame.to_numpy()
+    if np.isnan(values).any():
+        raise ValueError
+    return values
+
+
+def _parse_slowly(
+    file: str,
+    data: bytes,
+    skip: int,
+    separator: str | None,
+    places: tuple[int, ...],
+    decimal: str,
+) -> Floats:
+    """Read row by row, and name every cell that is not a number."""
+    rows: list[list[float]] = []
+    faults: list[str] = []
+    more = 0
+    for number, line in enumerate(_text(data).split("\n")[skip:], start=skip + 1):
+        cells = _split(line, separator)
+        if not any(cells):
+            continue
+        row = [_value(cells, place, decimal) for place in places]
+        for place, value in zip(places, row, strict=True):
+            if value is None and len(faults) == InputError.shown:
+                more += 1
+            elif value is None:
+                cell = cells[place] if place < len(cells) else ""
+                what = f"{cell[:20]!r} is not a number" if cell else "is empty"
+                faults.append(f"row {number}, column {place + 1}{': ' if cell else ' '}{what}")
+        rows.append([np.nan if value is None else value for value in row])
+    if faults:
+        raise InputError(file, *faults, more=more)
+    return np.array(rows)
+
+
+def _digits(lines: list[str], separator: str | None, places: tuple[int, ...]) -> list[int]:
+    rows = [_split(line, separator) for line in lines]
+    mantissas = [
+        [re.split("[eE]", row[place])[0] for row in rows if place < len(row)] for place in places
+    ]
+    return [
+        max((len(re.sub("[^0-9]", "", cell).lstrip("0")) for cell in column), default=0)
+        for column in mantissas
+    ]
+
+
+def _unit(text: str) -> tuple[str, float] | None:
+    """Read a unit such as ``Volt``, ``(us)`` or ``mV``; None if it is none."""
+    text = text.strip(" ()[]").lower()
+    if text in _BASE:
+        return _BASE[text], 1.0
+    if text[:1] in _PREFIX and text[1:] in ("s", "sec", "v", "volt", "a"):
+        return _BASE[text[1:]], _PREFIX[text[0]]
+    return None
+
+
+def _columns(above: list[list[str]], places: tuple[int, ...], digits: list[int]) -> list[Column]:
+    titles = [""] * len(places)
+    units: list[tuple[str, float] | None] = [None] * len(places)
+    for cells in reversed(above[-8:]):
+        here = [cells[place] if place < len(cells) else "" for place in places]
+        if not any(here):
+            continue
+        # Keysight titles its channels 1 to 4; other numbers belong to settings of the scope.
+        if any(_is_number(cell) and not re.fullmatch("[0-9]{1,2}", cell) for cell in here):
+            break
+        found = [_unit(cell) for cell in here]
+        if any(found) and not any(titles) and not any(units) and _all_units(here, found):
+            units = found
+        else:
+            titles = here
+            break
+    columns = []
+    for place, title, unit, count in zip(places, titles, units, digits, strict=True):
+        inside = _UNIT_IN_TITLE.fullmatch(title)
+        if unit is None and inside and (unit := _unit(inside[2] or inside[3] or "")):
+            title = inside[1]
+        name, scale = unit or ("", 1.0)
+        columns.append(Column(place + 1, title.lstrip("# "), name, scale, count))
+    return columns
+
+
+def _all_units(here: list[str], found: list[tuple[str, float] | None]) -> bool:
+    """Whether a row is one of units; Rigol writes "Sequence" under its counter."""
+    return all(
+        unit or cell.lower() in ("", "sequence") for cell, unit in zip(here, found, strict=True)
+    )
+
+
+def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
+    """Find the time between two samples among the cells of the header [s]."""
+    header = [*above, *beside]
+    for row, cells in enumerate(header):
+        below = header[row + 1] if row + 1 < len(header) else []
+        for place, cell in enumerate(cells):
+            key = cell.lower().lstrip("# ").replace("_", " ")
+            kind = _INTERVAL.match(key) or _RATE.match(key)
+            # The value stands in the same cell, in the next one, or in the one below.
+            around = [re.sub("^[^:=]*", "", cell), *cells[place + 1 : place + 2], *below[place:]]
+            for candidate in around[:3] if kind else []:
+                value = _quantity(candidate)
+                if value and kind:
+                    return value if kind.re is _INTERVAL else 1 / value
+    return None
+
+
+def _quantity(text: str) -> float | None:
+    """Read a positive number with a unit, such as ``4e-09``, ``4.0ns`` or ``CH1:250 MSa/s``."""
+    found = _QUANTITY.fullmatch(text.strip())
+    if not found:
+        return None
+    number, unit = found.groups()
+    prefixed = len(unit) > 1 and unit.lower() not in _BASE
+    scale = {**_PREFIX, "K": 1e3, "M": 1e6, "G": 1e9}.get(unit[0], 1.0) if prefixed else 1.0
+    value = float(number.replace(",", ".")) * scale
+    return value if 1e-13 < value < 1e13 else None

@@ -1,0 +1,14 @@
+from . import faults as faults
+from .experiment import Comparison as Comparison
+from .experiment import compare_checks as compare_checks
+from .experiment import recommend as recommend
+from .packet import CobsFormat as CobsFormat
+from .packet import MarkerFormat as MarkerFormat
+from .packet import changed_items as changed_items
+from .ring_buffer import Ring as Ring
+from .simulation import Change as Change
+from .simulation import Run as Run
+from .simulation import simulate as simulate
+from .simulation import switch_delays as switch_delays
+from .system import Supervision as Supervision
+from .system import System as System

@@ -1,0 +1,511 @@
+"""Markers against CRC, by number of items: the comparison that chung1998 asks others to make."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
+from shipnet.intervals import share_interval
+from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat, PacketFormat
+from shipnet.remote_control.residual import Shares, packet_shares
+from shipnet.remote_control.system import Supervision, System
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+Outcome = Literal["intact", "detected", "undetected"]
+
+#: Only when the value has changed, as printed; or in every packet.
+Sending = Literal["changed", "cyclic"]
+
+#: Ways to check a packet: as printed; with CRC-16 after it; with CRC-16 only, byte-stuffed.
+CHECKS = ("markers", "markers + CRC", "CRC")
+
+#: Packets worked on at a time.
+_CHUNK = 1 << 16
+
+#: A year of 365 days [s].
+_YEAR = 365 * 86400.0
+
+
+# Packets over a disturbed line -----------------------------------------------------------------
+
+
+class Interval(NamedTuple):
+    """Bounds of a share, by Clopper and Pearson."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """Packets that were sent over a disturbed line: all, discarded, and accepted though wrong."""
+
+    sent: int
+    detected: int
+    undetected: int
+
+    @property
+    def intact(self) -> int:
+        """Packets accepted as they were sent."""
+        return self.sent - self.detected - self.undetected
+
+    @property
+    def missed(self) -> float:
+        """Share of the disturbed packets that is accepted; NaN if none was disturbed."""
+        hit = self.detected + self.undetected
+        return self.undetected / hit if hit else float("nan")
+
+    def share(self, outcome: Outcome) -> float:
+        """Return the share of the packets with an outcome; NaN if none was sent."""
+        return self._count(outcome) / self.sent if self.sent else float("nan")
+
+    def interval(self, outcome: Outcome, confidence: float = 0.95) -> Interval:
+        """Return the interval in which that share lies with a confidence of 0.5..0.999999."""
+        level = check_scalar("confidence", confidence, "", 0.5, 0.999999)
+        count = self._count(outcome)
+        low, high = share_interval(count, self.sent, confidence=level)
+        return Interval(float(low), float(high))
+
+    def _count(self, outcome: Outcome) -> int:
+        if outcome not in ("intact", "detected", "undetected"):
+            raise ArgumentError(
+                f"outcome is {outcome!r}; it must be 'intact', 'detected' or 'undetected'"
+            )
+        return int(getattr(self, outcome))
+
+
+def check_formats(n_items: int) -> dict[str, PacketFormat]:
+    """Return a format for 1..84 items by each way to check packets."""
+    n = check_whole("n_items", n_items, 1, MOST_STUFFED)
+    formats = (MarkerFormat("A", n), MarkerFormat("A", n, crc=True), CobsFormat(n))
+    return dict(zip(CHECKS, formats, strict=True))
+
+
+def draw_outcomes(
+    packet_format: PacketFormat, n_items: int, rate: float, packets: int, rng: np.random.Generator
+) -> npt.NDArray[np.uint8]:
+    """Return what became of packets with random values: 0 intact, 1 detected, 2 undetected.
+
+    Gaps between inverted bits are drawn, not bits; and only packets that are hit are built and
+    checked, since all others are accepted as they are.
+    """
+    p = check_scalar("rate", rate, "", 0, 0.5)
+    n = check_whole("packets", packets, 0, 10**9)
+    size = packet_format.size(n_items)
+    outcome = np.zeros(n, np.uint8)
+    numbers = np.arange(n_items)
+    for first in range(0, n, _CHUNK):
+        count = min(_CHUNK, n - first)
+        place = _hits(8 * size * count, p, rng)
+        if place.size == 0:
+            continue
+        hit, row = np.unique(place // (8 * size), return_inverse=True)
+        values = rng.integers(0, 1 << 16, (hit.size, n_items), dtype=np.uint16)
+        rows = packet_format.encode_batch(numbers, values)
+        bit = place % (8 * size)
+        masks = (0x80 >> (bit & 7)).astype(np.uint8)
+        np.bitwise_xor.at(rows.reshape(-1), row * size + (bit >> 3), masks)
+        checked = packet_format.decode_batch(rows)
+        same = (checked.numbers == numbers).all(axis=1) & (checked.values == values).all(axis=1)
+        outcome[first + hit] = np.where(checked.accepted, np.where(same, 0, 2), 1)
+    return outcome
+
+
+def _hits(n_bits: int, p: float, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+    """Return which of so many bits are inverted, in rising order."""
+    if p == 0 or n_bits == 0:
+        return np.zeros(0, np.int64)
+    parts, reached = [], -1
+    while reached < n_bits:
+        more = int(1.1 * (n_bits - reached) * p) + 20
+        places = reached + np.cumsum(rng.geometric(p, more))
+        parts.append(places)
+        reached = int(places[-1])
+    every = np.concatenate(parts)
+    return every[: np.searchsorted(every, n_bits)]
+
+
+def transmit(
+    packet_format: PacketFormat,
+    n_items: int,
+    rate: float,
+    packets: int,
+    rng: np.random.Generator | int | None = None,
+) -> Trial:
+    """Return how many of so many packets were discarded, and accepted though wrong."""
+    chance = np.random.default_rng(rng)
+    counts = np.bincount(draw_outcomes(packet_format, n_items, rate, packets, chance), minlength=3)
+    return Trial(int(counts.sum()), int(counts[1]), int(counts[2]))
+
+
+def compare_checks(
+    n_items: Iterable[int],
+    rates: Iterable[float],
+    *,
+    packets: int = 60_000,
+    formats: Mapping[str, MarkerFormat | CobsFormat] | None = None,
+    rng: np.random.Generator | int | None = None,
+) -> Comparison:
+    """Send packets over a disturbed line, and count what each check detects and misses.
+
+    Parameters
+    ----------
+    n_items : iterable of int
+        Numbers of items per packet, 1..84 each.
+    rates : iterable of float
+        Bit error rates, 0..0.5 each.
+    packets : int, default 60000
+        Packets per check, number of items and rate, 0..1e9.
+    formats : mapping of str to MarkerFormat or CobsFormat, optional
+        What to compare; if omitted, the markers as printed, with a CRC after them, and a CRC with
+        byte stuffing.
+    rng : numpy.random.Generator or int, optional
+        Source of chance, or its seed.
+
+    Returns
+    -------
+    Comparison
+        A table with the closed forms beside the counts, and a figure.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Examples
+    --------
+    >>> from shipnet import remote_control as rc
+    >>> found = rc.compare_checks([1, 10], [1e-3], packets=20_000, rng=2024)
+    >>> found.table()[["check", "n_items", "undetected"]].values.tolist()[:2]
+    [['markers', 1, 468], ['markers + CRC', 1, 0]]
+    """
+    rates, chance, rows = list(rates), np.random.default_rng(rng), []
+    for n in n_items:
+        for rate in rates:
+            for name, form in (formats or check_formats(n)).items():
+                trial = transmit(form, n, rate, packets, chance)
+                low, high = trial.interval("undetected")
+                rows.append(
+                    {
+                        "check": name,
+                        "n_items": n,
+                        "bit_error_rate": rate,
+                        "bytes": form.size(n),
+                        "sent": trial.sent,
+                        "detected": trial.detected,
+                        "undetected": trial.undetected,
+                        "low": low,
+                        "high": high,
+                        "expected": packet_shares(form, n, rate).undetected,
+                        "missed": trial.missed,
+                        "items_lost": trial.share("detected"),
+                    }
+                )
+    return Comparison(tuple(rows))
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """What each check detects and misses, by number of items and bit error rate.
+
+    Examples
+    --------
+    >>> from shipnet import remote_control as rc
+    >>> rc.compare_checks([10], [1e-3], packets=20_000, rng=2024)
+    Comparison(3 checks, 60000 packets, 4158 accepted though wrong)
+    """
+
+    _rows: tuple[dict[str, object], ...]
+
+    def __repr__(self) -> str:
+        """Say it in one line."""
+        table = self.table()
+        if table.empty:
+            return "Comparison(of nothing)"
+        return (
+            f"Comparison({table['check'].nunique()} checks, {table['sent'].sum()} packets, "
+            f"{table['undetected'].sum()} accepted though wrong)"
+        )
+
+    def table(self) -> pd.DataFrame:
+        """Return a row per check, number of items and bit error rate.
+
+        ``low`` and ``high`` are 95 % bounds of the undetected share, ``expected`` is that share by
+        `MarkerFormat.error_shares`, ``missed`` the share of the disturbed packets that is accepted,
+        and ``items_lost`` counts items discarded per item sent.
+        """
+        import pandas as pd
+
+        return pd.DataFrame(list(self._rows))
+
+    def plot(self, ax: Axes | None = None, *, bit_error_rate: float | None = None) -> Axes:
+        """Draw the share of wrong packets that each check accepts, over the number of items.
+
+        Lines are theory, markers are counts with their bounds at one bit error rate, the first if
+        omitted; a check that accepted none has only its upper bound, a triangle.
+        """
+        from shipnet.remote_control.plot import plot_checks
+
+        return plot_checks(self.table(), ax, bit_error_rate)
+
+
+# A switch that is sent once, or again and again ------------------------------------------------
+
+
+class Staleness(NamedTuple):
+    """How a receiver follows a switch of two positions.
+
+    `share` is that of the time in which it shows another position than the last packet should have
+    brought, the wait for that packet left out; `duration` the mean time from a packet that fails
+    until the right position is shown [s].
+    """
+
+    share: float
+    duration: float
+
+
+def switch_staleness(shares: Shares, period: float, interval: float, sending: Sending) -> Staleness:
+    r"""Return how well a receiver follows a switch, in closed form.
+
+    Packets come every `period` T [s], the switch moves with a mean `interval` [s] at random.
+    Between two packets it moves with a probability f: 1 if only changes are sent, else
+
+    .. math:: f = \frac{1}{2} \left( 1 - e^{-2 T / \tau} \right)
+
+    A packet that is discarded, with the probability d, leaves the old position, one that is
+    accepted though wrong, u, leaves none. In the long run the share of wrong positions is
+
+    .. math:: g + \frac{d f (1 - g)}{1 - d + 2 d f}, \quad g = \frac{u}{1 - d}
+    """
+    _, d, u = shares
+    wait = check_scalar("period", period, "s", 1e-6, 1e6)
+    mean = check_scalar("interval", interval, "s", 1e-6, 1e12)
+    if sending not in ("changed", "cyclic"):
+        raise ArgumentError(f"sending is {sending!r}; it must be 'changed' or 'cyclic'")
+    if not (0 <= d and 0 <= u and d + u < 1):
+        raise ArgumentError(
+            f"detected and undetected are {d:g} and {u:g}; they must be 0 or more, and below 1 in "
+            "sum"
+        )
+    flip = 1.0 if sending == "changed" else -float(np.expm1(-2 * wait / mean)) / 2
+    spoiled = u / (1 - d)
+    share = spoiled + d * flip * (1 - spoiled) / (1 - d + 2 * d * flip)
+    if sending == "cyclic":
+        return Staleness(share, wait / (1 - d - u))
+    # Old: the next move ends it, discarded or not, unless it is accepted wrongly. Spoiled: only a
+    # packet in order ends it.
+    spoiled_moves = 1 / (1 - d - u)
+    old_moves = 1 + u * spoiled_moves
+    moves = (d * old_moves + u * spoiled_moves) / (d + u) if d + u else 1.0
+    return Staleness(share, mean * moves)
+
+
+# What follows ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Recommendation:
+    """How to send a number of values, and why.
+
+    `sending` is "changed" or "cyclic"; `turn_timeout` is when RCS ends a turn without an answer
+    [s], `refresh_time` the mean time in which every value has been received once [s],
+    `wrong_per_year` counts packets accepted though wrong (an upper estimate if byte-stuffed), and
+    `stale_time` is the mean time that a switch is wrong after a packet that failed [s].
+    """
+
+    check: str
+    sending: Sending
+    per_packet: int
+    turn_timeout: float
+    refresh_time: float
+    wrong_per_year: float
+    stale_time: float
+    why: str
+    _table: pd.DataFrame = field(repr=False, compare=False)
+
+    def __str__(self) -> str:
+        """Say it in one line."""
+        return (
+            f"{self.check}, {self.sending}, {self.per_packet} items a packet: "
+            f"{self.refresh_time * 1e3:.0f} ms for all values"
+        )
+
+    def candidates(self) -> pd.DataFrame:
+        """Return all ways to send the values, and which limits each meets."""
+        return self._table.copy()
+
+
+def candidates(
+    n_items: int,
+    system: System | None = None,
+    *,
+    rate: float = 1e-5,
+    wrong_per_year: float = 1.0,
+    stale_time: float = 3.0,
+    switch_interval: float = 3600.0,
+    supervision: Supervision | None = None,
+) -> pd.DataFrame:
+    """Return all ways to send 1..84 values per station, a row each, as `recommend` compares them.
+
+    A packet that is discarded costs the wait of a turn as well, and no other packet: what is left
+    of it in the ring is not counted against the next one. A check and size whose answer takes
+    longer than a turn has no row. Where the items are split, all packets are taken as long as the
+    longest, a cycle carries one of each station, and a value comes again when all have had their
+    turn. Where only changes are sent, a packet is as long as the most items that change at once,
+    taken as all; its failures are counted for packets of one item.
+    """
+    import pandas as pd
+
+    n = check_whole("n_items", n_items, 1, MOST_STUFFED)
+    p = check_scalar("rate", rate, "", 0, 0.1)
+    most_wrong = check_scalar("wrong_per_year", wrong_per_year, "", 1e-12, 1e12)
+    longest_stale = check_scalar("stale_time", stale_time, "s", 1e-3, 1e9)
+    interval = check_scalar("switch_interval", switch_interval, "s", 1e-3, 1e9)
+    rule = Supervision.intended() if supervision is None else supervision
+    base = replace(system or System(), repeat=0, slave=rule)
+    limit = rule.detection_time[0]
+    rows = []
+    for name in CHECKS:
+        for per_packet in range(1, n + 1):
+            form = check_formats(per_packet)[name]
+            link = replace(base, packet_format=form)
+            cycle, n_packets = link.cycle_time, -(-n // per_packet)
+            ways: tuple[Sending, ...] = ("changed", "cyclic") if per_packet == n else ("cyclic",)
+            for sending in ways:
+                changed = sending == "changed"
+                shares = packet_shares(form, 1 if changed else per_packet, p)
+                # A packet for one change in each interval, or four in each cycle.
+                packets = 1 / interval if changed else 4 / cycle
+                timeout = cycle / 2 if base.turn_timeout is None else base.turn_timeout
+                # The wait for a lost answer is longer than the answer by this; a turn that ends
+                # before the answer is there brings nothing at all.
+                longer = timeout - cycle / 4
+                if longer <= 0:
+                    continue
+                # Each of the four packets of a cycle may be discarded, and costs a wait.
+                period = n_packets * (cycle + 4 * shares.detected * longer)
+                wait = 0.0 if changed else longer / (1 - shares.detected - shares.undetected)
+                after = switch_staleness(shares, period, interval, sending)
+                stale = after.duration + wait
+                wrong = _YEAR * packets * shares.undetected
+                counted = link.counted_time
+                verdicts = (wrong <= most_wrong, stale <= longest_stale, counted <= limit)
+                refresh = period / (1 - shares.detected - shares.undetected)
+                sizes = (form.size(per_packet), cycle, timeout, refresh)
+                numbers = (*sizes, wrong, stale, counted)
+                rows.append((name, sending, per_packet, *numbers, *verdicts, all(verdicts)))
+    columns = ["check", "sending", "per_packet", "bytes", "cycle_s", "turn_timeout_s"]
+    columns += ["refresh_s", "wrong_per_year", "stale_s", "counted_s"]
+    return pd.DataFrame(rows, columns=[*columns, "errors_ok", "stale_ok", "alarm_ok", "meets"])
+
+
+def recommend(
+    n_items: int,
+    system: System | None = None,
+    *,
+    rate: float = 1e-5,
+    wrong_per_year: float = 1.0,
+    stale_time: float = 3.0,
+    switch_interval: float = 3600.0,
+    supervision: Supervision | None = None,
+) -> Recommendation:
+    """Return how to send a number of values: the quickest way that meets all limits.
+
+    The limits are ours; the paper states none.
+
+    Parameters
+    ----------
+    n_items : int
+        Values that each station sends, 1..84.
+    system : System, optional
+        Bit rate, character, processing and ``turn_timeout``; its format and supervision do not
+        matter. That of the paper if omitted. Where it has no ``turn_timeout``, a turn ends after
+        half a cycle, twice the time of an answer: waiting until the counters run out, as
+        printed, would leave a switch wrong for 4.4 s more.
+    rate : float, default 1e-5
+        Bit error rate, 0..0.1. Assumed: the paper names none.
+    wrong_per_year : float, default 1
+        Most packets with wrong items that the receivers accept per year, 1e-12..1e12.
+    stale_time : float, default 3
+        Longest mean time that a switch is shown in a wrong position after a packet that failed,
+        1e-3..1e9 [s], the wait of RCS for the lost answer included; as long as a failed partner
+        may stay unnoticed.
+    switch_interval : float, default 3600
+        Mean time between two moves of a switch, 1e-3..1e9 [s].
+    supervision : Supervision, optional
+        Rule that must not raise an alarm in a healthy link, whatever the state of its timer;
+        ``Supervision.intended()`` if omitted.
+
+    Returns
+    -------
+    Recommendation
+        The check, "changed" or "cyclic" sending and the items per packet whose values are all
+        received once in the shortest mean time; ``why``, and all ``candidates()``.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of range, or no candidate meets the limits; the message says
+        how many fail which.
+
+    Examples
+    --------
+    Markers alone would do at error rates that no line reaches; 40 items at 600 bit/s must be split:
+
+    >>> from shipnet import remote_control as rc
+    >>> print(rc.recommend(10))
+    CRC, cyclic, 10 items a packet: 142 ms for all values
+    >>> rc.recommend(10, rate=1e-13).check
+    'markers'
+    >>> print(rc.recommend(40, rc.System(bit_rate=600), stale_time=20))
+    CRC, cyclic, 10 items a packet: 9116 ms for all values
+    """
+    table = candidates(
+        n_items,
+        system,
+        rate=rate,
+        wrong_per_year=wrong_per_year,
+        stale_time=stale_time,
+        switch_interval=switch_interval,
+        supervision=supervision,
+    )
+    good = table[table["meets"]]
+    if table.empty:
+        raise ArgumentError("turn_timeout is shorter than the answer with one item, of any check")
+    if good.empty:
+        failed = (~table[["errors_ok", "stale_ok", "alarm_ok"]]).sum().astype(int)
+        raise ArgumentError(
+            f"n_items is {n_items}: of {len(table)} ways to send them, {failed['errors_ok']} let "
+            f"too many errors pass, {failed['stale_ok']} leave a switch wrong for too long, and "
+            f"{failed['alarm_ok']} raise false alarms"
+        )
+    best = good.sort_values("refresh_s", kind="stable").iloc[0]
+    markers = table[(table["check"] == "markers") & (table["per_packet"] == best["per_packet"])]
+    wrong = float(markers["wrong_per_year"].max())
+    most = "at most about " if best["check"] == "CRC" else ""
+    why = (
+        f"markers alone would let {wrong:.2g} wrong packets a year pass, this lets {most}"
+        f"{best['wrong_per_year']:.2g}; a switch that misses its packet is right again after "
+        f"{best['stale_s']:.2g} s, if RCS ends a turn without an answer after "
+        f"{best['turn_timeout_s']:.2g} s"
+    )
+    return Recommendation(
+        str(best["check"]),
+        best["sending"],
+        int(best["per_packet"]),
+        float(best["turn_timeout_s"]),
+        float(best["refresh_s"]),
+        float(best["wrong_per_year"]),
+        float(best["stale_s"]),
+        why,
+        table,
+    )

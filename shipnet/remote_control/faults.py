@@ -1,0 +1,91 @@
+"""Faults of the link: a dead station, a stalled task, a lost packet, bit errors."""
+
+from __future__ import annotations
+
+from math import inf
+
+from shipnet.clock import Fault
+from shipnet.errors import ArgumentError
+from shipnet.fields import choice, number, record
+from shipnet.remote_control.signals import HOPS, STATIONS
+
+__all__ = ["BitErrors", "DeadStation", "LostPacket", "Stall"]
+
+
+@record
+class DeadStation(Fault):
+    """A station does nothing from `start` to `stop`, and then goes on with everything it knew.
+
+    Examples
+    --------
+    >>> from shipnet.remote_control import faults
+    >>> faults.DeadStation("SS", start=3.0)
+    DeadStation(start=3.0, stop=inf, station='SS')
+    """
+
+    station: str = choice(STATIONS, "Which station")
+
+
+@record
+class Stall(Fault):
+    """A slow task, such as writing an EEPROM, keeps a station from reading its ring and sending.
+
+    Interrupts go on: bytes are stored, and ticks counted. A packet that is being sent is finished.
+    A stall must end.
+
+    Examples
+    --------
+    >>> from shipnet.remote_control import faults
+    >>> faults.Stall("BCS", start=1.0, stop=1.2).stop
+    1.2
+    """
+
+    station: str = choice(STATIONS, "Which station")
+
+    def __post_init__(self) -> None:
+        """Check that the stall ends."""
+        super().__post_init__()
+        if self.stop == inf:
+            raise ArgumentError("stop is inf; a stall must end")
+
+
+@record
+class LostPacket(Fault):
+    """A packet is lost on the line: the first that its sender begins from `start` to `stop`.
+
+    Examples
+    --------
+    >>> from shipnet.remote_control import faults
+    >>> faults.LostPacket("BCS", "RCS", start=1.0).start
+    1.0
+    """
+
+    source: str = choice(STATIONS, "Who sends it")
+    target: str = choice(STATIONS, "To whom; one of both is RCS")
+
+    def __post_init__(self) -> None:
+        """Check that there is a line between the two."""
+        super().__post_init__()
+        if (self.source, self.target) not in HOPS:
+            raise ArgumentError(
+                f"source and target are {self.source!r}, {self.target!r}; one must be RCS, the "
+                "other BCS or SS"
+            )
+
+
+@record
+class BitErrors(Fault):
+    """Bits are inverted at random in all packets that begin from `start` to `stop`.
+
+    They are inverted independently of each other. A byte whose start bit is hit is lost. A hit
+    parity or stop bit does no harm, because the printed interrupt routine stores the byte without
+    looking at the status register.
+
+    Examples
+    --------
+    >>> from shipnet.remote_control import faults
+    >>> faults.BitErrors(1e-4).rate
+    0.0001
+    """
+
+    rate: float = number(0, 0.5, "", "Probability that a bit is inverted")

@@ -1,0 +1,680 @@
+"""Simulate the link byte by byte: what changes, what happens, and what came of it."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from heapq import heappop, heappush
+from itertools import count
+from math import inf, nan
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.clock import Fault, as_faults
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole, choice, number, record, whole
+from shipnet.remote_control.faults import BitErrors, DeadStation, LostPacket, Stall
+from shipnet.remote_control.packet import DATA_START, Items, MarkerFormat
+from shipnet.remote_control.signals import HOPS, STATIONS, forwarded
+from shipnet.remote_control.station import Event, Role, State, Station
+from shipnet.remote_control.system import BIT_RATES, System
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+#: What RCS passes on between the slaves.
+_FORWARDED = {"BCS": ("SS", forwarded("BCS", "SS")), "SS": ("BCS", forwarded("SS", "BCS"))}
+
+#: Bytes and ticks of the longest simulation.
+_MOST_EVENTS = 20_000_000
+
+
+# What is simulated, and what came of it --------------------------------------------------------
+
+
+@record
+class Change:
+    """A station's own value changes; all values begin as 0.
+
+    It goes to each partner of the station. What comes to RCS from one slave and is of use to the
+    other, by ``System().signals()``, goes on to that.
+
+    Examples
+    --------
+    The bridge's switch *shutdown cancel* is set after a second:
+
+    >>> from shipnet import remote_control as rc
+    >>> rc.Change(1.0, "BCS", number=1, value=1)
+    Change(time=1.0, station='BCS', number=1, value=1)
+    """
+
+    time: float = number(0, 1e6, "s", "When it changes")
+    station: str = choice(STATIONS, "Whose value it is")
+    number: int = whole(0, 203, "", "Number of the value")
+    value: int = whole(0, 0xFFFF, "", "Its new value")
+
+
+class Update(NamedTuple):
+    """A station has got a value from another at a time [s]."""
+
+    time: float
+    station: str
+    source: str
+    number: int
+    value: int
+
+
+@dataclass(slots=True)
+class Packet:
+    """A packet on the line, from its first bit to its last [s], and what its receiver took."""
+
+    start: float
+    end: float
+    source: str
+    target: str
+    items: Items = ()
+    received: Items | None = None
+    read: float = nan
+    disturbed: bool = False
+
+    @property
+    def outcome(self) -> str:
+        """What became of it: "ok", "wrong" values taken, or "lost"."""
+        if self.received is None:
+            return "lost"
+        return "ok" if self.received == self.items else "wrong"
+
+
+@dataclass(repr=False, eq=False)
+class Run:
+    """A finished simulation of the link.
+
+    Attributes
+    ----------
+    system : System
+        The link.
+    until : float
+        How long it was simulated [s].
+    faults : tuple of Fault
+        What went wrong.
+    changes : list of Change
+        What was changed, in order of time.
+    packets : list of Packet
+        All packets that were begun.
+    updates : list of Update
+        What the stations heard from each other.
+    heartbeats : list of (float, str, str, int)
+        Time [s], receiver and sender of each sign of life, and how many ticks had been counted.
+    max_unread : int
+        Most bytes that waited in a ring when its task looked.
+
+    Examples
+    --------
+    >>> from shipnet import remote_control as rc
+    >>> run = rc.simulate(rc.System(), [rc.Change(1.0, "BCS", 1, 1)], until=12)
+    >>> run
+    Run(12 s, 3838 packets, 0 alarms)
+    >>> round(run.delays("SS")["delay_s"].iloc[0], 3)
+    0.014
+    """
+
+    system: System
+    until: float
+    faults: tuple[Fault, ...] = ()
+    changes: list[Change] = field(default_factory=list)
+    packets: list[Packet] = field(default_factory=list)
+    updates: list[Update] = field(default_factory=list)
+    heartbeats: list[tuple[float, str, str, int]] = field(default_factory=list)
+    max_unread: int = 0
+    _events: list[tuple[float, str, str, str, str]] = field(default_factory=list)
+    _states: list[tuple[float, str, State]] = field(default_factory=list)
+
+    def __repr__(self) -> str:
+        """Say it in one line."""
+        alarms = sum(event[2] == "failed" for event in self._events)
+        return f"Run({self.until:g} s, {len(self.packets)} packets, {alarms} alarms)"
+
+    def events(self) -> pd.DataFrame:
+        """Return what is out of the ordinary, a row per event.
+
+        The events are "failed" and "answered" (a partner), "timed out" (a turn), "ring repaired",
+        "ring stopped", "ring overrun unnoticed", "task stalls", "station stops" and "station
+        starts".
+        """
+        import pandas as pd
+
+        columns = ["time_s", "station", "event", "partner", "detail"]
+        return pd.DataFrame(self._events, columns=columns)
+
+    def alarms(self) -> pd.DataFrame:
+        """Return the events in which a station takes a partner as failed."""
+        events = self.events()
+        return events[events["event"] == "failed"].reset_index(drop=True)
+
+    def table(self) -> pd.DataFrame:
+        """Return a row per line and direction: how many packets were sent, and their outcomes."""
+        import pandas as pd
+
+        rows = []
+        for hop in HOPS:
+            fates = [p.outcome for p in self.packets if (p.source, p.target) == hop]
+            rows.append((*hop, len(fates), *map(fates.count, ("ok", "wrong", "lost"))))
+        columns = ["source", "target", "packets", "ok", "wrong", "lost"]
+        return pd.DataFrame(rows, columns=columns).set_index(["source", "target"])
+
+    def traffic(self) -> pd.DataFrame:
+        """Return all packets, a row each, with when they were read and their outcome."""
+        import pandas as pd
+
+        rows = [
+            (p.start, p.end, p.source, p.target, len(p.items), p.read, p.disturbed, p.outcome)
+            for p in self.packets
+        ]
+        columns = ["start_s", "end_s", "source", "target", "n_items", "read_s", "disturbed"]
+        return pd.DataFrame(rows, columns=[*columns, "outcome"])
+
+    def states(self) -> pd.DataFrame:
+        """Return when each station began to send, to receive, to process, or was dead."""
+        import pandas as pd
+
+        rows = [(time, name, state.value, state.comm_f) for time, name, state in self._states]
+        table = pd.DataFrame(rows, columns=["time_s", "station", "state", "comm_f"])
+        return table.astype({"comm_f": "Int64"})
+
+    @property
+    def cycle_times(self) -> npt.NDArray[np.float64]:
+        """Times from one packet of RCS to BCS to the next, shape (n_cycles,) [s]."""
+        starts = [p.start for p in self.packets if (p.source, p.target) == HOPS[0]]
+        return np.diff(np.array(starts, dtype=float))
+
+    def ticks(self, station: str) -> int:
+        """Return how many ticks a station had counted at most when a sign of life came."""
+        return max((ticks for _, name, _, ticks in self.heartbeats if name == station), default=0)
+
+    def silences(self, station: str) -> npt.NDArray[np.float64]:
+        """Return how long BCS or SS heard nothing after each of its own packets [s].
+
+        Silences that had not ended when the simulation did are left out.
+        """
+        if station not in ("BCS", "SS"):
+            raise ArgumentError(f"station is {station!r}; it must be 'BCS' or 'SS'")
+        signs = np.array([time for time, name, _, _ in self.heartbeats if name == station])
+        ends = np.array([p.end for p in self.packets if p.source == station])
+        place = np.searchsorted(signs, ends, side="right")
+        heard = place < signs.size
+        return np.asarray(signs[place[heard]] - ends[heard], dtype=float)
+
+    def history(self, number: int, station: str) -> pd.DataFrame:
+        """Return which value of a number a station had from which ``time_s`` on.
+
+        The values are those that it set itself, or if it set none, those that it heard.
+        """
+        import pandas as pd
+
+        check_whole("number", number, 0, self.system.n_items - 1)
+        if station not in STATIONS:
+            raise ArgumentError(f"station is {station!r}; it must be one of {STATIONS}")
+
+        def points(known: Iterable[Change | Update]) -> list[tuple[float, int]]:
+            own = [one for one in known if (one.station, one.number) == (station, number)]
+            return [(one.time, one.value) for one in own]
+
+        rows = [(0.0, 0), *(points(self.changes) or points(self.updates))]
+        return pd.DataFrame(rows, columns=["time_s", "value"])
+
+    def delays(self, station: str) -> pd.DataFrame:
+        """Return when a station learnt of each change at the others, as ``delay_s``.
+
+        It is 0 where the station still had the value from before, and NaN where the value had
+        changed again, or the simulation ended, before the station had it.
+        """
+        import pandas as pd
+
+        rows = []
+        for change in self.changes:
+            if change.station == station:
+                continue
+            later = (
+                c.time
+                for c in self.changes
+                if (c.station, c.number) == (change.station, change.number) and c.time > change.time
+            )
+            until = min(later, default=inf)
+            own = (u for u in self.updates if (u.station, u.number) == (station, change.number))
+            history = [(0.0, 0), *((update.time, update.value) for update in own)]
+            shown = bisect_left(history, (change.time, -1)) - 1
+            heard = (
+                max(time - change.time, 0.0)
+                for time, value in history[max(shown, 0) :]
+                if value == change.value and time < until
+            )
+            delay = next(heard, nan)
+            rows.append((change.time, change.station, change.number, change.value, delay))
+        return pd.DataFrame(rows, columns=["time_s", "station", "number", "value", "delay_s"])
+
+    def plot(
+        self, ax: Axes | None = None, *, start: float = 0.0, stop: float | None = None
+    ) -> Axes:
+        """Draw the packets of each station from `start` to `stop` [s], as Fig. 2 of chung1998.
+
+        A packet is a block in the row of its sender, filled by whom it goes to, with an arrow to
+        its receiver where that read it; one that is lost is hatched. A red triangle marks a
+        partner taken as failed. A figure shows up to 500 packets.
+        """
+        from shipnet.remote_control.plot import plot_time_chart
+
+        return plot_time_chart(self, ax, start, self.until if stop is None else stop)
+
+
+# The simulation --------------------------------------------------------------------------------
+
+
+def simulate(
+    system: System,
+    changes: Change | Iterable[Change] = (),
+    *,
+    until: float,
+    faults: Fault | Iterable[Fault] = (),
+    phases: Mapping[str, float] | None = None,
+    rng: np.random.Generator | int | None = None,
+) -> Run:
+    """Simulate the link from switching it on, byte by byte.
+
+    Parameters
+    ----------
+    system : System
+        The link.
+    changes : Change or iterable of Change, optional
+        What changes at the stations.
+    until : float
+        Time to simulate, 0..1e6 [s]; up to 20 million bytes and ticks.
+    faults : Fault or iterable of Fault, optional
+        What goes wrong, see `faults`.
+    phases : mapping of str to float, optional
+        When the timer of each station ticks first, after 0 up to its period [s]. Where a station
+        is not named, it is drawn from `rng`; without one, the first tick comes after one period.
+    rng : numpy.random.Generator or int, optional
+        Source of chance, or its seed; `faults.BitErrors` need one.
+
+    Returns
+    -------
+    Run
+        Packets, events and states.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Notes
+    -----
+    A station takes bytes only while it receives (``comm_f`` is 1). Its task looks into the ring
+    after every byte, and answers when a packet is complete; a packet that is broken is not
+    answered. What has come of it stays in the ring, and spoils the next packet if its form allows
+    that. The timers go on through everything but the death of their station. One byte 0xDD of
+    the partner clears the counters, be it a marker or a value; with a format without markers a
+    complete packet does.
+
+    Examples
+    --------
+    SS dies in a link of 600 bit/s. Before RCS finds out, BCS takes RCS as failed:
+
+    >>> from shipnet import remote_control as rc
+    >>> dead = rc.faults.DeadStation("SS", start=3.0)
+    >>> run = rc.simulate(rc.System(bit_rate=600, repeat=10), faults=dead, until=12)
+    >>> run.events()[["time_s", "station", "event", "partner"]].round(1).values[1:4].tolist()
+    [[7.1, 'BCS', 'failed', 'RCS'], [7.6, 'RCS', 'failed', 'SS'], [7.6, 'BCS', 'answered', 'RCS']]
+    """
+    several = (changes,) if isinstance(changes, Change) else tuple(changes)
+    chance = None if rng is None else np.random.default_rng(rng)
+    known = as_faults(faults, BitErrors, DeadStation, LostPacket, Stall)
+    return _Simulation(system, until, known, several, dict(phases or {}), chance).run()
+
+
+class _Simulation:
+    """Stations, and what will happen to them."""
+
+    def __init__(
+        self,
+        system: System,
+        until: float,
+        faults: tuple[Fault, ...],
+        changes: tuple[Change, ...],
+        phases: dict[str, float],
+        rng: np.random.Generator | None,
+    ) -> None:
+        self.system = system
+        self.end = check_scalar("until", until, "s", 0, 1e6)
+        rate = 2 / system.character_time + sum(1 / system.rule(name).tick for name in STATIONS)
+        if self.end * rate > _MOST_EVENTS:
+            raise ArgumentError(
+                f"until is {self.end:g} s, up to {self.end * rate:.3g} bytes and ticks; there "
+                f"may be {_MOST_EVENTS:.0e}"
+            )
+        self.now = 0.0
+        self._heap: list[tuple[float, int, Callable[[], None]]] = []
+        self._order = count()
+        self.stations = {name: Station(name, system) for name in STATIONS}
+        self.run_ = Run(system, self.end, faults)
+        self.marked = isinstance(system.packet_format, MarkerFormat)
+        self.rng = rng
+        self.errors: list[BitErrors] = []
+        self.losses: list[LostPacket] = []
+        # Of each station: packets whose last byte is in its ring and not yet read.
+        self.waiting: dict[str, list[Packet]] = {name: [] for name in STATIONS}
+        self._prepare(faults, changes, phases)
+
+    def _prepare(
+        self, faults: tuple[Fault, ...], changes: tuple[Change, ...], phases: dict[str, float]
+    ) -> None:
+        for fault in faults:
+            if isinstance(fault, BitErrors):
+                if self.rng is None:
+                    raise ArgumentError("rng is None, but BitErrors need one")
+                self.errors.append(fault)
+            elif isinstance(fault, LostPacket):
+                self.losses.append(fault)
+            elif isinstance(fault, DeadStation):
+                station = self.stations[fault.station]
+                self._at(fault.start, partial(self._stop, station))
+                self._at(fault.stop, partial(self._start, station))
+            elif isinstance(fault, Stall):
+                self._at(fault.start, partial(self._stall, fault))
+        for change in changes:
+            if not isinstance(change, Change):
+                raise ArgumentError(f"one of changes is {change!r}; it must be a Change")
+            check_whole("number of a change", change.number, 0, self.system.n_items - 1)
+            self._at(change.time, partial(self._change, change))
+        self.run_.changes.extend(sorted(changes, key=lambda change: change.time))
+        if unknown := set(phases) - set(STATIONS):
+            raise ArgumentError(f"phases name {min(unknown)!r}; they must name {STATIONS}")
+        for name, station in self.stations.items():
+            tick = self.system.rule(name).tick
+            drawn = tick * (1 - self.rng.random()) if self.rng is not None else tick
+            first = check_scalar(f"phase of {name}", phases.get(name, drawn), "s", 0, tick)
+            self._at(first, partial(self._tick, station, first, 0))
+
+    def run(self) -> Run:
+        for station in self.stations.values():
+            self._note_state(station)
+        self._at(0.0, partial(self._send, self.stations["RCS"]))
+        while self._heap and self._heap[0][0] <= self.end:
+            self.now, _, act = heappop(self._heap)
+            act()
+        return self.run_
+
+    def _at(self, time: float, act: Callable[[], None]) -> None:
+        if time <= self.end:
+            heappush(self._heap, (time, next(self._order), act))
+
+    def _note(self, station: Station, event: str, partner: str = "", detail: str = "") -> None:
+        self.run_._events.append((self.now, station.name, event, partner, detail))
+
+    def _note_state(self, station: Station) -> None:
+        self.run_._states.append((self.now, station.name, station.state))
+
+    def _go(self, station: Station, event: Event) -> bool:
+        gone = station.go(event)
+        if gone:
+            self._note_state(station)
+        return gone
+
+    # sending
+
+    def _send(self, station: Station) -> None:
+        """Begin a packet to the next partner; its bytes arrive one by one."""
+        station.choose_partner()
+        if station.state is not State.SENDING:
+            station.state = State.SENDING
+            self._note_state(station)
+        station.turn += 1
+        target, lives = self.stations[station.partner], station.lives
+        data = station.senders[target.name].packet(station.sending[target.name])
+        items = self.system.packet_format.decode(data)
+        character = self.system.character_time
+        packet = Packet(self.now, self.now + len(data) * character, station.name, target.name)
+        packet.items = items
+        self.run_.packets.append(packet)
+        arriving = self._disturb(packet, data)
+        for place, byte in enumerate(arriving):
+            last = place + 1 == len(data)
+            if byte is not None or last:
+                self._at(
+                    packet.start + (place + 1) * character,
+                    partial(self._arrive, station, lives, target, byte, last, packet),
+                )
+        self._at(packet.end, partial(self._sent, station, lives))
+
+    def _is_lost(self, packet: Packet) -> bool:
+        for loss in self.losses:
+            same = (loss.source, loss.target) == (packet.source, packet.target)
+            if same and loss.start <= packet.start < loss.stop:
+                self.losses.remove(loss)
+                packet.disturbed = True
+                return True
+        return False
+
+    def _disturb(self, packet: Packet, data: bytes) -> list[int | None]:
+        """Return what arrives of each byte: itself, another, or nothing."""
+        if self._is_lost(packet):
+            return [None] * len(data)
+        rate = 0.0
+        for errors in self.errors:
+            if errors.start <= packet.start < errors.stop:
+                # A bit that two faults invert is right again.
+                rate += errors.rate - 2 * rate * errors.rate
+        if rate == 0 or self.rng is None:
+            return list(data)
+        # The start bit, and eight of data.
+        hit = self.rng.random((len(data), 9)) < rate
+        packet.disturbed = bool(hit.any())
+        flips = np.packbits(hit[:, 1:], axis=1)[:, 0].tolist()
+        rows = zip(data, hit[:, 0].tolist(), flips, strict=True)
+        return [None if start else byte ^ flip for byte, start, flip in rows]
+
+    def _sent(self, station: Station, lives: int) -> None:
+        if station.lives != lives or not self._go(station, Event.SENT):
+            return
+        timeout, turn = self.system.turn_timeout, station.turn
+        if station.role is Role.MASTER and timeout is not None:
+            self._at(self.now + timeout, partial(self._time_out, station, lives, turn))
+        self._look(station)
+
+    # receiving
+
+    def _arrive(
+        self,
+        source: Station,
+        lives: int,
+        target: Station,
+        byte: int | None,
+        last: bool,
+        packet: Packet,
+    ) -> None:
+        """Store a byte at its receiver, which may be in a state to take it or not."""
+        if source.lives != lives or target.state.comm_f != 1:
+            return
+        if byte is not None:
+            target.receiver.store(byte)
+            if byte == DATA_START and self.marked:
+                self._life(target, source.name)
+        if last:
+            self.waiting[target.name].append(packet)
+        self._look(target)
+
+    def _life(self, station: Station, partner: str) -> None:
+        counter = station.counters[partner]
+        self.run_.heartbeats.append((self.now, station.name, partner, counter.ticks))
+        if counter.clear():
+            self._note(station, "answered", partner)
+
+    def _look(self, station: Station) -> None:
+        """Let the task look into the ring, if it can."""
+        if station.state is not State.RECEIVING or self.now < station.busy_until:
+            return
+        reading = station.receiver.read()
+        self.run_.max_unread = max(self.run_.max_unread, reading.unread)
+        if reading.repaired or reading.lost or reading.stopped:
+            found = f"{reading.unread} bytes unread, {reading.lost} lost"
+            if reading.repaired:
+                self._note(station, "ring repaired", "", found)
+            elif reading.lost:
+                self._note(station, "ring overrun unnoticed", "", found)
+            if reading.stopped:
+                self._note(station, "ring stopped", "", found)
+            if reading.stopped and not reading.packets:
+                self._leave(station, Event.RING_STOPPED, station.turn, station.lives)
+                return
+        waiting = self.waiting[station.name]
+        if not reading.packets:
+            return
+        read = waiting[-len(reading.packets) :]
+        waiting.clear()
+        for packet, items in zip(read, reading.packets[-len(read) :], strict=False):
+            packet.read, packet.received = self.now, items
+        source = read[-1].source if read else station.partner
+        if not self.marked:
+            self._life(station, source)
+        self._go(station, Event.PACKET)
+        lives = station.lives
+        taken = [item for items in reading.packets for item in items]
+        self._at(
+            self.now + self.system.processing,
+            partial(self._processed, station, lives, source, tuple(taken)),
+        )
+
+    def _processed(self, station: Station, lives: int, source: str, items: Items) -> None:
+        """Take the values into the tables, and turn to sending."""
+        if station.lives != lives:
+            return
+        if self.now < station.busy_until:
+            again = station.busy_until
+            self._at(again, partial(self._processed, station, lives, source, items))
+            return
+        for k, value in items:
+            self.run_.updates.append(Update(self.now, station.name, source, k, value))
+            if station.role is Role.MASTER and k < self.system.n_items:
+                other, numbers = _FORWARDED[source]
+                if k in numbers:
+                    station.sending[other][k] = value
+        if self._go(station, Event.PROCESSED):
+            self._send(station)
+
+    # supervision
+
+    def _tick(self, station: Station, first: float, number: int) -> None:
+        tick = self.system.rule(station.name).tick
+        self._at(first + (number + 1) * tick, partial(self._tick, station, first, number + 1))
+        if station.state is State.DEAD:
+            return
+        always = self.system.rule(station.name).while_sending
+        for partner, counter in station.counters.items():
+            waits = station.state.comm_f == 1 and station.partner == partner
+            if (waits or always) and counter.step():
+                station.left_out[partner] = self.system.skip_turns
+                self._note(station, "failed", partner)
+                if waits:
+                    self._leave(station, Event.FAILED, station.turn, station.lives)
+
+    def _time_out(self, station: Station, lives: int, turn: int) -> None:
+        if station.lives == lives and station.turn == turn and station.state is State.RECEIVING:
+            self._note(station, "timed out", station.partner)
+            self._leave(station, Event.TIMED_OUT, turn, lives)
+
+    def _leave(self, station: Station, event: Event, turn: int, lives: int) -> None:
+        """Let a station that waits in vain go on, as soon as its task can."""
+        if self.now < station.busy_until:
+            later = station.busy_until
+            self._at(later, partial(self._leave, station, event, turn, lives))
+            return
+        same = station.lives == lives and station.turn == turn
+        if same and self._go(station, event) and station.state is State.SENDING:
+            self._send(station)
+
+    # faults and changes
+
+    def _stop(self, station: Station) -> None:
+        if self._go(station, Event.STOPPED):
+            station.lives += 1
+            self._note(station, Event.STOPPED.value)
+
+    def _start(self, station: Station) -> None:
+        if self._go(station, Event.STARTED):
+            station.lives += 1
+            self._note(station, Event.STARTED.value)
+            if station.role is Role.MASTER:
+                self._send(station)
+
+    def _stall(self, fault: Stall) -> None:
+        station = self.stations[fault.station]
+        station.busy_until = max(station.busy_until, fault.stop)
+        self._note(station, "task stalls", "", f"until {fault.stop:g} s")
+        self._at(fault.stop, partial(self._look, station))
+
+    def _change(self, change: Change) -> None:
+        station = self.stations[change.station]
+        for values in station.sending.values():
+            values[change.number] = change.value
+
+
+def switch_delays(
+    system: System | None = None,
+    *,
+    changes: int = 20,
+    bit_rates: Iterable[float] = BIT_RATES,
+    rng: np.random.Generator | int | None = None,
+) -> pd.DataFrame:
+    """Return how soon SS follows a switch of the bridge, by bit rate.
+
+    Parameters
+    ----------
+    system : System, optional
+        The link, whose bit rate does not matter; that of the paper if omitted, in which nothing
+        else changes.
+    changes : int, default 20
+        How often the switch is moved, 1..10000.
+    bit_rates : iterable of float, optional
+        Bit rates [bit/s]; those of section 5 of chung1998 if omitted.
+    rng : numpy.random.Generator or int, optional
+        Source of the moments at which the switch is moved, or its seed.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per bit rate: ``bit_rate``, how many changes were ``followed``, ``mean_s`` and
+        ``longest_s`` delay, and ``bound_s``, the `System.response_time` of packets with all items.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Examples
+    --------
+    >>> from shipnet import remote_control as rc
+    >>> table = rc.switch_delays(rng=2024)
+    >>> table.followed.tolist(), table[["mean_s", "bound_s"]].round(2).values[[0, 4]].tolist()
+    ([20, 20, 20, 20, 20], [[0.02, 0.21], [0.3, 3.3]])
+    """
+    import pandas as pd
+
+    base = System() if system is None else system
+    n = check_whole("changes", changes, 1, 10_000)
+    chance, rows = np.random.default_rng(rng), []
+    for rate in bit_rates:
+        link = replace(base, bit_rate=rate)
+        bound = link.response_time()
+        # Twice the longest delay between two changes, and up to a cycle more.
+        gap = 2 * bound + link.cycle_time * chance.random(n)
+        times = np.cumsum(gap)
+        moves = [Change(float(t), "BCS", 1, (k + 1) % 2) for k, t in enumerate(times)]
+        run = simulate(link, moves, until=float(times[-1] + 2 * bound))
+        delay = run.delays("SS")["delay_s"]
+        rows.append((rate, int(delay.notna().sum()), delay.mean(), delay.max(), bound))
+    columns = ["bit_rate", "followed", "mean_s", "longest_s", "bound_s"]
+    return pd.DataFrame(rows, columns=columns)

@@ -1,0 +1,414 @@
+"""Tables as people keep them: CSV files of any spreadsheet, and Excel workbooks, as rows of text.
+
+What the rows mean is for the caller. This module reads them, and says where each one is. A workbook
+is read with openpyxl as a file from a stranger: formulas are never evaluated, a part with a DTD is
+refused, and the size of archive and sheets is bounded.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+import warnings
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from datetime import date, time, timedelta
+from functools import cache
+from io import BytesIO, StringIO
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+from xml.etree import ElementTree
+from zipfile import ZipFile
+
+from shipnet.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "ERRORS", "NUMBER", "Sheet", "frame_sheet", "parse_sheet", "read_bytes", "read_sheet",
+    "text_of",
+]  # fmt: skip
+
+#: A number with a decimal point, nothing before or after it.
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
+
+#: What a cell shows whose formula failed.
+ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
+
+#: Largest file that is read, and the most that a workbook may unpack to [bytes].
+_LARGEST, _UNPACKED = 2**24, 2**28
+
+#: Largest number of cells of a sheet, with the gaps before them.
+_CELLS = 2**22
+
+#: Characters of a row without anything in its cells.
+_BLANK = ' ,;\t"\r\n'
+
+#: Number of lines among which the row of titles is looked for.
+_TOP = 50
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """A row of titles and the rows below it, as text without blanks around it.
+
+    `top` and the rows are numbered as the file shows them, from 1. `separator` is what stood
+    between the cells, ``""`` in a workbook. `odd` says of a cell, by row number and place from 0,
+    what it is if neither text nor a plain number; `remarks` say what was not read.
+    """
+
+    source: str
+    top: int
+    titles: tuple[str, ...]
+    rows: Sequence[tuple[int, list[str]]]
+    separator: str = ","
+    odd: dict[tuple[int, int], str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+
+def read_bytes(path: str | PathLike[str]) -> bytes:
+    """Return what a file of at most 16 MiB holds, or raise InputError."""
+    try:
+        with Path(path).open("rb") as stream:
+            data = stream.read(_LARGEST + 1)
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read: {error.strerror or error}") from None
+    except ValueError as error:  # a path that no system can have, such as one with a zero byte
+        raise InputError(str(path), f"cannot be read: {error}") from None
+    if len(data) > _LARGEST:
+        raise InputError(str(path), f"is larger than {_LARGEST} bytes; expected a table")
+    return data
+
+
+def text_of(data: bytes) -> str:
+    """Return the text of a file in UTF-8, UTF-16 with a mark, or else Windows-1252.
+
+    A mark is left out; a byte that the encoding does not know is replaced.
+    """
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
+
+
+def parse_sheet(
+    text: str,
+    source: str = "text",
+    *,
+    is_titles: Callable[[Sequence[str]], bool] = any,
+    what: str = "column titles",
+) -> Sheet:
+    """Split text into rows and cells separated by commas, semicolons or tabs.
+
+    `is_titles` says whether cells are the row of titles, which is looked for among the first 50
+    lines; by default it is the first row that is not blank. `what` names that row in an error.
+    """
+    if "\0" in text:
+        raise InputError(source, "is not text: it holds zero bytes; expected a CSV file")
+    lines = list(StringIO(text, newline=""))
+    found = _top(lines, is_titles)
+    if found is None:
+        empty = not text.strip(_BLANK)
+        raise InputError(source, f"{'is empty; expected a' if empty else 'has no'} row of {what}")
+    above, separator = found
+    reader = csv.reader(lines[above:], delimiter=separator, strict=True)
+    rows = []
+    line = above + 1
+    try:
+        for row in reader:
+            cells = list(map(str.strip, row))
+            if any(cells):
+                rows.append((line, cells))
+            line = above + reader.line_num + 1
+    except csv.Error as error:
+        raise InputError(source, f"is no CSV file: {error}, in row {line}") from None
+    (top, titles), *rows = rows
+    return Sheet(source, top, _trim(titles), rows, separator)
+
+
+def _top(
+    lines: Sequence[str], is_titles: Callable[[Sequence[str]], bool]
+) -> tuple[int, str] | None:
+    """Return the place of the row of titles, and the separator that makes it one."""
+    for place, line in enumerate(lines[:_TOP]):
+        # A spreadsheet may have told itself the separator in a line of its own.
+        if not line.strip(_BLANK) or (place == 0 and re.fullmatch(r"sep=.\s*", line)):
+            continue
+        for separator in sorted(";\t,", key=line.count, reverse=True):
+            try:
+                cells = next(csv.reader(lines[place:], delimiter=separator))
+            except csv.Error:
+                continue
+            if is_titles([cell.strip() for cell in cells]):
+                return place, separator
+    return None
+
+
+def _trim(titles: Sequence[str]) -> tuple[str, ...]:
+    """Return titles without the empty ones at the end."""
+    width = max((n for n, title in enumerate(titles, start=1) if title), default=0)
+    return tuple(" ".join(title.split()) for title in titles[:width])
+
+
+def read_sheet(
+    path: str | PathLike[str],
+    sheet: str | None = None,
+    *,
+    is_titles: Callable[[Sequence[str]], bool] = any,
+    what: str = "column titles",
+) -> Sheet:
+    """Read a CSV file or a sheet of an Excel workbook; the content decides, not the name.
+
+    Without `sheet`, the first sheet is read that is not hidden and has a row of titles; a remark
+    names the others. A formula is the value that was saved with it. Cells merged downwards hold
+    the same in each of their rows. `is_titles` and `what` are as in `parse_sheet`.
+    """
+    source, data = str(path), read_bytes(path)
+    if data[:4] == b"PK\x03\x04":
+        return _workbook(source, data, sheet, is_titles, what)
+    if data[:8] == b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1":
+        raise InputError(source, "is an old Excel file (.xls), or has a password; save it as .xlsx")
+    if sheet is not None:
+        raise InputError(source, f"has no sheet {sheet!r}; expected an Excel workbook (.xlsx)")
+    return parse_sheet(text_of(data), source, is_titles=is_titles, what=what)
+
+
+def _workbook(
+    source: str,
+    data: bytes,
+    name: str | None,
+    is_titles: Callable[[Sequence[str]], bool],
+    what: str,
+) -> Sheet:
+    with _opened(data, source) as book:
+        if name is not None and name not in book.sheets:
+            raise InputError(source, f"has no sheet {name!r}; it has {', '.join(book.sheets)}")
+        shown = [title for title in book.sheets if title not in book.hidden]
+        asked = shown if name is None else [name]
+        for place, title in enumerate(asked):
+            found = _table(source, book, title, is_titles)
+            if found is not None:
+                rest = asked[place + 1 :]
+                too = [other for other in rest if _top_row(book.rows(other), is_titles)]
+                said = f"read: sheet {title}; not read: {', '.join(too)}, with such titles too"
+                return replace(found, remarks=(said,)) if too else found
+    where = f"the sheets {', '.join(shown)}" if name is None else f"the sheet {name}"
+    more = (
+        f"; hidden, to be named: {', '.join(book.hidden)}" if name is None and book.hidden else ""
+    )
+    raise InputError(source, f"has no row of {what}, on {where}{more}")
+
+
+def _top_row(table: Iterator[_Row], is_titles: Callable[[Sequence[str]], bool]) -> _Row | None:
+    """Return the row of titles, and leave the rows below it; None if there is none."""
+    for row in table:
+        if row.number > _TOP:
+            break
+        if is_titles(row.cells):
+            return row
+    return None
+
+
+def _table(
+    source: str, book: _Workbook, title: str, is_titles: Callable[[Sequence[str]], bool]
+) -> Sheet | None:
+    """Return what a sheet of a workbook holds; None if it has no row of titles."""
+    table = book.rows(title)
+    top = _top_row(table, is_titles)
+    if top is None:
+        return None
+    rows: list[tuple[int, list[str]]] = []
+    odd: dict[tuple[int, int], str] = {}
+    for number, cells, own in table:
+        if any(cells):
+            rows.append((number, cells))
+            odd |= {(number, place): what for place, what in own.items()}
+    _fill_down(rows, odd, [area for area in book.merged(title) if area[0] > top.number])
+    return Sheet(source, top.number, _trim(top.cells), rows, "", odd)
+
+
+def _fill_down(
+    rows: Sequence[tuple[int, list[str]]],
+    odd: dict[tuple[int, int], str],
+    merged: Sequence[tuple[int, int, int]],
+) -> None:
+    """Put what merged cells hold into each of their rows."""
+    numbers = [number for number, _ in rows]
+    for top, bottom, left in merged:
+        first, end = bisect_left(numbers, top), bisect_right(numbers, bottom)
+        own = rows[first : min(first + 1, end)]
+        if not own or own[0][0] != top or len(own[0][1]) <= left:
+            continue
+        for number, cells in rows[first + 1 : end]:
+            cells += [""] * (left + 1 - len(cells))
+            cells[left] = own[0][1][left]
+            if (top, left) in odd:
+                odd[number, left] = odd[top, left]
+
+
+class _Row(NamedTuple):
+    """A row of a workbook: its number, its cells as text, and which of them are odd."""
+
+    number: int
+    cells: list[str]
+    odd: dict[int, str]
+
+
+class _Workbook:
+    """An open workbook, read by openpyxl row by row."""
+
+    def __init__(self, archive: ZipFile, book: Any) -> None:
+        self._archive, self._book = archive, book
+        worksheets = book.worksheets
+        if not worksheets:
+            raise ValueError("has no sheet with cells")
+        self.sheets = tuple(sheet.title for sheet in worksheets)
+        self.hidden = tuple(s.title for s in worksheets if s.sheet_state != "visible")
+
+    def rows(self, title: str) -> Iterator[_Row]:
+        """Yield the rows of a sheet that have cells."""
+        sheet = self._book[title]
+        sheet.reset_dimensions()  # what a sheet says of its size does not matter
+        total = last = 0
+        for cells in sheet.iter_rows():
+            total += len(cells)
+            if total > _CELLS:
+                raise ValueError(f"the sheet {title} spans more than {_CELLS} cells")
+            number = next((cell.row for cell in cells if hasattr(cell, "row")), None)
+            if number is None:
+                continue
+            if number <= last:
+                raise ValueError(f"row {number} stands after row {last}")
+            last = number
+            odd: dict[int, str] = {}
+            texts = [_text(cell, place, odd) for place, cell in enumerate(cells)]
+            yield _Row(number, texts, odd)
+
+    def merged(self, title: str) -> list[tuple[int, int, int]]:
+        """Return first row, last row and column (from 0) of all merged cells of a sheet."""
+        from openpyxl.worksheet.cell_range import CellRange
+
+        # openpyxl leaves them out when it reads row by row, to keep little in memory.
+        found = []
+        with self._archive.open(self._book[title]._worksheet_path) as part:
+            for _, element in ElementTree.iterparse(part):
+                if element.tag.endswith("}mergeCell"):
+                    area = CellRange(element.attrib["ref"])
+                    found.append((area.min_row, area.max_row, area.min_col - 1))
+                elif not element.tag.endswith("}mergeCells"):
+                    element.clear()
+        return found
+
+
+@contextmanager
+def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
+    """Open a workbook; whatever is wrong with it becomes an InputError."""
+    try:
+        import openpyxl
+    except ImportError:
+        raise InputError(
+            source, "is an Excel workbook; install openpyxl to read it, or save it as CSV"
+        ) from None
+    try:
+        with ZipFile(BytesIO(data)) as archive, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about what openpyxl leaves out, such as pictures
+            _check_parts(archive)
+            book = openpyxl.load_workbook(BytesIO(data), read_only=True, data_only=True)
+            try:
+                yield _Workbook(archive, book)
+            finally:
+                book.close()
+    except InputError:
+        raise
+    except Exception as error:  # openpyxl raises whatever a strange file leads it to
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(source, f"is no Excel workbook: {said[:200]}") from None
+
+
+def _check_parts(archive: ZipFile) -> None:
+    """Raise unless the parts of a workbook unpack, are small enough and declare no entities."""
+    unpacked = 0
+    for name in archive.namelist():
+        with archive.open(name) as part:
+            before = b""
+            while chunk := part.read(2**16):
+                unpacked += len(chunk)
+                if unpacked > _UNPACKED:
+                    raise ValueError(f"it unpacks to more than {_UNPACKED} bytes")
+                # No spreadsheet writes a DTD, and its entities could grow without bound.
+                if b"<!DOCTYPE" in (before + chunk).replace(b"\0", b""):
+                    raise ValueError(f"the part {name} declares a document type")
+                before = chunk[-32:]
+
+
+#: Formats of dates that ECMA-376 part 1, section 18.8.30 defines for East Asia; openpyxl reads
+#: them as numbers.
+_EAST_ASIAN_DATES = {*range(27, 37), *range(50, 59)}
+
+#: Numbers of this format have letters beside them: quoted or after a backslash.
+_WORDS = re.compile(r'"[^"]*[^\W\d_][^"]*"|\\[^\W\d_]')
+
+
+@cache
+def _format(code: str) -> str:
+    """Return what a format makes of a number: ``"words"``, a row of zeros, or nothing."""
+    first = code.partition(";")[0]
+    return "words" if _WORDS.search(first) else first if re.fullmatch("00+", first) else ""
+
+
+def _text(cell: Any, place: int, odd: dict[int, str]) -> str:
+    """Return a cell of a workbook as text, and note in `odd` what it is if not a plain value."""
+    value = cell.value
+    text = _cell(value)
+    if what := "an error" if cell.data_type == "e" else _odd(value, text):
+        odd[place] = what
+    elif isinstance(value, int | float):
+        if cell.style_array.numFmtId in _EAST_ASIAN_DATES:
+            odd[place] = "a date or a time"
+        shown = _format(cell.number_format)
+        if shown == "words":
+            odd[place] = "a number with words beside it"
+        elif shown and text.isdecimal():
+            return text.zfill(len(shown))
+    return text
+
+
+def _odd(value: Any, text: str) -> str:
+    """Return what a value is that is neither text nor a plain number."""
+    if isinstance(value, bool):
+        return "true or false"
+    if isinstance(value, date | time | timedelta):
+        return "a date or a time"
+    return "an error" if text.startswith("#") and text in ERRORS else ""
+
+
+def frame_sheet(table: pd.DataFrame, source: str = "table") -> Sheet:
+    """Return a DataFrame as a sheet numbered from 0, so that it is checked as a file is."""
+    titles = tuple(" ".join(str(title).split()) for title in table.columns)
+    cells = table.astype(object).where(table.notna(), None)
+    odd: dict[tuple[int, int], str] = {}
+    rows = []
+    for number, values in enumerate(cells.itertuples(index=False, name=None)):
+        row = [_cell(value) for value in values]
+        if any(row):
+            rows.append((number, row))
+            for place, value in enumerate(values):
+                if what := _odd(value, row[place]):
+                    odd[number, place] = what
+    return Sheet(source, -1, titles, rows, "", odd)
+
+
+def _cell(value: Any) -> str:
+    """Return a value as text."""
+    if isinstance(value, str):
+        return value.strip()
+    if value is None:
+        return ""
+    # Excel knows no whole numbers: 7.0 is what it shows as 7.
+    return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)

@@ -1,0 +1,311 @@
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet import datasets
+from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply, Terminator
+from shipnet.asi.plan import Plan
+from shipnet.asi.plan_file import COLUMNS, read_plan
+from shipnet.asi.profile import Profile
+from shipnet.asi.topologies import line, star
+from shipnet.errors import ArgumentError, InputError
+from shipnet.fields import declared
+from shipnet.line import CABLES
+
+SMALL = """kind,node,to,length_m,cable,address,profile,current_ma,voltage_v,rating_a
+master,bridge,,,,,,100,,
+supply,bridge,,,,,,,30.5,4
+cable,bridge,deck,60.25,as-i 2.5,,,,,
+slave,deck,,,,12A,S-0.A,20,,
+"""
+PLAN = Plan(
+    [CableRun("bridge", "deck", 60.25, "as-i 2.5")],
+    [Master(node="bridge", current=0.1)],
+    [Supply("bridge", 30.5, 4.0)],
+    [Slave("12A", "S-0.A", node="deck", current=0.02)],
+)
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load(content):
+        file = tmp_path / "plan.csv"
+        file.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return read_plan(file)
+
+    return load
+
+
+def faults(load, content):
+    with pytest.raises(InputError) as caught:
+        load(content)
+    return list(caught.value.faults)
+
+
+def test_a_small_plan_is_read(load):
+    assert load(SMALL) == PLAN
+
+
+def shuffled(text):
+    rows = [row.split(",") for row in text.splitlines()]
+    return "\n".join(",".join(row[i] for i in (8, 1, 0, 3, 2, 9, 5, 4, 7, 6)) for row in rows)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        shuffled(SMALL),
+        SMALL.replace(",", ";"),
+        SMALL.replace(",", "\t"),
+        SMALL.replace(",", ";").replace("60.25", "60,25").replace("30.5", "30,5"),
+        SMALL.replace(",", "\t").replace("60.25", "60,25").replace("30.5", "30,5"),
+        "sep=;\n" + SMALL.replace(",", ";"),
+        SMALL.replace("kind,node", "Kind, NODE"),
+        SMALL.replace("slave,", "Slave ,").replace("12A", "12a").replace("S-0.A", "s-0.a"),
+        "\n\n,,,\n" + SMALL.replace("\n", "\n,,,,,,,,,\n\n"),
+        SMALL.replace("\n", "\r\n"),
+        SMALL.replace("\n", "\r"),
+        SMALL.replace("\n", ",,\n"),
+        b"\xef\xbb\xbf" + SMALL.encode(),
+        SMALL.encode("utf-16"),
+        SMALL.replace("\n", ",remark, with comma\n").replace("rating_a,remark", "rating_a,note")
+        .replace(", with comma", ""),
+        SMALL.rstrip("\n"),
+        SMALL.replace("60.25", "6025e-2").replace("deck", '"deck"'),
+    ],
+)  # fmt: skip
+def test_spreadsheets_of_all_sorts_write_the_same_plan(load, content):
+    assert load(content) == PLAN
+
+
+def test_windows_1252_is_read_too(load):
+    assert load(SMALL.replace("bridge", "Brücke").encode("cp1252")).masters[0].node == "Brücke"
+
+
+def test_what_is_left_empty_takes_the_default(load):
+    plan = load("kind,node,to,length_m,address\ncable,a,b,5,\nslave,b,,,7\nrepeater,b,c,,\n"
+                "cable,c,d,6,\nterminator,d,,,\nsupply,a,,,\n")  # fmt: skip
+    assert plan.slaves == (Slave("7", node="b"),)
+    assert (plan.repeaters, plan.terminators) == ((Repeater("b", "c"),), (Terminator("d"),))
+    assert (plan.cables[0].cable, plan.supplies[0].voltage) == ("as-i 1.5", 30.0)
+
+
+def test_all_faults_are_reported_with_row_column_and_value(load):
+    content = """kind,node,to,length_m,cable,address,profile,current_ma,voltage_v,rating_a
+master,,,,,,,,,
+supply,a,,,,,,,"30,5",nan
+
+cable,a,b,-3,as-i 1.5,,,,,
+cable,a,b,5 m,cat 5,12,,,,
+cable,c,c,5,,,,,,
+slave,b,,,,32,S-0.A,1_0,,
+slave,b,,,,5C,7.A,,,
+slave,b,,,,,,,,
+sensor,b,,,,,,,,
+cable,b,c,5,,,,,,,extra
+"""
+    assert faults(load, content) == [
+        "row 2, column node: is empty; a master needs it",
+        "row 3, column voltage_v: '30,5'; expected a number 1..60 V, with a decimal point",
+        "row 3, column rating_a: 'nan'; expected a number 0.01..100 A",
+        "row 5, column length_m: '-3'; expected a number 0.01..10000 m",
+        "row 6, column length_m: '5 m'; expected a number 0.01..10000 m",
+        f"row 6, column cable: 'cat 5'; expected one of {', '.join(CABLES)}",
+        "row 6, column address: '12'; expected nothing, a cable has no address",
+        "row 7, cable c - c ends where it begins; its two nodes must differ",
+        "row 8, column address: '32'; expected 0 to 31, with A or B behind it for a slave that "
+        "shares it",
+        "row 8, column current_ma: '1_0'; expected a number 0..10000 mA",
+        "row 9, column address: '5C'; expected 0 to 31, with A or B behind it for a slave that "
+        "shares it",
+        "row 9, column profile: '7.A'; expected a profile such as S-7.A.E or S-0.F",
+        "row 10, column address: is empty; a slave needs it",
+        "row 11, column kind: 'sensor'; expected one of master, supply, cable, repeater, "
+        "terminator, slave",
+        "row 12 has 11 cells; expected 10",
+    ]
+
+
+def test_faults_of_the_structure_come_with_those_of_cells_if_the_cables_are_right(load):
+    content = SMALL + "slave,hold,,,,3,,,,\nslave,deck,,,,x,,,,\ncable,deck,bridge,9,,,,,,\n"
+    assert [fault.split(";")[0] for fault in faults(load, content)] == [
+        "row 7, column address: 'x'",
+        "row 8: cable deck - bridge lies there already",
+        "row 6: slave 3 at hold: no cable reaches its node hold",
+    ]
+    # With a cable that cannot be read, what hangs on it is not called loose.
+    broken = SMALL.replace("60.25", "far")
+    assert [fault.split(";")[0] for fault in faults(load, broken)] == [
+        "row 4, column length_m: 'far'"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "is empty"),
+        ("\n,,\n", "is empty"),
+        ('"",""\n', "is empty"),
+        ("kind,node\n", "has no row of kind cable"),
+        ("kind,node\nmaster,a\n", "has no row of kind cable"),
+        ("kind;length\n", "row 1, column 2: title 'length' is unknown; expected one of kind,"),
+        ("kind;length\n", "row 1: no column node"),
+        ("kind,node,node\n", "row 1: title 'node' stands twice"),
+        ("node,kind\na\n", "row 2, column kind: ''; expected one of master"),
+        ("kind,node,\nmaster,a,x\n", "row 2 has 3 cells; expected 2"),
+        (b"kind\0node", "is not text"),
+        ('kind,node\nmaster,"a\nb"\n', "a node is 'a\\nb'"),
+        ("kind,node\nmaster," + 200_000 * "a" + "\n", "is no CSV file: field larger"),
+        (
+            "kind;node;to;length_m\ncable;a;b;1,5\ncable;b;c;1.5\n",
+            "row 3, column length_m: '1.5'; expected a number 0.01..10000 m, with a decimal comma",
+        ),
+    ],
+)
+def test_what_is_no_plan_is_refused(load, content, message):
+    assert any(message in fault for fault in faults(load, content)), faults(load, content)
+
+
+def test_a_comma_in_a_name_is_no_decimal_comma(load):
+    plan = load("kind;node;to;length_m\ncable;deck 3, aft;b;1.5\n")
+    assert plan.cables == (CableRun("deck 3, aft", "b", 1.5),)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(InputError, match=r"none\.csv: cannot be read: No such file"):
+        read_plan(tmp_path / "none.csv")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_plan(tmp_path)
+
+
+NAMES = st.text(st.characters(codec="utf-8"), min_size=1, max_size=8).filter(
+    lambda name: name == name.strip() and name.isprintable()
+)
+
+
+def quantities(element, name):
+    known = declared(element)[name]
+    return st.floats(known.low, known.high)
+
+
+@st.composite
+def plans(draw):
+    nodes = draw(st.lists(NAMES, min_size=2, max_size=6, unique=True))
+    runs = [
+        CableRun(a, b, draw(st.floats(0.01, 10e3)), draw(st.sampled_from([*CABLES])))
+        for a, b in pairwise(nodes)
+    ]
+    at = st.sampled_from(nodes)
+    current = quantities(Slave, "current")
+    profile = st.builds(
+        Profile, st.integers(0, 15), st.integers(0, 15), st.none() | st.integers(0, 15)
+    )
+    label = st.builds("{}{}".format, st.integers(1, 31), st.sampled_from(["", "A", "B"]))
+    slave = st.builds(Slave, label, profile, node=at, current=current)
+    supply = st.builds(Supply, at, quantities(Supply, "voltage"), quantities(Supply, "rating"))
+    return Plan(
+        runs,
+        draw(st.lists(st.builds(Master, node=at, current=current), max_size=2)),
+        draw(st.lists(supply, max_size=2)),
+        draw(st.lists(slave, max_size=4)),
+        (),
+        draw(st.lists(st.builds(Terminator, at, quantities(Terminator, "resistance")), max_size=2)),
+    )
+
+
+@given(plans(), quantities(Repeater, "delay"))
+def test_a_saved_plan_comes_back_to_the_last_bit(tmp_path_factory, plan, delay):
+    other = line(7.7).renamed("\N{WAVE DASH}")
+    both = Plan(
+        [*plan.cables, *other.cables], plan.masters, plan.supplies, plan.slaves,
+        [Repeater(plan.cables[0].a, other.cables[0].a, delay)], plan.terminators,
+    )  # fmt: skip
+    file = tmp_path_factory.getbasetemp() / "round.csv"
+    both.save(file)
+    assert read_plan(file) == both
+
+
+@given(st.binary(max_size=300) | st.text(f"{SMALL}\"'", max_size=300).map(str.encode))
+def test_whatever_a_file_holds_it_is_a_plan_or_an_input_error(tmp_path_factory, content):
+    file = tmp_path_factory.getbasetemp() / "any.csv"
+    file.write_bytes(SMALL.encode()[: len(content)] + content)
+    try:
+        assert isinstance(read_plan(file), Plan)
+    except InputError as error:
+        assert error.faults
+
+
+def test_only_columns_in_use_are_written(tmp_path):
+    line(100, 1).save(tmp_path / "plan.csv")
+    header = (tmp_path / "plan.csv").read_text().splitlines()[0]
+    assert header.split(",") == [c for c in COLUMNS if c not in ("delay_us", "resistance_ohm")]
+
+
+def test_a_cable_of_ones_own_has_no_name_in_a_file(tmp_path):
+    with pytest.raises(ArgumentError, match="has a cable of its own"):
+        line(100, cable=CABLES["as-i 1.5"]).save(tmp_path / "plan.csv")
+
+
+# The plans that come with the package.
+
+
+def with_slaves(plan, slaves):
+    return Plan(plan.cables, plan.masters, plan.supplies, slaves, plan.repeaters)
+
+
+def test_the_300_m_of_kim2023():
+    far = line(100, [100] * 62, supply=100)
+    far = with_slaves(far, [replace(slave, profile="S-0.A") for slave in far.slaves])
+    plan = line(100).with_repeater("100 m", line(100), prefix="2: ")
+    plan = plan.with_repeater("2: 100 m", far, prefix="3: ")
+    assert read_plan(datasets.path("synthetic_asi_plan_300m.csv")) == plan
+    assert {segment.reach for segment in plan.segments if segment.slaves} == {300}
+    assert (len(plan.slaves), len(plan.repeaters)) == (62, 2)
+    assert plan.check().ok
+
+
+def submarine():
+    """Return 14 lines, five of them with a repeater, and 190 slaves as evenly as can be."""
+    lines = []
+    for number in range(1, 15):
+        n = 14 if number <= 8 else 13
+        plan = line(6 * n, n)
+        if number <= 5:
+            aft = line(84, 7, supply=48)
+            plan = line(84, 7).with_repeater("84 m", aft, prefix="aft ")
+        lines.append(plan.renamed(f"L{number:02} "))
+    kinds = ("cables", "masters", "supplies", "slaves", "repeaters")
+    together = {kind: [e for plan in lines for e in getattr(plan, kind)] for kind in kinds}
+    valves = Profile(7, 0xF)
+    together["slaves"] = [replace(slave, profile=valves) for slave in together["slaves"]]
+    return Plan(**together)
+
+
+def test_the_submarine_of_kim2023():
+    plan = read_plan(datasets.path("synthetic_asi_plan_submarine.csv"))
+    assert plan == submarine()
+    assert (len(plan.masters), len(plan.slaves), len(plan.repeaters)) == (14, 190, 5)
+    assert len(plan.lines) == 14
+    assert len(plan.segments) == 14 + 5
+    # No address is shared, so every line is fast; 13.6 slaves a line need no A/B slave.
+    assert plan.check(wanted_cycle=2.5e-3).ok
+    assert max(segment.reach for segment in plan.segments) == 168
+
+
+def test_the_ballast_plan_as_a_user_would_write_it():
+    plan = read_plan(datasets.path("synthetic_asi_plan_ballast.csv"))
+    assert [slave.label for slave in plan.slaves] == ["1", "2", "3", "4", "5A", "5B"]
+    assert plan.segments[0].length == 81
+    assert plan.check(wanted_cycle=5e-3).ok
+
+
+def test_a_star_is_written_and_read(tmp_path):
+    plan = star(90, [10 / 62] * 62)
+    plan.save(tmp_path / "star.csv")
+    assert read_plan(tmp_path / "star.csv") == plan
+    text = (tmp_path / "star.csv").read_text()
+    assert re.search(r"^slave,leg 62,,,,31B,S-0\.A\.F,65,,$", text, re.M)

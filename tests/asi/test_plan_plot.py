@@ -1,0 +1,75 @@
+import matplotlib as mpl
+import pytest
+from matplotlib.colors import same_color
+from matplotlib.figure import Figure
+
+from shipnet import datasets
+from shipnet.asi.plan_file import read_plan
+from shipnet.asi.topologies import line, ring, star
+from shipnet.style import LIMIT
+
+
+@pytest.fixture
+def ax():
+    with mpl.rc_context():
+        yield Figure().subplots()
+
+
+def points(ax, label):
+    found = [drawn for drawn in ax.lines if drawn.get_label() == label]
+    return [] if not found else list(zip(*found[0].get_data(), strict=True))
+
+
+def legend(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_slaves_lie_at_their_distance_in_the_colour_of_their_verdict(ax):
+    plan = line(100, 62)
+    findings = plan.check()
+    assert findings.plot(ax=ax) is ax
+    low = findings.violated().query("rule == 'slave_voltage'")
+    assert len(points(ax, "slave, failed")) == len(low) > 0
+    assert len(points(ax, "slave, passed")) == 62 - len(low)
+    assert max(x for x, _ in points(ax, "slave, passed")) < min(
+        x for x, _ in points(ax, "slave, failed")
+    )
+    assert legend(ax) == ["supply", "master", "slave, passed", "slave, failed"]
+    assert not ax.texts
+
+
+def test_a_segment_that_breaks_a_rule_is_red(ax):
+    plan = line(60, [20]).with_repeater("60 m", line(110, [110]))
+    plan.check().plot(ax=ax)
+    red = [drawn for drawn in ax.lines if same_color(drawn.get_color(), LIMIT["color"])]
+    assert [max(drawn.get_xdata()) for drawn in red] == [170]
+    assert points(ax, "repeater")[0][0] == 60
+    assert [text.get_text() for text in ax.texts] == ["1", "2"]
+
+
+def test_without_a_table_nothing_is_judged(ax):
+    star(0, [5] * 13).plot(ax=ax)
+    assert legend(ax) == ["supply", "master", "slave"]
+    assert {x for x, _ in points(ax, "slave")} == {5}
+    assert len({y for _, y in points(ax, "slave")}) == 13
+
+
+def test_a_ring_is_closed_by_a_dashed_line(ax):
+    ring(100, [25, 50]).plot(ax=ax)
+    assert [drawn.get_linestyle() for drawn in ax.lines].count("--") == 1
+
+
+def test_slaves_at_one_node_are_named_together(ax):
+    read_plan(datasets.path("synthetic_asi_plan_ballast.csv")).plot(ax=ax)
+    assert [text.get_text() for text in ax.texts] == ["1", "2", "3", "4", "5A 5B"]
+
+
+def test_lines_lie_one_below_the_other(ax):
+    plan = read_plan(datasets.path("synthetic_asi_plan_submarine.csv"))
+    plan.plot(plan.check(), ax=ax)
+    heights = [y for _, y in points(ax, "master")]
+    assert len(heights) == 14
+    assert heights == sorted(heights, reverse=True)
+    assert {x for x, _ in points(ax, "master")} == {0}
+    assert len(points(ax, "slave, passed")) == 190
+    assert len(points(ax, "repeater")) == 5

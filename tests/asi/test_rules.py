@@ -1,0 +1,327 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shipnet import datasets
+from shipnet.asi.cycle import Cycle
+from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply, Terminator
+from shipnet.asi.plan import Plan
+from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE
+from shipnet.asi.rules import rule_limits
+from shipnet.asi.timing import MASTER_PAUSE_BITS, Transaction
+from shipnet.asi.topologies import line, ring, star
+from shipnet.errors import ArgumentError
+
+SHARED, ALONE = "S-0.A", "S-0.F"
+NUMBERS = datasets.read("icn2007_numbers.csv").set_index("parameter")["value"]
+
+
+def check(plan, **options):
+    table = plan.check(**options).table()
+    return table.assign(passed=table["verdict"] == "met")
+
+
+def failed(plan, **options):
+    table = check(plan, **options)
+    return sorted(table.loc[~table["passed"], "rule"].unique())
+
+
+def of(plan, rule, **options):
+    table = check(plan, **options)
+    return table[table["rule"] == rule]
+
+
+def changed(plan, **kinds):
+    """Return a plan with some kinds of element replaced."""
+    names = ("cables", "masters", "supplies", "slaves", "repeaters", "terminators")
+    return Plan(**{name: kinds.get(name, getattr(plan, name)) for name in names})
+
+
+def chain(segments, length=100.0, **options):
+    """Return segments one behind the other, each with a slave at its end."""
+    plan = line(length, [length], **options)
+    for number in range(2, segments + 1):
+        near = f"{length:g} m" if number == 2 else f"{number - 1}: {length:g} m"
+        far = line(length, [length], **options)
+        plan = plan.with_repeater(near, far, prefix=f"{number}: ")
+    return plan
+
+
+# The structures that icn2007, section 4, allows.
+
+UNEVEN = np.arange(1, 63) / np.arange(1, 63).sum()
+ALLOWED = {
+    "100 m and a slave at its end": line(100, [100]),
+    "90 m and a star of 62": star(90, [10 / 62] * 62, supply=90),
+    "star of 62 and the master, equal legs": star(100 / 63, [100 / 63] * 62),
+    "star of 62, unequal legs": star(1, list(99 * UNEVEN)),
+    "62 along a line, evenly": line(100, 62, supply=50),
+    "62 along a line, unevenly": line(100, [100 * (k / 62) ** 2 for k in range(1, 63)], supply=50),
+    "a mixture": star(70, [1.5] * 20, along=42, supply=35),
+    "a passive ring": ring(100, 62),
+}
+
+
+@pytest.mark.parametrize("name", ALLOWED)
+def test_the_structures_that_icn2007_allows_keep_every_rule(name):
+    plan = ALLOWED[name]
+    assert plan.segments[0].length <= 100 + 1e-9
+    assert len(plan.slaves) in (1, 62)
+    assert failed(plan) == []
+
+
+def test_a_star_too_long_for_the_rest_of_the_cable_breaks_the_rule():
+    plan = star(90, [2] * 62, supply=90)
+    assert failed(plan) == ["cable_length"]
+    row = of(plan, "cable_length").iloc[0]
+    assert (row["value"], row["high"]) == (pytest.approx(214), 100)
+
+
+def test_the_supply_decides_whether_62_slaves_have_voltage_enough():
+    # The same cable and slaves as above, the supply beside the master.
+    assert failed(star(90, [10 / 62] * 62)) == ["slave_voltage"]
+    assert failed(line(100, 62)) == ["slave_voltage"]
+    lowest = of(line(100, 62), "slave_voltage")["value"].min()
+    assert lowest == pytest.approx(30 - 0.027 * 0.065 * 100 * (62 + 1) / 2)
+
+
+# Repeaters and lengths.
+
+
+@pytest.mark.parametrize(("segments", "breaks"), [(1, []), (2, []), (3, []), (4, True)])
+def test_two_repeaters_reach_300_m_and_no_more(segments, breaks):
+    plan = chain(segments)
+    assert max(segment.reach for segment in plan.segments) == 100 * segments
+    # The assumed delay of a bit time agrees with the rule: a third repeater is too slow as well.
+    assert failed(plan) == (["answer_delay", "repeaters_in_series"] if breaks else [])
+
+
+def test_a_master_in_the_middle_has_500_m_of_cable():
+    middle = line(100, [], master=50, supply=50)
+    for side, near in [("left", "0 m"), ("right", "100 m")]:
+        arm = chain(2)
+        middle = middle.with_repeater(near, arm, prefix=f"{side} ")
+    assert sum(run.length for run in middle.cables) == 500
+    assert max(segment.reach for segment in middle.segments) == 250
+    assert failed(middle) == []
+
+
+def test_a_terminator_allows_200_m_and_only_one_repeater_in_series():
+    plan = changed(line(200, [200]), terminators=[Terminator("200 m")])
+    assert "cable_length" not in check(plan)["rule"].tolist()
+    assert of(plan, "cable_length_terminated").iloc[0]["passed"]
+    long = changed(line(201, [201]), terminators=[Terminator("201 m")])
+    assert not of(long, "cable_length_terminated").iloc[0]["passed"]
+    for segments, good in [(2, True), (3, False)]:
+        ended = changed(chain(segments), terminators=[Terminator("100 m")])
+        rows = of(ended, "repeaters_in_series_terminated")
+        assert rows["passed"].all() == good
+        assert len(rows) == segments
+
+
+def test_the_delay_of_a_repeater_is_added_both_ways():
+    plan = chain(2)
+    slow = changed(plan, repeaters=[replace(plan.repeaters[0], delay=18e-6)])
+    one, other = (of(p, "answer_delay")["value"].iloc[1] for p in (plan, slow))
+    assert other - one == pytest.approx(2 * (18 - 6) / 6)
+    # 27.75 us of a slave that is not synchronous, 6.5 ns/m there and back, 6 us each way.
+    assert one * 6 == pytest.approx(27.75 + 2 * 200 * 6.5e-3 + 2 * 6)
+    assert failed(slow) == ["answer_delay"]
+    note = of(plan, "answer_delay")["why"].iloc[1]
+    assert note == f"each repeater may take {(60 - 27.75 - 2.6) / 2:.1f} us"
+
+
+# Addresses.
+
+
+def plan_of(*slaves):
+    return changed(line(30, [30]), slaves=[Slave(*given, node="30 m") for given in slaves])
+
+
+@pytest.mark.parametrize(
+    ("slaves", "breaks"),
+    [
+        ([("1",), ("2",), ("31",)], []),
+        ([("1A",), ("1B",)], []),
+        ([("1A", SHARED), ("2",)], []),
+        ([("5",), ("5",)], ["sharing"]),
+        ([("5",), ("5A",)], ["sharing"]),
+        ([("5",), ("5B",)], ["sharing"]),
+        ([("5A",), ("5A",)], ["sharing"]),
+        ([("0",)], ["address"]),
+        ([("1A", ALONE)], ["half"]),
+        ([("1", SHARED)], ["half"]),
+    ],
+)
+def test_addresses(slaves, breaks):
+    assert failed(plan_of(*slaves)) == breaks
+
+
+def test_lines_do_not_share_addresses_with_each_other():
+    first, second = line(30, [30]).renamed("a "), line(30, [30]).renamed("b ")
+    both = Plan(
+        [*first.cables, *second.cables],
+        [*first.masters, *second.masters],
+        [*first.supplies, *second.supplies],
+        [*first.slaves, *second.slaves],
+    )
+    assert failed(both) == []
+    assert of(both, "masters")["object"].tolist() == [
+        "line of master at a 0 m", "line of master at b 0 m"
+    ]  # fmt: skip
+
+
+def test_a_63rd_slave_is_one_too_many():
+    plan = ALLOWED["90 m and a star of 62"]
+    more = changed(plan, slaves=[*plan.slaves, Slave("31A", node="90 m")])
+    assert failed(more) == ["sharing", "slaves"]
+
+
+def test_the_wanted_cycle_is_that_of_the_slowest_slave():
+    plan = plan_of(("1A",), ("1B",), ("2",))
+    row = of(plan, "update_time", wanted_cycle=1.3e-3).iloc[0]
+    assert row["value"] == pytest.approx(2 * 4 * 156e-6)
+    assert row["passed"]
+    assert failed(plan, wanted_cycle=1.2e-3) == ["update_time"]
+    assert "update_time" not in check(plan)["rule"].tolist()
+    short = Transaction(2, 2)
+    full = ALLOWED["90 m and a star of 62"]
+    assert failed(full, wanted_cycle=10e-3, transaction=short) == []
+    assert failed(full, wanted_cycle=10e-3) == ["update_time"]
+    assert Cycle(62).update_time > 10e-3
+
+
+# Supplies, masters, signals.
+
+
+def test_supplies():
+    plan = line(30, [30], current=2.0)
+    assert failed(changed(plan, supplies=[Supply("0 m", 30, 2.0)])) == ["supply_rating"]
+    assert failed(changed(plan, supplies=[Supply("0 m", 24, 8.0)])) == [
+        "slave_voltage", "supply_voltage"
+    ]  # fmt: skip
+    strong = line(10, [10, 10], current=4.1)
+    assert failed(changed(strong, supplies=[Supply("0 m", 30, 20.0)])) == ["supply_current"]
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_a_segment_with_another_number_of_supplies_has_no_voltages(count):
+    plan = changed(line(30, [30]), supplies=[Supply("0 m"), Supply("30 m")][:count])
+    table = check(plan)
+    wrong = table[~table["passed"]].set_index("rule")
+    assert wrong.loc["supplies", "value"] == count
+    for rule in ("slave_voltage", "signal_level_least", "reception"):
+        assert np.isnan(wrong.loc[rule, "value"])
+        assert wrong.loc[rule, "why"] == f"{count} supplies in the segment"
+
+
+def test_a_line_with_another_number_of_masters():
+    none = changed(line(30, [30]), masters=[])
+    assert "masters" in failed(none) and "answer_delay" in failed(none)
+    assert of(none, "masters")["object"].item() == "line with segment at 0 m"
+    two = changed(line(30, [30]), masters=[Master(node="0 m"), Master(node="30 m")])
+    assert failed(two) == ["masters"]
+
+
+def test_a_master_far_from_the_supply_hears_too_much():
+    plan = line(100, [1, 40, 80], supply=100)
+    assert failed(plan) == ["signal_level_most"]
+    assert of(plan, "signal_level_most")["passed"].tolist() == [False, False, True]
+
+
+def test_a_line_of_150_m_is_too_long_and_at_200_m_slaves_are_lost():
+    assert failed(line(150, [5, 75, 150])) == ["cable_length"]
+    assert {"cable_length", "reception", "ringing", "signal_evenness"} <= set(
+        failed(line(200, [5, 100, 200]))
+    )
+
+
+# The table and its limits.
+
+
+def test_the_limits_are_those_that_other_parts_use():
+    limits = rule_limits()
+    assert limits.loc["signal_evenness", "low"] == AMPLITUDE_TOLERANCE
+    assert limits.loc["ringing", "high"] == RINGING_TOLERANCE
+    assert limits.loc["answer_delay", "high"] == MASTER_PAUSE_BITS[1]
+    total = float(NUMBERS["total cable length of a network, taps included"])
+    assert limits.loc["cable_length", "high"] == total
+    assert limits.loc["slaves", "high"] == float(NUMBERS["slaves of one master"])
+    # 3 V of drop are left between the least supply and the least voltage of a slave.
+    least = limits["low"]
+    assert least["supply_voltage"] - least["slave_voltage"] == 3.0
+
+
+def test_every_rule_has_a_source_and_every_row_its_rule():
+    limits = rule_limits()
+    assert limits["source"].str.len().gt(3).all()
+    assert limits.index.is_unique
+    ended = changed(chain(2), terminators=[Terminator("100 m")])
+    used = {*check(ended, wanted_cycle=1.0)["rule"], *check(line(9, [9]))["rule"]}
+    assert used == set(limits.index)
+
+
+def test_one_row_a_rule_and_object():
+    table = check(chain(3), wanted_cycle=1.0)
+    assert not table.duplicated(["rule", "object"]).any()
+    assert table["passed"].dtype == bool
+    assert table[["source", "why", "unit"]].notna().all().all()
+
+
+def test_other_limits_give_other_verdicts():
+    limits = rule_limits()
+    limits.loc["cable_length", "high"] = 130.0
+    plan = line(120, [120])
+    assert failed(plan) == ["cable_length"]
+    assert failed(plan, limits=limits) == []
+
+
+def test_sums_of_many_legs_do_not_fail_by_rounding():
+    for n in range(1, 63):
+        plan = star(90, [10 / n] * n, supply=90)
+        assert of(plan, "cable_length")["passed"].item()
+
+
+def test_the_worst_row_of_each_rule():
+    plan = line(100, [1, 40, 80], supply=100)
+    table, found = check(plan, wanted_cycle=1e-3), plan.check(wanted_cycle=1e-3).worst()
+    assert found["margin"].is_monotonic_increasing
+    assert found.index.is_unique and set(found.index) == set(table["rule"])
+    assert found.loc["signal_level_most", "object"] == "slave 1 at 1 m"
+    assert found.loc["signal_level_most", "margin"] < 0
+    for rule, row in found.iterrows():
+        rows = table[table["rule"] == rule]
+        assert (row["margin"] >= 0) == rows["passed"].all() or abs(row["margin"]) < 1e-9
+    lost = changed(line(30, [30]), supplies=[]).check().worst()
+    assert np.isnan(lost.loc["slave_voltage", "margin"])
+
+
+def test_what_cannot_be_computed_is_the_worst_of_all():
+    plan = chain(2)
+    found = changed(plan, supplies=plan.supplies[:1]).check().worst()
+    assert found.loc["slave_voltage", "object"] == "slave 2 at 2: 100 m"
+    assert np.isnan(found.loc["slave_voltage", "margin"])
+
+
+@pytest.mark.parametrize("wanted", [0, -1, float("nan"), float("inf")])
+def test_what_is_no_cycle_is_refused(wanted):
+    with pytest.raises(ArgumentError, match="wanted_cycle is"):
+        check(line(9, [9]), wanted_cycle=wanted)
+
+
+def test_limits_that_lack_something_are_refused():
+    with pytest.raises(ArgumentError, match="limits lack ringing"):
+        check(line(9, [9]), limits=rule_limits().drop("ringing"))
+    with pytest.raises(ArgumentError, match="limits lack high"):
+        check(line(9, [9]), limits=rule_limits().drop(columns="high"))
+
+
+def test_the_smallest_plan():
+    plan = Plan([CableRun("a", "b", 1)], [Master(node="a")], [Supply("b")])
+    assert failed(plan) == []
+    bare = check(Plan([CableRun("a", "b", 1)]))
+    assert sorted(bare.loc[~bare["passed"], "rule"]) == [
+        "answer_delay", "masters", "repeaters_in_series", "supplies"
+    ]  # fmt: skip
+    assert Repeater("a", "b").delay == 6e-6

@@ -1,0 +1,145 @@
+"""AS-i lines: cable and repeaters, where a supply stands, and how late a change is known."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet.asi.cycle import cycle_time
+from shipnet.asi.elements import CableRun, Master, Slave, Supply
+from shipnet.asi.plan import Plan
+from shipnet.design.plan_asi_lines import Piece, draw, place_supply
+from shipnet.design.plan_asi_modules import analogue_response, digital_response
+from shipnet.design.planning import plan
+from shipnet.design.settings import AsiLimits, Settings
+from shipnet.design.site import Site
+from tests.design.lists import table
+
+LIMITS = AsiLimits()
+
+
+def between(places):
+    """Ways between places along a line."""
+    x = np.asarray(places, dtype=float)
+    return abs(x - x[:, None])
+
+
+@settings(max_examples=50)
+@given(st.lists(st.integers(1, 150), min_size=1, max_size=8), st.booleans())
+def test_no_segment_is_longer_than_allowed_and_nothing_is_lost(hops, tree):
+    ways = between(np.cumsum([0, *hops]))
+    drawn = draw(ways, ways, AsiLimits(length=60.0, tree=tree))
+    behind = {out for _, out in drawn.repeaters}
+    used, part = {}, {"0": 0}
+    for piece in drawn.pieces:
+        part.setdefault(piece.near, len(part))
+        part[piece.far] = part[piece.near]
+        used[part[piece.near]] = used.get(part[piece.near], 0) + piece.length
+        assert piece.near in behind or piece.near == "0" or piece.near.isdigit()
+    assert max(used.values()) <= 60 + 1e-9
+    assert drawn.length == pytest.approx(sum(hops))
+    assert {piece.far for piece in drawn.pieces} >= {str(n) for n in range(1, len(hops) + 1)}
+    for edge in {piece.edge for piece in drawn.pieces}:
+        assert sum(p.share for p in drawn.pieces if p.edge == edge) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("places", "depth"),
+    [((0, 100), 0), ((0, 101), 1), ((0, 200), 1), ((0, 201), 2), ((0, 300), 2), ((0, 301), 3)],
+)
+def test_a_repeater_stands_at_every_100_m_of_a_long_way(places, depth):
+    drawn = draw(between(places), between(places), LIMITS)
+    assert drawn.depth == depth == len(drawn.repeaters)
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(st.integers(1, 20), min_size=1, max_size=7),
+    st.lists(st.sampled_from([0.0, 0.065, 0.5]), min_size=8, max_size=8),
+)
+def test_the_supply_stands_where_the_circuit_loses_least(hops, currents):
+    places = np.cumsum([0, *hops])
+    pieces = [
+        Piece(str(a), str(b), (a, b), float(places[b] - places[a]), 1.0)
+        for a, b in pairwise(range(len(places)))
+    ]
+    draws = {str(n): currents[n] for n in range(len(places))}
+    # A name that is not there: no place is to be preferred.
+    found = place_supply(pieces, draws, "none", 30.0)
+
+    def lowest(node):
+        circuit = Plan(
+            [CableRun(p.near, p.far, p.length) for p in pieces],
+            [Master(node="0", current=currents[0])],
+            [Supply(node)],
+            [Slave(str(n), node=str(n), current=currents[n]) for n in range(1, len(places))],
+        )
+        volts = circuit.voltages
+        return min(volts[node] for node in draws if draws[node] > 0 or node == found)
+
+    # The circuit is solved with its own resistances; a tenth of a millivolt is rounding.
+    assert lowest(found) >= max(map(lowest, draws)) - 1e-4
+
+
+def test_the_supply_stays_in_the_cabinet_while_the_voltage_allows_it():
+    near, far = (plan(table([("contact", (x, 0, 0), 1000)] * n), Site((0, 0, 0)), "AS-i")
+                 for x, n in ((50, 4), (80, 160)))  # fmt: skip
+    assert near.devices.loc[near.devices["kind"] == "supply", "at"].tolist() == ["cabinet"]
+    assert "feeder" not in set(near.runs["kind"])
+    supplies = far.devices[far.devices["kind"] == "supply"]
+    feeders = far.runs[far.runs["kind"] == "feeder"]
+    assert feeders["at_cabinet"].all() and len(feeders) > 0
+    assert set(feeders["b"]) == set(supplies.loc[supplies["at"] != "cabinet", "device"])
+    assert (far.segments["lowest_v"] >= 26.5).all()
+
+
+def test_a_response_is_that_of_the_published_cycles():
+    full = float(cycle_time(31))
+    # Alone at its address: one cycle, the answer and a repetition; shared: two cycles.
+    assert digital_response(full, False, "S-0.A", False, LIMITS) == pytest.approx(5.36e-3, abs=1e-5)
+    assert digital_response(full, True, "S-0.A", False, LIMITS) == pytest.approx(10.51e-3, abs=1e-5)
+    # Nord BU0090, p. 69: at most 21 ms to an A/B slave with four outputs.
+    assert digital_response(full, True, "S-7.A.7", True, LIMITS) == pytest.approx(21e-3, rel=0.02)
+    # ifm: seven cycles a value, 5 ms each; a round of four, its own, and four conversions.
+    quick = AsiLimits(conversion=0.0, repetitions=0)
+    assert analogue_response(4, quick, 5e-3) == pytest.approx(5 * 35e-3)
+
+
+def test_the_slow_share_addresses():
+    needs = [1000.0] * 31 + [8.0]
+    rows = [
+        ("contact", (10 + 12 * (n % 8), 12 * (n // 8), 0), need) for n, need in enumerate(needs)
+    ]
+    network = plan(
+        table(rows), Site((0, 0, 0)), "AS-i", settings=Settings(asi=AsiLimits(length=1000.0))
+    )
+    assert network.fits
+    late = network.points["response_ms"]
+    assert late.iloc[-1] < 8 < late.max() <= 10.6 or len(network.segments) > 1
+
+
+def test_auxiliary_power_goes_to_outputs_and_no_further():
+    rows = [("solenoid", (30, 0, 0), 1000), ("contact", (60, 0, 0), 1000)]
+    iolist = table(rows)
+    both = plan(iolist, Site((0, 0, 0)), "AS-i")
+    feeders = both.runs[both.runs["kind"] == "feeder"]
+    assert feeders["a"].tolist() == ["AS-i 1 auxiliary supply"]
+    assert feeders["at_cabinet"].tolist() == [True]
+    supply = both.devices.set_index("device").loc["AS-i 1 auxiliary supply"]
+    assert (supply["kind"], supply["at"]) == ("auxiliary supply", "cabinet")
+    assert feeders["b"].item() == both.points["device"].iloc[0]
+    none = plan(iolist, Site((0, 0, 0)), "AS-i", settings=Settings(asi=AsiLimits(auxiliary=False)))
+    assert "feeder" not in set(none.runs["kind"])
+    assert "auxiliary supply" not in set(none.devices["kind"])
+    inputs = plan(table(rows[1:]), Site((0, 0, 0)), "AS-i")
+    assert "auxiliary supply" not in set(inputs.devices["kind"])
+
+
+def test_a_line_that_breaks_a_rule_of_signals_is_refused_with_the_rule():
+    limits = Settings(asi=AsiLimits(voltage=20.0))
+    network = plan(table([("contact", (30, 0, 0), 1000)]), Site((0, 0, 0)), "AS-i", settings=limits)
+    (reason,) = network.reasons.itertuples()
+    assert not network.fits
+    assert (reason.limit, reason.value, reason.bound) == ("supply voltage", 20.0, 29.5)

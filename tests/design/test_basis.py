@@ -1,0 +1,351 @@
+"""What a comparison rests on, by name: read from a file, told where it is not the default."""
+
+import tomllib
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from shipnet.__main__ import main
+from shipnet.design.catalogue import Range
+from shipnet.design.comparison import compare
+from shipnet.design.iolist import parse_iolist
+from shipnet.design.report import report_html
+from shipnet.design.settings import (
+    Assumptions,
+    Basis,
+    Settings,
+    changed,
+    format_basis,
+    legal,
+    load_basis,
+    meaning,
+    names,
+    parse_basis,
+    shown,
+)
+from shipnet.errors import ArgumentError, InputError
+
+LIST = "tag,signal,x,y,z\n" + "".join(f"LS-{n},contact,{10 + 3 * n},{n % 3},1\n" for n in range(6))
+EVERY = st.sampled_from(names())
+
+
+def test_every_value_has_a_name_and_only_those():
+    settings = Settings()
+    expected = {"detour", "tails", "host_time"} | {f"assumptions.{name}" for name in Assumptions()}
+    for own in fields(settings):
+        part = getattr(settings, own.name)
+        inner = [f"{own.name}.{field.name}" for field in fields(part)] if is_dataclass(part) else []
+        expected |= set(inner) or {own.name}
+    assert set(names()) == expected and len(names()) == len(expected)
+    basis = Basis()
+    assert basis["asi.length"] == settings.asi.length and basis["detour"] == basis.detour
+    assert basis["assumptions.gland"] == Assumptions()["gland"]
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_value_says_what_it_is_and_what_it_may_be(name):
+    assert len(meaning(name)) > 5 and "`" not in meaning(name) and "]_" not in meaning(name)
+    assert len(legal(name)) > 3
+    # What is not legal is refused in the same words.
+    _, faults = changed(Basis(), {name: "no such thing"})
+    assert faults == [f"{name} is 'no such thing'; it must be {legal(name)}"]
+
+
+#: For each value, one more that is legal.
+OTHERS = {
+    "detour": 1.3, "tails": 0, "host_time": 0.25, "spare": 0.5, "redundant": True, "update": 2,
+    "fed": False, "feeder": "MI1P075", "can.bit_rates": [125_000], "modbus.bit_rates": [9600],
+    "modbus.character": "8N2", "asi.cable": "ASI_FLAT", "can.cable": "N2K_MID",
+    "modbus.cable": "RS485_9843", "assumptions.labour_rate": [55, 60.5, 70],
+}  # fmt: skip
+
+
+def other(name):
+    if name in OTHERS:
+        return OTHERS[name]
+    value = Basis()[name]
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, Range):
+        return [value.nominal, value.nominal, value.high + 1]
+    return value - 1 if isinstance(value, int) and value > 1 else value + 1 if isinstance(
+        value, int
+    ) else 0.9 * value  # fmt: skip
+
+
+def test_what_is_printed_is_read_back_as_it_was():
+    default = format_basis(Basis())
+    assert parse_basis(default) == Basis()
+    everything = Basis().with_({name: other(name) for name in names()})
+    assert everything.changes["name"].tolist() == list(names())
+    text = format_basis(everything)
+    again = parse_basis(text)
+    assert again == everything and format_basis(again) == text
+    # The file is one of whole tables, which another reader of TOML knows too.
+    tables = tomllib.loads(text)
+    assert tables["asi"]["length"] == everything.settings.asi.length
+    assert tables["assumptions"]["labour_rate"] == [55, 60.5, 70]
+    for name in names():
+        assert f"Default {shown(Basis()[name])}." in text
+        assert legal(name).split(",")[0] in text
+    assert "Default" not in default
+    assert max(map(len, text.splitlines())) < 160
+
+
+@given(st.dictionaries(EVERY, st.booleans()).map(list))
+def test_any_selection_of_values_survives_a_file(chosen):
+    basis = Basis().with_({name: other(name) for name in chosen})
+    assert parse_basis(format_basis(basis)) == basis
+    assert set(basis.changes["name"]) == set(chosen)
+
+
+def test_a_price_may_be_one_number_and_is_then_the_users_own():
+    basis = parse_basis("[assumptions]\nasi_module = 118\n")
+    assert basis.assumptions["asi_module"] == Range(118, 118, 118)
+    entry = basis.assumptions.entry("asi_module")
+    assert (entry.status, entry.unit) == ("given", "EUR")
+    assert basis.assumptions.entry("gland").status == "assumed"
+
+
+FAULTY = """\
+detour = 0.5
+spare = "much"
+tials = 3
+host_time = 61
+feeder = "ROPE"
+update = nan
+
+[asi]
+length = 20_000
+inputs = 2.5
+shared = 1
+lenght = 90
+
+[can]
+bit_rates = [500_000, 10]
+
+[modbus]
+character = "7E1"
+bit_rates = []
+
+[assumptions]
+gland = [9, 8, 20]
+box = [1, 2]
+labour_rate = -1
+supply = true
+crew = 4
+"""
+
+
+def test_all_faults_are_told_at_once_with_name_value_and_legal_range(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text(FAULTY, encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        load_basis(path)
+    price = "it must be [low, nominal, high] in this order, or one number; 0 or more and finite"
+    rates = "it must be one or more of whole numbers 1000..1000000"
+    assert error.value.faults == (
+        "detour is 0.5; it must be a number 1..10",
+        "spare is 'much'; it must be 0..10",
+        "there is no 'tials'; the nearest is tails",
+        "host_time is 61; it must be 0..60 s",
+        f"feeder is 'ROPE'; it must be {legal('feeder')}",
+        "update is nan; it must be 0.0001..3600 s",
+        "asi.length is 20000; it must be 1..10000 m",
+        "asi.inputs is 2.5; it must be a whole number 1..4",
+        "asi.shared is 1; it must be true or false",
+        "there is no 'asi.lenght'; the nearest is asi.length",
+        f"can.bit_rates is [500000, 10]; {rates}",
+        "modbus.character is '7E1'; it must be 8, one of N, E, O, and 1 or 2",
+        f"modbus.bit_rates is []; {rates}",
+        f"assumptions.gland is [9, 8, 20]; {price}",
+        f"assumptions.box is [1, 2]; {price}",
+        f"assumptions.labour_rate is -1; {price}",
+        f"assumptions.supply is true; {price}",
+        "there is no 'assumptions.crew'; see shipnet design --show-settings",
+    )
+    assert str(error.value).startswith(f"{path}: detour is 0.5") and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("detour = 1.2\ndetour = 1.3", "is no TOML file: Cannot overwrite a value"),
+        ("detour 1.2", "is no TOML file: "),
+        ("[asi", "is no TOML file: "),
+        ("a = " + "[" * 100_000, "is no TOML file: "),
+        ("detour = " + "9" * 10_000, "is no TOML file: "),
+        ("asi = 5", "there is no 'asi'"),
+        ("detour = 0x" + "f" * 10_000, "detour is a very large number; it must be"),
+        ("detour = 1e999", "detour is inf; it must be"),
+        ("detour = 1979-05-27", "detour is datetime.date(1979, 5, 27); it must be"),
+        ("detour.a = 1", "there is no 'detour.a'; see shipnet design --show-settings"),
+        ("feeder = [[1]]", "feeder is [[1]]; it must be one of"),
+        ("[assumptions.gland]\nlow = 1", "assumptions.gland is {'low': 1}; it must be [low"),
+        ("spare = '" + "x" * 1000 + "'", "...; it must be 0..10"),
+    ],
+)
+def test_what_is_no_file_of_settings_is_refused_in_a_line(text, fault):
+    with pytest.raises(InputError) as error:
+        parse_basis(text)
+    assert fault in str(error.value)
+    assert len(str(error.value)) < 400 and "\n" not in str(error.value)
+
+
+words = st.sampled_from(
+    ["detour", "asi", "[asi]", "[assumptions]", "gland", "length", " = ", "\n", ".", "[1, 2, 3]",
+     "1.5", "true", '"8E1"', "{}", "nan", "-1", "#", "[[can]]", "'", '"""', "\\", "\r", "\0"]
+)  # fmt: skip
+
+
+@given(st.lists(words, max_size=12).map("".join) | st.text(max_size=40))
+@example("\ufeffdetour = 1.5")
+def test_any_text_gives_a_basis_or_an_input_error(text):
+    try:
+        basis = parse_basis(text)
+    except InputError as error:
+        assert "\n" not in str(error)
+        return
+    assert parse_basis(format_basis(basis)) == basis
+
+
+def test_an_editor_may_save_it_as_it_likes(tmp_path):
+    path = tmp_path / "own.toml"
+    for data in (
+        "detour = 1.5\r\ntails = 3\r\n".encode("utf-8-sig"), "detour=1.5\ntails=3".encode("utf-16"),
+    ):  # fmt: skip
+        path.write_bytes(data)
+        assert load_basis(path) == Basis(detour=1.5, tails=3)
+
+
+def test_values_may_come_from_an_array():
+    grid = np.array([1.25, 1.5])
+    assert [Basis().with_({"detour": value}).detour for value in grid] == [1.25, 1.5]
+    rates = Basis().with_({"can.bit_rates": np.array([125_000, 250_000])})
+    assert rates.settings.can.bit_rates == (125_000, 250_000)
+    assert Basis().with_({"asi.inputs": np.int64(2)}).settings.asi.inputs == 2
+
+
+def test_wrong_parts_of_a_basis_are_named():
+    for made, fault in (
+        (lambda: Basis(settings=None), "settings is None; it must be Settings"),
+        (lambda: Basis(assumptions={}), "assumptions is {}; it must be Assumptions"),
+        (lambda: Basis(detour=0.9), "detour is 0.9; it must be a number 1..10"),
+        (lambda: Basis(host_time=-1), "host_time is -1 s; it must be 0..60 s"),
+        (lambda: Basis()["x"], "there is no 'x'"),
+        (lambda: meaning("x"), "there is no 'x'"),
+        (lambda: legal("x"), "there is no 'x'"),
+        (lambda: Basis().with_({"x": 1, "spare": 99}), "there is no 'x'.*; spare is 99"),
+    ):
+        with pytest.raises(ArgumentError, match=fault):
+            made()
+
+
+def test_a_comparison_and_its_report_tell_what_is_not_the_default():
+    iolist = parse_iolist(LIST)
+    basis = Basis().with_(
+        {"detour": 1.4, "host_time": 0.25, "can.nodes": 8, "assumptions.can_station": 500}
+    )
+    found = compare(
+        iolist, basis.site((0, 0, 5)), ["home runs", "CAN"], assumptions=basis.assumptions,
+        settings=basis.settings, host_time=basis.host_time,
+    )  # fmt: skip
+    assert found.basis == basis
+    told = found.changes.set_index("name")
+    assert told["value"].to_dict() == {
+        "detour": 1.4, "host_time": 0.25, "can.nodes": 8,
+        "assumptions.can_station": Range(500, 500, 500),
+    }  # fmt: skip
+    assert told["default"]["can.nodes"] == 50
+    page = report_html(found)
+    assert "Values that are not the defaults; all others are." in page
+    assert "<td>assumptions.can_station</td>" in page and "<td>[500, 500, 500]</td>" in page
+    assert "1.4 times its way and 5 m for both ends." in page
+    assert "The host adds 0.25 s to a response where a rule counts it." in page
+    usual = report_html(compare(iolist, Basis().site((0, 0, 5)), ["home runs"]))
+    assert "Every limit, price and allowance has its default value." in usual
+    assert "5 m for both ends, both assumed." in usual
+
+
+def test_the_command_takes_a_file_and_prints_one(tmp_path, capsys):
+    points, own, report = (tmp_path / name for name in ("list.csv", "own.toml", "report.html"))
+    points.write_text(LIST, encoding="utf-8")
+    assert main(["design", "--show-settings"]) == 0
+    assert parse_basis(capsys.readouterr().out) == Basis()
+    own.write_text("detour = 1.5\n[assumptions]\nlabour_rate = 70\n", encoding="utf-8")
+    command = ["design", str(points), "--cabinet", "0,0,5", "--options", "HOME RUNS, can"]
+    assert main(command) == 0
+    usual = capsys.readouterr().out
+    assert main([*command, "--settings", str(own), "-o", str(report)]) == 0
+    out = capsys.readouterr().out
+    said = (
+        "not the default: detour 1.5 (1.15)\nnot the default: assumptions.labour_rate [70, 70, 70]"
+    )
+    assert said in out and "not the default" not in usual
+    assert "1.5 times its way" in report.read_text(encoding="utf-8")
+    (longer,), (shorter,) = (
+        [float(line.split()[-1]) for line in text.splitlines() if line.startswith("cable length")]
+        for text in (out, usual)
+    )
+    assert longer > 1.2 * shorter
+    assert main(["design", "--settings", str(own), "--show-settings", "--redundant"]) == 0
+    expected = Basis(detour=1.5).with_({"redundant": True, "assumptions.labour_rate": 70})
+    assert parse_basis(capsys.readouterr().out) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "row", "factor"),
+    [
+        ("host_time = 50", "rules broken", 2),
+        ("[asi]\ninputs = 1", "total cost [EUR]", 1.1),
+        ("[assumptions]\nlabour_rate = 200", "total cost [EUR]", 1.5),
+        ("tails = 50", "cable length [km]", 1.5),
+    ],
+)
+def test_every_kind_of_value_in_a_file_reaches_what_is_printed(text, row, factor, tmp_path, capsys):
+    points, own = tmp_path / "list.csv", tmp_path / "own.toml"
+    points.write_text(LIST, encoding="utf-8")
+    own.write_text(text, encoding="utf-8")
+    command = ["design", str(points), "--cabinet", "0,0,5", "--options", "as-i"]
+    cells = []
+    for more in ([], ["--settings", str(own)]):
+        assert main([*command, *more]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        (line,) = (line for line in lines if line.startswith(row))
+        cells.append(float(line.split()[-1].replace(",", "")))
+    assert cells[1] > factor * cells[0]
+
+
+def test_a_basis_is_as_good_as_its_parts():
+    basis = Basis(tails=2.0)
+    assert basis.site((1, 2, 3)).tails == 2.0
+    assert replace(basis, tails=5.0) == Basis()
+    assert str(Basis()) == "all defaults" and len(Basis().changes) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[assumptions]\ngland = 8\ndetour = 1.3", "no 'assumptions.detour'; there is detour$"),
+        ("labour_rate = 60", "no 'labour_rate'; there is assumptions.labour_rate$"),
+        ("length = 60", "no 'length'; there is asi.length and modbus.length$"),
+        ("[can]\nlenght = 60", "no 'can.lenght'; see shipnet design --show-settings$"),
+    ],
+)
+def test_a_name_under_the_wrong_table_is_told_where_it_is(text, said):
+    with pytest.raises(InputError, match=said):
+        parse_basis(text)
+
+
+@pytest.mark.parametrize("text", ["spare = 0.3\ndetour = 1,3", "[boxes]\nreach=10,5  # m"])
+def test_a_decimal_comma_in_settings_is_named(text):
+    with pytest.raises(
+        InputError, match=r"is no TOML file: .*; 10?,[35] has a decimal comma, expected a point$"
+    ):
+        parse_basis(text)
+    with pytest.raises(InputError) as refusal:
+        parse_basis("spare =")
+    assert "comma" not in str(refusal.value)

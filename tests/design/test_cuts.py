@@ -1,0 +1,385 @@
+"""Single failures of planned networks, against one graph search a failure."""
+
+from dataclasses import replace
+
+import networkx as nx
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet import datasets
+from shipnet.design.designs import Network, example, frame
+from shipnet.design.failures import FAILURES, lost, single_cuts, worst
+from shipnet.design.iolist import IoList, from_table, load_iolist, parse_iolist
+from shipnet.design.planning import plan
+from shipnet.design.settings import AsiLimits, Settings
+from shipnet.design.site import Site
+from shipnet.errors import ArgumentError
+
+JOINS = {"cabinet", "master", "gateway"}
+
+
+def searched(network, cut=(), dead=(), needs=None):
+    """Walk from the cabinet and from each supply, one line at a time in each bus.
+
+    A line of AS-i carries telegrams only where it has current; `needs` holds the devices that do
+    not work without.
+    """
+    devices = network.devices.set_index("device")
+    kind = devices["kind"]
+    dead = set(dead)
+    while True:
+        shells = [name for name in dead if kind[name] in ("box", "cabinet")]
+        more = set(devices.index[devices["at"].isin(shells)]) - dead
+        if not more:
+            break
+        dead |= more
+    if network.cabinet in dead:
+        return set()
+    graph, power, auxiliary = nx.Graph(), nx.Graph(), nx.Graph()
+    auxiliary.add_nodes_from(kind.index)
+    lines_of_as_i = []
+    unfed = set()
+    for each in (graph, power):
+        each.add_nodes_from((name, line) for name in kind.index for line in "AB")
+    for name in kind.index[kind.isin(JOINS)]:
+        graph.add_edge((name, "A"), (name, "B"))
+    blocked = {name for name in dead if kind[name] in JOINS | {"box", "repeater"}}
+
+    def join(graph, a, b, lines):
+        if not {a, b} & blocked:
+            graph.add_edges_from([((a, line), (b, line)) for line in lines])
+
+    wires = []
+    buses = network.segments.set_index("segment")["bus"]
+    for run in network.runs.itertuples():
+        if run.kind in ("drop", "home run"):
+            wires.append((run.a, run.b, run.run))
+            continue
+        if run.run in cut:
+            continue
+        ends = {kind[run.a], kind[run.b]}
+        asi, lines = buses.get(run.segment) == "AS-i", run.line or "AB"
+        if asi and run.kind == "trunk":
+            lines_of_as_i.append((run.a, run.b, lines))
+        elif run.kind == "trunk" or "gateway" in ends:
+            join(graph, run.a, run.b, lines)
+        if asi and run.kind == "trunk" and kind[run.b] != "repeater":
+            join(power, run.a, run.b, lines)
+        if run.kind == "feeder" and not asi and not ends & {"cabinet", "gateway"}:
+            join(power, run.a, run.b, lines)
+        if run.kind == "feeder" and asi and "supply" not in ends and not {run.a, run.b} & blocked:
+            auxiliary.add_edge(run.a, run.b)
+    for run in network.runs.itertuples():
+        if run.kind == "feeder" and run.run in cut and network.cabinet in (run.a, run.b):
+            unfed |= {name for name in (run.a, run.b) if kind[name] == "supply"}
+    for name, row in devices[devices["at"] != ""].iterrows():
+        hangs_on = row["at"]
+        if row["kind"] in ("supply", "repeater"):
+            masters = kind.index[(kind == "master") & (devices["segment"] == row["segment"])]
+            if hangs_on == network.cabinet and len(masters):
+                hangs_on = masters[-1]
+        beside = (row["kind"], kind[hangs_on]) == ("repeater", "master")
+        if beside and buses.get(devices.loc[hangs_on, "segment"]) == "AS-i":
+            lines_of_as_i.append((name, hangs_on, "AB"))
+        else:
+            join(graph, hangs_on, name, "AB")
+        if row["kind"] == "supply":
+            join(power, hangs_on, name, "AB")
+    supplied = set()
+    for name in kind.index[(kind == "supply") & ~kind.index.isin(dead | unfed)]:
+        for line in "AB":
+            supplied |= {n for n, _ in nx.node_connected_component(power, (name, line))}
+    for a, b, lines in lines_of_as_i:
+        end = a if kind[b] == "repeater" else b
+        if end in supplied or needs is None or end not in needs:
+            join(graph, a, b, lines)
+    reached = {name for name, _ in nx.node_connected_component(graph, (network.cabinet, "A"))}
+    alive = reached - dead
+    outputs = set()
+    for name in kind.index[(kind == "auxiliary supply") & ~kind.index.isin(dead)]:
+        outputs |= nx.node_connected_component(auxiliary, name)
+    return alive, supplied, outputs, wires
+
+
+def points_reached(network, needs, cut=(), dead=()):
+    found = searched(network, cut, dead, needs[0])
+    if not found:
+        return set()
+    alive, supplied, auxiliary, wires = found
+    points = network.iolist.points
+    outputs = set(points.loc[points["type"] == "DO", "tag"])
+    alive = {name for name in alive if name in supplied or name not in needs[0]}
+    return {
+        tag for device, tag, run in wires
+        if device in alive and run not in cut
+        and (device in auxiliary or device not in needs[1] or tag not in outputs)
+    }  # fmt: skip
+
+
+def random_network(rng, n_devices=9, n_points=12):
+    """Return devices and cables at random: buses, boxes, repeaters, supplies, loops and gaps."""
+    segments = ["s1", "s2", "s3"]
+    buses = list(rng.choice(["AS-i", "CAN", "hardwired"], 3))
+    kinds = rng.choice(["module", "station", "box", "master", "gateway", "repeater", "supply",
+                        "auxiliary supply"],
+                       n_devices, p=[0.25, 0.2, 0.1, 0.1, 0.05, 0.1, 0.1, 0.1])  # fmt: skip
+    devices = [{"device": "cabinet", "kind": "cabinet", "segment": "", "at": ""}]
+    for n, kind in enumerate(kinds):
+        housing = "cabinet" if kind in ("master", "gateway", "supply") else devices[-1]["device"]
+        housing = housing if rng.random() < 0.6 else ""
+        devices.append({"device": f"d{n}", "kind": kind, "segment": str(rng.choice(segments)),
+                        "at": housing})  # fmt: skip
+    names = [device["device"] for device in devices]
+    table = pd.DataFrame(devices).assign(x_m=0.0, y_m=0.0, z_m=0.0)
+    runs = []
+    for _ in range(int(rng.integers(n_devices, 2 * n_devices))):
+        a, b = rng.choice(names, 2, replace=False)
+        runs.append((str(a), str(b), str(rng.choice(["trunk", "trunk", "feeder"]))))
+    tags = [f"p{n}" for n in range(n_points)]
+    for tag in tags:
+        runs += [(str(rng.choice(names)), tag, "drop") for _ in range(int(rng.integers(0, 3)))]
+    runs = [
+        {"run": f"r{n}", "cable": "MI1P075", "a": a, "b": b, "kind": kind,
+         "segment": str(rng.choice(segments)), "route_m": 1.0, "length_m": 1.0, "used": 2,
+         "conductors": 2, "at_cabinet": False, "line": str(rng.choice(["", "A", "B"])),
+         "way": tuple(rng.choice(["t1", "t2", "t3"], rng.integers(0, 3)))}
+        for n, (a, b, kind) in enumerate(runs)
+    ]  # fmt: skip
+    return Network(
+        "random",
+        from_table(pd.DataFrame({
+            "tag": tags, "signal": ["contact", "solenoid"] * (n_points // 2),
+            "system": list(rng.choice(["x", "y"], n_points)),
+            "home_run_m": 1.0})),
+        None,
+        points=frame("points", {
+            "tag": tags, "bus": "CAN", "segment": "s1", "device": "", "address": "",
+            "response_ms": 1.0, "fits": True}),
+        devices=table,
+        runs=frame("runs", runs),
+        segments=frame("segments", {
+            "segment": segments, "bus": buses, "points": 0, "devices": 0, "length_m": 0.0,
+            "load": 0.0, "response_ms": 0.0, "slowest_update_ms": 0.0}),
+        reasons=frame("reasons"),
+    )  # fmt: skip
+
+
+def shorted(network, name):
+    """Return the runs that a short of one of them takes, by a walk from run to run."""
+    runs = network.runs.set_index("run")
+    kind = network.devices.set_index("device")["kind"]
+    first = runs.loc[name]
+    parts = {"repeater", "gateway"} if first["kind"] == "trunk" else {"cabinet", "gateway"}
+    same = runs[
+        (runs[["kind", "segment", "line"]] == first[["kind", "segment", "line"]]).all(axis=1)
+    ]
+    taken, waiting = {name}, [name]
+    while waiting:
+        ends = {end for end in runs.loc[waiting.pop(), ["a", "b"]] if kind[end] not in parts}
+        more = set(same.index[same["a"].isin(ends) | same["b"].isin(ends)]) - taken
+        taken |= more
+        waiting += more
+    return sorted(taken)
+
+
+def masters_at(network, runs):
+    """Return the masters of AS-i at whose terminals some trunks are."""
+    kind = network.devices.set_index("device")["kind"]
+    buses = network.segments.set_index("segment")["bus"]
+    own = network.runs[network.runs["run"].isin(runs) & (network.runs["kind"] == "trunk")]
+    own = own[own["segment"].map(buses) == "AS-i"]
+    return [name for name in {*own["a"], *own["b"]} if kind[name] == "master"]
+
+
+@settings(max_examples=8)
+@given(st.integers(0, 10**6))
+def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
+    network = random_network(np.random.default_rng(seed))
+    table = single_cuts(network)
+    needs = searched(network)[1:3]
+    before = points_reached(network, needs)
+    for failure, names in (("cut", network.runs["run"]), ("device", network.devices["device"])):
+        assert table.loc[table["failure"] == failure, "failed"].tolist() == names.tolist()
+    for row in table.itertuples():
+        together = shorted(network, row.failed) if row.failure == "short" else []
+        on_tray = [r.run for r in network.runs.itertuples() if row.failed in r.way]
+        cut = {"cut": [row.failed], "tray": on_tray, "device": [],
+               "short": together}[row.failure]  # fmt: skip
+        dead = [row.failed] if row.failure == "device" else []
+        if row.failure == "short":
+            dead = masters_at(network, together)
+        gone = before - points_reached(network, needs, cut, dead)
+        assert set(row.tags) == gone, row
+        assert row.points_lost == len(gone)
+        points = network.iolist.points
+        assert set(row.systems) == set(points.loc[points["tag"].isin(gone), "system"])
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 10**6))
+def test_several_failures_at_once_cost_what_a_search_finds(seed):
+    rng = np.random.default_rng(seed)
+    network = random_network(rng)
+    cut = list(rng.choice(network.runs["run"], 3, replace=False))
+    dead = list(rng.choice(network.devices["device"], 1))
+    needs = searched(network)[1:3]
+    gone = points_reached(network, needs) - points_reached(network, needs, cut, dead)
+    assert set(lost(network, runs=cut, devices=dead)) == gone
+
+
+def test_a_dead_master_takes_the_points_of_its_line_also_behind_a_repeater_beside_it():
+    ship = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
+    valves = from_table(ship[ship["system"] == "Ballast valve"])
+    limits = Settings(asi=AsiLimits(repeaters=1))
+    network = plan(valves, Site((20, -6, 14)), "AS-i", settings=limits)
+    assert ((network.devices["kind"] == "repeater") & (network.devices["at"] == "cabinet")).any()
+    for segment, points in network.points.groupby("segment"):
+        assert set(lost(network, devices=[f"{segment} master"])) == set(points["tag"])
+
+
+def test_a_short_takes_one_line_between_two_repeaters():
+    network = example()
+    assert single_cuts(network).query("failure == 'short'")["points_lost"].tolist() == [4]
+    repeated = network.devices.assign(
+        kind=network.devices["kind"].where(network.devices["device"] != "JB1", "repeater")
+    )
+    split = Network(
+        "repeated", network.iolist, network.site, network.points, repeated, network.runs,
+        network.segments, network.reasons,
+    )  # fmt: skip
+    shorts = single_cuts(split).query("failure == 'short'")
+    assert shorts["failed"].tolist() == ["trunk 1", "trunk 2"]
+    assert shorts["points_lost"].tolist() == [4, 2]
+
+
+def test_a_short_of_one_branch_takes_all_branches_of_a_master():
+    """The line leaves an AS-i master by one pair of terminals, in however many directions."""
+    iolist = parse_iolist("tag,signal,x,y,z\nA,contact,30,0,0\nB,contact,-30,0,0")
+    network = plan(iolist, Site((0.0, 0.0, 0.0)), "AS-i")
+    table = single_cuts(network)
+    trunk = table[table["kind"] == "trunk"]
+    assert trunk.query("failure == 'cut'")["points_lost"].tolist() == [1, 1]
+    assert trunk.query("failure == 'short'")["points_lost"].tolist() == [2]
+
+
+def test_a_short_of_a_feeder_takes_the_stations_that_hang_on_the_same_supply():
+    iolist = parse_iolist(
+        "tag,signal,x,y,z\n" + "\n".join(f"P-{n},contact,{20 * n},0,0" for n in range(1, 5))
+    )
+    for redundant, costs in ((False, 4), (True, 0)):
+        network = plan(iolist, Site((0, 0, 0)), "CAN", settings=Settings(redundant=redundant))
+        shorts = single_cuts(network).query("failure == 'short' and kind == 'feeder'")
+        assert shorts["points_lost"].tolist() == [costs] * (1 + redundant)
+        cuts = single_cuts(network).query("failure == 'cut' and kind == 'feeder'")
+        assert cuts["points_lost"].max() == costs
+
+
+def test_feeders_that_meet_in_the_cabinet_alone_are_shorted_one_by_one():
+    network = example()
+    supplies = pd.DataFrame({"device": ["S1", "S2"], "kind": "supply", "segment": "loop 1",
+                             "x_m": 9.0, "y_m": 0.0, "z_m": 4.0, "at": ""})  # fmt: skip
+    feeders = network.runs.head(2).assign(
+        run=["feeder 1", "feeder 2"], kind="feeder", a="cabinet", b=["S1", "S2"]
+    )
+    fed = replace(
+        network,
+        devices=pd.concat([network.devices, supplies]),
+        runs=pd.concat([network.runs, feeders]),
+    )
+    shorts = single_cuts(fed).query("failure == 'short' and kind == 'feeder'")
+    assert shorts["failed"].tolist() == ["feeder 1", "feeder 2"]
+
+
+def test_outputs_of_as_i_need_the_auxiliary_supply_and_inputs_do_not():
+    iolist = parse_iolist("tag,signal,x,y,z\nV,solenoid,30,0,0\nP,contact,60,0,0")
+    network = plan(iolist, Site((0, 0, 0)), "AS-i")
+    assert lost(network, devices=["AS-i 1 auxiliary supply"]) == ("V",)
+    table = single_cuts(network)
+    feeder = table[table["kind"] == "feeder"]
+    assert feeder["failure"].tolist() == ["cut", "short"]
+    assert feeder["tags"].tolist() == [("V",), ("V",)]
+
+
+def test_a_line_of_as_i_without_current_takes_what_lies_behind_it_too():
+    """Master and repeaters live on the line they send on, as `shipnet.asi.plan` has it."""
+    iolist = parse_iolist(
+        "tag,signal,x,y,z\nA,contact,20,0,0\nB,contact,120,0,0\nC,contact,200,0,0"
+    )
+    network = plan(iolist, Site((0, 0, 0)), "AS-i")
+    assert network.segments["repeaters"].tolist() == [2]
+    supplies = network.devices.query("kind == 'supply'")["device"]
+    assert [lost(network, devices=[supply]) for supply in supplies] == [
+        ("A", "B", "C"), ("B", "C"), ("C",),
+    ]  # fmt: skip
+    feeders = single_cuts(network).query("kind == 'feeder'")
+    assert feeders["failure"].tolist() == ["cut", "cut", "short", "short"]
+    assert feeders["tags"].tolist() == 2 * [("B", "C"), ("C",)]
+
+
+def test_a_repeater_beside_the_master_is_as_dead_as_its_line():
+    """The line leaves the master for one side; a repeater on its terminals serves the other."""
+    iolist = parse_iolist("tag,signal,x,y,z\nA,contact,90,0,0\nB,contact,-90,0,0")
+    network = plan(iolist, Site((0, 0, 0)), "AS-i")
+    devices = network.devices.set_index("device")
+    assert devices.query("kind == 'repeater' and at == 'cabinet'").index.tolist() == [
+        "AS-i 1 repeater (2)"
+    ]
+    assert lost(network, devices=["AS-i 1 repeater (2)"]) == ("B",)
+    assert lost(network, devices=["AS-i 1 supply"]) == ("A", "B")
+    shorts = single_cuts(network).query("failure == 'short' and kind == 'trunk'")
+    assert shorts["tags"].tolist() == [("A", "B"), ("A",), ("B",), ("B",)]
+
+
+def test_two_lines_are_lost_only_if_both_are_cut():
+    network = example(redundant=True)
+    table = single_cuts(network)
+    trunk = table[table["kind"] == "trunk"]
+    assert set(trunk["failure"]) == {"cut", "short"}
+    assert trunk["points_lost"].max() == 0
+    assert lost(network, runs=["trunk 2A", "trunk 1B"]) == ("TT-3", "LS-4")
+    assert lost(network, trays=["port", "starboard"]) == tuple(network.points["tag"])
+
+
+def test_a_tray_that_holds_both_lines_is_worth_both():
+    network = example(redundant=True)
+    together = Network(
+        "together", network.iolist, network.site, network.points, network.devices,
+        network.runs.assign(way=[("port",)] * len(network.runs)), network.segments, network.reasons,
+    )  # fmt: skip
+    (row,) = single_cuts(together).query("failure == 'tray'").itertuples()
+    assert (row.failed, row.points_lost, row.systems) == (
+        "port",
+        4,
+        ("Bilge", "Cooling", "Fuel oil"),
+    )
+
+
+def test_the_worst_of_each_kind_leaves_the_cabinet_out():
+    table = worst(single_cuts(example()))
+    assert table["failure"].tolist() == list(FAILURES)
+    assert table["points_lost"].tolist() == [4, 4, 4, 4]
+    assert table["failed"].tolist() == ["trunk 1", "trunk 1", "port", "master"]
+    assert "cabinet" not in set(table["kind"])
+
+
+def test_what_does_not_exist_cannot_fail():
+    with pytest.raises(ArgumentError, match=r"no run 'trunk 9', no device 'JB9', no tray 'aft'"):
+        lost(example(), runs=["trunk 9"], devices=["JB9"], trays=["aft"])
+    with pytest.raises(ArgumentError, match="runs is 'trunk 1'; it must be a list"):
+        lost(example(), runs="trunk 1")
+
+
+def test_a_network_without_points_or_cables_loses_nothing():
+    network = example()
+    none = IoList(network.iolist.points.iloc[:0].reset_index(drop=True), "")
+    empty = Network(
+        "empty", none, network.site, frame("points"),
+        network.devices, frame("runs"), network.segments, network.reasons,
+    )  # fmt: skip
+    table = single_cuts(empty)
+    assert table["failure"].unique().tolist() == ["device"]
+    assert table["points_lost"].sum() == 0
+    assert lost(empty) == ()

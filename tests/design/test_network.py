@@ -1,0 +1,122 @@
+"""A network's tables hang together, or all that is wrong with them is named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shipnet.design.designs import COLUMNS, Network, frame
+from shipnet.design.iolist import parse_iolist
+from shipnet.design.site import Site
+from shipnet.errors import ArgumentError
+
+RUN = {
+    "run": "drop A", "cable": "MI1P075", "a": "M1", "b": "A", "segment": "AS-i 1", "kind": "drop",
+    "route_m": 1.0, "length_m": 6.0, "used": 2, "conductors": 2, "at_cabinet": False, "line": "",
+    "way": (),
+}  # fmt: skip
+
+
+@pytest.fixture
+def network():
+    """Two contacts on a module on one AS-i line."""
+    places = {"x_m": 0.0, "y_m": 0.0, "z_m": 0.0}
+    device = {"segment": "AS-i 1", **places}
+    return Network(
+        "by hand",
+        parse_iolist("tag,signal,x,y,z\nA,contact,9,0,0\nB,contact,9,1,0"),
+        Site((0, 0, 0)),
+        frame("points", [
+            {"tag": tag, "bus": "AS-i", "segment": "AS-i 1", "device": "M1", "address": f"1A I{n}",
+             "response_ms": 5.0 + n, "fits": True} for n, tag in enumerate("AB", 1)]),
+        frame("devices", [
+            {"device": "cabinet", "kind": "cabinet", "segment": "", **places},
+            {"device": "master", "kind": "master", **device},
+            {"device": "M1", "kind": "module", **device}]),
+        frame("runs", [
+            {**RUN, "run": "trunk", "a": "master", "b": "M1", "kind": "trunk", "at_cabinet": True},
+            RUN, {**RUN, "run": "drop B", "b": "B"}]),
+        frame("segments", [
+            {"segment": "AS-i 1", "bus": "AS-i", "points": 2, "devices": 2, "length_m": 6.0,
+             "load": 1 / 31, "response_ms": 7.0, "slowest_update_ms": 1000.0, "masters": 1}]),
+        frame("reasons"),
+    )  # fmt: skip
+
+
+def test_a_network_says_what_it_is(network):
+    assert repr(network) == "<Network 'by hand': 2 of 2 points fit, 3 cables, 18 m>"
+    assert network.fits and network.worst_response_ms == 7.0 and network.cabinet == "cabinet"
+    assert network.segments["masters"].tolist() == [1]
+
+
+def test_masters_stand_in_the_cabinet_unless_the_table_says_where(network):
+    assert network.devices["at"].tolist() == ["", "cabinet", ""]
+    links = {tuple(link) for link in network.links.to_numpy()}
+    assert ("cabinet", "master", "") in links and ("M1", "A", "drop A") in links
+    apart = replace(network, devices=network.devices.assign(at=""))
+    assert len(apart.links) == 3
+
+
+def test_tables_are_copies_so_that_the_caller_s_stay_as_they_are(network):
+    devices = network.devices.drop(columns="at")
+    replace(network, devices=devices)
+    assert "at" not in devices.columns
+
+
+@pytest.mark.parametrize(
+    ("table", "row", "column", "value", "message"),
+    [
+        ("points", 1, "tag", "C", "the tags of points are not those of the list"),
+        ("points", 0, "bus", "LIN", "there is no bus 'LIN'"),
+        ("points", 0, "device", "M9", "there is no device of a point 'M9'"),
+        ("points", 0, "segment", "AS-i 2", "there is no segment of a point 'AS-i 2'"),
+        ("devices", 0, "kind", "box", "there are 0 cabinets"),
+        ("devices", 2, "kind", "cabinet", "there are 2 cabinets"),
+        ("devices", 2, "kind", "toaster", "there is no kind of device 'toaster'"),
+        ("devices", 2, "device", "master", "device 'master' stands twice"),
+        ("devices", 2, "segment", "x", "there is no segment of a device 'x'"),
+        ("devices", 2, "at", "x", "there is no housing of a device 'x'"),
+        ("runs", 0, "a", "M9", "there is no end of a run 'M9'"),
+        ("runs", 0, "b", "A", "there is no end of a run 'A'"),
+        ("runs", 1, "b", "M1", "there is no point of a run 'M1'"),
+        ("runs", 1, "run", "trunk", "run 'trunk' stands twice"),
+        ("runs", 1, "kind", "string", "there is no kind of run 'string'"),
+        ("runs", 1, "line", "C", "there is no line of a run 'C'"),
+        ("runs", 1, "segment", "C", "there is no segment of a run 'C'"),
+        ("runs", 1, "length_m", np.nan, "length of drop A is nan m; it must be 0 or more"),
+        ("runs", 1, "length_m", -1.0, "length of drop A is -1.0 m"),
+        ("runs", 1, "used", 3, "drop A uses 3 of 2 conductors"),
+        ("runs", 1, "used", -1, "drop A uses -1 of 2 conductors"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_together_is_named(network, table, row, column, value, message):
+    wrong = getattr(network, table).copy()
+    wrong.loc[row, column] = value
+    with pytest.raises(ArgumentError, match=message):
+        replace(network, **{table: wrong})
+
+
+def test_all_that_is_wrong_is_named_at_once(network):
+    runs = network.runs.assign(a="M9", length_m=-1.0)
+    with pytest.raises(ArgumentError) as caught:
+        replace(network, runs=runs)
+    assert "M9" in str(caught.value) and str(caught.value).count("-1.0 m") == 3
+
+
+@pytest.mark.parametrize("table", COLUMNS)
+def test_an_empty_table_has_its_columns_and_types(table):
+    made = frame(table)
+    assert list(made.columns) == list(COLUMNS[table]) and len(made) == 0
+    for column, kind in COLUMNS[table].items():
+        assert made[column].dtype == {"float": float, "int": np.int64, "bool": bool}.get(
+            kind, object
+        )
+
+
+def test_a_table_needs_its_columns_and_types():
+    with pytest.raises(ArgumentError, match="table is 'cables'; it must be one of points"):
+        frame("cables")
+    with pytest.raises(ArgumentError, match="reasons has no column text"):
+        frame("reasons", [dict.fromkeys(COLUMNS["reasons"].keys() - {"text"}, 0)])
+    with pytest.raises(ArgumentError, match="column length_m of runs is not all float"):
+        frame("runs", [{**RUN, "length_m": "long"}])

@@ -1,0 +1,297 @@
+"""The report: it stands alone, is the same twice, and no text of a user becomes markup."""
+
+import base64
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shipnet.__main__ import main
+from shipnet.design.comparison import compare, compare_networks
+from shipnet.design.designs import example
+from shipnet.design.iolist import from_table
+from shipnet.design.report import BANNER, document, report_html, table, write_report
+from shipnet.errors import ArgumentError
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+HOSTILE = ["<script>alert(1)</script>", '"><img src=x onerror=y>', "&amp;$x^2$", "' onload='z"]
+
+
+class Page(HTMLParser):
+    """Checks that tags are closed in order, and keeps what stands between and in them."""
+
+    def __init__(self, page):
+        super().__init__(convert_charrefs=True)
+        self.open, self.tags, self.attributes, self.words = [], [], [], []
+        self.feed(page)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += attrs
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+    @property
+    def text(self):
+        return " ".join(self.words)
+
+
+def pictures(page):
+    return [base64.b64decode(data).decode() for data in
+            re.findall(r'src="data:image/svg\+xml;base64,([^"]*)"', page)]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    return compare_networks([example(), example(redundant=True)], rng=np.random.default_rng(1))
+
+
+def test_a_report_is_a_page_that_fetches_and_runs_nothing(comparison):
+    page = report_html(comparison)
+    parsed = Page(page)
+    assert page.startswith("<!DOCTYPE html>")
+    assert {"script", "link", "iframe", "object", "form"}.isdisjoint(parsed.tags)
+    for name, value in parsed.attributes:
+        assert not name.startswith("on")
+        if name in ("src", "href", "srcset", "data", "action"):
+            assert value.startswith("data:image/svg+xml;base64,")
+    assert "http:" not in page and "https:" not in page and "url(" not in page
+    assert "@import" not in page
+    figures = pictures(page)
+    assert len(figures) == 4
+    for figure in figures:
+        assert "<svg" in figure and "<script" not in figure
+        assert not re.findall(r'href="(?!#)', figure)
+
+
+def test_the_first_page_says_what_it_is_not(comparison):
+    words = Page(report_html(comparison)).text
+    assert words.index(BANNER) < words.index("The options side by side")
+    assert BANNER == "Design aid, not class approval."
+
+
+def test_everything_that_was_assumed_and_every_rule_is_in_the_report(comparison):
+    words = Page(report_html(comparison)).text
+    for takes in comparison.quantities.values():
+        for name, source in takes.assumptions[["name", "source"]].values:
+            assert name.replace("_", " ") in words and source in words
+        for line in takes.excluded:
+            assert line in words
+    for row in comparison.rules.itertuples():
+        assert row.source in words and row.clause in words and row.why in words
+    for tag in comparison.iolist.points["tag"]:
+        assert tag in words
+
+
+def test_the_same_comparison_gives_the_same_bytes(comparison, tmp_path):
+    first, again, dated = (tmp_path / name for name in ("a.html", "b.html", "c.html"))
+    write_report(comparison, first)
+    write_report(
+        compare_networks([example(), example(redundant=True)], rng=np.random.default_rng(1)), again
+    )
+    write_report(comparison, dated, date="2026-11-21", remarks=["the cabinet is guessed"])
+    assert first.read_bytes() == again.read_bytes()
+    assert b"2026-11-21" not in first.read_bytes() and b"2026-11-21" in dated.read_bytes()
+    assert b"The cabinet is guessed." in dated.read_bytes()
+
+
+def test_no_text_of_a_list_becomes_a_tag_of_the_page():
+    small = example()
+    hostile = from_table(pd.DataFrame({
+        "tag": HOSTILE, "system": HOSTILE, "signal": "contact", "x": [5.0, 6, 7, 8], "y": 1.0,
+        "z": 1.0, "note": HOSTILE,
+    }), source="<b>list</b>.csv")  # fmt: skip
+    found = compare(hostile, small.site, ["home runs", "Modbus RTU"])
+    page = report_html(found, title="<i>$1</i>", date="</title>", remarks=["<u>"])
+    parsed = Page(page)
+    assert {"script", "b", "i", "u"}.isdisjoint(parsed.tags)
+    assert not any(name.startswith("on") for name, _ in parsed.attributes)
+    assert all(tag in parsed.text for tag in found.iolist.points["tag"])
+    assert parsed.tags.count("title") == 1
+
+
+def test_an_option_with_a_dollar_or_a_tag_in_its_name_is_drawn_as_it_is():
+    small = example()
+    named = {name: getattr(small, name) for name in
+             ("iolist", "site", "points", "devices", "runs", "segments", "reasons")}  # fmt: skip
+    odd = type(small)("$a_{<script>", **named)
+    page = report_html(compare_networks([small, odd]))
+    assert "script" not in Page(page).tags
+
+
+def test_what_does_not_fit_stands_there_with_its_reason():
+    small = example()
+    far = from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
+                                   "y": 0.0, "z": 0.0}))  # fmt: skip
+    found = compare(far, small.site, ["home runs", "AS-i"])
+    words = Page(report_html(found)).text
+    assert found.table["points left out"].tolist() == [0, 1]
+    assert "AS-i leaves 1 of 2 points out: B " in words
+    assert all(reason in words for reason in found.reasons["text"])
+    assert "does not fit" in words
+    assert "Every point fits in every option." in Page(report_html(compare_networks([small]))).text
+
+
+def test_a_picture_does_not_hide_what_is_left_out():
+    far = from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
+                                   "y": 0.0, "z": 0.0}))  # fmt: skip
+    rng = np.random.default_rng(1)
+    page = report_html(compare(far, example().site, ["home runs", "AS-i"], rng=rng))
+    assert "(2 DI) of no system." in Page(page).text
+    named = ["AS-i (1 left out)" in figure for figure in pictures(page)]
+    assert named == [True, True, True, False]  # the last one weighs whole options only
+
+
+def test_of_options_that_all_leave_points_out_no_difference_is_drawn():
+    far = from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
+                                   "y": 0.0, "z": 0.0}))  # fmt: skip
+    page = report_html(compare(far, example().site, ["AS-i", "CAN"]))
+    assert len(pictures(page)) == 3
+    assert "What each assumption does" not in page
+
+
+def test_only_a_verdict_is_coloured():
+    cells = table(["tag", "rule"], [["fail-safe valve", "fail"]], verdicts=[1])
+    assert "<td>fail-safe valve</td>" in cells
+    assert '<td class="k fail">fail</td>' in cells
+    small = example()
+    renamed = small.iolist.points.assign(tag=["pass 1", "fail 2", "fail 3", "not verified 4"])
+    page = report_html(compare(from_table(renamed), small.site, ["home runs"]))
+    coloured = re.findall(r'<td class="[^"]*(?:pass|fail|open)[^"]*">([^<]*)', page)
+    assert coloured and not [cell for cell in coloured if re.search(r"\d$", cell)]
+
+
+def test_it_must_be_a_comparison():
+    with pytest.raises(ArgumentError, match="must be a Comparison"):
+        report_html(None)
+
+
+def test_pieces_of_a_page_are_escaped():
+    assert Page(document("a<b", table(["<p>"], [["<td>"]], caption="<c>"))).tags.count("td") == 1
+
+
+LIST = "tag,signal,system,x,y,z,home run\n" + "\n".join(
+    f"LS-{n},contact,Bilge,{10 + 3 * n},{n % 3},{n % 2},{round(1.15 * (10 + 4 * n) + 5, 1)}"
+    for n in range(8)
+)
+
+
+def test_the_command_prints_a_table_and_writes_a_report(tmp_path, capsys):
+    points, report = tmp_path / "points.csv", tmp_path / "report.html"
+    points.write_text(LIST, encoding="utf-8")
+    command = ["design", str(points), "-o", str(report), "--options", "home runs, CAN", "--mix",
+               "DI=modbus rtu", "--redundant", "--cabinet", "0,0,0", "--date", "today"]  # fmt: skip
+    assert main(command) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("8 points (8 DI) of points.csv\n")
+    (head,) = [line for line in out.splitlines() if line.startswith("option")]
+    assert head.split() == ["option", "home", "runs", "CAN", "mix"]
+    assert "total cost [EUR]" in out and "design aid, not class approval" in out.lower()
+    page = Page(report.read_text(encoding="utf-8"))
+    assert "points.csv" in page.text and "today" in page.text
+    assert str(tmp_path) not in page.text
+
+
+def test_the_command_finds_the_cabinet_and_says_so(tmp_path, capsys):
+    points = tmp_path / "points.csv"
+    points.write_text(LIST, encoding="utf-8")
+    assert main(["design", str(points), "--options", "home runs"]) == 0
+    assert "the cabinet is taken to stand at" in capsys.readouterr().out
+
+
+TRAYS = (
+    "kind,name,x_m,y_m,z_m,from,to\ncabinet,control room,0,0,0,,\nnode,A,0,9,0,,\n"
+    "node,B,60,9,0,,\ntray,port,,,,A,B\n"
+)
+
+
+def test_a_cabinet_may_be_named_as_in_the_file_of_trays(tmp_path, capsys):
+    points, trays = tmp_path / "points.csv", tmp_path / "trays.csv"
+    points.write_text(LIST, encoding="utf-8")
+    trays.write_text(TRAYS, encoding="utf-8")
+    command = ["design", str(points), "--options", "home runs", "--trays", str(trays)]
+    assert main([*command, "--cabinet", "control room"]) == 0
+    named = capsys.readouterr().out
+    assert main([*command, "--cabinet", "0,0,0"]) == 0
+    assert capsys.readouterr().out == named
+    assert main([*command, "--cabinet", "bridge"]) == 2
+    assert "or one of 'control room'" in capsys.readouterr().err
+
+
+def test_it_is_told_if_home_runs_are_reckoned_otherwise_than_all_else(tmp_path, capsys):
+    points, trays = tmp_path / "points.csv", tmp_path / "trays.csv"
+    points.write_text(LIST, encoding="utf-8")
+    trays.write_text(TRAYS, encoding="utf-8")
+    command = ["design", str(points), "--options", "home runs,CAN", "--cabinet"]
+    said = "Home runs keep the lengths of the list, 0.261 km for 8 points; from the cabinet at"
+    assert main([*command, "0,0,0"]) == 0
+    assert said not in capsys.readouterr().out
+    assert main([*command, "60,0,0"]) == 0
+    assert f"{said} 60, 0, 0 m, as all" in capsys.readouterr().out
+    assert main([*command, "0,0,0", "--trays", str(trays)]) == 0
+    assert f"{said} 0, 0, 0 m over the trays, as all" in capsys.readouterr().out
+
+
+def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, capsys):
+    points, report = tmp_path / "points.csv", tmp_path / "report.html"
+    points.write_text("tag,type,home run\nA,DI,30\n", encoding="utf-8")
+    assert main(["design", str(points), "--options", "home runs", "-o", str(report)]) == 0
+    assert "Cabinet at" not in Page(report.read_text(encoding="utf-8")).text
+    text = "tag,type,home run,box,box x,box y,box z,to box\nA,DI,30,J,50,0,0,4\n"
+    points.write_text(text, encoding="utf-8")
+    assert main(["design", str(points), "--options", "home runs"]) == 2
+    assert "give --cabinet X,Y,Z" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nowhere.csv"], "nowhere.csv: cannot be read"),
+        (["LIST", "--cabinet", "1,2"], "--cabinet is '1,2'; it must be three numbers"),
+        (["LIST", "--cabinet", "1,2,nan"], "cabinet is"),
+        (["LIST", "--mix", "DI"], "--mix is 'DI'; it must be such as DI=AS-i"),
+        (["LIST", "--mix", "DI=CAN", "--mix", "DI=AS-i"], "--mix has 'DI' by CAN and by AS-i"),
+        (
+            ["LIST", "--mix", "XX=CAN"],
+            "--mix names 'XX'; it is no tag, signal, system, category or",
+        ),
+        (["LIST", "--mix", "DI=DALI"], "--mix names 'DALI'; it must be one of home runs"),
+        (["LIST", "--rules", "KR"], "rule_set is 'KR'; it must be one of DNV"),
+        (["LIST", "--rules", "own.csv"], "own.csv: cannot be read"),
+        (["LIST", "--trays", "trays.csv"], "trays.csv: cannot be read"),
+        (["LIST", "--options", "home runs,DALI"], "--options names 'DALI'; it must be one of home"),
+        (["LIST", "--settings", "own.toml"], "own.toml: cannot be read"),
+        (["--settings", "own.toml", "--show-settings"], "own.toml: cannot be read"),
+        ([], "no LIST is given"),
+        (["LIST", "--options", "CAN,CAN"], "--options names CAN twice"),
+        (["LIST", "--sheet", "S"], "has no sheet 'S'"),
+        (["LIST", "-o", "/nowhere/at/all.html"], "all.html'; there is no such folder"),
+    ],
+)
+def test_a_mistake_is_told_in_one_line(arguments, message, tmp_path, capsys):
+    points = tmp_path / "points.csv"
+    points.write_text(LIST, encoding="utf-8")
+    options = [] if "--options" in arguments else ["--options", "home runs"]
+    given = [str(points) if word == "LIST" else word for word in arguments]
+    assert main(["design", *given, *options]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_help_has_an_example(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["design", "--help"])
+    assert stop.value.code == 0
+    out = capsys.readouterr().out
+    assert "examples:" in out and "shipnet design points.csv -o report.html" in out

@@ -1,0 +1,246 @@
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+import pytest
+import skfuzzy
+
+from shipnet.ballast.rule_table import rule_base, rule_vectors
+from shipnet.errors import ArgumentError
+from shipnet.fuzzy import Rule, RuleBase, Term, Variable
+
+BASE = rule_base()
+INF = float("inf")
+
+
+def meets(a, b):
+    """Whether two intervals have a number in common, by their ends."""
+    low, high = max(a.low, b.low), min(a.high, b.high)
+    closed = all(one.low_closed if one.low == low else True for one in (a, b)) and all(
+        one.high_closed if one.high == high else True for one in (a, b)
+    )
+    return low < high or (low == high and closed)
+
+
+def within(a, b):
+    """Whether the first interval lies in the second, by their ends."""
+    left = a.low > b.low or (a.low == b.low and (b.low_closed or not a.low_closed))
+    right = a.high < b.high or (a.high == b.high and (b.high_closed or not a.high_closed))
+    return left and right
+
+
+def intervals_of(base, rule, method):
+    pairs = base.terms_of(rule)
+    return {v.name: term.midpoint if method == "midpoint" else term.crisp for v, term in pairs}
+
+
+@pytest.mark.parametrize("method", ["crisp", "midpoint"])
+def test_overlaps_are_those_that_the_ends_of_the_intervals_have(method):
+    expected = []
+    for a, b in combinations(BASE.rules, 2):
+        left, right = (intervals_of(BASE, rule, method) for rule in (a, b))
+        if all(meets(left[name], right[name]) for name in left.keys() & right.keys()):
+            a_in_b = right.keys() <= left.keys() and all(
+                within(left[name], right[name]) for name in right
+            )
+            b_in_a = left.keys() <= right.keys() and all(
+                within(right[name], left[name]) for name in left
+            )
+            relation = {(1, 1): "equal", (1, 0): "a in b", (0, 1): "b in a"}.get(
+                (a_in_b, b_in_a), "overlap"
+            )
+            expected.append([a.code, b.code, relation])
+    assert BASE.overlaps(method).table().to_numpy().tolist() == expected
+
+
+def test_42_of_66_pairs_of_the_printed_rules_overlap_and_6_are_nested():
+    pairs = BASE.overlaps().table()
+    assert len(pairs) == 42
+    nested = {
+        (row.a, row.b) if row.relation == "a in b" else (row.b, row.a)
+        for row in pairs.itertuples()
+        if row.relation != "overlap"
+    }
+    assert nested == {
+        ("Pos1", "S1"), ("S1", "Pos3"), ("Pos1", "Pos3"),
+        ("Pos2", "S2"), ("S2", "Pos4"), ("Pos2", "Pos4"),
+    }  # fmt: skip
+
+
+def test_with_a_cut_of_a_half_seven_more_pairs_touch_on_a_common_limit():
+    printed, cut = (
+        {(row.a, row.b) for row in BASE.overlaps(band).table().itertuples()}
+        for band in ("crisp", "midpoint")
+    )
+    more = cut - printed
+    # Where both terms are a half: MC 0.1 or 2.5 A, OP 2.5 bar.
+    assert printed < cut and len(more) == 7
+    assert all(
+        any(
+            BASE.rule(a).variables.count(name) and BASE.rule(b).variables.count(name)
+            for name in ("MC", "OP")
+        )
+        for a, b in more
+    )
+
+
+@pytest.mark.parametrize("method", ["crisp", "midpoint"])
+def test_every_sample_lies_in_a_region(method):
+    rng = np.random.default_rng(11)
+    limits = {
+        v.name: [x for t in v.terms for x in (t.crisp.low, t.crisp.high) if np.isfinite(x)]
+        for v in BASE.variables
+    }
+    samples = {
+        v.name: np.where(
+            rng.random(4000) < 0.3,
+            rng.choice([v.low, v.high, *limits[v.name]], 4000),
+            rng.uniform(v.low, v.high, 4000),
+        )
+        for v in BASE.variables
+    }
+    fires = BASE.fire(samples, method).strength > 0
+    codes = np.array(BASE.codes)
+    seen = {" ".join(codes[row]) for row in fires}
+    assert len(seen) > 40
+    assert seen <= set(BASE.regions(method)["fired"])
+
+
+def test_there_are_432_regions_and_41_of_them_have_no_rule():
+    table = BASE.regions()
+    assert len(table) == 432
+    assert table["count"].value_counts().sort_index().to_dict() == {
+        0: 41, 1: 127, 2: 147, 3: 77, 4: 26, 5: 12, 6: 2,
+    }  # fmt: skip
+    assert (table["count"] == table["fired"].str.split().str.len()).all()
+
+
+def test_chosen_values_count_what_is_chosen():
+    # Two pressures without flow and no 2.5 A: 432 points again, but not the same regions.
+    chosen = {
+        "FP": [0, 2, 90, 125], "OP": [0, 2, 4], "MC": [0, 1.2, 4], "OT": [50, 90],
+        "VPos": [-5, 50, 305], "DVPos": [0, 10],
+    }  # fmt: skip
+    count = BASE.regions(values=chosen)["count"]
+    assert len(count) == 432 and count.max() == 6
+    assert [int((count == n).sum()) for n in range(3)] == [38, 110, 144]
+    with pytest.raises(ArgumentError, match="expected FP, OP"):
+        BASE.regions(values={"FP": [1]})
+    with pytest.raises(ArgumentError, match="expected FP, OP"):
+        BASE.regions(values={**chosen, "FP": []})
+    with pytest.raises(ArgumentError, match="4320000 regions"):
+        BASE.regions(values={**chosen, "FP": range(40_000)})
+
+
+def test_the_matrix_counts_the_regions_that_list_both_codes():
+    matrix, table = BASE.overlaps().matrix, BASE.regions()
+    lists = table["fired"].str.split()
+    for a, b in combinations(BASE.codes, 2):
+        both = sum(a in fired and b in fired for fired in lists)
+        assert matrix.loc[a, b] == matrix.loc[b, a] == both
+    assert np.diag(matrix).tolist() == [sum(c in one for one in lists) for c in BASE.codes]
+
+
+def test_a_point_between_two_terms_is_a_cell_of_its_own():
+    assert BASE.regions()["MC"].unique().tolist() == [0, 1.25, 2.5, 4.25]
+    step = Term("low", (-INF, -INF, 2, 2), "x <= 2")
+    rest = Term("high", (2, 2, INF, INF), "x >= 2")
+    variable = Variable("X", "", 0, 4, (step, rest))
+    rules = (Rule("A", (("X", "low"),), 1), Rule("B", (("X", "high"),), 2))
+    base = RuleBase((variable,), rules)
+    assert base.regions()["fired"].tolist() == ["A", "A B", "B"]
+    same = RuleBase((variable,), (rules[0], Rule("B", (("X", "low"),), 2)))
+    assert same.overlaps().table()["relation"].tolist() == ["equal"]
+    apart = Term("high", (2, 3, INF, INF), "x > 2")
+    base = RuleBase((Variable("X", "", 0, 4, (step, apart)),), rules)
+    assert not base.overlaps() and base.overlaps().table().empty
+
+
+RIGHT = {
+    ("printed", "absent"): {"V2": "normal", "S2": "S1", "Pos2": "normal"},
+    ("printed", "normal"): {"V2": "normal", "S1": "Pos1", "S2": "Pos1", "Pos2": "normal"},
+    ("printed", "physical"): {"V2": "normal", "S2": "S1", "Pos2": "normal"},
+    ("corrected", "absent"): {},
+    ("corrected", "normal"): {"S1": "Pos1", "S2": "Pos2"},
+    ("corrected", "physical"): {},
+}
+
+
+@pytest.mark.parametrize("crisp", [True, False])
+@pytest.mark.parametrize(("how", "wrong"), RIGHT.items())
+def test_what_the_published_vectors_are_diagnosed_as(how, wrong, crisp):
+    reading, fill = how
+    tests = rule_vectors(reading, fill=fill)
+    table = BASE.check(tests, "crisp" if crisp else "fuzzy")
+    missed = table[~table["right"]]
+    assert dict(zip(missed["expected"], missed["top"], strict=True)) == wrong
+
+
+def test_on_a_limit_the_comparison_and_the_ramp_differ():
+    tests = pd.DataFrame({"FP": [125], "MC": [2.5]}, index=["P1"])
+    assert BASE.check(tests, "crisp")["right"].tolist() == [False]
+    assert BASE.check(tests)["right"].tolist() == [True]
+
+
+def test_which_rules_fire_on_a_nested_vector():
+    table = BASE.check(rule_vectors()).set_index("expected")["fired"]
+    assert table["Pos1"] == "Pos1 S1 Pos3" and table["Pos2"] == "Pos2 S2 Pos4"
+    assert table["S1"] == "S1 Pos3" and table["normal"] == ""
+
+
+def test_a_start_position_of_0_or_100_makes_no_difference():
+    tests = rule_vectors(fill="normal")
+    moved = tests.assign(VPos=tests["VPos"].replace(100, 0))
+    pd.testing.assert_frame_equal(BASE.check(moved), BASE.check(tests))
+
+
+def test_the_normal_values_fire_v2_once_the_valve_stands_still():
+    tests = rule_vectors().loc[["normal"]].assign(DVPos=0)
+    for crisp in (True, False):
+        assert BASE.check(tests, "crisp" if crisp else "fuzzy")["fired"].tolist() == ["V2"]
+
+
+# The centroid of a fault number.
+
+
+def test_the_centroid_is_that_of_scikit_fuzzy():
+    rng = np.random.default_rng(5)
+    samples = {v.name: rng.uniform(v.low, v.high, 40) for v in BASE.variables}
+    samples["MC"][::2] = rng.uniform(0, 0.2, 20)
+    ours = BASE.centroid(samples)
+    # Every corner of a cut triangle must lie on the grid, or nearly so.
+    grid = np.linspace(0, 13, 13 * 2000 + 1)
+    for row, number in zip(BASE.fire(samples).strength, ours["centroid"], strict=True):
+        shape = np.zeros_like(grid)
+        for place, strength in enumerate(row, start=1):
+            triangle = skfuzzy.trimf(grid, [place - 0.5, place, place + 0.5])
+            shape = np.maximum(shape, np.minimum(strength, triangle))
+        if row.any():
+            assert skfuzzy.defuzz(grid, shape, "centroid") == pytest.approx(number, abs=1e-3)
+        else:
+            assert np.isnan(number)
+
+
+def test_two_faults_make_a_third_that_nobody_has():
+    samples = {"MC": [0, 4, 1.2], "VPos": [105, 50, 50], "FP": [0, 125, 90], "OP": [0, 4, 0]}
+    table = BASE.centroid(samples)
+    assert table["active"].tolist() == ["S1 Pos3", "P1 V1", ""]
+    assert table["centroid"].tolist()[:2] == [8.5, 3.0]
+    assert table["nearest"].tolist() == ["O1", "P2", "normal"]
+    assert table["top"].tolist() == ["S1", "P1", "normal"]
+
+
+def test_one_fault_alone_keeps_its_number_and_none_is_none():
+    tests = rule_vectors().loc[["G1", "P1", "P2", "V1", "V2", "O1", "Pos3"]]
+    table = BASE.centroid(tests)
+    assert table["nearest"].tolist() == tests.index.tolist()
+    assert table["centroid"].tolist() == [1, 2, 3, 4, 5, 8, 11]
+    assert BASE.centroid({"OT": [float("nan")]})["nearest"].tolist() == ["unknown"]
+
+
+def test_of_the_nested_vectors_the_centroid_names_half_and_those_by_chance():
+    tests = rule_vectors().loc[["S1", "S2", "Pos1", "Pos2"]]
+    table = BASE.centroid(tests)
+    # (6 + 9 + 11) / 3 happens to lie near 9, (7 + 10 + 12) / 3 near 10.
+    assert table["nearest"].tolist() == ["O1", "Pos1", "Pos1", "Pos2"]
+    assert table["top"].tolist() == tests.index.tolist()

@@ -1,0 +1,152 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.ballast.rule_table import rule_base
+from shipnet.errors import ArgumentError
+from shipnet.fuzzy import Firing
+
+BASE = rule_base()
+
+
+def firing_of(strength):
+    """Return a firing of given strengths; the sensors play no part."""
+    array = np.asarray(strength, dtype=float)
+    zeros = dict.fromkeys(BASE.names, np.zeros(array.shape[:-1]))
+    return Firing(BASE, zeros, array)
+
+
+def of_rule(code, column):
+    strength = np.zeros((len(column), len(BASE.codes)))
+    strength[:, BASE.codes.index(code)] = column
+    return firing_of(strength)
+
+
+@given(
+    st.lists(
+        st.lists(st.sampled_from([0.0, 0.49, 0.5, 1.0]), min_size=12, max_size=12), min_size=1
+    ),
+    st.integers(1, 7).flatmap(lambda n: st.tuples(st.integers(1, n), st.just(n))),
+)
+def test_persistence_counts_the_last_samples(strength, k_n):
+    k, n = k_n
+    decision = firing_of(strength).decide(k=k, n=n)
+    fires = np.array(strength) >= 0.5
+    for place, active in enumerate(decision.active):
+        window = fires[max(0, place - n + 1) : place + 1]
+        assert active.tolist() == (window.sum(axis=0) >= k).tolist()
+
+
+@given(st.lists(st.booleans(), min_size=12, max_size=12))
+def test_the_headline_is_the_active_code_of_the_highest_priority(fires):
+    decision = firing_of([fires]).decide()
+    active = {code for code, fired in zip(BASE.codes, fires, strict=True) if fired}
+    expected = next((code for code in BASE.ranking if code in active), "normal")
+    assert decision.top.tolist() == [expected]
+    assert set(decision.codes(0)) == active
+    assert decision.codes(0)[:1] == ((expected,) if active else ())
+
+
+def test_an_alarm_comes_with_the_third_of_five_and_goes_with_the_third_clear_sample():
+    column = [0, 1, 0, 1, 0, 1, 1, 1, 0, 0, 0, 0]
+    active = of_rule("V1", column).decide(k=3, n=5).top == "V1"
+    assert active.tolist() == [False] * 5 + [True] * 5 + [False] * 2
+
+
+def test_two_disturbed_samples_raise_no_alarm():
+    column = [0, 0, 1, 1, 0, 0, 0, 0]
+    assert set(of_rule("V1", column).decide(k=3, n=5).top) == {"normal"}
+    assert "V1" in of_rule("V1", column).decide().top
+
+
+def test_a_window_longer_than_the_record_needs_its_k_all_the_same():
+    assert of_rule("V1", [1, 1, 1]).decide(k=3, n=100).top.tolist()[-1] == "V1"
+    assert of_rule("V1", [1, 1]).decide(k=3, n=100).top.tolist()[-1] == "normal"
+
+
+def test_each_unit_has_its_own_persistence():
+    rng = np.random.default_rng(7)
+    strength = rng.uniform(0, 1, (40, 3, 12))
+    together = firing_of(strength).decide(k=3, n=5)
+    for unit in range(3):
+        alone = firing_of(strength[:, unit]).decide(k=3, n=5)
+        assert np.array_equal(together.active[:, unit], alone.active)
+        assert together.top[:, unit].tolist() == alone.top.tolist()
+    assert together.codes(39, 2) == alone.codes(39)
+
+
+def test_the_cut_is_part_of_the_alarm():
+    column = [0.29, 0.3, 0.31]
+    assert of_rule("O1", column).decide(threshold=0.3).top.tolist() == ["normal", "O1", "O1"]
+
+
+def test_without_any_sensor_the_state_is_unknown():
+    firing = BASE.fire({"OT": [math.nan, 50, 95, math.nan]})
+    decision = firing.decide()
+    assert decision.top.tolist() == ["unknown", "normal", "O1", "unknown"]
+    assert decision.explain(0) == "unknown; missing FP OP MC OT VPos DVPos"
+    # What persists is reported even while the sensor is silent.
+    assert BASE.fire({"OT": [95, math.nan]}).decide(k=1, n=2).top.tolist() == ["O1"] * 2
+
+
+def test_the_table_says_what_was_decided_on_what():
+    table = BASE.fire({"MC": [0, 0, 9], "VPos": [105, 50, 50], "OP": [2, 2, 2]}).decide().table()
+    assert table.iloc[0].tolist() == ["Pos1", 1.0, "Pos1 S1 Pos3", "FP OT DVPos", ""]
+    assert table.iloc[1].tolist() == ["normal", 1.0, "", "FP OT DVPos", ""]
+    assert table["clipped"].tolist() == ["", "", "MC"]
+
+
+def test_the_sentence_names_terms_values_and_degrees():
+    full = {"MC": 1.2, "OT": 50, "VPos": 50, "DVPos": 10}
+    decision = BASE.fire({"FP": [124, 116, 90], "OP": [2.83, 9, 2], **full}).decide()
+    assert decision.explain(0) == "V1 0.83: FP 124 bar high 0.90, OP 2.83 bar high 0.83"
+    assert decision.explain(1) == (
+        "normal 0.90; closest V1 0.10: FP 116 bar high 0.10, OP 9 bar high 1.00"
+    )
+    assert decision.explain(-1) == "normal 1.00"
+
+
+def test_the_sentence_names_the_other_codes_and_bad_sensors():
+    decision = BASE.fire({"VPos": [[400.0]], "MC": [[0]], "FP": 90}).decide()
+    assert decision.explain(0, 0) == (
+        "S1 1.00: MC 0 A zero 1.00, VPos 400 % above open 1.00; also Pos3 1.00; "
+        "missing OP OT DVPos; out of range VPos"
+    )
+
+
+@pytest.mark.parametrize("index", [(), (3,), (-4,), (0, 0)])
+def test_a_sample_that_there_is_not_is_refused(index):
+    decision = of_rule("V1", [1, 1, 1]).decide()
+    with pytest.raises(ArgumentError, match="the samples have shape"):
+        decision.explain(*index)
+    with pytest.raises(ArgumentError, match="the samples have shape"):
+        decision.codes(*index)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"threshold": 0}, {"threshold": 1.01}, {"threshold": math.nan}, {"threshold": "0.5"},
+        {"k": 0}, {"k": 2},
+        {"n": 0}, {"k": 6, "n": 5}, {"k": 1.5, "n": 3}, {"n": True},
+    ],
+)  # fmt: skip
+def test_arguments_out_of_range_are_refused(arguments):
+    with pytest.raises(ArgumentError, match=f"{next(iter(arguments))} is"):
+        of_rule("V1", [1, 1, 1]).decide(**arguments)
+
+
+def test_one_sample_has_no_past():
+    firing = BASE.fire({"OT": 95})
+    assert firing.decide().top[()] == "O1"
+    assert firing.decide().explain().startswith("O1 1.00: OT 95 degC hot 1.00")
+    with pytest.raises(ArgumentError, match="axis of time"):
+        firing.decide(k=1, n=2)
+    assert firing.decide().table()["top"].tolist() == ["O1"]
+    assert repr(firing.decide()).startswith("Decision(O1 1.00")
+    assert repr(BASE.decide({"OT": [95, 50, 50]})) == "Decision(3 samples: 1 O1, 2 normal)"
+    with pytest.raises(ArgumentError, match="a table has two"):
+        BASE.decide({"OT": [[95]]}).table()

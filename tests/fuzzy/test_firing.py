@@ -1,0 +1,279 @@
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.ballast.rule_table import FILLS, VERSIONS, rule_base, rule_vectors
+from shipnet.errors import ArgumentError
+from shipnet.fuzzy import Rule, RuleBase, Term, Variable
+from tests.fuzzy.skfuzzy_control import control_strengths
+
+BASE = rule_base()
+NAN = math.nan
+#: Two routes to the same double arithmetic, each within some roundings.
+TOLERANCE = 1e-12
+
+# Sensor values on, beside and far from every corner and limit, missing ones and wild ones.
+LIMITS = sorted(
+    {
+        value
+        for variable in BASE.variables
+        for term in variable.terms
+        for value in (*term.corners, term.crisp.low, term.crisp.high)
+        if math.isfinite(value)
+    }
+)
+values = st.one_of(
+    st.sampled_from(LIMITS), st.floats(-50, 350), st.sampled_from([NAN, math.inf, -math.inf])
+)
+rows = st.lists(st.tuples(*(values for _ in BASE.names)), max_size=8)
+
+
+def samples_of(table):
+    columns = np.array(table, dtype=float).reshape(-1, len(BASE.names)).T
+    return dict(zip(BASE.names, columns, strict=True))
+
+
+@given(
+    corners=st.lists(
+        st.tuples(*(st.integers(-3, 3) for _ in range(4)), st.sampled_from(["", "left", "right"])),
+        min_size=1,
+        max_size=4,
+    ),
+    x=st.lists(st.one_of(st.floats(-4, 4), st.integers(-4, 4), st.just(NAN)), min_size=1),
+)
+def test_a_rule_is_the_smallest_membership_of_its_terms_steps_and_shoulders_included(corners, x):
+    variables = []
+    for place, (*numbers, open_end) in enumerate(corners):
+        a, b, c, d = sorted(map(float, numbers))
+        a, b = (-math.inf, -math.inf) if open_end == "left" else (a, b)
+        c, d = (math.inf, math.inf) if open_end == "right" else (c, d)
+        term = Term("t", (a, b, c, d), "x >= 0")
+        variables.append(Variable(f"V{place}", "1", -3.5, 3.5, (term,)))
+    names = [variable.name for variable in variables]
+    # Rules of all lengths, the shortest first.
+    rules = [
+        Rule(f"R{k}", tuple((name, "t") for name in names[: k + 1]), k + 1)
+        for k in range(len(names))
+    ]
+    values = np.array(x, float)
+    found = RuleBase(variables, rules).fire(dict.fromkeys(names, values)).strength
+    within = np.clip(values, -3.5, 3.5)
+    degrees = [variable.terms[0].membership(within) for variable in variables]
+    for k in range(len(names)):
+        assert np.array_equal(found[:, k], np.min(degrees[: k + 1], axis=0))
+
+
+def uniform(n, seed=2024):
+    rng = np.random.default_rng(seed)
+    return {v.name: rng.uniform(v.low, v.high, n) for v in BASE.variables}
+
+
+def plain_strength(rule, row):
+    """Compute one strength as a textbook would, in plain Python."""
+    degrees = []
+    for variable, term in BASE.terms_of(rule):
+        x = row[BASE.names.index(variable.name)]
+        if math.isnan(x):
+            return 0.0
+        x = min(max(x, variable.low), variable.high)
+        a, b, c, d = term.corners
+        if b <= x <= c:
+            degrees.append(1.0)
+        elif x <= a or x >= d:
+            degrees.append(0.0)
+        else:
+            degrees.append((x - a) / (b - a) if x < b else (d - x) / (d - c))
+    return min(degrees)
+
+
+@given(rows)
+def test_strengths_are_those_of_a_textbook_loop(table):
+    firing = BASE.fire(samples_of(table))
+    expected = [[plain_strength(rule, row) for rule in BASE.rules] for row in table]
+    assert firing.strength.shape == (len(table), len(BASE.rules))
+    assert np.allclose(firing.strength, np.reshape(expected, (-1, 12)), rtol=0, atol=TOLERANCE)
+
+
+@given(rows)
+def test_what_the_sensors_lack_is_flagged(table):
+    firing = BASE.fire(samples_of(table))
+    for row, missing, clipped in zip(table, firing.missing, firing.clipped, strict=True):
+        for variable, x, lacks, out in zip(BASE.variables, row, missing, clipped, strict=True):
+            assert lacks == math.isnan(x)
+            assert out == (not math.isnan(x) and not variable.low <= x <= variable.high)
+
+
+@given(rows)
+def test_a_cut_of_a_half_is_the_comparison_with_a_dead_band(table):
+    samples = samples_of(table)
+    fuzzy, crisp = BASE.fire(samples), BASE.fire(samples, "midpoint")
+    clear = np.abs(fuzzy.strength - 0.5) > 1e-9
+    assert ((fuzzy.strength >= 0.5) == (crisp.strength == 1))[clear].all()
+
+
+@given(rows)
+def test_printed_comparisons_hold_as_python_has_them(table):
+    meaning = {
+        "FP.high": lambda x: x > 120, "FP.none": lambda x: x < 2.5,
+        "OP.high": lambda x: x >= 2.5, "OP.low": lambda x: 0 < x < 2.5,
+        "MC.zero": lambda x: x == 0, "MC.run": lambda x: 0 < x < 2.5,
+        "MC.over": lambda x: x > 2.5, "OT.hot": lambda x: x >= 90,
+        "VPos.above": lambda x: x > 100, "VPos.below": lambda x: x < 0,
+        "DVPos.still": lambda x: x == 0,
+    }  # fmt: skip
+    firing = BASE.fire(samples_of(table), "crisp")
+    for row, found in zip(table, firing.strength, strict=True):
+        sensors = dict(zip(BASE.names, row, strict=True))
+        for rule, strength in zip(BASE.rules, found, strict=True):
+            pairs = rule.antecedent
+            holds = all(meaning[f"{name}.{term}"](sensors[name]) for name, term in pairs)
+            assert strength == holds
+
+
+def test_a_missing_sensor_never_raises_a_strength():
+    given_all = uniform(500)
+    full = BASE.fire(given_all)
+    for name in BASE.names:
+        without = {key: x for key, x in given_all.items() if key != name}
+        nan = BASE.fire({**given_all, name: NAN})
+        assert np.array_equal(BASE.fire(without).strength, nan.strength)
+        needs = np.array([name in rule.variables for rule in BASE.rules])
+        assert not nan.strength[:, needs].any() and full.strength[:, needs].any()
+        assert np.array_equal(nan.strength[:, ~needs], full.strength[:, ~needs])
+
+
+def test_a_value_beyond_the_universe_counts_as_its_end():
+    for variable in BASE.variables:
+        ends = np.array([variable.low, variable.high])
+        inside = BASE.fire({variable.name: ends})
+        beyond = BASE.fire({variable.name: ends + np.array([-1e9, 1e9])})
+        assert np.array_equal(inside.strength, beyond.strength)
+        place = BASE.names.index(variable.name)
+        assert beyond.clipped[:, place].all() and not inside.clipped.any()
+    # As printed there is no universe: a negative current is not zero.
+    sample = {"FP": 125, "MC": -0.01}
+    assert BASE.fire(sample, "crisp")["G1"] == 0
+    assert BASE.fire(sample)["G1"] == 1
+
+
+def test_a_term_that_ends_beyond_the_universe_is_not_left_by_a_wild_value():
+    term = Term("high", (7, 9, 10, 11), "x > 8")
+    base = RuleBase((Variable("x", "", 0, 10, (term,)),), (Rule("on", (("x", "high"),), 1),))
+    assert base.fire({"x": [10, 10.5, 99]})["on"].tolist() == [1, 1, 1]
+
+
+def test_normal_is_what_no_rule_takes_and_unknown_without_sensors():
+    firing = BASE.fire({"OT": [50, 82, 90, NAN]})
+    assert np.allclose(firing.normal, [1, 0.8, 0, NAN], atol=TOLERANCE, equal_nan=True)
+
+
+def test_many_samples_are_the_same_as_each_alone():
+    n = 3 * 8192 + 5
+    samples = uniform(n)
+    firing = BASE.fire(samples)
+    for place in (0, 8191, 8192, 16384, n - 1):
+        alone = BASE.fire({name: x[place] for name, x in samples.items()})
+        assert alone.strength.shape == (12,)
+        assert np.array_equal(alone.strength, firing.strength[place])
+
+
+def test_samples_of_many_units_keep_their_axes():
+    samples = {name: x.reshape(30, 4) for name, x in uniform(120).items()}
+    firing = BASE.fire(samples)
+    assert firing.strength.shape == (30, 4, 12)
+    assert firing.normal.shape == (30, 4) and firing.missing.shape == (30, 4, 6)
+    for unit in range(4):
+        alone = BASE.fire({name: x[:, unit] for name, x in samples.items()})
+        assert np.array_equal(alone.strength, firing.strength[:, unit])
+    spread = BASE.fire({"FP": np.full((30, 1), 125), "MC": np.zeros(4)})
+    assert spread.strength.shape == (30, 4, 12) and (spread["G1"] == 1).all()
+
+
+def test_the_inputs_are_left_as_they_are():
+    samples = uniform(50)
+    copies = {name: x.copy() for name, x in samples.items()}
+    BASE.fire(samples)
+    assert all(np.array_equal(samples[name], copies[name]) for name in samples)
+
+
+def test_a_table_has_a_column_a_rule():
+    table = BASE.fire(pd.DataFrame({"FP": [125, 90], "MC": [0, 1.2]})).table()
+    assert table.columns.tolist() == [*BASE.codes, "normal"]
+    assert table["G1"].tolist() == [1, 0] and table["normal"].tolist() == [0, 1]
+    with pytest.raises(ArgumentError, match="a table has two"):
+        BASE.fire({"FP": [[125]]}).table()
+    assert BASE.fire({"FP": 125, "MC": 0}).table()["G1"].tolist() == [1]
+
+
+@pytest.mark.parametrize(
+    ("samples", "fault"),
+    [
+        ({"PP": 1}, "samples have PP"),
+        ({"FP": "high"}, "FP must be numbers"),
+        ({"FP": [[1], [1, 2]]}, "FP must be numbers"),
+        ({"FP": [1, 2], "OP": [1, 2, 3]}, r"shapes are FP \(2,\), OP \(3,\)"),
+        ({"FP": 1j}, "FP must be numbers"),
+    ],
+)
+def test_samples_that_do_not_fit_are_refused(samples, fault):
+    with pytest.raises(ArgumentError, match=fault):
+        BASE.fire(samples)
+
+
+def test_no_samples_are_no_fault():
+    firing = BASE.fire({"FP": []})
+    assert firing.strength.shape == (0, 12) and firing.normal.shape == (0,)
+    assert len(firing.decide(k=3, n=5).top) == 0
+    assert BASE.fire({}).missing.all()
+
+
+# scikit-fuzzy as the other route.
+
+
+@pytest.mark.parametrize("reading", VERSIONS)
+@pytest.mark.parametrize("fill", FILLS)
+def test_scikit_fuzzy_fires_the_same_on_the_published_vectors(reading, fill):
+    tests = rule_vectors(reading, fill=fill)
+    difference = control_strengths(BASE, tests) - BASE.fire(tests).strength
+    assert np.abs(difference).max() < TOLERANCE
+
+
+def test_scikit_fuzzy_fires_the_same_on_random_samples():
+    samples = uniform(120)
+    # In the narrow ramps too, and with missing sensors.
+    samples["MC"][:60] = np.linspace(0, 0.2, 60)
+    samples["VPos"][40:90] = np.linspace(-5, 105, 50)
+    samples["DVPos"][::2] = np.linspace(0, 2, 60)
+    for start, name in enumerate(BASE.names):
+        samples[name][start::17] = NAN
+    ours = BASE.fire(samples).strength
+    theirs = control_strengths(BASE, samples)
+    assert ((ours > 0) & (ours < 1)).sum() > 50
+    assert np.abs(theirs - ours).max() < TOLERANCE
+
+
+def test_a_variable_that_no_rule_uses_is_left_out_of_the_control_system():
+    small = RuleBase(BASE.variables, BASE.rules[:1])
+    assert sorted(a.label for a in small.to_skfuzzy().antecedents) == ["FP", "MC"]
+    samples = {"FP": [[125, 90]], "MC": [[0], [0.1]], "OT": 50}
+    theirs = control_strengths(small, samples)
+    assert theirs.shape == (2, 2, 1)
+    assert np.allclose(theirs, small.fire(samples).strength, rtol=0, atol=TOLERANCE)
+    with pytest.raises(ArgumentError, match="n_points is 1"):
+        small.to_skfuzzy(n_points=1)
+
+
+def test_scikit_fuzzy_is_loaded_only_when_it_is_asked():
+    program = (
+        "import sys; from shipnet.ballast.rule_table import rule_base; "
+        "rule_base().decide({'OT': [90]}).explain(0); "
+        "print('skfuzzy' in sys.modules, 'pandas' in sys.modules)"
+    )
+    result = subprocess.check_output([sys.executable, "-c", program], text=True)
+    assert result.split() == ["False", "False"]

@@ -1,0 +1,482 @@
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from shipnet.errors import ArgumentError
+from shipnet.line import CABLES, Cable, CableRun, Load, Network, Waveform
+from shipnet.line.laplace import laplace_grid, synthesize
+from shipnet.line.solver import dense_transfer
+from tests.line.building import CABLE, DEVICE, SUPPLY, Net
+
+REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "line" / "asi.npz")
+CASES = sorted({name.split("/")[0] for name in REFERENCE.files})
+
+
+def asi_network(case):
+    name, model = case.split("_")[0], case.split("_")[-1]
+    cable = CABLES["as-i lossless" if model == "T" else "as-i 1.5"]
+    length = int(name[3:]) if name.startswith("len") else 100
+    places = [0, 5, 50, 55, 100] if name == "b" else [0, 5, length // 2, length]
+    network = Net()
+    for near, far in pairwise(places):
+        network.line(f"n{near}", f"n{far}", far - near, cable)
+    supply = 50 if name == "b" else 0
+    network.load(f"n{supply}", **SUPPLY)
+    for place in places:
+        if name != "b" or place != supply:
+            network.load(f"n{place}", **DEVICE)
+    return network
+
+
+def send_spectrum(s, bits, start=5e-6, swing=60e-3, half_bit=3e-6):
+    level = np.stack([bits, 1 - bits], axis=-1).ravel()  # a 0 is sent as no current, then current
+    steps = np.diff(level, prepend=0)
+    x = s * half_bit / 2
+    pulse = -np.expm1(-2 * x) / (2 * x) / (1 + (x / np.pi) ** 2)
+    at = start + half_bit * np.arange(len(steps))
+    return swing * pulse / s * (steps @ np.exp(-np.outer(at, s)))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_waveforms_agree_with_ngspice(case):
+    expected = REFERENCE[f"{case}/v"]
+    duration, dt = 204.8e-6, 50e-9
+    s = laplace_grid(duration, 10e6)
+    network = asi_network(case)
+    z = network.transfer(str(REFERENCE[f"{case}/sender"]), s)
+    rows = [network.index(probe) for probe in REFERENCE[f"{case}/probes"].tolist()]
+    spectrum = -z[rows] * send_spectrum(s, REFERENCE[f"{case}/bits"])
+    v = synthesize(spectrum, round(duration / dt), duration)[:, ::5][:, : expected.shape[1]]
+    assert np.abs(v - expected).max() <= 5e-5 * np.abs(expected).max()
+    dense = dense_transfer(network, str(REFERENCE[f"{case}/sender"]), s)
+    assert np.abs(z - dense).max() <= 1e-12 * np.abs(z).max()
+
+
+def test_a_coarse_grid_shows_samples_of_the_same_curve():
+    s = laplace_grid(100e-6, 3e6)
+    z = asi_network("a_T").transfer("n5", s) * send_spectrum(s, np.array([0, 0, 1]))
+    fine, coarse = (synthesize(z, n, 100e-6) for n in (2000, 50))
+    assert coarse == pytest.approx(fine[:, ::40], abs=1e-9)
+
+
+def small_tree(draw):
+    network = Net()
+    network.load("n0", **SUPPLY)
+    for node in range(1, draw(st.integers(2, 9))):
+        cable = draw(st.sampled_from([*CABLES.values(), Cable(0.1, 8e-7, 5e-11, 1e-6, 3e4)]))
+        length = draw(st.floats(1, 300))
+        network.line(f"n{draw(st.integers(0, node - 1))}", f"n{node}", length, cable)
+        if draw(st.booleans()):
+            network.load(f"n{node}", **DEVICE)
+        if draw(st.booleans()):
+            network.terminator(f"n{node}", draw(st.floats(1, 1e5)))
+    return network
+
+
+@settings(max_examples=100)
+@given(st.data())
+def test_random_trees_agree_with_the_dense_route_and_are_reciprocal(data):
+    network = data.draw(st.composite(small_tree)())
+    a, b = (data.draw(st.sampled_from(network.nodes)) for _ in range(2))
+    s = laplace_grid(100e-6, 0.5e6)
+    z = network.transfer(a, s)
+    assert np.abs(z - dense_transfer(network, a, s)).max() <= 1e-10 * np.abs(z).max()
+    back = network.transfer(b, s)[network.index(a)]
+    assert np.abs(z[network.index(b)] - back).max() <= 1e-12 * np.abs(z).max()
+    assert (z[network.index(a)].real > 0).all(), "a passive network takes energy in"
+
+
+def test_a_matched_line_only_delays():
+    network = Net()
+    network.line("near", "far", 40, Cable.lossless(120, 5e-9))
+    network.terminator("far", 120)
+    s = laplace_grid(20e-6, 5e6)
+    near, far = network.transfer("near", s)
+    assert near == pytest.approx(np.full(s.size, 120), rel=1e-13)
+    assert far == pytest.approx(120 * np.exp(-s * 200e-9), rel=1e-12)
+
+
+def test_an_open_quarter_wave_is_a_short_and_a_half_wave_repeats_its_load():
+    network = Net()
+    network.line("near", "far", 100, Cable.lossless(100, 6.5e-9))
+    quarter = 1 / (4 * 100 * 6.5e-9)
+    assert round(quarter / 1e3) == 385
+    s = 2j * np.pi * np.array([quarter, quarter / 2])
+    near = network.transfer("near", s)[0]
+    assert abs(near[0]) < 1e-10
+    assert near[1] == pytest.approx(-100j, rel=1e-12)
+    network.terminator("far", 33)
+    z = network.transfer("near", 2 * s[:1])
+    assert abs(z) == pytest.approx(np.full((2, 1), 33.0), rel=1e-12)
+
+
+def test_a_lossy_line_follows_the_telegraph_equations():
+    cable = Cable(0.06, 0.65e-6, 65e-12, g=5e-6, skin=30e3)
+    s = 2j * np.pi * np.array([1e3, 1e5, 1e7])
+    z, y = 0.06 * np.sqrt(1 + s / (2 * np.pi * 30e3)) + s * 0.65e-6, 5e-6 + s * 65e-12
+    assert cable.series_impedance(s) == pytest.approx(z)
+    assert cable.shunt_admittance(s) == pytest.approx(y)
+    network = Net()
+    network.line("near", "far", 70, cable)
+    gamma, wave = np.sqrt(z * y), np.sqrt(z / y)
+    expected = wave / np.tanh(gamma * 70), wave / np.sinh(gamma * 70)
+    assert network.transfer("near", s) == pytest.approx(np.array(expected), rel=1e-12)
+
+
+def test_propagation_is_what_a_matched_line_does():
+    cable = Cable(r=0.03, l=0.65e-6, c=65e-12, g=1e-6, skin=30e3)
+    s = 2j * np.pi * np.array([50e3, 167e3, 480e3])
+    net = Net()
+    net.line("near", "far", 40, cable)
+    # An endless rest of the same cable, long enough that nothing comes back.
+    net.line("far", "end", 1e5, cable)
+    z = net.transfer("near", s)
+    assert z[1] / z[0] == pytest.approx(np.exp(-40 * cable.propagation(s)), rel=1e-9)
+
+
+def test_extreme_lengths_neither_overflow_nor_lose_digits():
+    network = Net()
+    s = 1e9 + 1e9j
+    network.line("near", "far", 1e6, Cable(1e3, 1e-6, 1e-10))
+    z = network.transfer("near", [s])
+    assert z[0, 0] == pytest.approx(np.sqrt((1e3 + s * 1e-6) / (s * 1e-10)), rel=1e-12)
+    assert z[1, 0] == 0
+    network = Net()
+    network.line("near", "far", 1e-6, CABLE)
+    network.terminator("far", 50)
+    assert network.transfer("near", [1.0])[:, 0] == pytest.approx([50 + 0.06e-6, 50], rel=1e-14)
+
+
+def ring(half=40.0, cable=CABLE):
+    network = Net()
+    for a, b in (("p", "up"), ("up", "q"), ("p", "down"), ("down", "q")):
+        network.line(a, b, half, cable)
+    return network
+
+
+def test_a_ring_of_two_equal_halves_is_one_line_of_half_the_impedance():
+    s = laplace_grid(100e-6, 1e6)
+    closed = ring()
+    assert closed.ring == closed.runs[3]
+    single = Net()
+    single.line("p", "mid", 40, Cable(0.03, 0.325e-6, 130e-12))
+    single.line("mid", "q", 40, single.runs[0].cable)
+    for network in (closed, single):
+        network.load("p", **SUPPLY)
+        network.load("q", **DEVICE)
+    expected = single.transfer("p", s)
+    z = closed.transfer("p", s)
+    assert np.abs(z[[0, 1, 3, 2]] - expected[[0, 1, 1, 2]]).max() < 1e-12 * np.abs(z).max()
+    assert z[2] == pytest.approx(closed.transfer("q", s)[0], rel=1e-12)
+
+
+TREES = 7
+RNG = np.random.default_rng(2024)
+L, C, R = (x * RNG.uniform(0.8, 1.2, TREES) for x in (0.65e-6, 65e-12, 0.06))
+LENGTH, SKIN = RNG.uniform(1, 90, TREES), RNG.uniform(1e4, 1e5, TREES)
+
+
+def varied(k, closed, what):
+    """Network number k, or all of them for k = slice(None)."""
+    cable = Cable(R[k], L[k], C[k], skin=SKIN[k]) if "cable" in what else CABLE
+    network = Net()
+    network.line("m", "a", 20, cable)
+    network.line("a", "b", LENGTH[k] if "length" in what else 10, cable)
+    network.line("a", "c", 10, CABLE)
+    network.line("c", "d", 12, cable)
+    if closed:
+        network.line("d", "b", LENGTH[k] / 3 if "length" in what else 5, CABLE)
+    network.load("m", r=78, l=100e-6 * (LENGTH[k] if "load" in what else 1))
+    network.load("b", **DEVICE)
+    return network
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("what", ["cable", "length", "load", "cable length load"])
+@pytest.mark.parametrize("block", [1 << 17, 1 << 9])
+def test_a_monte_carlo_batch_equals_the_loop(monkeypatch, closed, what, block):
+    monkeypatch.setattr("shipnet.line.solver._BLOCK_TREES", block)
+    s = laplace_grid(50e-6, 1e6)
+    batch = varied(slice(None), closed, what)
+    assert batch.trees == TREES
+    together = batch.transfer("b", s)
+    assert together.shape == (TREES, 5, s.size)
+    loop = np.array([varied(k, closed, what).transfer("b", s) for k in range(TREES)])
+    assert together == pytest.approx(loop, rel=1e-12)
+    assert dense_transfer(batch, "b", s) == pytest.approx(loop, rel=1e-9)
+    if "length" in what:
+        drop = batch.operating_point("m", 30, {"b": 0.1, "d": LENGTH / 100})
+        for k in range(TREES):
+            one = varied(k, closed, what).operating_point("m", 30, {"b": 0.1, "d": LENGTH[k] / 100})
+            mine = {node: volts[k] for node, volts in drop.voltage.items()}
+            assert mine == pytest.approx(one.voltage, rel=1e-14)
+            assert [c[k] for c in drop.current] == pytest.approx(one.current, rel=1e-12)
+
+
+def dense_dc(network, supply, voltage, currents):
+    nodes, root = len(network.nodes), network.index(supply)
+    matrix, right = np.zeros((nodes, nodes)), np.zeros(nodes)
+    for run in network.runs:
+        g = 1 / (run.made_of.resistance * run.length)
+        i, j = network.index(run.a), network.index(run.b)
+        matrix[[i, j], [i, j]] += g
+        matrix[[i, j], [j, i]] -= g
+    for node, current in currents.items():
+        right[network.index(node)] = -current
+    matrix[root], right[root] = np.eye(nodes)[root], voltage
+    return np.linalg.solve(matrix, right)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_dc_agrees_with_the_nodal_equations(closed):
+    network = varied(3, closed, "cable length")
+    drawn = {"b": 0.2, "c": 0.5, "d": -0.1}
+    for supply in network.nodes:
+        point = network.operating_point(supply, 30, drawn)
+        assert [*point.voltage] == [*network.nodes]
+        expected = dense_dc(network, supply, 30, drawn)
+        assert [*point.voltage.values()] == pytest.approx(expected, rel=1e-12)
+        for run, current in zip(network.runs, point.current, strict=True):
+            drop = point.voltage[run.a] - point.voltage[run.b]
+            ohms = run.made_of.resistance * run.length
+            assert drop == pytest.approx(ohms * current, abs=1e-12)
+
+
+def test_a_ring_drops_a_quarter_of_what_a_line_does():
+    n, length, current = 8, 100.0, 2.0
+    line, closed = Net(), Net()
+    for k in range(n):
+        for network in (line, closed):
+            network.line(f"n{k}", f"n{k + 1}", length / n, CABLE)
+    closed.line(f"n{n}", "back", 1e-6, CABLE)
+    closed.line("back", "n0", 1e-6, CABLE)
+    total = CABLE.resistance * length
+    end = line.operating_point("n0", 30, {f"n{n}": current}, resistance=0.5)
+    assert end.voltage[f"n{n}"] == pytest.approx(30 - current * (total + 0.5))
+    middle = closed.operating_point("n0", 30, {f"n{n // 2}": current}, resistance=0.5)
+    assert middle.voltage[f"n{n // 2}"] == pytest.approx(30 - current * (total / 4 + 0.5))
+    assert set(closed.operating_point("n0", 30, {}).voltage.values()) == {30.0}
+
+
+def test_a_subdivided_network_is_the_same_network():
+    network = asi_network("b_LTRA")
+    fine = network.subdivided(7)
+    assert set(fine.nodes) > set(network.nodes)
+    assert len(fine.runs) == 1 + 7 + 1 + 7
+    s = laplace_grid(100e-6, 1e6)
+    rows = [fine.index(node) for node in network.nodes]
+    assert fine.transfer("n5", s)[rows] == pytest.approx(network.transfer("n5", s), rel=1e-9)
+    batch = varied(slice(None), True, "length")
+    sections = [math.ceil(np.max(run.length) / 10) for run in batch.runs]
+    assert len(batch.subdivided(10).runs) == sum(sections)
+    assert ring().subdivided(20).ring is not None
+
+
+def test_cables_are_equal_if_their_constants_are():
+    assert CABLES["can"] == CABLES["rs-485"] != CABLES["as-i lossless"]
+    assert len({Cable(0.06, 0.65e-6, 65e-12, r_dc=0.027), CABLE}) == 1
+    assert Cable(0.06, 0.65e-6, 65e-12) != CABLE
+    assert Cable(0, [1e-6, 2e-6], 1e-10) == Cable(0, [1e-6, 2e-6], 1e-10)
+    assert Cable(0, [1e-6, 2e-6], 1e-10) != Cable(0, [1e-6, 1e-6], 1e-10)
+    assert CABLE != 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((-0.1, 1e-6, 1e-10), r"r is -0.1 ohm/m; it must be 0\.\."),
+        ((0, 0, 1e-10), "l is 0 H/m"),
+        ((0, 1e-6, math.nan), "c is nan F/m"),
+        ((0, 1e-6, 1e-10, math.inf), "g is inf S/m"),
+        ((0, 1e-6, 1e-10, 0, -1), "skin is -1 Hz"),
+        ((0, [1e-6, -1], 1e-10), "l is -1 H/m in tree 1"),
+        ((0, [1e-6, 1e-6], [1e-10] * 3), "values for 3 trees, others for 2"),
+        (("0.1", 1e-6, 1e-10), "r is '0.1'; it must be a number"),
+        ((True, 1e-6, 1e-10), "r is True"),
+        ((10**400, 1e-6, 1e-10), "r is 1000"),
+        (([], 1e-6, 1e-10), "r is"),
+    ],
+)
+def test_bad_cables_are_refused(arguments, message):
+    with pytest.raises(ArgumentError, match=message):
+        Cable(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("lay", "message"),
+    [
+        (lambda n: n.line("a", "c", -1, CABLE), "length of cable a - c is -1 m"),
+        (
+            lambda n: n.line("a", "c", 0, CABLE),
+            r"length of cable a - c is 0 m; .* 1e-06\.\.1e\+06",
+        ),
+        (lambda n: n.line("a", "c", math.nan, CABLE), "length of cable a - c is nan m"),
+        (lambda n: n.line("a", "c", math.inf, CABLE), "length of cable a - c is inf m"),
+        (lambda n: n.line("a", "c", [1, math.nan], CABLE), "cable a - c is nan m in tree 1"),
+        (lambda n: n.line("a", "c", None, CABLE), "length of cable a - c is None"),
+        (
+            lambda n: n.line("a", "c", 5, "as-i"),
+            "cable of cable a - c is 'as-i'; it must be a Cable or",
+        ),
+        (lambda n: n.line("a", 3, 5, CABLE), "a node is 3; it must be a printable"),
+        (lambda n: n.line("", "c", 5, CABLE), "a node is ''"),
+        (lambda n: n.line("a", "a", 5, CABLE), "cable a - a ends where it begins"),
+        (lambda n: n.line("b", "a", 5, CABLE), "cable b - a lies there already"),
+        (lambda n: n.load(None, r=5), "a node is None"),
+        (lambda n: n.load("a"), "a load has neither r nor l nor c"),
+        (lambda n: n.load("a", r=0), "r of a load is 0 ohm"),
+        (lambda n: n.load("a", l=-1e-3), "l of a load is -0.001 H"),
+        (lambda n: n.load("a", c=math.nan), "c of a load is nan F"),
+        (lambda n: n.terminator("a", -120), "r of a load is -120 ohm"),
+        (lambda n: n.index("x"), "node 'x' is unknown; the nodes are 'a', 'b'"),
+        (lambda n: n.index(["a"]), "node \\['a'\\] is unknown"),
+        (lambda n: n.transfer("x", [1.0]), "node 'x' is unknown"),
+        (lambda n: n.transfer("a", [1.0, 0]), r"s is 0\+0j rad/s"),
+        (lambda n: n.transfer("a", [1j, -1.0]), r"s is -1\+0j rad/s"),
+        (lambda n: n.transfer("a", [complex(math.nan, 1)]), r"s is nan\+1j rad/s"),
+        (lambda n: n.transfer("a", []), r"s has shape \(0,\)"),
+        (lambda n: n.transfer("a", 1j), r"s has shape \(\)"),
+        (lambda n: n.transfer("a", ["x"]), "s has shape"),
+        (lambda n: n.subdivided(0), "longest is 0 m"),
+        (lambda n: n.operating_point("x", 30, {}), "node 'x' is unknown"),
+        (lambda n: n.operating_point("a", 30, {"x": 1}), "node 'x' is unknown"),
+        (lambda n: n.operating_point("a", math.nan, {}), "voltage of the supply is nan V"),
+        (
+            lambda n: n.operating_point("a", 30, {"b": math.inf}),
+            "current drawn at node 'b' is inf A",
+        ),
+        (
+            lambda n: n.operating_point("a", 30, {}, resistance=-1),
+            "resistance of the supply is -1 ohm",
+        ),
+        (
+            lambda n: n.operating_point("a", [1, 2], {"b": [1, 2, 3]}),
+            "values for 3 trees, others for 2",
+        ),
+    ],
+)
+def test_bad_arguments_are_refused_and_say_what_is_legal(lay, message):
+    network = Net()
+    network.line("a", "b", 5, CABLE)
+    with pytest.raises(ArgumentError, match=message):
+        lay(network)
+
+
+def test_bad_shapes_of_networks_are_refused():
+    network = ring()
+    with pytest.raises(ArgumentError, match=r"up - down would close a second ring, after .* q"):
+        network.line("up", "down", 5, CABLE)
+    network.load("lost", r=50)
+    for solve in (Network.transfer, dense_transfer):
+        with pytest.raises(ArgumentError, match="no line leads from node 'p' to 'lost'"):
+            solve(network.network, "p", [1j])
+    with pytest.raises(ArgumentError, match="no line leads from node 'p' to 'lost'"):
+        network.operating_point("p", 30, {})
+    with pytest.raises(ArgumentError, match="no resistance"):
+        ring(cable=CABLES["can"]).operating_point("p", 30, {"q": 1})
+    with pytest.raises(ArgumentError, match="the network has no line"):
+        Net().transfer("a", [1j])
+    island = Net()
+    island.line("a", "b", 5, CABLE)
+    island.line("c", "d", 5, CABLE)
+    with pytest.raises(ArgumentError, match="no line leads from node 'a' to 'c', 'd'"):
+        island.transfer("a", [1j])
+    island.line("b", "c", [1, 2], CABLE)
+    with pytest.raises(ArgumentError, match="cable d - e has values for 3 trees, others for 2"):
+        island.line("d", "e", [1, 2, 3], CABLE)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: laplace_grid(0, 1e6), "duration is 0 s"),
+        (lambda: laplace_grid(1e-3, math.nan), "f_max is nan Hz"),
+        (lambda: laplace_grid(1e-3, 1e6, 0), "damping is 0 nepers"),
+        (lambda: laplace_grid([1e-3, 1e-3], 1e6), "must be a single number"),
+        (lambda: synthesize([1, 2], 0, 1e-3), "n_samples is 0"),
+        (lambda: synthesize([], 4, 1e-3), "at least one frequency"),
+        (lambda: synthesize([1, 2], 4, -1e-3), "duration is -0.001 s"),
+    ],
+)
+def test_bad_windows_are_refused(call, message):
+    with pytest.raises(ArgumentError, match=message):
+        call()
+
+
+def test_loads_at_one_node_add_up():
+    both = Load(**DEVICE) + Load(**SUPPLY)
+    network = Network([CableRun("a", "b", 5)], {"a": both})
+    expected = [1 / 13.5e3 + 1 / 78, 1 / 13.5e-3 + 1 / 100e-6, 50e-12]
+    assert network.shunts()[:, 0, 0] == pytest.approx(expected, rel=1e-12)
+    assert both == Load(**SUPPLY) + Load(**DEVICE) != Load(**DEVICE)
+    with pytest.raises(TypeError):
+        both + 100.0
+
+
+def test_the_nominal_cables_differ_in_resistance_only():
+    for name, dc in (("as-i 0.75", 5.2), ("as-i 1.5", 2.7), ("as-i 2.5", 1.6)):
+        cable = CABLES[name]
+        assert (cable.l, cable.c) == (CABLE.l, CABLE.c)
+        assert cable.resistance * 100 == pytest.approx(dc)
+        assert cable.r / cable.resistance == pytest.approx(0.06 / 0.027, rel=0.02)
+
+
+def test_waveforms_of_a_current_are_those_of_its_spectrum():
+    network = asi_network("a_LTRA")
+    spectrum = lambda s: send_spectrum(s, np.array([0, 1]))  # noqa: E731
+    wave = network.waveforms("n5", spectrum, 102.4e-6, f_max=6e6)
+    s = laplace_grid(102.4e-6, 6e6)
+    expected = synthesize(network.transfer("n5", s, to="n100") * spectrum(s), 2048, 102.4e-6)
+    assert wave.names == network.nodes
+    assert (wave.u[network.index("n100")] == expected).all()
+
+
+def test_a_network_is_drawn_to_scale():
+    network = ring()
+    network.line("q", "stub", 10, CABLE)
+    network.load("stub", **DEVICE)
+    ax = Figure().subplots()
+    assert network.plot(ax) is ax
+    assert {text.get_text() for text in ax.texts} == set(network.nodes)
+    assert max(max(line.get_xdata()) for line in ax.lines) == 90
+    assert [line.get_linestyle() for line in ax.lines].count("--") == 1
+    assert ax.get_xlabel() == "distance along the cable [m]"
+
+
+def test_a_waveform_is_drawn_in_microseconds():
+    ax = Figure().subplots()
+    assert Waveform([0, 2.5], 1e-6, names=("far",)).plot(ax) is ax
+    (line,) = ax.lines
+    assert (line.get_xdata().tolist(), line.get_label()) == ([0, 1], "far")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [us]", "voltage [V]")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_a_saved_waveform_comes_back(tmp_path, suffix):
+    u = np.array([[0.0, 1.5, -2.25, 30.0], [1.0, 2.0, 3.0, 4.0]])
+    wave = Waveform(u, 50e-9, names=("near", "far"))
+    wave.save(tmp_path / f"wave{suffix}")
+    for name, row in zip(wave.names, u, strict=True):
+        back = Waveform.read(tmp_path / f"wave{suffix}", channel=name)
+        assert back.u == pytest.approx(row, rel=1e-8)
+        assert back.dt == pytest.approx(50e-9, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Waveform(["x"], 1.0), "u has shape"),
+        (lambda: Waveform([1.0], 0.0), "dt is 0.0 s"),
+        (lambda: Waveform([1.0], 1.0, names=("a", "b")), "there are 2 names; u has 1 rows"),
+        (lambda: Waveform(np.zeros((2, 2, 2)), 1.0).save("x.csv"), "one row per node"),
+    ],
+)
+def test_bad_waveforms_are_refused(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

@@ -1,0 +1,324 @@
+from dataclasses import replace
+from itertools import combinations
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from shipnet.crc import crc_batch
+from shipnet.errors import ArgumentError
+from shipnet.remote_control import (
+    Change,
+    CobsFormat,
+    MarkerFormat,
+    System,
+    compare_checks,
+    recommend,
+    simulate,
+)
+from shipnet.remote_control.experiment import (
+    Trial,
+    check_formats,
+    draw_outcomes,
+    switch_staleness,
+)
+from shipnet.remote_control.faults import LostPacket
+from shipnet.remote_control.residual import Shares, code_weights, crc_residual, packet_shares
+
+#: What a count may differ from its expectation: once in a million by chance.
+RARE = 1e-6
+
+
+def is_likely(count, sent, share):
+    return min(binom.cdf(count, sent, share), binom.sf(count - 1, sent, share)) > RARE / 2
+
+
+@pytest.mark.parametrize("numbers", ["any", "known", "rising"])
+@pytest.mark.parametrize("reading", ["A", "B"])
+@pytest.mark.parametrize(("n_items", "rate"), [(1, 1e-2), (10, 1e-3), (10, 5e-2), (40, 2e-3)])
+def test_markers_let_pass_what_the_closed_form_says(reading, numbers, n_items, rate):
+    form = MarkerFormat(reading, n_items, numbers)
+    trial = form.transmit(n_items, rate, 60_000, np.random.default_rng(2024))
+    shares = form.error_shares(n_items, rate)
+    assert sum(shares) == pytest.approx(1)
+    for outcome in ("intact", "detected", "undetected"):
+        count = getattr(trial, outcome)
+        assert is_likely(count, trial.sent, getattr(shares, outcome)), outcome
+
+
+@pytest.mark.parametrize(
+    ("reading", "numbers", "share"),
+    # Claims chung1998-019: 240 of 264 and of 336 bits; with the numbers checked about 60 %.
+    [("A", "any", 240 / 264), ("B", "any", 240 / 336)],
+)
+def test_a_single_inverted_bit_passes_markers_as_often_as_all_of_them_say(reading, numbers, share):
+    assert MarkerFormat(reading, 10, numbers).undetected_flips(10) == share
+    # The closed form at a small rate is the same share of what is hit.
+    shares = MarkerFormat(reading, 10, numbers).error_shares(10, 1e-9)
+    assert shares.undetected / (shares.detected + shares.undetected) == pytest.approx(share)
+
+
+@pytest.mark.parametrize("numbers", ["known", "rising"])
+def test_a_check_of_the_numbers_sees_most_bits_of_them(numbers):
+    form = MarkerFormat("A", 10, numbers)
+    share = form.undetected_flips(10)
+    values = 160 / 264
+    assert values <= share < values + 0.12
+    shares = form.error_shares(10, 1e-6)
+    assert shares.undetected / (1 - shares.intact) == pytest.approx(share, rel=1e-3)
+
+
+def test_no_crc_code_word_has_fewer_than_four_bits_and_the_fours_are_counted():
+    # Two routes to the words of weight four: pairs with equal sums, and the residual at a small p.
+    size = 20
+    frame = np.zeros(size + 2, np.uint8)
+    check = int(crc_batch("CRC-16/MODBUS", frame[:size]))
+    frame[size:] = check & 0xFF, check >> 8
+    bits = np.unpackbits(frame)
+    rows = np.packbits(bits ^ np.eye(bits.size, dtype=np.uint8), axis=1)
+    syndrome = crc_batch("CRC-16/MODBUS", rows).astype(int)
+    assert np.unique(syndrome).size == bits.size and 0 not in syndrome
+    pairs = np.bincount([a ^ b for a, b in combinations(syndrome.tolist(), 2)])
+    fours = int((pairs * (pairs - 1) // 2).sum()) // 3
+    rate = 1e-6
+    assert crc_residual(size, rate) / rate**4 == pytest.approx(fours, rel=1e-3)
+
+
+@settings(max_examples=30)
+@given(n=st.integers(0, 120), rate=st.floats(1e-9, 0.5))
+def test_the_residual_of_a_crc_is_a_share_and_at_noise_it_is_two_to_the_minus_sixteen(n, rate):
+    assert 0 <= crc_residual(n, rate) < 2.0**-14
+    exact = 2.0**-16 - 2.0 ** -(8 * n + 16)
+    assert crc_residual(n, 0.5) == pytest.approx(exact)
+    assert sum(code_weights(n)) == 2**16
+
+
+def test_the_crc_lets_pass_what_the_weights_of_its_code_say():
+    form = MarkerFormat(crc=True, n_numbers=1)
+    # One item at a rate with which the markers are often whole.
+    trial = form.transmit(1, 0.03, 2_000_000, np.random.default_rng(2024))
+    expected = form.error_shares(1, 0.03).undetected
+    assert trial.undetected > 3
+    assert is_likely(trial.undetected, trial.sent, expected)
+
+
+def test_the_stuffed_packet_keeps_under_its_estimate():
+    form = CobsFormat(3)
+    trial = form.transmit(3, 0.02, 500_000, np.random.default_rng(2024))
+    shares = form.error_shares(3, 0.02)
+    assert is_likely(trial.intact, trial.sent, shares.intact)
+    assert trial.interval("undetected", 0.999).low < shares.undetected
+
+
+@pytest.mark.parametrize("n_items", [1, 10])
+def test_no_single_inverted_bit_passes_the_stuffed_packet_whatever_its_values(n_items):
+    form, rng = CobsFormat(10), np.random.default_rng(7)
+    values = rng.integers(0, 2**16, (40, n_items)) * rng.integers(0, 2, (40, n_items))
+    rows = form.encode_batch(np.arange(n_items), values)
+    bits = 8 * rows.shape[1]
+    flipped = np.repeat(rows, bits, axis=0)
+    bit = np.tile(np.arange(bits), len(rows))
+    flipped[np.arange(len(flipped)), bit >> 3] ^= (0x80 >> (bit & 7)).astype(np.uint8)
+    assert form.decode_batch(rows).accepted.all()
+    assert not form.decode_batch(flipped).accepted.any()
+    # So of the estimate only packets with two inverted bits and more are left.
+    two = 1 - (1 - 1e-6) ** bits - bits * 1e-6 * (1 - 1e-6) ** (bits - 1)
+    assert form.error_shares(n_items, 1e-6).undetected == pytest.approx(two / 2**16, rel=1e-3)
+
+
+def test_the_gaps_between_inverted_bits_make_the_same_packets_as_a_coin_for_every_bit():
+    form, n, rate = MarkerFormat(numbers="known"), 10, 5e-3
+    rng = np.random.default_rng(2024)
+    values = rng.integers(0, 1 << 16, (50_000, n))
+    sent = form.encode_batch(range(n), values)
+    flips = np.packbits(rng.random((len(sent), 8 * sent.shape[1])) < rate, axis=1)
+    checked = form.decode_batch(sent ^ flips)
+    hit = flips.any(axis=1)
+    coin = [int((~hit).sum()), int((~checked.accepted).sum()), int((hit & checked.accepted).sum())]
+    drawn = np.bincount(draw_outcomes(form, n, rate, len(sent), rng), minlength=3)
+    # Both are random: 5 standard deviations of a difference of two counts.
+    assert np.abs(np.array(coin) - drawn).max() < 5 * np.sqrt(2 * max(coin) / 2)
+
+
+@settings(max_examples=30)
+@given(
+    n=st.integers(0, 84),
+    rate=st.sampled_from([0.0, 1e-6, 1e-3, 0.1, 0.5]),
+    count=st.sampled_from([0, 1, 300]),
+    name=st.sampled_from(["markers", "markers + CRC", "CRC"]),
+)
+def test_every_size_and_rate_can_be_drawn(n, rate, count, name):
+    outcome = draw_outcomes(check_formats(84)[name], n, rate, count, np.random.default_rng(1))
+    assert outcome.shape == (count,) and outcome.dtype == np.uint8
+    assert set(outcome) <= ({0} if rate == 0 else {0, 1, 2})
+    shares = packet_shares(check_formats(84)[name], n, rate)
+    assert min(shares) >= -1e-15 and sum(shares) == pytest.approx(1)
+
+
+def test_the_interval_holds_the_truth_as_often_as_it_says():
+    rng = np.random.default_rng(2024)
+    truth, held = 0.004, 0
+    for count in rng.binomial(2000, truth, 200):
+        low, high = Trial(2000, 0, int(count)).interval("undetected")
+        held += low <= truth <= high
+    assert held >= 0.95 * 200 - 3 * np.sqrt(200 * 0.95 * 0.05)
+    assert Trial(0, 0, 0).interval("detected") == (0, 1)
+    # The rule of three.
+    assert Trial(10**6, 0, 0).interval("undetected", 0.9).high == pytest.approx(3e-6, rel=0.01)
+
+
+def simulate_switch(form, n_items, rate, period, interval, sending, packets, rng):
+    """Return the share of packets after which the receiver shows a wrong position."""
+    outcome = draw_outcomes(form, n_items, rate, packets, rng)
+    if sending == "changed":
+        position = np.arange(packets) % 2
+    else:
+        position = np.cumsum(rng.poisson(period / interval, packets)) % 2
+    # What is shown is what the last packet left that was accepted; 0 before the first.
+    taken = np.maximum.accumulate(np.where(outcome != 1, np.arange(packets), -1))
+    shown = np.where(taken >= 0, np.where(outcome[taken] == 2, -1, position[taken]), 0)
+    return float((shown != position).mean())
+
+
+@pytest.mark.parametrize("check", ["markers", "markers + CRC"])
+@pytest.mark.parametrize("sending", ["changed", "cyclic"])
+@pytest.mark.parametrize(("n_items", "rate", "interval"), [(1, 5e-3, 0.3), (10, 2e-3, 2.0)])
+def test_a_switch_is_as_stale_as_the_chain_says(check, sending, n_items, rate, interval):
+    form, n = check_formats(n_items)[check], 200_000
+    rng = np.random.default_rng(2024)
+    share = simulate_switch(form, n_items, rate, 0.1375, interval, sending, n, rng)
+    shares = form.error_shares(n_items, rate)
+    expected = switch_staleness(shares, 0.1375, interval, sending).share
+    # Neighbouring packets depend on each other over 1 / (1 - d) of them: a wide margin of 3 %.
+    assert share == pytest.approx(expected, rel=0.03)
+
+
+def test_a_stale_switch_waits_as_long_as_a_walk_from_failure_to_success():
+    rng = np.random.default_rng(2024)
+    d, u, n = 0.3, 0.2, 200_000
+    outcome = rng.choice(3, n, p=[1 - d - u, d, u])
+    position, shown, waits, since = 0, 0, [], None
+    for k, fate in enumerate(outcome.tolist()):
+        position ^= 1
+        shown = position if fate == 0 else -1 if fate == 2 else shown
+        if shown == position:
+            waits += [] if since is None else [k - since]
+            since = None
+        elif since is None:
+            since = k
+    duration = switch_staleness(Shares(1 - d - u, d, u), 1.0, 50.0, "changed").duration
+    assert np.mean(waits) * 50.0 == pytest.approx(duration, rel=0.02)
+
+
+def test_repetition_mends_in_a_cycle_what_a_change_sent_once_leaves_for_an_hour():
+    shares = MarkerFormat(crc=True).error_shares(10, 1e-5)
+    once = switch_staleness(shares, 0.1375, 3600, "changed")
+    again = switch_staleness(shares, 0.1375, 3600, "cyclic")
+    assert once.duration == pytest.approx(3600, rel=0.01)
+    assert again.duration == pytest.approx(0.1375, rel=0.01)
+    assert once.share > 1000 * again.share
+
+
+def test_markers_miss_the_same_share_whatever_the_items_and_a_crc_misses_none():
+    table = compare_checks([1, 10, 40], [1e-4], packets=50_000, rng=2024).table()
+    assert (table.low <= table.expected).all() and (table.expected <= table.high).all()
+    markers = table[table.check == "markers"]
+    assert (markers.missed > 0.4).all() and markers.missed.is_monotonic_increasing
+    assert (table[table.check != "markers"].undetected == 0).all()
+    assert markers.undetected.is_monotonic_increasing
+
+
+@pytest.mark.parametrize("bit_rate", [9600, 600])
+@pytest.mark.parametrize("n_items", [1, 3, 10, 20, 40])
+def test_what_is_recommended_meets_every_limit_and_nothing_that_does_is_quicker(n_items, bit_rate):
+    system = System(bit_rate=bit_rate)
+    chosen = recommend(n_items, system, stale_time=20)
+    table = chosen.candidates()
+    good = table.query("errors_ok and stale_ok and alarm_ok")
+    assert chosen.refresh_time == good.refresh_s.min()
+    assert chosen.wrong_per_year <= 1 and chosen.stale_time <= 20
+    assert "CRC" in chosen.check and chosen.sending == "cyclic"
+
+
+def test_a_lost_packet_costs_the_cycle_and_the_turn_that_are_said():
+    best = recommend(10, rate=1e-7)
+    assert best.check == "CRC"
+    link = System(CobsFormat(10), repeat=10, turn_timeout=best.turn_timeout)
+    lost, move = LostPacket("BCS", "RCS", start=1.0), Change(1.0, "BCS", 1, 1)
+    run = simulate(link, move, faults=lost, until=3)
+    failed = next(packet for packet in run.packets if packet.disturbed)
+    seen = next(u.time for u in run.updates if (u.station, u.number, u.value) == ("RCS", 1, 1))
+    assert seen - failed.end == pytest.approx(best.stale_time, rel=1e-4)
+    # As printed, RCS waits until its counters run out: four seconds and more.
+    printed = simulate(replace(link, turn_timeout=None), move, faults=lost, until=9)
+    assert 4.3 < printed.delays("SS").delay_s[0] < 4.9
+
+
+def test_a_turn_shorter_than_an_answer_is_no_way_to_send():
+    with pytest.raises(ArgumentError, match="turn_timeout is shorter"):
+        recommend(10, System(turn_timeout=0.005, bit_rate=600))
+
+
+def test_many_items_on_a_noisy_line_go_in_several_packets():
+    assert recommend(40, rate=1e-6).per_packet == 40
+    assert recommend(40, rate=1e-3).per_packet < 20
+
+
+def test_markers_alone_suffice_only_where_the_errors_are_as_rare_as_the_criterion():
+    assert recommend(3, rate=1e-5, wrong_per_year=1e12).check == "markers"
+    assert recommend(3, rate=1e-5).check != "markers"
+
+
+def test_an_impossible_wish_is_refused_with_its_reasons():
+    with pytest.raises(ArgumentError, match=r"n_items is 84: of .* ways to send them"):
+        recommend(84, System(bit_rate=600), stale_time=1)
+
+
+@pytest.fixture
+def ax():
+    matplotlib.use("agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots()
+    yield axes
+    plt.close(figure)
+
+
+def test_the_figures_show_what_the_tables_hold(ax):
+    found = compare_checks([1, 10], [1e-3], packets=5000, rng=2024)
+    found.plot(ax, bit_error_rate=1e-3)
+    table = found.table()
+    expected = table[table.check == "markers"].expected.tolist()
+    assert ax.lines[0].get_ydata().tolist() == expected
+    assert ax.get_yscale() == "log"
+    with pytest.raises(ArgumentError, match=r"bit_error_rate is 0\.1"):
+        found.plot(ax, bit_error_rate=0.1)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: MarkerFormat().error_shares(11, 0.1), r"n_items is 11.*0\.\.10"),
+        (lambda: MarkerFormat().error_shares(1, float("nan")), "rate is nan"),
+        (lambda: MarkerFormat().error_shares(1, 0.6), "rate is 0.6"),
+        (lambda: crc_residual(-1, 0.1), "n_bytes is -1"),
+        (lambda: check_formats(85), r"n_items is 85.*1\.\.84"),
+        (lambda: draw_outcomes(MarkerFormat(), 1, 0.1, -1, None), "packets is -1"),
+        (lambda: Trial(1, 0, 0).share("lost"), "outcome is 'lost'"),
+        (lambda: Trial(1, 0, 0).interval("intact", 1), "confidence is 1"),
+        (lambda: switch_staleness(Shares(0, 1, 0), 1, 1, "cyclic"), "below 1 in sum"),
+        (lambda: switch_staleness(Shares(1, 0, 0), 0, 1, "cyclic"), "period is 0"),
+        (lambda: switch_staleness(Shares(1, 0, 0), 1, 1, "once"), "sending is 'once'"),
+        (lambda: recommend(1, wrong_per_year=0), "wrong_per_year is 0"),
+        (lambda: recommend(0), "n_items is 0"),
+        (lambda: compare_checks([1], [0.6]), "rate is 0.6"),
+        (lambda: MarkerFormat().undetected_flips(11), "n_items is 11"),
+        (lambda: recommend(1, rate=0.2), "rate is 0.2"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

@@ -1,0 +1,422 @@
+from dataclasses import replace
+from itertools import pairwise
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet.errors import ArgumentError
+from shipnet.papers.chung1998 import ring_trials
+from shipnet.remote_control import (
+    Change,
+    CobsFormat,
+    MarkerFormat,
+    Supervision,
+    System,
+    simulate,
+)
+from shipnet.remote_control.faults import BitErrors, DeadStation, LostPacket, Stall
+from shipnet.remote_control.station import TRANSITIONS, Event, Role, State
+from shipnet.remote_control.system import BIT_RATES, Counter
+
+PRINTED, INTENDED = Supervision(), Supervision.intended()
+STATIONS = ("RCS", "BCS", "SS")
+
+
+def full(**fields):
+    """Return a system that sends all its items in every packet."""
+    system = System(**fields)
+    return replace(system, repeat=system.n_items)
+
+
+def fixed(system):
+    return {name: system.rule(name).tick for name in STATIONS}
+
+
+# The facts' table: packet and quiet time of both readings, 10-bit characters [s].
+FACTS = [
+    (9600, 0.0344, 0.0437, 0.138, 0.175, 0.071, 0.090),
+    (2400, 0.1375, 0.175, 0.55, 0.70, 0.28, 0.36),
+    (1200, 0.275, 0.35, 1.10, 1.40, 0.57, 0.72),
+    (600, 0.55, 0.70, 2.20, 2.80, 1.13, 1.43),
+]
+
+
+@pytest.mark.parametrize("row", FACTS, ids=lambda row: str(row[0]))
+def test_packet_cycle_and_quiet_time_of_both_readings(row):
+    systems = [System(MarkerFormat(reading), bit_rate=row[0]) for reading in "AB"]
+    names = ("packet_time", "cycle_time", "idle_time")
+    ours = [getattr(system, name) for name in names for system in systems]
+    # Printed to two or three digits.
+    assert ours == pytest.approx(row[1:], rel=0.02)
+
+
+SYSTEMS = st.builds(
+    lambda reading, n, rate, bits, work: full(
+        packet_format=MarkerFormat(reading, n), bit_rate=rate, character_bits=bits, processing=work
+    ),
+    st.sampled_from("AB"),
+    st.integers(1, 20),
+    st.sampled_from(BIT_RATES),
+    st.sampled_from([10, 11]),
+    st.floats(0, 0.2),
+)
+
+
+@settings(max_examples=25)
+@given(system=SYSTEMS, seed=st.integers(0, 1000))
+def test_in_health_the_simulation_takes_the_times_of_the_closed_forms(system, seed):
+    rng = np.random.default_rng(seed)
+    run = simulate(system, until=6.5 * system.cycle_time, rng=rng)
+    assert run.cycle_times == pytest.approx(system.cycle_time, rel=1e-9)
+    assert (run.traffic().outcome.iloc[:-1] == "ok").all()
+    for slave in ("BCS", "SS"):
+        assert run.silences(slave)[:-1] == pytest.approx(system.idle_time, rel=1e-9)
+        assert system.max_ticks - 2 <= run.ticks(slave) <= system.max_ticks
+
+
+def test_the_most_ticks_are_reached_by_some_phase_and_passed_by_none():
+    system = full(bit_rate=600)
+    seen = set()
+    for phase in np.linspace(0.001, 0.1, 25):
+        phases = {"BCS": float(phase), "RCS": 0.1, "SS": 0.1}
+        seen.add(simulate(system, until=30, phases=phases).ticks("BCS"))
+    assert max(seen) == system.max_ticks == 17
+
+
+def test_one_half_of_a_pair_has_the_turn_at_every_moment():
+    run = simulate(full(), until=1.0)
+    sending = [(p.start, p.end) for p in run.packets]
+    assert all(end <= start for (_, end), (start, _) in pairwise(sending))
+    hops = [(p.source, p.target) for p in run.packets[:8]]
+    assert hops == 2 * [("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "RCS")]
+
+
+def test_a_station_that_sends_takes_no_byte():
+    # RCS gives up after 10 ms and sends to the other slave, while the answer of 34 ms comes in.
+    traffic = simulate(full(turn_timeout=0.01), until=1.0).traffic()
+    answers = traffic[traffic.target == "RCS"]
+    assert len(answers) > 3 and (answers.outcome == "lost").all()
+
+
+def test_every_state_of_both_roles_can_be_left_and_reached():
+    for role in Role:
+        mine = [(state, new) for (who, state, _), new in TRANSITIONS.items() if who is role]
+        assert {old for old, _ in mine} == {new for _, new in mine} == set(State)
+    assert (Role.MASTER, State.SENDING, Event.FAILED) not in TRANSITIONS
+
+
+@pytest.mark.parametrize(("rule", "ticks"), [(PRINTED, 44), (INTENDED, 30)])
+def test_a_counter_runs_out_at_its_tick_and_again_after_as_many(rule, ticks):
+    counter = Counter(rule)
+    failures = [k for k in range(1, 3 * ticks + 1) if counter.step()]
+    assert failures == [ticks, 2 * ticks, 3 * ticks] == [rule.n_ticks * k for k in (1, 2, 3)]
+    assert counter.clear() and not counter.clear()
+
+
+@pytest.mark.parametrize("rule", [PRINTED, INTENDED, Supervision(0.05, 4, 2, while_sending=True)])
+def test_a_dead_master_is_noticed_within_the_detection_time(rule):
+    system = full(slave=rule, bit_rate=9600)
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        run = simulate(system, until=7, faults=[DeadStation("RCS", start=1.0)], rng=rng)
+        for slave in ("BCS", "SS"):
+            heard = max(time for time, name, *_ in run.heartbeats if name == slave)
+            failed = run.alarms().query("station == @slave").time_s.iloc[0]
+            low, high = rule.detection_time
+            # A slave that still sends its own packet counts later, by that packet.
+            assert low < failed - heard <= high + system.packet_time + rule.tick
+
+
+def test_reading_b_without_changes_runs_into_the_alarm_in_health_and_reading_a_does_not():
+    idle = {reading: System(MarkerFormat(reading)) for reading in "AB"}
+    runs = {reading: simulate(system, until=8) for reading, system in idle.items()}
+    assert len(runs["A"].alarms()) == 0 and len(runs["A"].packets) > 1000
+    assert set(runs["B"].alarms().station) >= {"BCS", "SS"}
+    assert not runs["B"].traffic().disturbed.any()
+
+
+@pytest.mark.parametrize(("reading", "name", "most"), [
+    ("A", "idle_time", 28), ("B", "idle_time", 21), ("A", "counted_time", 19),
+    ("B", "counted_time", 21),
+])  # fmt: skip
+def test_three_seconds_at_600_bit_per_s_are_enough_for_so_many_items(reading, name, most):
+    systems = [System(MarkerFormat(reading, n), bit_rate=600) for n in (most, most + 1)]
+    within, beyond = (getattr(system, name) for system in systems)
+    assert within <= 3.0 < beyond
+
+
+def cascades(system, n=20):
+    rng = np.random.default_rng(7)
+    alarms = 0
+    for _ in range(n):
+        # SS dies while RCS talks with BCS, so that no half packet spoils the next exchange.
+        died = 10 * system.cycle_time + system.packet_time
+        run = simulate(system, until=died + 6, faults=[DeadStation("SS", start=died)], rng=rng)
+        first = run.alarms().query("station == 'RCS'").time_s.min()
+        waits = [p.end for p in run.packets if p.target == "SS" and died <= p.end]
+        yield_wait = first - waits[0]
+        alarms += bool(len(run.alarms().query("station == 'BCS' and time_s < @first + 0.2")))
+        yield yield_wait, run.silences("BCS").max(), alarms
+
+
+@pytest.mark.parametrize("bit_rate", [9600, 600])
+def test_a_dead_slave_costs_the_wait_and_the_silence_of_the_closed_form(bit_rate):
+    system = full(bit_rate=bit_rate)
+    seen = system.cascade()
+    *_, last = results = list(cascades(system))
+    waits, silences = [r[0] for r in results], [r[1] for r in results]
+    slack = 1e-6
+    assert seen.wait[0] - slack <= min(waits) <= max(waits) <= seen.wait[1] + slack
+    assert seen.silent[0] - slack <= min(silences) <= max(silences) <= seen.silent[1] + slack
+    alarms = last[2]
+    assert {"certain": alarms == 20, "possible": 0 < alarms < 20, "never": alarms == 0}[seen.alarm]
+    assert seen.alarm == {9600: "possible", 600: "certain"}[bit_rate]
+
+
+@pytest.mark.parametrize("bit_rate", [9600, 600])
+@pytest.mark.parametrize(
+    "mend",
+    [{}, *({"master": Supervision(miss_limit=m)} for m in (0, 1)), {"turn_timeout": 1.0}],
+    ids=["printed", "limit 0", "limit 1", "turn"],
+)
+def test_no_death_anywhere_in_the_cycle_silences_bcs_longer_than_the_bound(mend, bit_rate):
+    system, rng = full(bit_rate=bit_rate, **mend), np.random.default_rng(5)
+    seen, pairs, longest = system.cascade(), set(), 0.0
+    for k in range(30):
+        died = 3 + system.cycle_time * (k + 0.5) / 30
+        run = simulate(system, until=died + 16, faults=[DeadStation("SS", start=died)], rng=rng)
+        pairs |= set(zip(run.alarms().station, run.alarms().partner, strict=True))
+        longest = max(longest, run.silences("BCS").max())
+    # Half an answer in the ring spoils that of BCS in some of the runs: the bound is nearly met.
+    assert seen.longest - 2 * system.master.tick <= longest <= seen.longest + 1e-9
+    assert (seen.alarm == "never") == (("BCS", "RCS") not in pairs)
+    # Only a turn that ends before the counters run out keeps RCS from failing BCS, which lives.
+    assert (("RCS", "BCS") in pairs) == (system.turn_timeout is None)
+
+
+@pytest.mark.parametrize(
+    "mend", [{"turn_timeout": 0.2}, {"master": Supervision(miss_limit=0)}], ids=["turn", "limit"]
+)
+def test_a_turn_that_ends_or_a_shorter_limit_of_the_master_keeps_the_failure_from_spreading(mend):
+    system = full(**mend)
+    assert system.cascade().alarm == "never"
+    died = 10 * system.cycle_time + system.packet_time
+    run = simulate(
+        system, until=40, faults=[DeadStation("SS", start=died)], rng=np.random.default_rng(1)
+    )
+    assert set(zip(run.alarms().station, run.alarms().partner, strict=True)) == {("RCS", "SS")}
+
+
+def test_a_failed_partner_that_is_left_out_costs_less_time_and_is_found_again():
+    system = full(turn_timeout=0.2, skip_turns=20)
+    faults = [DeadStation("SS", start=1.0, stop=15.0)]
+    runs = [simulate(s, until=20, faults=faults) for s in (system, replace(system, skip_turns=0))]
+    assert len(runs[0].packets) > 1.25 * len(runs[1].packets)
+    for run in runs:
+        back = run.events().query("event == 'answered' and partner == 'SS'")
+        assert len(back) == 1 and 15 < back.time_s.iloc[0] < 20
+
+
+def test_a_lost_packet_leaves_a_switch_stale_until_it_moves_again_unless_values_are_repeated():
+    faults, changes = (
+        [LostPacket("BCS", "RCS", start=1.0)],
+        [Change(1.0, "BCS", 1, 1), Change(9.0, "BCS", 1, 0)],
+    )
+    patient = Supervision(miss_limit=0)
+    stale = simulate(System(master=patient), until=12, faults=faults, changes=changes).delays("SS")
+    mended = simulate(full(master=patient), until=12, faults=faults, changes=changes).delays("SS")
+    # The second move brings the switch back to where SS still shows it.
+    assert np.isnan(stale.delay_s[0]) and stale.delay_s[1] == 0
+    # RCS waits 1.1 s for the packet that was lost, then has it in the next cycle.
+    assert 1.0 < mended.delay_s[0] < 1.1 + 2 * full().response_time()
+
+
+@settings(max_examples=15)
+@given(system=SYSTEMS, times=st.lists(st.floats(0.1, 10), min_size=1, max_size=4, unique=True))
+def test_a_change_reaches_the_other_slave_within_the_response_time(system, times):
+    system = replace(system, packet_format=MarkerFormat("A", 10), repeat=10)
+    long = 2 * system.response_time()
+    when = np.cumsum([long + time for time in times])
+    changes = [Change(float(t), "BCS", 1, k + 1) for k, t in enumerate(when)]
+    run = simulate(system, until=float(when[-1] + long), changes=changes)
+    delay = run.delays("SS").delay_s
+    assert (delay <= system.response_time() * (1 + 1e-9)).all()
+    hop = run.delays("RCS").delay_s
+    assert (hop <= system.response_time(hops=1) * (1 + 1e-9)).all() and (hop < delay).all()
+
+
+def test_the_response_time_is_reached_by_a_change_just_after_a_packet_was_made():
+    system = full(bit_rate=2400, processing=0.05)
+    made = 3 * system.cycle_time + system.packet_time + system.processing
+    run = simulate(system, until=made + 6, changes=[Change(made + 1e-9, "BCS", 2, 1)])
+    assert run.delays("SS").delay_s[0] == pytest.approx(system.response_time(), rel=1e-6)
+
+
+def test_the_three_trials_find_the_ring_in_order_whatever_the_bit_rate():
+    for rate in (9600, 600):
+        table = ring_trials(full(bit_rate=rate))
+        assert (table.events == 0).all() and (table.unread <= 33).all()
+
+
+def test_a_stall_overruns_the_ring_from_the_time_of_the_closed_form_on():
+    system = full(turn_timeout=0.1)
+    stall, byte = system.overrun_stall()[0], system.character_time
+    start = 10 * system.cycle_time + 0.9 * byte
+
+    def repairs(length):
+        fault = Stall("BCS", start=start, stop=start + length)
+        table = simulate(
+            system, until=start + length + 1, faults=[fault], phases=fixed(system)
+        ).events()
+        return int(table.event.str.startswith("ring").sum())
+
+    assert [repairs(stall - byte), repairs(stall + byte)] == [0, 1]
+
+
+def test_errors_stop_the_printed_link_for_seconds_and_a_turn_that_ends_does_not():
+    rng = np.random.default_rng(3)
+    printed = simulate(full(), until=30, faults=[BitErrors(1e-4)], rng=rng)
+    rng = np.random.default_rng(3)
+    mended = simulate(
+        full(packet_format=CobsFormat(), turn_timeout=0.1),
+        until=30,
+        faults=[BitErrors(1e-4)],
+        rng=rng,
+    )
+    assert printed.cycle_times.max() > 4 > 0.6 > mended.cycle_times.max()
+    assert (printed.traffic().outcome == "wrong").sum() > 3
+    assert (mended.traffic().outcome == "wrong").sum() == 0 < mended.traffic().disturbed.sum()
+
+
+@settings(max_examples=15)
+@given(
+    rate=st.floats(0, 0.5),
+    seed=st.integers(0, 10**6),
+    mended=st.booleans(),
+    stall=st.floats(0.01, 3),
+)
+def test_no_noise_and_no_stall_brings_the_simulation_down(rate, seed, mended, stall):
+    form = CobsFormat() if mended else MarkerFormat("B", numbers="any")
+    system = System(form, turn_timeout=0.05, repeat=3, skip_turns=2)
+    faults = [
+        BitErrors(rate),
+        Stall("RCS", start=1, stop=1 + stall),
+        DeadStation("BCS", start=0.5, stop=2.5),
+    ]
+    changes = [Change(0.2, "SS", 1, 0xCCDD)]
+    rng = np.random.default_rng(seed)
+    run = simulate(system, until=4, faults=faults, changes=changes, rng=rng)
+    assert run.states().time_s.is_monotonic_increasing and run.states().time_s.max() <= 4
+    assert set(run.traffic().outcome) <= {"ok", "wrong", "lost"}
+
+
+def test_a_slower_line_leaves_fewer_ticks_before_the_alarm():
+    table = System().timing().table()
+    assert table.ticks.is_monotonic_increasing and table.printed_margin.is_monotonic_decreasing
+    assert (table.printed_margin - table.intended_margin == 14).all()
+
+
+def test_one_fault_and_one_change_need_no_list():
+    run = simulate(System(), Change(0.5, "SS", 1, 1), until=8, faults=DeadStation("BCS", stop=1))
+    assert run.faults == (DeadStation("BCS", stop=1),)
+    assert repr(run) == f"Run(8 s, {len(run.packets)} packets, {len(run.alarms())} alarms)"
+    table = run.table()
+    assert table.packets.sum() == len(run.packets) == table[["ok", "wrong", "lost"]].sum().sum()
+    assert run.history(1, "SS").values.tolist() == [[0, 0], [0.5, 1]]
+    assert run.history(1, "RCS").value.tolist()[-1] == 1
+
+
+def test_bit_errors_and_lost_packets_begin_and_end():
+    noise = BitErrors(0.01, start=1.0, stop=2.0)
+    traffic = simulate(full(turn_timeout=0.1), until=3, faults=noise, rng=3).traffic()
+    hit = traffic[traffic.disturbed].start_s
+    assert len(hit) > 10 and hit.min() >= 1 and hit.max() < 2
+    # No packet of BCS begins within this millisecond.
+    lost = LostPacket("BCS", "RCS", start=1.0, stop=1.001)
+    assert not simulate(full(bit_rate=600), until=3, faults=lost).traffic().disturbed.any()
+
+
+@pytest.fixture
+def ax():
+    matplotlib.use("agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots()
+    yield axes
+    plt.close(figure)
+
+
+def test_the_time_chart_has_a_block_a_packet_and_names_the_failures(ax):
+    run = simulate(full(bit_rate=600), until=12, faults=[DeadStation("SS", start=3.0)])
+    run.plot(ax)
+    assert len(ax.patches) == len(run.packets)
+    words = [text.get_text() for text in ax.texts if text.get_text()]
+    assert words == [f"{name} failed" for name in run.alarms().partner]
+    assert ax.get_xlabel() == "time [s]"
+    with pytest.raises(ArgumentError, match="show 0 packets"):
+        run.plot(ax, start=50, stop=60)
+
+
+def test_the_margins_are_drawn_under_their_limit(ax):
+    table = System().timing().table()
+    System().timing().plot(ax)
+    assert ax.lines[0].get_ydata().tolist() == table.counted_s.tolist()
+    assert ax.lines[-1].get_ydata()[0] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: System(bit_rate=float("nan")), "bit_rate is nan"),
+        (lambda: System(character_bits=12), r"character_bits is 12.*10\.\.11"),
+        (lambda: System(repeat=11), r"repeat is 11.*0\.\.10"),
+        (lambda: System(turn_timeout=0), "turn_timeout is 0"),
+        (lambda: System(ring_rule="literal"), "ring_rule is 'literal'"),
+        (lambda: Supervision(tick=0), "tick is 0"),
+        (lambda: Supervision(count_limit=0), "count_limit is 0"),
+        (lambda: Supervision(miss_limit=0, strict=False), "miss_limit is 0"),
+        (lambda: Supervision(strict=1), "strict is 1"),
+        (lambda: System(None), "packet_format is None"),
+        (lambda: System(master=None), "master is None"),
+        (lambda: DeadStation("SS", start=None), "start is None"),
+        (lambda: DeadStation("SS", start="1"), "start is '1'"),
+        (lambda: BitErrors(None), "rate is None"),
+        (
+            lambda: simulate(System(), until=1, changes=[(0.1, "SS", 1)]),
+            r"one of changes is \(0\.1, 'SS', 1\)",
+        ),
+        (lambda: DeadStation("XCS"), "station is 'XCS'"),
+        (
+            lambda: DeadStation("SS", start=2.0, stop=1.0),
+            "stop is 1 s; it must be after start, 2 s",
+        ),
+        (lambda: Stall("SS", start=0, stop=float("inf")), "a stall must end"),
+        (lambda: LostPacket("BCS", "SS", start=0), "'BCS', 'SS'"),
+        (lambda: BitErrors(float("nan")), "rate is nan"),
+        (lambda: simulate(System(), until=-1), "until is -1"),
+        (lambda: simulate(System(), until=1e6), "bytes and ticks"),
+        (lambda: simulate(System(), until=1, faults=[BitErrors(0.1)]), "rng is None"),
+        (lambda: simulate(System(), until=1, faults=["SS dies"]), "one of faults is 'SS dies'"),
+        (
+            lambda: simulate(System(), until=1, changes=[Change(0, "BCS", 10, 1)]),
+            r"number.*is 10.*0\.\.9",
+        ),
+        (
+            lambda: simulate(System(), until=1, changes=[Change(0, "ECS", 1, 1)]),
+            "station is 'ECS'",
+        ),
+        (lambda: simulate(System(), until=1, phases={"BCS": 0.2}), "phase of BCS is 0.2"),
+        (lambda: simulate(System(), until=1, phases={"ECS": 0.1}), "phases name 'ECS'"),
+        (lambda: simulate(System(), until=1).silences("RCS"), "must be 'BCS' or 'SS'"),
+        (lambda: System().response_time(hops=3), "hops is 3"),
+        (lambda: System(skip_turns=1).overrun_stall(), "skip_turns is 1"),
+        (lambda: System(ring_size=33).overrun_stall(), "ring_size is 33"),
+        (lambda: ring_trials(duration=5.1), "duration is 5.1 s"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

@@ -1,0 +1,436 @@
+import itertools
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
+from shipnet.remote_control import CobsFormat, MarkerFormat, changed_items
+from shipnet.remote_control.packet import DATA_START, PACKET_END, PACKET_START, stuff, unstuff
+from shipnet.remote_control.station import Sender
+
+CHECKS = ["any", "known", "rising"]
+FORMATS = [
+    *(MarkerFormat(reading, 10, numbers, crc)
+      for reading in "AB" for numbers in CHECKS for crc in (False, True)),
+    *(CobsFormat(10, numbers) for numbers in CHECKS),
+]  # fmt: skip
+WORDS = st.one_of(
+    st.integers(0, 0xFFFF),
+    st.sampled_from([0, 0xDDCC, 0xCCDD, 0xEECC, 0xDDDD, 0xEEEE, 0xCC00, 0x00CC, 0xEEDD]),
+)
+ITEMS = st.dictionaries(st.integers(0, 9), WORDS)
+formats = pytest.mark.parametrize("form", FORMATS, ids=str)
+streams = pytest.mark.parametrize("form", [FORMATS[k] for k in (0, 3, 8, 11, 13)], ids=str)
+
+
+def sorted_items(items):
+    return tuple(sorted(items.items()))
+
+
+def flipped(rows, bits):
+    """Return the rows, each with the bits of these places turned over."""
+    spread = np.unpackbits(rows, axis=1)
+    np.put_along_axis(spread, bits, 1 - np.take_along_axis(spread, bits, 1), 1)
+    return np.packbits(spread, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("form", "n_items", "size"),
+    [
+        (MarkerFormat("A"), 10, 33),
+        (MarkerFormat("B"), 10, 42),
+        (MarkerFormat("A"), 1, 6),
+        (MarkerFormat("B"), 1, 6),
+        (MarkerFormat("A"), 0, 3),
+        (MarkerFormat("B"), 0, 2),
+        (MarkerFormat("A", crc=True), 10, 35),
+        (CobsFormat(), 10, 34),
+        (CobsFormat(84), 84, 256),
+        (MarkerFormat(n_numbers=204), 204, 615),
+    ],
+)
+def test_a_packet_has_its_length(form, n_items, size):
+    assert form.size(n_items) == size
+    assert len(form.encode({number: 0 for number in range(n_items)})) == size
+
+
+@streams
+@given(items=ITEMS)
+def test_what_was_sent_is_read_as_one_packet_and_as_a_stream(form, items):
+    packet = form.encode(items)
+    parser = form.parser()
+    assert form.decode(packet) == sorted_items(items)
+    assert parser.feed(packet) == [sorted_items(items)]
+    assert parser.discarded == 0
+
+
+@streams
+@given(packets=st.lists(ITEMS, max_size=5), cuts=st.lists(st.integers(0, 250), max_size=6))
+def test_a_stream_may_be_fed_in_any_pieces(form, packets, cuts):
+    stream = b"".join(map(form.encode, packets))
+    parser, found = form.parser(), []
+    for start, stop in itertools.pairwise([0, *sorted(cuts), None]):
+        found += parser.feed(stream[start:stop])
+    assert found == [sorted_items(items) for items in packets]
+    assert parser.discarded == 0
+
+
+@formats
+@given(noise=st.one_of(
+    st.binary(max_size=400),
+    st.lists(st.sampled_from([0xCC, 0xDD, 0xEE, 0, 1, 9, 10]), max_size=400).map(bytes),
+))  # fmt: skip
+def test_any_bytes_are_packets_or_given_up_or_still_open(form, noise):
+    parser = form.parser()
+    packets = parser.feed(noise)
+    accounted = sum(form.size(len(items)) for items in packets) + parser.discarded
+    assert 0 <= len(noise) - accounted
+    if isinstance(form, MarkerFormat):
+        assert len(noise) - accounted < form.size(10)
+    if form.numbers != "any":
+        assert all(number < 10 for items in packets for number, _ in items)
+
+
+ITEM = bytes([1, 2, 3])
+GOOD = MarkerFormat().encode({0: 7})
+
+
+@pytest.mark.parametrize(
+    ("form", "noise", "discarded"),
+    [
+        (MarkerFormat(), b"\xcc", 1),
+        (MarkerFormat(), b"\xcc\xcc\xcc", 3),
+        (MarkerFormat(), b"\xdd\xee", 2),
+        (MarkerFormat(numbers="known"), b"\xcc\xdd" + ITEM, 5),
+        (MarkerFormat(), b"\xcc\xdd" + 10 * ITEM, 32),
+        (MarkerFormat(), b"\xcc\xdd" + 11 * ITEM + b"\xee", 36),
+        (MarkerFormat(numbers="known"), b"\xcc\xdd" + 2 * ITEM + b"\xee", None),
+        (MarkerFormat(numbers="rising"), b"\xcc\xdd" + 2 * ITEM + b"\xee", 9),
+    ],
+)
+def test_a_packet_is_found_behind_a_broken_one_and_the_bytes_given_up_are_counted(
+    form, noise, discarded
+):
+    parser = form.parser()
+    found = parser.feed(noise + GOOD)
+    assert found[-1] == ((0, 7),)
+    assert len(found) == (2 if discarded is None else 1)
+    assert parser.discarded == (discarded or 0)
+
+
+def test_all_bytes_of_an_endless_packet_are_given_up_at_its_zero():
+    parser = CobsFormat().parser()
+    assert parser.feed(bytes([7]) * 100) == []
+    assert parser.feed(b"\0") == []
+    assert parser.discarded == 101
+    assert parser.feed(CobsFormat().encode({3: 0})) == [((3, 0),)]
+
+
+@streams
+@given(noise=st.binary(max_size=60), items=ITEMS)
+def test_after_any_noise_the_parser_finds_its_way(form, noise, items):
+    parser = form.parser()
+    parser.feed(noise)
+    # An open packet of noise can swallow as many bytes as the longest packet has.
+    found = [one for _ in range(50) for one in parser.feed(form.encode({0: 1}))]
+    assert found[-1] == ((0, 1),)
+    assert parser.feed(form.encode({1: 2}))[-1] == ((1, 2),)
+
+
+@formats
+@given(items=ITEMS, data=st.data())
+def test_stream_and_batch_agree_with_decode_on_disturbed_packets(form, items, data):
+    packet = bytearray(form.encode(items))
+    places = st.tuples(st.integers(0, len(packet) - 1), st.integers(0, 255))
+    for place, byte in data.draw(st.lists(places, max_size=4)):
+        packet[place] = byte
+    checked = form.decode_batch(np.frombuffer(packet, np.uint8)[None])
+    try:
+        decoded, code = form.decode(packet), 0
+    except FrameError as error:
+        decoded, code = None, error.code
+    found = form.parser().feed(packet)
+    whole = len(found) == 1 and form.size(len(found[0])) == len(packet)
+    assert whole == (decoded is not None)
+    assert checked.error.tolist() == [code]
+    if whole:
+        pairs = zip(checked.numbers[0].tolist(), checked.values[0].tolist(), strict=True)
+        assert found[0] == decoded == tuple(pairs)
+
+
+@formats
+def test_batch_and_scalar_agree_on_ten_thousand_disturbed_packets(form):
+    rng = np.random.default_rng(1998)
+    values = rng.integers(0, 0x10000, (2000, 10))
+    values[rng.random(values.shape) < 0.2] = 0xDDCC
+    rows = form.encode_batch(range(10), values)
+    for row, line in zip(rows[:50], values[:50].tolist(), strict=True):
+        assert row.tobytes() == form.encode(dict(enumerate(line)))
+    assert (form.decode_batch(rows).values == values).all()
+    assert form.decode_batch(rows).accepted.all()
+    for n_flips in (1, 2, 4):
+        damaged = flipped(rows, rng.integers(0, 8 * rows.shape[1], (len(rows), n_flips)))
+        checked = form.decode_batch(damaged)
+        for row, code, line in zip(damaged, checked.error, checked.values, strict=True):
+            try:
+                decoded = form.decode(row.tobytes())
+            except FrameError as error:
+                assert code == error.code
+                assert not line.any()
+            else:
+                assert code == 0
+                assert [value for _, value in decoded] == line.tolist()
+
+
+@pytest.mark.parametrize(
+    ("form", "passed", "bits"),
+    [
+        (MarkerFormat("A"), 240, 264),
+        (MarkerFormat("A", numbers="rising"), 160, 264),
+        (MarkerFormat("B"), 240, 336),
+        (MarkerFormat("A", 1), 24, 48),  # a datum a packet: the third reading
+        (MarkerFormat("A", crc=True), 0, 280),
+        (CobsFormat(numbers="any"), 0, 272),
+    ],
+)
+def test_single_flips_that_pass_are_those_that_hit_no_marker(form, passed, bits):
+    # Closed form: every bit of number, low and high byte passes, where nothing checks it.
+    n = form.n_numbers
+    row = form.encode_batch(range(n), np.random.default_rng(3).integers(0, 0x10000, (1, n)))
+    damaged = flipped(np.repeat(row, 8 * row.shape[1], 0), np.arange(8 * row.shape[1])[:, None])
+    assert len(damaged) == bits
+    assert form.decode_batch(damaged).accepted.sum() == passed
+
+
+def test_the_crc_sees_every_two_flips_of_ten_data_and_the_markers_do_not():
+    pairs = np.array(list(itertools.combinations(range(33 * 8), 2)))
+    row = MarkerFormat().encode_batch(range(10), np.full((1, 10), 1000))
+    passed = (
+        MarkerFormat().decode_batch(flipped(np.repeat(row, len(pairs), 0), pairs)).accepted.mean()
+    )
+    # Both bits outside the markers; a number of ours does not become 0xEE by two flips but by
+    # three or more.
+    assert passed == pytest.approx(240 * 239 / (264 * 263))
+    for form in (MarkerFormat(crc=True), CobsFormat()):
+        row = form.encode_batch(range(10), np.full((1, 10), 1000))
+        pairs = np.array(list(itertools.combinations(range(row.shape[1] * 8), 2)))
+        assert not form.decode_batch(flipped(np.repeat(row, len(pairs), 0), pairs)).accepted.any()
+
+
+def test_a_packet_cut_short_or_made_longer_is_refused():
+    for form in FORMATS:
+        packet = form.encode({0: 1, 5: 2})
+        for wrong in (b"", packet[:-1], packet + b"\0", packet * 40):
+            with pytest.raises((LengthError, FormError)):
+                form.decode(wrong)
+            rows = np.frombuffer(wrong, np.uint8)[None]
+            assert form.decode_batch(rows).error[0] in (LengthError.code, FormError.code)
+
+
+@pytest.mark.parametrize(
+    ("form", "packet", "error"),
+    [
+        (MarkerFormat(), "cc dd 01 02", LengthError),
+        (MarkerFormat(), "cc dc 01 02 03 ee", FormError),
+        (MarkerFormat(), "cc dd ee 02 03 ee", FormError),
+        (MarkerFormat("B"), "cc dd 01 02 03 ef", FormError),
+        (MarkerFormat(crc=True), "cc dd ee 00 00", CrcError),
+        (MarkerFormat(numbers="known"), "cc dd 0a 02 03 ee", FieldError),
+        (MarkerFormat(numbers="rising"), "cc dd 01 02 03 01 02 03 ee", FieldError),
+        (CobsFormat(), "03 ff ff 01", FormError),
+        (CobsFormat(), "02 ff ff 00", FormError),
+        (CobsFormat(), "03 ff fe 00", CrcError),
+    ],
+)
+def test_each_fault_has_its_class(form, packet, error):
+    with pytest.raises(error):
+        form.decode(bytes.fromhex(packet))
+    row = np.frombuffer(bytes.fromhex(packet), np.uint8)[None]
+    assert form.decode_batch(row).error.tolist() == [error.code]
+
+
+@given(data=st.binary(max_size=254))
+def test_stuffed_bytes_hold_no_zero_and_come_back(data):
+    assert 0 not in stuff(data)
+    assert unstuff(stuff(data)) == data
+    assert len(stuff(data)) == len(data) + 1
+
+
+@pytest.mark.parametrize(
+    ("plain", "stuffed"),
+    # The first is the example of S. Cheshire and M. Baker, 1999; the others are by hand.
+    [
+        (
+            "45 00 00 2c 4c 79 00 00 40 06 4f 37",
+            "02 45 01 04 2c 4c 79 01 05 40 06 4f 37",
+        ),
+        ("", "01"),
+        ("00", "01 01"),
+        ("00 00", "01 01 01"),
+        ("11 22 00 33", "03 11 22 02 33"),
+        ("01" * 254, "ff" + "01" * 254),
+    ],
+)
+def test_stuffed_bytes_are_those_published(plain, stuffed):
+    assert stuff(bytes.fromhex(plain)) == bytes.fromhex(stuffed)
+
+
+@given(data=st.binary(max_size=300))
+def test_unstuffing_gives_bytes_that_stuff_alike_or_an_error(data):
+    try:
+        plain = unstuff(data)
+    except (FormError, LengthError):
+        return
+    assert stuff(plain) == data
+
+
+def test_two_bytes_imitate_as_often_as_counted():
+    markers = {PACKET_START, DATA_START, PACKET_END}
+    pairs = itertools.product(range(256), repeat=2)
+    assert sum(not markers.isdisjoint(pair) for pair in pairs) == MarkerFormat.false_sync(2) * 65536
+
+
+def test_twenty_random_bytes_imitate_as_often_as_the_formula_says():
+    values = np.random.default_rng(2024).integers(0, 256, (100_000, 20))
+    for markers in ([PACKET_START], [PACKET_START, DATA_START, PACKET_END]):
+        share = MarkerFormat.false_sync(20, len(markers))
+        found = np.isin(values, markers).any(axis=1).mean()
+        # Four standard errors of a share of 100 000.
+        assert found == pytest.approx(share, abs=4 * (share * (1 - share) / 1e5) ** 0.5)
+    assert [round(100 * MarkerFormat.false_sync(20, m), 1) for m in (1, 3)] == [7.5, 21.0]
+    assert MarkerFormat.false_sync(0) == 0 and MarkerFormat.false_sync(5, 256) == 1
+
+
+def test_only_changes_are_sent_and_every_subset_comes_through():
+    rng = np.random.default_rng(5)
+    for form in FORMATS:
+        sender, table = Sender(form), dict.fromkeys(range(10), 0)
+        sending = [0] * 10
+        for mask in rng.permutation(1024)[:200].tolist():
+            last = list(sending)
+            for number in range(10):
+                sending[number] = (sending[number] + (mask >> number & 1)) % 0x10000
+            packet = sender.packet(sending)
+            assert len(packet) == form.size(mask.bit_count())
+            assert dict(form.decode(packet)) == changed_items(sending, last)
+            table.update(form.decode(packet))
+            assert list(table.values()) == sending
+
+
+@pytest.mark.parametrize(("repeat", "packets"), [(1, 10), (3, 4), (10, 1)])
+def test_repeating_mends_a_lost_packet_and_the_printed_rule_does_not(repeat, packets):
+    def after_a_loss(sender, n_packets):
+        sender.packet([7] * 10)  # lost
+        table = dict.fromkeys(range(10), 0)
+        for _ in range(n_packets):
+            table.update(sender.packet_format.decode(sender.packet([7] * 10)))
+        return list(table.values())
+
+    assert after_a_loss(Sender(MarkerFormat(), repeat=repeat), packets) == [7] * 10
+    assert after_a_loss(Sender(MarkerFormat()), 1000) == [0] * 10
+    if repeat < 10:
+        assert after_a_loss(Sender(MarkerFormat(), repeat=repeat), packets - 1) != [7] * 10
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: MarkerFormat("C"), "reading is 'C'"),
+        (lambda: MarkerFormat(n_numbers=0), r"n_numbers is 0.*1\.\.204"),
+        (lambda: MarkerFormat(n_numbers=205), "n_numbers is 205"),
+        (lambda: MarkerFormat(numbers="all"), "numbers is 'all'"),
+        (lambda: MarkerFormat(crc=1), "crc is 1"),
+        (lambda: CobsFormat(85), r"n_numbers is 85.*1\.\.84"),
+        (lambda: MarkerFormat().size(11), r"n_items is 11.*0\.\.10"),
+        (lambda: MarkerFormat().encode({10: 0}), r"number is 10.*0\.\.9"),
+        (lambda: MarkerFormat().encode({0: -1}), "value of item 0 is -1"),
+        (lambda: CobsFormat().encode({0: 0x10000}), "value of item 0 is 65536"),
+        (lambda: CobsFormat().encode({0: float("nan")}), "value of item 0 is nan"),
+        (lambda: MarkerFormat().encode([(0, 1)]), "items is"),
+        (lambda: stuff(bytes(255)), "length of data is 255"),
+        (lambda: MarkerFormat().encode_batch([0, 1], [[1, 2, 3]]), "shapes"),
+        (lambda: MarkerFormat().encode_batch([1, 0], [[1, 2]]), "rise"),
+        (lambda: MarkerFormat().encode_batch([0, 10], [[1, 2]]), r"numbers .* 0\.\.9"),
+        (lambda: MarkerFormat().encode_batch([0, 1], [[1, np.nan]]), "values must be"),
+        (lambda: MarkerFormat().encode_batch([0, 1], [[1, 2], [3]]), "equal length"),
+        (lambda: MarkerFormat().decode_batch([[1, 2]]), "uint8"),
+        (lambda: changed_items([1, 2], [1]), "sending has 2 data; it must have 1"),
+        (lambda: Sender(MarkerFormat(), [0]), "sended has 1 data"),
+        (lambda: Sender(MarkerFormat(), repeat=11), "repeat is 11"),
+        (lambda: changed_items(["a"], [1]), r"sending\[0\] is 'a'"),
+        (lambda: MarkerFormat().parser().feed(204), "data is 204; it must be bytes"),
+        (lambda: CobsFormat().parser().feed(204), "data is 204; it must be bytes"),
+        (lambda: MarkerFormat().decode(6), "packet is 6; it must be bytes"),
+        (lambda: CobsFormat().decode(None), "packet is None; it must be bytes"),
+        (lambda: MarkerFormat().stream(-1), "n_bytes is -1"),
+        (lambda: MarkerFormat().stream(10, items=11), "items is 11"),
+        (lambda: MarkerFormat().trace(b"\xcc", start=128), r"start is 128.*0\.\.127"),
+        (lambda: CobsFormat().trace(7), "stream is 7; it must be bytes"),
+        (lambda: MarkerFormat.false_sync(-1), "n_bytes is -1"),
+        (lambda: MarkerFormat.false_sync(1, 257), "markers is 257"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError) as error:
+        make()
+    assert re.search(message, str(error.value))
+
+
+@formats
+def test_no_packets_and_packets_without_items_are_arrays_too(form):
+    assert form.decode_batch(np.zeros((0, form.size(10)), np.uint8)).values.shape == (0, 10)
+    rows = form.encode_batch([], np.zeros((3, 0), int))
+    assert [row.tobytes() for row in rows] == [form.encode({})] * 3
+    assert form.decode_batch(rows).error.tolist() == [0, 0, 0]
+
+
+def test_a_trace_names_each_byte_as_the_parser_reads_it():
+    stream = bytes.fromhex("41 cc dd 03 34 12 09 01 02 ee 03 ee cc dd ee")
+    steps = MarkerFormat().trace(stream, start=122)
+    words = ["number", "low byte", "high byte"]
+    packet = ["start of the packet", "start of the data"]
+    assert steps.taken_as.tolist() == [
+        "passed over", *packet, *words, *words, "end of the packet",
+        "passed over", "passed over", *packet, "end of the packet",
+    ]  # fmt: skip
+    assert steps.place.tolist() == [(122 + k) % 128 for k in range(len(stream))]
+
+
+def test_a_trace_names_the_crc_and_the_markers_of_reading_b():
+    form = MarkerFormat("B", crc=True)
+    item = ["start of the data", "number", "low byte", "high byte"]
+    assert form.trace(form.encode({0: 1, 1: 2})).taken_as.tolist() == [
+        "start of the packet", *item, *item, "end of the packet", "CRC", "CRC",
+    ]  # fmt: skip
+
+
+def test_the_trace_of_a_byte_stuffed_packet_names_its_zeros():
+    form = CobsFormat()
+    packet = form.encode({0: 120, 3: 0xCCDD})
+    assert form.trace(packet).taken_as.tolist() == [
+        "distance to the first 0: 1", "number, a 0; distance to the next: 2", "low byte",
+        "high byte, a 0; distance to the next: 6", "number", "low byte", "high byte", "CRC",
+        "CRC", "end of the packet",
+    ]  # fmt: skip
+    broken = form.trace(b"\x07\0" + packet[:3])
+    assert broken.taken_as.tolist() == 2 * ["passed over"] + 3 * ["not complete"]
+
+
+@streams
+@given(items=ITEMS)
+def test_a_trace_has_a_row_per_byte_and_ends_where_the_packet_does(form, items):
+    packet = form.encode(items)
+    found = form.trace(packet, start=5, size=16)
+    assert len(found) == len(packet)
+    assert found.taken_as.iloc[-1] in ("end of the packet", "CRC")
+    assert (found.taken_as.str.startswith("number")).sum() == len(items)
+
+
+@streams
+def test_a_stream_repeats_one_packet_from_any_byte_of_it_on(form):
+    packet = form.encode({0: 1000, 1: 1000})
+    assert form.stream(50, items=2) == (packet * 10)[:50]
+    assert form.stream(50, items=2, phase=4) == (packet * 10)[4:54]

@@ -1,0 +1,398 @@
+import itertools
+import re
+
+import matplotlib
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet import datasets
+from shipnet.errors import ArgumentError
+from shipnet.papers.chung1998.ring import extract_items, extract_value, extraction
+from shipnet.remote_control import MarkerFormat, Ring
+from shipnet.remote_control.ring_buffer import State, case_of, pointer_case
+
+RULES = ["printed", "intended", "corrected"]
+SIZES = range(2, 9)
+
+
+@pytest.fixture
+def axes():
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    figure, ax = pyplot.subplots()
+    yield ax
+    pyplot.close(figure)
+
+
+def filled(size, rule, data):
+    ring = Ring(size, rule)
+    for byte in data:
+        ring.store(byte)
+    return ring
+
+
+def drain(ring):
+    """Extract until the reader rests; return the bytes."""
+    taken = []
+    for _ in range(4 * ring.size + 4):
+        step = ring.extract()
+        if step.action in ("wait", "stop"):
+            return bytes(taken)
+        if step.action == "take":
+            taken.append(step.byte)
+    raise AssertionError("the reader never rests")
+
+
+class Printed:
+    """The text's four variables, moved as Figs 7 to 9 are described, and nothing else."""
+
+    def __init__(self, size, empty_is_data):
+        self.size, self.empty_is_data = size, empty_is_data
+        self.cells = [0] * size
+        self.no = self.ring_f = self.get_no = self.ring_get_f = 0
+
+    def store(self, byte):
+        self.cells[self.no] = byte
+        if self.no == self.size - 1:
+            self.no = 0
+            self.ring_f = 1 if self.ring_f == 0 else 0
+        else:
+            self.no += 1
+
+    def raise_get_no(self):
+        self.get_no += 1
+        if self.get_no == self.size:
+            self.get_no = 0
+            self.ring_get_f = 1 if self.ring_get_f == 0 else 0
+
+    def extract(self):
+        if self.ring_f == self.ring_get_f:
+            if self.no < self.get_no:
+                return "stop", None
+            if self.no == self.get_no and not self.empty_is_data:
+                return "wait", None
+        elif self.no >= self.get_no:
+            if self.no < self.size >> 1:
+                self.get_no = self.size >> 1
+            else:
+                self.get_no = 0
+                self.ring_get_f = 1 if self.ring_get_f == 0 else 0
+            while (self.no, self.ring_f) != (self.get_no, self.ring_get_f):
+                if self.cells[self.get_no] == 0xCC:
+                    break
+                self.raise_get_no()
+            return "repair", None
+        byte = self.cells[self.get_no]
+        self.raise_get_no()
+        return "take", byte
+
+
+OPERATIONS = st.lists(
+    st.one_of(st.none(), st.sampled_from([0xCC, 0xDD, 1, 2]), st.integers(1, 40)), max_size=60
+)
+
+
+@pytest.mark.parametrize("rule", ["printed", "intended"])
+@given(size=st.integers(2, 9), operations=OPERATIONS)
+def test_the_ring_does_what_the_four_printed_variables_do(rule, size, operations):
+    ring, printed = Ring(size, rule), Printed(size, rule == "printed")
+    for operation in operations:
+        if operation is None:
+            step = ring.extract()
+            assert (step.action, step.byte) == printed.extract()
+        else:
+            ring.store(operation)
+            printed.store(operation)
+        state = (printed.no, printed.ring_f, printed.get_no, printed.ring_get_f)
+        assert ring.state == state
+        assert ring.cells == bytes(printed.cells)
+
+
+@pytest.mark.parametrize("rule", RULES)
+@given(size=st.integers(2, 9), operations=OPERATIONS)
+def test_what_is_lost_and_what_is_stale_is_what_a_queue_says(rule, size, operations):
+    # Every byte is told apart by its count from the first; the ring itself cannot see these.
+    ring, count, taken, due_from = Ring(size, rule), 0, [], 0
+    for operation in operations:
+        if operation is not None:
+            ring.store(count % 251)
+            count += 1
+            continue
+        place = ring.state.get_no
+        step = ring.extract()
+        if step.action == "take":
+            held = [k for k in range(count) if k % size == place][-1:]
+            due = bool(held) and held[0] >= due_from
+            assert step.stale == (not due)
+            taken += held if due else []
+            due_from = held[0] + 1 if due else due_from
+        elif step.action == "repair":
+            due_from = max(due_from, count - ring.seems_unread)
+    assert taken == sorted(set(taken))
+    assert ring.written == count == len(taken) + ring.lost + ring.unread
+
+
+@given(size=st.integers(2, 9), operations=OPERATIONS)
+def test_the_mended_ring_takes_every_byte_in_order_but_those_overwritten(size, operations):
+    ring, queue = Ring(size, "corrected"), []
+    for operation in operations:
+        if operation is not None:
+            ring.store(operation)
+            queue.append(operation)
+        elif not queue:
+            assert ring.extract().action == "wait"
+        elif len(queue) > size:
+            step = ring.extract()
+            assert (step.action, step.lost) == ("repair", len(queue) - size)
+            queue = queue[-size:]
+        else:
+            step = ring.extract()
+            assert (step.action, step.byte, step.stale) == ("take", queue.pop(0), False)
+
+
+def test_cases_are_those_of_the_data_file():
+    table = pd.read_csv(datasets.path("chung1998_ring_states.csv"), dtype=str)
+    cases = {
+        ("same" if state.ring_f == state.ring_get_f else "different",
+         "<" if state.no < state.get_no else ">="): pointer_case(state)
+        for state in itertools.starmap(State, itertools.product(range(3), (0, 1), range(3), (0, 1)))
+    }  # fmt: skip
+    printed = zip(table.ring_flags, table.no_against_get_no, strict=True)
+    assert cases == dict(zip(printed, table.case, strict=True))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_table_of_cases_is_what_rings_show(size):
+    counted = {(lap, case): 0 for lap in range(3) for case in "abcd"}
+    for lead, place in itertools.product(range(3 * size), range(size)):
+        ring = Ring(size, "corrected")
+        for _ in range(place):
+            ring.store(0)
+            ring.extract()
+        for _ in range(lead):
+            ring.store(0)
+        assert ring.unread == lead
+        assert ring.seems_unread == lead % (2 * size)
+        counted[lead // size, ring.case] += 1
+    table = Ring(size).cases().table()
+    assert {(lap, case): table.loc[lap, case] for lap, case in counted} == counted
+
+
+def test_a_lead_of_two_rounds_looks_in_order_and_is_lost_silently():
+    ring = filled(128, "intended", [0xCC] * 260)
+    assert (ring.unread, ring.seems_unread, ring.case) == (260, 4, "b")
+    assert drain(ring) == bytes([0xCC] * 4)
+    assert (ring.lost, ring.unread) == (256, 0)
+    mended = filled(128, "corrected", [0xCC] * 260)
+    assert mended.extract().lost == 132
+    assert len(drain(mended)) == 128
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_all_interleavings_of_a_small_ring_are_among_the_states_explored(size):
+    length = 11
+    for rule in RULES:
+        table = Ring(size, rule).explore(4 * size)
+        columns = ["no", "ring_f", "get_no", "ring_get_f", "unread", "action", "lost", "stale"]
+        explored = set(table[columns].itertuples(index=False, name=None))
+        level, met = [Ring(size, rule)], set()
+        for _ in range(length):
+            following = []
+            for ring in level:
+                after, stored = ring.copy(), ring.copy()
+                step = after.extract()
+                stored.store(0xCC)
+                met.add((*ring.state, ring.unread, step.action, step.lost, step.stale))
+                following += [after, stored]
+            # Rings that are alike in all that counts go on alike.
+            level = list({(*r.state, r.unread, r.cells): r for r in following}.values())
+        assert {row for row in met if row[4] <= 4 * size} <= explored
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_by_the_meant_rule_a_ring_that_is_never_full_is_always_in_order(size):
+    table = Ring(size, "intended").explore(size - 1)
+    assert set(table.case) == {"b", "d"}
+    assert set(table.action) == {"take", "wait"}
+    assert not table.stale.any() and not table.lost.any()
+    assert ((table.action == "wait") == (table.unread == 0)).all()
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_by_the_letter_even_one_byte_at_a_time_reaches_the_abnormal_cases(size):
+    table = Ring(size, "printed").explore(1)
+    assert {"a", "c"} <= set(table.case)
+    assert table.stale.any()
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_ring_that_is_just_full_is_repaired_though_nothing_is_lost(size):
+    table = Ring(size, "intended").explore(size)
+    full = table[table.unread == size]
+    assert set(full.case) == {"c"} and set(full.action) == {"repair"}
+    assert full.lost.max() == (size + 1) // 2
+    mended = Ring(size, "corrected").explore(size)
+    assert not mended.lost.any() and not mended.stale.any()
+
+
+@pytest.mark.parametrize(
+    "form", [MarkerFormat("A"), MarkerFormat("B"), MarkerFormat("A", 1)], ids=str
+)
+def test_after_the_repair_every_ring_of_packets_is_in_order(form):
+    items = {number: 1000 + number for number in range(form.n_numbers)}
+    packet = form.encode(items)
+    stream = packet * (400 // len(packet) + 2)
+    given_up = []
+    for phase, no in itertools.product(range(len(packet)), range(128)):
+        # The reader is at the start; `no` bytes beyond a full ring have been overwritten.
+        ring = filled(128, "intended", stream[phase : phase + 128 + no])
+        assert ring.case == "c"
+        given_up.append(ring.extract().lost - no)
+        assert ring.case in ("b", "d") and ring.unread == ring.seems_unread
+        assert ring.cells[ring.state.get_no] == 0xCC
+    # Half a ring at most, and on average half a packet until the next one begins.
+    assert np.mean(given_up) == pytest.approx(32.5 + (len(packet) - 1) / 2)
+    assert max(given_up) == 64 + len(packet) - 1
+
+
+def test_bytes_given_up_by_the_repair_are_those_of_its_closed_form():
+    # All bytes are 0xCC, so that the search ends at once.
+    for no in range(128):
+        ring = filled(128, "intended", [0xCC] * (128 + no))
+        assert ring.extract().lost - no == (64 - no if no < 64 else 128 - no)
+
+
+@given(cells=st.lists(st.integers(0, 0xCB), min_size=128, max_size=400))
+def test_a_repair_that_finds_no_packet_ends_with_an_empty_ring(cells):
+    ring = filled(128, "intended", cells)
+    if ring.case == "c":
+        ring.extract()
+        assert ring.unread == ring.seems_unread == 0
+        assert ring.extract().action == "wait"
+
+
+@pytest.mark.parametrize("form", [MarkerFormat("A"), MarkerFormat("B")], ids=str)
+def test_twenty_of_128_places_break_a_value_by_the_letter_and_none_with_round_indices(form):
+    items = {number: 0x1234 for number in range(10)}
+    printed = extraction(items, form)
+    # By hand: item k's number stands at offset + first + k * step; 126 and 127 are bad.
+    first, step = (2, 3) if form.reading == "A" else (2, 4)
+    bad = [
+        sum((offset + first + k * step) % 128 in (126, 127) for k in range(10))
+        for offset in range(128)
+    ]
+    assert printed.wrong.tolist() == bad
+    assert sum(bad) == 20
+    assert printed.outside.sum() == 10 * (1 + 2)
+    mended = extraction(items, form, wrap=True)
+    assert not mended.wrong.any() and not mended.outside.any()
+
+
+@given(cells=st.binary(min_size=3, max_size=200), data=st.data())
+def test_a_value_is_the_two_bytes_behind_its_number(cells, data):
+    place = data.draw(st.integers(0, len(cells) - 1))
+    low, high = (cells[(place + k) % len(cells)] for k in (1, 2))
+    assert extract_value(cells, place, wrap=True) == low + 256 * high
+    if place < len(cells) - 2:
+        assert extract_value(cells, place, beyond=b"xy") == low + 256 * high
+    else:
+        behind = cells + b"xy"
+        assert extract_value(cells, place, beyond=b"xy") == (
+            behind[place + 1] + 256 * behind[place + 2]
+        )
+
+
+def test_a_packet_half_arrived_gives_old_bytes_as_values():
+    old, new = ({number: value for number in range(10)} for value in (0x1111, 0x2222))
+    form = MarkerFormat()
+    ring = bytearray(form.encode(old).ljust(128, b"\0"))
+    packet = form.encode(new)
+    wrong = []
+    for arrived in range(len(packet) + 1):
+        cells = packet[:arrived] + ring[arrived:]
+        found = extract_items(bytes(cells), 0, 10)
+        wrong.append(sum(value != 0x2222 for _, value in found))
+    assert wrong == [min(10, max(0, 10 - (arrived - 2) // 3)) for arrived in range(34)]
+    half = packet[:4] + ring[4:]
+    assert extract_items(bytes(half), 0, 1) == ((0, 0x1122),)
+
+
+def test_a_ring_is_drawn_with_its_pointers_and_unread_cells(axes):
+    ring = filled(16, "intended", range(1, 21))
+    for _ in range(1 + 2):
+        ring.extract()
+    assert ring.plot(axes) is axes
+    shaded = [p.get_label() for p in axes.patches if p.get_facecolor()[:3] != (1, 1, 1)]
+    assert len(axes.patches) == 16
+    assert len(shaded) == ring.unread
+    texts = [text.get_text() for text in axes.texts]
+    assert {"no", "get_no"} <= set(texts)
+    assert f"case {ring.case}" in texts[-1] and f"{ring.unread} unread" in texts[-1]
+
+
+def test_the_map_of_cases_agrees_with_the_table(axes):
+    Ring(16).cases().plot(axes)
+    shown = np.asarray(axes.images[0].get_array())
+    table = Ring(16).cases().table()
+    for lap, (code, case) in itertools.product(range(3), enumerate("bdca")):
+        part = shown[:, 16 * lap : 16 * (lap + 1)]
+        assert (part == code).sum() == table.loc[lap, case]
+    assert axes.get_xlabel() == "unread bytes [byte]"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Ring(1), r"size is 1.*2\.\.65536"),
+        (lambda: Ring(8, "literal"), "rule is 'literal'"),
+        (lambda: Ring.filled(-3, 2), "unread is -3"),
+        (lambda: Ring.filled(3, 500), r"get_no is 500.*0\.\.127"),
+        (lambda: Ring(8).cases().plot(get_no=8), r"get_no is 8.*0\.\.7"),
+        (lambda: Ring(8).store(256), r"byte is 256.*0\.\.255"),
+        (lambda: Ring(8).store(float("nan")), "byte is nan"),
+        (lambda: Ring(17).explore(), "size is 17"),
+        (lambda: Ring(4).explore(17), "max_unread is 17"),
+        (lambda: Ring(2000).cases(), "size is 2000"),
+        (lambda: Ring(8).cases(0), "laps is 0"),
+        (lambda: extract_value(None, 0), "cells is None"),
+        (lambda: extract_items(b"", 0, 1), "cells has 0 bytes"),
+        (lambda: extract_value(b"", 0), "cells and beyond have 0"),
+        (lambda: extract_value(bytes(8), 8), r"get_no is 8.*0\.\.7"),
+        (lambda: extract_value(bytes(8), 0, beyond=b""), "2 and 0|8 and 0"),
+        (lambda: extract_items(bytes(128), 128, 1), "get_no is 128"),
+        (lambda: extract_items(bytes(128), 0, 11), "n_items is 11"),
+        (lambda: extraction({0: 1}, size=5), r"size is 5.*6\.\."),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError) as error:
+        make()
+    assert re.search(message, str(error.value))
+
+
+@pytest.mark.parametrize("rule", RULES)
+@given(size=st.integers(2, 9), before=st.binary(max_size=20), data=st.binary(max_size=40))
+def test_bytes_stored_at_once_are_bytes_stored_one_by_one(rule, size, before, data):
+    whole, single = filled(size, rule, before), filled(size, rule, before + data)
+    whole.store_all(data)
+    assert (whole.cells, whole.state, whole.unread) == (single.cells, single.state, single.unread)
+
+
+@given(size=st.integers(2, 9), data=st.data())
+def test_a_filled_ring_has_the_bytes_the_place_and_the_case_that_were_asked_for(size, data):
+    get_no = data.draw(st.integers(0, size - 1))
+    unread = data.draw(st.integers(0, 3 * size))
+    ring = Ring.filled(unread, get_no, size)
+    assert (ring.unread, ring.state.get_no, ring.stale) == (unread, get_no, 0)
+    assert ring.case == case_of(get_no, unread, size)
+
+
+def test_the_lead_is_drawn_with_the_letters_of_its_cases(axes):
+    Ring(128).cases().plot(axes, get_no=40)
+    letters = [text.get_text() for text in axes.texts if len(text.get_text()) == 1]
+    assert letters == ["b", "d", "c", "a", "b", "d"]
+    assert axes.lines[1].get_ydata().max() == 255

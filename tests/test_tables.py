@@ -1,0 +1,255 @@
+import datetime
+import sys
+import zipfile
+from io import BytesIO
+
+import openpyxl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet import datasets
+from shipnet.design.iolist import from_table, load_iolist
+from shipnet.errors import InputError
+from shipnet.tables import parse_sheet, read_bytes, read_sheet, text_of
+
+LIST = [["Tag No.", "I/O", "Signal type", "X [m]", "Y [m]", "Z [m]", "Update [s]"],
+        ["LS-1", "DI", "limit switch", 1.5, 2, 3, 0.5],
+        [1001, "AI", "4-20 mA", -1, 0, 2.25, 1]]  # fmt: skip
+
+
+def workbook(path, *sheets):
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for title, rows in sheets:
+        sheet = book.create_sheet(title)
+        for row in rows:
+            sheet.append(row)
+    book.save(path)
+    book.close()
+    return path
+
+
+def test_a_workbook_gives_the_points_that_its_cells_hold(tmp_path):
+    heading = [["Project", "Hull 1234"], [], ["Revision", datetime.date(2026, 1, 2)]]
+    path = workbook(tmp_path / "list.xlsx", ("Cover", heading), ("Points", heading + LIST))
+    points = load_iolist(path).points
+    assert points["tag"].tolist() == ["LS-1", "1001"]
+    assert points[["x_m", "y_m", "z_m"]].values.tolist() == [[1.5, 2, 3], [-1, 0, 2.25]]
+    assert points["update_ms"].tolist() == [500, 1000]
+    assert load_iolist(path, sheet="Points").points.equals(points)
+    # The name of the file does not decide.
+    (tmp_path / "list.csv").write_bytes(path.read_bytes())
+    assert load_iolist(tmp_path / "list.csv").points.equals(points)
+
+
+def test_the_example_ship_is_the_same_from_a_workbook(tmp_path):
+    ship = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
+    rows = [list(ship.columns), *ship.astype(object).where(ship.notna(), None).values.tolist()]
+    path = workbook(tmp_path / "ship.xlsx", ("ship", rows))
+    assert load_iolist(path).points.equals(ship)
+    assert from_table(ship).points.equals(ship)
+
+
+def test_dates_errors_and_truths_in_a_workbook_are_faults(tmp_path):
+    rows = [LIST[0], ["LS-1", "DI", "contact", datetime.datetime(1905, 7, 2), True, 3, "1,5"],
+            [datetime.date(2026, 1, 2), "DI", "contact", 1, 2, "#REF!", 1],
+            ["#N/A", *LIST[1][1:]]]  # fmt: skip
+    path = workbook(tmp_path / "list.xlsx", ("list", rows))
+    with pytest.raises(InputError) as error:
+        load_iolist(path)
+    assert error.value.faults == (
+        "row 2, column X [m]: '1905-07-02 00:00:00', a date or a time; expected a number "
+        "-1000..1000 m",
+        "row 2, column Y [m]: 'True', true or false; expected a number -1000..1000 m",
+        "row 2, column Update [s]: '1,5'; expected a number above 0, up to 3600 s",
+        "row 3, column Tag No.: '2026-01-02 00:00:00', a date or a time; expected printable text",
+        "row 3, column Z [m]: '#REF!', an error; expected a number -1000..1000 m",
+        "row 4, column Tag No.: '#N/A', an error; expected printable text",
+    )
+
+
+def test_a_formula_is_never_evaluated(tmp_path):
+    rows = [LIST[0], ["=1+1", *LIST[1][1:]], ["LS-2", "DI", "contact", "=A1", 2, 3, 1]]
+    path = workbook(tmp_path / "list.xlsx", ("list", rows))
+    # openpyxl saves no values with formulas: the cells are empty.
+    with pytest.raises(InputError) as error:
+        load_iolist(path)
+    assert error.value.faults == (
+        "row 2, column Tag No.: is empty; expected a tag",
+        "row 3, column X [m]: is empty; expected X [m], Y [m], Z [m], or none",
+    )
+
+
+def test_what_stands_beside_the_table_is_not_used(tmp_path):
+    rows = [LIST[0], [*LIST[1], None, "checked by K."], LIST[2]]
+    iolist = load_iolist(workbook(tmp_path / "list.xlsx", ("list", rows)))
+    assert iolist.remarks == ("not used: what stands beside the table in 1 rows",)
+
+
+def test_sheets_that_are_not_there_are_named(tmp_path):
+    path = workbook(tmp_path / "list.xlsx", ("Cover", [["x"]]), ("Points", LIST))
+    with pytest.raises(InputError, match="has no sheet 'points'; it has Cover, Points"):
+        load_iolist(path, sheet="points")
+    with pytest.raises(InputError, match=r"has no row of titles .*, on the sheet Cover"):
+        load_iolist(path, sheet="Cover")
+    with pytest.raises(InputError, match="has no sheet 'a'; expected an Excel workbook"):
+        load_iolist(datasets.path("synthetic_iolist_ship.csv"), sheet="a")
+
+
+def test_a_workbook_without_openpyxl_says_what_to_install(tmp_path, monkeypatch):
+    path = workbook(tmp_path / "list.xlsx", ("Points", LIST))
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(InputError, match="install openpyxl to read it, or save it as CSV"):
+        load_iolist(path)
+
+
+def archive(**files):
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as book:
+        for name, data in files.items():
+            book.writestr(name, data)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"PK\x03\x04 and no more", "is no Excel workbook"),
+        (archive(mimetype="application/vnd.oasis.opendocument"), "is no Excel workbook"),
+        (archive(big=bytes(2**28 + 1)), "unpacks to more than"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1 old", r"is an old Excel file \(.xls\)"),
+        (b"\x00\x01\x02", "holds zero bytes"),
+        (bytes(2**24 + 1), "is larger than 16777216 bytes"),
+    ],
+    ids=["torn", "ods", "bomb", "xls", "binary", "large"],
+)  # fmt: skip
+def test_what_is_no_table_is_refused(data, message, tmp_path):
+    path = tmp_path / "list.xlsx"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=message):
+        read_sheet(path)
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path):
+    for path in (tmp_path, tmp_path / "none.csv", "a\0b"):
+        with pytest.raises(InputError, match="cannot be read"):
+            read_bytes(path)
+
+
+shares = st.floats(0, 1)
+
+
+@given(st.integers(0, 20), shares, shares, st.binary(max_size=6), shares)
+@settings(max_examples=80)
+def test_a_broken_workbook_gives_a_sheet_or_an_input_error(
+    tmp_path_factory, part, start, stop, new, end
+):
+    path = tmp_path_factory.getbasetemp() / "broken.xlsx"
+    with zipfile.ZipFile(workbook(path, ("Points", LIST))) as book:
+        parts = {name: book.read(name) for name in book.namelist()}
+    part = sorted(parts)[part % len(parts)]
+    # Something else stands for a few bytes of one part, or the end of the file is lost.
+    whole, place = parts[part], round(start * len(parts[part]))
+    parts[part] = whole[:place] + new + whole[place + round(6 * stop) :]
+    data = archive(**parts)
+    path.write_bytes(data[: len(data) if end > 0.2 else round(5 * end * len(data))])
+    try:
+        assert read_sheet(path).titles
+    except InputError as error:
+        assert "\n" not in str(error)
+
+
+def test_cells_with_line_breaks_do_not_shift_the_rows():
+    sheet = parse_sheet('a,"long\ntitle"\n1,"x\ny"\n\n2,3\n')
+    assert sheet.titles == ("a", "long title")
+    assert sheet.rows == [(3, ["1", "x\ny"]), (6, ["2", "3"])]
+
+
+def test_the_separator_is_the_one_that_makes_titles():
+    for separator in ",;\t":
+        line = separator.join
+        sheet = parse_sheet(f"{line('abc')}\n{line('123')}")
+        assert (sheet.titles, sheet.separator) == (("a", "b", "c"), separator)
+    assert parse_sheet("a,b;c,d;e", is_titles=lambda cells: "c,d" in cells).separator == ";"
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_a_sheet_or_an_input_error(data):
+    try:
+        sheet = parse_sheet(text_of(data))
+    except InputError as error:
+        assert error.faults
+    else:
+        assert any(sheet.titles)
+
+
+def test_a_hidden_sheet_is_read_only_by_its_name(tmp_path):
+    old = [LIST[0], ["OLD-1", *LIST[1][1:]]]
+    path = workbook(tmp_path / "list.xlsx", ("Rev A", old), ("Rev B", LIST))
+    book = openpyxl.load_workbook(path)
+    book["Rev A"].sheet_state = "hidden"
+    book.save(path)
+    assert load_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
+    assert load_iolist(path, "Rev A").points["tag"].tolist() == ["OLD-1"]
+    book["Rev A"].sheet_state = "veryHidden"
+    book.save(path)
+    assert load_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
+    book["Rev A"].sheet_state = "visible"
+    book["Rev B"].sheet_state = "hidden"
+    del book["Rev A"]
+    book.create_sheet("Cover").append(["Hull 1234"])
+    book.save(path)
+    with pytest.raises(InputError, match=r"on the sheets Cover; hidden, to be named: Rev B$"):
+        load_iolist(path)
+
+
+def test_sheets_that_hold_such_a_table_too_are_told(tmp_path):
+    other = [LIST[0], ["FO-1", *LIST[1][1:]]]
+    path = workbook(
+        tmp_path / "list.xlsx", ("Cover", [["Hull 1234"]]), ("Bilge", LIST), ("Fuel", [[], *other]),
+        ("Cargo", other),
+    )  # fmt: skip
+    iolist = load_iolist(path)
+    assert iolist.remarks == ("read: sheet Bilge; not read: Fuel, Cargo, with such titles too",)
+    assert load_iolist(path, "Fuel").remarks == ()
+    assert load_iolist(path, "Fuel").points["tag"].tolist() == ["FO-1"]
+
+
+def test_cells_that_are_merged_downwards_hold_the_same_in_each_row(tmp_path):
+    titles = ["Tag", "System", "Type", "x", "y", "z", "JB", "Remarks", "More"]
+    points = [[f"LS-{n}", None, "DI", n, 0, 0, None, None, None] for n in range(1, 5)]
+    points[0][1], points[0][6], points[2][6] = "Bilge", "JB1", "JB2"
+    points[1][7] = "aft"
+    path = workbook(tmp_path / "list.xlsx", ("Points", [["Hull 1234"], [], titles, *points]))
+    book = openpyxl.load_workbook(path)
+    for cells in ("A1:I1", "A3:A3", "B4:B7", "G4:G5", "G6:G7", "H5:I6"):
+        book["Points"].merge_cells(cells)
+    book.save(path)
+    read = load_iolist(path).points
+    assert read["system"].tolist() == ["Bilge"] * 4
+    assert read["box"].tolist() == ["JB1", "JB1", "JB2", "JB2"]
+    assert read["note"].tolist() == ["", "aft", "aft", ""]
+
+
+def test_a_title_that_is_merged_downwards_is_no_point(tmp_path):
+    path = workbook(tmp_path / "list.xlsx", ("Points", [LIST[0], [None] * 7, *LIST[1:]]))
+    book = openpyxl.load_workbook(path)
+    book["Points"].merge_cells("A1:A2")
+    book.save(path)
+    assert load_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
+
+
+def test_a_tag_that_a_format_makes_longer_is_not_cut_short(tmp_path):
+    path = workbook(tmp_path / "list.xlsx", ("Points", [LIST[0], [12, *LIST[2][1:]], LIST[2]]))
+    book = openpyxl.load_workbook(path)
+    book["Points"]["A2"].number_format = "0000"
+    book.save(path)
+    assert load_iolist(path).points["tag"].tolist() == ["0012", "1001"]
+    book["Points"]["A3"].number_format = '"LT-"0000'
+    book["Points"]["D3"].number_format = '0.0" m"'
+    book.save(path)
+    with pytest.raises(
+        InputError, match=r"xlsx: row 3, column Tag No.: '1001', a number with words beside it;"
+    ):
+        load_iolist(path)
