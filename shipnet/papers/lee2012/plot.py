@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from shipnet import style
-from shipnet.engine.converters import InputCard
+from shipnet.engine.inputs import InputCard
 from shipnet.errors import ArgumentError
 
-__all__ = ["plot_blocks", "plot_channels", "plot_flow", "plot_inputs", "plot_outline"]
+__all__ = ["plot_blocks", "plot_flow", "plot_inputs", "plot_outline"]
 
 #: Fill of a block by its kind; light enough to write on.
 _FILL = {"field": "#8cc4e8", "box": "#f5c56b", "bus": "#7fcfb4", "": "white"}
