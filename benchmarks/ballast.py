@@ -4,13 +4,19 @@ All in one run. The equations have compliance of the oil and mass besides, so th
 the second route, not of a slower way to the same numbers; how far both are apart is printed too.
 """
 
+import sys
+from pathlib import Path
 from timeit import repeat
 
 import numpy as np
 
-from shipnet.ballast import Command, Sensors, blocks, simulate
 from shipnet.ballast.actuator import Actuator
-from shipnet.ballast.compliance import integrate_stroke
+from shipnet.ballast.plant import Command
+from shipnet.ballast.sensors import Sensors
+from shipnet.ballast.simulation import blocks, simulate
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tests.ballast.compliance import integrate_stroke
 
 N, DURATION = 256, 20.0
 OPEN = [Command("open", 1.0)]

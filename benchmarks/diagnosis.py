@@ -9,9 +9,11 @@ from timeit import default_timer, repeat
 
 import numpy as np
 
-from shipnet.ballast import Command, Fault, blocks, diagnose_run, simulate
-from shipnet.ballast.diagnosis import READINGS
+from shipnet.ballast.diagnosis import READINGS, diagnose_run
+from shipnet.ballast.plant import Command
 from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.simulation import blocks, simulate
+from shipnet.ballast.valve_faults import Fault
 
 N, FEW = 256, 100
 BASE = rule_base()

@@ -11,8 +11,8 @@ from time import perf_counter
 
 import numpy as np
 
-from shipnet.ballast import blocks
 from shipnet.ballast.fleet import random_commands, random_faults, watch
+from shipnet.ballast.simulation import blocks
 
 DAY, N = 86400.0, 256
 

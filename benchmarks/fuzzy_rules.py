@@ -3,15 +3,19 @@
 simpful is left out where it is not installed.
 """
 
+import sys
 import warnings
 from contextlib import redirect_stdout
 from importlib.util import find_spec
 from io import StringIO
+from pathlib import Path
 from timeit import repeat
 
 import numpy as np
 
 from shipnet.ballast.rule_table import rule_base
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.fuzzy.skfuzzy_control import control_strengths
 
 NUMBER = 1_000_000

@@ -12,7 +12,7 @@ import pytest
 
 from docs import editions
 from shipnet import datasets
-from shipnet.asi.apm import ramp_spectrum
+from shipnet.asi.modulation import ramp_spectrum
 from shipnet.errors import ArgumentError
 from shipnet.exercises import check, given, glossary, student
 from shipnet.exercises.answers import Bits, Bytes, Choice, Choices, Number, Whole

@@ -9,14 +9,9 @@ from pymodbus.pdu import DecodePDU
 from pymodbus.transport import CommType
 
 from shipnet import datasets
-from shipnet.ballast.answer import answer_table, write_outcome
-from shipnet.ballast.channels import CHANNELS, normal_values, rule_limits
-from shipnet.ballast.codes import Code, code_table, command_codes
-from shipnet.ballast.messages import printed_adu, standard_adu
-from shipnet.ballast.registers import RegisterMap
+from shipnet.ballast.registers import SCALES, Code, RegisterMap, command_codes
 from shipnet.ballast.rule_table import rule_vectors
-from shipnet.ballast.scales import SCALES, survival_table
-from shipnet.ballast.switches import switch_table
+from shipnet.ballast.sensors import CHANNELS, normal_values, rule_limits
 from shipnet.engine.class_rules import RULES
 from shipnet.errors import ArgumentError, LengthError
 from shipnet.modbus.datagram import LossyPath, mix_ups, poll
@@ -27,6 +22,10 @@ from shipnet.modbus.response import ReadRegistersResponse
 from shipnet.modbus.ring import Break, Loop, Short, fault_table
 from shipnet.modbus.timing import Serial
 from shipnet.papers.kim2014 import addresses, diagnosis, loop, messages, names, rules, valve
+from shipnet.papers.kim2014.answer import answer_table, write_outcome
+from shipnet.papers.kim2014.printed_messages import printed_adu, standard_adu
+from shipnet.papers.kim2014.switches import switch_table
+from shipnet.papers.kim2014.valve import code_table, survival_table
 
 READ = ReadRequest(4, 0x4020, 4)
 PRINTED = rule_vectors("printed")

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.ballast import Command, Fault, simulate
 from shipnet.ballast.fleet import watch
+from shipnet.ballast.plant import Command
 from shipnet.ballast.scan import status_poll, worst_age
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.ring import Loop
 from shipnet.modbus.timing import Serial

@@ -10,13 +10,15 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 
 from shipnet.can.bus import simulate
-from shipnet.engine import CODINGS, InputCard, System, collisions, load_points, worst_age
-from shipnet.engine import simulate as simulate_engine
-from shipnet.engine.faults import DeadBox, LostModbus
-from shipnet.engine.power import engine_power
-from shipnet.engine.redundancy import part_fault_table
+from shipnet.engine.assessment import Redundancy
+from shipnet.engine.faults import DeadBox, LostModbusFrames
+from shipnet.engine.inputs import InputCard
+from shipnet.engine.points import read_points
+from shipnet.engine.power import DieselEngine
+from shipnet.engine.registers import CODINGS
 from shipnet.engine.serial_interface import INTERFACES
-from shipnet.engine.system import RULE
+from shipnet.engine.simulation import simulate as simulate_engine
+from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.modbus.frame import decode_rtu, encode_rtu
 from shipnet.modbus.request import ReadRequest
@@ -121,15 +123,15 @@ def test_only_can_repeats_by_itself():
     assert run.transmissions["retries"].sum() == 1
     assert set(run.transmissions["outcome"]) == {"sent"}
     for retries in (0, 1, 3):
-        lost = [LostModbus("1", request=1.0)]
+        lost = [LostModbusFrames("1", request=1.0)]
         system, rng = System(retries=retries), np.random.default_rng(0)
-        asked = simulate_engine(system, 0.9, faults=lost, rng=rng).requests
+        asked = simulate_engine(system, until=0.9, faults=lost, rng=rng).requests()
         assert (asked["channel"] == 1).sum() == 1 + retries
         assert can.both_repeat(retries=retries) == (retries > 0)
 
 
 def test_the_amplifier_needs_an_offset():
-    (loop,) = InputCard([p for p in load_points() if p.condition == "4-20 mA"][:1]).signal(
+    (loop,) = InputCard([p for p in read_points() if p.condition == "4-20 mA"][:1]).signal(
         [[-50.0]]
     )
     assert loop.item() == 4e-3  # 1 V at 250 ohm, which is to become 0 V
@@ -161,37 +163,38 @@ def test_one_bound_of_the_cylinder_oil_is_left_in_horsepower_hours():
 
 
 def test_four_strokes_would_give_half_the_power():
-    two, four = (engine_power(0.5, 2.0, 19e5, 127 / 60, 8, strokes=k) for k in (2, 4))
+    engines = (DieselEngine(0.5, 2.0, 8, strokes=k) for k in (2, 4))
+    two, four = (one.power(19e5, 127 / 60) for one in engines)
     assert two == pytest.approx(2 * four)
     assert abs(two - 13e6) < 0.5e6 < abs(four - 13e6)
 
 
 def test_a_dead_box_is_marked_too_late_for_the_rule():
-    run = simulate_engine(System(), 20, faults=[DeadBox("JB2", 10)])
-    marks = run.alarms.query("kind == '0xFF'")["time_s"] - 10
+    run = simulate_engine(System(), until=20, faults=[DeadBox("JB2", start=10)])
+    marks = run.alarms().query("kind == '0xFF'")["time_s"] - 10
     # Not before the timer runs out, not after the timer, a poll and its transaction.
     assert RULE < 4 - 0.5 <= marks.min() and marks.max() <= operation.time_until_marked()
     assert operation.time_until_marked() == pytest.approx(4 + 1 + 0.2478, abs=1e-4)
 
 
-@pytest.mark.parametrize("coding", [name for name in CODINGS if not name.startswith("mended")])
+@pytest.mark.parametrize("coding", [name for name in CODINGS if not name.startswith("corrected")])
 def test_a_printed_mark_is_a_reading(coding):
-    table = collisions(load_points(), CODINGS[coding])
+    table = CODINGS[coding].collisions(read_points())
     assert table["collides"].sum() >= 20
     assert not operation.mark_is_no_reading(coding=coding)
 
 
 def test_a_change_shows_within_a_second_on_average_alone():
-    assert worst_age(System())["worst_s"].max() == pytest.approx(1.789, abs=1e-3)
+    assert System().worst_age()["worst_s"].max() == pytest.approx(1.789, abs=1e-3)
     rng = np.random.default_rng(2024)
-    means = [simulate_engine(System(), 20, rng=rng).table["mean_s"].mean() for _ in range(40)]
+    means = [simulate_engine(System(), until=20, rng=rng).mean_age for _ in range(40)]
     # About a second: some phases of the clocks lie above it, some below.
     assert np.mean(means) == pytest.approx(1.0, abs=0.1)
     assert min(means) < 1 < max(means)
 
 
 def test_one_processor_a_box_is_less_than_two():
-    table = part_fault_table(load_points(), designs={"printed": (2, 1), "asked for": (2, 2)})
+    table = Redundancy.compare(read_points(), designs={"printed": (2, 1), "asked for": (2, 2)})
     worst = table.groupby("design")["points_lost"].max()
     assert worst.to_dict() == {"printed": 43, "asked for": 0}
 

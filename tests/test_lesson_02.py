@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from shipnet.asi.apm import SEND_CURRENT, as_bits, steps_of
+from shipnet.asi.modulation import SEND_CURRENT, as_bits, steps_of
 from shipnet.asi.receiver import receive, within_tolerance
-from shipnet.asi.response import RESPONSES
 from shipnet.asi.segment import DEVICE, POWER_SUPPLY
+from shipnet.asi.telegram import RESPONSES
 from shipnet.exercises import given, student
 from shipnet.exercises.check import exercise
 from shipnet.exercises.lesson_02 import _ECHOES, _ENDS, _echo

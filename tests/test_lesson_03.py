@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from shipnet.asi.apm import pulses_of
-from shipnet.asi.slots import check_slots
+from shipnet.asi.modulation import check_slots, pulses_of
 from shipnet.crc import crc
 from shipnet.exercises import given, student
 from shipnet.exercises.check import exercise

@@ -7,7 +7,7 @@ import pytest
 
 from shipnet.design.designs import example
 from shipnet.design.failures import lost
-from shipnet.engine import System, marking
+from shipnet.engine.system import System
 from shipnet.exercises import given, student
 from shipnet.exercises.check import exercise
 from shipnet.modbus.ring import Break, Channels, Loop, Supervision, simulate, sweep
@@ -91,13 +91,13 @@ def test_two_lines_on_one_tray_are_lost_with_it():
 
 
 def test_what_the_age_is_made_of_adds_up():
-    late = marking(System())
+    late = System().staleness_flag()
     stale, poll, half_a_second = 4.0, 1.25, 0.55
     assert late.after == pytest.approx(stale + poll, abs=0.005)
     assert late.oldest == pytest.approx(stale + poll + half_a_second, abs=0.005)
 
 
 def test_a_shorter_timer_alone_does_not_keep_the_2_s_of_question_4():
-    late = marking(replace(System(), stale_limit=1.0))
+    late = replace(System(), stale_limit=1.0).staleness_flag()
     assert late.oldest == pytest.approx(1 + 1.25 + 0.55, abs=0.02)
     assert late.oldest > System().age_limit

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.ballast import Fault
-from shipnet.ballast.serving import valve_server
+from shipnet.ballast.live import valve_server
+from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.frame import decode_tcp, encode_tcp
 from shipnet.tools.valve_client import Inputs, Link, ModelValves, draw, explorer, send, update

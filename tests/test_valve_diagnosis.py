@@ -4,23 +4,21 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.ballast import (
-    FAULTS,
-    Actuator,
-    Command,
-    Fault,
-    diagnose_run,
-    operating_point,
-    simulate,
-)
-from shipnet.ballast.faults import faulty
-from shipnet.ballast.life import predict_life
-from shipnet.ballast.metrics import confusion
+from shipnet.ballast.actuator import Actuator, operating_point
+from shipnet.ballast.diagnosis import diagnose_run
+from shipnet.ballast.plant import Command
 from shipnet.ballast.plot import plot_confusion, plot_trend
 from shipnet.ballast.rule_table import rule_vectors
-from shipnet.ballast.trend import fit_trend
-from shipnet.ballast.trials import fault_trials
-from shipnet.ballast.wear import leak_from_pressure, limit_leak, synthetic_wear
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.trials import confusion, fault_trials
+from shipnet.ballast.valve_faults import FAULTS, Fault, faulty
+from shipnet.ballast.wear import (
+    fit_trend,
+    leak_from_pressure,
+    limit_leak,
+    predict_life,
+    synthetic_wear,
+)
 from shipnet.errors import ArgumentError
 from shipnet.tools.valve_diagnosis import STATES, Inputs, draw, explorer, from_plant, update
 

@@ -1,8 +1,7 @@
 """Diagnosis of valves by the rule table: which faults are reported when, and why.
 
-Twelve rules and five sensors in three readings (`READINGS`). That one of them finds the faults of
-`shipnet.ballast.faults` verifies code: the faults are made to fit the rules. It does not validate
-the method.
+That it finds the faults of our own simulator verifies code: those faults are made to fit the rules.
+It does not validate the method.
 """
 
 from __future__ import annotations
@@ -14,10 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.ballast.features import valve_row
-from shipnet.ballast.inputs import Tail, rule_inputs
 from shipnet.ballast.rule_table import rule_base
-from shipnet.ballast.simulation import Run
+from shipnet.ballast.sensors import WINDOW, position_speed
+from shipnet.ballast.simulation import Run, running_time, valve_row
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.decision import Decision, top_codes
@@ -27,10 +25,69 @@ from shipnet.fuzzy.rules import RuleBase
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["READINGS", "Diagnosis", "diagnose_run"]
 
 Floats = npt.NDArray[np.float64]
+
+
 Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Tail:
+    """The end of a run, for the diagnosis of the run that follows it."""
+
+    time: Floats
+    samples: dict[str, Floats]
+    active_before: Flags
+    active: Flags
+    started: Floats
+
+    @classmethod
+    def keep(
+        cls,
+        run: Run,
+        time: Floats,
+        samples: dict[str, Floats],
+        active: Flags,
+        window: int,
+        earlier: Tail | None,
+    ) -> Tail:
+        """Copy what the next block needs, so that it does not keep this one in memory."""
+        before = np.zeros(active.shape[1:], bool) if earlier is None else earlier.active
+        last = active[-1].copy() if len(active) else before
+        then = int(np.searchsorted(time, time[-1] - WINDOW + 1e-9)) - 1 if time.size else 0
+        keep = slice(max(min(then, time.size - window + 1), 0), None)
+        started = np.full(run.n_valves, np.nan)
+        if "Time" in samples and time.size:
+            started = time[-1] - samples["Time"][-1]
+            for moved in run.movements:
+                if moved.end > time[-1]:
+                    started[moved.valve] = np.nan
+        kept = {name: x[keep].copy() for name, x in samples.items()}
+        return cls(time[keep].copy(), kept, before, last, started)
+
+
+def rule_inputs(
+    run: Run, base: RuleBase, earlier: Tail | None = None, *, any_time: bool = False
+) -> dict[str, Floats]:
+    """Return the channels that rules speak of, those of the tail before them."""
+    found = dict(run.samples)
+    if "Time" in base.names:
+        found["Time"] = running_time(run, np.nan if earlier is None else earlier.started)
+    strange = [name for name in base.names if name not in found]
+    if strange:
+        raise ArgumentError(f"rules speak of {', '.join(strange)}; a run has {', '.join(found)}")
+    found["DVPos"] = np.where(run.active, run.DVPos, np.nan)
+    # The change of VPos needs it, whether the rules speak of it or not.
+    found = {name: found[name] for name in dict.fromkeys((*base.names, "VPos"))}
+    if earlier is not None:
+        found = {name: np.concatenate([earlier.samples[name], x]) for name, x in found.items()}
+    if any_time and "DVPos" in found:
+        kept = 0 if earlier is None else earlier.time.size
+        time = run.time if earlier is None else np.concatenate([earlier.time, run.time])
+        found["DVPos"][kept:] = position_speed(time, found["VPos"])[kept:]
+    return found
+
 
 #: How the table is read, and what that means.
 READINGS = {
@@ -38,6 +95,7 @@ READINGS = {
     "crisp": "limits in the middle of the ramps; DVPos counts while a command is active only",
     "fuzzy": "firing strengths, cut; DVPos counts while a command is active only",
 }
+
 
 #: Valve readings whose strengths are held at once: 12 rules of them take 25 MB.
 _AT_ONCE = 2**18
@@ -98,20 +156,14 @@ class Diagnosis:
 
     @cached_property
     def first_alarm(self) -> Floats:
-        """When each code became active first, shape (n_valves, n_rules) [s]; NaN if it did not.
-
-        A code that was active before this run began has the time of its first instant.
-        """
+        """When each code became active first, shape (n_valves, n_rules) [s]; NaN if it did not."""
         if not self.time.size:
             return np.full(self.active.shape[1:], np.nan)
         return np.where(self.active.any(axis=0), self.time[self.active.argmax(axis=0)], np.nan)
 
     @cached_property
     def alarms(self) -> pd.DataFrame:
-        """One row for every time a code becomes active, in order of time.
-
-        ``time_s``, ``valve``, ``code``, and the ``headline`` of the valve then.
-        """
+        """One row for every time a code becomes active, in order of time."""
         import pandas as pd
 
         rows, valves, places = np.nonzero(self.onset)
@@ -125,27 +177,7 @@ class Diagnosis:
         )
 
     def commands(self, settle: float = 5.0) -> pd.DataFrame:
-        """Return what the master would show after every command.
-
-        Parameters
-        ----------
-        settle : float, default 5
-            How long a valve is watched after its motor has stopped, 0..3600 [s], but not into its
-            next run: rules that need the motor off have `k` instants to fire in.
-
-        Returns
-        -------
-        pandas.DataFrame
-            One row for each run of a motor that has ended: ``valve``, ``action``, ``start_s``,
-            ``end_s``, ``outcome``; the codes ``active`` meanwhile, highest priority first, the
-            ``headline`` among them or ``normal``; ``delay_s`` from the command to the first code,
-            NaN without one. Of a command that began before this run only the rest is seen.
-
-        Raises
-        ------
-        ArgumentError
-            If `settle` is out of range.
-        """
+        """Return what the master would show after every command."""
         wait = check_scalar("settle", settle, "s", 0, 3600)
         table = self.run.strokes[["valve", "action", "start_s", "end_s", "outcome"]].copy()
         found = np.zeros((len(table), len(self.base.codes)), bool)
@@ -168,42 +200,16 @@ class Diagnosis:
         return table
 
     def firing(self, valve: int) -> Firing:
-        """Return the firing strengths of one valve over time.
-
-        Parameters
-        ----------
-        valve : int
-            Which, from 0 on.
-        """
+        """Return the firing strengths of one valve over time."""
         k = check_whole("valve", valve, 0, self.run.n_valves - 1)
         return _fire(self.base, {name: x[:, k] for name, x in self.samples.items()}, self.reading)
 
     def decision(self, valve: int) -> Decision:
-        """Return what was decided for one valve: its `table` and reasons.
-
-        Parameters
-        ----------
-        valve : int
-            Which, from 0 on.
-        """
+        """Return what was decided for one valve: its `table` and reasons."""
         return Decision(self.firing(valve), self.cut, self.active[:, valve])
 
     def explain(self, valve: int, time: float) -> str:
-        """Return why a valve is diagnosed as it is, in one sentence.
-
-        Parameters
-        ----------
-        valve : int
-            Which, from 0 on.
-        time : float
-            When [s]; the last instant that is not after it counts.
-
-        Returns
-        -------
-        str
-            As from `shipnet.fuzzy.Decision.explain`. A code that fires, but not for long enough,
-            is not active yet.
-        """
+        """Return why a valve is diagnosed as it is, in one sentence."""
         row = valve_row(self.run, time)
         k = check_whole("valve", valve, 0, self.run.n_valves - 1)
         given = {name: x[row : row + 1, k] for name, x in self.samples.items()}
@@ -221,56 +227,7 @@ def diagnose_run(
     cut: float = 0.5,
     after: Diagnosis | None = None,
 ) -> Diagnosis:
-    """Diagnose all valves at all instants of a run.
-
-    Parameters
-    ----------
-    run : Run
-        What was read, as from `simulate`, or one of `blocks`.
-    rules : RuleBase, optional
-        The rules; those of the paper if omitted.
-    reading : {"fuzzy", "crisp", "literal"}, default "fuzzy"
-        How they are read, see `READINGS`.
-    k, n : int, default 3 and 5
-        A code is active if it fired in `k` or more of the last `n` instants, 1 <= k <= n <= 1000,
-        however far these lie apart.
-    cut : float, default 0.5
-        Strength from which on a rule fires, above 0, up to 1.
-    after : Diagnosis, optional
-        That of the block before, with the same settings; the rules then see no edge.
-
-    Returns
-    -------
-    Diagnosis
-        Active codes, headlines, alarms, reasons.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range, if a rule needs what no run has, or if `after` was made
-        otherwise or is of other valves.
-
-    Notes
-    -----
-    V2 asks for no change of position. In the readings ``crisp`` and ``fuzzy`` that counts only
-    while a command is active, its target is not reached, and the motor has been running for a
-    second; else a healthy valve at rest would have a leaking piston. All other channels count at
-    any time. ``crisp`` and ``fuzzy`` with a cut of 0.5 decide the same.
-
-    Memory beyond the run is some 40 bytes for each valve and instant.
-
-    Examples
-    --------
-    >>> from shipnet.ballast import Command, Fault, simulate
-    >>> stuck = [Fault("V1", valves=1)]
-    >>> run = simulate(commands=[Command("open", 1.0)], n_valves=2, duration=25, faults=stuck,
-    ...                rng=np.random.default_rng(2024))
-    >>> diagnosis = diagnose_run(run)
-    >>> diagnosis.commands()[["valve", "active", "headline", "delay_s"]].round(1).values.tolist()
-    [[0, '', 'normal', nan], [1, 'V1', 'V1', 0.2]]
-    >>> diagnosis.explain(1, 2.0)
-    'V1 1.00: FP 126.7 bar high 1.00, OP 10 bar high 1.00'
-    """
+    """Diagnose all valves at all instants of a run."""
     base = rules if rules is not None else rule_base()
     if not isinstance(reading, str) or reading not in READINGS:
         raise ArgumentError(f"reading is {reading!r}; it must be one of {', '.join(READINGS)}")

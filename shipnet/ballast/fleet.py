@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shipnet.ballast.commands import Command
 from shipnet.ballast.diagnosis import Diagnosis, diagnose_run
-from shipnet.ballast.faults import FAULTS, Fault
+from shipnet.ballast.plant import Command
 from shipnet.ballast.simulation import blocks
+from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase
@@ -24,11 +24,11 @@ from shipnet.fuzzy.rules import RuleBase
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FleetReport", "random_commands", "random_faults", "watch"]
 
 #: The last valve of a group starts so long before the next group is commanded [s]: room for the
 #: longest run of a motor.
 _GROUP_PAUSE = 30.0
+
 
 #: Columns of `FleetReport.faults`, and their types.
 _FAULT_COLUMNS = {
@@ -47,39 +47,7 @@ def random_faults(
     codes: Sequence[str] = tuple(FAULTS),
     severity: float | tuple[float, float] = 1.0,
 ) -> list[Fault]:
-    """Draw faults that appear at random times, each on a valve of its own.
-
-    Parameters
-    ----------
-    n_faults : int
-        How many, 0..n_valves.
-    rng : numpy.random.Generator
-        Draws valves, times, codes and severities; every code comes up equally often but for one.
-    n_valves : int, default 256
-        Number of valves, 1..10000.
-    duration : float, default 86400
-        They appear from 0 up to this time, evenly, 0..1e8 [s].
-    codes : sequence of str
-        Codes of the rule table; all twelve by default.
-    severity : float or (float, float), default 1
-        One for all, or lowest and highest, 0..1.
-
-    Returns
-    -------
-    list of Fault
-        In order of their time.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
-    Examples
-    --------
-    >>> faults = random_faults(24, np.random.default_rng(2024))
-    >>> len({fault.valves for fault in faults}), sum(fault.code == "V1" for fault in faults)
-    (24, 2)
-    """
+    """Draw faults that appear at random times, each on a valve of its own."""
     valves = check_whole("n_valves", n_valves, 1, 10_000)
     count = check_whole("n_faults", n_faults, 0, valves)
     end = check_scalar("duration", duration, "s", 0, 1e8)
@@ -105,43 +73,7 @@ def random_commands(
     operations: int = 6,
     group: int = 16,
 ) -> list[Command]:
-    """Draw a plan in which every valve is opened and closed in turn, a group at a time.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws who is in which group, and when each operation begins.
-    n_valves : int, default 256
-        Number of valves, 1..10000.
-    duration : float, default 86400
-        How long the plan is, up to 1e8 [s]; all groups of an operation, 30 s each, must fit into
-        its share.
-    operations : int, default 6
-        How often each valve is commanded, 1..1000: opened first, then closed, and so on.
-    group : int, default 16
-        How many are commanded at once, 1..n_valves.
-
-    Returns
-    -------
-    list of Command
-        In order of their time.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range, or the operations do not fit into the duration.
-
-    Notes
-    -----
-    The paper prints no plan; this one is our assumption. Groups keep short how long any motor
-    runs, for while one does all valves are read at 10 Hz.
-
-    Examples
-    --------
-    >>> plan = random_commands(np.random.default_rng(2024))
-    >>> len(plan), plan[0].action, len(plan[0].valves), plan[-1].action
-    (96, 'open', 16, 'close')
-    """
+    """Draw a plan in which every valve is opened and closed in turn, a group at a time."""
     valves = check_whole("n_valves", n_valves, 1, 10_000)
     times = check_whole("operations", operations, 1, 1000)
     size = check_whole("group", group, 1, valves)
@@ -191,14 +123,7 @@ class FleetReport:
 
     @cached_property
     def faults(self) -> pd.DataFrame:
-        """One row a fault and valve, in order of time.
-
-        ``valve``, ``code``, ``severity``, ``start_s``; ``alarm_s``, the first alarm of the valve
-        from then on, whatever its code, and the ``headline`` then; ``diagnosed_s``, when the
-        fault's own code first became active; ``isolated``, whether it has been the headline;
-        ``delay_s`` from start to ``alarm_s``; ``command_s``, when the valve's motor last ran before
-        that with the fault, and ``after_command_s`` from then on. NaN where there was none.
-        """
+        """One row a fault and valve, in order of time."""
         import pandas as pd
 
         rows = []

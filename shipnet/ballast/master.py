@@ -1,87 +1,221 @@
-"""The master on a clock: it scans its valves, sends commands in between, and keeps what it saw.
+"""The master: it scans its valves, sends commands in between, and shows what it received.
 
 Everything goes through the registers of the slaves and the time that frames take on the line; the
-two ports and their faults are those of `shipnet.modbus.ring`.
+two ports and their faults are those of `shipnet.modbus`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
-from shipnet.ballast.codes import Code
-from shipnet.ballast.commands import Command
-from shipnet.ballast.plant import Plant
-from shipnet.ballast.registers import COMMAND_REGISTER, RegisterMap
-from shipnet.ballast.scales import MISSING
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.registers import COMMAND_REGISTER, MISSING, Code, RegisterMap
 from shipnet.ballast.scan import READ_STATUS, command_poll
-from shipnet.ballast.screen import MasterRun, Shown, Write
+from shipnet.ballast.sensors import CHANNELS, position_speed
+from shipnet.ballast.simulation import Run
 from shipnet.ballast.slave import valve_slaves
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar
+from shipnet.fields import check_scalar, check_whole
+from shipnet.modbus.codes import ExceptionCode
 from shipnet.modbus.request import WriteRegister
 from shipnet.modbus.ring import Fault, Loop
-from shipnet.modbus.ring.master import LOST, A, Master
+from shipnet.modbus.ring.master import LOST, A, Master, Try
 from shipnet.modbus.server import Slave, answer
 
-__all__ = ["Station", "operate"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+Floats = npt.NDArray[np.float64]
+
+
+Ints = npt.NDArray[np.int64]
+
+
+#: What a valve can be on the screen. The first that holds counts.
+STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
+
+
+#: A valve within this of an end counts as open or closed [%]; the paper does not say.
+_END = 1.0
+
+
+#: A motor runs whose current is sent as two steps of its register or more; one may be noise [A].
+LEAST_CURRENT = 0.15
+
+
+class Shown(NamedTuple):
+    """A status that came back."""
+
+    unit: int
+    read: float
+    time: float
+    registers: tuple[int, ...]
+
+
+class Write(NamedTuple):
+    """A command that was sent."""
+
+    time: float
+    end: float
+    unit: int
+    value: int
+    response: bytes
+
+    @property
+    def answered(self) -> bool:
+        """Whether the command came back as it was sent."""
+        return self.response[:1] == b"\x06"
+
+    @property
+    def outcome(self) -> str:
+        """``done``, ``no answer``, or the name of the exception."""
+        if not self.response:
+            return "no answer"
+        if self.answered:
+            return "done"
+        return ExceptionCode(self.response[1]).name.replace("_", " ").lower()
+
+
+def valve_states(
+    position: npt.ArrayLike, current: npt.ArrayLike, fault: npt.ArrayLike, *, silent: npt.ArrayLike
+) -> npt.NDArray[np.str_]:
+    """Return what valves are shown as."""
+    place, amps, row = np.asarray(position), np.asarray(current), np.asarray(fault)
+    conditions = [
+        np.broadcast_to(silent, place.shape), np.isnan(place), row > 0, amps >= LEAST_CURRENT,
+        place >= 100 - _END, place <= _END,
+    ]  # fmt: skip
+    return np.select(conditions, STATES[:-1], STATES[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class MasterRun:
+    """What a master has seen; unit ids count from 1 on."""
+
+    system: Loop
+    registers: RegisterMap
+    duration: float
+    shown: list[Shown]
+    writes: list[Write]
+    tries: list[Try]
+    write_time: float
+
+    @cached_property
+    def answers(self) -> pd.DataFrame:
+        """One row a status: ``unit``, ``read_s``, ``shown_s``, readings, flags, ``fault``."""
+        import pandas as pd
+
+        unit, read, time = self._columns
+        words = np.array([s.registers for s in self.shown], np.int64).reshape(-1, 4)
+        status = self.registers.unpack(words)
+        columns: dict[str, object] = {"unit": unit, "read_s": read, "shown_s": time}
+        columns |= {c.column: status.readings[k] for k, c in enumerate(CHANNELS)}
+        columns |= {name: getattr(status, name) for name in ("auto", "close", "open", "fault")}
+        return pd.DataFrame(columns | {"operating_s": status.operating_time})
+
+    @cached_property
+    def commands(self) -> pd.DataFrame:
+        """One row a command: ``unit``, ``value``, ``sent_s``, ``free_s``, ``outcome``."""
+        import pandas as pd
+
+        rows = [(w.unit, f"0x{w.value:04X}", w.time, w.end, w.outcome) for w in self.writes]
+        return pd.DataFrame(rows, columns=["unit", "value", "sent_s", "free_s", "outcome"])
+
+    @cached_property
+    def _columns(self) -> tuple[Ints, Floats, Floats]:
+        unit = np.array([s.unit for s in self.shown], np.int64)
+        times = np.array([(s.read, s.time) for s in self.shown], float).reshape(-1, 2)
+        return unit, times[:, 0], times[:, 1]
+
+    def age(self, times: npt.ArrayLike) -> Floats:
+        """Return how old what the master shows of each valve is."""
+        looked = np.atleast_1d(np.asarray(times, float))
+        last = self._last(looked)
+        read = np.append(self._columns[1], -np.inf)
+        return np.asarray(looked[:, np.newaxis] - read[last])
+
+    @property
+    def longest_age(self) -> Floats:
+        """Greatest age of what was shown of each valve, shape (n_valves,) [s]."""
+        unit, read, time = self._columns
+        longest = np.full(self.system.n_slaves, np.inf)
+        for k in range(self.system.n_slaves):
+            mine = unit == k + 1
+            if mine.any():
+                until = np.append(time[mine][1:], self.duration)
+                longest[k] = np.max(until - read[mine])
+        return longest
+
+    @property
+    def scan_gap(self) -> float:
+        """Longest time between two statuses of any valve [s]; NaN if none came twice."""
+        unit, _, time = self._columns
+        gaps = [np.diff(time[unit == k]) for k in range(1, self.system.n_slaves + 1)]
+        every = np.concatenate(gaps)
+        return float(every.max()) if every.size else float("nan")
+
+    def screen(self, time: float | None = None) -> pd.DataFrame:
+        """Return what the master shows at a time."""
+        import pandas as pd
+
+        at = self.duration if time is None else check_scalar("time", time, "s", 0, 1e9)
+        n = self.system.n_slaves
+        last = self._last(np.array([at]))[0]
+        seen = last < len(self.shown)
+        rows = self.answers.reindex(np.where(seen, last, -1))
+        position = rows["VPos_percent"].to_numpy()
+        fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
+        state = valve_states(position, rows["MC_A"].to_numpy(), fault, silent=self._silent(at))
+        return pd.DataFrame(
+            {
+                "position_percent": position,
+                "age_s": self.age([at])[0],
+                "fault": fault,
+                "state": state,
+            },
+            index=pd.RangeIndex(1, n + 1, name="unit"),
+        )
+
+    def _last(self, times: Floats) -> Ints:
+        """Return which status is shown of each valve, (n_times, n_valves); past the end if none."""
+        unit, _, shown = self._columns
+        found = np.full((times.size, self.system.n_slaves), len(self.shown))
+        for k in range(self.system.n_slaves):
+            mine = np.flatnonzero(unit == k + 1)
+            place = np.searchsorted(shown[mine], times, side="right") - 1
+            there = place >= 0
+            found[there, k] = mine[place[there]]
+        return found
+
+    def _silent(self, time: float) -> npt.NDArray[np.bool_]:
+        silent = np.zeros(self.system.n_slaves, bool)
+        spent = (self.system.poll.unanswered, self.system.poll.answered)
+        ended = (t for t in reversed(self.tries) if t[0] + spent[t[4]] <= time + 1e-9)
+        unknown = set(range(self.system.n_slaves))
+        for _, slave, _, _, answered in ended:
+            if slave in unknown:
+                silent[slave] = not answered
+                unknown.remove(slave)
+                if not unknown:
+                    break
+        return silent
 
 
 class Station(Master):
     """A master with two ports, its line and the valves on it, whose time only moves on.
 
-    Parameters
-    ----------
-    plant : Plant
-        The valves; slave n, which also is unit id n, has valve n - 1.
-    system : Loop
-        The line, with as many slaves as there are valves, polled by `status_poll`.
-    faults : iterable of shipnet.modbus.ring.Fault, optional
-        What fails on the line, and when.
-    registers : RegisterMap, optional
-        Reading of the paper's tables, which slaves and master share.
-    answer_at_end : bool, default False
-        Whether a slave answers a command when the valve has arrived, as the paper prints it, else
-        at once.
-    timeout : float, optional
-        How long the master waits for the answer to a command [s]; that of the poll if omitted.
-    watchdog : float, optional
-        As for `ValveDevice`: a motor stops that has had no request for so long [s]; never if
-        omitted.
-
-    Attributes
-    ----------
-    slaves : dict of int to Slave
-        By unit id; their devices have the toggle switches.
-    shown : list of Shown
-        Every status that came back.
-    writes : list of Write
-        Every command that was sent.
-
-    Raises
-    ------
-    ArgumentError
-        If line and plant differ in their number of valves, or the timeout is shorter than an
-        answer takes.
-
-    Notes
-    -----
     Section 3.3 of the paper: the command goes out between two polls, and with its echo the master
     scans on. Not printed, and assumed: a command is sent once, through the port that serves the
     slave, for without an answer the master does not know whether the valve moves; the slave takes
     its readings at the end of the request. An answer that comes after its timeout garbles the
     transaction that it falls into.
-
-    Examples
-    --------
-    >>> from shipnet.ballast.scan import status_poll
-    >>> from shipnet.modbus.timing import Serial
-    >>> station = Station(Plant(n_valves=5), Loop(5, status_poll(Serial(9600))))
-    >>> station.run_until(1.0)
-    >>> station.command("open", 2).answered
-    True
-    >>> station.run_until(12.0)
-    >>> station.seen.screen().state.tolist()
-    ['closed', 'open', 'closed', 'closed', 'closed']
     """
 
     def __init__(
@@ -130,13 +264,7 @@ class Station(Master):
         )  # fmt: skip
 
     def run_until(self, time: float) -> None:
-        """Scan on; the last transaction that begins before `time` is carried out in full.
-
-        Parameters
-        ----------
-        time : float
-            Time [s]; nothing happens if it has passed already.
-        """
+        """Scan on; the last transaction that begins before `time` is carried out in full."""
         while self.time < time:
             before = self.time
             self.turn(self._next)
@@ -149,27 +277,7 @@ class Station(Master):
         self.plant.run_until(self.time)
 
     def command(self, action: str, unit: int, position: float | None = None) -> Write:
-        """Send a command now, and wait for its answer.
-
-        Parameters
-        ----------
-        action : str
-            ``open``, ``close``, ``position``; or ``manual`` and ``auto``, the modes.
-        unit : int
-            Which valve, by its unit id.
-        position : float, optional
-            Where to go, 0..100, rounded to whole percent; with ``position`` only.
-
-        Returns
-        -------
-        Write
-            When it was sent, and what came back.
-
-        Raises
-        ------
-        ArgumentError
-            If there is no such action, valve or position.
-        """
+        """Send a command now, and wait for its answer."""
         if unit not in self.slaves:
             raise ArgumentError(f"unit is {unit!r}; it must be 1..{self.n}")
         if action in ("manual", "auto"):
@@ -186,20 +294,7 @@ class Station(Master):
         return self.write(self.registers.command(code, whole), unit)
 
     def write(self, value: int, unit: int) -> Write:
-        """Send a value for the command register now, and wait for its answer.
-
-        Parameters
-        ----------
-        value : int
-            0..65535.
-        unit : int
-            Which valve, by its unit id.
-
-        Returns
-        -------
-        Write
-            When it was sent, and what came back.
-        """
+        """Send a value for the command register now, and wait for its answer."""
         port = self.port[unit - 1]
         begin, poll = self.time, self._command
         arrives = begin + poll.serial.frame_time(poll.request_size)
@@ -285,42 +380,7 @@ def operate(
     timeout: float | None = None,
     watchdog: float | None = None,
 ) -> MasterRun:
-    """Let a master scan its valves and send commands at their times.
-
-    Parameters
-    ----------
-    plant : Plant
-        The valves.
-    system : Loop
-        The line, with as many slaves.
-    commands : iterable of Command, optional
-        What the master is told, in any order; it sends one for each valve, between two polls.
-    duration : float
-        No transaction begins after it, 0..1e5 [s].
-    faults, answer_at_end, timeout, watchdog
-        As for `Station`.
-
-    Returns
-    -------
-    MasterRun
-        What the master saw.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range, or a command is one that Table 2 has no code for.
-
-    Examples
-    --------
-    A master with 50 valves at 9600 bit/s opens one; its position is up to a scan old:
-
-    >>> from shipnet.ballast.scan import status_poll
-    >>> from shipnet.modbus.timing import Serial
-    >>> loop = Loop(50, status_poll(Serial(9600)))
-    >>> run = operate(Plant(n_valves=50), loop, [Command("open", 3.0, valves=6)], duration=15)
-    >>> run.answers.query("unit == 7").VPos_percent.tolist()
-    [0.0, 0.0, 4.0, 22.0, 40.0, 58.0, 76.0, 93.0, 100.0, 100.0]
-    """
+    """Let a master scan its valves and send commands at their times."""
     end = check_scalar("duration", duration, "s", 0, 1e5)
     station = Station(
         plant, system, faults, answer_at_end=answer_at_end, timeout=timeout, watchdog=watchdog
@@ -333,3 +393,27 @@ def operate(
             station.command(order.action, int(unit), order.position)
     station.run_until(end)
     return station.seen
+
+
+def received_run(seen: MasterRun, unit: int, *, target: float, plant: Plant | None = None) -> Run:
+    """Return the readings of one valve as the master was sent them."""
+    known = check_whole("unit", unit, 1, seen.system.n_slaves)
+    rows = seen.answers[seen.answers["unit"] == known]
+    if rows.empty:
+        raise ArgumentError(f"unit is {unit}; nothing has come from it")
+    time = rows["read_s"].to_numpy()
+    names = ["FP_bar", "OP_bar", "MC_A", "OT_degC", "VPos_percent"]
+    readings = rows[names].to_numpy()[:, :, np.newaxis]
+    running = readings[:, 2] >= LEAST_CURRENT
+    active = running & (np.abs(readings[:, 4] - target) > 0.5)
+    ran = np.zeros(time.size)
+    for k in range(1, time.size):
+        both = running[k, 0] and running[k - 1, 0]
+        ran[k] = ran[k - 1] + time[k] - time[k - 1] if both else 0.0
+    rate = position_speed(time, readings[:, 4], ran[:, np.newaxis])
+    moved = () if plant is None else tuple(
+        m._replace(valve=0) for m in plant.movements if m.valve == known - 1
+    )  # fmt: skip
+    return Run(
+        time, readings, rate, running, running & (rate != 0), active, readings[:, 4] / 100, moved
+    )

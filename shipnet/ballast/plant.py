@@ -1,4 +1,4 @@
-"""Many valves with their relays, limit switches and sensors, a step of time at once.
+"""Commands, and valves that carry them out: relays, limit switches, sensors, step by step.
 
 Opening and motor temperature are the state; pressures and current follow from them at every
 instant.
@@ -7,29 +7,112 @@ instant.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import ceil, floor
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.ballast.actuator import Actuator
-from shipnet.ballast.commands import Command
-from shipnet.ballast.faults import Fault, faulty
-from shipnet.ballast.hydraulics import Hydraulics, Oil, load_pressure
-from shipnet.ballast.motor import losses, motor_current, steady_temperature
-from shipnet.ballast.movement import Movement
+from shipnet.ballast.actuator import (
+    Actuator,
+    Hydraulics,
+    Oil,
+    load_pressure,
+    losses,
+    motor_current,
+    steady_temperature,
+)
 from shipnet.ballast.sensors import Sensors
+from shipnet.ballast.valve_faults import Fault, faulty
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 
-__all__ = ["DEAD_BAND", "Movement", "Plant"]
+#: What a command may ask for.
+ACTIONS = ("open", "close", "position", "stop")
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command to some valves.
+
+    Parameters
+    ----------
+    action : str
+        ``open``, ``close``, ``position`` or ``stop``.
+    time : float, default 0
+        When it is given [s].
+    position : float or None, default None
+        Where to go, 0..100 [%]; only and always with ``position``.
+    valves : int, sequence of int or None, default None
+        Which valves, counted from 0; None is all.
+
+    Raises
+    ------
+    ArgumentError
+        If a field is out of its range.
+
+    Examples
+    --------
+    >>> Command("position", 5.0, position=40, valves=[0, 7]).valves
+    (0, 7)
+    """
+
+    action: str
+    time: float = 0.0
+    position: float | None = None
+    valves: int | Iterable[int] | None = None
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        if self.action not in ACTIONS:
+            raise ArgumentError(
+                f"action is {self.action!r}; it must be one of {', '.join(ACTIONS)}"
+            )
+        object.__setattr__(self, "time", check_scalar("time", self.time, "s", 0, 1e9))
+        if (self.position is None) == (self.action == "position"):
+            raise ArgumentError(
+                f"position is {self.position!r} with action {self.action!r}; it belongs to "
+                "'position', and must be given there"
+            )
+        if self.position is not None:
+            position = check_scalar("position", self.position, "%", 0, 100)
+            object.__setattr__(self, "position", position)
+        if self.valves is not None:
+            many = self.valves if isinstance(self.valves, Iterable) else (self.valves,)
+            checked = tuple(check_whole("valve", valve, 0, 9_999) for valve in many)
+            object.__setattr__(self, "valves", checked)
+
+    def mask(self, n_valves: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Return which of so many valves are meant."""
+        if self.valves is None:
+            return np.ones(n_valves, bool)
+        meant = np.zeros(n_valves, bool)
+        for valve in self.valves:  # type: ignore[union-attr]
+            meant[check_whole("valve", valve, 0, n_valves - 1)] = True
+        return meant
+
+
+class Movement(NamedTuple):
+    """A run of a motor that has ended."""
+
+    valve: int
+    action: str
+    start: float
+    end: float
+    opening: float
+    outcome: str
+
 
 Floats = npt.NDArray[np.float64]
+
+
 Flags = npt.NDArray[np.bool_]
+
 
 #: A valve so near to the position asked for does not start [%]; our assumption.
 DEAD_BAND = 0.5
+
 
 #: Where the readings of temperature and position stand.
 _OT, _VPOS = 3, 4
@@ -38,65 +121,10 @@ _OT, _VPOS = 3, 4
 class Plant:
     """Valves whose state is known at one time, which only moves on.
 
-    Parameters
-    ----------
-    actuator : Actuator, optional
-        What they are; `Actuator` with its defaults if omitted.
-    n_valves : int, default 1
-        How many, 1..10000; what `actuator` has arrays for if it has any.
-    sensors : Sensors, optional
-        What measures them; `Sensors` with its defaults if omitted.
-    faults : iterable of Fault, optional
-        What is wrong with them, and from when on.
-    opening : float or array_like of float, default 0
-        Where they stand at time 0, 0..1.
-    step : float, default 0.1
-        Time between two readings while a motor runs, 1e-3..1 [s].
-    rng : numpy.random.Generator, optional
-        Draws the noise of the sensors; there is none if omitted.
-
-    Attributes
-    ----------
-    opening, temperature : ndarray of float, shape (n_valves,)
-        True opening, 0..1, and motor temperature [degC].
-    running, active : ndarray of bool, shape (n_valves,)
-        Motor runs; a command has not been fulfilled.
-    direction : ndarray of int, shape (n_valves,)
-        1 opens, -1 closes: the last command; 0 before the first.
-    started, ran : ndarray, shape (n_valves,)
-        When the motor was last started [s], and for how many readings it has been running in this
-        direction.
-    last_run : ndarray of float, shape (n_valves,)
-        How long the motor ran last [s].
-    latest, deadline : ndarray of float, shape (n_valves,)
-        When a running motor is stopped by its motor time; and by that or a watchdog, which may set
-        an earlier time [s].
-    movements : list of Movement
-        What has ended.
-    watchers : list of callable
-        Called without arguments after every reading of the sensors.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
-    Notes
-    -----
     Commands and faults take effect at the first reading not before their time. Between two
     readings a valve turns with the speed of the middle of its way. The controller is quicker than
     `step`: a valve stops where it should, not at the next reading. A limit switch feels the true
     end; a position is judged by the potentiometer.
-
-    Examples
-    --------
-    >>> plant = Plant()
-    >>> plant.order(Command("position", position=40))
-    >>> while plant.running.any():
-    ...     readings = plant.measure()
-    ...     plant.advance()
-    >>> plant.movements[0].outcome, round(plant.movements[0].end, 2), plant.opening.round(3)
-    ('position', 3.6, array([0.4]))
     """
 
     def __init__(
@@ -155,28 +183,11 @@ class Plant:
         return bool(np.count_nonzero(self.running))  # in a fifth of the time of any()
 
     def ticks(self, time: float) -> int:
-        """Return the first reading that is not before a time.
-
-        Parameters
-        ----------
-        time : float
-            Time [s].
-
-        Returns
-        -------
-        int
-            Its number; reading 0 is at time 0.
-        """
+        """Return the first reading that is not before a time."""
         return ceil(time / self.step - 1e-6)
 
     def order(self, command: Command) -> None:
-        """Carry out a command now, whatever time it names.
-
-        Parameters
-        ----------
-        command : Command
-            What to do; a valve that runs the other way turns round at once.
-        """
+        """Carry out a command now, whatever time it names."""
         meant = command.mask(self.n_valves)
         outcome = "stopped" if command.action == "stop" else "replaced"
         self._stop(meant & self.running, self.time, outcome)
@@ -205,13 +216,7 @@ class Plant:
             self._action[valve] = command.action
 
     def measure(self) -> Floats:
-        """Read the sensors, which draws noise.
-
-        Returns
-        -------
-        ndarray of float, shape (5, n_valves)
-            FP, OP, MC, OT and VPos in their units; kept in `readings` too.
-        """
+        """Read the sensors, which draws noise."""
         self.ran = np.where(self.running, self.ran + (self._measured != self.tick), 0)
         self.readings = self.sensors.read(self._truth() + self._offsets, self._rng)
         self._measured, self._stale = self.tick, False
@@ -220,18 +225,7 @@ class Plant:
         return self.readings
 
     def advance(self, ticks: int = 1) -> None:
-        """Let time pass, and motors stop where they should.
-
-        Parameters
-        ----------
-        ticks : int, default 1
-            How many steps; more than 1 only while no motor runs and no fault begins.
-
-        Raises
-        ------
-        ArgumentError
-            If a motor runs, or a fault begins on the way, and it is more than 1.
-        """
+        """Let time pass, and motors stop where they should."""
         count = check_whole("ticks", ticks, 1, 10**9)
         if count > 1 and (self._busy or self._next_start < self.tick + count):
             raise ArgumentError(f"ticks is {count}; it must be 1 here, for something happens")
@@ -245,31 +239,7 @@ class Plant:
         self._pass(count)
 
     def rest(self, count: int, ticks: int) -> Floats:
-        """Read the sensors and let time pass, again and again, while nothing happens.
-
-        Parameters
-        ----------
-        count : int
-            How often, 1..1e6.
-        ticks : int
-            Steps after each reading, 1..1e9.
-
-        Returns
-        -------
-        ndarray of float, shape (count, 5, n_valves)
-            The readings: those of `measure` and `advance` in turn, noise included.
-
-        Raises
-        ------
-        ArgumentError
-            If a motor runs, a fault begins on the way, or somebody watches.
-
-        Examples
-        --------
-        >>> plant = Plant(sensors=Sensors.ideal(), faults=[Fault("O1")])
-        >>> plant.rest(3, 600)[:, 3, 0].round(1).tolist(), plant.time
-        ([95.3, 94.9, 94.5], 180.0)
-        """
+        """Read the sensors and let time pass, again and again, while nothing happens."""
         many = check_whole("count", count, 1, 10**6)
         steps = check_whole("ticks", ticks, 1, 10**9)
         if self._busy or self._next_start < self.tick + many * steps or self.watchers:
@@ -296,18 +266,7 @@ class Plant:
             self._break()
 
     def run_until(self, time: float) -> Floats:
-        """Let time pass up to the last reading that is not after a time.
-
-        Parameters
-        ----------
-        time : float
-            Time [s]; nothing happens if it has passed already.
-
-        Returns
-        -------
-        ndarray of float, shape (5, n_valves)
-            The readings then.
-        """
+        """Let time pass up to the last reading that is not after a time."""
         last = floor(time / self.step + 1e-6)
         while self.tick < last:
             jump = 1 if self._busy else min(last, self._next_start) - self.tick

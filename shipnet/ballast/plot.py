@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,10 +9,9 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
-from shipnet.ballast.channels import CHANNELS, rule_limits
+from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.simulation import Run
-from shipnet.ballast.trend import Trend
-from shipnet.errors import ArgumentError
+from shipnet.ballast.wear import Trend
 from shipnet.style import LIMIT
 
 if TYPE_CHECKING:
@@ -21,87 +19,16 @@ if TYPE_CHECKING:
 
     from shipnet.ballast.diagnosis import Diagnosis
 
-__all__ = ["STATE_COLOURS", "plot_channel", "plot_confusion", "plot_diagnosis", "plot_operation"]
-__all__ += ["plot_screen", "plot_stroke", "plot_trend"]
 
 #: Ends of the position, which the rule table calls CLOSE and OPEN [%].
 _ENDS = {"CLOSE": 0.0, "OPEN": 100.0}
 
+
 _TITLES = {channel.name: channel for channel in CHANNELS}
 
 
-def plot_channel(run: Run, channel: str, *, ax: Axes, valve: int = 0, limits: bool = True) -> Axes:
-    """Draw one sensor of a valve over time.
-
-    Parameters
-    ----------
-    run : Run
-        What was read.
-    channel : str
-        FP, OP, MC, OT or VPos.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    valve : int, default 0
-        Which valve.
-    limits : bool, default True
-        Whether the limits of the rule table are drawn, dashed and with the codes that use them.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; times while the motor runs are shaded.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such channel.
-    """
-    if channel not in _TITLES:
-        raise ArgumentError(f"channel is {channel!r}; it must be one of {', '.join(_TITLES)}")
-    known = _TITLES[channel]
-    frame = run.valve(valve)
-    ax.plot(frame.index, frame[known.column], color="C0", linewidth=1)
-    on = frame["running"].to_numpy()
-    ax.fill_between(
-        frame.index, 0, 1, where=on, transform=ax.get_xaxis_transform(), color="0.92", zorder=0,
-        step="post", linewidth=0,
-    )  # fmt: skip
-    if limits:
-        lines: dict[float, list[str]] = {}
-        for limit in rule_limits():
-            if limit.channel == channel:
-                lines.setdefault(limit.value, []).extend(limit.codes)
-        if channel == "VPos":
-            lines = {value: [name] for name, value in _ENDS.items()}
-        for value, names in lines.items():
-            ax.axhline(value, linewidth=1, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
-            ax.annotate(
-                " ".join(dict.fromkeys(names)), (1, value), (-3, 2), ha="right", fontsize=7,
-                xycoords=ax.get_yaxis_transform(), textcoords="offset points", color=LIMIT["color"],
-            )  # fmt: skip
-        # Room above the highest line, so that its codes stay within the axes.
-        top = max([*lines, float(np.nanmax(frame[known.column]))])
-        ax.set_ylim(top=max(ax.get_ylim()[1], 1.15 * top))
-    ax.set(xlabel="time [s]", ylabel=f"{channel} [{known.unit}]")
-    return ax
-
-
 def plot_confusion(table: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw what was said first of which fault, as shares of the rows.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        What `confusion` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw; 7.5 x 4 inches are enough for all faults.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given: one row a fault, one column a headline, percent in every cell above 0; right
-        ones are framed.
-    """
+    """Draw what was said first of which fault, as shares of the rows."""
     count = table.to_numpy(float)
     total = count.sum(axis=1, keepdims=True)
     share = np.divide(count, total, out=np.zeros_like(count), where=total > 0)
@@ -137,27 +64,7 @@ def plot_trend(
     ax: Axes,
     until: float | None = None,
 ) -> Axes:
-    """Draw points, their trend with its interval, and the limit that it runs to.
-
-    Parameters
-    ----------
-    trend : Trend
-        What `fit_trend` made of the points, or of some of them.
-    x, y : array_like of float, shape (n,)
-        The points.
-    limit : float
-        Limit, on the scale of the points.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    until : float, optional
-        Where the line ends; a quarter beyond the crossing, or beyond the points, if omitted.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; without a trend there is no line, and the legend says so. The scale of y is
-        logarithmic for a log-linear trend. Labels of the axes are the caller's.
-    """
+    """Draw points, their trend with its interval, and the limit that it runs to."""
     places, values = np.asarray(x, float), np.asarray(y, float)
     ax.plot(places, values, ".", color="C0", markersize=3, label="read")
     ax.axhline(limit, **LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
@@ -188,37 +95,6 @@ def plot_trend(
     return ax
 
 
-def plot_stroke(run: Run, *, axes: Sequence[Axes], valve: int = 0) -> Sequence[Axes]:
-    """Draw FP, OP, MC and VPos of a valve, one above the other.
-
-    Parameters
-    ----------
-    run : Run
-        What was read.
-    axes : sequence of four matplotlib.axes.Axes
-        Where to draw, as ``subplots(4, sharex=True)`` returns them; 5 inches are high enough.
-    valve : int, default 0
-        Which valve.
-
-    Returns
-    -------
-    sequence of matplotlib.axes.Axes
-        The axes given.
-
-    Raises
-    ------
-    ArgumentError
-        If there are not four axes.
-    """
-    if len(axes) != 4:
-        raise ArgumentError(f"axes has {len(axes)} axes; it must have 4")
-    for channel, ax in zip(("FP", "OP", "MC", "VPos"), axes, strict=True):
-        plot_channel(run, channel, ax=ax, valve=valve)
-    for ax in axes[:-1]:
-        ax.set_xlabel("")
-    return axes
-
-
 #: Colour of each state on the master's screen.
 STATE_COLOURS = {
     "open": "C2",
@@ -230,6 +106,7 @@ STATE_COLOURS = {
     "not seen": "0.8",
 }
 
+
 #: What 100 % of the operating display is for each sensor, in its unit.
 _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
 
@@ -237,28 +114,7 @@ _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
 def plot_screen(
     screen: pd.DataFrame, *, ax: Axes, chosen: int | None = None, columns: int = 32
 ) -> Axes:
-    """Draw the master's screen: a bar and a number for each valve, coloured by its state.
-
-    Parameters
-    ----------
-    screen : DataFrame
-        As `MasterRun.screen` returns it.
-    ax : matplotlib.axes.Axes
-        Where to draw; half an inch for each row of valves is high enough.
-    chosen : int, optional
-        Unit id of a valve that is framed.
-    columns : int, default 32
-        Most valves in a row.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given, with a legend of the states that occur.
-
-    Notes
-    -----
-    After Figure 11 of the paper as its text tells it; the figure was not available.
-    """
+    """Draw the master's screen: a bar and a number for each valve, coloured by its state."""
     units = screen.index.to_numpy()
     wide = min(len(units), columns)
     rows = -(-len(units) // wide)
@@ -304,27 +160,7 @@ def plot_screen(
 
 
 def plot_operation(run: Run, *, ax: Axes, valve: int = 0) -> Axes:
-    """Draw all sensors of a valve over time on one pair of axes, in percent of full scale.
-
-    Parameters
-    ----------
-    run : Run
-        What was read.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    valve : int, default 0
-        Which valve.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; times while the motor runs are shaded.
-
-    Notes
-    -----
-    After Figure 12 of the paper as its text tells it; the figure was not available. The scales are
-    ours: 160 bar, 10 bar, 6 A, 150 degC.
-    """
+    """Draw all sensors of a valve over time on one pair of axes, in percent of full scale."""
     frame = run.valve(valve)
     ax.fill_between(
         frame.index, 0, 1, where=frame["running"].to_numpy(), transform=ax.get_xaxis_transform(),
@@ -342,26 +178,7 @@ def plot_operation(run: Run, *, ax: Axes, valve: int = 0) -> Axes:
 
 
 def plot_diagnosis(diagnosis: Diagnosis, *, ax: Axes, valve: int = 0) -> Axes:
-    """Draw what is shown after a command: the greatest strength of each rule, and the finding.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        Of a run with the command in it.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    valve : int, default 0
-        Which valve.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; rules that were active are coloured, the first of them is named above.
-
-    Notes
-    -----
-    After Figure 13 of the paper as its text tells it; the figure was not available.
-    """
+    """Draw what is shown after a command: the greatest strength of each rule, and the finding."""
     base = diagnosis.base
     strength = diagnosis.firing(valve).strength.max(axis=0)
     active = [bool(diagnosis.active[:, valve, place].any()) for place in range(len(base.codes))]

@@ -1,86 +1,167 @@
-"""The registers of a valve: a command of two bytes, and four registers of status.
+"""The registers of a valve: command codes, scales, and a status of four registers.
 
 The paper prints no scales, and its tables disagree about the status bits and the command codes; a
-`RegisterMap` says which reading is meant.
+`RegisterMap` says which version is meant.
 """
 
 from __future__ import annotations
 
+import csv
 from dataclasses import dataclass
-from typing import NamedTuple
+from enum import Enum
+from functools import cache
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.ballast.codes import READINGS, Code, command_codes
-from shipnet.ballast.scales import (
-    FIRST_REGISTER,
-    HIGHEST,
-    MISSING,
-    N_REGISTERS,
-    SCALES,
-    whole_steps,
-)
+from shipnet.ballast.sensors import CHANNELS, Sensors
+from shipnet.datasets import path
 from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_whole
 
-__all__ = ["COMMAND_REGISTER", "Packed", "RegisterMap", "Status"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+#: How the codes of Table 2 can be read: column of the data file, base of its numbers.
+CODE_READINGS = {
+    "flag sum": ("code_flag_sum", 10),
+    "one bit": ("code_one_bit", 10),
+    "decimal": ("code_printed", 10),
+    "hexadecimal": ("code_printed", 16),
+}
+
+
+class Code(Enum):
+    """What a command register asks for; the names are those of Table 2."""
+
+    MANUAL = "Manual"
+    AUTO = "Auto"
+    CLOSE = "Close"
+    OPEN = "Open"
+    POSITION_CLOSE = "Position Close"
+    POSITION_OPEN = "Position Open"
+
+
+@cache
+def command_codes(reading: str) -> dict[Code, int]:
+    """Return the command codes of a reading of Table 2."""
+    if reading not in CODE_READINGS:
+        raise ArgumentError(f"codes is {reading!r}; it must be one of {', '.join(CODE_READINGS)}")
+    column, base = CODE_READINGS[reading]
+    with path("kim2014_table2_write_register_bits.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["message"] == "query"]
+    return {Code(row["name_printed"]): int(row[column], base) for row in rows}
+
 
 Floats = npt.NDArray[np.float64]
+
+
+#: Input registers of the status; Tables 1 and 3 of the paper.
+FIRST_REGISTER, N_REGISTERS = 0x4020, 4
+
+
+#: Largest number of steps that a byte holds, and what it holds when a sensor says nothing. The
+#: paper names no such value; without one a dead sensor reads as the end of its scale.
+HIGHEST, MISSING = 0xFE, 0xFF
+
+
+class Scale(NamedTuple):
+    """Where a reading stands, and how large its step is."""
+
+    channel: str
+    register: int
+    shift: int
+    step: float
+
+
+#: In the order of the channels. The bytes are those of Table 3, the steps are our assumption.
+SCALES = (
+    Scale("FP", 0x4022, 0, 1.0),
+    Scale("OP", 0x4023, 0, 0.1),
+    Scale("MC", 0x4023, 8, 0.1),
+    Scale("OT", 0x4022, 8, 1.0),
+    Scale("VPos", 0x4020, 8, 1.0),
+)
+
+
+def scale_table(sensors: Sensors | None = None) -> pd.DataFrame:
+    """Return what the scales make of each channel."""
+    import pandas as pd
+
+    converter = (sensors if sensors is not None else Sensors()).step
+    rows = [
+        {
+            "channel": scale.channel,
+            "unit": channel.unit,
+            "register": f"0x{scale.register:04X}",
+            "byte": "high" if scale.shift else "low",
+            "step": scale.step,
+            "highest": HIGHEST * scale.step,
+            "missing": MISSING,
+            "converter_step": step,
+            "largest_error": (scale.step + step) / 2,
+        }
+        for scale, channel, step in zip(SCALES, CHANNELS, converter, strict=True)
+    ]
+    return pd.DataFrame(rows).set_index("channel")
+
+
+def whole_steps(
+    values: Floats, highest: npt.ArrayLike, missing: npt.ArrayLike | None = None
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """Return values as whole numbers that fit, and where they did not."""
+    unknown = np.isnan(values)
+    rounded = np.rint(np.where(unknown, highest, values))
+    kept = np.minimum(np.maximum(rounded, 0), highest)
+    sent = kept if missing is None else np.where(unknown, missing, kept)
+    return sent.astype(np.int64), unknown | (kept != rounded)
+
 
 #: Holding register of the command; Tables 1 and 2 of the paper.
 COMMAND_REGISTER = 0x4001
 
+
 #: Step of the operating time [s]; our assumption, as all scales are.
 _TIME_STEP = 0.1
+
 
 #: Step of each reading, shape (5, 1).
 _STEPS = np.array([[scale.step] for scale in SCALES])
 
+
 #: What is sent at most, and instead of NaN, by the longest operating time; each shape (6, 1).
 _HIGHEST = {last: np.array([[HIGHEST]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
+
+
 _MISSING = {last: np.array([[MISSING]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
+
 
 #: What a step of each reading, and of the operating time, adds to each register, shape (4, 6).
 _PLACES = np.zeros((N_REGISTERS, len(SCALES) + 1), np.int64)
+
+
 for _k, _scale in enumerate(SCALES):
     _PLACES[_scale.register - FIRST_REGISTER, _k] = 1 << _scale.shift
+
+
 _PLACES[1, -1] = 1
+
 
 #: Bits of Manual, Auto, Close and Open, from the first of them on.
 _FLAGS = np.array([1, 2, 4, 8])
 
 
 class Packed(NamedTuple):
-    """What a slave sends.
-
-    Attributes
-    ----------
-    registers : ndarray of uint16, shape (n_valves, 4)
-        Registers 0x4020 to 0x4023.
-    saturated : ndarray of bool, shape (n_valves, 6)
-        Whether FP, OP, MC, OT, VPos or the operating time did not fit into its bits, or was
-        missing.
-    """
+    """What a slave sends."""
 
     registers: npt.NDArray[np.uint16]
     saturated: npt.NDArray[np.bool_]
 
 
 class Status(NamedTuple):
-    """What a master reads.
-
-    Attributes
-    ----------
-    readings : ndarray of float, shape (5, n_valves)
-        FP, OP, MC, OT and VPos, in steps of their scale; NaN where the slave had none.
-    manual, auto, close, open : ndarray of bool, shape (n_valves,)
-        Mode, and which way the valve was sent last.
-    fault : ndarray of int, shape (n_valves,)
-        Row of the rule table, 0 for none.
-    operating_time : ndarray of float, shape (n_valves,)
-        How long the motor ran last [s].
-    """
+    """What a master reads."""
 
     readings: Floats
     manual: npt.NDArray[np.bool_]
@@ -127,7 +208,8 @@ class RegisterMap:
         if self.status not in ("table 2", "table 3"):
             raise ArgumentError(f"status is {self.status!r}; it must be 'table 2' or 'table 3'")
         if not isinstance(self.codes, str):
-            raise ArgumentError(f"codes is {self.codes!r}; it must be one of {', '.join(READINGS)}")
+            known = ", ".join(CODE_READINGS)
+            raise ArgumentError(f"codes is {self.codes!r}; it must be one of {known}")
         command_codes(self.codes)
 
     def pack(
@@ -140,33 +222,7 @@ class RegisterMap:
         fault: npt.ArrayLike = 0,
         operating_time: npt.ArrayLike = 0.0,
     ) -> Packed:
-        """Return the registers of many valves.
-
-        Parameters
-        ----------
-        readings : array_like of float, shape (5, n_valves)
-            FP, OP, MC, OT and VPos; up to 254 steps of their scale. NaN, such as of a dead sensor,
-            is sent as 255, which stands for nothing else.
-        auto : array_like of bool, default True
-            Mode: auto, else manual.
-        close, open : array_like of bool
-            Which way the valve was sent last.
-        fault : array_like of int, default 0
-            Row of the rule table, 0..12.
-        operating_time : array_like of float, default 0
-            How long the motor ran last, 0 or more [s].
-
-        Returns
-        -------
-        Packed
-            Registers, and what did not fit: it is sent as the nearest that does.
-
-        Raises
-        ------
-        ArgumentError
-            If a fault is out of range, a flag is not True or False (or 1 or 0), a reading is no
-            number, or if the shapes do not fit.
-        """
+        """Return the registers of many valves."""
         try:
             values = np.asarray(readings, float)
         except (TypeError, ValueError):
@@ -200,23 +256,7 @@ class RegisterMap:
         return Packed(registers.T.astype(np.uint16), saturated.T)
 
     def unpack(self, registers: npt.ArrayLike) -> Status:
-        """Return what registers say.
-
-        Parameters
-        ----------
-        registers : array_like of int, shape (n_valves, 4)
-            Registers 0x4020 to 0x4023, 0..65535.
-
-        Returns
-        -------
-        Status
-            Readings and flags of each valve; a byte of 255 is a reading that is missing.
-
-        Raises
-        ------
-        ArgumentError
-            If they are no rows of four registers.
-        """
+        """Return what registers say."""
         try:
             rows = np.asarray(registers)
         except ValueError:
@@ -237,30 +277,7 @@ class RegisterMap:
         return Status(readings, manual, auto, close, opened, fault, ticks * _TIME_STEP)
 
     def command(self, code: Code, position: int = 0) -> int:
-        """Return the value of the command register.
-
-        Parameters
-        ----------
-        code : Code
-            What to do.
-        position : int, default 0
-            Where to go, 0..100 [%]; with a position code only.
-
-        Returns
-        -------
-        int
-            0..65535, the position in the high byte.
-
-        Raises
-        ------
-        ArgumentError
-            If it is no `Code`, or if the position is out of range, or not 0 with another code.
-
-        Examples
-        --------
-        >>> f"0x{RegisterMap().command(Code.POSITION_OPEN, 40):04X}"
-        '0x280A'
-        """
+        """Return the value of the command register."""
         if not isinstance(code, Code):
             names = ", ".join(f"Code.{known.name}" for known in Code)
             raise ArgumentError(f"code is {code!r}; it must be one of {names}")
@@ -269,32 +286,7 @@ class RegisterMap:
         return percent << 8 | command_codes(self.codes)[code]
 
     def decode_command(self, value: int) -> tuple[Code, int]:
-        """Return what a command register asks for.
-
-        Parameters
-        ----------
-        value : int
-            0..65535.
-
-        Returns
-        -------
-        code : Code
-            What to do.
-        position : int
-            Where to go [%]; 0 with a code that needs none.
-
-        Raises
-        ------
-        FieldError
-            If no command, or more than one, has this code, or if the position is beyond 100 %.
-
-        Examples
-        --------
-        >>> RegisterMap(codes="decimal").decode_command(0x0008)
-        Traceback (most recent call last):
-            ...
-        shipnet.errors.FieldError: code 8 stands for Open and for Position Close
-        """
+        """Return what a command register asks for."""
         word = check_whole("value", value, 0, 0xFFFF)
         position, number = word >> 8, word & 0xFF
         meant = [code for code, known in command_codes(self.codes).items() if known == number]

@@ -17,8 +17,10 @@ from shipnet.fuzzy.terms import Term, Variable
 if TYPE_CHECKING:
     import pandas as pd
 
+
 #: The test values as printed, and with the misprints corrected; the words of the data file.
 VERSIONS = {"printed": "printed", "corrected": "meant"}
+
 
 #: What is assumed of the sensors that a row does not print.
 FILLS = ("absent", "normal", "physical")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from shipnet.ballast.registers import COMMAND_REGISTER
-from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
+from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.fields import check_whole
 from shipnet.modbus.codes import FunctionCode
 from shipnet.modbus.frame import LAST_UNIT
@@ -17,21 +16,14 @@ from shipnet.modbus.timing import Poll, Serial
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "BIT_RATES",
-    "READ_STATUS",
-    "assignment",
-    "command_poll",
-    "scan_table",
-    "status_poll",
-    "worst_age",
-]
 
 #: Usual bit rates within the 2400 to 115200 bit/s of both controllers; the paper, section 3.
 BIT_RATES = (2400, 4800, 9600, 19200, 38400, 57600, 115200)
 
+
 #: What a scan asks of each valve: input registers 0x4020 to 0x4023.
 READ_STATUS = ReadRequest(FunctionCode.READ_INPUT_REGISTERS, FIRST_REGISTER, N_REGISTERS)
+
 
 #: "Display of fully updated screen views", as DNV-OS-D202 has it [s].
 _SCREEN = 2.0
@@ -64,53 +56,13 @@ def status_poll(
 
 
 def command_poll(serial: Serial, *, processing: float = 0.0, timeout: float = 1.0) -> Poll:
-    """Return the write that commands a valve; its response is the echo.
-
-    Parameters
-    ----------
-    serial : Serial
-        Settings of the line.
-    processing, timeout
-        As for `Poll`.
-
-    Returns
-    -------
-    Poll
-        Request and response of 8 bytes; it is not repeated.
-
-    Examples
-    --------
-    >>> round(command_poll(Serial(9600)).answered * 1e3, 2)
-    26.35
-    """
+    """Return the write that commands a valve; its response is the echo."""
     request = WriteRegister(COMMAND_REGISTER, 0)
     return Poll.of(request, serial, processing=processing, timeout=timeout)
 
 
 def worst_age(system: Loop, *, commands: int = 0) -> float:
-    r"""Return how old the position that the master shows can be while all valves answer.
-
-    .. math:: a = N T_{read} + m T_{write} + T_{read} - t_{request} - t_{3.5}
-
-    Parameters
-    ----------
-    system : Loop
-        The master with its valves, polled by `status_poll`.
-    commands : int, default 0
-        Commands m that are sent within one scan, 0..1000.
-
-    Returns
-    -------
-    float
-        From the end of the request, when the slave takes its reading, to the end of the next
-        answer, which replaces it [s].
-
-    Examples
-    --------
-    >>> loop = Loop(247, status_poll(Serial(9600)))
-    >>> round(worst_age(loop), 2), round(worst_age(loop, commands=10), 2)
-    (7.94, 8.21)
-    """
+    """Return how old the position that the master shows can be while all valves answer."""
     poll = system.poll
     write = command_poll(poll.serial, processing=poll.processing, timeout=poll.timeout)
     count = check_whole("commands", commands, 0, 1000)
@@ -118,32 +70,7 @@ def worst_age(system: Loop, *, commands: int = 0) -> float:
 
 
 def assignment(n_valves: int, *, most: int = LAST_UNIT) -> pd.DataFrame:
-    """Share valves out among masters, evenly, and in the order of their numbers.
-
-    Parameters
-    ----------
-    n_valves : int
-        Number of valves, 1..10000.
-    most : int, default 247
-        Most slaves of a master, 1..247.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by ``valve``, from 1 on: ``master``, from 1 on, and ``unit``, the slave id there.
-
-    Notes
-    -----
-    The paper asks for several masters from 256 valves on; the standard asks for a second one from
-    248 on (claims kim2014-001 and -047).
-
-    Examples
-    --------
-    >>> assignment(256).groupby("master")["unit"].max().to_dict()
-    {1: 128, 2: 128}
-    >>> assignment(256).loc[[128, 129]].values.tolist()
-    [[1, 128], [2, 1]]
-    """
+    """Share valves out among masters, evenly, and in the order of their numbers."""
     import pandas as pd
 
     valves = check_whole("n_valves", n_valves, 1, 10_000)
@@ -165,38 +92,7 @@ def scan_table(
     character: str = "8E1",
     processing: float = 0.0,
 ) -> pd.DataFrame:
-    """Return how long a scan takes at each bit rate.
-
-    Parameters
-    ----------
-    n_valves : int, default 247
-        Number of valves, 1..10000; more than 247 are shared out among masters that scan at once.
-    bit_rates : iterable of float
-        50..10e6 [bit/s]; `BIT_RATES` by default.
-    character : str, default "8E1"
-        As for `Serial`.
-    processing : float, default 0
-        Turnaround: what slave and master take for themselves in each transaction, 0..3600 [s].
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by ``bit_rate``: ``read_ms`` and ``write_ms``, a transaction; ``masters``;
-        ``scan_s`` of the largest share; ``halves_s``, if the loop is cut in the middle and both
-        ports scan at once; ``worst_age_s`` as `worst_age`; ``valves_in_2_s`` of one master.
-
-    Notes
-    -----
-    Closed as the paper has it, the loop is one line on which both ports hear each other: halves
-    can be scanned at once only if it is cut, which gives the redundancy away. 2 s is the time in
-    which DNV-OS-D202 asks for a fully updated screen.
-
-    Examples
-    --------
-    >>> table = scan_table(processing=5e-3)
-    >>> table.loc[[2400, 9600, 115200], ["scan_s", "valves_in_2_s"]].round(2).values.tolist()
-    [[32.93, 15.0], [9.16, 53.0], [2.59, 190.0]]
-    """
+    """Return how long a scan takes at each bit rate."""
     import pandas as pd
 
     share = assignment(n_valves)["master"].value_counts()

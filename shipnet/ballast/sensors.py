@@ -1,7 +1,11 @@
-"""What the five sensors make of the truth: offsets, noise, scales, 12-bit conversion."""
+"""What a valve's slave measures: channels and their limits, sensors, the speed of the position.
+
+The paper prints no units; bar, bar, A, degC and percent are our reading (claim kim2014-038).
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -9,13 +13,78 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.ballast.channels import CHANNELS
+from shipnet.datasets import path
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 
-__all__ = ["Sensors"]
+
+class Channel(NamedTuple):
+    """A sensor."""
+
+    name: str
+    meaning: str
+    unit: str
+    column: str
+
+
+#: The five sensors, in the order in which every array of readings has them.
+CHANNELS = (
+    Channel("FP", "pump pressure", "bar", "FP_bar"),
+    Channel("OP", "operating pressure", "bar", "OP_bar"),
+    Channel("MC", "motor current", "A", "MC_A"),
+    Channel("OT", "motor temperature", "degC", "OT_degC"),
+    Channel("VPos", "valve position", "%", "VPos_percent"),
+)
+
+
+class Limit(NamedTuple):
+    """A comparison that the rule table makes with a number other than 0."""
+
+    channel: str
+    comparison: str
+    value: float
+    codes: tuple[str, ...]
+
+
+def normal_values() -> dict[str, float]:
+    """Return the readings that row 0 of the rule table prints for a healthy valve."""
+    row = _rules()[0]
+    return {name: float(row[f"{name.lower()}_printed"]) for name in ("FP", "OP", "MC", "OT")}
+
+
+def rule_limits() -> list[Limit]:
+    """Return the limits of the rule table, each once."""
+    found: dict[tuple[str, str, float], list[str]] = {}
+    for row in _rules():
+        pattern = r"(FP|OP|MC|OT) (<|>=|>) ([0-9.]+)"
+        for name, comparison, number in re.findall(pattern, row["antecedent_mended"]):
+            found.setdefault((name, comparison, float(number)), []).append(row["code"])
+    return [Limit(*key, tuple(codes)) for key, codes in found.items()]
+
+
+def _rules() -> list[dict[str, str]]:
+    import csv
+
+    with path("kim2014_rule_table.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
 
 Floats = npt.NDArray[np.float64]
+
+
+#: Over how long the change of the position is taken [s]; the paper does not say.
+WINDOW = 1.0
+
+
+def position_speed(time: Floats, position: Floats, ran: npt.ArrayLike = np.inf) -> Floats:
+    """Return how fast the position changes, up or down."""
+    then = np.searchsorted(time, time - WINDOW + 1e-9) - 1
+    speed = np.full(position.shape, np.nan)
+    known = then >= 0
+    lasted = (time[known] - time[then[known]])[:, np.newaxis]
+    speed[known] = np.abs(position[known] - position[then[known]]) / lasted
+    return np.where(np.asarray(ran) < WINDOW - 1e-9, np.nan, speed)
+
 
 _NAMES = tuple(channel.name for channel in CHANNELS)
 
@@ -82,25 +151,7 @@ class Sensors:
         return np.asarray((np.array(self.high) - self.low) / (2**self.bits - 1))
 
     def read(self, truth: npt.ArrayLike, rng: np.random.Generator | None = None) -> Floats:
-        """Return readings of true values.
-
-        Parameters
-        ----------
-        truth : array_like of float, shape (..., 5, n_valves)
-            True values, offsets of faulty sensors included; once, or one after the other.
-        rng : numpy.random.Generator, optional
-            Draws the noise, as many numbers as there are values; no noise if omitted.
-
-        Returns
-        -------
-        ndarray of float, the shape of `truth`
-            Readings; NaN stays NaN.
-
-        Examples
-        --------
-        >>> Sensors().read([[90.06], [2.07], [1.2], [200], [50]])[:, 0].round(3).tolist()
-        [90.061, 2.071, 1.2, 150.0, 49.983]
-        """
+        """Return readings of true values."""
         values = np.asarray(truth, float)
         if values.ndim < 2 or values.shape[-2] != 5:
             raise ArgumentError(f"truth has the shape {values.shape}; it must be (5, n_valves)")

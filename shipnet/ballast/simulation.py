@@ -12,22 +12,21 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.ballast.actuator import Actuator
-from shipnet.ballast.channels import CHANNELS
-from shipnet.ballast.commands import Command
-from shipnet.ballast.faults import Fault
-from shipnet.ballast.plant import Movement, Plant
-from shipnet.ballast.sensors import Sensors
-from shipnet.ballast.speed import WINDOW, position_speed
+from shipnet.ballast.plant import Command, Movement, Plant
+from shipnet.ballast.sensors import CHANNELS, WINDOW, Sensors, position_speed
+from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Run", "blocks", "simulate"]
 
 Floats = npt.NDArray[np.float64]
+
+
 Flags = npt.NDArray[np.bool_]
+
 
 #: Fields of a `Run` that have a row an instant.
 _COLUMNS = ("time", "readings", "DVPos", "running", "moving", "active", "opening")
@@ -100,13 +99,7 @@ class Run:
         return found | {"DVPos": self.DVPos}
 
     def valve(self, valve: int) -> pd.DataFrame:
-        """Return the columns of one valve, indexed by ``time_s``.
-
-        Parameters
-        ----------
-        valve : int
-            Which, from 0 on.
-        """
+        """Return the columns of one valve, indexed by ``time_s``."""
         import pandas as pd
 
         k = check_whole("valve", valve, 0, self.n_valves - 1)
@@ -147,33 +140,7 @@ def blocks(
     rng: np.random.Generator | None = None,
     size: int = 2000,
 ) -> Iterator[Run]:
-    """Simulate valves piece by piece, for runs that do not fit into memory.
-
-    Parameters
-    ----------
-    actuator, commands, duration, n_valves, faults, sensors, opening, step, idle_step, rng
-        As for `simulate`.
-    size : int, default 2000
-        Most instants of a block, 1..1e6.
-
-    Returns
-    -------
-    iterator of Run
-        The blocks in order; strung together they are what `simulate` returns, whatever the size.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
-    Examples
-    --------
-    An hour of one valve that is opened after half of it:
-
-    >>> half = [Command("open", 1800.0)]
-    >>> [run.time.size for run in blocks(commands=half, duration=3600, size=2000)]
-    [2000, 1683]
-    """
+    """Simulate valves piece by piece, for runs that do not fit into memory."""
     plant = Plant(
         actuator, n_valves=n_valves, sensors=sensors, faults=faults, opening=opening, step=step,
         rng=rng,
@@ -312,3 +279,96 @@ def _record(
             time[:row], readings[:row], rate, flags[0, :row], flags[1, :row], flags[2, :row],
             opening[:row], movements,
         )  # fmt: skip
+
+
+#: Shorter ways than this say little about a whole stroke [%]; our choice.
+_SHORTEST = 20.0
+
+
+def running_time(run: Run, before: npt.ArrayLike = np.nan) -> Floats:
+    """Return for how long each motor has been running in its direction."""
+    running, time = run.running, run.time
+    if not time.size:
+        return np.full(running.shape, np.nan)
+    starts = running.copy()
+    starts[1:] &= ~running[:-1]
+    # A motor that was running before goes on, unless it has been told otherwise.
+    goes_on = running[0] & np.isfinite(np.asarray(before, float))
+    for moved in run.movements:
+        # One that runs at the first instant after its end has been started again there.
+        row = int(np.searchsorted(time, moved.end - 1e-9))
+        if row < time.size and running[row, moved.valve]:
+            starts[row, moved.valve] = True
+            goes_on[moved.valve] &= row > 0
+    began = np.where(starts, time[:, np.newaxis], -np.inf)
+    began[0] = np.where(goes_on, before, began[0])
+    since = time[:, np.newaxis] - np.maximum.accumulate(began, axis=0)
+    return np.where(running, since, np.nan)
+
+
+def command_features(run: Run) -> pd.DataFrame:
+    """Return one row for every run of a motor that has ended, from what sensors and clock say."""
+    import pandas as pd
+
+    strokes = run.strokes
+    rows = np.full((len(strokes), 5), np.nan)
+    for row, moved in zip(rows, run.movements, strict=True):
+        first, last = np.searchsorted(run.time, [moved.start - 1e-9, moved.end + 1e-9])
+        if last - first < 1:
+            continue
+        seen = run.readings[first:last, :, moved.valve]
+        # The reading after the end is that of the place where it stopped.
+        place = run.readings[min(last, run.time.size - 1), 4, moved.valve]
+        row[0] = abs(place - seen[0, 4])
+        row[1:3] = np.median(seen[:, [0, 2]], axis=0)
+        row[3:5] = seen[:, [1, 3]].max(axis=0)
+    names = ["travel_percent", "FP_bar", "MC_A", "OP_max_bar", "OT_max_degC"]
+    table = strokes.drop(columns="opening").join(pd.DataFrame(rows, columns=names))
+    far = table["travel_percent"].where(table["travel_percent"] >= _SHORTEST)
+    table["stroke_s"] = 100 * table["duration_s"] / far
+    return table
+
+
+def valve_row(run: Run, time: float) -> int:
+    """Return the last instant that is not after a time."""
+    if not run.time.size:
+        raise ArgumentError(f"time is {time!r}; the run has no instants")
+    if not isinstance(time, int | float | np.number) or not time >= run.time[0] - 1e-9:
+        raise ArgumentError(
+            f"time is {time!r} s; it must be a number, and the run begins at {run.time[0]:g} s"
+        )
+    return int(np.searchsorted(run.time, time + 1e-9, side="right")) - 1
+
+
+class Recorder:
+    """Keeps what the sensors of a plant read while something else moves its time on."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
+        self._rows: list[tuple[float, Floats, Flags, Flags, Floats, npt.NDArray[np.int64]]] = []
+        self._first = len(plant.movements)
+
+    def take(self) -> None:
+        """Keep what is read now; twice at the same time counts once."""
+        plant = self.plant
+        if self._rows and self._rows[-1][0] == plant.time:
+            return
+        readings = plant.run_until(plant.time)
+        self._rows.append(
+            (plant.time, readings.copy(), plant.running.copy(), plant.active.copy(),
+             plant.opening.copy(), plant.ran.copy())
+        )  # fmt: skip
+
+    @property
+    def run(self) -> Run:
+        """What was kept."""
+        if not self._rows:
+            raise ArgumentError("nothing has been recorded")
+        columns = [np.array(column) for column in zip(*self._rows, strict=True)]
+        time, readings, running, active, opening, ran = columns
+        # A reading taken at the start is the first of the motor's run.
+        rate = position_speed(time, readings[:, 4], (ran - 1) * self.plant.step)
+        moving = np.zeros_like(running)
+        moving[:-1] = opening[1:] != opening[:-1]
+        movements = tuple(self.plant.movements[self._first :])
+        return Run(time, readings, rate, running, moving, active, opening, movements)

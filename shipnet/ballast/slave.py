@@ -1,29 +1,118 @@
 """A valve as a Modbus slave: its registers, its switches, its diagnosis, its watchdog.
 
-Time is that of the model and comes with every request, so that the same slave stands behind a real
-server and in a simulation.
+Time is that of the model and comes with every request, so the same slave works behind a real server
+and in a simulation.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
-from shipnet.ballast.channels import CHANNELS
-from shipnet.ballast.codes import Code
-from shipnet.ballast.commands import Command
-from shipnet.ballast.monitor import Monitor
-from shipnet.ballast.plant import Plant
-from shipnet.ballast.registers import COMMAND_REGISTER, RegisterMap
-from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.registers import (
+    COMMAND_REGISTER,
+    FIRST_REGISTER,
+    N_REGISTERS,
+    Code,
+    RegisterMap,
+)
+from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed
 from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.codes import ExceptionCode
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.server import DeviceError, Slave, Table
 
-__all__ = ["ValveDevice", "valve_slaves"]
+Floats = npt.NDArray[np.float64]
+
+
+Flags = npt.NDArray[np.bool_]
+
+
+#: The status has four bits for the row of the rule table at least.
+_MOST_RULES = 12
+
+
+class Monitor:
+    """Applies the rules to every reading of a plant's sensors, for all its valves at once."""
+
+    def __init__(
+        self, plant: Plant, rules: RuleBase | None = None, *, k: int = 3, n: int = 5
+    ) -> None:
+        self.plant = plant
+        self.base = rules if rules is not None else rule_base()
+        if len(self.base.rules) > _MOST_RULES:
+            raise ArgumentError(
+                f"rules has {len(self.base.rules)} rules; it must be 1..{_MOST_RULES}"
+            )
+        window = check_whole("n", n, 1, 1000)
+        self._least = check_whole("k", k, 1, window)
+        known = {*(channel.name for channel in CHANNELS), "DVPos"}
+        strange = [name for name in self.base.names if name not in known]
+        if strange:
+            raise ArgumentError(f"rules speak of {', '.join(strange)}; a slave has {sorted(known)}")
+        self.found = np.zeros((plant.n_valves, len(self.base.rules)), bool)
+        self._ranked = np.array([self.base.codes.index(code) for code in self.base.ranking])
+        self._fired: deque[Flags] = deque(maxlen=window)
+        self._places: deque[tuple[float, Floats]] = deque()
+        self._calm: tuple[Floats, Flags] | None = None
+        plant.watchers.append(self._look)
+
+    def row(self, valve: int) -> int:
+        """Return what the status says: the row of the first code in rank that was found, or 0."""
+        found = self.found[valve, self._ranked]
+        return int(self._ranked[found.argmax()]) + 1 if np.count_nonzero(found) else 0
+
+    def codes(self, valve: int) -> tuple[str, ...]:
+        """Return all codes that were found since the last command, the highest priority first."""
+        return tuple(self.base.codes[k] for k in self._ranked if self.found[valve, k])
+
+    def report(self, valve: int, row: int) -> None:
+        """Take a code for found, and no other, and begin to count anew."""
+        place = check_whole("row", row, 0, len(self.base.rules))
+        self.found[valve] = False
+        for fired in self._fired:
+            fired[valve] = False
+        if place:
+            self.found[valve, place - 1] = True
+
+    def _look(self) -> None:
+        """Apply the rules to the present reading; another at the same time takes its place."""
+        plant = self.plant
+        if self._places and self._places[-1][0] == plant.time:
+            self._places.pop()
+            self._fired.pop()
+        self._places.append((plant.time, plant.readings[4]))
+        # The speed needs the last reading that is a window old, and the present one.
+        while len(self._places) > 1 and self._places[1][0] < plant.time - WINDOW + 1e-9:
+            self._places.popleft()
+        self._fired.append(self._fires())
+        self.found |= sum(self._fired, np.zeros(self.found.shape, int)) >= self._least
+
+    def _fires(self) -> Flags:
+        """Return which rules fire for the present reading, shape (n_valves, n_rules)."""
+        plant, speed = self.plant, np.full(self.plant.n_valves, np.nan)
+        calm = not np.count_nonzero(plant.active)
+        if calm and self._calm is not None and np.array_equal(plant.readings, self._calm[0]):
+            # Without noise, most readings of a fleet at rest are the one before.
+            return self._calm[1].copy()
+        if not calm:
+            ends = (self._places[0], self._places[-1])
+            time, places = (np.array(column) for column in zip(*ends, strict=True))
+            found = position_speed(time, places, (plant.ran - 1) * plant.step)[-1]
+            speed = np.where(plant.active, found, np.nan)
+        values = {c.name: x for c, x in zip(CHANNELS, plant.readings, strict=True)}
+        values["DVPos"] = speed
+        fires = self.base.decide({name: values[name] for name in self.base.names}).active
+        self._calm = (plant.readings, fires.copy()) if calm else None
+        return fires
+
 
 #: Function codes of the paper: read input registers, write single register.
 _FUNCTIONS = frozenset({4, 6})
@@ -32,53 +121,10 @@ _FUNCTIONS = frozenset({4, 6})
 class ValveDevice:
     """One valve of a plant as a device behind `shipnet.modbus.server`.
 
-    Parameters
-    ----------
-    plant : Plant
-        The valves; several devices may share it, and its time then follows all their requests.
-    valve : int, default 0
-        Which of them.
-    registers : RegisterMap, optional
-        Reading of the paper's tables; `RegisterMap` with its defaults if omitted. Its command codes
-        must be unambiguous.
-    watchdog : float or None, default None
-        A motor that runs by a command of the master stops when no request has come for so long,
-        0.1..3600 [s]; never if None. The paper names no watchdog.
-    monitor : Monitor, optional
-        Applies the rules to the readings, for all devices of the plant; one of its own if omitted.
-
-    Attributes
-    ----------
-    local : bool
-        The toggle switch stands at manual: commands of the master are refused with exception 4, and
-        `turn` moves the valve.
-    auto : bool
-        The master has the valve; False after code Manual, until code Auto.
-    saturated : dict of str to bool
-        What did not fit into the registers read last.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range, if a code stands for two commands, or if the monitor
-        is that of another plant.
-
-    Notes
-    -----
     Figures 9 and 10 of the paper, as far as its text tells them: in auto mode the master commands,
     in manual mode the switches; a write starts the motor in the direction of the position asked
     for. The write is answered when the movement starts; `shipnet.ballast.answer` says what an
     answer at its end would cost. After code Manual, open, close and positions are refused too.
-
-    Examples
-    --------
-    >>> from shipnet.modbus.server import Table
-    >>> device = ValveDevice(Plant())
-    >>> device.write(Table.HOLDING_REGISTERS, 0x4001, [0x280A], 0.0)
-    >>> [f"{word:04x}" for word in device.read(Table.INPUT_REGISTERS, 0x4020, 4, 2.0)]
-    ['1628', '0014', '325a', '0c12']
-    >>> device.read(Table.INPUT_REGISTERS, 0x4020, 1, 10.0)[0] >> 8
-    40
     """
 
     def __init__(
@@ -109,10 +155,7 @@ class ValveDevice:
 
     @property
     def fault(self) -> int:
-        """Row of the rule table that the status reports, 0 for none.
-
-        It is what the slave has found since its last command; what is set stays until the next.
-        """
+        """Row of the rule table that the status reports, 0 for none."""
         return self.monitor.row(self.valve)
 
     @fault.setter
@@ -120,22 +163,7 @@ class ValveDevice:
         self.monitor.report(self.valve, row)
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
-        """Return registers of the status.
-
-        Parameters
-        ----------
-        table : Table
-            Input registers; exception 2 for any other.
-        address, quantity : int
-            Within 0x4020..0x4023, else exception 2.
-        time : float
-            Model time [s]; one that has passed already reads the present.
-
-        Returns
-        -------
-        list of int
-            As many registers as asked for.
-        """
+        """Return registers of the status."""
         first = address - FIRST_REGISTER
         if table is not Table.INPUT_REGISTERS or not 0 <= first <= N_REGISTERS - quantity:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
@@ -154,20 +182,7 @@ class ValveDevice:
         return [int(word) for word in packed.registers[0, first : first + quantity]]
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """Carry out a command.
-
-        Parameters
-        ----------
-        table : Table
-            Holding registers; exception 2 for any other.
-        address : int
-            0x4001, else exception 2.
-        values : sequence of int
-            One command; exception 3 if there is none with its code, or if its position is beyond
-            100 %, and exception 4 if the valve is in manual mode.
-        time : float
-            Model time [s].
-        """
+        """Carry out a command."""
         if table is not Table.HOLDING_REGISTERS or address != COMMAND_REGISTER or len(values) != 1:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         try:
@@ -191,20 +206,7 @@ class ValveDevice:
         self._feed(time)
 
     def turn(self, action: str, time: float) -> None:
-        """Work the on-off-on switch beside the valve.
-
-        Parameters
-        ----------
-        action : str
-            ``open``, ``close`` or ``stop``.
-        time : float
-            Model time [s].
-
-        Raises
-        ------
-        ArgumentError
-            If there is no such action, or if the valve is not in manual mode.
-        """
+        """Work the on-off-on switch beside the valve."""
         if action not in ("open", "close", "stop"):
             raise ArgumentError(f"action is {action!r}; it must be open, close or stop")
         if not self.local and self.auto:
@@ -236,33 +238,7 @@ def valve_slaves(
     registers: RegisterMap | None = None,
     watchdog: float | None = None,
 ) -> dict[int, Slave]:
-    """Return the valves of a plant as slaves, which `shipnet.modbus.server.serve` takes.
-
-    Parameters
-    ----------
-    plant : Plant
-        The valves, 1..247.
-    first : int, default 1
-        Unit id of valve 0; the others follow, up to 247.
-    registers, watchdog
-        As for `ValveDevice`; one `Monitor` serves all.
-
-    Returns
-    -------
-    dict of int to Slave
-        By unit id; each serves function codes 4 and 6.
-
-    Raises
-    ------
-    ArgumentError
-        If there are more valves than unit ids, or the watchdog is out of its range.
-
-    Examples
-    --------
-    >>> slaves = valve_slaves(Plant(n_valves=3))
-    >>> slaves[2].answer(bytes.fromhex("06 4001 0008")).hex(" ")
-    '06 40 01 00 08'
-    """
+    """Return the valves of a plant as slaves, which `shipnet.modbus.server.serve` takes."""
     unit = check_whole("first", first, 1, LAST_UNIT)
     if plant.n_valves > LAST_UNIT + 1 - unit:
         raise ArgumentError(

@@ -1,4 +1,4 @@
-"""Trials of the diagnosis: valves with a known fault open and close once, and what is reported.
+"""Trials of the diagnosis, and how good it is: rates with intervals, confusion, false alarms.
 
 The faults are those of our own simulator, made to fit the rules: a high rate verifies code, it does
 not validate the method.
@@ -6,31 +6,34 @@ not validate the method.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.ballast.actuator import Actuator
-from shipnet.ballast.commands import Command
 from shipnet.ballast.diagnosis import READINGS, Diagnosis, diagnose_run
-from shipnet.ballast.faults import FAULTS, Fault
+from shipnet.ballast.plant import Command
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
+from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.decision import top_codes
-from shipnet.fuzzy.rules import NORMAL, RuleBase
+from shipnet.fuzzy.rules import NORMAL, UNKNOWN, RuleBase
+from shipnet.intervals import event_interval, share_interval
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["CRITERIA", "fault_trials", "half_found", "spread_actuator"]
 
 Floats = npt.NDArray[np.float64]
+
+
 Flags = npt.NDArray[np.bool_]
+
 
 #: When a fault counts as found.
 CRITERIA = {
@@ -39,43 +42,17 @@ CRITERIA = {
     "isolated": "its own code was the headline",
 }
 
+
 #: A trial: rest, open, rest, close, rest [s]. A motor may run for 20 s.
 _OPEN, _CLOSE, _END = 5.0, 35.0, 65.0
+
 
 #: Instants of a block: what 3328 valves read in it takes 27 MB.
 _BLOCK = 100
 
 
 def spread_actuator(n_valves: int, spread: float, rng: np.random.Generator) -> Actuator:
-    """Return valves that differ from each other as new ones do.
-
-    Parameters
-    ----------
-    n_valves : int
-        How many, 1..10000.
-    spread : float
-        Standard deviation of the logarithm of pump leak, restrictor and bearing torque, 0..0.5; our
-        assumption.
-    rng : numpy.random.Generator
-        Draws them.
-
-    Returns
-    -------
-    Actuator
-        With arrays of `n_valves`.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
-    Examples
-    --------
-    >>> from shipnet.ballast import operating_point
-    >>> some = spread_actuator(5, 0.02, np.random.default_rng(2024))
-    >>> operating_point(some).FP.round(1).tolist()
-    [89.7, 87.1, 88.2, 84.7, 88.0]
-    """
+    """Return valves that differ from each other as new ones do."""
     n = check_whole("n_valves", n_valves, 1, 10_000)
     sigma = check_scalar("spread", spread, "", 0, 0.5)
     usual = Actuator()
@@ -88,15 +65,7 @@ def spread_actuator(n_valves: int, spread: float, rng: np.random.Generator) -> A
 
 
 class Outcome(NamedTuple):
-    """What became of trials, for one reading of the rules.
-
-    Attributes
-    ----------
-    active : ndarray of bool, shape (n_valves, n_rules)
-        Which codes were active at any time.
-    first : ndarray of float, shape (n_valves,)
-        When the first of them became so [s]; NaN if none did.
-    """
+    """What became of trials, for one reading of the rules."""
 
     active: Flags
     first: Floats
@@ -193,96 +162,6 @@ def fault_trials(
     return pd.concat(tables, ignore_index=True)
 
 
-def half_found(
-    codes: Sequence[str] = tuple(FAULTS),
-    *,
-    n_valves: int = 32,
-    reading: str = "fuzzy",
-    criterion: str = "named",
-    rules: RuleBase | None = None,
-    k: int = 3,
-    n: int = 5,
-    spread: float = 0.02,
-    sensors: Sensors | None = None,
-    steps: int = 8,
-    rng: np.random.Generator,
-) -> pd.DataFrame:
-    """Return how severe faults must be before half of the valves are found, by bisection.
-
-    Parameters
-    ----------
-    codes : sequence of str, optional
-        Faults; all if omitted.
-    n_valves : int, default 32
-        Valves with each fault.
-    reading : str, default "fuzzy"
-        One of `READINGS`.
-    criterion : str, default "named"
-        One of `CRITERIA`.
-    rules, k, n, spread, sensors
-        As for `fault_trials`.
-    steps : int, default 8
-        Bisections, 1..20; the last leaves an uncertainty of 2**-(steps + 1).
-    rng : numpy.random.Generator
-        Draws valves and noise of the sensors.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by ``fault``: the severity at which ``half`` are found, and at which the first and
-        last tenth are, ``tenth`` and ``nine_tenths``; NaN beyond severity 1.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
-    Notes
-    -----
-    Each valve is halved in by itself, all at once, with new noise at every step. That takes the
-    criterion to be met from some severity on for good; `isolated` need not be, where a code of
-    higher rank joins in later.
-
-    Examples
-    --------
-    A position that is 2.5 % wrong has half of the membership; the fault adds 15 %:
-
-    >>> table = half_found(["Pos3"], n_valves=8, steps=6, rng=np.random.default_rng(2024))
-    >>> bool(abs(table.loc["Pos3", "half"] - 2.5 / 15) < 0.02)
-    True
-    """
-    import pandas as pd
-
-    if criterion not in CRITERIA:
-        raise ArgumentError(f"criterion is {criterion!r}; it must be one of {', '.join(CRITERIA)}")
-    wanted = _some("codes", codes)
-    valves = check_whole("n_valves", n_valves, 1, 10_000 // len(wanted))
-    turns = check_whole("steps", steps, 1, 20)
-    base = rules if rules is not None else rule_base()
-    faults = np.repeat(np.array(wanted, dtype=object), valves)
-    actuator = spread_actuator(faults.size, spread, rng)
-
-    def are_found(severities: Floats) -> Flags:
-        outcome = _cycle(actuator, faults, severities, base, [reading], (k, n), sensors, rng)[
-            reading
-        ]
-        return _found(base, faults, outcome, criterion)
-
-    low, high = np.zeros(faults.size), np.ones(faults.size)
-    never = ~are_found(high)
-    for _ in range(turns):
-        middle = (low + high) / 2
-        yes = are_found(middle)
-        low, high = np.where(yes, low, middle), np.where(yes, middle, high)
-    severity = np.where(never, np.inf, (low + high) / 2).reshape(len(wanted), valves)
-    rows = np.quantile(severity, [0.1, 0.5, 0.9], axis=1, method="higher").T
-    return pd.DataFrame(
-        np.where(np.isinf(rows), np.nan, rows),
-        columns=["tenth", "half", "nine_tenths"],
-        index=pd.Index(wanted, name="fault"),
-    )
-
-
 def _some(name: str, words: Iterable[str]) -> list[str]:
     given = [words] if isinstance(words, str) else list(words)
     if not given:
@@ -339,3 +218,154 @@ def _cycle(
             first[reading] = np.fmin(first[reading], soonest)
             last[reading] = found
     return {reading: Outcome(active[reading], first[reading]) for reading in readings}
+
+
+#: What stands behind the numbers.
+BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
+
+
+#: A year [s].
+_YEAR = 365.25 * 86400
+
+
+def rates(trials: pd.DataFrame, *, confidence: float = 0.95) -> pd.DataFrame:
+    """Return how often faults were found, for each reading and fault."""
+    import pandas as pd
+
+    groups = trials.groupby(["reading", "fault"], sort=False)
+    table = pd.DataFrame({"n": groups.size()})
+    for name in CRITERIA:
+        hits = groups[name].sum().astype(int)
+        table[name] = hits / table["n"]
+        ends = share_interval(hits, table["n"], confidence=confidence)
+        table[f"{name}_low"], table[f"{name}_high"] = ends
+    table["delay_s"] = groups["delay_s"].median()
+    table.attrs["basis"] = BASIS
+    return table
+
+
+def confusion(trials: pd.DataFrame, *, reading: str = "fuzzy") -> pd.DataFrame:
+    """Return what was said first of which fault."""
+    import pandas as pd
+
+    mine = trials[trials["reading"] == reading]
+    if mine.empty:
+        known = ", ".join(trials["reading"].unique())
+        raise ArgumentError(f"reading is {reading!r}; the trials are of {known}")
+    order = list(dict.fromkeys([*mine["fault"], *sorted(mine["headline"].unique())]))
+    counted = pd.crosstab(mine["fault"], mine["headline"])
+    table = counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)
+    table.attrs["basis"] = BASIS
+    return table
+
+
+def false_alarms(
+    *,
+    duration: float = 3600.0,
+    period: float = 600.0,
+    n_valves: int = 256,
+    readings: Iterable[str] = tuple(READINGS),
+    rules: RuleBase | None = None,
+    k: int = 3,
+    n: int = 5,
+    spread: float = 0.02,
+    sensors: Sensors | None = None,
+    confidence: float = 0.95,
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """Let healthy valves work, and count what is reported of them.
+
+    Parameters
+    ----------
+    duration : float, default 3600
+        For how long, `period`..1e7 [s].
+    period : float, default 600
+        Time between two commands, which open and close all valves in turn, 60..1e6 [s].
+    n_valves : int, default 256
+        How many, 1..10000.
+    readings, rules, k, n
+        As for `fault_trials`.
+    spread : float, default 0.02
+        How far the valves differ, see `spread_actuator`.
+    sensors : Sensors, optional
+        What measures; `Sensors` with its defaults if omitted.
+    confidence : float, default 0.95
+        Of the intervals.
+    rng : numpy.random.Generator
+        Draws valves and noise of the sensors.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by ``reading``: ``commands``; those with an ``alarmed`` period, its share
+        ``per_command`` with ``_low`` and ``_high`` (`shipnet.intervals.share_interval`);
+        ``valve_years``, the ``alarms`` in them (a headline other than normal that follows normal),
+        and ``per_valve_year`` with ``_low`` and ``_high`` (`shipnet.intervals.event_interval`).
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Notes
+    -----
+    Sensors are read every second, and ten times as often while a motor runs. A period lasts from a
+    command to the next. Noise is white here, sensors neither drift nor age: a lower bound of what a
+    ship would see.
+
+    Examples
+    --------
+    >>> table = false_alarms(duration=120, period=60, n_valves=16, rng=np.random.default_rng(2024))
+    >>> table[["commands", "alarmed"]].T
+    reading   literal  crisp  fuzzy
+    commands       32     32     32
+    alarmed        32      0      0
+    """
+    import pandas as pd
+
+    every = check_scalar("period", period, "s", 60, 1e6)
+    time = check_scalar("duration", duration, "s", every, 1e7)
+    valves = check_whole("n_valves", n_valves, 1, 10_000)
+    starts = np.arange(0.0, time - every + 1e-6, every)
+    orders = [Command(("open", "close")[i % 2], start) for i, start in enumerate(starts)]
+    wanted = list(readings)
+    alarmed = {reading: np.zeros((starts.size, valves), bool) for reading in wanted}
+    alarms = dict.fromkeys(wanted, 0)
+    last: dict[str, Diagnosis | None] = dict.fromkeys(wanted)
+    quiet = {reading: np.ones((1, valves), bool) for reading in wanted}
+    actuator = spread_actuator(valves, spread, rng)
+    # The last period is whole: it ends just before the next command would come.
+    end = starts[-1] + every - 0.1
+    for run in blocks(
+        actuator, orders, duration=end, sensors=sensors, rng=rng, size=max(2**19 // valves, 1)
+    ):
+        of = np.minimum((run.time + 1e-6) // every, starts.size - 1).astype(int)
+        for reading in wanted:
+            found = diagnose_run(run, rules, reading=reading, k=k, n=n, after=last[reading])
+            calm = np.isin(found.headline, [NORMAL, UNKNOWN])
+            before = np.concatenate([quiet[reading], calm[:-1]])
+            alarms[reading] += int((before & ~calm).sum())
+            np.logical_or.at(alarmed[reading], of, ~calm)
+            last[reading], quiet[reading] = found, calm[-1:]
+    hits = np.array([int(alarmed[reading].sum()) for reading in wanted])
+    seen = np.array([alarms[reading] for reading in wanted])
+    commands, years = starts.size * valves, valves * (starts.size * every) / _YEAR
+    share = share_interval(hits, np.full(hits.shape, commands), confidence=confidence)
+    rate = event_interval(seen, years, confidence=confidence)
+    table = pd.DataFrame(
+        {
+            "commands": commands,
+            "alarmed": hits,
+            "per_command": hits / commands,
+            "per_command_low": share[0],
+            "per_command_high": share[1],
+            "valve_years": years,
+            "alarms": seen,
+            "per_valve_year": seen / years,
+            "per_valve_year_low": rate[0],
+            "per_valve_year_high": rate[1],
+        },
+        index=pd.Index(wanted, name="reading"),
+    )
+    table.attrs["basis"] = BASIS
+    return table

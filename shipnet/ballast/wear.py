@@ -1,27 +1,34 @@
-"""Pumps that wear out, as synthetic data: leak, pressure and stroke time from new to worn out.
+"""Pumps that wear out, as synthetic data, and their remaining life, predicted from a trend.
 
-The law of wear, its rates and the noise are assumptions: what is found here is an upper bound of
-what can be found on a ship, where oil warms up and loads change.
+The law of wear, its rates and the noise are assumptions, and one predictor uses that law: what is
+found here is an upper bound of what can be found on a ship.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from math import inf, isnan, nan, sqrt
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.ballast.actuator import Actuator
-from shipnet.ballast.hydraulics import hydraulics, load_pressure, stroke_time
+from shipnet.ballast.actuator import Actuator, hydraulics, load_pressure, stroke_time
+from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.fuzzy.terms import Interval, Term
 
-__all__ = ["LIMIT", "Wear", "leak_from_pressure", "limit_leak", "mid_pressure", "synthetic_wear"]
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 Floats = npt.NDArray[np.float64]
 
+
 #: A stroke may take so long [s]: row 0 of the rule table.
 LIMIT = 10.0
+
 
 #: Leaks that a stroke time is computed for; between them it is interpolated, to 1e-6 s.
 _GRID = 2001
@@ -54,33 +61,7 @@ class Wear:
 
 @cache
 def limit_leak(limit: float = LIMIT) -> float:
-    """Return the leak of the pump at which a stroke takes as long as it may.
-
-    Parameters
-    ----------
-    limit : float, default 10
-        Stroke time, 9.1..1000 [s].
-
-    Returns
-    -------
-    float
-        Leak [m3/(s Pa)] of the usual actuator.
-
-    Raises
-    ------
-    ArgumentError
-        If the limit is out of range.
-
-    Examples
-    --------
-    Three times the leak of a new pump; the pressure has hardly fallen by then:
-
-    >>> leak = limit_leak()
-    >>> round(leak / Actuator().pump_leak, 2)
-    3.32
-    >>> float(mid_pressure(leak).round(1))
-    73.4
-    """
+    """Return the leak of the pump at which a stroke takes as long as it may."""
     from scipy.optimize import brentq
 
     time = check_scalar("limit", limit, "s", 9.1, 1000)
@@ -95,33 +76,7 @@ def limit_leak(limit: float = LIMIT) -> float:
 
 
 def leak_from_pressure(pressure: npt.ArrayLike, actuator: Actuator | None = None) -> Floats:
-    r"""Return the leak of a pump from its pressure in the middle of a stroke.
-
-    .. math:: K = \frac{D n - C \sqrt{p - p_L}}{p}
-
-    Parameters
-    ----------
-    pressure : array_like of float
-        Pump pressure, above the load's [bar]; NaN gives NaN.
-    actuator : Actuator, optional
-        The valve; `Actuator` with its defaults if omitted. Its own leak does not matter.
-
-    Returns
-    -------
-    ndarray of float
-        Leak [m3/(s Pa)]; NaN where the load's pressure is not reached or the relief valve is open.
-
-    Notes
-    -----
-    `hydraulics` solved for the leak; 0 or less says that the pressure is higher than that of a
-    pump without any leak.
-
-    Examples
-    --------
-    >>> pressure = mid_pressure(1e-12)
-    >>> float(leak_from_pressure(pressure).round(18)), float(pressure.round(1))
-    (1e-12, 76.4)
-    """
+    """Return the leak of a pump from its pressure in the middle of a stroke."""
     a = actuator if actuator is not None else Actuator()
     p = 1e5 * np.asarray(pressure, float)
     load = load_pressure(a, 0.5)
@@ -140,41 +95,7 @@ def synthetic_wear(
     noise: tuple[float, float] = (0.1, 0.05),
     rng: np.random.Generator,
 ) -> Wear:
-    r"""Return synthetic data of pumps whose leak grows by the same part with every stroke.
-
-    .. math:: K_i = K_0 e^{r i}
-
-    Parameters
-    ----------
-    n_valves : int, default 256
-        How many, 1..10000.
-    n_strokes : int, default 1000
-        Strokes of each, 1..1e6.
-    rate : float, default 2.6e-3
-        Median of the rates r, 1e-6..1 a stroke: a life of 462 strokes.
-    spread : float, default 0.3
-        Standard deviation of their logarithm, 0..2.
-    noise : tuple of float, default (0.1, 0.05)
-        Standard deviations of what is read of FP [bar] and of the stroke time [s].
-    rng : numpy.random.Generator
-        Draws rates and noise.
-
-    Returns
-    -------
-    Wear
-        Rates, leaks, readings and lives.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
-    Examples
-    --------
-    >>> wear = synthetic_wear(3, 400, rng=np.random.default_rng(2024))
-    >>> wear.life.round().tolist(), wear.FP[[0, -1], 0].round(1).tolist()
-    ([339.0, 282.0, 327.0], [90.0, 69.4])
-    """
+    """Return synthetic data of pumps whose leak grows by the same part with every stroke."""
     n = check_whole("n_valves", n_valves, 1, 10_000)
     strokes = check_whole("n_strokes", n_strokes, 1, 10**6)
     median = check_scalar("rate", rate, "", 1e-6, 1)
@@ -200,24 +121,295 @@ def synthetic_wear(
 
 
 def mid_pressure(leak: npt.ArrayLike) -> Floats:
-    """Return the pump pressure of the usual valve, half open, for leaks of any shape.
-
-    Parameters
-    ----------
-    leak : array_like of float
-        Leak of the pump [m3/(s Pa)].
-
-    Returns
-    -------
-    ndarray of float, the shape of `leak`
-        Pressure [bar].
-
-    Examples
-    --------
-    >>> mid_pressure([[Actuator().pump_leak, limit_leak()]]).round(1).tolist()
-    [[90.1, 73.4]]
-    """
+    """Return the pump pressure of the usual valve, half open, for leaks of any shape."""
     leaks = np.asarray(leak, float)
     worn = replace(Actuator(), pump_leak=leaks.reshape(-1))
     state = hydraulics(worn, load_pressure(worn, 0.5))
     return np.asarray(state.pump_pressure / 1e5).reshape(leaks.shape)
+
+
+#: How a trend is fitted, and on which scale it is straight.
+METHODS = {
+    "theil-sen": "median of all slopes between two points; Kendall's test",
+    "linear": "least squares; t test",
+    "log-linear": "least squares of the logarithm; t test",
+}
+
+
+class Crossing(NamedTuple):
+    """Where a trend reaches a limit."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """A straight line through points, or that there is none."""
+
+    method: str
+    slope: float
+    slope_low: float
+    slope_high: float
+    centre: tuple[float, float]
+    p_value: float
+    confidence: float
+    n: int
+    margin: float
+    median: float
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a trend, at this confidence."""
+        return self.p_value < 1 - self.confidence
+
+    @property
+    def text(self) -> str:
+        """The trend in one line."""
+        if not self.found:
+            return f"no trend in {self.n} points (p = {self.p_value:.2g})"
+        per = " of the logarithm" if self.method == "log-linear" else ""
+        return (
+            f"slope{per} {self.slope:.3g}, {100 * self.confidence:g} % within "
+            f"{self.slope_low:.3g} to {self.slope_high:.3g} (p = {self.p_value:.2g})"
+        )
+
+    def at(self, x: npt.ArrayLike) -> Floats:
+        """Return the line."""
+        return self._back(self.centre[1] + self.slope * (np.asarray(x, float) - self.centre[0]))
+
+    def band(self, x: npt.ArrayLike) -> tuple[Floats, Floats]:
+        """Return the interval of the line."""
+        u = np.asarray(x, float) - self.centre[0]
+        one, other = (self._side(u, side) for side in (-1, 1))
+        return self._back(np.minimum(one, other)), self._back(np.maximum(one, other))
+
+    def crossing(self, limit: float) -> Crossing:
+        """Return where the line reaches a limit, and within which x it may."""
+        goal = check_scalar("limit", limit, "", -1e300, 1e300)
+        if self.method == "log-linear":
+            if goal <= 0:
+                raise ArgumentError(f"limit is {limit!r}; it must be above 0 for a logarithm")
+            goal = float(np.log(goal))
+        if not self.found:
+            return Crossing(nan, nan, inf)
+        gap, x = goal - self.centre[1], self.centre[0]
+        estimate = x + gap / self.slope
+        if self.method == "theil-sen":
+            slopes = [self.slope_low, self.slope_high]
+            if slopes[0] * slopes[1] <= 0:
+                # Kendall's test is surer than the interval: one end is as good as flat.
+                steepest = x + gap / max(slopes, key=abs)
+                return Crossing(estimate, min(steepest, estimate), inf)
+            return Crossing(estimate, *sorted(x + gap / slope for slope in slopes))
+        w = (self.slope_high - self.slope_low) / 2
+        square = self.slope**2 - w**2  # above 0, for the trend is significant
+        root = w**2 * gap**2 + self.margin**2 * square
+        ends = [(self.slope * gap + side * sqrt(root)) / square for side in (-1, 1)]
+        return Crossing(estimate, x + ends[0], x + ends[1])
+
+    def _side(self, u: Floats, side: int) -> Floats:
+        if self.method == "theil-sen":
+            slope = self.slope_high if side > 0 else self.slope_low
+            return np.asarray(self.centre[1] + slope * u)
+        w = (self.slope_high - self.slope_low) / 2
+        return np.asarray(self.centre[1] + self.slope * u + side * np.hypot(self.margin, w * u))
+
+    def _back(self, y: Floats) -> Floats:
+        return np.asarray(np.exp(y) if self.method == "log-linear" else y)
+
+
+def remaining_life(trend: Trend, limit: float, now: float, *, worse: str = "rising") -> Crossing:
+    """Return how long it takes from now on until a trend reaches a limit."""
+    if worse not in ("rising", "falling"):
+        raise ArgumentError(f"worse is {worse!r}; it must be rising or falling")
+    present = check_scalar("now", now, "", -1e300, 1e300)
+    found = trend.crossing(limit)
+    # Without a trend its slope says nothing: the level counts.
+    level = trend.at(present) if trend.found else trend.median
+    if (level >= limit) if worse == "rising" else (level <= limit):
+        return Crossing(0.0, 0.0, 0.0)
+    if not trend.found:
+        return found
+    if (trend.slope > 0) != (worse == "rising"):
+        return Crossing(inf, inf, inf)
+    return Crossing(*(max(x - present, 0.0) for x in found))
+
+
+def fit_trend(
+    x: npt.ArrayLike,
+    y: npt.ArrayLike,
+    *,
+    method: str = "theil-sen",
+    confidence: float = 0.95,
+) -> Trend:
+    """Fit a trend to points."""
+    if method not in METHODS:
+        raise ArgumentError(f"method is {method!r}; it must be one of {', '.join(METHODS)}")
+    if not isinstance(confidence, float) or not 0 < confidence < 1:
+        raise ArgumentError(f"confidence is {confidence!r}; it must be above 0 and below 1")
+    places, values = _points(x, y, positive=method == "log-linear")
+    n = places.size
+    middle = float(np.median(values))
+    median = float(np.exp(middle)) if method == "log-linear" else middle
+    if np.ptp(values) == 0:
+        # All alike: no test can say anything, and there is nothing to say.
+        return Trend(
+            method, 0.0, 0.0, 0.0, (float(np.median(places)), float(values[0])), 1.0, confidence, n,
+            0.0, median,
+        )  # fmt: skip
+    if method == "theil-sen":
+        from scipy.stats import kendalltau, theilslopes  # a second, which a line does without
+
+        slope, _, low, high = theilslopes(values, places, alpha=confidence)
+        p_value = float(kendalltau(places, values).pvalue)
+        centre, margin = (float(np.median(places)), float(np.median(values))), 0.0
+    else:
+        from scipy.special import stdtr, stdtrit
+
+        # The squares of both must be numbers above 0.
+        if not (1e-100 < np.ptp(places) < 1e100 and 1e-100 < np.ptp(values) < 1e100):
+            raise ArgumentError(
+                f"x and y span {np.ptp(places):g} and {np.ptp(values):g}; it must be 1e-100..1e100"
+            )
+        centre = float(places.mean()), float(values.mean())
+        away = places - centre[0]
+        spread = float(away @ away)
+        slope = float(away @ (values - centre[1])) / spread
+        rest = values - centre[1] - slope * away
+        deviation = sqrt(float(rest @ rest) / (n - 2))
+        error = deviation / sqrt(spread)
+        wide = float(stdtrit(n - 2, (1 + confidence) / 2))
+        p_value = 2 * float(stdtr(n - 2, -abs(slope) / error)) if error else 0.0
+        low, high = slope - wide * error, slope + wide * error
+        margin = wide * deviation / sqrt(n)
+    # A straight line without errors leaves 0 / 0.
+    p_value = 0.0 if isnan(p_value) else p_value
+    return Trend(
+        method,
+        float(slope),
+        float(low),
+        float(high),
+        centre,
+        p_value,
+        confidence,
+        n,
+        margin,
+        median,
+    )
+
+
+def _points(x: npt.ArrayLike, y: npt.ArrayLike, *, positive: bool) -> tuple[Floats, Floats]:
+    try:
+        places, values = np.asarray(x, float), np.asarray(y, float)
+    except (TypeError, ValueError):
+        raise ArgumentError("x and y must be rows of numbers, NaN where one is missing") from None
+    if places.ndim != 1 or places.shape != values.shape:
+        raise ArgumentError(
+            f"x and y have the shapes {places.shape} and {values.shape}; they must be equal rows"
+        )
+    known = ~(np.isnan(places) | np.isnan(values))
+    places, values = places[known], values[known]
+    if places.size < 5 or np.unique(places).size < 2:
+        raise ArgumentError(f"x has {places.size} points; it must have 5 or more, not all at one x")
+    if not (np.isfinite(places).all() and np.isfinite(values).all()):
+        raise ArgumentError("x and y must be finite, or NaN where a point is missing")
+    if positive:
+        if not (values > 0).all():
+            raise ArgumentError(f"y is down to {values.min():g}; a logarithm needs it above 0")
+        values = np.log(values)
+    return places, values
+
+
+#: A set for FP [bar] that spans all between its normal value and the limit of rule P2; ours.
+WORN = Term("worn", (-inf, -inf, 2.5, 90.0), Interval.parse("x < 2.5"), "worn")
+
+
+#: From what the remaining life is told, and how.
+PREDICTORS = {
+    "FP membership": "membership of FP in the set worn, straight in the number of strokes",
+    "stroke time": "stroke time, straight in the number of strokes",
+    "leak": "pump leak from FP by the inverted model, its logarithm straight",
+}
+
+
+#: Strokes without which no prediction is tried.
+_FEWEST = 10
+
+
+def alarm_strokes(wear: Wear, *, k: int = 3, n: int = 5) -> pd.DataFrame:
+    """Return at which stroke rules would report a worn pump, beside its true life."""
+    import pandas as pd
+
+    window = check_whole("n", n, 1, 10_000)
+    least = check_whole("k", k, 1, window)
+
+    def first(fires: npt.NDArray[np.bool_]) -> Floats:
+        total = np.cumsum(fires, axis=0)
+        before = np.zeros_like(total)
+        before[window:] = total[:-window]
+        reported = np.asarray(total - before >= least)
+        return np.where(reported.any(axis=0), reported.argmax(axis=0).astype(float), np.nan)
+
+    return pd.DataFrame(
+        {"life": wear.life, "P2": first(wear.FP < 2.5), "T1": first(wear.stroke_time > LIMIT)}
+    )
+
+
+def predict_life(
+    wear: Wear, valve: int, now: int, *, predictor: str = "leak", window: int = 200
+) -> tuple[Trend, Crossing]:
+    """Tell from the strokes so far how many more a valve will make within its limit."""
+    if predictor not in PREDICTORS:
+        raise ArgumentError(
+            f"predictor is {predictor!r}; it must be one of {', '.join(PREDICTORS)}"
+        )
+    k = check_whole("valve", valve, 0, wear.life.size - 1)
+    last = check_whole("now", now, _FEWEST, len(wear.FP))
+    rows = slice(max(last - check_whole("window", window, _FEWEST, 10**6), 0), last)
+    strokes = np.arange(rows.start, rows.stop)
+    if predictor == "stroke time":
+        trend = fit_trend(strokes, wear.stroke_time[rows, k], method="linear")
+        return trend, remaining_life(trend, LIMIT, last)
+    worn = limit_leak()
+    if predictor == "leak":
+        leaks = leak_from_pressure(wear.FP[rows, k])
+        # Noise may leave a new pump without a leak, which has no logarithm.
+        trend = fit_trend(strokes, np.where(leaks > 0, leaks, np.nan), method="log-linear")
+        return trend, remaining_life(trend, worn, last)
+    trend = fit_trend(strokes, WORN.membership(wear.FP[rows, k]), method="linear")
+    limit = float(WORN.membership(mid_pressure(worn)))
+    return trend, remaining_life(trend, limit, last)
+
+
+def life_comparison(
+    wear: Wear, *, parts: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9), window: int = 200
+) -> pd.DataFrame:
+    """Compare the remaining life that each predictor tells with the true one."""
+    import pandas as pd
+
+    index, rows = [], []
+    for predictor in PREDICTORS:
+        for part in parts:
+            share = check_scalar("part", part, "", 1e-6, 1 - 1e-6)
+            ratios, covers = [], []
+            for valve, life in enumerate(wear.life):
+                now = int(share * life)
+                if not _FEWEST <= now <= len(wear.FP):
+                    continue
+                told = predict_life(wear, valve, now, predictor=predictor, window=window)[1]
+                ratios.append(told.estimate / (life - now))
+                covers.append(told.low <= life - now <= told.high)
+            ratio = np.array(ratios, float)
+            found = ratio[np.isfinite(ratio)]
+            spread = np.quantile(found, [0.05, 0.5, 0.95]) if found.size else [np.nan] * 3
+            n = max(ratio.size, 1)
+            near = (np.abs(found - 1) <= 0.2).sum() / n
+            rows.append((ratio.size, found.size / n, *spread, near, sum(covers) / n))
+            index.append((predictor, part))
+    return pd.DataFrame(
+        rows,
+        columns=["valves", "found", "p05", "median", "p95", "within_20", "covers"],
+        index=pd.MultiIndex.from_tuples(index, names=["predictor", "part"]),
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from shipnet.asi.apm import levels_of, pulses_of
+from shipnet.asi.modulation import levels_of, pulses_of
 from shipnet.exercises.answers import Bits, Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from itertools import combinations, pairwise
 from math import ceil, log2
 
-from shipnet.asi.frame import frame
+from shipnet.asi.telegram import frame
 from shipnet.exercises.answers import Bits, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function

@@ -7,7 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from shipnet.ballast import Fault, Plant, valve_slaves
+from shipnet.ballast.plant import Plant
+from shipnet.ballast.slave import valve_slaves
+from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import FrameError
 from shipnet.modbus.frame import decode_tcp, encode_tcp
 from shipnet.modbus.reader import decode_response

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.asi.apm import HALF_BIT
+from shipnet.asi.modulation import HALF_BIT, bits_of_slots
 from shipnet.asi.receiver import (
     AMPLITUDE_TOLERANCE,
     MINIMUM,
@@ -19,8 +19,7 @@ from shipnet.asi.receiver import (
     matched_filter,
     receive,
 )
-from shipnet.asi.response import Response
-from shipnet.asi.slots import bits_of_slots
+from shipnet.asi.telegram import Response
 from shipnet.asi.topology import straight_line
 from shipnet.errors import FrameError, SilenceError
 from shipnet.line.cable import CABLES, Cable

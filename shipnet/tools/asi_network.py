@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet.asi.cycle import ResponseTime
-from shipnet.asi.emc.repetition import cycle_effect
+from shipnet.asi.emc.failures import cycle_effect
 from shipnet.asi.plan import Plan
 from shipnet.asi.rules import PlanFindings
 from shipnet.asi.topologies import line, ring, star

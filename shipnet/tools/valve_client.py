@@ -14,13 +14,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from shipnet.ballast import RegisterMap
-from shipnet.ballast.codes import Code
+from shipnet.ballast.live import valve_server
+from shipnet.ballast.master import valve_states
 from shipnet.ballast.plot import plot_screen
-from shipnet.ballast.registers import COMMAND_REGISTER, Status
+from shipnet.ballast.registers import COMMAND_REGISTER, Code, RegisterMap, Status
 from shipnet.ballast.scan import READ_STATUS
-from shipnet.ballast.screen import valve_states
-from shipnet.ballast.serving import valve_server
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.modbus.codes import ExceptionCode

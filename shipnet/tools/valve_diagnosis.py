@@ -10,8 +10,11 @@ from typing import Any
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.ballast import FAULTS, Command, Fault, Sensors, simulate
+from shipnet.ballast.plant import Command
 from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.sensors import Sensors
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.decision import Decision
 from shipnet.fuzzy.rules import NORMAL, RuleBase

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from itertools import product
 
-from shipnet.ballast.switches import unit_id
 from shipnet.errors import ArgumentError
 from shipnet.modbus.frame import encode_rtu
 from shipnet.modbus.request import ReadRequest
+from shipnet.papers.kim2014.switches import unit_id
 from shipnet.papers.registry import numeric
 
 __all__ = ["addresses"]

@@ -6,9 +6,9 @@ from itertools import product
 
 import pandas as pd
 
-from shipnet.ballast.channels import CHANNELS
 from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.rule_table import FILLS, rule_vectors
+from shipnet.ballast.sensors import CHANNELS
 from shipnet.papers.kim2014.rules import BASE
 from shipnet.papers.registry import check, numeric
 

@@ -7,12 +7,12 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Literal
 
 from shipnet.ballast import scan
-from shipnet.ballast.answer import write_outcome
 from shipnet.engine.class_rules import RULES
 from shipnet.engine.serial_interface import INTERFACES
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.ring import Break, DeadPort, Loop, Supervision, worst_gap
 from shipnet.modbus.timing import SILENCE_LIMIT, Poll, Serial
+from shipnet.papers.kim2014.answer import write_outcome
 from shipnet.papers.registry import check, numeric
 
 if TYPE_CHECKING:

@@ -7,9 +7,7 @@ import re
 import numpy as np
 
 from shipnet import datasets
-from shipnet.ballast.messages import MESSAGES, printed_adu, standard_adu
-from shipnet.ballast.registers import COMMAND_REGISTER
-from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
+from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.modbus.codes import LARGEST_PDU, FunctionCode
 from shipnet.modbus.frame import encode_rtu
@@ -17,6 +15,7 @@ from shipnet.modbus.reader import decode_response
 from shipnet.modbus.request import ReadRequest, WriteRegister
 from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
 from shipnet.modbus.server import RegisterDevice, Slave
+from shipnet.papers.kim2014.printed_messages import MESSAGES, printed_adu, standard_adu
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["table_1"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from shipnet import datasets
-from shipnet.ballast.channels import CHANNELS, rule_limits
 from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.sensors import CHANNELS, rule_limits
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["BASE"]
@@ -51,9 +51,9 @@ def distinct_faults(*, equalities: bool = True) -> int:
 
 
 @numeric("kim2014-074")
-def overlapping_pairs(*, method: str = "crisp") -> int:
+def overlapping_pairs(*, crisp: bool = True) -> int:
     """Pairs of rules that can fire together."""
-    return len(BASE.overlaps(method))
+    return len(BASE.overlaps("crisp" if crisp else "fuzzy"))
 
 
 @numeric("kim2014-082")

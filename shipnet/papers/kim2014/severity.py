@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shipnet.ballast.faults import FAULTS
-from shipnet.ballast.life import predict_life
 from shipnet.ballast.trials import fault_trials
-from shipnet.ballast.wear import Wear
+from shipnet.ballast.valve_faults import FAULTS
+from shipnet.ballast.wear import Wear, predict_life
 from shipnet.fuzzy.rules import NORMAL
 
 if TYPE_CHECKING:

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from shipnet.ballast.channels import CHANNELS
-from shipnet.ballast.codes import Code
 from shipnet.ballast.plant import Plant
-from shipnet.ballast.registers import COMMAND_REGISTER, RegisterMap
-from shipnet.ballast.scales import FIRST_REGISTER, N_REGISTERS
+from shipnet.ballast.registers import (
+    COMMAND_REGISTER,
+    FIRST_REGISTER,
+    N_REGISTERS,
+    Code,
+    RegisterMap,
+)
+from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.slave import valve_slaves
 from shipnet.modbus.frame import encode_rtu
 from shipnet.modbus.request import ReadRequest, WriteRegister

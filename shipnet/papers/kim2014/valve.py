@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from shipnet import datasets
-from shipnet.ballast.channels import CHANNELS
-from shipnet.ballast.codes import Code, code_table, command_codes
-from shipnet.ballast.registers import RegisterMap
-from shipnet.ballast.scales import SCALES, whole_steps
-from shipnet.ballast.sensors import Sensors
+from shipnet.ballast.registers import (
+    CODE_READINGS,
+    HIGHEST,
+    SCALES,
+    Code,
+    RegisterMap,
+    command_codes,
+    whole_steps,
+)
+from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.papers.registry import check, numeric
 
-__all__: list[str] = []
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 _VPOS = [channel.name for channel in CHANNELS].index("VPos")
 
@@ -112,3 +121,32 @@ def pump_pressure_is_called(*, other: str = "FP") -> bool:
     rows = datasets.read("kim2014_table3_read_registers_bits.csv").query("part == 'register'")
     remark = rows.loc[rows["remark_printed"].str.startswith("motor temperature"), "remark_printed"]
     return bool(remark.str.endswith(f"pressure {other}").all())
+
+
+def code_table() -> pd.DataFrame:
+    """Return the codes of all readings beside each other."""
+    import pandas as pd
+
+    columns = {reading: command_codes(reading) for reading in CODE_READINGS}
+    index = pd.Index([code.value for code in Code], name="command")
+    return pd.DataFrame({r: list(codes.values()) for r, codes in columns.items()}, index=index)
+
+
+def survival_table() -> pd.DataFrame:
+    """Return what becomes of the values of the paper's fault tests on their way to the master."""
+    import pandas as pd
+
+    rules = pd.read_csv(datasets.path("kim2014_rule_table.csv"), dtype=str)
+    rows = []
+    for rule in rules.to_dict("records"):
+        for k, scale in enumerate(SCALES):
+            name = scale.channel.lower()
+            texts = [rule[f"{name}_printed"]] + [rule.get("vpos_mended_percent")] * (name == "vpos")
+            numbers = [str(t).split(" or ") for t in texts if isinstance(t, str)]
+            for value in dict.fromkeys(float(n) for several in numbers for n in several):
+                sent, saturated = whole_steps(np.array([value]) / scale.step, HIGHEST)
+                got = float(sent[0]) * scale.step
+                survives = abs(got - value) <= scale.step / 2 + 1e-9
+                rows.append((rule["code"], CHANNELS[k].name, value, got, saturated[0], survives))
+    columns = ["code", "channel", "value", "received", "saturated", "survives"]
+    return pd.DataFrame(rows, columns=columns)

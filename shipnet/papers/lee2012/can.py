@@ -7,9 +7,9 @@ import pandas as pd
 
 from shipnet.can.bus import simulate
 from shipnet.can.schedule import Message, bus_load
-from shipnet.engine.can_messages import CanLayout, volume_table
-from shipnet.engine.faults import LostModbus
-from shipnet.engine.points import load_points
+from shipnet.engine.can_layout import CanLayout
+from shipnet.engine.faults import LostModbusFrames
+from shipnet.engine.points import read_points
 from shipnet.engine.simulation import simulate as simulate_engine
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
@@ -60,9 +60,9 @@ def both_repeat(*, retries: int = 0) -> bool:
     A CAN controller repeats by itself; how often a Modbus master asks again is its own affair.
     """
     sent = simulate(TOGETHER, 0.5, 125e3, error_instants=[100e-6]).transmissions
-    lost = [LostModbus("1", request=1.0)]
+    lost = [LostModbusFrames("1", request=1.0)]
     rng = np.random.default_rng(0)
-    asked = simulate_engine(System(retries=retries), 0.5, faults=lost, rng=rng).requests
+    asked = simulate_engine(System(retries=retries), faults=lost, until=0.5, rng=rng).requests()
     on_can = sent["retries"].max() > 0 and (sent["outcome"] == "sent").all()
     return bool(on_can and (asked["channel"] == 1).sum() > 1)
 
@@ -70,26 +70,26 @@ def both_repeat(*, retries: int = 0) -> bool:
 @numeric("lee2012-043")
 def frames_per_update(*, bits: int = 16) -> int:
     """CAN frames that carry all points once."""
-    return len(CanLayout(load_points(), bits).messages())
+    return len(CanLayout(read_points(), bits).messages())
 
 
 @numeric("lee2012-044")
 def time_per_update(*, bits: int = 16, bit_rate: float = 125e3) -> float:
     """Milliseconds of the bus for all points once, with the most stuff bits."""
-    return 1e3 * float(volume_table(load_points(), bits=bits)["worst_bits"]["all"]) / bit_rate
+    return 1e3 * float(CanLayout(read_points(), bits).volume()["worst_bits"]["all"]) / bit_rate
 
 
 @numeric("lee2012-100")
 def can_load(*, period: float = 1.0, bit_rate: float = 125e3) -> float:
     """Percent of the bus for an update each period."""
-    messages = CanLayout(load_points()).messages(period)
+    messages = CanLayout(read_points()).messages(period)
     return 100 * float(bus_load(messages, bit_rate).sum())
 
 
 @check("lee2012-081", counter={"within": 5e-3})
 def all_arrive(*, within: float = 0.1) -> bool:
     """Whether all frames that are released at once arrive intact within some time [s]."""
-    messages = CanLayout(load_points()).messages()
+    messages = CanLayout(read_points()).messages()
     rows = [{"arbitration_id": m.arbitration_id, "period_ms": 1e3, "dlc": m.dlc} for m in messages]
     sent = simulate(pd.DataFrame(rows), 0.5, 125e3).transmissions
     in_time = (sent["outcome"] == "sent") & (sent["end_ms"] <= 1e3 * within)

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from shipnet import style
-from shipnet.engine.converters import InputCard
+from shipnet.engine.inputs import InputCard
 
 __all__ = ["plot_blocks", "plot_flow", "plot_inputs", "plot_outline"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.engine.faults import CutModbus
+from shipnet.engine.faults import ModbusBreak
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
 from shipnet.modbus.frame import encode_rtu
@@ -74,11 +74,11 @@ def switch_over_scope(system: System, *, cut: float = 1.5, end: float = 3.4) -> 
     >>> sorted(switch_over_scope(System()))
     ['channel 1', 'channel 2']
     """
-    run = simulate(system, end, faults=[CutModbus("1", cut)])
+    run = simulate(system, faults=ModbusBreak("1", start=cut), until=end)
     traces = {}
     for channel, unit in (("channel 1", JB1), ("channel 2", JB3)):
         frames, begins = [], []
-        own = run.requests[run.requests["channel"] == int(channel[-1])]
+        own = run.requests().query(f"channel == {channel[-1]}")
         for time, outcome in zip(own["time_s"], own["outcome"], strict=True):
             request = encode_rtu(unit, read(system.registers).pdu)
             frames.append(request)

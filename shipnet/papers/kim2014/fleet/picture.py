@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from shipnet.ballast.commands import Command
-from shipnet.ballast.master import operate
-from shipnet.ballast.plant import Plant
-from shipnet.ballast.recorder import received_run
+from shipnet.ballast.master import MasterRun, operate, received_run
+from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.scan import status_poll, worst_age
-from shipnet.ballast.screen import MasterRun
 from shipnet.ballast.simulation import Run
 from shipnet.errors import ArgumentError
 from shipnet.modbus.ring import Break, Loop, Supervision

@@ -1,0 +1,265 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shipnet.ballast.diagnosis import READINGS, diagnose_run
+from shipnet.ballast.plant import Command
+from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.simulation import blocks, command_features, running_time, simulate
+from shipnet.ballast.valve_faults import FAULTS, Fault
+from shipnet.errors import ArgumentError
+from shipnet.fuzzy import Rule, RuleBase
+
+BASE = rule_base()
+ORDERS = [
+    Command("open", 1.0),
+    Command("close", 4.0, valves=[0, 2]),
+    Command("position", 16.0, position=40),
+    Command("open", 31.0),
+]
+FAULTY = [
+    Fault("V1", start=2.0, valves=1),
+    Fault("P2", 0.95, valves=2),
+    Fault("Pos1", start=20.0, valves=3),
+    Fault("G1", start=14.0, valves=4),
+]
+
+
+def settings(**more):
+    return dict(commands=ORDERS, duration=45, n_valves=5, faults=FAULTY, idle_step=0.5) | more
+
+
+def pieces(size):
+    yield from blocks(**settings(rng=np.random.default_rng(7)), size=size)
+
+
+@pytest.mark.parametrize("reading", READINGS)
+@pytest.mark.parametrize("size", [2, 11, 97])
+def test_blocks_are_diagnosed_as_the_whole_run_is(reading, size):
+    rules = rule_base(slow_stroke=10)
+    whole = diagnose_run(simulate(**settings(rng=np.random.default_rng(7))), rules, reading=reading)
+    after, active, alarms, samples = None, [], [], []
+    for piece in pieces(size):
+        after = diagnose_run(piece, rules, reading=reading, after=after)
+        active.append(after.active)
+        samples.append(np.stack(list(after.samples.values())))
+        alarms += after.alarms.values.tolist()
+    expected = np.stack(list(whole.samples.values()))
+    np.testing.assert_array_equal(np.concatenate(samples, axis=1), expected)
+    np.testing.assert_array_equal(np.concatenate(active), whole.active)
+    assert alarms == whole.alarms.values.tolist()
+    assert len(alarms) > 3
+
+
+def noisy(**more):
+    return simulate(**settings(rng=np.random.default_rng(7)) | more)
+
+
+def test_persistence_counts_the_last_samples_of_each_valve():
+    run = noisy()
+    single = diagnose_run(run, k=1, n=1).active
+    for k, n in [(1, 3), (3, 5), (4, 4)]:
+        several = diagnose_run(run, k=k, n=n).active
+        for row in [0, 1, n - 1, n, 100, len(run.time) - 1]:
+            counted = single[max(row - n + 1, 0) : row + 1].sum(axis=0)
+            np.testing.assert_array_equal(several[row], counted >= k)
+
+
+def test_dead_bands_and_strengths_cut_at_one_half_decide_the_same_and_print_does_not():
+    run = noisy()
+    fuzzy, crisp, literal = (
+        diagnose_run(run, reading=r).active for r in ("fuzzy", "crisp", "literal")
+    )
+    np.testing.assert_array_equal(fuzzy, crisp)
+    assert (fuzzy != literal).any()
+    assert (diagnose_run(run, cut=0.9).active != fuzzy).any()
+
+
+def test_the_peer_of_one_valve_and_instant_says_the_same():
+    run = noisy()
+    diagnosis = diagnose_run(run, k=1, n=1)
+    rows = np.linspace(0, len(run.time) - 1, 40).astype(int)
+    for valve in range(run.n_valves):
+        frame = run.valve(valve).iloc[rows]
+        for row, (_, seen) in zip(rows, frame.iterrows(), strict=True):
+            fp, op, mc, ot, pos, speed = (float(x) for x in seen.iloc[:6])
+            waits = seen["active"] and speed == speed and speed <= 1
+            expected = {
+                "G1": fp >= 120 and mc <= 0.1,
+                "P1": fp >= 120 and mc >= 2.5,
+                "P2": fp <= 2.5 and 0.1 <= mc <= 2.5,
+                "V1": fp >= 120 and op >= 2.5,
+                "V2": 0.1 <= op <= 2.5 and waits,
+                "S1": mc <= 0.1 and pos >= 102.5,
+                "S2": mc <= 0.1 and pos <= -2.5,
+                "O1": ot >= 85,
+                "Pos1": 0.1 <= op <= 2.5 and mc <= 0.1 and pos >= 102.5,
+                "Pos2": 0.1 <= op <= 2.5 and mc <= 0.1 and pos <= -2.5,
+                "Pos3": pos >= 102.5,
+                "Pos4": pos <= -2.5,
+            }
+            found = dict(zip(BASE.codes, diagnosis.active[row, valve], strict=True))
+            assert found == expected, (valve, row)
+
+
+def test_a_healthy_valve_at_rest_with_trapped_pressure_leaks_only_if_dvpos_counts_always():
+    quiet = [Fault("Pos1", 0.1)]  # keeps a tenth of the pressure; the shift of VPos is 0.5 %
+    run = simulate(commands=[Command("open")], duration=20, faults=quiet)
+    meant, literal = (diagnose_run(run, reading=r).active[-1, 0] for r in ("crisp", "literal"))
+    assert not meant.any()
+    assert literal[BASE.codes.index("V2")]
+
+
+def test_dvpos_does_not_count_once_the_target_is_reached_or_the_motor_has_stopped():
+    run = noisy()
+    given = diagnose_run(run).samples["DVPos"]
+    assert np.isnan(given[~run.active | ~run.running]).all()
+    assert np.isfinite(given).any()
+
+
+def test_alarms_headline_and_explanation_tell_of_the_same_codes():
+    run = noisy()
+    diagnosis = diagnose_run(run)
+    assert {"V1", "P2", "V2", "G1"} <= set(diagnosis.alarms["code"])
+    for alarm in diagnosis.alarms.itertuples():
+        sentence = diagnosis.explain(alarm.valve, alarm.time_s)
+        assert sentence.startswith(alarm.headline)
+        assert alarm.code in sentence
+        decided = diagnosis.decision(alarm.valve)
+        row = int(np.searchsorted(run.time, alarm.time_s))
+        assert alarm.code in decided.codes(row)
+        first = diagnosis.first_alarm[alarm.valve, BASE.codes.index(alarm.code)]
+        assert first <= alarm.time_s
+    never = ~diagnosis.active.any(axis=0)
+    assert np.isnan(diagnosis.first_alarm[never]).all()
+
+
+@pytest.mark.parametrize("settle", [2.0, 30.0])
+def test_what_is_shown_after_a_command_is_the_first_of_all_that_was_active(settle):
+    diagnosis = diagnose_run(noisy())
+    table = diagnosis.commands(settle)
+    shorter = diagnosis.commands(2.0)
+    assert (table["active"] != shorter["active"]).any() == (settle > 2)
+    time = diagnosis.time
+    for command in table.itertuples():
+        told = [one.time for one in ORDERS if one.valves is None or command.valve in one.valves]
+        until = min([command.end_s + settle, *(t - 1e-6 for t in told if t > command.start_s)])
+        seen = (time >= command.start_s - 1e-9) & (time <= until + 1e-9)
+        active = diagnosis.active[seen, command.valve].any(axis=0)
+        expected = [c for c in BASE.ranking if active[BASE.codes.index(c)]]
+        assert command.active.split() == expected
+        assert command.headline == (expected or ["normal"])[0]
+        assert (command.delay_s >= 0) == bool(expected)
+
+
+def test_the_slow_stroke_is_reported_by_the_added_rule_alone():
+    worn = [Fault("P2", 0.25)]
+    run = simulate(commands=[Command("open")], duration=20, faults=worn)
+    lasted = run.strokes["duration_s"][0]
+    assert 10.3 < lasted < 12
+    assert not diagnose_run(run).active.any()
+    table = diagnose_run(run, rule_base(slow_stroke=10)).commands()
+    assert table["headline"].tolist() == ["T1"]
+    assert table["delay_s"][0] == pytest.approx(10.2)
+    sound = simulate(commands=[Command("open")], duration=20)
+    assert not diagnose_run(sound, rule_base(slow_stroke=10)).active.any()
+    assert rule_base(slow_stroke=10).rules[:12] == BASE.rules
+
+
+def test_a_motor_that_turns_round_is_timed_anew():
+    orders = [Command("open", 1.0), Command("close", 3.0), Command("stop", 4.0)]
+    run = simulate(commands=orders, duration=5, step=0.5)
+    nan = np.nan
+    expected = [nan, nan, 0, 0.5, 1, 1.5, 0, 0.5, nan, nan, nan]
+    np.testing.assert_array_equal(running_time(run)[:, 0], expected)
+
+
+def test_features_are_those_of_the_operating_point():
+    run = simulate(
+        commands=[Command("open"), Command("position", 20, position=90), Command("close", 30)],
+        duration=45,
+    )
+    whole, short, back = command_features(run).itertuples()
+    assert whole.stroke_s == pytest.approx(9.0, abs=0.05)
+    assert back.stroke_s == pytest.approx(whole.stroke_s, abs=0.2)
+    assert np.isnan(short.stroke_s)
+    assert short.travel_percent == pytest.approx(10, abs=0.2)
+    assert whole.FP_bar == pytest.approx(90, abs=0.3)
+    assert whole.MC_A == pytest.approx(1.2, abs=0.01)
+    assert whole.OP_max_bar == pytest.approx(run.OP.max(), abs=1e-9)
+
+
+def test_a_run_without_instants_or_commands_is_diagnosed_as_nothing():
+    run = simulate(duration=0)
+    diagnosis = diagnose_run(run)
+    assert diagnosis.headline.tolist() == [["normal"]]
+    assert len(diagnosis.alarms) == len(diagnosis.commands()) == len(command_features(run)) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"reading": "vague"}, "reading is 'vague'; it must be one of literal, crisp, fuzzy"),
+        ({"k": 6}, "k is 6; it must be a whole number 1..5"),
+        ({"n": 0}, "n is 0"),
+        ({"n": 1001}, "n is 1001"),
+        ({"cut": 0}, "threshold is 0"),
+        ({"cut": float("nan")}, "threshold is nan"),
+    ],
+)
+def test_a_setting_out_of_range_is_named(arguments, message):
+    with pytest.raises(ArgumentError, match=message):
+        diagnose_run(simulate(duration=1), **arguments)
+
+
+def test_rules_about_what_no_run_has_are_refused():
+    other = [v for v in BASE.variables if v.name == "FP"]
+
+    strange = RuleBase((replace(other[0], name="Level"),), (Rule("L1", (("Level", "high"),), 1),))
+    with pytest.raises(ArgumentError, match="rules speak of Level; a run has FP, OP"):
+        diagnose_run(simulate(duration=1), strange)
+
+
+def test_a_block_is_only_joined_to_its_own_past():
+    first, second = list(pieces(400))[:2]
+    before = diagnose_run(first)
+    with pytest.raises(ArgumentError, match="other rules or settings"):
+        diagnose_run(second, k=2, after=before)
+    with pytest.raises(ArgumentError, match="which must be later"):
+        diagnose_run(first, after=before)
+    with pytest.raises(ArgumentError, match="after is of 5 valves; the run is of 1"):
+        diagnose_run(simulate(duration=1), after=before)
+
+
+def test_what_the_next_block_needs_does_not_keep_this_one_in_memory():
+    run = next(pieces(400))
+    tail = diagnose_run(run).tail
+    assert all(x.base is None for x in tail.samples.values())
+    assert len(tail.time) < 20
+
+
+def test_an_instant_before_the_run_or_no_valve_of_it_is_named():
+    diagnosis = diagnose_run(simulate(duration=1))
+    with pytest.raises(
+        ArgumentError, match=r"time is -1 s; it must be a number, and the run begins at 0 s"
+    ):
+        diagnosis.explain(0, -1)
+    with pytest.raises(ArgumentError, match="valve is 1"):
+        diagnosis.explain(1, 0.0)
+    with pytest.raises(ArgumentError, match="valve is -1"):
+        diagnosis.decision(-1)
+    with pytest.raises(ArgumentError, match="settle is -1"):
+        diagnosis.commands(settle=-1)
+
+
+def test_every_fault_at_full_severity_is_named_by_its_code():
+    codes = list(FAULTS)
+    faults = [Fault(code, valves=valve) for valve, code in enumerate(codes)]
+    orders = [Command("open", 5.0), Command("close", 35.0)]
+    run = simulate(commands=orders, duration=65, n_valves=13, faults=faults, idle_step=0.5,
+                   rng=np.random.default_rng(3))  # fmt: skip
+    active = diagnose_run(run).active.any(axis=0)
+    for valve, code in enumerate(codes):
+        assert active[valve, BASE.codes.index(code)], code
+    assert not active[12].any()

@@ -1,0 +1,139 @@
+import numpy as np
+import pytest
+
+from shipnet.ballast.diagnosis import diagnose_run
+from shipnet.ballast.fleet import random_commands, random_faults, watch
+from shipnet.ballast.plant import Command
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.valve_faults import FAULTS, Fault
+from shipnet.errors import ArgumentError
+
+HOURS = {"n_valves": 16, "duration": 7200.0}
+PLAN = {"operations": 4, "group": 8}
+
+
+@pytest.fixture(scope="module")
+def report():
+    rng = np.random.default_rng(2024)
+    faults = random_faults(12, rng, n_valves=16, duration=5000)
+    return watch(random_commands(rng, **HOURS, **PLAN), faults, rng=rng, **HOURS)
+
+
+def test_every_fault_but_the_slow_one_is_found_by_its_own_code_and_nothing_else_is(report):
+    found = report.faults.set_index("code")
+    assert sorted(found.index) == sorted(FAULTS)
+    # A motor gets hot by many strokes in a row only.
+    assert found.index[found["diagnosed_s"].isna()].tolist() == ["O1"]
+    assert (found["alarm_s"].dropna() >= found["start_s"][found["alarm_s"].notna()]).all()
+    assert (found["diagnosed_s"].dropna() >= found["alarm_s"].dropna()).all()
+    assert report.false_alarms.empty
+    assert report.summary["own_code"].sum() == 11
+    assert report.summary.index.tolist() == list(FAULTS)
+    assert "12 faults: 11 alarmed, 11 with their own code; 0 false alarms" in str(report)
+
+
+def test_a_stuck_valve_waits_for_its_next_command(report):
+    stuck = report.faults.set_index("code").loc["V1"]
+    starts = report.commands[report.commands["valve"] == stuck["valve"]]["start_s"]
+    following = starts[starts >= stuck["start_s"]].min()
+    assert stuck["command_s"] == following
+    # Three of five readings, the first of them when the motor has been started.
+    assert stuck["alarm_s"] == pytest.approx(following + 0.2, abs=0.11)
+    assert stuck["delay_s"] == pytest.approx(
+        stuck["after_command_s"] + following - stuck["start_s"]
+    )
+
+
+def test_a_gauge_that_reads_too_high_is_found_at_rest(report):
+    gauge = report.faults.set_index("code").loc["G1"]
+    assert gauge["delay_s"] < 4
+    assert np.isnan(gauge["after_command_s"])
+    assert gauge["isolated"]
+
+
+@pytest.mark.parametrize("size", [1, 37, 100_000])
+def test_blocks_leave_no_trace(size):
+    commands = [Command("open", 5.0), Command("close", 40.0, valves=[0, 2])]
+    faults = [Fault("V1", start=30.0, valves=2), Fault("Pos1", start=2.0, valves=1)]
+    hour = {"n_valves": 3, "duration": 60.0}
+    whole = simulate(
+        commands=commands, faults=faults, idle_step=1.0, rng=np.random.default_rng(1), **hour
+    )
+    single = diagnose_run(whole)
+    report = watch(commands, faults, rng=np.random.default_rng(1), size=size, **hour)
+    assert report.n_samples == whole.readings.shape[0] * 3
+    assert report.alarms.values.tolist() == single.alarms.values.tolist()
+    assert report.commands["end_s"].tolist() == whole.strokes["end_s"].tolist()
+    assert len(report.alarms) > 3
+
+
+def test_an_alarm_before_its_fault_is_a_false_one():
+    # The literal reading takes a healthy valve at rest for a broken one.
+    faults = [Fault("V1", start=50.0, valves=1)]
+    report = watch(
+        [Command("open", 5.0)], faults, n_valves=2, duration=60, reading="literal",
+        rng=np.random.default_rng(1),
+    )  # fmt: skip
+    assert set(report.false_alarms["valve"]) == {0, 1}
+    sick = report.false_alarms.query("valve == 1")
+    assert sick["time_s"].max() < 50
+
+
+def test_severity_0_is_no_fault():
+    report = watch([], [Fault("V1", 0.0, valves=1)], n_valves=2, duration=10)
+    assert report.faults.empty
+    assert len(report.commands) == len(report.alarms) == 0
+
+
+def test_a_healthy_fleet_has_a_report_too():
+    report = watch([Command("open", 5.0)], n_valves=2, duration=60)
+    assert "0 faults: 0 alarmed, 0 with their own code; 0 false alarms" in str(report)
+    assert report.summary.empty
+    sick = watch([], [Fault("G1", valves=1)], n_valves=2, duration=60)
+    assert report.summary.columns.tolist() == sick.summary.columns.tolist()
+    assert report.faults.dtypes.to_dict() == sick.faults.dtypes.to_dict()
+    assert sick.summary.loc["G1", ["faults", "alarmed", "isolated"]].tolist() == [1, 1, 1]
+
+
+def test_faults_are_drawn_evenly_and_in_order():
+    faults = random_faults(256, np.random.default_rng(3), severity=(0.2, 0.9))
+    counts = {code: sum(f.code == code for f in faults) for code in FAULTS}
+    assert set(counts.values()) == {21, 22}
+    assert len({f.valves for f in faults}) == 256
+    starts = [f.start for f in faults]
+    assert starts == sorted(starts)
+    assert 0 <= starts[0] and starts[-1] <= 86400
+    severities = [f.severity for f in faults]
+    assert 0.2 <= min(severities) < 0.25 and 0.85 < max(severities) <= 0.9
+    # Kolmogorov-Smirnov: 1.63 / sqrt(256) is passed with 1 %.
+    even = np.abs(np.sort(starts) / 86400 - (np.arange(256) + 0.5) / 256).max()
+    assert even < 0.1
+    assert random_faults(0, np.random.default_rng(1)) == []
+
+
+def test_a_plan_commands_every_valve_as_often_as_asked_and_groups_do_not_meet():
+    plan = random_commands(np.random.default_rng(5), n_valves=50, operations=3, group=16)
+    told = np.bincount([valve for command in plan for valve in command.valves], minlength=50)
+    assert set(told) == {3}
+    times = [command.time for command in plan]
+    assert min(np.diff(times)) >= 30 - 1e-6
+    assert [c.action for c in plan] == ["open"] * 4 + ["close"] * 4 + ["open"] * 4
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda rng: random_faults(5, rng, n_valves=4), "n_faults is 5"),
+        (lambda rng: random_faults(1, rng, codes=[]), "codes is empty"),
+        (lambda rng: random_faults(1, rng, codes=["X"]), "code is 'X'"),
+        (lambda rng: random_faults(1, rng, severity=(0.5, 0.4)), "severity is 0.4"),
+        (lambda rng: random_faults(1, rng, duration=float("nan")), "duration is nan"),
+        (lambda rng: random_commands(rng, n_valves=256, duration=100), "duration is 100 s"),
+        (lambda rng: random_commands(rng, group=257), "group is 257"),
+        (lambda rng: watch([], n_valves=0), "n_valves is 0"),
+        (lambda rng: watch([], n_valves=1, duration=1, k=6), "k is 6"),
+    ],
+)
+def test_a_bad_argument_is_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make(np.random.default_rng(1))

@@ -1,0 +1,306 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet.ballast.live import Gateway
+from shipnet.ballast.master import Station, operate
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.scan import assignment, scan_table, status_poll, worst_age
+from shipnet.ballast.valve_faults import Fault
+from shipnet.errors import ArgumentError, FrameError
+from shipnet.modbus.ring import Break, DeadPort, DeadSlave, Loop, Short, Supervision, worst_gap
+from shipnet.modbus.timing import Serial
+from shipnet.papers.kim2014.answer import answer_table, write_outcome
+from shipnet.papers.kim2014.printed_messages import standard_adu
+
+LINE = Serial(9600)
+
+
+def loop(n, serial=LINE, **options):
+    return Loop(n, status_poll(serial, **options))
+
+
+@pytest.mark.parametrize("rate", [2400, 9600, 19200, 38400, 115200])
+def test_a_scan_is_counted_in_characters(rate):
+    silence = 3.5 * 11 / rate if rate <= 19200 else 1.75e-3
+    row = scan_table(247, processing=5e-3).loc[rate]
+    read = (8 + 13) * 11 / rate + 2 * silence + 5e-3
+    assert row["read_ms"] == pytest.approx(1e3 * read)
+    assert row["write_ms"] == pytest.approx(1e3 * (16 * 11 / rate + 2 * silence + 5e-3))
+    assert row["scan_s"] == pytest.approx(247 * read)
+    assert row["halves_s"] == pytest.approx(124 * read)
+    assert row["valves_in_2_s"] == int(2 / read)
+
+
+@pytest.mark.parametrize("n", [1, 247, 248, 249, 256, 494, 495, 1000])
+def test_every_valve_has_a_master_and_no_master_too_many(n):
+    shares = assignment(n)
+    sizes = shares["master"].value_counts()
+    assert len(sizes) == -(-n // 247)
+    assert sizes.max() - sizes.min() <= 1
+    assert sizes.max() <= 247
+    assert list(shares.index) == list(range(1, n + 1))
+    for _, own in shares.groupby("master"):
+        assert own["unit"].tolist() == list(range(1, len(own) + 1))
+    assert scan_table(n)["masters"].unique().tolist() == [len(sizes)]
+
+
+@pytest.mark.parametrize(("n", "commands"), [(1, 0), (5, 0), (40, 0), (40, 3)])
+def test_the_oldest_position_shown_is_as_old_as_the_closed_form_says(n, commands):
+    orders = [Command("open", 3.0, valves=list(range(commands)))] if commands else []
+    run = operate(Plant(n_valves=n), loop(n), orders, duration=10)
+    age = worst_age(run.system, commands=commands)
+    assert run.longest_age.max() == pytest.approx(age, abs=1e-9)
+    times = np.linspace(5, 9, 4001)
+    # Looked at from outside, at any time.
+    assert run.age(times).max() <= age + 1e-9
+    assert run.age(times).min() >= status_poll(LINE).shortest_timeout - 1e-9
+
+
+def test_what_is_shown_is_what_the_plant_was_when_the_slave_was_asked():
+    plant = Plant(n_valves=20)
+    run = operate(plant, loop(20), [Command("open", 2.0, valves=7)], duration=12)
+    mine = run.answers.query("unit == 8")
+    sent = run.commands["sent_s"][0]
+    since = mine["read_s"].to_numpy() - sent
+    expected = np.clip(100 * since / 9.0, 0, 100)
+    # 0.1 s between two readings at 11.1 % a second, and half a percent of rounding.
+    assert mine["VPos_percent"].to_numpy() == pytest.approx(expected, abs=1.7)
+    assert run.answers.query("unit != 8")["VPos_percent"].max() == 0
+
+
+def test_a_command_goes_out_between_two_polls_and_costs_its_transaction():
+    run = operate(Plant(n_valves=10), loop(10), [Command("open", 1.0, valves=[2, 5])], duration=3)
+    first, second = run.commands.itertuples()
+    assert (first.unit, second.unit) == (3, 6)
+    assert 1.0 <= first.sent_s < 1.0 + status_poll(LINE).answered
+    assert second.sent_s == first.free_s
+    assert first.free_s - first.sent_s == pytest.approx(run.write_time)
+    assert run.scan_gap == pytest.approx(run.system.period + 2 * run.write_time)
+    assert run.commands["value"].tolist() == ["0x0008", "0x0008"]
+
+
+def test_without_commands_the_station_polls_as_the_ring_does():
+    from shipnet.modbus.ring import simulate
+
+    system = loop(12, timeout=0.3)
+    faults = [Break(5, start=2.0), DeadSlave(3, start=4.0, stop=90.0)]
+    station = Station(Plant(n_valves=12), system, faults)
+    station.run_until(150.0)
+    theirs = simulate(system, faults, duration=150.0)
+    ours = [t for t in station.tries if t[0] < 150]
+    assert [t[1:] for t in ours] == [t[1:] for t in theirs.tries]
+    assert [t[0] for t in ours] == pytest.approx([t[0] for t in theirs.tries])
+
+
+@pytest.mark.parametrize(
+    "faults", [[Break(5)], [DeadPort("A")], [DeadSlave(4)], [Break(3), Break(6)]]
+)
+def test_no_gap_is_longer_than_the_ring_allows(faults):
+    from dataclasses import replace
+
+    system = loop(10, timeout=0.4)
+    begun = [replace(fault, start=1.7) for fault in faults]
+    run = operate(Plant(n_valves=10), system, duration=30, faults=begun)
+    bound = worst_gap(system, faults)
+    for unit in range(1, 11):
+        shown = run.answers.query(f"unit == {unit}")["shown_s"].to_numpy()
+        if np.isfinite(bound[unit - 1]):
+            assert np.diff(shown).max() <= bound[unit - 1] + 1e-9
+            assert shown[-1] > 29
+        else:
+            assert shown[-1] < 2.2
+            assert run.screen().state[unit] == "silent"
+
+
+def test_a_line_that_is_shorted_is_tried_again_later_and_comes_back():
+    run = operate(Plant(n_valves=3), loop(3), duration=100, faults=[Short(1, start=1.0, stop=30.0)])
+    assert run.screen(20.0).state.tolist() == ["silent"] * 3
+    assert run.screen().state.tolist() == ["closed"] * 3
+    assert run.screen(0.01).state.tolist() == ["not seen"] * 3
+    assert np.isinf(run.screen(0.01)["age_s"]).all()
+
+
+def test_a_command_that_is_lost_is_reported_and_not_repeated():
+    orders = [Command("open", 2.0, valves=3)]
+    cut = [Break(0, start=1.99), DeadPort("B", start=1.99)]
+    plant = Plant(n_valves=5)
+    run = operate(plant, loop(5), orders, duration=15, faults=cut)
+    assert run.commands["outcome"].tolist() == ["no answer"]
+    assert plant.opening.tolist() == [0.0] * 5
+
+
+@pytest.mark.parametrize("n", [5, 50])
+@pytest.mark.parametrize("at_end", [False, True])
+def test_the_gap_that_a_command_tears_is_that_of_the_closed_form(n, at_end):
+    expected = write_outcome(LINE, n, 9.0, at_end=at_end, timeout=10)
+    run = operate(
+        Plant(n_valves=n), loop(n), [Command("open", 2.0, valves=1)], duration=25,
+        answer_at_end=at_end, timeout=10.0,
+    )  # fmt: skip
+    assert run.commands["outcome"].tolist() == ["done"]
+    # The motor starts at the reading before, up to 0.1 s early.
+    assert run.scan_gap == pytest.approx(expected.scan_gap, abs=0.1 if at_end else 1e-9)
+    moving = run.answers.query("unit == 2 and MC_A > 0")
+    assert abs(len(moving) - expected.polls_while_moving) <= 1
+    if at_end:
+        assert moving.empty
+
+
+def test_an_answer_at_the_end_that_nobody_waits_for_garbles_one_transaction():
+    orders = [Command("open", 2.0, valves=1)]
+    run = operate(Plant(n_valves=5), loop(5), orders, duration=20, answer_at_end=True, timeout=1.0)
+    assert run.commands["outcome"].tolist() == ["no answer"]
+    failed = [t for t in run.tries if not t[4]]
+    assert len(failed) == 1
+    start = failed[0][0]
+    assert start < 2.0 + 9.0 + LINE.t35 + LINE.frame_time(8) + 0.1
+    assert start + run.system.poll.answered > 2.0 + 9.0 - 0.1
+    table = answer_table(LINE, 5, 9.0)
+    assert run.commands["free_s"][0] - run.commands["sent_s"][0] == pytest.approx(
+        table.loc["at the end", "write_s"]
+    )
+
+
+def test_positions_are_commanded_from_where_the_valve_is_shown():
+    orders = [
+        Command("position", 1.0, position=60, valves=0),
+        Command("position", 10.0, position=20, valves=0),
+    ]
+    plant = Plant(n_valves=2)
+    run = operate(plant, loop(2), orders, duration=20)
+    assert run.commands["value"].tolist() == [f"0x{60:02X}0A", f"0x{20:02X}06"]
+    assert plant.opening == pytest.approx([0.2, 0.0], abs=0.002)
+    assert run.screen().position_percent.tolist() == [20, 0]
+    assert run.screen().state.tolist() == ["part open", "closed"]
+
+
+def test_modes_and_refusals():
+    station = Station(Plant(n_valves=3), loop(3))
+    station.slaves[2].device.local = True
+    assert station.command("open", 2).outcome == "server device failure"
+    assert station.command("open", 1).outcome == "done"
+    station.run_until(3.0)
+    assert station.seen.screen().state.tolist() == ["moving", "closed", "closed"]
+    assert station.command("manual", 1).outcome == "done"
+    station.run_until(4.0)
+    assert station.seen.screen().state[1] == "part open"
+    assert station.command("close", 1).outcome == "server device failure"
+    assert station.command("auto", 1).outcome == "done"
+    assert station.command("close", 1).outcome == "done"
+    station.slaves[3].device.fault = 4
+    station.run_until(9.0)
+    assert station.seen.screen()[["state", "fault"]].values.tolist()[2] == ["fault", 4]
+    with pytest.raises(ArgumentError, match="no code for it"):
+        station.command("stop", 1)
+    with pytest.raises(ArgumentError, match="unit is 4"):
+        station.command("open", 4)
+    with pytest.raises(ArgumentError, match="position is 101"):
+        station.command("position", 1, 101)
+
+
+def test_a_refused_command_is_answered_at_once_even_where_answers_come_at_the_end():
+    station = Station(Plant(n_valves=2), loop(2), answer_at_end=True, timeout=20.0)
+    station.slaves[2].device.local = True
+    write = station.command("open", 2)
+    assert write.outcome == "server device failure"
+    assert write.end - write.time < 0.1
+
+
+def test_a_pc_sees_the_last_scan_and_commands_through_the_master():
+    plant = Plant(n_valves=3, faults=[Fault("Pos3", valves=2)])
+    station = Station(plant, loop(3))
+    pc = Gateway(station)
+    early = pc.answer(standard_adu("read query", unit=1, transaction_id=7))
+    assert early.hex() == "000700000003" + "01" + "840b"
+    station.run_until(1.0)
+    value = station.registers.command(_open())
+    sent = standard_adu("write query", unit=1, value=value, transaction_id=8)
+    before = station.time
+    assert pc.answer(sent) == sent
+    assert station.time - before == pytest.approx(station.seen.write_time)
+    station.run_until(14.0)
+    answered = pc.answer(standard_adu("read query", unit=3))
+    assert answered[9] == 15
+    assert pc.answer(standard_adu("read query", unit=1))[9] == 100
+    assert pc.answer(standard_adu("read query", unit=9))[7:].hex() == "840b"
+    assert pc.answer(standard_adu("write query", unit=1, value=7))[7:].hex() == "8603"
+    assert pc.answer(standard_adu("write query", unit=0, value=value)) == b""
+    station.slaves[1].device.local = True
+    assert pc.answer(sent)[7:].hex() == "8604"
+    with pytest.raises(FrameError):
+        pc.answer(sent[:-1])
+
+
+def _open():
+    from shipnet.ballast.registers import Code
+
+    return Code.OPEN
+
+
+@settings(max_examples=25)
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["open", "close", "position"]), st.floats(0, 8), st.integers(0, 4)
+        ),
+        max_size=6,
+    ),
+    st.booleans(),
+    st.lists(st.sampled_from([Break(0, 2.0), Break(3, 1.0, 4.0), DeadSlave(2, 3.0), DeadPort("B")]),
+             max_size=2, unique=True),
+)  # fmt: skip
+def test_time_moves_on_and_nothing_overlaps_whatever_happens(orders, at_end, faults):
+    commands = [
+        Command(action, time, valves=valve, position=50 if action == "position" else None)
+        for action, time, valve in orders
+    ]
+    system = Loop(5, status_poll(LINE, timeout=0.1), Supervision(recheck=1.0))
+    run = operate(
+        Plant(n_valves=5), system, commands, duration=8, faults=faults, answer_at_end=at_end,
+        timeout=2.0,
+    )  # fmt: skip
+    spans = [(t[0], t[0] + (system.poll.answered if t[4] else system.poll.unanswered))
+             for t in run.tries]  # fmt: skip
+    spans = sorted(spans + [(w.time, w.end) for w in run.writes])
+    assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(spans))
+    assert all(shown.read < shown.time for shown in run.shown)
+    assert len(run.writes) == len([c for c in commands if c.time < 8]) or at_end or faults
+    assert set(run.screen().state) <= {
+        "silent",
+        "not seen",
+        "moving",
+        "open",
+        "closed",
+        "part open",
+    }
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Station(Plant(n_valves=2), loop(3)), "system has 3 slaves"),
+        (lambda: Station(Plant(), loop(1), answer_at_end=1), "answer_at_end is 1"),
+        (lambda: Station(Plant(), loop(1), timeout=0.001), "timeout is 0.001"),
+        (lambda: Station(Plant(), loop(1), [Break(2)]), "section is 2"),
+        (lambda: operate(Plant(), loop(1), duration=-1), "duration is -1"),
+        (lambda: operate(Plant(), loop(1), [Command("stop")], duration=1), "no code for it"),
+        (lambda: scan_table(0), "n_valves is 0"),
+        (lambda: assignment(5, most=248), "most is 248"),
+        (lambda: worst_age(loop(1), commands=-1), "commands is -1"),
+    ],
+)
+def test_a_bad_argument_is_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
+
+
+def test_a_master_that_saw_nothing_says_so():
+    run = operate(Plant(n_valves=2), loop(2), duration=0)
+    assert run.answers.empty and run.commands.empty
+    assert np.isnan(run.scan_gap)
+    assert np.isinf(run.longest_age).all()
+    assert run.screen().state.tolist() == ["not seen"] * 2

@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from shipnet.ballast.diagnosis import diagnose_run
+from shipnet.ballast.master import operate
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.plot import plot_diagnosis, plot_operation, plot_screen
+from shipnet.ballast.scan import status_poll
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.valve_faults import Fault
+from shipnet.modbus.ring import DeadSlave, Loop
+from shipnet.modbus.timing import Serial
+
+
+def axes():
+    return Figure().subplots()
+
+
+def test_the_screen_has_a_bar_as_high_as_each_valve_is_open():
+    plant = Plant(n_valves=5, opening=[0, 1, 0.4, 0, 0.5])
+    run = operate(plant, Loop(5, status_poll(Serial(9600))), duration=3, faults=[DeadSlave(4)])
+    ax = plot_screen(run.screen(), ax=axes(), columns=3)
+    bars = [bar for bar in ax.patches if bar.get_linewidth() != 0.5]
+    heights = np.array([bar.get_height() for bar in bars]) / 0.62
+    assert heights == pytest.approx([0.05 / 0.62, 1, 0.4, 0.05 / 0.62, 0.5])
+    assert [bar.get_y() for bar in bars] == [1, 1, 1, 0, 0]
+    said = [text.get_text() for text in ax.texts[:-1]]
+    assert said == ["0", "1", "100", "2", "40", "3", "-", "4", "50", "5"]
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == ["open", "closed", "part open", "silent"]
+
+
+def test_the_operating_display_shows_every_sensor_in_percent_of_its_scale():
+    run = simulate(commands=[Command("open", 1.0)], duration=12)
+    ax = plot_operation(run, ax=axes())
+    fp, _, mc, ot, position = (line.get_ydata() for line in ax.lines)
+    assert fp == pytest.approx(run.FP[:, 0] / 1.6)
+    assert mc == pytest.approx(run.MC[:, 0] / 0.06)
+    assert ot == pytest.approx(run.OT[:, 0] / 1.5)
+    assert position == pytest.approx(run.VPos[:, 0])
+    assert ax.get_ylabel() == "of full scale [%]"
+    assert "MC, 100 % = 6 A" in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_the_diagnosis_names_what_is_active_and_how_strongly_it_fired():
+    run = simulate(
+        commands=[Command("open", 1.0)], duration=20, n_valves=2, faults=[Fault("P1", valves=1)]
+    )
+    diagnosis = diagnose_run(run)
+    ax = plot_diagnosis(diagnosis, ax=axes(), valve=1)
+    widths = dict(zip(diagnosis.base.codes, [bar.get_width() for bar in ax.patches], strict=True))
+    assert (widths["P1"], widths["V2"], widths["G1"]) == (1, 1, 0)
+    assert ax.get_title("left") == "diagnosis: P1, also V2"
+    assert plot_diagnosis(diagnosis, ax=axes()).get_title("left") == "diagnosis: normal"
+    colours = [bar.get_facecolor() for bar in ax.patches]
+    assert colours[1] == colours[4] != colours[0]

@@ -1,0 +1,230 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.ballast.registers import (
+    CODE_READINGS,
+    SCALES,
+    Code,
+    RegisterMap,
+    command_codes,
+    scale_table,
+)
+from shipnet.ballast.rule_table import rule_base
+from shipnet.errors import ArgumentError, FieldError, LengthError
+from shipnet.modbus.frame import decode_tcp
+from shipnet.modbus.reader import decode_response
+from shipnet.modbus.request import ReadRequest, WriteRegister
+from shipnet.papers.kim2014.printed_messages import (
+    MESSAGES,
+    message_table,
+    printed_adu,
+    standard_adu,
+)
+from shipnet.papers.kim2014.switches import switch_table, unit_id
+from shipnet.papers.kim2014.valve import code_table, survival_table
+
+MAPS = st.builds(
+    RegisterMap, st.sampled_from(["table 2", "table 3"]), st.sampled_from(list(CODE_READINGS))
+)
+BYTES, STEPS = st.integers(0, 255), st.integers(0, 254)
+
+
+@given(
+    map_=MAPS,
+    rows=st.lists(st.tuples(*[STEPS] * 5), min_size=1, max_size=4),
+    flags=st.tuples(*[st.booleans()] * 3),
+    fault=st.integers(0, 12),
+    ticks=BYTES,
+)
+def test_what_is_packed_comes_back(map_, rows, flags, fault, ticks):
+    steps = np.array([scale.step for scale in SCALES])
+    readings = (np.array(rows) * steps).T
+    auto, close, opened = flags
+    packed = map_.pack(
+        readings, auto=auto, close=close, open=opened, fault=fault, operating_time=ticks * 0.1
+    )
+    assert not packed.saturated.any()
+    status = map_.unpack(packed.registers)
+    assert status.readings == pytest.approx(readings)
+    assert (status.auto == auto).all()
+    assert (status.manual != auto).all()
+    assert (status.close == close).all()
+    assert (status.open == opened).all()
+    assert (status.fault == fault).all()
+    assert status.operating_time == pytest.approx(ticks * 0.1)
+
+
+@given(words=st.lists(st.integers(0, 0xFFFF), min_size=4, max_size=4), map_=MAPS)
+def test_any_registers_can_be_read(words, map_):
+    status = map_.unpack([words])
+    known = status.readings[~np.isnan(status.readings)]
+    assert ((known >= 0) & (known <= 254)).all()
+    whole = [words[0] >> 8, *(byte for word in words[2:] for byte in divmod(word, 256))]
+    assert np.isnan(status.readings).sum() == whole.count(255)
+
+
+def test_each_byte_stands_where_table_3_prints_it():
+    readings = np.array([[1.0], [0.2], [0.3], [4.0], [5.0]])
+    words = RegisterMap().pack(readings, close=True, open=False, operating_time=0.6).registers[0]
+    assert [f"{word:04x}" for word in words] == ["0518", "0006", "0401", "0302"]
+    words = RegisterMap("table 2").pack(readings, close=True, open=False, fault=12).registers[0]
+    assert f"{words[0]:04x}" == "05c6"
+
+
+def test_what_does_not_fit_is_flagged_and_sent_as_the_nearest_that_does():
+    readings = np.array([[300, 90], [np.nan, 2], [-0.2, 1.2], [50, 50], [-5, 305]])
+    packed = RegisterMap().pack(readings, close=0, open=0, operating_time=[25.5, 25.6])
+    assert packed.saturated.tolist() == [
+        [True, True, True, False, True, False],
+        [False, False, False, False, True, True],
+    ]
+    read = RegisterMap().unpack(packed.registers).readings
+    assert read[:, 0] == pytest.approx([254, np.nan, 0, 50, 0], nan_ok=True)
+    assert read[4, 1] == 254
+    long = RegisterMap("table 2").pack(readings[:, 1:], close=0, open=0, operating_time=6000.0)
+    assert not long.saturated[0, 5]
+
+
+def test_a_dead_sensor_fires_no_rule_on_its_way_through_the_registers():
+    base, rest = rule_base(), [90.0, 2.0, 1.2, 50.0, 40.0]
+    for k, name in enumerate(["FP", "OP", "MC", "OT", "VPos"]):
+        dead = np.array(rest)
+        dead[k] = np.nan
+        packed = RegisterMap().pack(dead[:, np.newaxis], close=0, open=0)
+        read = RegisterMap().unpack(packed.registers).readings[:, 0]
+        assert np.isnan(read).nonzero()[0].tolist() == [k]
+        samples = dict(zip(["FP", "OP", "MC", "OT", "VPos"], read, strict=True))
+        fired = base.fire(samples).strength
+        assert fired.max() == 0, name
+    assert (scale_table()["missing"] == 255).all()
+
+
+def test_no_reading_within_its_scale_is_off_by_more_than_the_table_says():
+    table = scale_table()
+    rng = np.random.default_rng(2024)
+    for k, scale in enumerate(SCALES):
+        values = rng.uniform(0, min(100.0, table["highest"].iloc[k]), 400)
+        readings = np.zeros((5, 400))
+        readings[k] = values
+        back = RegisterMap().unpack(RegisterMap().pack(readings, close=0, open=0).registers)
+        worst = np.abs(back.readings[k] - values).max()
+        assert 0.45 * scale.step < worst <= scale.step / 2 + 1e-9
+        assert worst < table["largest_error"].iloc[k] + 1e-9
+
+
+def test_of_the_test_values_only_positions_are_lost_on_the_way():
+    table = survival_table()
+    lost = table[~table["survives"]]
+    assert set(lost["value"]) == {-5.0, 305.0}
+    assert lost["saturated"].all()
+    assert {"FP", "OP", "MC", "OT", "VPos"} == set(table["channel"])
+    assert table.query("value == 105")["survives"].all()
+
+
+def test_commands_come_back_in_the_readings_that_tell_them_apart():
+    table = code_table()
+    for reading in CODE_READINGS:
+        codes = RegisterMap(codes=reading)
+        for code in Code:
+            position = 40 if code.name.startswith("POSITION") else 0
+            value = codes.command(code, position)
+            if table[reading].is_unique:
+                assert codes.decode_command(value) == (code, position)
+    assert command_codes("decimal")[Code.POSITION_OPEN] == 10
+    assert command_codes("hexadecimal")[Code.POSITION_OPEN] == 0x10
+    with pytest.raises(FieldError, match="Open and for Position Close"):
+        RegisterMap(codes="hexadecimal").decode_command(8)
+
+
+@given(value=st.integers(0, 0xFFFF), map_=MAPS)
+def test_any_command_is_understood_or_refused_by_name(value, map_):
+    try:
+        code, position = map_.decode_command(value)
+    except FieldError:
+        return
+    assert map_.command(code, position) & 0xFF == value & 0xFF
+    assert 0 <= position <= 100
+
+
+def test_the_printed_lengths_are_those_of_the_paper_and_one_is_not_the_standards():
+    table = message_table()
+    assert table["length_printed"].tolist() == [6, 6, 3, 6, 14]
+    assert table["length_standard"].tolist() == [6, 6, 3, 6, 11]
+    assert table["same"].tolist() == [True, True, False, True, False]
+    assert printed_adu("write error")[7] == 0x06
+    assert standard_adu("write error")[7] == 0x86
+
+
+@pytest.mark.parametrize("message", MESSAGES)
+def test_the_length_field_of_every_printed_message_counts_what_follows(message):
+    adu = printed_adu(message, value=0x280A, registers=(1, 2, 3, 4))
+    assert int.from_bytes(adu[4:6], "big") == len(adu) - 6
+
+
+def test_our_decoder_takes_the_standard_bytes_and_refuses_the_printed_ones():
+    read, write = ReadRequest(4, 0x4020, 4), WriteRegister(0x4001, 0)
+    words = (0x2828, 0x0024, 0x325A, 0x0C15)
+    standard = decode_tcp(standard_adu("read response", registers=words)).pdu
+    assert decode_response(standard, read).registers == words
+    for message, request in (("read response", read), ("write error", write)):
+        with pytest.raises(LengthError):
+            decode_response(decode_tcp(printed_adu(message, registers=words)).pdu, request)
+
+
+def test_pymodbus_takes_the_standard_bytes_and_refuses_the_printed_ones():
+    pytest.importorskip("pymodbus")
+    from pymodbus.exceptions import ModbusIOException
+    from pymodbus.framer import FramerSocket
+    from pymodbus.pdu import DecodePDU
+
+    framer = FramerSocket(DecodePDU(is_server=False))
+
+    def registers(adu):
+        _, pdu = framer.handleFrame(adu, 0, 0)
+        return pdu.registers
+
+    words = (0x2828, 0x0024, 0x325A, 0x0C15)
+    assert registers(standard_adu("read response", registers=words)) == list(words)
+    for message in ("read response", "write error"):
+        with pytest.raises(ModbusIOException):
+            framer.handleFrame(printed_adu(message, registers=words), 0, 0)
+    _, error = framer.handleFrame(standard_adu("write error"), 0, 0)
+    assert error.isError()
+
+
+def test_400_settings_make_247_legal_ids_each_once():
+    table = switch_table()
+    legal = table.query("verdict == 'legal'")
+    assert len(table) == 4 * 10 * 10
+    assert legal["number"].tolist() == list(range(1, 248))
+    for row in legal.sample(20, random_state=1).itertuples():
+        assert unit_id(row.pins, row.tens, row.units) == row.number
+    for number in (0, 248, 255, 256, 399):
+        with pytest.raises(ArgumentError, match=f"switches are set to {number}"):
+            unit_id(number // 100, number // 10 % 10, number % 10)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: RegisterMap("table 1"), "status is 'table 1'"),
+        (lambda: RegisterMap(codes="octal"), "codes is 'octal'"),
+        (lambda: RegisterMap().pack(np.zeros((4, 1)), close=0, open=0), "shape"),
+        (lambda: RegisterMap().pack(np.zeros((5, 1)), close=0, open=0, fault=13), "fault is 13"),
+        (lambda: RegisterMap().pack(np.zeros((5, 2)), close=[0] * 3, open=0), "2 valves"),
+        (lambda: RegisterMap().unpack([[0, 0, 0]]), "rows of four"),
+        (lambda: RegisterMap().unpack([[0, 0, 0, 65536]]), r"0\.\.65535"),
+        (lambda: RegisterMap().command(Code.POSITION_OPEN, 101), "position is 101"),
+        (lambda: RegisterMap().command(Code.OPEN, 40), r"position is 40.*0\.\.0 for Open"),
+        (lambda: RegisterMap().decode_command(65536), "value is 65536"),
+        (lambda: printed_adu("read error"), "message is 'read error'"),
+        (lambda: standard_adu("read query", unit=256), "unit is 256"),
+        (lambda: printed_adu("read response", registers=(1, 2)), "2 values"),
+        (lambda: unit_id(4, 0, 0), "pins is 4"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

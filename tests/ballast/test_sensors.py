@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.sensors import WINDOW, position_speed
+from shipnet.ballast.simulation import Recorder, blocks, simulate
+
+
+@pytest.mark.parametrize("step", [0.1, 0.25, 0.3, 0.4, 1.0])
+def test_simulation_and_recorder_give_one_speed_whatever_the_step(step):
+    plant = Plant(step=step)
+    recorder = Recorder(plant)
+    plant.order(Command("open"))
+    while plant.time <= 10:
+        recorder.take()
+        plant.advance()
+    ours = recorder.run.DVPos[:, 0]
+    theirs = simulate(commands=[Command("open")], duration=10, step=step).DVPos[:, 0]
+    np.testing.assert_allclose(ours[: theirs.size], theirs[: ours.size])
+    # The first that counts is that of the first instant a second or longer after the start.
+    assert np.flatnonzero(np.isfinite(theirs))[0] == np.ceil(WINDOW / step - 1e-6)
+    assert theirs[np.isfinite(theirs)] == pytest.approx(11.11, abs=0.1)
+
+
+@pytest.mark.parametrize("size", [1, 3, 50])
+def test_blocks_have_the_speed_of_the_whole_run(size):
+    orders = [Command("open", 1.0), Command("close", 6.0)]
+    rng = np.random.default_rng
+    whole = simulate(commands=orders, duration=12, step=0.3, idle_step=1.0, rng=rng(1)).DVPos
+    parts = blocks(commands=orders, duration=12, step=0.3, idle_step=1.0, rng=rng(1), size=size)
+    np.testing.assert_allclose(np.concatenate([run.DVPos for run in parts]), whole)
+
+
+def test_the_speed_of_uneven_instants_is_divided_by_the_time_since():
+    time = np.array([0.0, 0.9, 1.0, 4.0])
+    position = np.array([[0.0], [1.0], [3.0], [9.0]])
+    assert position_speed(time, position)[:, 0].tolist() == pytest.approx(
+        [np.nan, np.nan, 3.0, 2.0], nan_ok=True
+    )
+    assert position_speed(time[:0], position[:0]).shape == (0, 1)

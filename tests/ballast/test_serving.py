@@ -1,0 +1,176 @@
+"""Valves behind a real server, asked by clients that others wrote."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import pytest
+from pymodbus.client import ModbusTcpClient, ModbusUdpClient
+
+from shipnet.__main__ import main
+from shipnet.ballast.live import parse_fault, valve_server
+from shipnet.ballast.registers import RegisterMap
+from shipnet.ballast.valve_faults import Fault
+from shipnet.errors import ArgumentError
+from shipnet.modbus.timing import Serial
+from tests.support import require
+
+OPEN, CLOSE, HALF = 8, 4, 50 << 8 | 10
+CLIENTS = {"tcp": ModbusTcpClient, "udp": ModbusUdpClient}
+
+
+@contextmanager
+def connected(kind, port):
+    client = CLIENTS[kind]("127.0.0.1", port=port, timeout=5)
+    assert client.connect()
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+def status(client, unit):
+    registers = client.read_input_registers(0x4020, count=4, device_id=unit).registers
+    return RegisterMap().unpack([registers])
+
+
+def test_a_clock_of_our_own_shows_the_valve_travelling_in_model_time(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("shipnet.ballast.live.real_clock", lambda factor: lambda: now[0])
+    with valve_server(3) as server, connected("tcp", server.port) as client:
+        plant = server.slaves[1].device.plant
+        assert client.write_register(0x4001, OPEN, device_id=2).registers == [OPEN]
+        places = []
+        for now[0] in (0.0, 3.0, 6.0, 12.0):
+            seen = status(client, 2)
+            places.append(seen.readings[4, 0])
+            assert abs(seen.readings[4, 0] - 100 * plant.opening[1]) <= 0.55
+            assert seen.readings[:4, 0] == pytest.approx(plant.readings[:4, 1], abs=0.55)
+        # 11.1 % a second, sent as whole percent.
+        assert places == [0, 33, 67, 100]
+        assert plant.opening.tolist() == [0, 1, 0]
+        assert client.write_register(0x4001, HALF, device_id=2).registers == [HALF]
+        now[0] = 30.0
+        assert status(client, 2).readings[4, 0] == 50
+
+
+@pytest.mark.parametrize("kind", CLIENTS)
+def test_a_valve_opens_and_closes_in_real_time_for_clients_of_another_make(kind):
+    with valve_server(4, speed=1000, transport=kind) as server:
+        with connected(kind, server.port) as client:
+            for command, end, way in ((OPEN, 100, "open"), (CLOSE, 0, "close")):
+                assert client.write_register(0x4001, command, device_id=4).registers == [command]
+                for _ in range(1000):
+                    seen = status(client, 4)
+                    if seen.readings[4, 0] == end:
+                        break
+                assert seen.readings[4, 0] == end
+                assert getattr(seen, way)[0]
+            assert status(client, 3).readings[4, 0] == 0
+            assert client.read_holding_registers(0x4001, device_id=4).exception_code == 1
+            assert client.write_register(0x4001, 7, device_id=4).exception_code == 3
+
+
+def test_a_fault_acts_on_its_valve_only():
+    fault = [Fault("Pos3", valves=1)]
+    with valve_server(2, faults=fault, speed=0) as server, connected("tcp", server.port) as client:
+        assert [status(client, unit).readings[4, 0] for unit in (1, 2)] == [0, 15]
+
+
+def test_a_serial_line_has_the_valves_too():
+    require("pty", hasattr(os, "openpty"), "there are no pseudo-terminals")
+    ours, theirs = os.openpty()
+    name, line = os.ttyname(theirs), Serial(115200, "8N1")
+    try:
+        server = valve_server(2, speed=1000, transport="rtu", serial_port=name, serial=line)
+        with server, os.fdopen(os.dup(ours), "r+b", buffering=0) as port:
+            port.write(bytes.fromhex("02 06 40 01 00 08 cc 3f"))
+            assert read(port, 8).hex(" ") == "02 06 40 01 00 08 cc 3f"
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def read(port, size):
+    got = b""
+    while len(got) < size:
+        got += port.read(size - len(got))
+    return got
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "it must be VALVE:CODE"),
+        ("3", "it must be VALVE:CODE"),
+        ("x:V1", "it must be VALVE:CODE"),
+        ("3:V1:much", "it must be VALVE:CODE"),
+        ("3:V1:1:1", "it must be VALVE:CODE"),
+        ("3:v1", "code is 'v1'"),
+        ("0:V1", "valve is 0; it must be a whole number 1..64"),
+        ("65:V1", "valve is 65; it must be a whole number 1..64"),
+        ("3:V1:1.5", "severity of V1 is 1.5; it must be 0..1"),
+        ("3:V1:nan", "severity of V1 is nan"),
+    ],
+)
+def test_a_wrong_fault_is_told_in_one_line(text, message, capsys):
+    assert main(["serve", "ballast", "--port", "0", "--fault", text]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--valves", "0"], "n_valves is 0; it must be a whole number 1..247"),
+        (["--valves", "248"], "n_valves is 248; it must be a whole number 1..247"),
+        (["--speed", "-1"], "speed is -1"),
+        (["--watchdog", "0"], "watchdog is 0"),
+        (["--port", "65536"], "port is 65536"),
+        (["--udp", "--serial", "line"], "exclude each other"),
+        (["--serial", "line", "--character", "7E1"], "character is '7E1'"),
+        (["--serial", "no-such-line"], "cannot listen on no-such-line"),
+        (["--host", "256.1.1.1"], "cannot listen on 256.1.1.1"),
+    ],
+)
+def test_a_wrong_option_is_told_in_one_line(arguments, message, capsys):
+    assert main(["serve", "ballast", "--port", "0", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+
+
+def test_a_fault_is_read_with_and_without_its_severity():
+    assert parse_fault("7:P2:0.5") == Fault("P2", 0.5, valves=6)
+    assert parse_fault("1:O1") == Fault("O1", 1.0, valves=0)
+    with pytest.raises(ArgumentError, match="valve of V1 is 2"):
+        valve_server(2, faults=[Fault("V1", valves=2)])
+
+
+@pytest.mark.parametrize("options", [[], ["--udp"]])
+def test_the_program_says_where_it_listens_and_stops_upon_an_interrupt(options):
+    command = [sys.executable, "-m", "shipnet", "serve", "ballast", "--port", "0"]
+    command += ["--valves", "3", "--fault", "2:S1", "--speed", "100", *options]
+    kind = "udp" if options else "tcp"
+    program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        said = program.stdout.readline()
+        port = int(
+            re.fullmatch(rf"listening on 127.0.0.1, port (\d+) \({kind.upper()}\): .*\n", said)[1]
+        )
+        with connected(kind, port) as client:
+            assert [status(client, unit).readings[4, 0] for unit in (1, 2)] == [0, 5]
+        program.send_signal(signal.SIGINT)
+        out, error = program.communicate(timeout=20)
+        assert (program.returncode, out, error) == (0, "stopped\n", "")
+    finally:
+        program.kill()
+        program.wait()
+
+
+def test_an_engine_has_no_watchdog_of_a_valve(capsys):
+    assert main(["serve", "engine", "--port", "0", "--watchdog", "2"]) == 2
+    assert "--watchdog stops the motor of a valve" in capsys.readouterr().err

@@ -1,0 +1,324 @@
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet.ballast.actuator import Actuator, losses, move_time, steady_temperature, stroke_time
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.sensors import Sensors, normal_values
+from shipnet.ballast.simulation import blocks, simulate
+from shipnet.ballast.slave import Monitor
+from shipnet.ballast.valve_faults import FAULTS, Fault, fault_table, faulty
+from shipnet.errors import ArgumentError
+
+OPEN = [Command("open", 1.0)]
+
+
+def rng():
+    return np.random.default_rng(2024)
+
+
+def test_a_stroke_takes_the_time_of_the_quadrature_in_both_directions():
+    run = simulate(commands=[Command("open"), Command("close", 15.0)], duration=30)
+    expected = [float(stroke_time(Actuator(), way)) for way in (1, -1)]
+    assert run.strokes["duration_s"].tolist() == pytest.approx(expected, abs=1e-4)
+    assert run.strokes["outcome"].tolist() == ["limit", "limit"]
+    assert run.opening[-1, 0] == 0
+
+
+def test_a_valve_whose_speed_changes_on_its_way_takes_the_time_of_the_quadrature_too():
+    leaking, _ = faulty(Actuator(), [Fault("V2", 0.8)], 1)
+    run = simulate(commands=[Command("open")], duration=20, faults=[Fault("V2", 0.8)])
+    # Steps of the speed at their beginning would be 8 ms off, those at their middle 0.1 ms.
+    assert run.strokes["duration_s"][0] == pytest.approx(stroke_time(leaking)[0], abs=1e-3)
+
+
+def test_a_longer_step_changes_a_stroke_by_less_than_a_thousandth():
+    times = [
+        simulate(commands=OPEN, duration=15, step=step).strokes["duration_s"][0]
+        for step in (0.01, 0.1, 0.5)
+    ]
+    assert times[1:] == pytest.approx(times[:1] * 2, rel=1e-3)
+
+
+@settings(max_examples=25)
+@given(targets=st.lists(st.integers(0, 100), min_size=1, max_size=4), seed=st.integers(0, 99))
+def test_a_valve_goes_where_it_is_sent_within_noise_and_dead_band(targets, seed):
+    orders = [Command("position", 15.0 * k, position=p) for k, p in enumerate(targets)]
+    generator = np.random.default_rng(seed)
+    run = simulate(commands=orders, duration=15.0 * len(targets), rng=generator, step=0.2)
+    for k, target in enumerate(targets, 1):
+        row = np.searchsorted(run.time, 15.0 * k - 0.1)
+        # Five deviations of the potentiometer, the dead band, and a step of the converter.
+        assert abs(100 * run.opening[row, 0] - target) < 0.5 + 0.5 + 0.04
+    assert not run.running[-1, 0]
+
+
+def test_a_position_is_reached_at_the_time_of_the_quadrature():
+    run = simulate(
+        commands=[Command("position", position=40)], duration=10, sensors=Sensors.ideal()
+    )
+    assert run.strokes["duration_s"][0] == pytest.approx(float(move_time(Actuator(), 0, 0.4)), 1e-4)
+    assert run.strokes["opening"][0] == pytest.approx(0.4, abs=1e-9)
+    assert not run.active[-1, 0]
+
+
+def test_a_healthy_valve_shows_the_normal_values_while_it_moves_and_nothing_at_rest():
+    run = simulate(commands=OPEN, duration=20, n_valves=64, rng=rng())
+    middle = (run.time > 5) & (run.time < 7)
+    for name, value in normal_values().items():
+        # 20 x 64 readings of noise leave the mean good to a hundredth of what is asked.
+        assert run.samples[name][middle].mean() == pytest.approx(value, rel=0.08), name
+    rest = run.time > 12
+    assert run.MC[rest].max() < 0.15
+    assert run.FP[rest].max() < 4
+    assert np.nanmax(run.VPos[rest]) < 101
+
+
+def test_dvpos_is_known_only_while_the_motor_has_run_for_the_whole_window():
+    run = simulate(commands=OPEN, duration=20, sensors=Sensors.ideal())
+    known = ~np.isnan(run.DVPos[:, 0])
+    on = run.time[run.running[:, 0]]
+    assert run.time[known].min() == pytest.approx(on.min() + 1.0)
+    assert run.time[known].max() == pytest.approx(on.max())
+    moved = run.VPos[60, 0] - run.VPos[50, 0]
+    assert run.DVPos[60, 0] == pytest.approx(moved)
+
+
+def test_a_new_direction_begins_a_new_window():
+    orders = [Command("open"), Command("close", 4.0)]
+    run = simulate(commands=orders, duration=8, sensors=Sensors.ideal())
+    known = ~np.isnan(run.DVPos[:, 0])
+    assert not known[(run.time >= 4.0) & (run.time < 4.95)].any()
+    assert run.strokes["outcome"].tolist() == ["replaced", "limit"]
+
+
+def test_the_same_seed_gives_the_same_run_and_another_seed_another():
+    runs = [simulate(commands=OPEN, duration=5, rng=np.random.default_rng(k)) for k in (1, 1, 2)]
+    assert np.array_equal(runs[0].readings, runs[1].readings)
+    assert not np.array_equal(runs[0].readings, runs[2].readings)
+
+
+@settings(max_examples=15)
+@given(size=st.integers(1, 300), idle=st.sampled_from([0.1, 0.5, 1.0]))
+def test_blocks_of_any_size_strung_together_are_the_whole(size, idle):
+    orders = [Command("position", 2.0, position=30), Command("close", 8.0, valves=1)]
+    plan = {"commands": orders, "duration": 12, "n_valves": 2, "idle_step": idle}
+    faults = [Fault("P2", 0.4, start=5.05)]
+    whole = simulate(**plan, faults=faults, rng=rng())
+    parts = list(blocks(**plan, faults=faults, rng=rng(), size=size))
+    assert all(part.time.size <= size for part in parts)
+    for name in ("time", "readings", "DVPos", "running", "moving", "active", "opening"):
+        together = np.concatenate([getattr(part, name) for part in parts])
+        assert np.array_equal(together, getattr(whole, name), equal_nan=True), name
+    assert sum((part.movements for part in parts), ()) == whole.movements
+
+
+def test_rest_is_measure_and_advance_in_turn():
+    faults = [Fault("Pos2", valves=1), Fault("O1", start=60.0, valves=2)]
+    plants = [
+        Plant(n_valves=3, faults=faults, opening=[0, 0.4, 1], rng=np.random.default_rng(7))
+        for _ in range(2)
+    ]
+    one, other = plants
+    steps = []
+    for _ in range(12):
+        steps.append(one.measure())
+        one.advance(50)
+    assert np.array_equal(other.rest(12, 50), steps)
+    assert one.tick == other.tick
+    assert np.array_equal(one.temperature, other.temperature)
+    # The fault that is due now has begun in both.
+    assert np.array_equal(one.measure(), other.measure())
+
+
+def test_a_valve_that_turns_round_beside_a_running_one_does_as_it_would_alone():
+    orders = [Command("open"), Command("position", 5.0, position=10, valves=0)]
+    alone = simulate(commands=orders, n_valves=1, duration=20)
+    beside = simulate(commands=orders, n_valves=2, duration=20)
+    assert np.array_equal(beside.readings[:, :, 0], alone.readings[:, :, 0])
+    # The torque of the flow helps it to close: it takes less pressure than on the way up.
+    assert alone.OP[51, 0] < alone.OP[49, 0] - 0.1
+
+
+def test_nothing_rests_that_runs_breaks_or_is_watched():
+    breaks, runs, watched = Plant(faults=[Fault("O1", start=5.0)]), Plant(), Plant()
+    runs.order(Command("open"))
+    Monitor(watched)
+    for plant in (breaks, runs, watched):
+        with pytest.raises(ArgumentError, match="something happens within 51 steps"):
+            plant.rest(51, 1)
+    breaks.rest(50, 1)
+    with pytest.raises(ArgumentError, match="count is 0"):
+        breaks.rest(0, 1)
+
+
+def test_an_idle_day_is_one_reading_a_second_and_events_are_not_missed():
+    run = simulate(commands=[Command("open", 300.25)], duration=600, idle_step=1.0)
+    steps = np.diff(run.time)
+    assert steps.max() == pytest.approx(1.0)
+    assert steps.min() == pytest.approx(0.1)
+    assert run.strokes["start_s"][0] == pytest.approx(300.3)
+    assert run.time[-1] == pytest.approx(600)
+
+
+def test_the_temperature_follows_its_exponentials():
+    quick = simulate(commands=OPEN, duration=400, sensors=Sensors.ideal())
+    slow = simulate(commands=OPEN, duration=400, sensors=Sensors.ideal(), idle_step=60)
+    assert quick.OT[-1, 0] == pytest.approx(slow.OT[-1, 0], abs=1e-9)
+    start = float(steady_temperature(Actuator()))
+    # Heat of 9 s of running, less what 10.5 s at 5 K over the surroundings give off.
+    rise = (float(losses(Actuator(), 90e5)) * 9.0 - 5.5 * (start - 45) * 10.5) / 4000
+    assert quick.OT[105, 0] - start == pytest.approx(rise, rel=0.03)
+    assert 45 < quick.OT[-1, 0] < quick.OT[105, 0]
+
+
+@pytest.mark.parametrize("code", FAULTS)
+def test_severity_0_is_healthy_to_the_last_bit_and_1_is_not(code):
+    def run(faults):
+        return simulate(commands=OPEN, duration=14, faults=faults, sensors=Sensors.ideal())
+
+    healthy, none, sick = (run(f) for f in ([], [Fault(code, 0.0)], [Fault(code)]))
+    assert np.array_equal(healthy.readings, none.readings)
+    assert not np.allclose(healthy.readings, sick.readings, atol=0.01)
+
+
+#: What the rule of each fault asks for, and when it is looked at: while the motor runs or at rest.
+MEETS = {
+    "G1": (False, lambda r: (r["FP"] > 120) & (r["MC"] < 0.15)),
+    "P1": (True, lambda r: (r["FP"] > 120) & (r["MC"] > 2.5)),
+    "P2": (True, lambda r: (r["FP"] < 2.5) & (r["MC"] > 0.15) & (r["MC"] < 2.5)),
+    "V1": (True, lambda r: (r["FP"] > 120) & (r["OP"] >= 2.5) & (r["MC"] < 2.5)),
+    "V2": (True, lambda r: (r["OP"] < 2.5) & (r["OP"] > 0.1) & (r["DVPos"] < 0.5)),
+    "O1": (True, lambda r: r["OT"] >= 90),
+    "S1": (False, lambda r: (r["MC"] < 0.15) & (r["VPos"] > 104) & (r["OP"] < 0.15)),
+    "S2": (False, lambda r: (r["MC"] < 0.15) & (r["VPos"] < -4) & (r["OP"] < 0.15)),
+    "Pos1": (False, lambda r: (r["MC"] < 0.15) & (r["VPos"] > 104) & (r["OP"] > 1)),
+    "Pos2": (False, lambda r: (r["MC"] < 0.15) & (r["VPos"] < -4) & (r["OP"] > 1)),
+    "Pos3": (True, lambda r: r["VPos"] > 104),
+    "Pos4": (True, lambda r: r["VPos"] < -4),
+}
+
+
+@pytest.mark.parametrize("code", FAULTS)
+def test_a_fault_meets_the_antecedent_of_its_own_rule_and_a_healthy_valve_does_not(code):
+    moving, rule = MEETS[code]
+    closes = code in ("S2", "Pos2", "Pos4")
+    order = [Command("close" if closes else "open", 1.0)]
+
+    def seen(faults):
+        run = simulate(
+            commands=order, duration=30, n_valves=16, opening=float(closes), rng=rng(),
+            faults=faults,
+        )  # fmt: skip
+        met = rule(run.samples) & (run.running == moving)
+        return met.sum(axis=0)
+
+    # At least half a second of it, on every valve.
+    assert seen([Fault(code)]).min() >= 5
+    assert seen([]).max() == 0
+
+
+def test_a_fault_begins_at_its_time_on_its_valves_with_its_severity():
+    fault = Fault("G1", [0.2, 1.0], start=3.0, valves=[2, 0])
+    run = simulate(duration=6, n_valves=3, faults=[fault], sensors=Sensors.ideal())
+    before, after = run.FP[run.time < 2.95], run.FP[run.time > 2.95]
+    assert (before == 0).all()
+    assert after[0].tolist() == [125.0, 0.0, 25.0]
+
+
+def test_faults_of_one_valve_add_up():
+    sick, offsets = faulty(Actuator(), [Fault("Pos1", 0.8), Fault("Pos2"), Fault("Pos3")], 1)
+    assert offsets[4, 0] == pytest.approx(4 - 5 + 15)
+    assert sick.trapped[0] == 1
+    twice, _ = faulty(Actuator(), [Fault("P2", 0.5), Fault("P2", 0.5)], 1)
+    assert twice.pump_leak == pytest.approx(faulty(Actuator(), [Fault("P2")], 1)[0].pump_leak)
+
+
+def test_every_fault_of_the_rule_table_is_there_and_changes_what_exists():
+    table = fault_table()
+    assert set(table["code"]) == set(FAULTS)
+    assert len(FAULTS) == 12
+    names = {field.name for field in fields(Actuator)} | {"FP", "OP", "MC", "OT", "VPos"}
+    assert set(table["target"]) <= names
+
+
+def test_the_motor_time_stops_a_valve_that_does_not_arrive():
+    slow = replace(Actuator(), motor_time=[5.0, 20.0])
+    run = simulate(slow, OPEN, duration=20)
+    assert run.strokes["outcome"].tolist() == ["time", "limit"]
+    assert run.strokes["duration_s"][0] == pytest.approx(5.0)
+    assert run.active[-1].tolist() == [True, False]
+
+
+def test_a_command_that_asks_for_what_is_so_starts_no_motor():
+    orders = [Command("close"), Command("position", 1.0, position=0.3), Command("stop", 2.0)]
+    run = simulate(commands=orders, duration=4, sensors=Sensors.ideal())
+    assert not run.running.any()
+    assert run.strokes.empty
+
+
+def test_the_tables_have_a_row_for_every_instant_and_valve():
+    run = simulate(commands=OPEN, duration=2, n_valves=3)
+    assert run.table.shape == (3 * 21, 9)
+    assert run.valve(1).index.name == "time_s"
+    assert run.table.loc[1].equals(run.valve(1))
+
+
+@settings(max_examples=30)
+@given(
+    orders=st.lists(
+        st.tuples(st.sampled_from(["open", "close", "stop", 0, 35, 100]), st.floats(0, 12)),
+        max_size=6,
+    ),
+    faults=st.lists(
+        st.builds(Fault, st.sampled_from(list(FAULTS)), st.floats(0, 1), st.floats(0, 12)),
+        max_size=3,
+    ),
+)
+def test_whatever_happens_the_state_stays_within_its_bounds(orders, faults):
+    commands = [
+        Command(what, time) if isinstance(what, str) else Command("position", time, position=what)
+        for what, time in orders
+    ]
+    run = simulate(commands=commands, duration=14, faults=faults, rng=rng(), step=0.25)
+    assert ((run.opening >= 0) & (run.opening <= 1)).all()
+    assert np.isfinite(run.readings).all()
+    assert not (run.moving & ~run.running).any()
+    assert not (run.running & ~run.active).any()
+    assert all(move.end >= move.start for move in run.movements)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Command("shut"), "action is 'shut'"),
+        (lambda: Command("open", -1), "time is -1"),
+        (lambda: Command("open", position=40), "position is 40"),
+        (lambda: Command("position"), "position is None"),
+        (lambda: Command("position", position=101), r"position is 101.*0\.\.100"),
+        (lambda: Command("open", valves=-1), "valve is -1"),
+        (lambda: Fault("P1", 1.1), "severity of P1 is 1.1"),
+        (lambda: Fault("P1", float("nan")), "severity of P1"),
+        (lambda: Fault("P1", "high"), "severity of P1"),
+        (lambda: Fault("P1", start=-1), "start of P1"),
+        (lambda: simulate(duration=1, faults=[Fault("P1", valves=1)]), r"valve of P1 is 1.*0\.\.0"),
+        (lambda: simulate(duration=1, faults=[Fault("P1", [0, 1])]), "2 values for 1"),
+        (lambda: simulate(commands=[Command("open", 9, valves=3)], duration=1), "valve is 3"),
+        (lambda: simulate(duration=-1), "duration is -1"),
+        (lambda: simulate(duration=1, n_valves=0), "n_valves is 0"),
+        (lambda: simulate(Actuator(speed=[20] * 3), duration=1, n_valves=2), "n_valves is 2"),
+        (lambda: simulate(duration=1, opening=1.1), r"opening is 1.1"),
+        (lambda: simulate(duration=1, opening=[0, 1]), "one for each of 1"),
+        (lambda: simulate(duration=1, step=0), "step is 0"),
+        (lambda: simulate(duration=1, idle_step=0.01), "idle_step is 0.01"),
+        (lambda: blocks(duration=1, size=0), "size is 0"),
+        (lambda: simulate(duration=1).valve(1), "valve is 1"),
+        (lambda: Plant(faults=[Fault("G1", start=1)]).advance(20), "ticks is 20"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

@@ -1,0 +1,295 @@
+from math import inf
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.ballast.diagnosis import diagnose_run
+from shipnet.ballast.live import valve_server
+from shipnet.ballast.master import operate
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.registers import Code, RegisterMap
+from shipnet.ballast.rule_table import rule_base
+from shipnet.ballast.scan import status_poll
+from shipnet.ballast.simulation import Recorder, simulate
+from shipnet.ballast.slave import Monitor, ValveDevice, valve_slaves
+from shipnet.ballast.valve_faults import FAULTS, Fault
+from shipnet.errors import ArgumentError
+from shipnet.modbus.reader import decode_response
+from shipnet.modbus.request import ReadRequest, WriteRegister
+from shipnet.modbus.ring import Break, Loop
+from shipnet.modbus.server import Device, DeviceError, Table
+from shipnet.modbus.timing import Poll, Serial
+from shipnet.papers.kim2014.answer import answer_table, write_outcome
+
+MAP = RegisterMap()
+READ = ReadRequest(4, 0x4020, 4)
+
+
+def write(device, code, time, position=0):
+    device.write(Table.HOLDING_REGISTERS, 0x4001, [MAP.command(code, position)], time)
+
+
+def status(device, time):
+    return MAP.unpack([device.read(Table.INPUT_REGISTERS, 0x4020, 4, time)])
+
+
+def test_a_valve_is_a_device_of_the_server():
+    assert isinstance(ValveDevice(Plant()), Device)
+
+
+def test_a_position_command_moves_the_valve_as_the_simulation_does():
+    device = ValveDevice(Plant())
+    write(device, Code.POSITION_OPEN, 1.0, 40)
+    run = simulate(commands=[Command("position", 1.0, position=40)], duration=8)
+    for time in (1.0, 2.5, 4.0, 7.0):
+        row = round(time * 10)
+        read = status(device, time).readings[:, 0]
+        expected = run.readings[row, :, 0]
+        assert np.abs(read - expected)[[0, 3, 4]].max() <= 0.5 + 1e-9
+        assert np.abs(read - expected)[[1, 2]].max() <= 0.05 + 1e-9
+    last = status(device, 8.0)
+    assert last.open[0]
+    assert not last.close[0]
+    assert last.operating_time[0] == pytest.approx(3.6)
+    assert last.auto[0]
+
+
+def test_manual_mode_refuses_the_master_and_the_switch_needs_it():
+    device = ValveDevice(Plant())
+    with pytest.raises(ArgumentError, match="auto mode"):
+        device.turn("open", 0.0)
+    device.local = True
+    with pytest.raises(DeviceError, match="SERVER_DEVICE_FAILURE"):
+        write(device, Code.OPEN, 0.0)
+    device.turn("open", 0.0)
+    device.turn("stop", 2.0)
+    seen = status(device, 5.0)
+    assert seen.manual[0]
+    assert seen.readings[4, 0] == 22
+    device.local = False
+    write(device, Code.MANUAL, 6.0)
+    with pytest.raises(DeviceError, match="SERVER_DEVICE_FAILURE"):
+        write(device, Code.CLOSE, 6.0)
+    write(device, Code.AUTO, 6.0)
+    write(device, Code.CLOSE, 6.0)
+    assert status(device, 20.0).readings[4, 0] == 0
+
+
+def test_code_manual_stops_the_motor():
+    device = ValveDevice(Plant())
+    write(device, Code.OPEN, 0.0)
+    write(device, Code.MANUAL, 3.0)
+    assert status(device, 10.0).readings[4, 0] == 33
+
+
+def test_the_watchdog_stops_a_valve_whose_master_falls_silent():
+    fed, starved = (ValveDevice(Plant(), watchdog=2.0) for _ in range(2))
+    for device in (fed, starved):
+        write(device, Code.OPEN, 0.0)
+    for time in np.arange(0.5, 12, 1.5):
+        status(fed, time)
+    assert status(fed, 12.0).readings[4, 0] == 100
+    assert status(starved, 12.0).readings[4, 0] == 22
+    assert starved.plant.movements[0].end == pytest.approx(2.0)
+    assert ValveDevice(Plant()).plant.deadline[0] == inf
+
+
+def test_valves_of_one_plant_share_its_time_and_nothing_else():
+    slaves = valve_slaves(Plant(n_valves=3))
+    write(slaves[2].device, Code.OPEN, 0.0)
+    positions = [status(slaves[k].device, 5.0).readings[4, 0] for k in (1, 2, 3)]
+    assert positions == [0, 56, 0]
+    assert status(slaves[2].device, 3.0).readings[4, 0] == 56
+
+
+def test_slaves_answer_requests_and_exceptions_as_the_standard_wants():
+    slave = valve_slaves(Plant())[1]
+    echo = WriteRegister(0x4001, MAP.command(Code.POSITION_OPEN, 40))
+    assert slave.answer(echo.pdu) == echo.pdu
+    answer = decode_response(slave.answer(READ.pdu, 2.0), READ)
+    assert MAP.unpack([answer.registers]).readings[4, 0] == 22
+    exceptions = {
+        "03 4020 0004": 1, "04 4020 0005": 2, "04 401f 0001": 2, "06 4002 0001": 2,
+        "06 4001 0003": 3, "06 4001 650a": 3,
+    }  # fmt: skip
+    for request, code in exceptions.items():
+        pdu = bytes.fromhex(request)
+        assert slave.answer(pdu) == bytes([pdu[0] | 0x80, code]), request
+    assert slave.answer(bytes.fromhex("04 4023 0001"), 2.0)[:2] == b"\x04\x02"
+
+
+@given(pdu=st.binary(min_size=1, max_size=8), time=st.floats(0, 50))
+def test_any_request_gets_an_answer_or_none_and_breaks_nothing(pdu, time):
+    slave = valve_slaves(Plant())[1]
+    answer = slave.answer(pdu, time)
+    # Exception 4 stands for manual mode only: anything else behind it would be our own mistake.
+    assert answer == b"" or answer[0] == pdu[0] or answer[1] in (1, 2, 3)
+
+
+def test_a_slave_finds_its_fault_and_what_does_not_fit_reaches_the_master():
+    device = ValveDevice(Plant(faults=[Fault("Pos4")]))
+    # Three of five readings; S2, in row 7, is Pos4 without motor current, and ranks higher.
+    assert [status(device, 0.1 * k).fault[0] for k in range(4)] == [0, 0, 7, 7]
+    seen = status(device, 0.4)
+    assert device.monitor.codes(0) == ("S2", "Pos4")
+    assert seen.readings[4, 0] == 0
+    assert [name for name, lost in device.saturated.items() if lost] == ["VPos"]
+
+
+@pytest.mark.parametrize(("code", "row"), [("Pos1", 9), ("Pos2", 10), ("Pos3", 6), ("Pos4", 7)])
+def test_the_four_faults_of_the_position_are_found_by_the_slave(code, row):
+    slaves = valve_slaves(
+        Plant(n_valves=3, faults=[Fault(code, valves=1)], opening=float(code in ("Pos1", "Pos3"))),
+    )
+    device = slaves[2].device
+    # Pos1 and Pos2 need a pressure that only a stroke traps.
+    write(device, Code.CLOSE if device.plant.opening[1] else Code.OPEN, 0.0)
+    status(device, 25.0)
+    write(device, Code.OPEN if code in ("Pos1", "Pos3") else Code.CLOSE, 25.0)
+    for time in (60.0, 61.0, 62.0):
+        found = status(device, time).fault[0]
+    assert found == row
+    assert code in device.monitor.codes(1)
+    assert [status(slaves[unit].device, 60.0).fault[0] for unit in (1, 3)] == [0, 0]
+
+
+def test_a_slave_finds_what_the_offline_diagnosis_of_the_same_readings_finds():
+    faults = [Fault(code, valves=k) for k, code in enumerate(FAULTS)]
+    plant = Plant(n_valves=13, faults=faults, rng=np.random.default_rng(7))
+    monitor, recorder = Monitor(plant), Recorder(plant)
+    for action, until in (("open", 25.0), ("close", 50.0)):
+        plant.order(Command(action))
+        while plant.time < until:
+            recorder.take()
+            plant.advance()
+    recorder.take()
+    active = diagnose_run(recorder.run).active.any(axis=0)
+    np.testing.assert_array_equal(monitor.found, active)
+    # Without cooling the motor was too warm before; a healthy valve has nothing.
+    assert active.any(axis=1).tolist() == [True] * 12 + [False]
+
+
+def test_what_is_still_wrong_is_found_again_though_no_reading_changes():
+    plant = Plant(n_valves=2, faults=[Fault("Pos4", valves=1)])
+    monitor = Monitor(plant)
+    rows = []
+    for time in range(1, 9):
+        plant.run_until(float(time))
+        rows.append((monitor.row(0), monitor.row(1)))
+        if time == 4:
+            monitor.report(1, 0)
+    wrong = rows[2]
+    assert wrong[0] == 0 < wrong[1]
+    # Three of the last five readings, counted anew after the command.
+    assert rows == [(0, 0)] * 2 + [wrong] * 2 + [(0, 0)] * 2 + [wrong] * 2
+
+
+def test_a_fault_that_begins_at_rest_is_seen_in_the_readings_from_then_on():
+    plant = Plant(faults=[Fault("Pos4", start=3.5)])
+    monitor = Monitor(plant)
+    rows = []
+    for time in range(1, 8):
+        plant.run_until(float(time))
+        rows.append(monitor.row(0))
+    assert rows[:5] == [0] * 5
+    assert rows[5] == rows[6] > 0
+
+
+def test_a_found_fault_stays_until_the_next_command_and_a_dead_sensor_finds_none():
+    plant = Plant(faults=[Fault("V1")])
+    device = ValveDevice(plant)
+    write(device, Code.OPEN, 0.0)
+    assert status(device, 0.1).fault[0] == 0
+    assert [status(device, time).fault[0] for time in (0.3, 5.0, 100.0)] == [4, 4, 4]
+    write(device, Code.CLOSE, 100.0)
+    assert status(device, 101.0).fault[0] == 0
+    dead = Plant(rng=np.random.default_rng(1))
+    dead._offsets = np.full((5, 1), np.nan)
+    blind = ValveDevice(dead)
+    assert [status(blind, 0.1 * k).fault[0] for k in range(8)] == [0] * 8
+
+
+def test_the_watchdog_is_reached_through_slaves_station_and_server():
+    slaves = valve_slaves(Plant(n_valves=2), watchdog=2.0)
+    write(slaves[1].device, Code.OPEN, 0.0)
+    assert status(slaves[1].device, 12.0).readings[4, 0] == 22
+    # Cut off from both ends, the first valve hears nothing more.
+    loop = Loop(2, status_poll(Serial(9600)))
+    lost = [Break(0, 3.0), Break(1, 3.0)]
+    ends = []
+    for watchdog in (None, 5.0):
+        plant = Plant(n_valves=2)
+        operate(plant, loop, [Command("open", 1.0)], duration=15, faults=lost, watchdog=watchdog)
+        ends.append({moved.valve: moved.outcome for moved in plant.movements})
+    assert ends[0] == {0: "limit", 1: "limit"}
+    assert ends[1] == {0: "time", 1: "limit"}
+    with valve_server(2, watchdog=1.5) as server:
+        assert [slave.device.watchdog for slave in server.slaves.values()] == [1.5, 1.5]
+
+
+def test_an_ambiguous_map_cannot_command_a_valve():
+    with pytest.raises(ArgumentError, match="code 8 stands for Open and for Position Close"):
+        ValveDevice(Plant(), registers=RegisterMap(codes="decimal"))
+
+
+def walk(serial, movement, timeout, retries):
+    """Let a clock run through one command whose answer comes at the end of the movement."""
+    frame = serial.frame_time(8)
+    arrival = frame + serial.t35 + movement + frame
+    clock = 0.0
+    for sent in range(1, retries + 2):
+        clock += frame
+        if arrival <= clock + timeout:
+            return max(arrival, clock) + serial.t35, sent, True
+        clock += timeout
+    return clock, retries + 1, False
+
+
+@given(
+    baud=st.sampled_from([2400, 9600, 19200, 115200]),
+    movement=st.floats(0, 30),
+    timeout=st.floats(0.2, 12),
+    retries=st.integers(0, 5),
+)
+def test_an_answer_at_the_end_costs_what_a_walk_through_it_costs(baud, movement, timeout, retries):
+    serial = Serial(baud)
+    found = write_outcome(serial, 50, movement, at_end=True, timeout=timeout, retries=retries)
+    time, tries, answered = walk(serial, movement, timeout, retries)
+    assert (found.tries, found.answered) == (tries, answered)
+    assert found.write_time == pytest.approx(time, abs=2 * serial.frame_time(8))
+    scan = Poll.of(READ, serial).scan(50)
+    assert found.scan_gap == pytest.approx(scan + found.write_time)
+
+
+def test_at_the_end_the_master_times_out_or_sees_nothing_of_the_movement():
+    table = answer_table(Serial(9600), 100, 9.0)
+    assert table["answered"].tolist() == [True, False, True]
+    assert table["polls_while_moving"].tolist() == [3, 3, 0]
+    assert table["scan_gap_s"].iloc[2] > 9 + table["scan_gap_s"].iloc[0] - 0.1
+    assert table["timeout_s"].iloc[2] == pytest.approx(9 + 8 * 11 / 9600 + 3.5 * 11 / 9600)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: write_outcome(Serial(9600), 0, 9, at_end=True), "n_slaves is 0"),
+        (lambda: write_outcome(Serial(9600), 5, -1, at_end=True), "movement is -1"),
+        (lambda: write_outcome(Serial(9600), 5, 9, at_end=True, timeout=0), "timeout is 0"),
+        (lambda: ValveDevice(Plant(), 1), "valve is 1"),
+        (lambda: ValveDevice(Plant(), watchdog=0), "watchdog is 0"),
+        (lambda: valve_slaves(Plant(), watchdog=0), "watchdog is 0"),
+        (lambda: valve_server(1, watchdog=4000), "watchdog is 4000"),
+        (lambda: ValveDevice(Plant(), monitor=Monitor(Plant())), "monitor looks on at another"),
+        (lambda: Monitor(Plant(), k=6), "k is 6"),
+        (lambda: Monitor(Plant(), rule_base(slow_stroke=10)), "rules has 13 rules"),
+        (lambda: setattr(ValveDevice(Plant()), "fault", 13), "row is 13"),
+        (lambda: valve_slaves(Plant(n_valves=248)), "plant has 248 valves"),
+        (lambda: valve_slaves(Plant(n_valves=2), first=247), "there are 1"),
+        (lambda: ValveDevice(Plant()).turn("position", 0.0), "action is 'position'"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

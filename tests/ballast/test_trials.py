@@ -1,0 +1,179 @@
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import binomtest, poisson
+
+from shipnet.ballast.diagnosis import READINGS, diagnose_run
+from shipnet.ballast.plant import Command
+from shipnet.ballast.simulation import simulate
+from shipnet.ballast.trials import (
+    BASIS,
+    confusion,
+    false_alarms,
+    fault_trials,
+    rates,
+    spread_actuator,
+)
+from shipnet.ballast.valve_faults import FAULTS, Fault
+from shipnet.errors import ArgumentError
+from shipnet.intervals import event_interval, share_interval
+
+
+@pytest.fixture(scope="module")
+def trials():
+    return fault_trials(n_valves=12, rng=np.random.default_rng(2024))
+
+
+@pytest.mark.parametrize(("hits", "n"), [(0, 1), (0, 2048), (3, 7), (7, 7), (100, 2048)])
+@pytest.mark.parametrize("confidence", [0.5, 0.95, 0.999])
+def test_the_interval_of_a_share_is_that_of_the_exact_test(hits, n, confidence):
+    low, high = share_interval(hits, n, confidence=confidence)
+    peer = binomtest(hits, n).proportion_ci(confidence, method="exact")
+    assert (low, high) == pytest.approx((peer.low, peer.high), abs=1e-9)
+
+
+@pytest.mark.parametrize("events", [0, 1, 4, 250])
+def test_the_ends_of_a_rate_leave_half_the_rest_on_either_side(events):
+    low, high = event_interval(events, 3.0, confidence=0.9)
+    assert poisson.cdf(events, 3.0 * high) == pytest.approx(0.05)
+    if events:
+        assert poisson.sf(events - 1, 3.0 * low) == pytest.approx(0.05)
+    else:
+        assert low == 0
+
+
+def test_intervals_of_rows_and_of_nothing():
+    low, high = share_interval([0, 1, 0], [0, 2, 4])
+    assert low[0] == 0
+    assert high[0] == 1
+    assert low.shape == high.shape == (3,)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: share_interval(3, 2), "hits is 3 of 2 trials"),
+        (lambda: share_interval(-1, 2), "hits is -1"),
+        (lambda: share_interval(0.5, 2), "hits is 0.5"),
+        (lambda: share_interval(np.nan, 2), "hits is nan"),
+        (lambda: share_interval(1, 2, confidence=1.0), "confidence is 1.0"),
+        (lambda: event_interval(1, 0.0), "exposure is 0.0"),
+        (lambda: event_interval(1, np.nan), "exposure is nan"),
+    ],
+)
+def test_counts_that_cannot_be_are_named(call, message):
+    with pytest.raises(ArgumentError, match=message):
+        call()
+
+
+def test_all_faults_are_named_by_dead_bands_and_ramps_alike(trials):
+    table = rates(trials)
+    for reading in ("crisp", "fuzzy"):
+        found = table.loc[reading]
+        assert (found.loc[list(FAULTS), "named"] == 1).all()
+        assert found.loc["normal", "detected"] == 0
+        isolated = found.loc[list(FAULTS), "isolated"]
+        # With the motor off S1 and S2 are true as well, and of higher rank.
+        assert isolated[isolated < 1].index.tolist() == ["Pos3", "Pos4"]
+    same = [trials[trials["reading"] == r].drop(columns="reading").reset_index(drop=True)
+            for r in ("crisp", "fuzzy")]  # fmt: skip
+    pd.testing.assert_frame_equal(*same)
+
+
+def test_read_as_printed_every_healthy_valve_has_an_alarm(trials):
+    table = rates(trials).loc["literal"]
+    assert table.loc["normal", "detected"] == 1
+    # What outranks P2, which noise alone sets off at rest, is all that is right.
+    assert table.index[table["isolated"] == 1].tolist() == ["G1", "P1", "P2", "V1"]
+
+
+def test_shares_and_confusion_count_the_same_trials(trials):
+    table = rates(trials)
+    assert (table["n"] == 12).all()
+    for reading in READINGS:
+        matrix = confusion(trials, reading=reading)
+        assert (matrix.sum(axis=1) == 12).all()
+        right = [matrix.loc[fault, fault] / 12 for fault in matrix.index]
+        assert table.loc[reading, "isolated"].tolist() == right
+    assert table["named_low"].le(table["named"]).all()
+    assert table["named_high"].ge(table["named"]).all()
+
+
+def test_tables_say_what_stands_behind_them(trials):
+    assert "does not validate" in BASIS
+    assert rates(trials).attrs["basis"] == confusion(trials).attrs["basis"] == BASIS
+
+
+def test_a_trial_is_what_the_run_of_the_same_valve_shows():
+    rng = np.random.default_rng(11)
+    trials = fault_trials(["V2"], n_valves=3, readings=["fuzzy"], spread=0.1, rng=rng)
+    again = np.random.default_rng(11)
+    actuator = spread_actuator(3, 0.1, again)
+    orders = [Command("open", 5.0), Command("close", 35.0)]
+    run = simulate(actuator, orders, duration=65, faults=[Fault("V2")], idle_step=0.5, rng=again)
+    diagnosis = diagnose_run(run)
+    first = np.nanmin(diagnosis.first_alarm, axis=1)
+    np.testing.assert_allclose(trials["delay_s"], np.maximum(first - 5.0, 0))
+    assert trials["active"].tolist() == ["V2"] * 3
+
+
+def test_severities_may_differ_from_valve_to_valve():
+    trials = fault_trials(["Pos3"], n_valves=3, severity=[0.0, 0.1, 1.0], readings=["fuzzy"],
+                          rng=np.random.default_rng(1))  # fmt: skip
+    assert trials["named"].tolist() == [False, False, True]
+    assert trials["delay_s"].isna().tolist() == [True, True, False]
+
+
+def test_false_alarms_are_those_of_a_diagnosis_of_the_whole_run():
+    more = dict(n_valves=6, spread=0.0)
+    table = false_alarms(duration=130, period=60, readings=["literal", "fuzzy"],
+                         rng=np.random.default_rng(4), **more)  # fmt: skip
+    rng = np.random.default_rng(4)
+    actuator = spread_actuator(6, 0.0, rng)
+    orders = [Command("open"), Command("close", 60.0)]
+    run = simulate(actuator, orders, duration=119.9, idle_step=1.0, rng=rng)
+    quiet = diagnose_run(run, reading="literal").headline == "normal"
+    begins = quiet[:-1] & ~quiet[1:]
+    assert table.loc["literal", "alarms"] == begins.sum() + (~quiet[0]).sum()
+    assert table.loc["literal", "commands"] == table.loc["literal", "alarmed"] == 12
+    assert table.loc["fuzzy", "alarms"] == 0
+    assert table["valve_years"].to_numpy() == pytest.approx(6 * 120 / (365.25 * 86400))
+    years = table.loc["fuzzy", "valve_years"]
+    assert table.loc["fuzzy", "per_valve_year_high"] == pytest.approx(-np.log(0.025) / years)
+
+
+def test_blocks_do_not_change_the_count_of_false_alarms(monkeypatch):
+
+    def count():
+        return false_alarms(duration=60, period=60, n_valves=3, rng=np.random.default_rng(4))
+
+    import shipnet.ballast.trials
+
+    whole, original = count(), shipnet.ballast.trials.blocks
+    monkeypatch.setattr(
+        shipnet.ballast.trials, "blocks", lambda *a, **k: original(*a, **k | {"size": 7})
+    )
+    pd.testing.assert_frame_equal(count(), whole)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda r: fault_trials(["V9"], n_valves=2, rng=r), "code is 'V9'"),
+        (lambda r: fault_trials([], n_valves=2, rng=r), "codes is empty"),
+        (lambda r: fault_trials(["V1"], n_valves=0, rng=r), "n_valves is 0"),
+        (lambda r: fault_trials(["V1"], n_valves=2, severity=2.0, rng=r), "severity of V1"),
+        (lambda r: fault_trials(["V1"], n_valves=2, readings=["x"], rng=r), "reading is 'x'"),
+        (lambda r: false_alarms(duration=10, period=60, rng=r), "duration is 10"),
+        (lambda r: false_alarms(period=1, rng=r), "period is 1"),
+        (lambda r: spread_actuator(3, -1, r), "spread is -1"),
+    ],
+)
+def test_an_argument_of_a_trial_out_of_range_is_named(call, message):
+    with pytest.raises(ArgumentError, match=message):
+        call(np.random.default_rng(0))
+
+
+def test_a_reading_that_was_not_tried_is_named(trials):
+    with pytest.raises(ArgumentError, match="reading is 'x'; the trials are of literal, crisp"):
+        confusion(trials, reading="x")
