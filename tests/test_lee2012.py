@@ -9,7 +9,8 @@ import serial as serial_port
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 
-from shipnet.can.bus import simulate
+from shipnet.can import simulate
+from shipnet.can.faults import ErrorAt
 from shipnet.engine.assessment import Redundancy
 from shipnet.engine.faults import DeadBox, LostModbusFrames
 from shipnet.engine.inputs import InputCard
@@ -112,16 +113,16 @@ def test_clients_reject_a_response_from_the_master(unit, accepted):
 
 
 def test_the_winner_of_an_arbitration_goes_on_unharmed():
-    run = simulate(can.TOGETHER, 0.5, 125e3)
-    winner, loser = run.transmissions.sort_values("start_ms").itertuples()
+    run = simulate(can.TOGETHER, 125e3, until=0.5)
+    winner, loser = run.events().sort_values("start_ms").itertuples()
     assert (winner.start_ms, winner.retries, loser.retries) == (0, 0, 0)
     assert loser.start_ms >= winner.end_ms
 
 
 def test_only_can_repeats_by_itself():
-    run = simulate(can.TOGETHER, 0.5, 125e3, error_instants=[100e-6])
-    assert run.transmissions["retries"].sum() == 1
-    assert set(run.transmissions["outcome"]) == {"sent"}
+    run = simulate(can.TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6))
+    assert run.events()["retries"].sum() == 1
+    assert set(run.events()["outcome"]) == {"sent"}
     for retries in (0, 1, 3):
         lost = [LostModbusFrames("1", request=1.0)]
         system, rng = System(retries=retries), np.random.default_rng(0)

@@ -7,9 +7,7 @@ from re import finditer
 import numpy as np
 import pytest
 
-from shipnet.can.bus import simulate_batch
-from shipnet.can.frame import Frame
-from shipnet.can.schedule import parse_messages, to_table
+from shipnet.can import Frame, MessageSet, simulate_batch
 from shipnet.exercises.check import exercise
 
 
@@ -59,14 +57,14 @@ def test_the_response_is_that_of_counting_bit_by_bit(numbers):
 
 @pytest.mark.parametrize("numbers", draws("ex-05-4"), ids=range(6))
 def test_one_order_alone_is_never_seen_late(numbers):
-    messages = parse_messages(numbers["messages"])
+    messages = MessageSet.parse(numbers["messages"])
     offsets = np.random.default_rng(1).integers(0, 3000, (600, 3)) / 1e6
     offsets[0] = 0
     late = {}
     for names in permutations(messages.names):
-        table = to_table(messages.ordered(names)).drop(columns="sender")
-        longest = simulate_batch(table, offsets, 0.1, 125_000).max_response.max(axis=0)
-        late[" ".join(names)] = bool((1e3 * longest > table["deadline_ms"]).any())
+        ordered = messages.ordered(names)
+        longest = simulate_batch(ordered, 125_000, offsets=offsets, until=0.1).table()["max_ms"]
+        late[" ".join(names)] = bool((longest > ordered.table()["deadline_ms"]).any())
     assert [order for order in late if not late[order]] == [
         exercise("ex-05-4").answer(**numbers).value
     ]

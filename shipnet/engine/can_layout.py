@@ -21,7 +21,7 @@ from shipnet.fields import check_whole, record, whole
 if TYPE_CHECKING:
     import pandas as pd
 
-    from shipnet.can.schedule import MessageSet
+    from shipnet.can.messages import MessageSet
 
 #: Data bytes of a classic CAN frame; ISO 11898-1.
 _FRAME = 8
@@ -93,7 +93,7 @@ class CanLayout:
 
     def messages(self, period: float = 1.0) -> MessageSet:
         """Return the message set, with one update per `period` [s]; the paper prints none."""
-        from shipnet.can.schedule import Message, MessageSet
+        from shipnet.can.messages import Message, MessageSet
 
         return MessageSet(
             Message(name, identifier, dlc, period, sender=box)
@@ -155,7 +155,7 @@ class CanLayout:
         """
         import pandas as pd
 
-        from shipnet.can.schedule import frame_bits
+        from shipnet.can.lengths import Stuffing, frame_length
 
         rates = [check_whole("bit_rates", rate, 1000, 10**6, " bit/s") for rate in bit_rates]
         table = pd.DataFrame(
@@ -168,9 +168,15 @@ class CanLayout:
             index=list(self.boxes),
         )
         dlcs = [[dlc for _, _, dlc in self._frames(box)] for box in self.boxes]
-        ways = {"nominal_bits": (False, "nominal"), "worst_bits": (False, "worst")}
-        for column, (extended, way) in {**ways, "worst_extended_bits": (True, "worst")}.items():
-            table[column] = [int(frame_bits(dlc, extended, way).sum()) for dlc in dlcs]  # type: ignore[arg-type] # the two ways are legal
+        ways: dict[str, tuple[bool, Stuffing]] = {
+            "nominal_bits": (False, "none"),
+            "worst_bits": (False, "worst"),
+            "worst_extended_bits": (True, "worst"),
+        }
+        for column, (extended, way) in ways.items():
+            table[column] = [
+                int(frame_length(dlc, stuffing=way, extended=extended).sum()) for dlc in dlcs
+            ]
         table.loc["all"] = table.sum()
         for rate in rates:
             table[f"ms_{rate / 1000:g}k"] = table["worst_bits"] / rate * 1e3

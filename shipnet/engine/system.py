@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-    from shipnet.can.schedule import MessageSet
+    from shipnet.can.messages import MessageSet
     from shipnet.engine.faults import EngineFault
 
 Floats = npt.NDArray[np.float64]
@@ -302,7 +302,7 @@ class System:
     @cached_property
     def messages(self) -> MessageSet:
         """CAN messages, the highest priority first; jitter is what Modbus delays their box."""
-        from shipnet.can.schedule import MessageSet
+        from shipnet.can.messages import MessageSet
 
         periods = dict(zip(self.boxes, self.period_ns.tolist(), strict=True))
         delays = dict(zip(self.boxes, self.suspended_ns.tolist(), strict=True))
@@ -325,9 +325,9 @@ class System:
     @cached_property
     def frame_ns(self) -> Integers:
         """Longest time of each message on the bus, intermission included [ns]."""
-        from shipnet.can.schedule import frame_bits
+        from shipnet.can.lengths import frame_length
 
-        bits = frame_bits([m.dlc for m in self._layout.messages()])
+        bits = frame_length([m.dlc for m in self._layout.messages()])
         return np.rint(bits * 1e9 / self.can_bit_rate).astype(np.int64)
 
     @property
@@ -395,11 +395,11 @@ class System:
     @cached_property
     def can_response(self) -> Floats:
         """Longest time of each message from queueing to its end [s], highest priority first."""
-        from shipnet.can.schedule import Convention, response_times
+        from shipnet.can.response import Assumptions, response_times
 
         # The receiver's interrupt comes at the end of the frame, so the intermission is left out.
-        convention = Convention(own_jitter=False, intermission="between")
-        found = response_times(self.messages, self.can_bit_rate, convention=convention)
+        assumptions = Assumptions(own_jitter=False, intermission="between")
+        found = response_times(self.messages, self.can_bit_rate, assumptions=assumptions)
         if not all(response.met for response in found):
             raise ArgumentError(
                 f"can_bit_rate is {self.can_bit_rate} bit/s; frames must arrive within the update "

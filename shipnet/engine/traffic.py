@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.layout import INTERMISSION
+from shipnet.can.frame import INTERMISSION
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import (
     BusOff,
@@ -296,7 +296,7 @@ def send(
 
 def _arbitrate(time: Integers, message: Integers, frame: Integers, horizon: int) -> Integers:
     """Return when each frame begins, -1 if never; a busy bus is never cut in two."""
-    from shipnet.can.bus.arbitration import Releases, send_all
+    from shipnet.can.bus import Releases, send_all
 
     length = frame[message]
     before = np.cumsum(length) - length

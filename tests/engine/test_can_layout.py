@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.can.schedule import load_messages, response_times
+from shipnet.can import read_messages, response_times
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.points import Point, read_points
 from shipnet.errors import ArgumentError
@@ -42,7 +42,7 @@ def test_the_reference_table_comes_out(bits):
 
 
 def test_the_message_set_is_that_of_the_data_file():
-    stored = load_messages(datasets.path("synthetic_can_lee2012.csv"))
+    stored = read_messages(datasets.path("synthetic_can_lee2012.csv"))
     assert CanLayout(POINTS).messages() == stored
 
 

@@ -4,8 +4,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from shipnet.can.frame import Frame
-from shipnet.can.reader import decode
+from shipnet.can import Frame, decode
 from shipnet.crc import ALGORITHMS, crc, undetected
 from shipnet.engine.assessment import Part, Redundancy
 from shipnet.engine.class_rules import RULES, Description, check

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 
-from shipnet.can.bus import simulate
-from shipnet.can.schedule import Message, bus_load
+from shipnet.can.faults import ErrorAt
+from shipnet.can.messages import Message, MessageSet, bus_load
+from shipnet.can.simulation import simulate
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.faults import LostModbusFrames
 from shipnet.engine.points import read_points
@@ -18,9 +18,7 @@ from shipnet.papers.registry import check, numeric
 __all__ = ["TOGETHER"]
 
 #: Two messages that are released at once.
-TOGETHER = pd.DataFrame(
-    {"arbitration_id": [0x100, 0x200], "period_ms": [1000.0, 1000.0], "dlc": [8, 8]}
-)
+TOGETHER = MessageSet([Message("first", 0x100, 8, 1.0), Message("second", 0x200, 8, 1.0)])
 
 
 @numeric("lee2012-038")
@@ -49,8 +47,8 @@ def _legal(arbitration_id: int, extended: bool) -> bool:
 @check("lee2012-037", counter={"disturbed": (100e-6,)})
 def destroys_both(*, disturbed: tuple[float, ...] = ()) -> bool:
     """Whether frames that begin together are destroyed and sent again, as on CSMA/CD."""
-    run = simulate(TOGETHER, 0.5, 125e3, error_instants=disturbed)
-    return bool((run.transmissions["retries"] > 0).any())
+    run = simulate(TOGETHER, 125e3, until=0.5, faults=[ErrorAt(time) for time in disturbed])
+    return bool((run.events()["retries"] > 0).any())
 
 
 @check("lee2012-068", counter={"retries": 1})
@@ -59,7 +57,7 @@ def both_repeat(*, retries: int = 0) -> bool:
 
     A CAN controller repeats by itself; how often a Modbus master asks again is its own affair.
     """
-    sent = simulate(TOGETHER, 0.5, 125e3, error_instants=[100e-6]).transmissions
+    sent = simulate(TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6)).events()
     lost = [LostModbusFrames("1", request=1.0)]
     rng = np.random.default_rng(0)
     asked = simulate_engine(System(retries=retries), faults=lost, until=0.5, rng=rng).requests()
@@ -83,14 +81,13 @@ def time_per_update(*, bits: int = 16, bit_rate: float = 125e3) -> float:
 def can_load(*, period: float = 1.0, bit_rate: float = 125e3) -> float:
     """Percent of the bus for an update each period."""
     messages = CanLayout(read_points()).messages(period)
-    return 100 * float(bus_load(messages, bit_rate).sum())
+    return 100 * bus_load(messages, bit_rate)
 
 
 @check("lee2012-081", counter={"within": 5e-3})
 def all_arrive(*, within: float = 0.1) -> bool:
     """Whether all frames that are released at once arrive intact within some time [s]."""
     messages = CanLayout(read_points()).messages()
-    rows = [{"arbitration_id": m.arbitration_id, "period_ms": 1e3, "dlc": m.dlc} for m in messages]
-    sent = simulate(pd.DataFrame(rows), 0.5, 125e3).transmissions
+    sent = simulate(messages, 125e3, until=0.5).events()
     in_time = (sent["outcome"] == "sent") & (sent["end_ms"] <= 1e3 * within)
     return bool(in_time.all()) and len(sent) == len(messages) and not sent["retries"].any()
