@@ -176,7 +176,7 @@ def test_the_bytes_on_the_line_are_those_of_our_encoders(line):
     ours, theirs = line
     devices = {k: Slave(device(10 * k)) for k in (1, 247)}
     with serve(devices, "rtu", serial_port=ours, line=LINE, silence=0.02):
-        with serial.SerialLine(theirs, 115200, timeout=5) as port:
+        with serial.Serial(theirs, 115200, timeout=5) as port:
 
             def ask(frame, size):
                 port.write(frame)
