@@ -9,11 +9,11 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from shipnet import style
 from shipnet.errors import ArgumentError
+from shipnet.fields import choice, number, record, whole
 from shipnet.modbus.codes import FunctionCode
 from shipnet.modbus.frame import LAST_UNIT
 from shipnet.modbus.request import ReadRequest
 from shipnet.modbus.timing import Poll, Serial
-from shipnet.tools._inputs import check, choice, number, whole
 from shipnet.tools._page import Page
 from shipnet.tools._view import View
 
@@ -27,71 +27,46 @@ BIT_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 CHARACTERS = ("8E1", "8O1", "8N2", "8N1")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What the sliders say.
-
-    Parameters
-    ----------
-    bit_rate : int, default 9600
-        One of `BIT_RATES` [bit/s].
-    character : str, default "8E1"
-        One of `CHARACTERS`.
-    slaves : int, default 31
-        Slaves, 1..247.
-    registers : int, default 10
-        Holding registers read of each, 1..125.
-    processing_ms : float, default 5
-        How long a slave works on a request, on top of the silence [ms], 0..500.
-    dead : int, default 0
-        Slaves that do not answer, 0 up to all.
-    timeout_ms : float, default 500
-        How long the master waits for a response [ms], 10..5000.
-    retries : int, default 1
-        How many more times it asks a slave that does not answer, 0..10.
-    limit : float, default 2
-        Longest scan that is allowed [s], 0.1..60.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is outside its range.
-    """
+    """What the sliders say."""
 
     bit_rate: int = choice(
-        9600, BIT_RATES, unit="bit/s", label="bit rate", help="Bit rate of the line."
+        BIT_RATES, default=9600, unit="bit/s", label="bit rate", help="Bit rate of the line."
     )
     character: str = choice(
-        "8E1", CHARACTERS, label="character",
+        CHARACTERS, default="8E1", label="character",
         help="Data bits, parity and stop bits; the standard's have 11 bits, 8N1 has 10.",
     )  # fmt: skip
-    slaves: int = whole(31, 1, LAST_UNIT, label="slaves", help="Slaves that are asked in turn.")
+    slaves: int = whole(
+        1, LAST_UNIT, default=31, label="slaves", help="Slaves that are asked in turn."
+    )
     registers: int = whole(
-        10, 1, 125, label="registers of each", help="Holding registers read of each slave."
+        1, 125, default=10, label="registers of each", help="Holding registers read of each slave."
     )
     processing_ms: float = number(
-        5.0, 0, 500, unit="ms", slider=(0, 100), step=1, label="a slave works",
+        0, 500, default=5.0, unit="ms", slider=(0, 100), step=1, label="a slave works",
         help="How long a slave works on a request, on top of the silence between frames.",
     )  # fmt: skip
     dead: int = whole(
-        0, 0, LAST_UNIT, at_most="slaves", label="dead slaves",
+        0, LAST_UNIT, default=0, at_most="slaves", label="dead slaves",
         help="Slaves that do not answer: the master waits for each until its timeout.",
     )  # fmt: skip
     timeout_ms: float = number(
-        500.0, 10, 5000, unit="ms", slider=(10, 3000), step=10, label="response timeout",
+        10, 5000, default=500.0, unit="ms", slider=(10, 3000), step=10, label="response timeout",
         help="How long the master waits for a response before it asks again or gives up.",
     )  # fmt: skip
     retries: int = whole(
-        1, 0, 10, label="retries", help="How many more times it asks a slave that is silent."
+        0,
+        10,
+        default=1,
+        label="retries",
+        help="How many more times it asks a slave that is silent.",
     )
     limit: float = number(
-        2.0, 0.1, 60, unit="s", slider=(0.1, 10), step=0.1, label="longest scan",
+        0.1, 60, default=2.0, unit="s", slider=(0.1, 10), step=0.1, label="longest scan",
         help="The limit that the scan is measured against.",
     )  # fmt: skip
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check(self)
 
     @property
     def poll(self) -> Poll:
