@@ -39,7 +39,7 @@ class Line:
     kind: str = choice(["line", "star"], "Topology", default="line")
     closed: bool = switch("Whether the ends are joined", default=False)
     name: str = text("Name", default="", most=5)
-    actions: tuple[str, ...] = series(["add", "drop"], most=2)
+    actions: tuple[str, ...] = series(["add", "drop"], default=(), most=2)
     limit: float | None = number(0, 1, "", "Limit", default=None, optional=True)
     noise: float = number(0, 10, "V", "Noise", default=0.0, missing=True)
 

@@ -12,10 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError, InputError
+from shipnet.fields import Choice, Number, Series, Switch, Text, Whole, declared
 from shipnet.tools import _valve_link
 from shipnet.tools._controls import Controls
-from shipnet.tools._inputs import asked
-from shipnet.tools._kinds import Choice, Number, Series, Switch, Text, Whole
 
 FOLDER = Path(__file__).resolve().parents[1] / "shipnet" / "tools"
 TOOLS = sorted({path.stem for path in FOLDER.glob("[a-z]*.py")} - {"step"})  # for the lessons
@@ -77,7 +76,7 @@ def computes(tool, values, figure=False):
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_each_control_at_each_limit(tool):
-    kinds = asked(module(tool).Inputs)
+    kinds = declared(module(tool).Inputs)
     assert kinds
     done = [computes(tool, {name: value}) for name, kind in kinds.items() for value in limits(kind)]
     assert sum(done) > len(done) / 3
@@ -87,7 +86,7 @@ def test_each_control_at_each_limit(tool):
 @pytest.mark.parametrize("tool", TOOLS)
 @given(data=st.data())
 def test_any_limits_together(tool, data):
-    kinds = asked(module(tool).Inputs)
+    kinds = declared(module(tool).Inputs)
     values = {name: data.draw(st.sampled_from(limits(kind))) for name, kind in kinds.items()}
     computes(tool, values)
 
@@ -95,14 +94,14 @@ def test_any_limits_together(tool, data):
 @pytest.mark.parametrize("tool", TOOLS)
 def test_the_figure_at_the_lowest_and_the_highest_of_all(tool):
     for end in (0, 1):
-        kinds = asked(module(tool).Inputs).items()
+        kinds = declared(module(tool).Inputs).items()
         numbers = {n: limits(kind)[end] for n, kind in kinds if isinstance(kind, Number | Whole)}
         computes(tool, numbers, figure=True)
 
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_what_is_not_legal_is_named(tool):
-    for name, kind in asked(module(tool).Inputs).items():
+    for name, kind in declared(module(tool).Inputs).items():
         wrong = [None, [], object(), {}]
         if isinstance(kind, Number | Whole):
             wrong += [kind.low - 1, kind.high + 1, inf, -inf, "1", True, 1j]
@@ -115,7 +114,7 @@ def test_what_is_not_legal_is_named(tool):
 def test_sliders_stay_within_what_is_legal_and_start_where_the_inputs_do(tool):
     start = module(tool).Inputs()
     controls = Controls(start)
-    for name, kind in asked(type(start)).items():
+    for name, kind in declared(type(start)).items():
         assert kind.label and kind.help.endswith("."), name
         if isinstance(kind, Series):
             continue

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.tools._inputs import check, choice, number, series, switch, text, whole
+from shipnet.fields import check, choice, number, series, switch, text, whole
 from shipnet.tools._page import Button, Page, Preset, Upload
 from shipnet.tools._state import read_state, write_state
 from shipnet.tools._view import View
@@ -21,13 +21,15 @@ from tests.support import load
 
 @dataclass(frozen=True)
 class Toy:
-    slaves: int = whole(5, 1, 30, label="slaves", help="How <many>.")
-    dead: int = whole(0, 0, 30, at_most="slaves", label="dead", help="Of them.")
-    length: float = number(10.0, 0, 500, slider=(0, 100), unit="m", label="length", help="Cable.")
-    bus: str = choice("CAN", ["CAN", "AS-i"], label="bus", help="Which.")
-    ring: bool = switch(False, label="ring", help="Closed.")
-    name: str = text("", most=9, label="name", help="Any.")
-    done: tuple[str, ...] = series(["a", "b"], most=3, label="done", help="So far.")
+    slaves: int = whole(1, 30, default=5, label="slaves", help="How <many>.")
+    dead: int = whole(0, 30, default=0, at_most="slaves", label="dead", help="Of them.")
+    length: float = number(
+        0, 500, default=10.0, slider=(0, 100), unit="m", label="length", help="Cable."
+    )
+    bus: str = choice(["CAN", "AS-i"], default="CAN", label="bus", help="Which.")
+    ring: bool = switch(default=False, label="ring", help="Closed.")
+    name: str = text(default="", most=9, label="name", help="Any.")
+    done: tuple[str, ...] = series(["a", "b"], default=(), most=3, label="done", help="So far.")
 
     def __post_init__(self):
         check(self)

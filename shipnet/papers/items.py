@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -166,6 +168,9 @@ def figure(paper: str, item: str, ax: Axes | None = None) -> Axes:
     """
     judging.check_paper(paper)
     judging.load((paper,))
+    # Drawings are registered as their module is imported, which loads matplotlib.
+    with suppress(ModuleNotFoundError):
+        importlib.import_module(f"shipnet.papers.{paper}.plot")
     drawn = sorted(name for key, name in FIGURES if key == paper)
     if item not in drawn:
         raise ArgumentError(

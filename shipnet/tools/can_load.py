@@ -13,7 +13,7 @@ from shipnet.can.messages import BIT_RATES, MessageSet, bus_load
 from shipnet.can.priorities import lowest_bit_rate
 from shipnet.can.response import ResponseTimes, response_times
 from shipnet.can.tables import EXAMPLE, parse_dbc
-from shipnet.tools._inputs import check, choice, text, whole
+from shipnet.fields import choice, record, text, whole
 from shipnet.tools._page import Page, Upload
 from shipnet.tools._state import decode_text
 from shipnet.tools._view import View
@@ -21,27 +21,24 @@ from shipnet.tools._view import View
 __all__ = ["EXAMPLE", "Inputs", "Result", "draw", "explorer", "update", "view"]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
     """What the widgets say."""
 
     text: str = text(
-        EXAMPLE, most=200_000, rows=12, label="message set",
+        default=EXAMPLE, most=200_000, rows=12, label="message set",
         help="One message a line: name, arbitration_id, dlc and period_ms; more columns are free. "
         "It is read when you leave the editor.",
     )  # fmt: skip
     bit_rate: int = choice(
-        125_000, {rate: f"{rate / 1e3:g}" for rate in BIT_RATES}, slider=True, unit="kbit/s",
+        {rate: f"{rate / 1e3:g}" for rate in BIT_RATES},
+        default=125_000, slider=True, unit="kbit/s",
         label="bit rate", help="Standard bit rates; a longer bus needs a lower one.",
     )  # fmt: skip
     errors_per_s: int = whole(
-        0, 0, 1000, slider=(0, 100), unit="1/s", label="errors",
+        0, 1000, default=0, slider=(0, 100), unit="1/s", label="errors",
         help="Errors on the bus, evenly spread; each costs an error frame and a repetition.",
     )  # fmt: skip
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        check(self)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

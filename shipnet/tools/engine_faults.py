@@ -13,7 +13,7 @@ from shipnet.engine.screen import Screen
 from shipnet.engine.simulation import Run, simulate
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.tools._inputs import check, choice, number
+from shipnet.fields import choice, number, record
 from shipnet.tools._page import Page
 from shipnet.tools._view import View
 
@@ -39,41 +39,25 @@ FAULTS: dict[str, EngineFault | None] = {"none": None} | {
 _SEED = 2024
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What the controls say.
-
-    Parameters
-    ----------
-    fault : str, default "box dead JB2"
-        Key of `FAULTS` that the design can have; it begins at `START`.
-    design : str, default "as printed, CAN as a line"
-        Key of `DESIGNS`.
-    time : float, default 13
-        When the screen is looked at, 2..25 [s].
-
-    Raises
-    ------
-    ArgumentError
-        If a value is outside its range.
-    """
+    """What the controls say."""
 
     fault: str = choice(
-        "box dead JB2", list(FAULTS), label="fault",
+        list(FAULTS), default="box dead JB2", label="fault",
         help=f"What fails, {START:g} s after the start; JB is a junction box.",
     )  # fmt: skip
     design: str = choice(
-        next(iter(DESIGNS)), list(DESIGNS), label="design",
+        list(DESIGNS), default=next(iter(DESIGNS)), label="design",
         help="The system as lee2012 prints it, or with what this suite corrects in it.",
     )  # fmt: skip
     time: float = number(
-        13.0, 2, _END, unit="s", step=0.25, label="time",
+        2, _END, default=13.0, unit="s", step=0.25, label="time",
         help=f"When the screen is looked at; the fault begins at {START:g} s.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Check all three, and that the design can have the fault."""
-        check(self)
         chosen = FAULTS[self.fault]
         if chosen is not None and chosen.where not in chosen.places(DESIGNS[self.design]):
             raise ArgumentError(f"fault is {self.fault!r}; {self.design!r} has no such cable")

@@ -36,7 +36,7 @@ OUTSIDE = """() => [...document.querySelectorAll(".shipnet-panel")].flatMap(pane
 SLOW = """
 import time
 from dataclasses import dataclass
-from shipnet.tools._inputs import number
+from shipnet.fields import number
 from shipnet.tools._page import Page
 from shipnet.tools._view import View
 
