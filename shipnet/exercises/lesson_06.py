@@ -11,8 +11,6 @@ from shipnet.modbus.codes import FunctionCode
 from shipnet.modbus.request import ReadRequest
 from shipnet.modbus.timing import Poll, Serial
 
-__all__ = ["EXERCISES"]
-
 _LIMIT = 2.0
 
 

@@ -11,8 +11,6 @@ from shipnet.exercises.functions import Function
 from shipnet.modbus.ring import Break, Channels, Loop, worst_gap
 from shipnet.modbus.timing import Poll, Serial
 
-__all__ = ["EXERCISES"]
-
 _LINE = Serial(9600)
 _POLL = Poll(_LINE, 8, 13)
 _REQUEST = _LINE.frame_time(8)

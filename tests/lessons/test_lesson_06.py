@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shipnet.exercises import given, student
-from shipnet.exercises.check import exercise
+from shipnet.exercises.checking import exercise
 from shipnet.modbus.frame import decode_rtu, encode_rtu
 from shipnet.modbus.reader import decode_request
 from shipnet.modbus.request import ReadRequest
