@@ -281,7 +281,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     from shipnet.engine.serving import serve as serve_engine
     from shipnet.engine.system import System
     from shipnet.errors import ArgumentError
-    from shipnet.modbus.timing import Serial
+    from shipnet.modbus.uart import SerialLine
 
     # What goes wrong is told in one line, not in the library's log besides.
     logging.getLogger("pymodbus").addHandler(logging.NullHandler())
@@ -290,8 +290,8 @@ def _serve(arguments: argparse.Namespace) -> None:
     if arguments.serial is not None:
         if arguments.udp:
             raise ArgumentError("--udp and --serial exclude each other")
-        line = Serial(arguments.bit_rate, arguments.character)
-        options = {"transport": "rtu", "serial_port": arguments.serial, "serial": line}
+        line = SerialLine(arguments.bit_rate, arguments.character)
+        options = {"transport": "rtu", "serial_port": arguments.serial, "line": line}
     elif arguments.udp:
         options["transport"] = "udp"
     if arguments.device == "engine":

@@ -30,7 +30,7 @@ def loaded(statement):
         ("import shipnet.can", []),
         ("from shipnet.can import Frame, response_times, simulate, read_messages", ["numpy"]),
         ("import shipnet.modbus", []),
-        ("import shipnet.modbus.server, shipnet.modbus.datagram", ["numpy"]),
+        ("from shipnet.modbus import Request, Poll, serve, udp", ["numpy"]),
         ("import shipnet.engine", []),
         ("import shipnet.engine.serving, shipnet.engine.class_rules", ["numpy"]),
         ("import shipnet.remote_control", []),

@@ -6,6 +6,7 @@ import minimalmodbus
 import numpy as np
 import pytest
 import serial as serial_port
+from matplotlib.figure import Figure
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 
@@ -17,20 +18,20 @@ from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import read_points
 from shipnet.engine.power import DieselEngine
 from shipnet.engine.registers import CODINGS
-from shipnet.engine.serial_interface import INTERFACES
 from shipnet.engine.simulation import simulate as simulate_engine
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.modbus.frame import decode_rtu, encode_rtu
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.adu import decode, rtu_frame
+from shipnet.modbus.electrical import INTERFACES
+from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.uart import SerialLine
 from shipnet.papers.lee2012 import can, engine, operation, points, serial
+from shipnet.papers.lee2012.plot import plot_channels
 
 
 def test_times_fit_the_line_only_in_milliseconds():
     line = serial.LINE
-    assert line == Serial(9600, "8E1")
+    assert line == SerialLine(9600, "8E1")
     # Read in microseconds, each of the three would be a line that Table 2 does not have.
     assert 1 / 0.104e-6 == pytest.approx(9.6e6, rel=0.01)
     assert 22.3e-6 < 1 / line.bit_rate and 133e-6 < line.character_time
@@ -46,17 +47,17 @@ def test_31_is_a_count_of_stations():
     master = 1
     assert INTERFACES["RS-485"].receivers - master == 31 < serial.highest_address() == 247
     with pytest.raises(ArgumentError, match=r"0\.\.247"):
-        encode_rtu(248, b"\x03")
+        rtu_frame(248, b"\x03")
 
 
 def test_no_frame_carries_the_master():
-    request = encode_rtu(serial.JB1, ReadRequest(3, 0, 1).pdu)
-    assert serial.AMS not in (request[0], decode_rtu(request).unit_id)
+    request = rtu_frame(serial.JB1, Request.read_holding_registers(0, 1).pdu)
+    assert serial.AMS not in (request[0], decode(request).unit_id)
 
 
 def test_the_byte_count_is_one_byte():
     for n in (1, serial.POINTS, 125):
-        ours = ReadRegistersResponse(3, range(n)).pdu
+        ours = Response(3, registers=range(n)).pdu
         assert (ours[1], len(ours)) == (2 * n, 2 + 2 * n)
         theirs = DecodePDU(False).decode(ours)
         assert theirs.registers == list(range(n))
@@ -68,7 +69,7 @@ def test_the_data_have_two_bytes_a_register():
 
 
 def test_an_exception_has_one_byte_of_data():
-    assert len(ExceptionResponse(3, 2).pdu) - 1 == 1
+    assert len(Response(3, exception=2).pdu) - 1 == 1
 
 
 class Port(serial_port.Serial):
@@ -99,7 +100,7 @@ class Port(serial_port.Serial):
 
 @pytest.mark.parametrize(("unit", "accepted"), [(serial.JB1, True), (serial.AMS, False)])
 def test_clients_reject_a_response_from_the_master(unit, accepted):
-    answer = encode_rtu(unit, ReadRegistersResponse(3, [7]).pdu)
+    answer = rtu_frame(unit, Response(3, registers=[7]).pdu)
     port = Port(answer)
     instrument = minimalmodbus.Instrument(port, serial.JB1)
     if accepted:
@@ -203,3 +204,30 @@ def test_one_processor_a_box_is_less_than_two():
 def test_rs_482_stands_for_rs_422():
     assert set(INTERFACES) == {"RS-232", "RS-422", "RS-485"}
     assert not points.is_an_interface() and points.is_an_interface(printed="RS-422")
+
+
+def test_channels_lie_below_each_other_with_their_own_scales():
+    ax = Figure().subplots()
+    waves = serial.LINE.waveform(b"\x01"), serial.LINE.waveform(b"\x02", differential=2.0)
+    one, two = ((wave.time, wave.level) for wave in waves)
+    assert plot_channels({"JB1": one, "JB3": two, "idle": ([0, 1], [1, 1])}, ax=ax) is ax
+    for place, (line, (time, level)) in enumerate(zip(ax.lines, (one, two), strict=False)):
+        assert (line.get_xdata() == time * 1e3).all()
+        unit = (level - level.min()) / np.ptp(level)
+        assert line.get_ydata() == pytest.approx(unit - 1.5 * place)
+    assert ax.lines[2].get_ydata().tolist() == [-2.5, -2.5]
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["JB1", "JB3", "idle"]
+    assert [text.get_text() for text in ax.texts[:4]] == ["0", "1", "-2", "2"]
+
+
+@pytest.mark.parametrize(
+    ("channels", "message"),
+    [
+        ({}, "channels is empty"),
+        ({"x": ([0, 1], [0])}, "channel 'x'"),
+        ({"x": ([], [])}, "channel 'x'"),
+    ],
+)
+def test_channels_that_cannot_be_drawn_are_named(channels, message):
+    with pytest.raises(ArgumentError, match=message):
+        plot_channels(channels, ax=Figure().subplots())

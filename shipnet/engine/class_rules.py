@@ -18,7 +18,8 @@ from shipnet.engine.points import PointList, read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, record, switch, whole
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 
 Verdict = Literal["met", "violated", "not verified"]
 
@@ -116,7 +117,7 @@ class Description:
             cpus=1,
             protocols=("CAN", "Modbus RTU"),
             links={"channel 1": ("JB1",), "channel 2": ("JB3",)},
-            poll=Poll.of(RegisterMap(points).requests()[0], Serial(9600)),
+            poll=Poll(RegisterMap(points).requests()[0], SerialLine(9600)),
         )
 
 
@@ -238,7 +239,7 @@ def _answer(system: Description, rule: Rule) -> _Outcome:
     if system.poll is None:
         return _UNKNOWN
     poll = system.poll
-    time = poll.serial.frame_time(poll.request_size) + poll.shortest_timeout
+    time = poll.line.frame_time(poll.request_size) + poll.shortest_timeout
     return rule.judge(time, "from the first bit of the request to the last of the response")
 
 

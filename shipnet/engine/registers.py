@@ -21,8 +21,7 @@ import numpy.typing as npt
 from shipnet.engine.points import Point, PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
-from shipnet.modbus.codes import FunctionCode
-from shipnet.modbus.request import ReadRequest
+from shipnet.modbus.pdu import Request
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -342,12 +341,11 @@ class RegisterMap:
     def __len__(self) -> int:
         return len(self.words)
 
-    def requests(self) -> tuple[ReadRequest, ...]:
+    def requests(self) -> tuple[Request, ...]:
         """Return the requests that read the whole map, 125 registers each at most."""
         size = len(self)
         return tuple(
-            ReadRequest(
-                FunctionCode.READ_HOLDING_REGISTERS,
+            Request.read_holding_registers(
                 self.first_address + start,
                 min(_REQUEST, size - start),
             )

@@ -26,9 +26,10 @@ from shipnet.engine.system import System
 from shipnet.engine.traffic import islands
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.server import DeviceError, Slave, Table, real_clock
+from shipnet.modbus.pdu import ExceptionCode, Request
+from shipnet.modbus.server import real_clock
 from shipnet.modbus.server import serve as serve_slaves
+from shipnet.modbus.slave import DeviceError, Slave, Table
 
 if TYPE_CHECKING:
     from shipnet.modbus.server import Server
@@ -117,7 +118,7 @@ class JunctionBox:
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
         """Return registers in a row; exception 2 if one of them does not exist."""
         first = address - self.registers.first_address
-        if table is not Table.HOLDING_REGISTERS or not 0 <= first <= len(self.registers) - quantity:
+        if table != "holding_registers" or not 0 <= first <= len(self.registers) - quantity:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         content: list[int] = self.registers.encode(self.values(time)).tolist()
         return content[first : first + quantity]
@@ -173,8 +174,8 @@ class _BoxSlave(Slave):
         spans = [span for name, kinds in where.items() for span in outages(faults, name, *kinds)]
         object.__setattr__(self, "_spans", spans)
 
-    def answer(self, pdu: bytes, time: float = 0.0) -> bytes:
+    def answer(self, request: Request | bytes, time: float = 0.0) -> bytes:
         """Execute a request, unless the box is silent at this time."""
         now = nanoseconds(time)
         spans: list[tuple[int, int]] = self._spans  # type: ignore[attr-defined]
-        return b"" if any(a <= now < b for a, b in spans) else super().answer(pdu, time)
+        return b"" if any(a <= now < b for a, b in spans) else super().answer(request, time)

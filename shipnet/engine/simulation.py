@@ -122,11 +122,11 @@ def simulate(
             f"be {_MOST_FRAMES} at most"
         )
     attempts = ask(system, horizon, begins["AMS"], wrong, chance)
-    answered = nanoseconds(system.poll.answered)
+    answered = nanoseconds(system.poll.time)
     last = int(attempts.start.max(initial=0)) + answered
     warm = 3 * int(system.period_ns.max()) + 10**9
     span = (-warm, max(horizon, last))
-    asked = attempts.start + nanoseconds(system.poll.serial.frame_time(8) + system.serial.t35)
+    asked = attempts.start + nanoseconds(system.poll.line.frame_time(8) + system.serial.t35)
     served = attempts.outcome != 1
     readers = np.array(system.ports)[attempts.channel]
     cpus = [
@@ -548,7 +548,7 @@ class Run:
         import pandas as pd
 
         rows = pd.DataFrame(self.attempts._asdict())
-        took = np.where(rows["outcome"] == 0, nanoseconds(self.system.poll.answered), np.inf)
+        took = np.where(rows["outcome"] == 0, nanoseconds(self.system.poll.time), np.inf)
         rows["end"] = rows["start"] + took
         by = rows.groupby("poll").agg(start=("start", "min"), end=("end", "min")).reset_index()
         return pd.DataFrame(
@@ -591,7 +591,7 @@ class Run:
     def _link_alarms(self) -> list[tuple[float, str, str]]:
         rows = []
         tries = 1 + self.system.retries
-        silent = nanoseconds(self.system.poll.serial.frame_time(8) + self.system.timeout)
+        silent = nanoseconds(self.system.poll.line.frame_time(8) + self.system.timeout)
         for channel in (0, 1):
             own = self.attempts.channel == channel
             columns = (self.attempts.poll, self.attempts.start, self.attempts.outcome)
@@ -601,7 +601,7 @@ class Run:
             final = np.repeat(count, count) == tries
             ends = np.append(poll[1:] != poll[:-1], True) if poll.size else fine
             told = ends & (fine | final)
-            wait = np.where(outcome == 1, silent, nanoseconds(self.system.poll.answered))
+            wait = np.where(outcome == 1, silent, nanoseconds(self.system.poll.time))
             for when, good in _changes((start + wait)[told], fine[told]):
                 word = "answers again" if good else "no answer"
                 rows.append((when / 1e9, f"channel {channel + 1}", word))
@@ -730,8 +730,8 @@ def _without(slices: _Slices, busy: _Slices) -> _Slices:
 
 
 def _lines(run: Run) -> dict[str, _Slices]:
-    request = nanoseconds(run.system.poll.serial.frame_time(8))
-    response = nanoseconds(run.system.poll.serial.frame_time(5 + 2 * run.system.registers))
+    request = nanoseconds(run.system.poll.line.frame_time(8))
+    response = nanoseconds(run.system.poll.line.frame_time(5 + 2 * run.system.registers))
     wait = nanoseconds(run.system.serial.t35 + run.system.firmware.processing)
     lines: dict[str, _Slices] = {"channel 1": [], "channel 2": []}
     columns = (run.attempts.channel, run.attempts.start, run.attempts.outcome)

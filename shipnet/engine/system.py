@@ -18,8 +18,9 @@ from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.points import PointList, read_points
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, record, switch, whole
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -180,7 +181,7 @@ class System:
         "longer begins again at once, so 0 is a loop that never rests", default=0.5,
     )  # fmt: skip
     topology: Literal["line", "ring"] = choice(("line", "ring"), "Course of CAN", default="line")
-    serial: Serial = field(default_factory=lambda: Serial(9600))
+    serial: SerialLine = field(default_factory=lambda: SerialLine(9600))
     poll_period: float = number(0.01, LONGEST, "s", "From poll to poll", default=1.0)
     timeout: float = number(
         0, LONGEST, "s", "Time-out of the AMS from the end of a request; not printed",
@@ -215,7 +216,7 @@ class System:
     def __post_init__(self) -> None:
         """Check what the fields ask of each other."""
         object.__setattr__(self, "points", PointList(self.points))
-        for name, kind in (("firmware", Firmware), ("serial", Serial)):
+        for name, kind in (("firmware", Firmware), ("serial", SerialLine)):
             if not isinstance(getattr(self, name), kind):
                 raise ArgumentError(
                     f"{name} is {getattr(self, name)!r}; it must be of class {kind.__name__}"
@@ -229,9 +230,9 @@ class System:
                 "of two values is the newer: it must be one, or the coding corrected"
             )
         check_whole("registers", self.registers, 1, 125, " of one request")
-        if self.polled == "both" and self.poll.answered > self.poll_period:
+        if self.polled == "both" and self.poll.time > self.poll_period:
             raise ArgumentError(
-                f"poll_period is {self.poll_period:g} s; a poll takes {self.poll.answered:g} s"
+                f"poll_period is {self.poll_period:g} s; a poll takes {self.poll.time:g} s"
             )
 
     def __repr__(self) -> str:
@@ -281,9 +282,9 @@ class System:
     @cached_property
     def poll(self) -> Poll:
         """The transaction that reads all registers."""
-        request = ReadRequest(3, 0, self.registers)  # type: ignore[arg-type] # becomes its code
+        request = Request.read_holding_registers(0, self.registers)
         processing = self.firmware.processing
-        return Poll.of(request, self.serial, processing=processing, timeout=3600)
+        return Poll(request, self.serial, processing=processing, timeout=3600)
 
     @property
     def shortest_timeout(self) -> float:
@@ -413,7 +414,7 @@ class System:
         A poll that lasts longer than the period makes the AMS skip some.
         """
         period = nanoseconds(self.poll_period)
-        whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + self.poll.answered)
+        whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + self.poll.time)
         return -(-whole // period) * period / 1e9
 
     def hop_ns(self, reader: int) -> Integers:
@@ -541,10 +542,10 @@ class System:
         """
         if self.polled == "both":
             raise ArgumentError("polled is 'both'; only a system that polls one channel switches")
-        request = self.poll.serial.frame_time(8)
+        request = self.poll.line.frame_time(8)
         lost = (1 + self.retries) * (request + self.timeout)
-        answer = lost + self.poll.answered
-        return SwitchOver(lost, answer, self.poll_period - self.poll.answered + answer)
+        answer = lost + self.poll.time
+        return SwitchOver(lost, answer, self.poll_period - self.poll.time + answer)
 
     def timeout_for(self, time: float, *, retries: int = 0) -> float:
         """Return the time-out [s] with which a switch-over takes a given time [s]."""

@@ -127,8 +127,8 @@ class _Line:
         name, box = str(channel + 1), system.boxes[system.ports[channel]]
         self.deaf = outages(faults, name, ModbusBreak, DeadPort) + outages(faults, box, DeadBox)
         self.losses = [f for f in faults if isinstance(f, LostModbusFrames) and f.where == name]
-        self.answered = nanoseconds(system.poll.answered)
-        self.silent = nanoseconds(system.poll.serial.frame_time(8) + system.timeout)
+        self.answered = nanoseconds(system.poll.time)
+        self.silent = nanoseconds(system.poll.line.frame_time(8) + system.timeout)
         self.draws: Iterator[list[float]] = iter(())
         if self.losses and rng is not None:
             most = (horizon // nanoseconds(system.poll_period) + 2) * (1 + system.retries)

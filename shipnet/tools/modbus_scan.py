@@ -10,10 +10,10 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, whole
-from shipnet.modbus.codes import FunctionCode
-from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 from shipnet.tools._page import Page
 from shipnet.tools._view import View
 
@@ -39,7 +39,7 @@ class Inputs:
         help="Data bits, parity and stop bits; the standard's have 11 bits, 8N1 has 10.",
     )  # fmt: skip
     slaves: int = whole(
-        1, LAST_UNIT, default=31, label="slaves", help="Slaves that are asked in turn."
+        1, MAX_UNIT, default=31, label="slaves", help="Slaves that are asked in turn."
     )
     registers: int = whole(
         1, 125, default=10, label="registers of each", help="Holding registers read of each slave."
@@ -49,7 +49,7 @@ class Inputs:
         help="How long a slave works on a request, on top of the silence between frames.",
     )  # fmt: skip
     dead: int = whole(
-        0, LAST_UNIT, default=0, at_most="slaves", label="dead slaves",
+        0, MAX_UNIT, default=0, at_most="slaves", label="dead slaves",
         help="Slaves that do not answer: the master waits for each until its timeout.",
     )  # fmt: skip
     timeout_ms: float = number(
@@ -71,9 +71,9 @@ class Inputs:
     @property
     def poll(self) -> Poll:
         """The poll of one slave."""
-        return Poll.of(
-            ReadRequest(FunctionCode.READ_HOLDING_REGISTERS, 0, self.registers),
-            Serial(self.bit_rate, self.character),
+        return Poll(
+            Request.read_holding_registers(0, self.registers),
+            SerialLine(self.bit_rate, self.character),
             processing=1e-3 * self.processing_ms,
             timeout=1e-3 * self.timeout_ms,
             retries=self.retries,
@@ -113,14 +113,14 @@ class Result:
     @property
     def numbers(self) -> dict[str, str]:
         """Times and counts as text with units."""
-        serial = self.poll.serial
+        serial = self.poll.line
         on_line = serial.frame_time(self.poll.request_size) + serial.frame_time(
             self.poll.response_size
         )
         return {
-            "one slave": f"{1e3 * self.poll.answered:.1f} ms, of which "
+            "one slave": f"{1e3 * self.poll.time:.1f} ms, of which "
             f"{1e3 * on_line:.1f} ms bytes and {2e3 * serial.t35:.1f} ms silence",
-            "a dead slave costs": f"{1e3 * self.poll.given_up:.0f} ms",
+            "a dead slave costs": f"{1e3 * self.poll.timeout_time:.0f} ms",
             "scan with all alive": f"{self.healthy:.3f} s",
             "scan": f"{self.scan:.3f} s",
             "slaves that fit": f"{self.most_slaves}",
@@ -160,13 +160,13 @@ def update(inputs: Inputs) -> Result:
             other = replace(inputs, bit_rate=rate).poll
         except ArgumentError:
             continue
-        by_bit_rate[rate] = other.scan(inputs.slaves, dead=inputs.dead)
+        by_bit_rate[rate] = other.scan_time(inputs.slaves, dead=inputs.dead)
     return Result(
         inputs,
         poll,
-        poll.scan(inputs.slaves),
-        poll.scan(inputs.slaves, dead=inputs.dead),
-        poll.most_slaves(inputs.limit, dead=inputs.dead),
+        poll.scan_time(inputs.slaves),
+        poll.scan_time(inputs.slaves, dead=inputs.dead),
+        poll.max_slaves(inputs.limit, dead=inputs.dead),
         by_bit_rate,
     )
 

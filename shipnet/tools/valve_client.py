@@ -21,10 +21,8 @@ from shipnet.ballast.registers import COMMAND_REGISTER, Code, RegisterMap, Statu
 from shipnet.ballast.scan import READ_STATUS
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, record, text, whole
-from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.request import WriteRegister
-from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
+from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.pdu import ExceptionCode, Request
 from shipnet.tools._page import Button, Page
 from shipnet.tools._valve_link import Ask, Link, ModelValves
 from shipnet.tools._view import View
@@ -54,7 +52,7 @@ class Inputs:
     )
     valves: int = whole(
         1,
-        LAST_UNIT,
+        MAX_UNIT,
         default=_OWN,
         typed=True,
         label="valves shown",
@@ -62,7 +60,7 @@ class Inputs:
     )
     valve: int = whole(
         1,
-        LAST_UNIT,
+        MAX_UNIT,
         default=1,
         at_most="valves",
         label="valve",
@@ -179,7 +177,7 @@ def send(ask: Ask, valve: int, action: str, position: int | None = None) -> str:
     >>> send(ModelValves(4), 5, "close")
     'valve 5 refuses: gateway target failed to respond'
     """
-    unit = check_whole("valve", valve, 1, LAST_UNIT)
+    unit = check_whole("valve", valve, 1, MAX_UNIT)
     codes = {code.value.lower(): code for code in Code}
     codes["position"] = Code.POSITION_OPEN
     if action not in ("open", "close", "position", "manual", "auto"):
@@ -189,8 +187,8 @@ def send(ask: Ask, valve: int, action: str, position: int | None = None) -> str:
     if position is None and action == "position":
         raise ArgumentError("position is None; it must be a whole number 0..100 for position")
     value = _MAP.command(codes[action], position if position is not None else 0)
-    response = ask(unit, WriteRegister(COMMAND_REGISTER, value))
-    if isinstance(response, ExceptionResponse):
+    response = ask(unit, Request.write_single_register(COMMAND_REGISTER, value))
+    if response.exception is not None:
         return f"valve {unit} refuses: {_words(response.exception)}"
     where = f" {position} %" if action == "position" else ""
     return f"valve {unit}: {action}{where}"
@@ -225,7 +223,7 @@ def update(inputs: Inputs, ask: Ask) -> Result:
     words, units = [], []
     for unit in range(1, inputs.valves + 1):
         response = ask(unit, READ_STATUS)
-        if isinstance(response, ReadRegistersResponse):
+        if response.exception is None:
             words.append(response.registers)
             units.append(unit)
     status = _MAP.unpack(np.array(words, np.int64).reshape(-1, 4))

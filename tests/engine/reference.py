@@ -23,7 +23,7 @@ def ns(seconds):
 
 def requests(system, duration, phase, faults):
     """Return (start, channel, fate) of all requests; fate is served, deaf or damaged."""
-    answered = ns(system.poll.answered)
+    answered = ns(system.poll.time)
     silent = ns(system.serial.frame_time(8) + system.timeout)
 
     def fate(start, channel):

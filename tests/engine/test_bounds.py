@@ -7,7 +7,7 @@ from shipnet.engine.faults import DeadBox, ModbusBreak
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import Firmware, System
 from shipnet.errors import ArgumentError
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.uart import SerialLine
 from shipnet.papers.lee2012.readings import response_readings
 
 SYSTEMS = {
@@ -16,7 +16,7 @@ SYSTEMS = {
     "never rests": System(update_period=0.0),
     "holds the CPU": System(firmware=Firmware(holds_cpu=True)),
     "slow poll": System.corrected(coding="corrected", polled="one", poll_period=0.3, age_limit=9.0),
-    "fast bus": System(can_bit_rate=1_000_000, serial=Serial(19200), topology="ring"),
+    "fast bus": System(can_bit_rate=1_000_000, serial=SerialLine(19200), topology="ring"),
 }
 
 
@@ -31,7 +31,7 @@ def test_no_random_phases_exceed_the_formula(name):
 
 
 def read_time(system):
-    return system.poll.serial.frame_time(8) + system.serial.t35
+    return system.poll.line.frame_time(8) + system.serial.t35
 
 
 def test_the_worst_phases_attain_the_bound_of_a_value_of_the_polled_box():
@@ -153,7 +153,7 @@ LEGAL = {
     "can_bit_rate": st.sampled_from([125_000, 250_000, 1_000_000]),
     "update_period": st.sampled_from([0.2, 0.35, 0.5]),
     "topology": st.sampled_from(["line", "ring"]),
-    "serial": st.just(Serial(19200)),
+    "serial": st.just(SerialLine(19200)),
     "retries": st.integers(0, 10),
     "timeout": st.sampled_from([0.04, 0.1238, 0.5, 1.3]),
     "switch_rule": st.sampled_from(["stay", "return"]),
@@ -199,7 +199,7 @@ def test_the_timeout_that_gives_a_switch_over_gives_it(retries):
 @pytest.mark.parametrize("bit_rate", [1200, 2400, 9600, 19200, 115200])
 @pytest.mark.parametrize("retries", range(11))
 def test_the_shortest_and_the_longest_timeout_are_taken_too(bit_rate, retries):
-    serial = Serial(bit_rate)
+    serial = SerialLine(bit_rate)
     for timeout in (serial.t35 + Firmware().processing, 100.0):
         time = (1 + retries) * (serial.frame_time(8) + timeout)
         found = System(serial=serial).timeout_for(time, retries=retries)

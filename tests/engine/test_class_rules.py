@@ -10,10 +10,12 @@ from shipnet.engine.assessment import Part, Redundancy
 from shipnet.engine.class_rules import RULES, Description, check
 from shipnet.engine.points import read_points
 from shipnet.errors import ArgumentError
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 
 POINTS = read_points()
-SLOW = Poll(Serial(600), 8, 203, timeout=10, retries=2)
+SLOW = Poll(Request.read_holding_registers(0, 99), SerialLine(600), timeout=10, retries=2)
 #: A description that passes every rule.
 GOOD = Description(
     POINTS,
@@ -24,7 +26,7 @@ GOOD = Description(
     protocols=("CAN", "Modbus RTU"),
     links={"1": ("JB1",), "2": ("JB3",)},
     routes={"1": ("port",), "2": ("starboard",)},
-    poll=Poll(Serial(9600), 8, 203, retries=1),
+    poll=Poll(Request.read_holding_registers(0, 99), SerialLine(9600), retries=1),
     retries_known=True,
 )
 
@@ -94,8 +96,8 @@ def test_two_of_three_links_apart_are_enough():
 
 def test_the_answer_is_judged_at_the_limit():
     # A response that takes two seconds to the bit still passes.
-    poll = Poll(Serial(9600), 8, 203, timeout=10)
-    line = poll.serial.frame_time(8) + poll.shortest_timeout
+    poll = Poll(Request.read_holding_registers(0, 99), SerialLine(9600), timeout=10)
+    line = poll.line.frame_time(8) + poll.shortest_timeout
     for extra, verdict in ((-1e-6, "met"), (1e-6, "violated")):
         late = replace(poll, processing=2 - line + extra)
         assert verdicts(replace(GOOD, poll=late))["answer"] == verdict

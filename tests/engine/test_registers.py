@@ -6,9 +6,10 @@ from hypothesis import strategies as st
 from shipnet.engine.points import Point, read_points
 from shipnet.engine.registers import AGE_STEP, CODINGS, CORRECTED, Coding, RegisterMap
 from shipnet.errors import ArgumentError, FieldError, LengthError
-from shipnet.modbus.reader import decode_request, decode_response
-from shipnet.modbus.server import RegisterDevice, Slave
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.slave import Slave
+from shipnet.modbus.uart import SerialLine
 
 POINTS = read_points()
 LOW, HIGH = (np.array([getattr(point, end) for point in POINTS]) for end in ("low", "high"))
@@ -120,8 +121,8 @@ def test_sizes_and_requests_of_the_maps():
     # 99 values, and for each box age, heartbeat and a bit a point: 43, 18 and 38.
     assert len(corrected) == 99 + 3 * 2 + 3 + 2 + 3
     assert [len(m.requests()) for m in (RegisterMap(POINTS), corrected)] == [1, 1]
-    line = Serial(9600)
-    times = [Poll.of(m.requests()[0], line).answered for m in (RegisterMap(POINTS), corrected)]
+    line = SerialLine(9600)
+    times = [Poll(m.requests()[0], line).answered for m in (RegisterMap(POINTS), corrected)]
     assert times[0] == pytest.approx(249.79e-3, abs=5e-6)
     assert times[1] == pytest.approx(times[0] + 14 * 2 * 11 / 9600)
     many = [Point(f"P{k}", "B", "4-20 mA", "pressure", 0, 1) for k in range(251)]
@@ -193,7 +194,7 @@ def test_a_map_judges_its_packed_switches_apart_from_its_values():
 
 def answer(pdu, registers, first_address=0):
     """Let a slave answer that knows function code 3 alone, as the junction box does."""
-    box = RegisterDevice(holding_registers=dict(enumerate(registers, first_address)))
+    box = Slave(holding_registers=dict(enumerate(registers, first_address)))
     return Slave(box, functions={3}).answer(pdu)
 
 
@@ -204,7 +205,7 @@ def expected(pdu, registers, first):
     if pdu[0] != 3:
         return bytes([pdu[0] + 128, 1])
     try:
-        request = decode_request(pdu)
+        request = Request.parse(pdu)
     except (LengthError, FieldError):
         return bytes([0x83, 3])
     start = request.starting_address - first
@@ -228,7 +229,7 @@ def test_any_bytes_get_the_answer_of_the_standard(pdu, first):
     response = answer(pdu, registers, first_address=first)
     assert response == expected(pdu, registers, first)
     if response:
-        decode_response(response)
+        Response.parse(response)
 
 
 def test_the_answers_are_those_of_pymodbus():

@@ -15,7 +15,7 @@ from shipnet.engine.faults import (
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import Firmware, System
 from shipnet.errors import ArgumentError
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.uart import SerialLine
 from tests.engine.reference import run_reference
 
 
@@ -57,7 +57,7 @@ SHARED = {
     "can_bit_rate": st.sampled_from([125_000, 250_000, 1_000_000]),
     "update_period": st.sampled_from([0.0, 0.1, 0.35, 0.5]),
     "topology": st.sampled_from(["line", "ring"]),
-    "serial": st.sampled_from([Serial(9600), Serial(19200)]),
+    "serial": st.sampled_from([SerialLine(9600), SerialLine(19200)]),
     "retries": st.integers(0, 2),
     "switch_rule": st.sampled_from(["stay", "return"]),
     "stale_limit": st.sampled_from([0.3, 0.6, 1.1]),
@@ -65,7 +65,7 @@ SHARED = {
 }
 SYSTEMS = st.one_of(
     st.builds(System, **SHARED),
-    st.builds(System.corrected, **{**SHARED, "serial": st.just(Serial(19200))}),
+    st.builds(System.corrected, **{**SHARED, "serial": st.just(SerialLine(19200))}),
 )
 
 

@@ -5,12 +5,9 @@ import pytest
 
 from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
-from shipnet.modbus.frame import decode_rtu, encode_rtu
-from shipnet.modbus.reader import decode_request
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.response import ReadRegistersResponse
-from shipnet.modbus.timing import Serial
-from shipnet.modbus.uart import uart_waveform
+from shipnet.modbus.adu import decode, rtu_frame
+from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.uart import SerialLine
 
 NAMES = ["Kim", "Jeong", "a student", "Lee", "Park"]
 
@@ -28,39 +25,38 @@ def test_a_peer_reads_the_request_as_it_was_meant(name):
         address=numbers["number"] - 1, count=numbers["quantity"]
     )
     assert right == bytes([numbers["unit"], 3]) + request.encode()
-    read = decode_request(decode_rtu(encode_rtu(right[0], right[1:])).pdu)
-    assert read == ReadRequest(3, numbers["number"] - 1, numbers["quantity"])
+    read = Request.parse(decode(rtu_frame(right[0], right[1:])).pdu)
+    assert read == Request.read_holding_registers(numbers["number"] - 1, numbers["quantity"])
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_response_is_as_long_as_its_waveform(name):
     numbers, right = one("ex-06-2", name)
-    frame = encode_rtu(1, ReadRegistersResponse(3, [0] * numbers["registers"]).pdu)
-    time, _ = uart_waveform(frame, Serial(numbers["rate"]), gap=0)
+    frame = rtu_frame(1, Response(3, registers=[0] * numbers["registers"]).pdu)
+    time = SerialLine(numbers["rate"]).waveform(frame, gap=0).time
     assert right == pytest.approx(1e3 * time[-1])
 
 
 def transaction(line, quantity):
     """Return how long request and response of zeros last on the line with their silences."""
     frames = [
-        encode_rtu(1, ReadRequest(3, 0, quantity).pdu),
-        encode_rtu(1, ReadRegistersResponse(3, [0] * quantity).pdu),
+        rtu_frame(1, Request.read_holding_registers(0, quantity).pdu),
+        rtu_frame(1, Response(3, registers=[0] * quantity).pdu),
     ]
-    time, _ = uart_waveform(frames, line, start=0)
-    return time[-1]
+    return line.waveform(frames, start=0).time[-1]
 
 
 def test_a_scan_is_as_long_as_its_waveforms():
     asked = exercise("ex-06-3").answer()
     for slaves, quantity, rate in asked.cases:
-        right = slaves * transaction(Serial(rate), quantity)
+        right = slaves * transaction(SerialLine(rate), quantity)
         assert asked.value(slaves, quantity, rate) == pytest.approx(right)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_one_valve_more_would_be_late(name):
     numbers, most = one("ex-06-4", name)
-    line = Serial(numbers["rate"])
+    line = SerialLine(numbers["rate"])
     alive = transaction(line, 4) + numbers["think_ms"] / 1e3
     dead = 8 * 11 / numbers["rate"] + numbers["timeout_ms"] / 1e3
     scan = dead + alive * (np.arange(1, 248) - 1)

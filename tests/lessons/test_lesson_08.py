@@ -10,11 +10,17 @@ from shipnet.design.failures import lost
 from shipnet.engine.system import System
 from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
-from shipnet.modbus.ring import Break, Channels, Loop, Supervision, simulate, sweep
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.faults import Break
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.redundancy import DualChannel, Loop
+from shipnet.modbus.simulation import simulate
+from shipnet.modbus.uart import SerialLine
+from tests.modbus.sweeps import sweep
 
 NAMES = ("Kim", "Jeong", "a student")
-LINE = Serial(9600)
+LINE = SerialLine(9600)
+STATUS = Request.read_input_registers(0, 4)
 
 
 def walked(n, cuts):
@@ -51,12 +57,12 @@ def test_the_function_agrees_with_a_walk_for_random_cuts():
 @pytest.mark.parametrize("name", NAMES)
 def test_the_gap_of_the_channels_is_simulated(name):
     numbers, answer = numbers_and_answer("ex-08-2", name)
-    poll = Poll(LINE, 8, 13, timeout=numbers["timeout"] / 1e3, retries=numbers["retries"])
-    ams = Channels(poll, period=numbers["period"])
+    poll = Poll(STATUS, LINE, timeout=numbers["timeout"] / 1e3, retries=numbers["retries"])
+    ams = DualChannel(poll, period=numbers["period"])
     # Just behind the end of the third answer.
-    cut = 2 * ams.period + poll.answered - LINE.t35 + 1e-6
-    run = simulate(ams, [Break(0, start=cut)], duration=8 * ams.period)
-    assert run.table["longest_gap_s"].item() == pytest.approx(answer, abs=1e-6)
+    cut = 2 * ams.period + poll.time - LINE.t35 + 1e-6
+    run = simulate(ams, faults=Break(0, start=cut), until=8 * ams.period)
+    assert run.table()["longest_gap_s"].item() == pytest.approx(answer, abs=1e-6)
 
 
 @pytest.mark.parametrize("n", [20, 45])
@@ -64,8 +70,8 @@ def test_the_time_out_is_the_longest_that_keeps_2_s(n):
     timeout = exercise("ex-08-4").answer(n=n).value / 1e3
 
     def worst(seconds):
-        poll = Poll(LINE, 8, 13, timeout=seconds)
-        loop = Loop(n, poll, Supervision(move="beyond"))
+        poll = Poll(STATUS, LINE, timeout=seconds)
+        loop = Loop(n, poll, move="downstream")
         return max(sweep(loop, [Break(k)]).max() for k in (0, n // 2))
 
     assert worst(timeout) == pytest.approx(2.0, abs=1e-6)
@@ -74,7 +80,7 @@ def test_the_time_out_is_the_longest_that_keeps_2_s(n):
 
 def test_the_second_question_is_answered_right():
     def worst(n):
-        loop = Loop(n, Poll(LINE, 8, 13, timeout=0.1), Supervision(move="beyond"))
+        loop = Loop(n, Poll(STATUS, LINE, timeout=0.1), move="downstream")
         return sweep(loop, [Break(0)]).max()
 
     assert worst(55) <= 2.0 < worst(56)

@@ -12,7 +12,7 @@ from shipnet.engine.points import read_points
 from shipnet.engine.registers import CODINGS
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
-from shipnet.modbus.server import RegisterDevice, Slave
+from shipnet.modbus.slave import Slave
 from shipnet.papers.lee2012.points import printed_points
 from shipnet.papers.lee2012.serial import BIT_RATE, LINE, read, whole_poll
 from shipnet.papers.registry import check, numeric
@@ -24,7 +24,7 @@ __all__: list[str] = []
 def answers_in_time(*, rate: float = BIT_RATE) -> bool:
     """Whether a request for all points is answered within the 2 s of the rule."""
     poll = whole_poll(rate=rate)
-    return poll.serial.frame_time(poll.request_size) + poll.shortest_timeout <= RULE
+    return poll.line.frame_time(poll.request_size) + poll.shortest_timeout <= RULE
 
 
 @check("lee2012-003", counter={"second": "JB1"})
@@ -100,7 +100,7 @@ def survives_any_cut(*, topology: str = "ring") -> bool:
 @check("lee2012-062", counter={"functions": frozenset({3, 4})})
 def knows_function_3_alone(*, functions: frozenset[int] = frozenset({3})) -> bool:
     """Whether a slave with these function codes refuses all others with exception 1."""
-    box = Slave(RegisterDevice(holding_registers=[0], input_registers=[0]), functions=functions)
+    box = Slave(holding_registers=[0], input_registers=[0], functions=functions)
     others = [code for code in range(1, 128) if code != 3]
     refused = all(box.answer(bytes([c, 0, 0, 0, 1])) == bytes([c | 0x80, 1]) for c in others)
     return refused and box.answer(read(1).pdu)[0] == 3

@@ -7,8 +7,7 @@ import numpy as np
 from shipnet import datasets
 from shipnet.engine.inputs import Adc
 from shipnet.engine.points import CONDITIONS, PointList, read_points
-from shipnet.engine.serial_interface import INTERFACES
-from shipnet.engine.serial_interface import choose as choose  # for the notebook
+from shipnet.modbus.electrical import INTERFACES
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["TABLE_3", "conductors_by_cylinders"]

@@ -8,32 +8,35 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError
-from shipnet.modbus.ring import (
-    Break,
-    Channels,
-    DeadPort,
-    DeadSlave,
-    Loop,
-    Short,
-    Supervision,
-    fault_pairs,
-    fault_table,
-    longest_recovery,
-    simulate,
-    single_faults,
-    sweep,
-    worst_gap,
-)
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.redundancy import DualChannel, Loop
+from shipnet.modbus.simulation import simulate
+from shipnet.modbus.uart import SerialLine
+from tests.modbus.sweeps import longest_recovery, pairs, sweep
 
-LINE = Serial(9600)
+LINE = SerialLine(9600)
+STATUS, ONE = Request.read_input_registers(0, 4), Request.read_holding_registers(0, 1)
 #: Rounding of sums of some hundred times of milliseconds to seconds [s].
 DUST = 1e-9
 
 
-def loop(n=5, *, timeout=0.1, retries=0, failures=1, move="slave", isolators=False, recheck=60):
-    poll = Poll(LINE, 8, 13, timeout=timeout, retries=retries)
-    return Loop(n, poll, Supervision(failures, recheck, move), isolators)
+def loop(
+    n=5,
+    *,
+    timeout=0.1,
+    retries=0,
+    failures=1,
+    move="slave",
+    isolators=False,
+    recheck=60,
+    closed=True,
+):
+    poll = Poll(STATUS, LINE, timeout=timeout, retries=retries)
+    return Loop(
+        n, poll, closed=closed, isolators=isolators, move=move, failures=failures, recheck=recheck
+    )
 
 
 def joined_in_a_graph(loop, faults):
@@ -61,7 +64,7 @@ def joined_in_a_graph(loop, faults):
 @pytest.mark.parametrize("n", [1, 2, 6])
 def test_reach_is_what_a_walk_along_the_cable_finds(n, isolators):
     system = loop(n, isolators=isolators)
-    faults = single_faults(system)
+    faults = system.single_faults()
     for count in range(4):
         for case in combinations(faults, count):
             reach = system.reach(case)
@@ -85,17 +88,16 @@ def test_a_short_takes_all_without_isolators_and_nobody_with_them():
     assert loop(20, isolators=True).reach([Short(7)]) == loop(20).reach([Break(7)])
 
 
-@pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("isolators", [False, True])
-@pytest.mark.parametrize("move", ["slave", "beyond"])
-def test_the_table_of_all_cases_says_what_each_case_says(order, isolators, move):
+@pytest.mark.parametrize("move", ["slave", "downstream"])
+def test_the_table_of_all_cases_says_what_each_case_says(isolators, move):
     system = loop(7, isolators=isolators, move=move, failures=2)
-    table = fault_table(system, order=order)
-    cases = [(f,) for f in single_faults(system)] if order == 1 else fault_pairs(system)
+    table = system.single_failures()
+    cases = system.single_faults()
     assert len(table) == len(cases)
-    for row, case in zip(table.itertuples(index=False), cases, strict=True):
-        assert list(row[:order]) == [str(fault) for fault in case]
-        served, gaps = system.reach(case).served, worst_gap(system, case)
+    for row, case in zip(table.itertuples(), cases, strict=True):
+        assert row.Index == str(case) and row.kind == row.Index.split()[0]
+        served, gaps = system.reach(case).served, system.worst_gap(case)
         counts = [served.count(port) for port in "AB-"]
         assert [row.served_a, row.served_b, row.lost] == counts
         finite = gaps[np.isfinite(gaps)]
@@ -103,34 +105,26 @@ def test_the_table_of_all_cases_says_what_each_case_says(order, isolators, move)
         assert row.worst_gap_s == pytest.approx(longest, nan_ok=True)
 
 
-def test_the_largest_loop_has_a_row_for_each_of_its_pairs():
-    table = fault_table(loop(247), order=2)
-    assert len(table) == 745 * 744 // 2
-    breaks = table[table["first"].str.startswith("break") & table["second"].str.startswith("break")]
-    # Sections i < j lose j - i slaves: the sum over all pairs of 248 is a binomial.
-    assert breaks["lost"].sum() == 249 * 248 * 247 // 6
-
-
 RULES = [
     pytest.param(retries, timeout, failures, move, id=f"{retries}-{timeout}-{failures}-{move}")
     for retries, timeout in ((0, 0.02), (1, 0.1), (0, 1.0))
     for failures in (1, 2, 3)
-    for move in ("slave", "beyond")
+    for move in ("slave", "downstream")
 ]
 
 
 @pytest.mark.parametrize(("retries", "timeout", "failures", "move"), RULES)
 def test_the_closed_form_is_what_a_simulation_finds_at_worst(retries, timeout, failures, move):
     system = loop(4, retries=retries, timeout=timeout, failures=failures, move=move)
-    given_up = system.poll.given_up
-    for case in [*((f,) for f in single_faults(system)), *fault_pairs(system)]:
-        bound, found = worst_gap(system, case), sweep(system, case).max(axis=0)
+    given_up = system.poll.timeout_time
+    for case in [*((f,) for f in system.single_faults()), *pairs(system)]:
+        bound, found = system.worst_gap(case), sweep(system, case).max(axis=0)
         served = np.array(system.reach(case).served)
         assert (np.isinf(found) == (served == "-")).all()
         slack = bound[served != "-"] - found[served != "-"]
         assert (slack >= -DUST).all(), case
         # One form is a bound only: the slaves that stay, moved together after several failures.
-        loose = move == "beyond" and failures > 1
+        loose = move == "downstream" and failures > 1
         allowed = np.where(served == "A", given_up if loose else 0, 0)[served != "-"]
         assert (slack <= allowed + DUST).all(), case
 
@@ -139,48 +133,64 @@ def test_the_closed_form_is_what_a_simulation_finds_at_worst(retries, timeout, f
 @given(data=st.data())
 def test_no_instant_of_a_fault_is_worse_than_the_closed_form(data):
     failures, retries = data.draw(st.integers(1, 3)), data.draw(st.integers(0, 2))
-    move, n = data.draw(st.sampled_from(["slave", "beyond"])), data.draw(st.integers(1, 9))
+    move, n = data.draw(st.sampled_from(["slave", "downstream"])), data.draw(st.integers(1, 9))
     timeout = data.draw(st.floats(0.02, 1.5))
     isolators = data.draw(st.booleans())
     system = loop(
         n, timeout=timeout, retries=retries, failures=failures, move=move, isolators=isolators
     )
-    faults = st.sampled_from(single_faults(system))
+    faults = st.sampled_from(system.single_faults())
     case = data.draw(st.lists(faults, min_size=1, max_size=4, unique=True))
     instants = data.draw(st.lists(st.floats(system.period, 5 * system.period), min_size=1))
     found = sweep(system, case, instants)
-    assert (found <= worst_gap(system, case) + DUST).all()
+    assert (found <= system.worst_gap(case) + DUST).all()
 
 
-@pytest.mark.parametrize("move", ["slave", "beyond"])
+@pytest.mark.parametrize("move", ["slave", "downstream"])
 def test_the_bound_is_attained_on_the_largest_loop(move):
     system = loop(247, timeout=1.0, move=move)
     case = [Break(100)]
-    instant = simulate(system, duration=2 * system.period - 0.01).answer_times[247 + 149]
+    instant = simulate(system, until=2 * system.period - 0.01).answer_times[247 + 149]
     found = sweep(system, case, [instant])[0]
-    assert found[149] == pytest.approx(worst_gap(system, case)[149], abs=1e-6)
-    by_hand = 247 * system.poll.answered + (147 if move == "slave" else 2) * system.poll.given_up
+    assert found[149] == pytest.approx(system.worst_gap(case)[149], abs=1e-6)
+    by_hand = 247 * system.poll.time + (147 if move == "slave" else 2) * system.poll.timeout_time
     assert found[149] == pytest.approx(by_hand, abs=1e-6)
 
 
 @pytest.mark.parametrize("timeout", [0.05, 0.3, 1.7])
 @pytest.mark.parametrize("failures", [1, 2, 4])
 def test_channels_switch_within_the_closed_form_and_as_late_as_that(timeout, failures):
-    ams = Channels(Poll(LINE, 8, 7, timeout=timeout, retries=1), Supervision(failures, 60))
+    ams = DualChannel(Poll(ONE, LINE, timeout=timeout, retries=1), failures=failures)
     for fault in (Break(0), Short(0), DeadSlave(1), DeadPort("A")):
-        assert sweep(ams, [fault]).max() == pytest.approx(worst_gap(ams, [fault]).max())
+        assert sweep(ams, [fault]).max() == pytest.approx(ams.worst_gap([fault]).max())
         found = sweep(ams, [fault], np.linspace(1, 2, 23))
-        assert (found <= worst_gap(ams, [fault]) + DUST).all()
+        assert (found <= ams.worst_gap([fault]) + DUST).all()
     for fault in (Break(1), Short(1), DeadSlave(2), DeadPort("B")):
-        assert sweep(ams, [fault]).max() == pytest.approx(worst_gap(ams, [fault]).max()) == 1.0
-    table = fault_table(ams, order=2)
-    assert len(table) == 28 and table["lost"].sum() == 16
+        assert sweep(ams, [fault]).max() == pytest.approx(ams.worst_gap([fault]).max()) == 1.0
+    lost = [len(ams.reach(case).lost) for case in pairs(ams)]
+    assert len(lost) == 28 and sum(lost) == 16
+
+
+@pytest.mark.parametrize("failures", [1, 2, 3])
+def test_a_line_that_is_not_closed_has_one_port(failures):
+    system = loop(5, failures=failures, closed=False)
+    faults = system.single_faults()
+    assert {str(f) for f in loop(5).single_faults()} - {str(f) for f in faults} == {
+        "break 5", "short 5", "port B",
+    }  # fmt: skip
+    for case in [*((f,) for f in faults), *pairs(system)]:
+        reach = system.reach(case)
+        assert reach == loop(5).reach([*case, DeadPort("B")])
+        bound, found = system.worst_gap(case), sweep(system, case).max(axis=0)
+        assert found == pytest.approx(bound), case
+        run = simulate(system, faults=case, until=20)
+        assert set(run.events().port) <= {"A"} and run.table().port.tolist() == reach.served
 
 
 def test_the_printed_switching_time_is_a_request_and_a_time_out():
-    line = Serial(9600)
-    ams = Channels(Poll(line, 8, 7, timeout=0.133 - line.frame_time(8)))
-    polls = simulate(ams, [Break(0, start=1.5)], duration=2.5).polls
+    line = SerialLine(9600)
+    ams = DualChannel(Poll(ONE, line, timeout=0.133 - line.frame_time(8)))
+    polls = simulate(ams, faults=[Break(0, start=1.5)], until=2.5).events()
     last, first = polls[polls.port == "A"].iloc[-1], polls[polls.port == "B"].iloc[0]
     assert not last.answered and first.answered and first.kind == "switch"
     assert first.start_s - last.start_s == pytest.approx(0.133)
@@ -188,19 +198,23 @@ def test_the_printed_switching_time_is_a_request_and_a_time_out():
 
 def test_polls_never_overlap_and_take_what_their_outcome_takes():
     faults = [Break(2, start=1.0, stop=30), DeadSlave(4, start=5, stop=40), DeadPort("B", start=9)]
-    polls = simulate(loop(6, retries=1, failures=2, recheck=3), faults, duration=60).polls
+    polls = simulate(loop(6, retries=1, failures=2, recheck=3), faults=faults, until=60).events()
     assert (polls.start_s.to_numpy()[1:] >= polls.end_s.to_numpy()[:-1] - DUST).all()
     length = (polls.end_s - polls.start_s).groupby(polls.answered).agg(["min", "max"])
     poll = loop().poll
-    assert length.loc[True].tolist() == pytest.approx([poll.answered] * 2)
-    assert length.loc[False].tolist() == pytest.approx([poll.unanswered] * 2)
+    assert length.loc[True].tolist() == pytest.approx([poll.time] * 2)
+    assert length.loc[False].tolist() == pytest.approx([poll.unanswered_time] * 2)
 
 
 def test_a_try_is_answered_exactly_if_its_path_is_whole_all_the_while():
-    faults = [Break(2, start=1.0, stop=9.015), Short(4, start=5.01, stop=14), DeadSlave(4, 3, 20)]
+    faults = [
+        Break(2, start=1.0, stop=9.015),
+        Short(4, start=5.01, stop=14),
+        DeadSlave(4, start=3, stop=20),
+    ]
     system = loop(6, recheck=0.5)
-    for row in simulate(system, faults, duration=25).polls.itertuples():
-        end = row.start_s + system.poll.answered - LINE.t35
+    for row in simulate(system, faults=faults, until=25).events().itertuples():
+        end = row.start_s + system.poll.time - LINE.t35
         edges = [
             row.start_s,
             *(t for f in faults for t in (f.start, f.stop) if row.start_s < t < end),
@@ -215,27 +229,27 @@ def test_a_try_is_answered_exactly_if_its_path_is_whole_all_the_while():
         assert row.answered == whole
 
 
-@pytest.mark.parametrize("move", ["slave", "beyond"])
-@pytest.mark.parametrize("fault", single_faults(loop(6)), ids=str)
+@pytest.mark.parametrize("move", ["slave", "downstream"])
+@pytest.mark.parametrize("fault", loop(6).single_faults(), ids=str)
 def test_all_is_as_before_soon_after_a_repair(fault, move):
     system = loop(6, move=move, recheck=2.0)
     late = 0.0
     for stop in np.linspace(8, 10.5, 26):
-        run = simulate(system, [replace(fault, start=1.0, stop=stop)], duration=25)
-        assert (run.table.port == "A").all()
-        recovery = run.table.recovery_s.max()
+        run = simulate(system, faults=[replace(fault, start=1.0, stop=stop)], until=25)
+        assert (run.table().port == "A").all()
+        recovery = run.table().recovery_s.max()
         assert not recovery > longest_recovery(system)
         late = max(late, np.nan_to_num(recovery))
-        after = run.polls.query("start_s > @stop + @longest_recovery(@system)")
+        after = run.events().query("start_s > @stop + @longest_recovery(@system)")
         assert after.answered.all() and len(after) > 100
     if str(fault) not in ("break 6", "port B"):
         # The bound is not idle: two scans and two time-outs above the wait at most.
-        assert late > system.supervision.recheck
+        assert late > system.recheck
 
 
 def test_lost_slaves_cost_one_try_on_each_port_now_and_then():
     system = loop(6, recheck=5.0)
-    polls = simulate(system, [DeadSlave(2, start=1)], duration=60).polls
+    polls = simulate(system, faults=[DeadSlave(2, start=1)], until=60).events()
     failed = polls[~polls.answered]
     assert failed.slave.unique().tolist() == [2]
     probes = failed[failed.kind == "probe"]
@@ -245,47 +259,49 @@ def test_lost_slaves_cost_one_try_on_each_port_now_and_then():
 
 
 def test_a_broken_loop_serves_its_slaves_from_both_sides():
-    run = simulate(loop(6), [Break(2, start=1.0)], duration=10)
-    table = run.table
+    run = simulate(loop(6), faults=[Break(2, start=1.0)], until=10)
+    table = run.table()
     assert table.port.tolist() == ["A"] * 2 + ["B"] * 4
     assert np.isnan(table.switch_s[:2]).all() and (table.switch_s[2:] > 0).all()
-    assert (table.switch_s[2:] <= worst_gap(loop(6), [Break(2)])[2:]).all()
+    assert (table.switch_s[2:] <= loop(6).worst_gap([Break(2)])[2:]).all()
     assert table.recovery_s.isna().all()
-    assert table.answers.sum() == run.polls.answered.sum()
+    assert table.answers.sum() == run.events().answered.sum()
     assert table.longest_gap_s.tolist() == pytest.approx(run.gaps)
 
 
 def test_a_loop_in_which_all_are_lost_waits_and_comes_back():
     system = loop(3, recheck=1.0)
-    run = simulate(system, [Short(1, start=2, stop=20.5)], duration=40)
-    assert (run.table.port == "A").all()
-    assert run.table.recovery_s.between(0, longest_recovery(system)).all()
+    run = simulate(system, faults=[Short(1, start=2, stop=20.5)], until=40)
+    assert (run.table().port == "A").all()
+    assert run.table().recovery_s.between(0, longest_recovery(system)).all()
 
 
 @pytest.mark.parametrize("failures", [1, 2])
 def test_a_lost_response_alone_switches_only_an_impatient_master(failures):
     system = loop(5, failures=failures)
-    run = simulate(system, [DeadSlave(3, start=0.56, stop=0.57)], duration=10)
-    moved = (run.polls.kind == "switch").any()
-    assert (~run.polls.answered).sum() == 1 and moved == (failures == 1)
+    run = simulate(system, faults=[DeadSlave(3, start=0.56, stop=0.57)], until=10)
+    moved = (run.events().kind == "switch").any()
+    assert (~run.events().answered).sum() == 1 and moved == (failures == 1)
 
 
 def test_failures_count_only_in_a_row():
     system = loop(5, failures=2)
-    ends = simulate(system, duration=5).answer_times[2::5]
+    ends = simulate(system, until=5).answer_times[2::5]
     # The time-out of the first failure delays what follows.
-    delay = system.poll.unanswered - system.poll.answered
+    delay = system.poll.unanswered_time - system.poll.time
     for scan, switches in ((4, True), (5, False)):
         hits = (ends[3], ends[scan] + delay)
         faults = [DeadSlave(3, start=at - 0.01, stop=at + 0.001) for at in hits]
-        polls = simulate(system, faults, duration=5).polls
+        polls = simulate(system, faults=faults, until=5).events()
         assert (~polls.answered).sum() == 2
         assert (polls.kind == "switch").any() == switches
 
 
 def test_slaves_given_up_are_tried_in_turn():
     system = loop(6, recheck=1.0)
-    polls = simulate(system, [DeadSlave(2), DeadSlave(5), Break(5, start=4)], duration=30).polls
+    polls = simulate(
+        system, faults=[DeadSlave(2), DeadSlave(5), Break(5, start=4)], until=30
+    ).events()
     probed = polls[(polls.kind == "probe") & (polls.port == "A") & (polls.start_s > 8)].slave
     assert len(probed) > 9
     assert {*pairwise(probed)} == {(2, 5), (5, 6), (6, 2)}
@@ -293,17 +309,17 @@ def test_slaves_given_up_are_tried_in_turn():
 
 def test_gaps_and_recovery_are_those_of_the_slaves_concerned():
     system = loop(6, recheck=2.0)
-    run = simulate(system, [Break(4, start=1, stop=6), DeadSlave(1, start=2)], duration=12)
-    recovery = run.table.recovery_s
+    run = simulate(system, faults=[Break(4, start=1, stop=6), DeadSlave(1, start=2)], until=12)
+    recovery = run.table().recovery_s
     assert recovery.isna().tolist() == [True] * 4 + [False] * 2
-    assert run.table.port.tolist() == ["-"] + ["A"] * 5
-    ends = run.polls.query("answered and slave == 1").start_s + system.poll.answered - LINE.t35
+    assert run.table().port.tolist() == ["-"] + ["A"] * 5
+    ends = run.events().query("answered and slave == 1").start_s + system.poll.time - LINE.t35
     assert run.gaps[0] == pytest.approx(12 - ends.max()) and run.gaps[0] > 9
 
 
 def test_no_time_is_no_polls():
-    run = simulate(loop(2), duration=0)
-    assert len(run.polls) == 0 and run.table.port.tolist() == ["-", "-"]
+    run = simulate(loop(2), until=0)
+    assert len(run.events()) == 0 and run.table().port.tolist() == ["-", "-"]
     assert run.gaps.tolist() == [0, 0]
 
 
@@ -314,9 +330,9 @@ def test_no_time_is_no_polls():
         (lambda: loop(248), "n_slaves is 248"),
         (lambda: loop(247, recheck=5), "recheck is 5 s"),
         (lambda: loop(isolators=1), "isolators is 1"),
-        (lambda: Supervision(0), "failures is 0"),
-        (lambda: Supervision(recheck=float("nan")), "recheck is nan"),
-        (lambda: Supervision(move="all"), "move is 'all'"),
+        (lambda: loop(failures=0), "failures is 0"),
+        (lambda: loop(recheck=float("nan")), "recheck is nan"),
+        (lambda: loop(move="all"), "move is 'all'"),
         (lambda: Break(248), "section is 248"),
         (lambda: Break(1, start=-1), "start is -1"),
         (lambda: Break(1, start=2, stop=2), "stop is 2 s"),
@@ -326,27 +342,19 @@ def test_no_time_is_no_polls():
         (lambda: DeadPort("C"), "port is 'C'"),
         (lambda: loop(5).reach([Break(6)]), r"section is 6.*0\.\.5"),
         (lambda: loop(5).reach([DeadSlave(6)]), r"slave is 6.*1\.\.5"),
-        (lambda: loop(5).reach(["break"]), "'break' is not a fault"),
-        (lambda: Channels(loop().poll).reach([Break(2)]), r"section is 2.*0\.\.1"),
-        (lambda: Channels(loop().poll).reach([DeadSlave(3)]), r"slave is 3.*1\.\.2"),
-        (lambda: Channels(loop().poll).reach([None]), "None is not a fault"),
-        (lambda: Channels(loop().poll, period=0.01), "period is 0.01 s"),
-        (lambda: Channels(loop().poll, Supervision(recheck=0.5)), "recheck is 0.5 s"),
-        (lambda: simulate(loop(), duration=-1), "duration is -1"),
-        (lambda: simulate(loop(), [Break(9)], duration=1), "section is 9"),
-        (lambda: sweep(loop(), [Break(1)], []), "instants"),
+        (lambda: loop(5).reach(["break"]), "'break'; it must be one of Break, DeadPort"),
+        (lambda: DualChannel(loop().poll).reach([Break(2)]), r"section is 2.*0\.\.1"),
+        (lambda: DualChannel(loop().poll).reach([DeadSlave(3)]), r"slave is 3.*1\.\.2"),
+        (lambda: DualChannel(loop().poll).reach([None]), "None; it must be one of Break"),
+        (lambda: DualChannel(loop().poll, period=0.01), "period is 0.01 s"),
+        (lambda: DualChannel(loop().poll, recheck=0.5), "recheck is 0.5 s"),
+        (lambda: simulate(loop(), until=-1), "until is -1"),
+        (lambda: simulate(loop(), faults=[Break(9)], until=1), "section is 9"),
         (lambda: sweep(loop(), [Break(1)], [-1.0]), "start is -1"),
-        (lambda: fault_table(loop(), order=3), "order is 3"),
-        (lambda: simulate(loop(), Break(1), duration=1), "faults is Break.*in a list"),
-        (lambda: worst_gap(loop(), Break(1)), "faults is Break"),
-        (lambda: worst_gap(Channels(loop().poll), Break(1)), "faults is Break"),
-        (lambda: sweep(loop(), Break(1)), "faults is Break"),
-        (lambda: Break(1, 10, None), "stop is None"),
-        (lambda: DeadSlave(1, 10, "20"), "stop is '20'"),
+        (lambda: Break(1, start=10, stop=None), "stop is None"),
+        (lambda: DeadSlave(1, start=10, stop="20"), "stop is '20'"),
         (lambda: Loop(5, None), "poll is None; it must be a Poll"),
-        (lambda: Loop(5, loop().poll, None), "supervision is None"),
-        (lambda: Channels(None), "poll is None; it must be a Poll"),
-        (lambda: Channels(loop().poll, None), "supervision is None"),
+        (lambda: DualChannel(None), "poll is None; it must be a Poll"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):

@@ -4,13 +4,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError, FormError, ParityError
-from shipnet.modbus.frame import encode_rtu
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.timing import Serial
-from shipnet.modbus.uart import baud_tolerance, decode_uart, uart_bits, uart_waveform
+from shipnet.modbus.adu import rtu_frame
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.uart import SerialLine, Waveform, _line_bits
+
+
+def corners(waveform):
+    return waveform.time, waveform.level
+
+
+def read(time, level, line, *, threshold=0.5, oversampling=None):
+    return Waveform(time, level, line, threshold).decode(oversampling=oversampling)
+
 
 FORMATS = ["8N1", "8N2", "8E1", "8E2", "8O1", "8O2"]
-LINES = st.builds(Serial, st.sampled_from([1200, 9600, 115200, 1e6]), st.sampled_from(FORMATS))
+LINES = st.builds(SerialLine, st.sampled_from([1200, 9600, 115200, 1e6]), st.sampled_from(FORMATS))
 EVERY_BYTE = bytes(range(256))
 
 
@@ -30,7 +38,7 @@ EVERY_BYTE = bytes(range(256))
     ],
 )
 def test_known_characters_have_the_bits_written_by_hand(character, byte, bits):
-    row = uart_bits(bytes([byte]), Serial(9600, character))[0]
+    row = _line_bits(bytes([byte]), SerialLine(9600, character))[0]
     assert "".join(map(str, row)) == bits.replace(" ", "")
 
 
@@ -40,100 +48,102 @@ def test_a_known_frame_is_on_the_line_as_written_by_hand():
         "01000000011 01100000001 00000000001 00000000001"
         " 00000000001 01000000011 00010000101 00101000001"
     )
-    frame = encode_rtu(1, ReadRequest(3, 0, 1).pdu)
+    frame = rtu_frame(1, Request.read_holding_registers(0, 1).pdu)
     assert frame.hex() == "010300000001840a"
-    assert " ".join("".join(map(str, row)) for row in uart_bits(frame, Serial(9600))) == by_hand
+    assert (
+        " ".join("".join(map(str, row)) for row in _line_bits(frame, SerialLine(9600))) == by_hand
+    )
 
 
 @given(data=st.binary(max_size=300))
 def test_without_parity_the_bits_are_those_of_numpy(data):
     bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little").reshape(-1, 8)
     ends = np.zeros((len(data), 1), np.uint8)
-    assert (uart_bits(data, Serial(9600, "8N1")) == np.hstack([ends, bits, ends + 1])).all()
+    assert (_line_bits(data, SerialLine(9600, "8N1")) == np.hstack([ends, bits, ends + 1])).all()
 
 
 @given(data=st.binary(min_size=1, max_size=40), serial=LINES)
 def test_ones_and_parity_have_the_parity_of_the_format(data, serial):
-    ones = uart_bits(data, serial)[:, 1:10].sum(axis=1) % 2
+    ones = _line_bits(data, serial)[:, 1:10].sum(axis=1) % 2
     if serial.character[1] != "N":
         assert (ones == (serial.character[1] == "O")).all()
 
 
 @given(data=st.lists(st.binary(max_size=20), max_size=4), serial=LINES, differential=st.booleans())
 def test_a_waveform_is_read_back(data, serial, differential):
-    time, level = uart_waveform(data, serial, differential=2.0 if differential else None)
-    found = decode_uart(time, level, serial, threshold=0.0 if differential else 0.5)
+    time, level = corners(serial.waveform(data, differential=2.0 if differential else None))
+    found = read(time, level, serial, threshold=0.0 if differential else 0.5)
     assert found.data == b"".join(data) and not found.code.any()
     assert set(np.abs(level)) <= ({2.0} if differential else {0.0, 1.0})
 
 
 @given(data=st.binary(min_size=1, max_size=20), serial=LINES)
 def test_a_waveform_lasts_as_long_as_frames_and_silences(data, serial):
-    time, level = uart_waveform([data, data], serial, gap=0.002, start=0.001)
+    time, level = corners(serial.waveform([data, data], gap=0.002, start=0.001))
     frame = len(data) * serial.character_time
     assert time[0] == 0 and time[-1] == pytest.approx(0.001 + 2 * frame + 2 * 0.002)
     assert time[1] == pytest.approx(0.001)
     assert (np.diff(time) > 0).all() and (np.diff(level)[:-1] != 0).all()
-    own = decode_uart(time, level, serial).time
+    own = read(time, level, serial).time
     places = np.arange(len(data)) * serial.character_time
     expected = np.append(0.001 + places, 0.003 + frame + places)
     assert own == pytest.approx(expected)
 
 
 def test_the_silence_is_that_of_the_standard_if_not_given():
-    line = Serial(9600)
-    time, _ = uart_waveform(b"\x00\x00", line)
+    line = SerialLine(9600)
+    time, _ = corners(line.waveform(b"\x00\x00"))
     assert (time[1], time[-1]) == pytest.approx((line.t35, 2 * line.t35 + line.frame_time(4) / 2))
 
 
 def test_a_scope_trace_is_read_like_its_corners():
-    line = Serial(9600)
-    time, level = uart_waveform(EVERY_BYTE, line, differential=2.0)
+    line = SerialLine(9600)
+    time, level = corners(line.waveform(EVERY_BYTE, differential=2.0))
     samples = np.arange(0, time[-1], 1 / (9600 * 20))
     volts = level[np.searchsorted(time, samples, side="right") - 1]
     volts = volts + np.random.default_rng(2024).normal(0, 0.2, volts.size)
-    assert decode_uart(samples, volts, line, threshold=0).data == EVERY_BYTE
+    assert read(samples, volts, line, threshold=0).data == EVERY_BYTE
 
 
 @pytest.mark.parametrize("character", ["8E1", "8O1", "8E2"])
 def test_one_wrong_bit_in_a_character_is_a_parity_error(character):
-    line = Serial(9600, character)
+    line = SerialLine(9600, character)
     for place in range(1, 10):
-        bits = uart_bits(b"\x5a", line)[0].astype(float)
+        bits = _line_bits(b"\x5a", line)[0].astype(float)
         bits[place] = 1 - bits[place]
         time = np.arange(bits.size + 2) / 9600
-        found = decode_uart(time, np.concatenate([[1], bits, [1]]), line)
+        found = read(time, np.concatenate([[1], bits, [1]]), line)
         assert found.code.tolist() == [ParityError.code]
         assert found.value[0] == (0x5A ^ (1 << place - 1) if place < 9 else 0x5A)
 
 
 @pytest.mark.parametrize("character", FORMATS)
 def test_a_stop_bit_of_0_is_a_framing_error_and_the_line_is_found_again(character):
-    line = Serial(9600, character)
-    bits = uart_bits(b"\x5a\xff", line).astype(float)
+    line = SerialLine(9600, character)
+    bits = _line_bits(b"\x5a\xff", line).astype(float)
     bits[0, -int(character[2])] = 0
     row = np.concatenate([[1], bits[0], [1, 1], bits[1], [1]])
-    found = decode_uart(np.arange(row.size) / 9600, row, line)
+    found = read(np.arange(row.size) / 9600, row, line)
     assert found.code.tolist() == [FormError.code, 0]
     assert found.value.tolist() == [0x5A, 0xFF]
 
 
 def test_a_break_is_one_character_of_zeros_with_a_framing_error():
-    found = decode_uart([0, 1, 2], [1, 0, 1], Serial(9600, "8N1"))
+    found = read([0, 1, 2], [1, 0, 1], SerialLine(9600, "8N1"))
     assert (found.value.tolist(), found.code.tolist()) == ([0], [FormError.code])
-    for_good = decode_uart([0, 1], [1, 0], Serial(9600, "8N1"))
+    for_good = read([0, 1], [1, 0], SerialLine(9600, "8N1"))
     assert (for_good.value.tolist(), for_good.code.tolist()) == ([0], [FormError.code])
 
 
 def test_a_spike_is_no_start_bit():
-    line = Serial(1000, "8N1")
-    time, level = uart_waveform(b"\x41", line, start=0.1)
-    assert decode_uart([0, 0.01, 0.0104, *time[1:]], [1, 0, 1, *level[1:]], line).data == b"\x41"
+    line = SerialLine(1000, "8N1")
+    time, level = corners(line.waveform(b"\x41", start=0.1))
+    assert read([0, 0.01, 0.0104, *time[1:]], [1, 0, 1, *level[1:]], line).data == b"\x41"
 
 
 @pytest.mark.parametrize("nothing", [([], []), ([0], [1]), ([0], [0]), ([0, 1, 2], [1, 1, 1])])
 def test_a_line_at_rest_says_nothing(nothing):
-    found = decode_uart(*nothing, Serial(9600))
+    found = read(*nothing, SerialLine(9600))
     assert found.data == b"" and found.time.size == found.code.size == 0
 
 
@@ -145,7 +155,7 @@ def test_a_line_at_rest_says_nothing(nothing):
 )
 def test_nothing_on_a_line_makes_the_decoder_fail(steps, serial, oversampling, threshold):
     time, level = np.cumsum([s[0] for s in steps]), [s[1] for s in steps]
-    found = decode_uart(time, level, serial, threshold=threshold, oversampling=oversampling)
+    found = read(time, level, serial, threshold=threshold, oversampling=oversampling)
     assert set(found.code) <= {0, ParityError.code, FormError.code}
     assert len(found.data) == found.time.size == found.code.size
     bits = 10 + (serial.character[1] != "N")
@@ -160,11 +170,11 @@ WORST = [0x00, 0xFF, 0x80, 0x7F, 0x01, 0xFE, 0x81, 0x7E]
 
 def reads(deviation, line, oversampling, phase):
     """Return whether a receiver reads bytes, back to back, from a sender of another rate."""
-    sender = Serial(line.bit_rate * (1 + deviation), line.character)
+    sender = SerialLine(line.bit_rate * (1 + deviation), line.character)
     for first in WORST:
         data = bytes([first, *WORST])
-        time, level = uart_waveform(data, sender, start=(20 + phase) / line.bit_rate)
-        found = decode_uart(time, level, line, oversampling=oversampling)
+        time, level = corners(sender.waveform(data, start=(20 + phase) / line.bit_rate))
+        found = read(time, level, line, oversampling=oversampling)
         if found.data != data or found.code.any():
             return False
     return True
@@ -173,9 +183,9 @@ def reads(deviation, line, oversampling, phase):
 @pytest.mark.parametrize("oversampling", [None, 8, 16])
 @pytest.mark.parametrize("character", FORMATS)
 def test_the_tolerance_is_where_a_simulated_receiver_begins_to_fail(character, oversampling):
-    line = Serial(9600, character)
+    line = SerialLine(9600, character)
     tick = 1 / (oversampling or 16)
-    for limit in baud_tolerance(line, oversampling=oversampling):
+    for limit in line.clock_tolerance(oversampling=oversampling):
         for phase in np.linspace(0, tick, 9):
             assert reads(limit * (1 - 1e-3), line, oversampling, phase)
         # A fast sender does worst just behind a tick, a slow one on it.
@@ -186,21 +196,21 @@ def test_the_tolerance_is_where_a_simulated_receiver_begins_to_fail(character, o
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: uart_bits("text", Serial(9600)), "data is 'text'"),
-        (lambda: uart_bits(5, Serial(9600)), "data is 5"),
-        (lambda: uart_waveform(["text"], Serial(9600)), "data is 'text'"),
-        (lambda: uart_waveform(b"", Serial(9600), gap=-1), "gap is -1"),
-        (lambda: uart_waveform(b"", Serial(9600), start=float("nan")), "start is nan"),
-        (lambda: uart_waveform(b"", Serial(9600), differential=0), "differential is 0"),
-        (lambda: decode_uart([0, 1], [1], Serial(9600)), "shape"),
-        (lambda: decode_uart([[0]], [[1]], Serial(9600)), "shape"),
-        (lambda: decode_uart([1, 0], [1, 0], Serial(9600)), "time falls"),
-        (lambda: decode_uart([0, np.nan], [1, 0], Serial(9600)), "finite"),
-        (lambda: decode_uart([0, 1], [1, np.inf], Serial(9600)), "finite"),
-        (lambda: decode_uart(["a"], [1], Serial(9600)), "numbers"),
-        (lambda: decode_uart([0], [1], Serial(9600), oversampling=3), "oversampling is 3"),
-        (lambda: decode_uart([0], [1], Serial(9600), threshold=np.nan), "threshold is nan"),
-        (lambda: baud_tolerance(Serial(9600), oversampling=0), "oversampling is 0"),
+        (lambda: _line_bits("text", SerialLine(9600)), "data is 'text'"),
+        (lambda: _line_bits(5, SerialLine(9600)), "data is 5"),
+        (lambda: SerialLine(9600).waveform(["text"]), "data is 'text'"),
+        (lambda: SerialLine(9600).waveform(b"", gap=-1), "gap is -1"),
+        (lambda: SerialLine(9600).waveform(b"", start=float("nan")), "start is nan"),
+        (lambda: SerialLine(9600).waveform(b"", differential=0), "differential is 0"),
+        (lambda: read([0, 1], [1], SerialLine(9600)), "shape"),
+        (lambda: read([[0]], [[1]], SerialLine(9600)), "shape"),
+        (lambda: read([1, 0], [1, 0], SerialLine(9600)), "time falls"),
+        (lambda: read([0, np.nan], [1, 0], SerialLine(9600)), "finite"),
+        (lambda: read([0, 1], [1, np.inf], SerialLine(9600)), "finite"),
+        (lambda: read(["a"], [1], SerialLine(9600)), "numbers"),
+        (lambda: read([0], [1], SerialLine(9600), oversampling=3), "oversampling is 3"),
+        (lambda: read([0], [1], SerialLine(9600), threshold=np.nan), "threshold is nan"),
+        (lambda: SerialLine(9600).clock_tolerance(oversampling=0), "oversampling is 0"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):
@@ -209,16 +219,16 @@ def test_arguments_out_of_range_are_named(make, message):
 
 
 def test_every_frame_can_have_a_silence_of_its_own():
-    line = Serial(9600)
+    line = SerialLine(9600)
     gaps = [0.5, 0.0, 0.25]
-    time, level = uart_waveform([b"a", b"bc", b"d"], line, gap=gaps, start=1.0)
+    time, level = corners(line.waveform([b"a", b"bc", b"d"], gap=gaps, start=1.0))
     ends = 1.0 + np.cumsum([0.5 + line.character_time, 2 * line.character_time])
-    parts = [uart_waveform(b"a", line, start=1.0), uart_waveform(b"bc", line, start=float(ends[0]))]
-    parts.append(uart_waveform(b"d", line, start=float(ends[1])))
-    falls = [t[1] for t, _ in parts]
+    parts = [line.waveform(b"a", start=1.0), line.waveform(b"bc", start=float(ends[0]))]
+    parts.append(line.waveform(b"d", start=float(ends[1])))
+    falls = [part.time[1] for part in parts]
     assert np.isin(np.round(falls, 9), np.round(time[level == 0], 9)).all()
     assert time[-1] == pytest.approx(ends[1] + line.character_time + 0.25)
     with pytest.raises(ArgumentError, match="gap has 2 values; there are 3 frames"):
-        uart_waveform([b"a", b"b", b"c"], line, gap=[0.0, 1.0])
+        line.waveform([b"a", b"b", b"c"], gap=[0.0, 1.0])
     with pytest.raises(ArgumentError, match=r"gap\[1\] is -1 s"):
-        uart_waveform([b"a", b"b"], line, gap=[0.0, -1.0])
+        line.waveform([b"a", b"b"], gap=[0.0, -1.0])

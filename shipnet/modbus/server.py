@@ -12,45 +12,20 @@ from typing import Any, Literal
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.server.device import Device
-from shipnet.modbus.server.slave import Answer, Slave, answer
-from shipnet.modbus.timing import Serial
-
-__all__ = ["Server", "real_clock", "serve"]
+from shipnet.modbus.adu import MAX_UNIT, Adu
+from shipnet.modbus.slave import Answer, Device, Slave, answer
+from shipnet.modbus.uart import SerialLine
 
 Clock = Callable[[], float]
 Transport = Literal["tcp", "udp", "rtu"]
 
-_DEFAULT_LINE = Serial(9600)
+_DEFAULT_LINE = SerialLine(9600)
 
 
-def real_clock(factor: float = 1.0) -> Clock:
-    """Return a clock that shows 0 now and then runs with real time.
-
-    Parameters
-    ----------
-    factor : float, default 1
-        Model seconds that pass in a real one, 0..1e6.
-
-    Returns
-    -------
-    callable
-        Called without arguments, it returns model time [s].
-
-    Raises
-    ------
-    ArgumentError
-        If `factor` is out of range.
-
-    Examples
-    --------
-    >>> clock = real_clock(0)
-    >>> clock(), clock()
-    (0.0, 0.0)
-    """
-    speed, start = check_scalar("factor", factor, "s/s", 0, 1e6), monotonic()
-    return lambda: speed * (monotonic() - start)
+def real_clock(speed: float = 1.0) -> Clock:
+    """Return a clock that shows 0 now and then runs at a multiple of real time."""
+    factor, start = check_scalar("speed", speed, "s/s", 0, 1e6), monotonic()
+    return lambda: factor * (monotonic() - start)
 
 
 class Server:
@@ -62,10 +37,20 @@ class Server:
         Slaves by unit id; their behaviour may be changed while the server listens.
     port : int
         TCP or UDP port that is bound; 0 on a serial line, and while it does not listen.
+
+    Examples
+    --------
+    >>> with serve({1: Slave(input_registers=[7])}) as server:
+    ...     server.port > 0
+    True
     """
 
     def __init__(
-        self, slaves: dict[int, Slave], make: Callable[..., Any], clock: Clock | None, serial: bool
+        self,
+        slaves: dict[int, Slave],
+        make: Callable[..., Any],
+        clock: Callable[[], Clock],
+        serial: bool,
     ) -> None:
         self.slaves = slaves
         self.port = 0
@@ -128,15 +113,15 @@ class Server:
         await self._close()
 
     async def _open(self) -> None:
-        clock = self._clock or real_clock()
+        clock = self._clock()
 
-        def respond(unit: int, pdu: bytes) -> Answer:
-            return answer(self.slaves, unit, pdu, clock(), serial=self._serial)
+        def respond(request: Adu) -> Answer:
+            return answer(self.slaves, request, clock(), serial=self._serial)
 
         listener = self._make(respond)
         try:
             await listener.serve_forever(background=True)
-        # A serial port that refuses its settings raises what is no OSError; where the library
+        # A serial port that refuses its settings raises no OSError; where the library
         # swallows the cause, it has logged it.
         except Exception as problem:
             where = "{}, port {}".format(*listener.comm_params.source_address)
@@ -163,8 +148,9 @@ def serve(
     host: str = "127.0.0.1",
     port: int = 0,
     serial_port: str = "",
-    serial: Serial = _DEFAULT_LINE,
+    line: SerialLine = _DEFAULT_LINE,
     silence: float = 0.05,
+    speed: float = 1.0,
     clock: Clock | None = None,
 ) -> Server:
     r"""Return a server for simulated devices, to be used in ``with`` or ``async with``.
@@ -175,23 +161,24 @@ def serve(
         Devices by unit id: 1..247, and 0 for the server itself, not on a serial line. A bare
         device becomes a `Slave` that serves all function codes at once.
     transport : {"tcp", "udp", "rtu"}, default "tcp"
-        Modbus/TCP; the same frames in datagrams, which no standard knows but kim2014 uses; or RTU.
+        Modbus/TCP; the same frames in datagrams, which no standard has but kim2014 uses; or RTU.
     host : str, default "127.0.0.1"
         Address to listen on; the default is reached from this machine only.
     port : int, default 0
         TCP or UDP port, 0..65535; with 0 the system chooses one, see `Server.port`.
     serial_port : str, optional
         Serial port for RTU, such as ``"/dev/ttyUSB0"``.
-    serial : Serial, default 9600 bit/s and 8E1
+    line : SerialLine, default 9600 bit/s and 8E1
         Settings of that port. An answer begins no sooner than t3.5 after its request. Linux
-        refuses parity on a pseudo-terminal, which takes ``Serial(9600, "8N1")``.
+        refuses parity on a pseudo-terminal, which takes ``SerialLine(9600, "8N1")``.
     silence : float, default 0.05
-        Silence after which bytes that are no frame are dropped, t3.5..10 [s]. It is longer than
+        Silence after which bytes that are not a frame are dropped, t3.5..10 [s]. It is longer than
         t3.5 for adapters and drivers that hand on bytes in portions.
+    speed : float, default 1
+        Model seconds that pass in a real one, from the start of the server, 0..1e6.
     clock : callable, optional
-        Model time [s] when called; `real_clock` from the start of the server if omitted. Devices
-        get it with each request. Nothing sleeps for it: only answers are held back, for real
-        seconds, by their slave's delay.
+        Model time [s] when called, in place of `speed`. Devices get it with each request. Nothing
+        sleeps for it: only answers are held back, for real seconds, by their slave's delay.
 
     Returns
     -------
@@ -210,15 +197,14 @@ def serve(
     Notes
     -----
     pymodbus listens, holds the ports and makes the frames; requests are read and answered by
-    `shipnet.modbus`. A frame of another protocol, a datagram that is no frame and an RTU frame
-    with a wrong CRC get no answer; a TCP connection whose length field cannot be is cut off, since
-    nothing tells where the next frame begins.
+    `shipnet.modbus`. A frame of another protocol, a datagram that is not a frame and an RTU frame
+    with a wrong CRC get no answer; a TCP connection whose length field cannot be is cut off:
+    nothing shows where the next frame begins.
 
     Examples
     --------
     >>> import socket
-    >>> from shipnet.modbus.server import RegisterDevice
-    >>> with serve({1: RegisterDevice(holding_registers=[350, 412])}) as server:
+    >>> with serve({1: Slave(holding_registers=[350, 412])}) as server:
     ...     with socket.create_connection(("127.0.0.1", server.port)) as client:
     ...         _ = client.send(bytes.fromhex("0001 0000 0006 01 03 0000 0002"))
     ...         print(client.recv(260).hex(" "))
@@ -232,23 +218,25 @@ def serve(
     slaves = {}
     for unit, device in devices.items():
         why = " on a serial line" if rtu else ""
-        known = check_whole("unit id", unit, int(rtu), LAST_UNIT, why)
+        known = check_whole("unit id", unit, int(rtu), MAX_UNIT, why)
         slaves[known] = device if isinstance(device, Slave) else Slave(device)
     if not isinstance(host, str) or not host:
         raise ArgumentError(f"host is {host!r}; it must be a name or an address")
     bound = check_whole("port", port, 0, 0xFFFF)
     if rtu != bool(serial_port):
         raise ArgumentError(f"serial_port is {serial_port!r}; RTU needs one, and nothing else does")
-    quiet = check_scalar("silence", silence, "s", serial.t35, 10)
+    quiet = check_scalar("silence", silence, "s", line.t35, 10)
+    if clock is None:
+        check_scalar("speed", speed, "s/s", 0, 1e6)
     handlers = _handlers(rtu)
 
     def make(respond: Callable[[int, bytes], Answer]) -> Any:
         if rtu:
-            return handlers.RtuServer(respond, serial_port, serial, quiet)
+            return handlers.RtuServer(respond, serial_port, line, quiet)
         kind = handlers.TcpServer if transport == "tcp" else handlers.UdpServer
         return kind(respond, host, bound)
 
-    return Server(slaves, make, clock, rtu)
+    return Server(slaves, make, lambda: clock or real_clock(speed), rtu)
 
 
 def _handlers(rtu: bool) -> Any:
@@ -256,7 +244,7 @@ def _handlers(rtu: bool) -> Any:
     try:
         if rtu:
             import_module("serial")
-        from shipnet.modbus.server import handlers
+        from shipnet.modbus import handlers
     except ModuleNotFoundError as problem:
         missing = {"pymodbus": "pymodbus", "serial": "pyserial"}.get(
             str(problem.name).partition(".")[0]

@@ -6,21 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError
-from shipnet.modbus.reader import decode_request, decode_response
-from shipnet.modbus.request import (
-    ReadRequest,
-    ReadWriteRequest,
-    WriteCoil,
-    WriteCoilsRequest,
-    WriteRegister,
-    WriteRegistersRequest,
-)
-from shipnet.modbus.response import ReadBitsResponse, ReadRegistersResponse, WriteResponse
-from shipnet.modbus.server import DeviceError, RegisterDevice, Slave, Table, answer
+from shipnet.modbus.adu import Adu
+from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.slave import DeviceError, Registers, Slave, answer
 
 
 def device():
-    return RegisterDevice(
+    return Registers(
         coils=[0] * 20,
         discrete_inputs=[1, 0, 1],
         holding_registers={**dict.fromkeys(range(10), 7), 0x4001: 0, 65535: 9},
@@ -30,15 +22,15 @@ def device():
 
 
 REQUEST_TO_RESPONSE = [
-    (ReadRequest(1, 18, 2), ReadBitsResponse(1, [0, 0])),
-    (ReadRequest(2, 0, 3), ReadBitsResponse(2, [1, 0, 1])),
-    (ReadRequest(3, 65535, 1), ReadRegistersResponse(3, [9])),
-    (ReadRequest(4, 3, 2), ReadRegistersResponse(4, [103, 104])),
-    (WriteCoil(19, True), WriteCoil(19, True)),
-    (WriteRegister(0x4001, 100), WriteRegister(0x4001, 100)),
-    (WriteCoilsRequest(1, [1, 0, 1]), WriteResponse(15, 1, 3)),
-    (WriteRegistersRequest(8, [1, 2]), WriteResponse(16, 8, 2)),
-    (ReadWriteRequest(0, 3, 2, [5, 6]), ReadRegistersResponse(23, [7, 7, 5])),
+    (Request.read_coils(18, 2), Response(1, coils=[0, 0])),
+    (Request.read_discrete_inputs(0, 3), Response(2, coils=[1, 0, 1])),
+    (Request.read_holding_registers(65535, 1), Response(3, registers=[9])),
+    (Request.read_input_registers(3, 2), Response(4, registers=[103, 104])),
+    (Request.write_single_coil(19, True), Request.write_single_coil(19, True)),
+    (Request.write_single_register(0x4001, 100), Request.write_single_register(0x4001, 100)),
+    (Request.write_multiple_coils(1, [1, 0, 1]), Response(15, address=1, quantity=3)),
+    (Request.write_multiple_registers(8, [1, 2]), Response(16, address=8, quantity=2)),
+    (Request.read_write_multiple_registers(0, 3, 2, [5, 6]), Response(23, registers=[7, 7, 5])),
 ]
 
 
@@ -49,11 +41,14 @@ def test_every_function_code_is_answered_with_what_the_device_holds(request_, re
 
 def test_what_is_written_is_read_back():
     slave = Slave(device())
-    slave.answer(WriteCoilsRequest(1, [1, 0, 1]).pdu)
-    slave.answer(WriteCoil(0, True).pdu)
-    slave.answer(WriteRegistersRequest(8, [1, 2]).pdu)
-    assert slave.answer(ReadRequest(1, 0, 5).pdu) == ReadBitsResponse(1, [1, 1, 0, 1, 0]).pdu
-    assert slave.answer(ReadRequest(3, 7, 3).pdu) == ReadRegistersResponse(3, [7, 1, 2]).pdu
+    slave.answer(Request.write_multiple_coils(1, [1, 0, 1]).pdu)
+    slave.answer(Request.write_single_coil(0, True).pdu)
+    slave.answer(Request.write_multiple_registers(8, [1, 2]).pdu)
+    assert slave.answer(Request.read_coils(0, 5).pdu) == Response(1, coils=[1, 1, 0, 1, 0]).pdu
+    assert (
+        slave.answer(Request.read_holding_registers(7, 3).pdu)
+        == Response(3, registers=[7, 1, 2]).pdu
+    )
 
 
 @pytest.mark.parametrize(
@@ -92,7 +87,7 @@ def test_what_cannot_be_answered_gets_the_exception_of_the_standard(pdu, respons
 
 def test_the_junction_box_of_lee2012_serves_function_code_3_alone():
     box = Slave(device(), functions={3})
-    assert box.answer(ReadRequest(3, 0, 1).pdu) == bytes.fromhex("03020007")
+    assert box.answer(Request.read_holding_registers(0, 1).pdu) == bytes.fromhex("03020007")
     others = [*range(1, 3), *range(4, 128)]
     assert [box.answer(bytes([code, 0, 0, 0, 1])) for code in others] == [
         bytes([code | 0x80, 1]) for code in others
@@ -101,12 +96,12 @@ def test_the_junction_box_of_lee2012_serves_function_code_3_alone():
 
 def test_an_injected_exception_and_silence_execute_nothing():
     slave = Slave(device(), exception=6)
-    assert slave.answer(WriteRegister(0, 1).pdu).hex() == "8606"
+    assert slave.answer(Request.write_single_register(0, 1).pdu).hex() == "8606"
     assert slave.answer(b"\x07").hex() == "8701"
     slave.exception, slave.silent = None, True
-    assert slave.answer(WriteRegister(0, 1).pdu) == b""
+    assert slave.answer(Request.write_single_register(0, 1).pdu) == b""
     slave.silent = False
-    assert slave.answer(ReadRequest(3, 0, 1).pdu).hex() == "03020007"
+    assert slave.answer(Request.read_holding_registers(0, 1).pdu).hex() == "03020007"
 
 
 class Scripted:
@@ -134,7 +129,7 @@ class Scripted:
 )
 def test_a_device_that_fails_is_answered_for_with_exception_4(act, caplog):
     with caplog.at_level(logging.ERROR, "shipnet.modbus.server"):
-        assert Slave(Scripted(act)).answer(ReadRequest(3, 0, 2).pdu).hex() == "8304"
+        assert Slave(Scripted(act)).answer(Request.read_holding_registers(0, 2).pdu).hex() == "8304"
     assert "the device failed" in caplog.text
 
 
@@ -145,43 +140,43 @@ def test_a_device_gets_model_time_and_chooses_its_exception():
         return [int(time)] * n
 
     slave = Slave(Scripted(act))
-    assert slave.answer(ReadRequest(4, 0, 1).pdu, 3.9).hex() == "8405"
-    assert slave.answer(ReadRequest(4, 0, 1).pdu, 17.0).hex() == "04020011"
+    assert slave.answer(Request.read_input_registers(0, 1).pdu, 3.9).hex() == "8405"
+    assert slave.answer(Request.read_input_registers(0, 1).pdu, 17.0).hex() == "04020011"
 
 
 def test_unit_ids_lead_to_slaves_as_the_guides_say():
-    read, write = ReadRequest(3, 0, 1).pdu, WriteRegister(0, 1).pdu
+    read, write = Request.read_holding_registers(0, 1).pdu, Request.write_single_register(0, 1).pdu
     slaves = {k: Slave(device(), delay=0.1 * k) for k in (1, 247)}
-    assert answer(slaves, 247, read) == (b"\x03\x02\x00\x07", pytest.approx(24.7))
+    assert answer(slaves, Adu(247, read)) == (b"\x03\x02\x00\x07", pytest.approx(24.7))
     for unit in (2, 248, 255):
-        assert answer(slaves, unit, read) == (b"\x83\x0b", 0)
-        assert answer(slaves, unit, read, serial=True) == (b"", 0)
-        assert answer(slaves, unit, b"\x83\x02").pdu == b""
-    assert answer(slaves, 0, read) == answer(slaves, 0, write) == (b"", 0)
+        assert answer(slaves, Adu(unit, read)) == (b"\x83\x0b", 0)
+        assert answer(slaves, Adu(unit, read), serial=True) == (b"", 0)
+        assert answer(slaves, Adu(unit, b"\x83\x02")).pdu == b""
+    assert answer(slaves, Adu(0, read)) == answer(slaves, Adu(0, write)) == (b"", 0)
     assert [s.device.holding_registers[0] for s in slaves.values()] == [1, 1]
     slaves[0] = Slave(device())
     for unit in (0, 255):
-        assert answer(slaves, unit, read).pdu == b"\x03\x02\x00\x07"
+        assert answer(slaves, Adu(unit, read)).pdu == b"\x03\x02\x00\x07"
     with pytest.raises(ArgumentError, match=r"unit_id is 256.*0\.\.255"):
-        answer(slaves, 256, read)
+        answer(slaves, Adu(256, read))
 
 
 def test_a_broadcast_reads_nothing():
     asked = []
     slaves = {1: Slave(Scripted(lambda given, time: asked.append(given)))}
-    answer(slaves, 0, ReadRequest(3, 0, 1).pdu)
-    answer(slaves, 0, ReadWriteRequest(0, 1, 0, [5]).pdu)
+    answer(slaves, Adu(0, Request.read_holding_registers(0, 1).pdu))
+    answer(slaves, Adu(0, Request.read_write_multiple_registers(0, 1, 0, [5]).pdu))
     assert asked == []
-    answer(slaves, 0, WriteRegister(0, 5).pdu)
+    answer(slaves, Adu(0, Request.write_single_register(0, 5).pdu))
     assert asked == [[5]]
 
 
-@given(pdu=st.binary(max_size=253), unit=st.integers(0, 255), serial=st.booleans())
+@given(pdu=st.binary(min_size=1, max_size=253), unit=st.integers(0, 255), serial=st.booleans())
 def test_any_bytes_get_silence_an_exception_or_the_response_to_what_they_ask(pdu, unit, serial):
-    found, _ = answer({1: Slave(device())}, unit, pdu, serial=serial)
+    found, _ = answer({1: Slave(device())}, Adu(unit, pdu), serial=serial)
     if found:
         assert found[0] & 0x7F == pdu[0]
-        decode_response(found, None if found[0] > 127 else decode_request(pdu))
+        Response.parse(found, None if found[0] > 127 else Request.parse(pdu))
     if serial and unit != 1:
         assert found == b""
 
@@ -191,7 +186,7 @@ def test_a_normal_response_comes_for_legal_requests_only(function, rest):
     pdu = bytes([function]) + rest
     found = Slave(device()).answer(pdu)
     if found[0] == function:
-        decode_response(found, decode_request(pdu))
+        Response.parse(found, Request.parse(pdu))
 
 
 @pytest.mark.parametrize(
@@ -206,13 +201,13 @@ def test_a_normal_response_comes_for_legal_requests_only(function, rest):
         (lambda: Slave(device(), silent=1), "silent is 1"),
         (lambda: setattr(Slave(device()), "delay", "1"), "delay is '1'"),
         (lambda: DeviceError(9), "exception is 9"),
-        (lambda: RegisterDevice(coils=[2]), r"coils\[0\] is 2"),
-        (lambda: RegisterDevice(holding_registers=[-1]), r"registers\[0\] is -1"),
-        (lambda: RegisterDevice(input_registers={65536: 0}), "address in input_registers is 65536"),
-        (lambda: RegisterDevice(input_registers=3), "input_registers is 3"),
-        (lambda: RegisterDevice(limits={0: (0, 1)}), "limits names 0"),
+        (lambda: Slave(coils=[2]), r"coils\[0\] is 2"),
+        (lambda: Slave(holding_registers=[-1]), r"registers\[0\] is -1"),
+        (lambda: Slave(input_registers={65536: 0}), "address in input_registers is 65536"),
+        (lambda: Slave(input_registers=3), "input_registers is 3"),
+        (lambda: Slave(limits={0: (0, 1)}), "limits names 0"),
         (
-            lambda: RegisterDevice(holding_registers=[0], limits={0: (2, 1)}),
+            lambda: Slave(holding_registers=[0], limits={0: (2, 1)}),
             r"limits\[0\]\[1\] is 1",
         ),
     ],
@@ -228,6 +223,6 @@ def test_a_misspelt_field_is_not_taken():
 
 
 def test_numpy_columns_and_a_full_table_are_memory_too():
-    full = RegisterDevice(holding_registers=np.arange(65536))
-    assert full.read(Table.HOLDING_REGISTERS, 65411, 125, 0.0) == list(range(65411, 65536))
-    assert RegisterDevice(coils=np.array([True])).coils == {0: 1}
+    full = Registers(holding_registers=np.arange(65536))
+    assert full.read("holding_registers", 65411, 125, 0.0) == list(range(65411, 65536))
+    assert Registers(coils=np.array([True])).coils == {0: 1}

@@ -18,19 +18,19 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient, ModbusUdpClient
 from pymodbus.exceptions import ModbusIOException
 
 from shipnet.errors import ArgumentError
-from shipnet.modbus.frame import encode_rtu, encode_tcp
-from shipnet.modbus.request import ReadRequest, WriteRegister
-from shipnet.modbus.response import ReadRegistersResponse
-from shipnet.modbus.server import RegisterDevice, Slave, serve
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.adu import rtu_frame, tcp_frame
+from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.server import serve
+from shipnet.modbus.slave import Registers, Slave
+from shipnet.modbus.uart import SerialLine
 from tests.support import require
 
-READ = ReadRequest(3, 0, 2).pdu
-LINE = Serial(115200, "8N1")
+READ = Request.read_holding_registers(0, 2).pdu
+LINE = SerialLine(115200, "8N1")
 
 
 def device(first=10):
-    return RegisterDevice(
+    return Registers(
         coils=[1, 0, 1, 1],
         discrete_inputs=[0, 1],
         holding_registers=[first, first + 1, first + 2],
@@ -39,7 +39,7 @@ def device(first=10):
 
 
 def response(first=10):
-    return ReadRegistersResponse(3, [first, first + 1]).pdu
+    return Response(3, registers=[first, first + 1]).pdu
 
 
 @contextmanager
@@ -143,7 +143,7 @@ def test_a_client_of_another_make_reads_and_writes_everything_over_a_socket(kind
 
 def test_two_clients_of_other_makes_read_and_write_everything_over_a_serial_line(line):
     ours, theirs = line
-    with serve({1: device(), 2: device(20)}, "rtu", serial_port=ours, serial=LINE):
+    with serve({1: device(), 2: device(20)}, "rtu", serial_port=ours, line=LINE):
         with opened(ModbusSerialClient(theirs, baudrate=115200, timeout=5)) as master:
             ask_everything(master)
         instrument = minimalmodbus.Instrument(theirs, 2)
@@ -175,7 +175,7 @@ def test_the_bytes_on_the_line_are_those_of_our_encoders(line):
 
     ours, theirs = line
     devices = {k: Slave(device(10 * k)) for k in (1, 247)}
-    with serve(devices, "rtu", serial_port=ours, serial=LINE, silence=0.02):
+    with serve(devices, "rtu", serial_port=ours, line=LINE, silence=0.02):
         with serial.Serial(theirs, 115200, timeout=5) as port:
 
             def ask(frame, size):
@@ -183,23 +183,23 @@ def test_the_bytes_on_the_line_are_those_of_our_encoders(line):
                 return port.read(size)
 
             for unit in devices:
-                expected = encode_rtu(unit, response(10 * unit))
-                assert ask(encode_rtu(unit, READ), len(expected)) == expected
-            refused = encode_rtu(1, b"\xc1\x01")  # a function code that no library knows
-            assert ask(encode_rtu(1, b"\x41\x00"), len(refused)) == refused
+                expected = rtu_frame(unit, response(10 * unit))
+                assert ask(rtu_frame(unit, READ), len(expected)) == expected
+            refused = rtu_frame(1, b"\xc1\x01")  # a function code that no library knows
+            assert ask(rtu_frame(1, b"\x41\x00"), len(refused)) == refused
             # Noise, a frame cut short, a wrong CRC and 300 bytes: silence, and then on it goes.
-            for noise in (b"\xff", encode_rtu(1, READ)[:5], encode_rtu(1, READ)[:-1] + b"\0"):
+            for noise in (b"\xff", rtu_frame(1, READ)[:5], rtu_frame(1, READ)[:-1] + b"\0"):
                 port.write(noise)
                 sleep(0.1)
                 assert port.in_waiting == 0
-                expected = encode_rtu(1, response(10))
-                assert ask(encode_rtu(1, READ), len(expected)) == expected
+                expected = rtu_frame(1, response(10))
+                assert ask(rtu_frame(1, READ), len(expected)) == expected
             port.write(bytes(300))
             sleep(0.2)
-            port.write(encode_rtu(248 - 1, READ)[:3])
+            port.write(rtu_frame(248 - 1, READ)[:3])
             sleep(0.005)
-            port.write(encode_rtu(248 - 1, READ)[3:])
-            expected = encode_rtu(247, response(2470))
+            port.write(rtu_frame(248 - 1, READ)[3:])
+            expected = rtu_frame(247, response(2470))
             assert port.read(len(expected)) == expected
 
 
@@ -208,32 +208,32 @@ def test_answers_in_tcp_and_udp_are_the_bytes_of_our_encoders():
     for kind, sort in (("tcp", socket.SOCK_STREAM), ("udp", socket.SOCK_DGRAM)):
         with serve(devices, kind) as server, raw(server, sort) as client:
             for number, unit in enumerate([0, 1, 200, 247]):
-                client.send(encode_tcp(unit, READ, 65535 - number))
-                expected = encode_tcp(unit, response(unit), 65535 - number)
+                client.send(tcp_frame(unit, READ, 65535 - number))
+                expected = tcp_frame(unit, response(unit), 65535 - number)
                 assert receive(client, len(expected)) == expected
-            client.send(encode_tcp(255, READ, 0))
-            assert receive(client, 13) == encode_tcp(255, response(0), 0)
-            client.send(encode_tcp(248, b"\x41", 7))
-            assert receive(client, 9) == encode_tcp(248, b"\xc1\x0b", 7)
+            client.send(tcp_frame(255, READ, 0))
+            assert receive(client, 13) == tcp_frame(255, response(0), 0)
+            client.send(tcp_frame(248, b"\x41", 7))
+            assert receive(client, 9) == tcp_frame(248, b"\xc1\x0b", 7)
 
 
 def test_held_back_answers_keep_their_transaction_ids_and_their_addresses():
     slow = {1: Slave(device(1), delay=0.2), 2: device(2)}
     with serve(slow) as server, raw(server) as client:
         start = monotonic()
-        client.send(encode_tcp(1, READ, 11) + encode_tcp(2, READ, 22) + b"\0\x21\0")
-        assert receive(client, 13) == encode_tcp(2, response(2), 22)
-        assert receive(client, 13) == encode_tcp(1, response(1), 11)
+        client.send(tcp_frame(1, READ, 11) + tcp_frame(2, READ, 22) + b"\0\x21\0")
+        assert receive(client, 13) == tcp_frame(2, response(2), 22)
+        assert receive(client, 13) == tcp_frame(1, response(1), 11)
         assert monotonic() - start >= 0.2
         server.slaves[1].delay = 0.0
-        client.send(encode_tcp(1, READ, 0x21)[3:])
-        assert receive(client, 13) == encode_tcp(1, response(1), 0x21)
+        client.send(tcp_frame(1, READ, 0x21)[3:])
+        assert receive(client, 13) == tcp_frame(1, response(1), 0x21)
     with serve(slow | {1: Slave(device(1), delay=0.2)}, "udp") as server:
         with raw(server, socket.SOCK_DGRAM) as one, raw(server, socket.SOCK_DGRAM) as other:
-            one.send(encode_tcp(1, READ, 1))
-            other.send(encode_tcp(2, READ, 2))
-            assert other.recv(300) == encode_tcp(2, response(2), 2)
-            assert one.recv(300) == encode_tcp(1, response(1), 1)
+            one.send(tcp_frame(1, READ, 1))
+            other.send(tcp_frame(2, READ, 2))
+            assert other.recv(300) == tcp_frame(2, response(2), 2)
+            assert one.recv(300) == tcp_frame(1, response(1), 1)
             assert is_silent(other)
 
 
@@ -242,11 +242,11 @@ def test_a_slow_answer_with_id_0_is_taken_for_the_next_valves_and_dropped_with_c
     with serve(valves, "udp") as server:
         with raw(server, socket.SOCK_DGRAM, timeout=0.1) as master:
             # As a master that goes by the order of the answers, with the header of kim2014.
-            master.send(encode_tcp(1, READ, 0))
+            master.send(tcp_frame(1, READ, 0))
             with pytest.raises(TimeoutError):
                 master.recv(300)
             assert not is_silent(master, 10)
-            master.send(encode_tcp(2, READ, 0))
+            master.send(tcp_frame(2, READ, 0))
             assert master.recv(300)[8:] == response(100)[1:]  # valve 1's registers, not valve 2's
         client = ModbusUdpClient("127.0.0.1", port=server.port, timeout=0.1, retries=0)
         with opened(client) as master:
@@ -262,8 +262,10 @@ def test_a_slow_answer_with_id_0_is_taken_for_the_next_valves_and_dropped_with_c
 def test_a_broadcast_is_executed_and_not_answered():
     devices = {1: device(), 2: Slave(device(), functions={3})}
     with serve(devices) as server, raw(server) as client:
-        client.send(encode_tcp(0, WriteRegister(0, 99).pdu, 1) + encode_tcp(1, READ, 2))
-        expected = encode_tcp(1, ReadRegistersResponse(3, [99, 11]).pdu, 2)
+        client.send(
+            tcp_frame(0, Request.write_single_register(0, 99).pdu, 1) + tcp_frame(1, READ, 2)
+        )
+        expected = tcp_frame(1, Response(3, registers=[99, 11]).pdu, 2)
         assert receive(client, len(expected)) == expected
     assert devices[2].device.holding_registers[0] == 10  # it serves no writes
 
@@ -273,26 +275,26 @@ def test_a_hundred_clients_at_once_get_their_own_answers():
         clients = [stack.enter_context(raw(server)) for _ in range(100)]
         for turn in range(3):
             for k, client in enumerate(clients, 1):
-                client.send(encode_tcp(k, READ, 100 * turn + k))
+                client.send(tcp_frame(k, READ, 100 * turn + k))
             for k, client in enumerate(clients, 1):
-                assert receive(client, 13) == encode_tcp(k, response(k), 100 * turn + k)
+                assert receive(client, 13) == tcp_frame(k, response(k), 100 * turn + k)
 
 
 def test_a_client_that_hangs_within_a_frame_holds_nobody_up():
     with serve({1: device()}) as server, raw(server) as hung, raw(server) as client:
-        hung.send(encode_tcp(1, READ, 1)[:9])
-        client.send(encode_tcp(1, READ, 2))
-        assert receive(client, 13) == encode_tcp(1, response(), 2)
+        hung.send(tcp_frame(1, READ, 1)[:9])
+        client.send(tcp_frame(1, READ, 2))
+        assert receive(client, 13) == tcp_frame(1, response(), 2)
         assert is_silent(hung)
-        hung.send(encode_tcp(1, READ, 1)[9:])
-        assert receive(hung, 13) == encode_tcp(1, response(), 1)
+        hung.send(tcp_frame(1, READ, 1)[9:])
+        assert receive(hung, 13) == tcp_frame(1, response(), 1)
 
 
 def test_frames_of_another_protocol_are_skipped_and_a_length_that_cannot_be_ends_the_connection():
     with serve({1: device()}) as server:
         with raw(server) as client:
-            client.send(bytes.fromhex("000100070003010300") + encode_tcp(1, READ, 2))
-            assert receive(client, 13) == encode_tcp(1, response(), 2)
+            client.send(bytes.fromhex("000100070003010300") + tcp_frame(1, READ, 2))
+            assert receive(client, 13) == tcp_frame(1, response(), 2)
         for length in (0, 1, 255, 65535):
             with raw(server) as client:
                 client.send(bytes(4) + length.to_bytes(2, "big") + b"\1\3\0\0\0\2")
@@ -303,13 +305,13 @@ def test_frames_of_another_protocol_are_skipped_and_a_length_that_cannot_be_ends
 
 
 def test_a_client_that_never_reads_is_cut_off():
-    ask = encode_tcp(1, ReadRequest(3, 0, 125).pdu, 1) * 1000
-    many = RegisterDevice(holding_registers=[0] * 125)
+    ask = tcp_frame(1, Request.read_holding_registers(0, 125).pdu, 1) * 1000
+    many = Slave(holding_registers=[0] * 125)
     with serve({1: many}) as server, raw(server) as client, raw(server) as other:
         with pytest.raises(ConnectionError):
             for _ in range(1000):
                 client.sendall(ask)
-        other.send(encode_tcp(1, ReadRequest(3, 0, 1).pdu, 2))
+        other.send(tcp_frame(1, Request.read_holding_registers(0, 1).pdu, 2))
         assert len(receive(other, 11)) == 11
 
 
@@ -321,7 +323,7 @@ def hosts():
 
 FRAMES = st.one_of(
     st.binary(min_size=1, max_size=600),
-    st.builds(encode_tcp, st.integers(0, 255), st.binary(min_size=1, max_size=20), st.just(5)),
+    st.builds(tcp_frame, st.integers(0, 255), st.binary(min_size=1, max_size=20), st.just(5)),
     st.builds(
         lambda length, rest: b"\0\1\0\0" + length.to_bytes(2, "big") + rest,
         st.integers(0, 65535),
@@ -340,8 +342,8 @@ def test_whatever_one_client_sends_another_gets_its_answer(hosts, frames):
                     hostile.send(frame)
             except ConnectionError:
                 pass
-            client.send(encode_tcp(1, ReadRequest(4, 0x4020, 1).pdu, 9))
-            assert receive(client, 11) == encode_tcp(1, b"\x04\x02\x00\x2a", 9)
+            client.send(tcp_frame(1, Request.read_input_registers(0x4020, 1).pdu, 9))
+            assert receive(client, 11) == tcp_frame(1, b"\x04\x02\x00\x2a", 9)
 
 
 def test_devices_get_the_time_of_the_clock_that_was_passed_in():
@@ -355,7 +357,7 @@ def test_devices_get_the_time_of_the_clock_that_was_passed_in():
     times = iter([5.0, 3600.0])
     with serve({1: Chronometer()}, clock=lambda: next(times)) as server, raw(server) as client:
         for shown in (5, 3600):
-            client.send(encode_tcp(1, ReadRequest(3, 0, 1).pdu, 1))
+            client.send(tcp_frame(1, Request.read_holding_registers(0, 1).pdu, 1))
             assert receive(client, 11)[-2:] == shown.to_bytes(2, "big")
 
 
@@ -365,7 +367,7 @@ def test_all_is_closed_at_the_end_even_with_answers_outstanding():
     with server:
         assert threading.active_count() == before + 1
         with raw(server) as client, raw(server) as idle:
-            client.send(encode_tcp(1, READ, 1))
+            client.send(tcp_frame(1, READ, 1))
             port = server.port
             assert is_silent(client, 0.05)
             server.__exit__()
@@ -381,9 +383,9 @@ def test_all_is_closed_at_the_end_even_with_answers_outstanding():
 
 
 def test_unsent_answers_do_not_keep_the_server_from_stopping():
-    ask = encode_tcp(1, ReadRequest(3, 0, 125).pdu, 1) * 20
+    ask = tcp_frame(1, Request.read_holding_registers(0, 125).pdu, 1) * 20
     before = threading.active_count()
-    with serve({1: RegisterDevice(holding_registers=[0] * 125)}) as server, raw(server) as client:
+    with serve({1: Slave(holding_registers=[0] * 125)}) as server, raw(server) as client:
         (connection,) = wait_for(lambda: list(server._listener.active_connections.values()))
         transport = connection.transport
         # The system shall hold little of what is unsent, so that the server has to.
@@ -408,7 +410,7 @@ def test_an_event_loop_may_hold_the_server_itself():
     async def main():
         async with serve({1: device()}) as server:
             reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
-            writer.write(encode_tcp(1, READ, 3))
+            writer.write(tcp_frame(1, READ, 3))
             found = await reader.readexactly(13)
             writer.close()
             await writer.wait_closed()
@@ -416,7 +418,7 @@ def test_an_event_loop_may_hold_the_server_itself():
                 await server.__aenter__()
         return found
 
-    assert asyncio.run(main()) == encode_tcp(1, response(), 3)
+    assert asyncio.run(main()) == tcp_frame(1, response(), 3)
 
 
 def test_a_port_in_use_and_a_missing_serial_port_are_errors_on_entry(tmp_path):
@@ -435,7 +437,7 @@ def test_a_serial_port_that_refuses_its_settings_is_an_error_on_entry(line):
     # Whether it is refused is up to the system; a server that starts all the same must stop again.
     before = threading.active_count()
     try:
-        with serve({1: device()}, "rtu", serial_port=line[0], serial=Serial(9600, "8E1")):
+        with serve({1: device()}, "rtu", serial_port=line[0], line=SerialLine(9600, "8E1")):
             pass
     except OSError as problem:
         assert f"cannot listen on {line[0]}" in str(problem)
@@ -484,9 +486,10 @@ def test_a_missing_library_is_named_with_the_command_that_installs_it(module, pa
     program = f"""
 import sys
 sys.modules[{module!r}] = None
-from shipnet.modbus.server import RegisterDevice, serve
+from shipnet.modbus.server import serve
+from shipnet.modbus.slave import Slave
 try:
-    serve({{1: RegisterDevice()}}, {transport})
+    serve({{1: Slave()}}, {transport})
 except ImportError as problem:
     print(problem)
 """

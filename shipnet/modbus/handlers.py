@@ -12,13 +12,11 @@ from pymodbus.server.requesthandler import ServerRequestHandler
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from shipnet.errors import FrameError
-from shipnet.modbus.frame import decode_rtu, decode_tcp
-from shipnet.modbus.server.slave import Answer
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.adu import Adu, decode
+from shipnet.modbus.slave import Answer
+from shipnet.modbus.uart import SerialLine
 
-__all__ = ["RtuServer", "TcpServer", "UdpServer"]
-
-Respond = Callable[[int, bytes], Answer]
+Respond = Callable[[Adu], Answer]
 
 #: The library's constructors ask for a data store, which our handlers never ask.
 _STORE = SimDevice(0, SimData(0, datatype=DataType.REGISTERS))
@@ -48,13 +46,11 @@ class _Handler(ServerRequestHandler):
         self.respond: Respond = owner.respond
         self.received = b""
 
-    def reply(
-        self, unit: int, pdu: bytes, transaction: int = 0, to: Any = None, wait: float = 0.0
-    ) -> None:
+    def reply(self, request: Adu, to: Any = None, wait: float = 0.0) -> None:
         """Send the answer when it is due."""
-        answer = self.respond(unit, pdu)
+        answer = self.respond(request)
         if answer.pdu:
-            frame = self.framer.encode(answer.pdu, unit, transaction)
+            frame = self.framer.encode(answer.pdu, request.unit_id, request.transaction_id or 0)
             if wait + answer.delay > 0:
                 self.loop.call_later(wait + answer.delay, self._send_if_open, frame, to)
             else:
@@ -81,20 +77,20 @@ class _TcpHandler(_Handler):
             frame = self.received[: _HEAD + length]
             self.received = self.received[_HEAD + length :]
             try:
-                adu = decode_tcp(frame)
+                adu = decode(frame, "tcp")
             except FrameError:
                 continue  # of another protocol
-            self.reply(adu.unit_id, adu.pdu, adu.transaction_id or 0)
+            self.reply(adu)
 
 
 class _UdpHandler(_Handler):
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        """Answer a datagram that is a frame; another is nobody's."""
+        """Answer a datagram that is a frame, and ignore others."""
         try:
-            adu = decode_tcp(data)
+            adu = decode(data, "tcp")
         except FrameError:
             return
-        self.reply(adu.unit_id, adu.pdu, adu.transaction_id or 0, addr)
+        self.reply(adu, addr)
 
 
 class _RtuHandler(_Handler):
@@ -109,12 +105,12 @@ class _RtuHandler(_Handler):
         # One byte too many is enough to know that it is no frame.
         self.received = (self.received + data)[: _LONGEST_RTU + 1]
         try:
-            adu = decode_rtu(self.received)
+            adu = decode(self.received)
         except FrameError:
             self.timer = self.loop.call_later(self.server.silence, self._forget)
             return
         self._forget()
-        self.reply(adu.unit_id, adu.pdu, wait=self.server.serial.t35)
+        self.reply(adu, wait=self.server.line.t35)
 
     def _forget(self) -> None:
         self.received = b""
@@ -163,16 +159,16 @@ class RtuServer(ModbusSerialServer):
 
     port = 0
 
-    def __init__(self, respond: Respond, path: str, serial: Serial, silence: float) -> None:
+    def __init__(self, respond: Respond, path: str, line: SerialLine, silence: float) -> None:
         super().__init__(
             _STORE,
             framer=FramerType.RTU,
             port=path,
-            baudrate=round(serial.bit_rate),
-            parity=serial.character[1],
-            stopbits=int(serial.character[2]),
+            baudrate=round(line.bit_rate),
+            parity=line.character[1],
+            stopbits=int(line.character[2]),
         )
-        self.respond, self.serial, self.silence = respond, serial, silence
+        self.respond, self.line, self.silence = respond, line, silence
 
     def callback_new_connection(self) -> _Handler:
         """Return the handler of the port."""

@@ -6,13 +6,15 @@ from matplotlib.figure import Figure
 
 from shipnet import style
 from shipnet.errors import ArgumentError
-from shipnet.modbus.plot import plot_channels, plot_loop, plot_switch_over, plot_uart
-from shipnet.modbus.ring import Break, Channels, DeadPort, DeadSlave, Loop, Short, simulate
-from shipnet.modbus.timing import Poll, Serial
-from shipnet.modbus.uart import uart_bits, uart_waveform
+from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.redundancy import DualChannel, Loop
+from shipnet.modbus.simulation import simulate
+from shipnet.modbus.uart import SerialLine, _line_bits
 
-LINE = Serial(9600)
-POLL = Poll(LINE, 8, 13, timeout=0.1)
+LINE = SerialLine(9600)
+POLL = Poll(Request.read_input_registers(0, 4), LINE, timeout=0.1)
 
 
 @pytest.fixture
@@ -27,11 +29,11 @@ def ax():
 @pytest.mark.parametrize(("differential", "low", "high"), [(None, 0, 1), (1.5, -1.5, 1.5)])
 def test_a_uart_picture_has_the_levels_and_the_bytes(ax, differential, low, high):
     data = bytes.fromhex("0104402000") + b"\xff"
-    assert plot_uart(data, LINE, ax=ax, differential=differential) is ax
+    assert LINE.waveform(data, differential=differential).plot(ax=ax) is ax
     (trace,) = ax.lines
     middles = (LINE.t35 + (np.arange(66) + 0.5) / 9600) * 1e3
     drawn = trace.get_ydata()[np.searchsorted(trace.get_xdata(), middles, side="right") - 1]
-    assert (drawn == np.where(uart_bits(data, LINE).ravel(), high, low)).all()
+    assert (drawn == np.where(_line_bits(data, LINE).ravel(), high, low)).all()
     assert trace.get_drawstyle() == "steps-post"
     assert [text.get_text() for text in ax.texts] == ["01", "04", "40", "20", "00", "FF"]
     assert all(text.get_position()[1] > high for text in ax.texts)
@@ -44,22 +46,10 @@ def test_a_uart_picture_has_the_levels_and_the_bytes(ax, differential, low, high
     assert ax.get_ylabel() == ("D1 - D0 [V]" if differential else "level")
 
 
-def test_channels_lie_below_each_other_with_their_own_scales(ax):
-    one, two = uart_waveform(b"\x01", LINE), uart_waveform(b"\x02", LINE, differential=2.0)
-    assert plot_channels({"JB1": one, "JB3": two, "idle": ([0, 1], [1, 1])}, ax=ax) is ax
-    for place, (line, (time, level)) in enumerate(zip(ax.lines, (one, two), strict=False)):
-        assert (line.get_xdata() == time * 1e3).all()
-        unit = (level - level.min()) / np.ptp(level)
-        assert line.get_ydata() == pytest.approx(unit - 1.5 * place)
-    assert ax.lines[2].get_ydata().tolist() == [-2.5, -2.5]
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["JB1", "JB3", "idle"]
-    assert [text.get_text() for text in ax.texts[:4]] == ["0", "1", "-2", "2"]
-
-
 def test_a_loop_shows_who_is_served_from_where_and_what_failed(ax):
     loop = Loop(12, POLL)
     faults = [Break(4), Break(6), DeadSlave(9)]
-    assert plot_loop(loop, faults, ax=ax) is ax
+    assert loop.plot(faults, ax=ax) is ax
     served = [text.get_text() for text in ax.get_legend().get_texts()]
     assert served == ["4 through A", "5 through B", "3 lost"]
     groups = {line.get_label(): line for line in ax.lines}
@@ -76,10 +66,19 @@ def test_a_loop_shows_who_is_served_from_where_and_what_failed(ax):
 
 
 def test_a_large_loop_has_no_numbers_but_all_its_slaves(ax):
-    plot_loop(Loop(247, POLL), [Short(100), DeadPort("B")], ax=ax)
+    Loop(247, POLL).plot([Short(100), DeadPort("B")], ax=ax)
     assert {text.get_text() for text in ax.texts} == {"short 100", "master", "A", "B"}
     (lost,) = (line for line in ax.lines if line.get_label() == "247 lost")
     assert len(lost.get_xdata()) == 247
+
+
+def test_a_line_that_is_not_closed_ends_at_its_last_slave(ax):
+    Loop(5, POLL, closed=False).plot(Break(3), ax=ax)
+    assert {"A", "break 3", "5"} <= {text.get_text() for text in ax.texts}
+    assert "B" not in {text.get_text() for text in ax.texts}
+    sections = [line for line in ax.lines if line.get_label().startswith("_section")]
+    assert len(sections) == 5
+    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["3 through A", "2 lost"]
 
 
 def bars(ax, label):
@@ -89,9 +88,9 @@ def bars(ax, label):
 
 
 def test_a_switch_over_shows_requests_responses_and_the_silence_between(ax):
-    ams = Channels(POLL)
-    run = simulate(ams, [Break(0, start=2.5, stop=4.5)], duration=6)
-    assert plot_switch_over(run, ax=ax) is ax
+    ams = DualChannel(POLL)
+    run = simulate(ams, faults=Break(0, start=2.5, stop=4.5), until=6)
+    assert run.plot(ax=ax) is ax
     request, response = LINE.frame_time(8), LINE.frame_time(13)
     on_a = [(t, t + request) for t in (0, 1, 2, 3)]
     assert bars(ax, "request") == [pytest.approx(bar) for bar in on_a]
@@ -101,15 +100,15 @@ def test_a_switch_over_shows_requests_responses_and_the_silence_between(ax):
     on_b = [t for t, _ in bars(ax, "_request")]
     assert on_b == pytest.approx([3 + request + 0.1, 4, 5])
     assert bars(ax, "_no response") == []
-    assert [text.get_text() for text in ax.texts] == [" break 0", " break 0 mended"]
+    assert [text.get_text() for text in ax.texts] == [" break 0", " break 0 repaired"]
     assert [line.get_xdata()[0] for line in ax.lines] == [2.5, 4.5]
     assert [label.get_text() for label in ax.get_yticklabels()] == ["port A", "port B"]
     assert ax.get_xlabel() == "time [s]" and ax.get_xlim() == (0, 6)
 
 
 def test_a_part_of_a_run_has_only_what_happens_in_it(ax):
-    run = simulate(Loop(3, POLL), [Break(1, start=1)], duration=5)
-    plot_switch_over(run, ax=ax, start=2, stop=2.1)
+    run = simulate(Loop(3, POLL), faults=[Break(1, start=1)], until=5)
+    run.plot(ax=ax, start=2, stop=2.1)
     everything = [bar for label in ("request", "_request") for bar in bars(ax, label)]
     assert 3 <= len(everything) <= 5 and ax.get_xlim() == (2, 2.1) and not ax.texts
 
@@ -117,14 +116,8 @@ def test_a_part_of_a_run_has_only_what_happens_in_it(ax):
 @pytest.mark.parametrize(
     ("draw", "message"),
     [
-        (lambda ax: plot_channels({}, ax=ax), "channels is empty"),
-        (lambda ax: plot_channels({"x": ([0, 1], [0])}, ax=ax), "channel 'x'"),
-        (lambda ax: plot_channels({"x": ([], [])}, ax=ax), "channel 'x'"),
-        (lambda ax: plot_loop(Loop(3, POLL), [Break(9)], ax=ax), "section is 9"),
-        (
-            lambda ax: plot_switch_over(simulate(Loop(3, POLL), duration=1), ax=ax, start=2),
-            "stop is 1 s",
-        ),
+        (lambda ax: Loop(3, POLL).plot([Break(9)], ax=ax), "section is 9"),
+        (lambda ax: simulate(Loop(3, POLL), until=1).plot(ax=ax, start=2), "stop is 1 s"),
     ],
 )
 def test_what_cannot_be_drawn_is_named(ax, draw, message):
