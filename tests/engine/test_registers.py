@@ -126,9 +126,7 @@ def test_sizes_and_requests_of_the_maps():
     assert times[0] == pytest.approx(249.79e-3, abs=5e-6)
     assert times[1] == pytest.approx(times[0] + 14 * 2 * 11 / 9600)
     many = [Point(f"P{k}", "B", "4-20 mA", "pressure", 0, 1) for k in range(251)]
-    asked = [
-        (r.address, r.quantity) for r in RegisterMap(many, first_address=9).requests()
-    ]
+    asked = [(r.address, r.quantity) for r in RegisterMap(many, first_address=9).requests()]
     assert asked == [(9, 125), (134, 125), (259, 1)]
 
 
