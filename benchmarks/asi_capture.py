@@ -7,8 +7,8 @@ import numpy as np
 from scipy.signal import bilinear, lfilter
 
 from shipnet.asi import Request
-from shipnet.asi.apm import send_current
 from shipnet.asi.capture import decode
+from shipnet.asi.modulation import send_current
 
 RATE = 10e6
 LOOPED = 0.02  # seconds of the record that the loop gets; its time is scaled up

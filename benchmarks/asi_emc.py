@@ -10,9 +10,8 @@ from timeit import repeat
 
 import numpy as np
 
-from shipnet.asi.emc.disturbance import conducted_rf, impulses, noise
-from shipnet.asi.emc.error_rate import all_telegrams, telegram_error_rate
-from shipnet.asi.emc.fast_transient import burst
+from shipnet.asi.emc.disturbances import burst, conducted_rf, impulses, noise
+from shipnet.asi.emc.monte_carlo import all_telegrams, telegram_error_rate
 from shipnet.asi.receiver import receive
 from shipnet.asi.topology import straight_line
 

@@ -10,10 +10,9 @@ from timeit import repeat
 
 import numpy as np
 
-from shipnet.asi.apm import HALF_BIT, send_current
 from shipnet.asi.batch import bits_of, encode_responses
+from shipnet.asi.modulation import HALF_BIT, check_slots, send_current
 from shipnet.asi.receiver import receive
-from shipnet.asi.slots import check_slots
 
 DT = 250e-9
 SAMPLES = 256

@@ -4,7 +4,8 @@ from timeit import repeat
 
 import numpy as np
 
-from shipnet.asi import Call, Request, encode_requests, parse_requests
+from shipnet.asi import Call, Request
+from shipnet.asi.batch import encode_requests, parse_requests
 
 NUMBER = 1_000_000
 SAMPLE = 20_000  # what the loops get; their time is scaled up

@@ -1,5 +1,5 @@
 from shipnet import datasets
-from shipnet.asi.apm import levels_of, pulses_of
+from shipnet.asi.modulation import levels_of, pulses_of
 
 TABLE2 = datasets.read("kim2023_table2_emc.csv")
 TABLE5 = datasets.read("kim2023_table5_requests.csv")

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from shipnet.asi.apm import send_current
-from shipnet.asi.emc.levels import STANDARDS
+from shipnet.asi.emc.immunity import STANDARDS
+from shipnet.asi.modulation import send_current
 from shipnet.asi.receiver import receive
 from shipnet.errors import ArgumentError
 from shipnet.papers.kim2023.immunity import about_emission, level, supply_decides

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from shipnet.asi import Response
-from shipnet.asi.apm import pulses_of
-from shipnet.asi.slots import check_slots
+from shipnet.asi.modulation import check_slots, pulses_of
 from shipnet.papers.kim2023.integrity import check_bits_for_distance_4, undetected
 
 

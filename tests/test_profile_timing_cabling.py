@@ -5,8 +5,13 @@ import pandas as pd
 import pytest
 
 from shipnet import datasets
-from shipnet.asi import IO_CONFIGURATIONS, Profile, Transaction
-from shipnet.asi.profile import describe_io_configuration, describe_status, io_code
+from shipnet.asi import Profile, Transaction
+from shipnet.asi.profile import (
+    IO_CONFIGURATIONS,
+    describe_io_configuration,
+    describe_status,
+    io_code,
+)
 from shipnet.design.plant import (
     Saving,
     asi_conductors,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shipnet.asi import BIT_TIME, Call, Request, Response
-from shipnet.asi.apm import pulses_of
+from shipnet.asi.modulation import check_slots, pulses_of
 from shipnet.asi.simulation.commands import (
     BroadcastReset,
     ChangeAddress,
@@ -35,7 +35,6 @@ from shipnet.asi.simulation.slave import Slave
 from shipnet.asi.simulation.standby import Standby
 from shipnet.asi.simulation.states import Event
 from shipnet.asi.simulation.tasks import FAULTY, SILENT
-from shipnet.asi.slots import check_slots
 from shipnet.asi.timing import Timing
 from shipnet.errors import ArgumentError, SilenceError
 

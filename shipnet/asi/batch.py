@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.asi.calls import Call
-from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import (
     ArgumentError,
     EndBitError,
@@ -25,17 +25,6 @@ from shipnet.errors import (
 )
 from shipnet.fields import check_whole
 
-__all__ = [
-    "NONE",
-    "Requests",
-    "bits_of",
-    "encode_requests",
-    "encode_responses",
-    "parse_requests",
-    "parse_responses",
-    "words_of",
-]
-
 #: Stands in a field that has no value: no half, or a telegram that could not be read.
 NONE = -1
 
@@ -44,21 +33,7 @@ Codes = npt.NDArray[np.uint8]
 
 
 class Requests(NamedTuple):
-    """A batch of parsed requests, one array a field, all of the shape of the words.
-
-    Attributes
-    ----------
-    error : ndarray of uint8
-        0, or a code of `shipnet.errors`; the other fields are then `NONE`.
-    call : ndarray of int8
-        Value of `Call`.
-    address : ndarray of int8
-        Address, 0..31.
-    data : ndarray of int8
-        Data as in `Request.data`.
-    half : ndarray of int8
-        0 for A, 1 for B, `NONE` for a standard slave.
-    """
+    """A batch of parsed requests, one array a field, all of the shape of the words."""
 
     error: Codes
     call: npt.NDArray[np.int8]
@@ -155,32 +130,7 @@ def encode_requests(
     data: npt.ArrayLike = 0,
     half: npt.ArrayLike = NONE,
 ) -> tuple[npt.NDArray[np.uint16], Codes]:
-    """Encode many requests at once.
-
-    Parameters
-    ----------
-    call, address, data, half : array_like of int
-        The fields of `Request`, broadcast against each other; `half` is 0 for A, 1 for B and
-        `NONE` for a standard slave.
-
-    Returns
-    -------
-    words : ndarray of uint16
-        The telegrams; 0, which is none, where a field is not legal.
-    error : ndarray of uint8
-        0, or ``ArgumentError.code`` where a field is outside the range that its call allows.
-
-    Raises
-    ------
-    ArgumentError
-        If an array does not hold whole numbers.
-
-    Examples
-    --------
-    >>> words, error = encode_requests(Call.DATA_EXCHANGE, [20, 21, 32], 0xE)
-    >>> [f"{word:014b}" for word in words], error.tolist()
-    (['00101000111011', '00101010111001', '00000000000000'], [0, 0, 7])
-    """
+    """Encode many requests at once."""
     call, address, data, half = np.broadcast_arrays(
         _integers("call", call),
         _integers("address", address),
@@ -209,32 +159,7 @@ def encode_requests(
 
 
 def parse_requests(words: npt.ArrayLike, *, extended: npt.ArrayLike = False) -> Requests:
-    """Parse many requests at once.
-
-    Parameters
-    ----------
-    words : array_like of int, any shape
-        Telegrams of 14 bits.
-    extended : array_like of bool, default False
-        Whether the addressed slave works in extended addressing, for all or for each word;
-        see `Request.parse`.
-
-    Returns
-    -------
-    Requests
-        One array a field.
-
-    Raises
-    ------
-    ArgumentError
-        If `words` are not whole numbers, or `extended` does not fit them.
-
-    Examples
-    --------
-    >>> batch = parse_requests([0b00101010111001, 0b00101010111011])
-    >>> batch.error.tolist(), batch.address.tolist(), batch.data.tolist()
-    ([0, 5], [21, -1], [14, -1])
-    """
+    """Parse many requests at once."""
     words = _integers("words", words)
     mode = np.asarray(extended)
     if mode.dtype.kind != "b":
@@ -254,31 +179,7 @@ def parse_requests(words: npt.ArrayLike, *, extended: npt.ArrayLike = False) -> 
 
 
 def encode_responses(data: npt.ArrayLike) -> tuple[npt.NDArray[np.uint8], Codes]:
-    """Encode many responses at once.
-
-    Parameters
-    ----------
-    data : array_like of int
-        The four information bits, 0..15.
-
-    Returns
-    -------
-    words : ndarray of uint8
-        Telegrams of 7 bits; 0 where the data are not legal.
-    error : ndarray of uint8
-        0, or ``ArgumentError.code``.
-
-    Raises
-    ------
-    ArgumentError
-        If `data` are not whole numbers.
-
-    Examples
-    --------
-    >>> words, error = encode_responses([6, 16])
-    >>> f"{words[0]:07b}", error.tolist()
-    ('0011001', [0, 7])
-    """
+    """Encode many responses at once."""
     data = _integers("data", data)
     legal = (data >= 0) & (data <= 15)
     words = data << 2 | _parity(data) << 1 | 1
@@ -287,30 +188,7 @@ def encode_responses(data: npt.ArrayLike) -> tuple[npt.NDArray[np.uint8], Codes]
 
 
 def parse_responses(words: npt.ArrayLike) -> tuple[npt.NDArray[np.int8], Codes]:
-    """Parse many responses at once.
-
-    Parameters
-    ----------
-    words : array_like of int, any shape
-        Telegrams of 7 bits.
-
-    Returns
-    -------
-    data : ndarray of int8
-        The four information bits; `NONE` where the telegram is bad.
-    error : ndarray of uint8
-        0, or a code of `shipnet.errors`.
-
-    Raises
-    ------
-    ArgumentError
-        If `words` are not whole numbers.
-
-    Examples
-    --------
-    >>> parse_responses([0b0011001, 0b0011011])
-    (array([ 6, -1], dtype=int8), array([0, 5], dtype=uint8))
-    """
+    """Parse many responses at once."""
     words = _integers("words", words)
     error = _frame_errors(words, RESPONSE_BITS)
     data = np.where(error == 0, words >> 2 & 15, NONE).astype(np.int8)
@@ -318,30 +196,7 @@ def parse_responses(words: npt.ArrayLike) -> tuple[npt.NDArray[np.int8], Codes]:
 
 
 def bits_of(words: npt.ArrayLike, length: int) -> npt.NDArray[np.uint8]:
-    """Spread words into their bits, the first on the line first.
-
-    Parameters
-    ----------
-    words : array_like of int, shape (...)
-        Telegrams.
-    length : int
-        Bits a telegram: `REQUEST_BITS` or `RESPONSE_BITS`.
-
-    Returns
-    -------
-    ndarray of uint8, shape (..., length)
-        Zeros and ones.
-
-    Raises
-    ------
-    ArgumentError
-        If a word has more bits than `length`, or `length` is outside 1..62.
-
-    Examples
-    --------
-    >>> bits_of([0b0011001], 7).tolist()
-    [[0, 0, 1, 1, 0, 0, 1]]
-    """
+    """Spread words into their bits, the first on the line first."""
     words = _integers("words", words)
     check_whole("length", length, 1, 62)
     if np.any((words < 0) | (words >> length > 0)):
@@ -350,28 +205,7 @@ def bits_of(words: npt.ArrayLike, length: int) -> npt.NDArray[np.uint8]:
 
 
 def words_of(bits: npt.ArrayLike) -> npt.NDArray[np.int64]:
-    """Gather bits into words; the inverse of `bits_of`.
-
-    Parameters
-    ----------
-    bits : array_like of int, shape (..., length)
-        Zeros and ones, the first on the line first.
-
-    Returns
-    -------
-    ndarray of int64, shape (...)
-        Telegrams.
-
-    Raises
-    ------
-    ArgumentError
-        If something other than 0 and 1 is among the bits, or if they are none or more than 62.
-
-    Examples
-    --------
-    >>> int(words_of([0, 0, 1, 1, 0, 0, 1]))
-    25
-    """
+    """Gather bits into words; the inverse of `bits_of`."""
     bits = np.atleast_1d(_integers("bits", bits))
     check_whole("number of bits", bits.shape[-1], 1, 62)
     if np.any((bits < 0) | (bits > 1)):

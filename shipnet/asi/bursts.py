@@ -12,10 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.apm import HALF_BIT
-from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
-
-__all__ = ["SILENCE", "Bursts", "Piece", "Sampling", "find_bursts", "pieces", "smallest_pulses"]
+from shipnet.asi.modulation import HALF_BIT
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
@@ -64,19 +62,7 @@ class Sampling(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A stretch of the record, resampled, its baseline at 0.
-
-    Attributes
-    ----------
-    x, y : ndarray of float32, shape (n,)
-        Voltage, and the same filtered with the shape of a pulse [V].
-    start : float
-        Time of the first sample [s].
-    step : float
-        Time between two samples [s].
-    begin, end : float
-        What belongs to this piece and not to its neighbours, which it overlaps [s].
-    """
+    """A stretch of the record, resampled, its baseline at 0."""
 
     x: Singles
     y: Singles
@@ -87,21 +73,7 @@ class Piece(NamedTuple):
 
 
 class Bursts(NamedTuple):
-    """The bursts of a piece.
-
-    Attributes
-    ----------
-    first, last : ndarray of int, shape (n,)
-        Samples of the piece at which the first and the last pulse peak.
-    height : ndarray of float, shape (n,)
-        First pulse with its sign, filtered [V].
-    bits : ndarray of int, shape (n,)
-        `REQUEST_BITS` or `RESPONSE_BITS`, whichever is nearer to the length.
-    fits : ndarray of bool, shape (n,)
-        Whether the length is that of a telegram.
-    pulses : ndarray of int, shape (n,)
-        How many pulses.
-    """
+    """The bursts of a piece."""
 
     first: Indices
     last: Indices
@@ -118,31 +90,7 @@ class Bursts(NamedTuple):
 def pieces(
     u: Floats, dt: float, *, length: int = _PIECE, only: Indices | None = None
 ) -> Iterator[Piece]:
-    """Work through a record in overlapping pieces, so that memory stays bounded.
-
-    Parameters
-    ----------
-    u : ndarray of float, shape (n_t,)
-        Voltage [V], with or without a DC part; NaN counts as silence.
-    dt : float
-        Sampling interval, at most 1e-6 [s].
-    length : int, optional
-        Samples of a piece.
-    only : ndarray of int, optional
-        Numbers of the pieces wanted; all if omitted.
-
-    Returns
-    -------
-    iterator of Piece
-        The pieces in the order of time.
-
-    Examples
-    --------
-    >>> u = 30 + np.sin(2 * np.pi * 100e3 * np.arange(2000) * 1e-7)
-    >>> (piece,) = pieces(u, 1e-7)
-    >>> piece.x.shape, f"{piece.step:.1e} s", f"{np.ptp(piece.x):.2f} V"
-    ((1000,), '2.0e-07 s', '2.00 V')
-    """
+    """Work through a record in overlapping pieces, so that memory stays bounded."""
     sampling = Sampling.of(dt)
     group = sampling.mean * sampling.down
     length = -(-length // group) * group
@@ -233,25 +181,7 @@ def _matched(x: Singles, step: float) -> Singles:
 
 
 def smallest_pulses(sample: list[Piece]) -> list[float]:
-    """Estimate from a few pieces below which voltage nothing is a pulse.
-
-    Parameters
-    ----------
-    sample : list of Piece
-        Pieces, most of them with telegrams.
-
-    Returns
-    -------
-    list of float
-        Estimates, the most likely one first: a tenth of a typical first pulse, or five standard
-        deviations of the noise in the pauses if that is more [V]. They differ by what is taken
-        for typical: of one telegram or many, among impulses or not.
-
-    Examples
-    --------
-    >>> smallest_pulses([])
-    []
-    """
+    """Estimate from a few pieces below which voltage nothing is a pulse."""
     blocks = [
         np.abs(piece.y[: len(piece.y) // 100 * 100]).reshape(-1, 100).max(axis=1)
         for piece in sample
@@ -279,31 +209,7 @@ def _noise(sample: list[Piece], typical: float) -> float:
 
 
 def find_bursts(piece: Piece, minimum: float) -> Bursts:
-    """Group the pulses of a piece into bursts.
-
-    Parameters
-    ----------
-    piece : Piece
-        Resampled voltage.
-    minimum : float
-        Voltage below which nothing is a pulse [V].
-
-    Returns
-    -------
-    Bursts
-        One row a burst, in the order of time, also those of a single pulse.
-
-    Examples
-    --------
-    >>> from shipnet.asi.apm import send_current
-    >>> t = np.arange(0, 200e-6, 1e-7)
-    >>> current = send_current(t, "00101010111001", start=2e-5)
-    >>> current += send_current(t, "0011001", start=12.2e-5)
-    >>> (piece,) = pieces(-40e-6 * np.gradient(current, 1e-7), 1e-7)
-    >>> bursts = find_bursts(piece, 0.5)
-    >>> bursts.bits.tolist(), (np.diff(bursts.first) * piece.step * 1e6).round(1).tolist()
-    ([14, 7], [102.0])
-    """
+    """Group the pulses of a piece into bursts."""
     at, height = _pulses(piece.y, minimum)
     if at.size:
         from scipy.ndimage import maximum_filter1d

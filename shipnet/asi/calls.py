@@ -17,8 +17,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-__all__ = ["Answer", "Call", "Rule"]
-
 
 class Answer(IntEnum):
     """The answers that the standard fixes, whatever the slave."""
@@ -29,25 +27,7 @@ class Answer(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """How one call looks on the line.
-
-    Parameters
-    ----------
-    title : str
-        Plain name of the call.
-    pattern : str
-        Eleven letters CB A4..A0 I4..I0 for a standard slave.
-    says : str
-        Format string for one line of text, with the fields slave, data and bits.
-    extended : str, optional
-        The pattern for an A/B slave where it differs.
-    symbol : str, optional
-        The standard's letter for the data bits: D, P, A (address) or ID.
-    lowest_address : int, default 0
-        Lowest legal address; below it the same bits mean another call.
-    answer : str or Answer or None
-        What the slave's four bits mean, or the value that they must have; None without answer.
-    """
+    """How one call looks on the line."""
 
     title: str
     pattern: str

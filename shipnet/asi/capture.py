@@ -1,28 +1,370 @@
-"""Decode a recorded line voltage: from the samples of a scope to a table of transactions."""
+"""Recorded line voltages decoded: telegrams, transactions, and what they say of the network."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.apm import HALF_BIT
+from shipnet.asi.batch import NONE, parse_requests, parse_responses, words_of
 from shipnet.asi.bursts import Bursts, Piece, find_bursts, pieces, smallest_pulses
-from shipnet.asi.capture_summary import Summary, summarize
-from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
-from shipnet.asi.receiver import receive
-from shipnet.asi.transactions import Telegrams, transactions_of
-from shipnet.errors import ArgumentError
+from shipnet.asi.calls import Call
+from shipnet.asi.modulation import HALF_BIT
+from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE, Reception, receive
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response
+from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
+from shipnet.errors import ArgumentError, explain
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Capture", "decode"]
+#: What stands in the columns of errors beside "ok" and the names of the classes.
+CUT_OFF, NO_ANSWER = "cut off", "no answer"
 
+#: Longest pause behind a request in which its response begins [bit], with room for its pulses'
+#: delay, and the longest one behind a response: a master may stretch it to 500 us.
+_MASTER_PAUSE = MASTER_PAUSE_BITS[1] + 0.5
+_SLAVE_PAUSE = 500e-6 / BIT_TIME
+
+Bools = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+Integers = npt.NDArray[np.int64]
+Strings = npt.NDArray[np.object_]
+
+
+class Telegrams(NamedTuple):
+    """The telegrams of a record, one array a field, all of the shape (n,)."""
+
+    start: Floats
+    first: Floats
+    last: Floats
+    length: Integers
+    word: Integers
+    known: Integers
+    error: Integers
+    amplitude: Floats
+    weakest: Floats
+    ringing: Floats
+    fits: Bools
+    edge: Integers
+
+    @classmethod
+    def of(
+        cls,
+        received: Reception,
+        begin: Floats,
+        *,
+        first: Floats,
+        last: Floats,
+        unit: Floats,
+        fits: Bools,
+        edge: Integers,
+    ) -> Telegrams:
+        """Take what was received from rows that begin at times, each measured in its own unit."""
+        bits = received.bits.astype(np.int64)
+        return cls(
+            begin + received.start,
+            first,
+            last,
+            np.full(len(bits), bits.shape[-1]),
+            words_of(np.maximum(bits, 0)),
+            words_of((bits != NONE).astype(np.int64)),
+            received.error.astype(np.int64),
+            received.amplitude * unit,
+            received.weakest,
+            received.ringing,
+            fits,
+            edge,
+        )
+
+    @classmethod
+    def none(cls) -> Telegrams:
+        """Return no telegram."""
+        kinds = [float] * 3 + [np.int64] * 4 + [float] * 3 + [bool, np.int64]
+        return cls._make(np.zeros(0, kind) for kind in kinds)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Telegrams]) -> Telegrams:
+        """Put batches together, in the order of time."""
+        whole = [np.concatenate(field) for field in zip(*parts, strict=True)]
+        order = np.argsort(whole[1], kind="stable")
+        return cls._make(field[order] for field in whole)
+
+
+def transactions_of(
+    telegrams: Telegrams, ends: Floats, extended: Collection[int] = ()
+) -> pd.DataFrame:
+    """Pair requests with responses, and say what they mean."""
+    import pandas as pd
+
+    cut, asks, answers = _roles(telegrams)
+    request, response = _pairs(asks, answers)
+    states = np.array([explain(code) for code in telegrams.error.tolist()], dtype=object)
+    states[cut] = CUT_OFF
+    request_error, response_error = _pick(states, request, ""), _pick(states, response, "")
+
+    words = np.where(request_error == "ok", _pick(telegrams.word, request, 0), -1)
+    calls = parse_requests(words, extended=np.isin(words >> 7 & 31, list(extended)))
+    readable = request_error == "ok"
+    request_error[readable] = [explain(code) for code in calls.error[readable].tolist()]
+    replies = np.where(response_error == "ok", _pick(telegrams.word, response, 0), -1)
+    data, _ = parse_responses(replies)
+
+    # A request at the end of the record has no answer yet.
+    start = _pick(telegrams.start, request, np.nan)
+    rest = np.append(ends, np.inf)[np.searchsorted(ends, start)] - start
+    room = (REQUEST_BITS + MASTER_PAUSE_BITS[1] + RESPONSE_BITS) * BIT_TIME
+    asks = np.array([call.rule.answer is not None for call in Call] + [False])[calls.call]
+    alone = (response < 0) & (request_error == "ok") & asks
+    response_error[alone] = np.where(rest[alone] < room, CUT_OFF, NO_ANSWER)
+
+    told = _told(telegrams)
+    requests, responses = _pick(told, request, ""), _pick(told, response, "")
+    speaker = np.where(response >= 0, response, request)
+    master_pause, slave_pause = _pauses(telegrams, request, response, cut)
+    return pd.DataFrame(
+        {
+            "start_s": np.where(request >= 0, start, _pick(telegrams.start, response, np.nan)),
+            "request": requests,
+            "call": np.array([_title(call) for call in calls.call.tolist()], dtype=object),
+            "address": _nullable(calls.address),
+            "half": np.array(["A", "B", ""], dtype=object)[calls.half],
+            "request_data": _nullable(calls.data),
+            "response": responses,
+            "response_data": _nullable(data),
+            "master_pause_bit": master_pause,
+            "slave_pause_bit": slave_pause,
+            "request_amplitude_V": _pick(telegrams.amplitude, request, np.nan),
+            "response_amplitude_V": _pick(telegrams.amplitude, response, np.nan),
+            "weakest_pulse": _pick(telegrams.weakest, speaker, np.nan),
+            "ringing": _pick(telegrams.ringing, speaker, np.nan),
+            "request_error": request_error,
+            "response_error": response_error,
+            "text": np.array(
+                [
+                    _in_words(*row)
+                    for row in zip(
+                        requests.tolist(),
+                        request_error.tolist(),
+                        (calls.half >= 0).tolist(),
+                        responses.tolist(),
+                        response_error.tolist(),
+                        calls.call.tolist(),
+                        strict=True,
+                    )
+                ],
+                dtype=object,
+            ),
+        }
+    )
+
+
+def _pick(field: npt.NDArray[Any], index: Indices, missing: object) -> npt.NDArray[Any]:
+    """Return elements of a field, and `missing` where the index is -1."""
+    end = np.empty(1, dtype=field.dtype)
+    end[0] = missing
+    return np.concatenate([field, end])[index]
+
+
+def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
+    """Return which telegrams are cut off, which are requests, and which answer one."""
+    # From the last pulse to the next first one it takes a bit time more than the pause.
+    pause = np.diff(telegrams.first, prepend=np.nan)
+    pause[1:] = (telegrams.first[1:] - telegrams.last[:-1]) / BIT_TIME - 1
+    broken = (telegrams.error > 0) | ~telegrams.fits
+    short = telegrams.length == RESPONSE_BITS
+    # The last half of a request, and the first one, may look like a response.
+    front = (telegrams.edge == 1) & (broken | short)
+    asks = ~short | front
+    in_time = np.append(False, asks[:-1]) & (pause <= _MASTER_PAUSE)
+    back = (telegrams.edge == 2) & ~front & (broken | (short & ~in_time))
+    asks = np.where(back, ~in_time, asks)
+    return front | back, asks, ~asks & np.append(False, asks[:-1]) & (pause <= _MASTER_PAUSE)
+
+
+def _pairs(asks: Bools, answers: Bools) -> tuple[Indices, Indices]:
+    """Return, for each transaction, which telegram is its request and its response, or -1."""
+    row = np.cumsum(~answers) - 1
+    rows = int((~answers).sum())
+    request, response = np.full(rows, -1), np.full(rows, -1)
+    request[row[asks]] = np.flatnonzero(asks)
+    response[row[~asks]] = np.flatnonzero(~asks)
+    return request, response
+
+
+def _pauses(
+    telegrams: Telegrams, request: Indices, response: Indices, cut: Bools
+) -> tuple[Floats, Floats]:
+    """Return the pauses behind requests and behind responses [bit], NaN where there is none."""
+    # What is cut off has lost its start, so it cannot be measured from there.
+    begins = np.where(cut & (telegrams.edge == 1), np.nan, telegrams.start)
+    asked, answered = _pick(begins, request, np.nan), _pick(begins, response, np.nan)
+    master = (answered - asked) / BIT_TIME - REQUEST_BITS
+    slave = np.full(len(request), np.nan)
+    slave[:-1] = (asked[1:] - answered[:-1]) / BIT_TIME - RESPONSE_BITS
+    slave[~(slave <= _SLAVE_PAUSE)] = np.nan
+    return master, slave
+
+
+def _told(telegrams: Telegrams) -> Strings:
+    """Return the telegrams as strings of 0 and 1, with ? where no pulse told a bit."""
+
+    @cache
+    def text(word: int, known: int, length: int) -> str:
+        bits, told = f"{word:0{length}b}", f"{known:0{length}b}"
+        return "".join(bit if one == "1" else "?" for bit, one in zip(bits, told, strict=True))
+
+    columns = (telegrams.word.tolist(), telegrams.known.tolist(), telegrams.length.tolist())
+    return np.array([text(*row) for row in zip(*columns, strict=True)], dtype=object)
+
+
+def _nullable(values: npt.NDArray[np.int8]) -> pd.api.extensions.ExtensionArray:
+    import pandas as pd
+
+    return pd.arrays.IntegerArray(values.astype(np.int64), values == NONE)
+
+
+def _title(call: int) -> str:
+    return "" if call == NONE else Call(call).rule.title
+
+
+@cache
+def _in_words(
+    request: str, request_error: str, extended: bool, response: str, response_error: str, call: int
+) -> str:
+    """Say in one line what was asked and what was answered, or what went wrong."""
+    parts = []
+    if request_error == "ok":
+        parts.append(str(Request.parse(request, extended=extended)))
+    elif request_error:
+        parts.append(f"request {request_error}: {request}")
+    if response_error == "ok":
+        try:
+            parts.append(str(Response.parse(response, None if call == NONE else Call(call))))
+        except ArgumentError:
+            parts.append(f"response {response} where none is expected")
+    elif response_error == NO_ANSWER:
+        parts.append(NO_ANSWER)
+    elif response_error:
+        parts.append(f"response {response_error}" + (f": {response}" if response else ""))
+    return "; ".join(parts)
+
+
+#: A master repeats a request at once [s]; later than this it is the next cycle.
+_AT_ONCE = 1e-3
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The network that was heard."""
+
+    transactions: int
+    cycle_time: float
+    repetitions: int
+    unanswered: int
+    seen: list[str]
+    missing: list[str]
+    errors: dict[str, int]
+    cut_off: int
+    slaves: pd.DataFrame
+
+    def __str__(self) -> str:
+        """Report in a few lines."""
+        errors = ", ".join(f"{name} {count}" for name, count in self.errors.items())
+        cycle = "unknown" if np.isnan(self.cycle_time) else f"{self.cycle_time * 1e3:.3f} ms"
+        return "\n".join(
+            [
+                f"transactions   {self.transactions}, {self.cut_off} telegrams cut off",
+                f"cycle time     {cycle}",
+                f"repetitions    {self.repetitions}",
+                f"unanswered     {self.unanswered}",
+                f"slaves seen    {', '.join(self.seen) or 'none'}",
+                f"never answered {', '.join(self.missing) or 'none'}",
+                f"errors         {errors or 'none'}",
+            ]
+        )
+
+
+def summarize(transactions: pd.DataFrame) -> Summary:
+    """Summarise a table of transactions."""
+    states = transactions[["request_error", "response_error"]].to_numpy()
+    told = [state for state in states.ravel() if state not in ("", "ok", CUT_OFF, NO_ANSWER)]
+    repeated = _repeated(transactions)
+    slaves = _slaves(transactions)
+    answered = slaves["answers"] > 0
+    asked = slaves["requests"] > 0
+    return Summary(
+        len(transactions),
+        _cycle_time(transactions[~repeated]),
+        int(repeated.sum()),
+        int((transactions["response_error"] == NO_ANSWER).sum()),
+        list(slaves.index[answered]),
+        list(slaves.index[asked & ~answered & (slaves["unanswered"] > 0)]),
+        {name: told.count(name) for name in sorted(set(told))},
+        int((states == CUT_OFF).sum()),
+        slaves.drop(columns="unanswered"),
+    )
+
+
+def _repeated(transactions: pd.DataFrame) -> npt.NDArray[np.bool_]:
+    """Return which rows ask again what the row before them asked in vain."""
+    request = transactions["request"].to_numpy()
+    start = transactions["start_s"].to_numpy()
+    failed = (
+        ~transactions["request_error"].isin(["ok", CUT_OFF])
+        | ~transactions["response_error"].isin(["ok", "", CUT_OFF])
+    ).to_numpy()
+    repeated = np.zeros(len(request), dtype=bool)
+    for row in np.flatnonzero(failed[:-1]) + 1:
+        before, now = request[row - 1], request[row]
+        if before and len(before) == len(now) and start[row] - start[row - 1] < _AT_ONCE:
+            differences = sum(a != b for a, b in zip(before, now, strict=True) if a != "?")
+            repeated[row] = differences <= 1
+    return repeated
+
+
+def _cycle_time(transactions: pd.DataFrame) -> float:
+    data = transactions[transactions["call"] == "data exchange"]
+    times = data.groupby("address")["start_s"].diff().dropna()
+    return float(times.median()) if len(times) else float("nan")
+
+
+def _slaves(transactions: pd.DataFrame) -> pd.DataFrame:
+    import pandas as pd
+
+    rows = transactions[
+        transactions["address"].notna() & (transactions["call"] != "broadcast reset")
+    ]
+    place = rows["address"].astype(int)
+    label = place.astype(str) + rows["half"]
+    answer = rows["response_error"] == "ok"
+    heard = rows[answer]
+    by = rows.groupby(label)
+    good = heard.groupby(label[answer])
+    table = pd.DataFrame(
+        {
+            "requests": by.size(),
+            "answers": good.size().reindex(by.size().index, fill_value=0),
+            "unanswered": (rows["response_error"] == NO_ANSWER).groupby(label).sum(),
+            "errors": (~rows["response_error"].isin(["ok", "", NO_ANSWER, CUT_OFF]))
+            .groupby(label)
+            .sum(),
+            "amplitude_V": good["response_amplitude_V"].median(),
+            "weakest_pulse": good["weakest_pulse"].min(),
+            "ringing": good["ringing"].max(),
+        }
+    )
+    table["amplitude_margin"] = table["weakest_pulse"] - AMPLITUDE_TOLERANCE
+    table["ringing_margin"] = RINGING_TOLERANCE - table["ringing"]
+    order = pd.DataFrame({"place": place.groupby(label).first(), "name": by.size().index})
+    table = table.loc[order.sort_values(["place", "name"]).index]
+    return table.rename_axis("slave")
+
 
 #: Longest time between two samples [s]: three samples a half-bit.
 _LONGEST_STEP = 1e-6
@@ -78,6 +420,11 @@ class Capture:
         Voltage below which nothing counted as a pulse [V].
     disturbances : int
         Bursts of too few pulses for a telegram.
+
+    Examples
+    --------
+    >>> decode(np.zeros(1000), 1e-7).telegrams
+    0
     """
 
     transactions: pd.DataFrame
@@ -94,13 +441,7 @@ class Capture:
         return int((columns == "ok").to_numpy().sum())
 
     def summary(self) -> Summary:
-        """Return cycle time, repetitions, missing slaves, errors and margins.
-
-        Returns
-        -------
-        Summary
-            See there; printed, it is a report of a few lines.
-        """
+        """Return cycle time, repetitions, missing slaves, errors and margins."""
         if not self._summary:
             self._summary.append(summarize(self.transactions))
         return self._summary[0]
@@ -151,7 +492,7 @@ def decode(
 
     Examples
     --------
-    >>> from shipnet.asi.apm import send_current
+    >>> from shipnet.asi.modulation import send_current
     >>> t = np.arange(0, 300e-6, 1e-7)
     >>> current = send_current(t, "00101010111001", start=2e-5)
     >>> current += send_current(t, "0011001", start=12.2e-5)

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
-from shipnet.asi.frame import RESPONSE_BITS
 from shipnet.asi.profile import Profile
+from shipnet.asi.telegram import RESPONSE_BITS
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole

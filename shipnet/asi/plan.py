@@ -28,8 +28,8 @@ from shipnet.asi.elements import (
     Terminator,
 )
 from shipnet.asi.quality import SignalQuality, signal_quality
-from shipnet.asi.response import RESPONSES
 from shipnet.asi.segment import DEVICE, Segment
+from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from shipnet.line.network import Network

@@ -12,32 +12,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from shipnet import style
-from shipnet.asi.apm import HALF_BIT, levels_of, pulses_of, send_current
 from shipnet.asi.capture import Capture
-from shipnet.asi.eye import Eye
-from shipnet.asi.frame import REQUEST_BITS
+from shipnet.asi.modulation import HALF_BIT, bits_of_slots, levels_of, pulses_of, send_current
 from shipnet.asi.profile import IO_CONFIGURATIONS
-from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE
-from shipnet.asi.response import Response
-from shipnet.asi.slots import bits_of_slots
-from shipnet.asi.telegram import Request
+from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE, Eye
+from shipnet.asi.telegram import REQUEST_BITS, Request, Response
 from shipnet.asi.timing import BIT_TIME, Transaction
 from shipnet.errors import LengthError
+from shipnet.line.plot import axes
 
 Floats = npt.NDArray[np.floating]
 
-__all__ = [
-    "REQUEST_PARTS",
-    "RESPONSE_PARTS",
-    "plot_capture",
-    "plot_eye",
-    "plot_io_codes",
-    "plot_modulation",
-    "plot_slots",
-    "plot_telegram",
-    "plot_transaction",
-    "save_capture",
-]
 
 #: Parts of the telegrams: label, number of bits, key of `style.FIELD`.
 REQUEST_PARTS = (
@@ -57,26 +42,14 @@ RESPONSE_PARTS = (
 
 
 def plot_telegram(
-    bits: str, *, ax: Axes, start: float = 0.0, parts: Sequence[tuple[str, int, str]] | None = None
+    bits: str,
+    *,
+    ax: Axes | None = None,
+    start: float = 0.0,
+    parts: Sequence[tuple[str, int, str]] | None = None,
 ) -> Axes:
-    """Draw a telegram as a row of coloured bits with its level line above.
-
-    Parameters
-    ----------
-    bits : str
-        Telegram of 14 or 7 bits; it is drawn as it is, right or wrong.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    start : float, default 0
-        Where the telegram begins [bit].
-    parts : sequence of tuple, optional
-        Label, number of bits and colour key of each part; taken from the length if omitted.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; x is in bit times.
-    """
+    """Draw a telegram as a row of coloured bits with its level line above."""
+    ax = axes(ax)
     lengths = {sum(part[1] for part in own) for own in (REQUEST_PARTS, RESPONSE_PARTS)}
     if parts is None and len(bits) not in lengths:
         raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
@@ -104,26 +77,10 @@ def plot_transaction(
     response: Response | str,
     transaction: Transaction | None = None,
     *,
-    ax: Axes,
+    ax: Axes | None = None,
 ) -> Axes:
-    """Draw request, master pause, response and slave pause on one time axis: kim2023's Fig 5.
-
-    Parameters
-    ----------
-    request : Request or str
-        The request, or its 14 bits (which may be faulty).
-    response : Response or str
-        The response, or its 7 bits.
-    transaction : Transaction, optional
-        The pauses; the longest usual ones if omitted.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; x is in bit times, with microseconds on top.
-    """
+    """Draw request, master pause, response and slave pause on one time axis: kim2023's Fig 5."""
+    ax = axes(ax, figsize=(8, 2.6))
     transaction = transaction or Transaction()
     spans = transaction.spans
     telegrams = {
@@ -159,19 +116,9 @@ def plot_transaction(
     return ax
 
 
-def plot_io_codes(*, ax: Axes) -> Axes:
-    """Draw the ports of the 16 I/O configuration codes as a grid: kim2023's Table 7.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; one column a code, one row a port.
-    """
+def plot_io_codes(*, ax: Axes | None = None) -> Axes:
+    """Draw the ports of the 16 I/O configuration codes as a grid: kim2023's Table 7."""
+    ax = axes(ax, figsize=(8, 2))
     colours = {
         "IN": style.FIELD["address"],
         "OUT": style.FIELD["information"],
@@ -198,31 +145,12 @@ def plot_capture(
     u: npt.ArrayLike,
     dt: float,
     *,
-    ax: Axes,
+    ax: Axes | None = None,
     start: float = 0.0,
     stop: float | None = None,
 ) -> Axes:
-    """Draw a recorded line voltage with the telegrams that were found in it.
-
-    Parameters
-    ----------
-    capture : Capture
-        What `shipnet.asi.capture.decode` made of the record.
-    u : array_like of float, shape (n_t,)
-        The record [V].
-    dt : float
-        Its sampling interval [s].
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    start, stop : float, optional
-        What to show, from the first sample [s]; all if omitted.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; x is in microseconds. Each telegram is shaded, with its bits above it;
-        one with an error has the error's name above its bits, in the colour of limits.
-    """
+    """Draw a recorded line voltage with the telegrams that were found in it."""
+    ax = axes(ax, figsize=(10, 3.2))
     u = np.asarray(u)
     stop = len(u) * dt if stop is None else stop
     low, high = max(0, int(start / dt)), min(len(u), int(stop / dt) + 1)
@@ -272,15 +200,7 @@ def save_capture(
     start: float = 0.0,
     stop: float | None = None,
 ) -> None:
-    """Write the figure of `plot_capture` to a file.
-
-    Parameters
-    ----------
-    file : str
-        Where to; its ending says the format.
-    capture, u, dt, start, stop
-        As for `plot_capture`.
-    """
+    """Write the figure of `plot_capture` to a file."""
     with mpl.rc_context():
         style.use()
         figure = Figure(figsize=(10, 3.2), layout="constrained")
@@ -289,17 +209,7 @@ def save_capture(
 
 
 def plot_modulation(bits: str, *, axes: Sequence[Axes], voltage: tuple[Floats, Floats]) -> None:
-    """Draw the six steps from bits to pulses and back: kim2023's Table 3.
-
-    Parameters
-    ----------
-    bits : str
-        The telegram.
-    axes : sequence of matplotlib.axes.Axes
-        Six axes, one a step, from top to bottom.
-    voltage : tuple of ndarray
-        Time [s] from the start of the telegram, and the voltage on the line [V].
-    """
+    """Draw the six steps from bits to pulses and back: kim2023's Table 3."""
     t, u = voltage
     edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6
     levels = levels_of(bits)
@@ -325,23 +235,9 @@ def plot_modulation(bits: str, *, axes: Sequence[Axes], voltage: tuple[Floats, F
     axes[5].set_xlabel("time [us]")
 
 
-def plot_slots(slots: npt.ArrayLike, *, ax: Axes, faults: Sequence[int] = ()) -> Axes:
-    """Draw the pulses of a telegram slot by slot, faulty slots in red.
-
-    Parameters
-    ----------
-    slots : array_like of int
-        -1, 0 or +1 for each half-bit.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    faults : sequence of int, optional
-        Slots to be marked.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; x is in half-bits.
-    """
+def plot_slots(slots: npt.ArrayLike, *, ax: Axes | None = None, faults: Sequence[int] = ()) -> Axes:
+    """Draw the pulses of a telegram slot by slot, faulty slots in red."""
+    ax = axes(ax)
     slots = np.asarray(slots)
     for slot, pulse in enumerate(slots):
         colour = style.LIMIT["color"] if slot in faults else "C0"
@@ -353,21 +249,9 @@ def plot_slots(slots: npt.ArrayLike, *, ax: Axes, faults: Sequence[int] = ()) ->
     return ax
 
 
-def plot_eye(opened: Eye, *, ax: Axes) -> Axes:
-    """Draw all half-bits over each other with the tolerances: icn2007's Fig 8.
-
-    Parameters
-    ----------
-    opened : Eye
-        What `shipnet.asi.eye.eye` made of the telegrams.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; x is in microseconds from the middle of a half-bit.
-    """
+def plot_eye(opened: Eye, *, ax: Axes | None = None) -> Axes:
+    """Draw all half-bits over each other with the tolerances: icn2007's Fig 8."""
+    ax = axes(ax)
     t = opened.t * 1e6
     for rows, colour, label in [(opened.pulses, "C0", "pulse"), (opened.gaps, "C1", "no pulse")]:
         lines = ax.plot(t, rows.T, color=colour, alpha=0.15, linewidth=0.8)

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 
-__all__ = [
-    "IO_CONFIGURATIONS",
-    "Port",
-    "Profile",
-    "describe_io_configuration",
-    "describe_status",
-    "io_code",
-]
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
 Port = Literal["IN", "OUT", "I/O", "TRI"]
 
@@ -43,30 +38,7 @@ _STATUS = {
 
 
 def describe_io_configuration(code: int) -> str:
-    """Return what the ports of an I/O configuration code do.
-
-    Parameters
-    ----------
-    code : int
-        I/O configuration code, 0..15.
-
-    Returns
-    -------
-    str
-        Directions of the ports D0..D3.
-
-    Raises
-    ------
-    ArgumentError
-        If `code` is outside 0..15.
-
-    Examples
-    --------
-    >>> describe_io_configuration(0x9)
-    'ports D0..D3 OUT OUT OUT IN'
-    >>> describe_io_configuration(0xF)
-    'no port has a function'
-    """
+    """Return what the ports of an I/O configuration code do."""
     check_whole("code", code, 0, 15)
     ports = IO_CONFIGURATIONS[code]
     if ports[0] == "TRI":
@@ -75,28 +47,7 @@ def describe_io_configuration(code: int) -> str:
 
 
 def io_code(ports: tuple[str, str, str, str]) -> int:
-    """Return the I/O configuration code of four ports; the inverse of `IO_CONFIGURATIONS`.
-
-    Parameters
-    ----------
-    ports : tuple of str
-        Directions of D0..D3, each ``"IN"``, ``"OUT"``, ``"I/O"`` or ``"TRI"``.
-
-    Returns
-    -------
-    int
-        Code 0..15.
-
-    Raises
-    ------
-    ArgumentError
-        If no code stands for this combination: 16 codes do not cover all 81 of them.
-
-    Examples
-    --------
-    >>> io_code(("IN", "IN", "OUT", "OUT"))
-    3
-    """
+    """Return the I/O configuration code of four ports; the inverse of `IO_CONFIGURATIONS`."""
     try:
         return IO_CONFIGURATIONS.index(tuple(ports))
     except ValueError:
@@ -105,37 +56,7 @@ def io_code(ports: tuple[str, str, str, str]) -> int:
 
 
 def describe_status(status: int, version: Literal["2.0", "2.1"] = "2.1") -> str:
-    """Return the meaning of the status bits S3..S0 that are set.
-
-    Parameters
-    ----------
-    status : int
-        The four bits of the answer to *read status*, 0..15.
-    version : {"2.1", "2.0"}
-        Specification of the slave: S1 is a periphery fault since 2.1 and was a parity error
-        before; S2 was an end bit error and is reserved since.
-
-    Returns
-    -------
-    str
-        The set bits with their meaning, or ``"no flag set"``.
-
-    Raises
-    ------
-    ArgumentError
-        If `status` or `version` is not legal.
-
-    References
-    ----------
-    .. [1] Siemens, "IE/AS-INTERFACE LINK PN IO", manual, p. 169.
-
-    Examples
-    --------
-    >>> describe_status(0b0010)
-    'S1 periphery fault'
-    >>> describe_status(0b0010, version="2.0")
-    'S1 parity error seen'
-    """
+    """Return the meaning of the status bits S3..S0 that are set."""
     if version not in _STATUS:
         raise ArgumentError(f"version is {version!r}; it must be '2.0' or '2.1'")
     check_whole("status", status, 0, 15)
@@ -203,31 +124,30 @@ class Profile:
 
     @classmethod
     def parse(cls, text: str) -> Profile:
-        """Read the nameplate form.
-
-        Parameters
-        ----------
-        text : str
-            ``S-`` and two or three hexadecimal digits with dots between.
-
-        Returns
-        -------
-        Profile
-            Its ``str`` is the text given, in capitals.
-
-        Raises
-        ------
-        ArgumentError
-            If the text has another form.
-
-        Examples
-        --------
-        >>> str(Profile.parse("s-7.3"))
-        'S-7.3'
-        """
+        """Read the nameplate form."""
         found = re.fullmatch(r"[Ss]-([0-9A-Fa-f])\.([0-9A-Fa-f])(?:\.([0-9A-Fa-f]))?", text)
         if not found:
             raise ArgumentError(
                 f"profile is {text!r}; it must look like 'S-7.A.E' or 'S-0.F', hexadecimal digits"
             )
         return cls(*(int(code, 16) for code in found.groups() if code is not None))
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """What the ports D0..D3 do: ``"IN"``, ``"OUT"``, ``"I/O"`` or ``"TRI"``, no function."""
+        return IO_CONFIGURATIONS[self.io]
+
+    @classmethod
+    def table(cls) -> pd.DataFrame:
+        """Return the ports D0..D3 of every I/O configuration code: kim2023's Table 7."""
+        import pandas as pd
+
+        codes = pd.Index([f"{code:X}" for code in range(len(IO_CONFIGURATIONS))], name="code")
+        return pd.DataFrame(IO_CONFIGURATIONS, index=codes, columns=["D0", "D1", "D2", "D3"])
+
+    @classmethod
+    def plot_table(cls, ax: Axes | None = None) -> Axes:
+        """Draw the ports of the 16 I/O configuration codes as a grid, one column per code."""
+        from shipnet.asi.plot import plot_io_codes
+
+        return plot_io_codes(ax=ax)

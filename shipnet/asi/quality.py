@@ -8,13 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.apm import as_bits
+from shipnet.asi.modulation import as_bits
 from shipnet.asi.receiver import receive
-from shipnet.asi.response import RESPONSES
 from shipnet.asi.segment import Segment
+from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.timing import BIT_TIME
-
-__all__ = ["SignalQuality", "signal_quality"]
 
 #: Sampling interval of the waveforms, and the silence behind a telegram [s].
 _STEP, _SILENCE = 250e-9, 60e-6
@@ -23,19 +21,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class SignalQuality(NamedTuple):
-    """The worst over all telegrams, one entry a slave.
-
-    Attributes
-    ----------
-    level_least, level_most : ndarray of float, shape (n_slaves,)
-        Signal, peak to peak [V].
-    evenness : ndarray of float, shape (n_slaves,)
-        Smallest pulse over largest pulse of a telegram, 0..1; 0 if none is received.
-    ringing : ndarray of float, shape (n_slaves,)
-        Largest voltage without a pulse over largest pulse; 1 if none is received.
-    received : ndarray of float, shape (n_slaves,)
-        Share of the telegrams that are received as they were sent, 0..1.
-    """
+    """The worst over all telegrams, one entry a slave."""
 
     level_least: Floats
     level_most: Floats
@@ -45,38 +31,7 @@ class SignalQuality(NamedTuple):
 
 
 def signal_quality(segment: Segment, words: Sequence[str] = RESPONSES) -> SignalQuality:
-    """Return how telegrams come over between the master and each slave of a segment.
-
-    Parameters
-    ----------
-    segment : Segment
-        Cable, supply, master and slaves.
-    words : sequence of str, default all 16 responses
-        Telegrams of one length, 7 or 14 bits.
-
-    Returns
-    -------
-    SignalQuality
-        One entry for each of `segment.slaves`.
-
-    Raises
-    ------
-    ArgumentError
-        If the words are not telegrams of one length, or a node is unknown.
-
-    Notes
-    -----
-    By reciprocity a slave hears of the master what the master hears of it, if both send with the
-    same current, so it serves both directions. The send current does not depend on the voltage
-    here; a real sender may clip.
-
-    Examples
-    --------
-    >>> from shipnet.asi.topology import straight_line
-    >>> quality = signal_quality(straight_line(100, slaves=(5, 100)))
-    >>> quality.level_least.round(1).tolist(), quality.evenness.round(2).tolist()
-    ([4.9, 6.5], [0.96, 0.95])
-    """
+    """Return how telegrams come over between the master and each slave of a segment."""
     bits = as_bits(words)
     n_bits = bits.shape[-1]
     duration = n_bits * BIT_TIME + _SILENCE

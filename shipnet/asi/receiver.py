@@ -2,29 +2,19 @@
 
 The receiver waits for the first pulse, takes its size as the measure of all others, looks at the
 line once every half-bit after it, and calls a pulse what is larger than half of the first. What it
-found, it hands to the seven checks of `shipnet.asi.slots`.
+finds goes through the seven checks of `shipnet.asi.modulation`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.apm import HALF_BIT
-from shipnet.asi.slots import check_bit_count, check_columns
+from shipnet.asi.modulation import HALF_BIT, check_bit_count, check_columns, pulses_of
 from shipnet.errors import ArgumentError, SilenceError
-
-__all__ = [
-    "AMPLITUDE_TOLERANCE",
-    "MINIMUM",
-    "RINGING_TOLERANCE",
-    "Reception",
-    "matched_filter",
-    "receive",
-    "within_tolerance",
-]
 
 #: Smallest pulse over largest pulse that is still in order; `within_tolerance` derives it.
 AMPLITUDE_TOLERANCE = 0.65
@@ -51,35 +41,7 @@ Indices = npt.NDArray[np.intp]
 
 
 class Reception(NamedTuple):
-    """What a receiver made of a batch of telegrams; the leading axes are those of the voltage.
-
-    Attributes
-    ----------
-    bits : ndarray of int8, shape (..., n_bits)
-        The bits, and -1 where there is none; to be trusted only where `error` is 0.
-    error : ndarray of uint8, shape (...)
-        0, or a code of `shipnet.errors`.
-    start : ndarray of float, shape (...)
-        When the telegram starts [s], 1.5 half-bits before the peak of its first pulse, which is
-        found between the samples. Negative if the record begins inside the telegram. The supply
-        delays the pulses: on a line it is about 1 us late.
-    amplitude : ndarray of float, shape (...)
-        Size of the first pulse on the line [V]: its largest sample, before any filter.
-    weakest : ndarray of float, shape (...)
-        Smallest pulse over largest pulse, 0..1.
-    ringing : ndarray of float, shape (...)
-        Largest voltage in a slot without a pulse over largest pulse; the slots after the first
-        pulse count, the two behind the telegram too.
-    slots : ndarray of int8, shape (..., 2 n_bits + 2)
-        The pulses as `check_slots` takes them.
-
-    Notes
-    -----
-    Where nothing was received, the code is that of `SilenceError`, the bits are -1, the slots 0
-    and the other fields NaN. `weakest` and `ringing` are taken from the samples by which the
-    receiver decides, so from filtered ones if it filters. `amplitude` never is: the filter raises
-    what the supply made longer than a sin^2 pulse, by a fifth on a line of 100 m.
-    """
+    """What a receiver made of a batch of telegrams; the leading axes are those of the voltage."""
 
     bits: npt.NDArray[np.int8]
     error: npt.NDArray[np.uint8]
@@ -95,41 +57,6 @@ def matched_filter(u: npt.ArrayLike, dt: float) -> Floats:
 
     .. math:: y(t) = \frac{8}{3 T_h} \int_{-T_h/2}^{T_h/2}
               \cos^2 \frac{\pi \tau}{T_h} \; u(t + \tau) \, d\tau
-
-    Parameters
-    ----------
-    u : array_like of float, shape (..., n_t)
-        Line voltage [V]; what it is before and after the record counts as its mean.
-    dt : float
-        Sampling interval, 1e-9..1e-6 [s].
-
-    Returns
-    -------
-    ndarray of float, shape (..., n_t)
-        Filtered voltage [V]: a sin^2 pulse keeps its height and its place, DC is gone.
-
-    Raises
-    ------
-    ArgumentError
-        If `u` is empty, not real or not finite, or `dt` is out of range.
-
-    Notes
-    -----
-    The filter alone would raise a DC voltage by 4/3, so each row loses its mean first. That takes
-    away the 30 V of the supply and nothing of a telegram: the pulses are the voltage of an
-    inductor whose current comes back to where it was, and add up to 0.
-
-    References
-    ----------
-    .. [1] G. L. Turin, "An introduction to matched filters", IRE Trans. Inf. Theory 6, 1960.
-
-    Examples
-    --------
-    >>> t = np.arange(-4e-6, 4e-6, 0.25e-6)
-    >>> pulse = np.where(abs(t) < 1.5e-6, np.cos(np.pi * t / 3e-6) ** 2, 0)
-    >>> filtered = matched_filter([np.concatenate([pulse, -pulse]) + 30], 0.25e-6)
-    >>> float(filtered.max().round(6)), float(filtered.min().round(6))
-    (1.0, -1.0)
     """
     u = _checked(u, dt)
     length, gain = _filter_gain(u.shape[-1], dt)
@@ -146,67 +73,7 @@ def receive(
     matched: bool = True,
     minimum: float = MINIMUM,
 ) -> Reception:
-    """Receive telegrams of known length, one a row of samples.
-
-    Parameters
-    ----------
-    u : array_like of float, shape (..., n_t)
-        Line voltage [V]; a row begins with the line at rest and holds one telegram. Its mean is
-        taken off, so it may stand on the 30 V of the supply. Behind its end the line counts as
-        silent.
-    dt : float
-        Sampling interval, 1e-9..1e-6 [s].
-    n_bits : int
-        Bits of a telegram, `RESPONSE_BITS` or `REQUEST_BITS`.
-    threshold : float, default 0.5
-        What counts as a pulse, over the size of the first pulse, between 0 and 1.
-    window : float, default 0.1
-        The largest sample within this distance from the middle of a slot counts, in half-bits,
-        0..0.5; the sample next to the middle always does.
-    matched : bool, default True
-        Whether to filter with `matched_filter` first, or to take the samples as they are.
-    minimum : float, default 0.45
-        Voltage below which nothing counts [V]. Four times the standard deviation of the noise
-        in what is decided on keeps noise from being taken for a first pulse.
-
-    Returns
-    -------
-    Reception
-        One array a field; a bad telegram raises nothing, its `error` is its code.
-
-    Raises
-    ------
-    ArgumentError
-        If `u` is empty along its last axis, not real or not finite, or another argument is out
-        of its range; the message names it and its value.
-
-    Notes
-    -----
-    The first pulse decides, not the largest so far, as in [1]_. A wide `window` catches the flanks
-    of the neighbours: on a line of 150 m, 0.25 costs telegrams that 0.1 receives.
-
-    References
-    ----------
-    .. [1] ZMD AG, "SAP5S/SAP51 Universal AS-Interface IC", data sheet rev. 3.1, 2012, p. 31:
-       comparator at 45 % to 55 % of the first negative pulse.
-
-    Examples
-    --------
-    The response 6 on an ideal line of 40 uH, then the same with its third pulse lost:
-
-    >>> from shipnet.asi.apm import send_current
-    >>> dt = 250e-9
-    >>> t = np.arange(256) * dt
-    >>> u = -40e-6 * np.gradient(send_current(t, "0011001", start=5e-6), dt)
-    >>> received = receive([u, np.where(abs(t - 15.5e-6) < 1.5e-6, 0, u)], dt, 7)
-    >>> received.bits[0].tolist()
-    [0, 0, 1, 1, 0, 0, 1]
-    >>> from shipnet.errors import explain
-    >>> [explain(code) for code in received.error]
-    ['ok', 'AlternationError']
-    >>> f"{received.start[0] * 1e6:.2f} us, {received.amplitude[0]:.2f} V"
-    '5.00 us, 1.56 V'
-    """
+    """Receive telegrams of known length, one a row of samples."""
     u = _checked(u, dt)
     check_bit_count(n_bits)
     if not 0 < threshold < 1:
@@ -234,43 +101,7 @@ def within_tolerance(
     amplitude: float = AMPLITUDE_TOLERANCE,
     ringing: float = RINGING_TOLERANCE,
 ) -> npt.NDArray[np.bool_]:
-    """Return which telegrams came without an error and with pulses as even as they should be.
-
-    Parameters
-    ----------
-    reception : Reception
-        What `receive` returned.
-    amplitude : float, default 0.65
-        Smallest pulse over largest pulse, at least.
-    ringing : float, default 0.30
-        Largest voltage without a pulse over largest pulse, at most.
-
-    Returns
-    -------
-    ndarray of bool, shape (...)
-        True where both hold and `error` is 0.
-
-    Notes
-    -----
-    kim2023, section 3.4, allows "35 %" of error in amplitude and 30 % of overshoot. Read as pulses
-    down to 65 % of the largest, both numbers follow from a comparator at 45 % to 55 % of the first
-    pulse [1]_. If the first pulse is the largest, the smallest must pass the highest threshold:
-    0.55 < 0.65. If the first pulse is the smallest, ringing must stay under the lowest one:
-    0.45 x 0.65 = 0.29, which is 0.30. Pulses down to 35 % would be lost: 0.35 < 0.45.
-
-    References
-    ----------
-    .. [1] ZMD AG, "SAP5S/SAP51 Universal AS-Interface IC", data sheet rev. 3.1, 2012, p. 31.
-
-    Examples
-    --------
-    >>> from shipnet.asi.apm import send_current
-    >>> t = np.arange(256) * 250e-9
-    >>> u = -40e-6 * np.gradient(send_current(t, "0011001", start=5e-6), 250e-9)
-    >>> weak = np.where(abs(t - 15.5e-6) < 1.5e-6, 0.6 * u, u)
-    >>> within_tolerance(receive([u, weak], 250e-9, 7)).tolist()
-    [True, False]
-    """
+    """Return which telegrams came without an error and with pulses as even as they should be."""
     return np.asarray(
         (reception.error == 0) & (reception.weakest >= amplitude) & (reception.ringing <= ringing)
     )
@@ -397,3 +228,49 @@ def _decide(
         between / largest,
         slots.T,
     )
+
+
+class Eye(NamedTuple):
+    """Half-bits laid over each other."""
+
+    t: Floats
+    pulses: Floats
+    gaps: Floats
+
+
+def eye(
+    u: npt.ArrayLike, dt: float, bits: str | Sequence[str] | npt.ArrayLike, *, points: int = 61
+) -> Eye:
+    """Lay the half-bits of telegrams over each other."""
+    from scipy.ndimage import map_coordinates
+
+    if points < 2:
+        raise ArgumentError(f"points is {points}; it must be 2 or more")
+    u = np.asarray(u)
+    sent = pulses_of(bits)
+    heard = receive(u, dt, sent.shape[-1] // 2, matched=False)
+    try:
+        signs = np.broadcast_to(sent, (*u.shape[:-1], sent.shape[-1]))
+    except ValueError:
+        raise ArgumentError(
+            f"bits have the shape {sent.shape[:-1]}, which does not fit the telegrams' "
+            f"{u.shape[:-1]}"
+        ) from None
+    if not np.isfinite(heard.start).all():
+        raise ArgumentError("a telegram in u holds no pulse above the receiver's minimum")
+    signs = np.pad(signs.reshape(-1, signs.shape[-1]), ((0, 0), (0, 2)))[:, 1:]
+    rows = u.reshape(len(signs), -1)
+    t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, points)
+    middles = heard.start.reshape(-1, 1) + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
+    place = (middles[..., np.newaxis] + t) / dt
+    if place.max() > rows.shape[1] - 1:
+        raise ArgumentError(
+            f"u ends after {rows.shape[1] * dt:.3g} s; a telegram and its silence last until "
+            f"{place.max() * dt:.3g} s"
+        )
+    # A row off by one would blend two telegrams, so the row coordinate is a whole number.
+    row = np.broadcast_to(np.arange(len(rows))[:, np.newaxis, np.newaxis], place.shape)
+    folded = map_coordinates(rows - rows.mean(axis=1, keepdims=True), [row, place], order=1)
+    folded /= np.abs(folded).max(axis=(1, 2), keepdims=True)
+    filled = signs != 0
+    return Eye(t, folded[filled] * signs[filled][:, np.newaxis], folded[~filled])

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.apm import HALF_BIT, SEND_CURRENT, ramp_spectrum, steps_of
+from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, ramp_spectrum, steps_of
 from shipnet.errors import ArgumentError
 from shipnet.line.laplace import laplace_grid, synthesize
 from shipnet.line.network import Load, Network
-
-__all__ = ["DEVICE", "POWER_SUPPLY", "Segment"]
 
 #: What a slave or a master loads the line with: r [ohm], l [H] and c [F] in parallel, the limits
 #: that the SAP5S/SAP51 data sheet (2012, p. 29) sets for an A/B slave.
@@ -31,28 +29,7 @@ Floats = npt.NDArray[np.floating]
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A network with the places of its master and its slaves.
-
-    Parameters
-    ----------
-    network : shipnet.line.Network
-        Cables and loads.
-    master : str
-        Node of the master.
-    slaves : tuple of str
-        Nodes of the slaves.
-
-    Examples
-    --------
-    A slave beside the power supply makes less voltage than one far from it, which is the
-    statement of kim2023's Figs 3 and 4:
-
-    >>> from shipnet.asi.topology import straight_line
-    >>> line = straight_line(100, slaves=(5, 100))
-    >>> t, u = line.signals("0011001")
-    >>> [f"{abs(voltage).max():.2f} V" for voltage in u[:, 0]]
-    ['2.43 V', '3.27 V']
-    """
+    """A network with the places of its master and its slaves."""
 
     network: Network
     master: str
@@ -70,31 +47,6 @@ class Segment:
         """Return what the master hears of each slave.
 
         By reciprocity it is also what each slave hears of the master.
-
-        Parameters
-        ----------
-        bits : str, sequence of str, or array_like of int, shape (n_telegrams, n)
-            One telegram, or several of the same length.
-        dt : float, default 50e-9
-            Time step, a whole fraction of the half-bit of 3 us [s].
-        duration : float, default 102.4e-6
-            Length of the waveforms, a multiple of `dt` [s].
-        start : float, default 5e-6
-            When the telegrams begin [s].
-        f_max : float, default 3e6
-            Highest frequency [Hz]; 3 MHz is good for 5e-5 of the peak, 10 MHz for 2e-6.
-
-        Returns
-        -------
-        t : ndarray, shape (n_t,)
-            Time [s].
-        u : ndarray, shape (n_slaves, n_telegrams, n_t)
-            Voltage [V].
-
-        Raises
-        ------
-        ArgumentError
-            If the times do not fit each other, or a node is unknown.
         """
         slot, n = round(HALF_BIT / dt), round(duration / dt)
         if slot < 1 or abs(slot * dt / HALF_BIT - 1) > 1e-9:

@@ -1,17 +1,159 @@
-"""AS-i telegrams and what they say: a master's request, and the response to it."""
+"""AS-i telegrams and what they say: a master's request, and the slave's response to it.
+
+    request   ST=0  CB  A4..A0  I4..I0  PB  EB=1     14 bits
+    response  ST=0      I3..I0          PB  EB=1      7 bits
+
+The parity bit makes the number of ones even, counted from the start bit up to and including the
+parity bit; the end bit does not count (claim kim2023-040 weighs the other reading).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from shipnet.asi.calls import Answer, Call
-from shipnet.asi.frame import REQUEST_BITS, frame, information_of
-from shipnet.asi.response import Response
-from shipnet.errors import ArgumentError, UnknownCallError
+from shipnet.asi.profile import describe_io_configuration, describe_status
+from shipnet.errors import (
+    ArgumentError,
+    EndBitError,
+    FrameError,
+    LengthError,
+    ParityError,
+    StartBitError,
+    SymbolError,
+    UnknownCallError,
+)
 from shipnet.fields import check_whole
 
-__all__ = ["Half", "Request"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Columns of the bits between start bit and parity bit.
+_PLACES = ["CB", "A4", "A3", "A2", "A1", "A0", "I4", "I3", "I2", "I1", "I0"]
+
+#: Bits of a master's request.
+REQUEST_BITS = 14
+
+#: Bits of a slave's response.
+RESPONSE_BITS = 7
+
+
+def frame(information: str) -> str:
+    """Put start, parity and end bit around the information bits."""
+    return f"0{information}{information.count('1') % 2}1"
+
+
+def information_of(bits: str, length: int, what: str) -> str:
+    """Check a telegram from outside to inside and return its information bits."""
+    if not isinstance(bits, str):
+        raise TypeError(f"{what} bits are a str of 0 and 1, but got {type(bits).__name__}")
+    if len(bits) != length:
+        raise LengthError(f"a {what} has {length} bits, but {bits!r} has {len(bits)}")
+    for place, symbol in enumerate(bits):
+        if symbol not in "01":
+            raise SymbolError(f"{what} {bits!r} has {symbol!r} at bit {place}; bits are 0 or 1")
+    if bits[0] != "0":
+        raise StartBitError(f"{what} {bits} starts with 1; the start bit is 0")
+    if bits[-1] != "1":
+        raise EndBitError(f"{what} {bits} ends with 0; the end bit is 1")
+    ones = bits[:-1].count("1")
+    if ones % 2:
+        raise ParityError(
+            f"{what} {bits} has {ones} ones before its end bit; with the parity bit {bits[-2]} "
+            "their number must be even"
+        )
+    return bits[1:-2]
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """A slave's response.
+
+    Parameters
+    ----------
+    data : int
+        The four information bits, 0..15.
+    call : Call, optional
+        The call that is answered; it gives the bits their meaning.
+
+    Raises
+    ------
+    ArgumentError
+        If `data` is outside 0..15, or if `call` is one that no slave answers.
+
+    Examples
+    --------
+    >>> Response(0x6).bits
+    '0011001'
+    >>> print(Response(0x3, Call.READ_IO_CONFIGURATION))
+    answer to read I/O configuration: 3, ports D0..D3 IN IN OUT OUT
+    """
+
+    data: int
+    call: Call | None = None
+
+    def __post_init__(self) -> None:
+        """Check the data and that the call has an answer at all."""
+        object.__setattr__(self, "data", check_whole("data", self.data, 0, 15, " in a response"))
+        if self.call is not None:
+            object.__setattr__(self, "call", Call(self.call))
+            if self.call.rule.answer is None:
+                raise ArgumentError(f"call is {self.call.rule.title}, which no slave answers")
+
+    @property
+    def bits(self) -> str:
+        """The 7 bits in the order in which they are sent."""
+        return frame(f"{self.data:04b}")
+
+    @property
+    def expected(self) -> bool:
+        """Whether the data are what the standard fixes for the call; True where it fixes none."""
+        answer = self.call.rule.answer if self.call is not None else None
+        return not isinstance(answer, Answer) or self.data == answer
+
+    def __str__(self) -> str:
+        """Say in one line what the response means."""
+        if self.call is None:
+            return f"response: {self.data:04b} ({self.data:X})"
+        answer = self.call.rule.answer
+        head = f"answer to {self.call.rule.title}: "
+        if answer == "I/O configuration":
+            return f"{head}{self.data:X}, {describe_io_configuration(self.data)}"
+        if answer == "status":
+            return f"{head}{self.data:04b}, {describe_status(self.data)}"
+        if isinstance(answer, Answer):
+            ending = "done" if self.expected else f"but the standard asks for {answer:X}"
+            return f"{head}{self.data:X}, {ending}"
+        what = "" if str(answer) in self.call.rule.title else f"{answer} "
+        return f"{head}{what}{self.data:04b} ({self.data:X})"
+
+    @classmethod
+    def parse(cls, bits: str, call: Call | None = None) -> Response:
+        """Read the 7 bits of a response."""
+        return cls(int(information_of(bits, RESPONSE_BITS, "response"), 2), call)
+
+    @classmethod
+    def fields(cls) -> pd.DataFrame:
+        """Return the fields of a response with lengths and values: kim2023's Table 6."""
+        start, end = _start_and_end(RESPONSE_BITS)
+        rows = [
+            ("ST", "start bit", 1, *start, ""),
+            ("I0~I3", "information", 4, "", "", ""),
+            ("PB", "parity bit", 1, "", "", _parity_counts(RESPONSE_BITS)),
+            ("EB", "end bit", 1, *end, ""),
+        ]
+        return _field_table(rows)
+
+    @classmethod
+    def all(cls) -> tuple[Response, ...]:
+        """Return all 16 responses."""
+        return tuple(cls(data) for data in range(16))
+
+
+#: The bits of all 16 responses.
+RESPONSES = tuple(Response(data).bits for data in range(16))
+
 
 Half = Literal["A", "B"]
 
@@ -122,30 +264,7 @@ class Request:
         return self.call.rule.says.format(slave=self.slave, data=self.data, bits=self._data_bits)
 
     def answer(self, data: int | None = None) -> Response:
-        """Return the response to this request.
-
-        Parameters
-        ----------
-        data : int, optional
-            The slave's four bits, 0..15. Not needed where the standard fixes them.
-
-        Returns
-        -------
-        Response
-            A response that knows the call that it answers.
-
-        Raises
-        ------
-        ArgumentError
-            If the call has no answer, or if `data` is missing where the slave must supply it.
-
-        Examples
-        --------
-        >>> print(Request.data_exchange(21, 0xE).answer(0x6))
-        answer to data exchange: inputs 0110 (6)
-        >>> Request.reset(21).answer().bits
-        '0011001'
-        """
+        """Return the response to this request."""
         expected = self.call.rule.answer
         if data is None and isinstance(expected, Answer):
             data = int(expected)
@@ -155,38 +274,7 @@ class Request:
 
     @classmethod
     def parse(cls, bits: str, *, extended: bool = False) -> Request:
-        """Read the 14 bits of a request.
-
-        Parameters
-        ----------
-        bits : str
-            Fourteen characters 0 and 1.
-        extended : bool, default False
-            Whether the addressed slave works in extended addressing. Nothing on the line tells:
-            ``00101010111001`` carries outputs 1110 to the standard slave 21, or outputs 110 to
-            slave 21A. A set select bit in a control call names a B slave in either case.
-
-        Returns
-        -------
-        Request
-            Call, address, half and data; its `bits` are the ones given.
-
-        Raises
-        ------
-        LengthError, SymbolError, StartBitError, EndBitError, ParityError
-            If the telegram breaks the rule of that name, checked in this order.
-        UnknownCallError
-            If no call has this pattern.
-
-        Examples
-        --------
-        >>> print(Request.parse("00101010111001", extended=True))
-        data exchange with slave 21A: outputs 110 (6)
-        >>> Request.parse("00101010111011")
-        Traceback (most recent call last):
-            ...
-        shipnet.errors.ParityError: request 00101010111011 has 7 ones before its end bit; with the parity bit 1 their number must be even
-        """  # noqa: E501 - the message is one line
+        """Read the 14 bits of a request."""
         information = information_of(bits, REQUEST_BITS, "request")
         for call in Call:
             layout = call.rule.layout(extended)
@@ -211,37 +299,12 @@ class Request:
 
     @classmethod
     def data_exchange(cls, address: int, data: int, half: Half | None = None) -> Request:
-        """Return a request that sends outputs to a slave and asks for its inputs.
-
-        Parameters
-        ----------
-        address : int
-            Address of the slave, 1..31.
-        data : int
-            Output bits D3..D0, 0..15; D2..D0, 0..7, for an A/B slave.
-        half : {"A", "B"}, optional
-            Which of two slaves that share the address; None for a standard slave.
-
-        Examples
-        --------
-        >>> Request.data_exchange(21, 0x6, "A").bits == Request.data_exchange(21, 0xE).bits
-        True
-        """
+        """Return a request that sends outputs to a slave and asks for its inputs."""
         return cls(Call.DATA_EXCHANGE, address, data, half)
 
     @classmethod
     def write_parameter(cls, address: int, parameter: int, half: Half | None = None) -> Request:
-        """Return a request that sets a slave's parameter bits.
-
-        Parameters
-        ----------
-        address : int
-            Address of the slave, 1..31.
-        parameter : int
-            Parameter bits P3..P0, 0..15; P2..P0, 0..7, for an A/B slave.
-        half : {"A", "B"}, optional
-            Which of two slaves that share the address; None for a standard slave.
-        """
+        """Return a request that sets a slave's parameter bits."""
         return cls(Call.WRITE_PARAMETER, address, parameter, half)
 
     @classmethod
@@ -251,13 +314,7 @@ class Request:
 
     @classmethod
     def write_id1(cls, id1: int) -> Request:
-        """Return a request that writes extended ID code 1 into the slave at address 0.
-
-        Parameters
-        ----------
-        id1 : int
-            The code, 0..15. Its bit 3 is the select bit of an A/B slave: 8 and above make it B.
-        """
+        """Return a request that writes extended ID code 1 into the slave at address 0."""
         return cls(Call.WRITE_ID1, 0, id1)
 
     @classmethod
@@ -297,25 +354,58 @@ class Request:
 
     @classmethod
     def broadcast_reset(cls) -> Request:
-        """Return the request that resets all slaves at once; none answers.
-
-        Examples
-        --------
-        The data sheet prints this frame whole [1]_:
-
-        >>> Request.broadcast_reset().bits
-        '01111111010111'
-
-        References
-        ----------
-        .. [1] ZMD AG, "SAP5S/SAP51", data sheet rev. 3.1, 2012, p. 20.
-        """
+        """Return the request that resets all slaves at once; none answers."""
         return cls(Call.BROADCAST_RESET, 31)
 
     @classmethod
     def enter_program_mode(cls) -> Request:
         """Return the request that opens the chip's production mode at address 0; no answer."""
         return cls(Call.ENTER_PROGRAM_MODE, 0)
+
+    @classmethod
+    def table(cls, *, extended: bool = True) -> pd.DataFrame:
+        """Return all requests bit by bit, kim2023's Table 5, to A/B slaves or to standard ones.
+
+        One row per call and one column per bit; a cell is 0 or 1 where the bit is fixed, else the
+        name of what it carries. ``S`` is the select bit, ``~S`` its inverse.
+        """
+        import pandas as pd
+
+        rows = {}
+        for call in Call:
+            layout = call.rule.layout(extended)
+            left = layout.count("d")
+            cells = []
+            for letter, place in zip(layout, _PLACES, strict=True):
+                if letter == "d":
+                    left -= 1
+                    cells.append(f"{call.rule.symbol}{left}")
+                elif letter == "a":
+                    cells.append(place)
+                else:
+                    cells.append({"s": "S", "S": "~S"}.get(letter, letter))
+            rows[call.name] = ["0", *cells, "PB", "1"]
+        columns = ["ST", *_PLACES, "PB", "EB"]
+        return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("call")
+
+    @classmethod
+    def fields(cls) -> pd.DataFrame:
+        """Return the fields of a request with lengths and values: kim2023's Table 4.
+
+        What the values 0 and 1 mean is found by asking the decoder and the patterns of the calls.
+        """
+        by_control = {
+            bit: " ".join(call.name for call in Call if call.rule.pattern[0] == bit) for bit in "01"
+        }
+        rows = [
+            ("ST", "start bit", 1, *_start_and_end(REQUEST_BITS)[0], ""),
+            ("CB", "control bit", 1, by_control["0"], by_control["1"], ""),
+            ("A0~A4", "address", 5, "", "", ""),
+            ("I0~I4", "information", 5, "", "", ""),
+            ("PB", "parity bit", 1, "", "", _parity_counts(REQUEST_BITS)),
+            ("EB", "end bit", 1, *_start_and_end(REQUEST_BITS)[1], ""),
+        ]
+        return _field_table(rows)
 
 
 def _half(plain: str, inverted: str, extended: bool) -> Half | None:
@@ -325,3 +415,39 @@ def _half(plain: str, inverted: str, extended: bool) -> Half | None:
     if plain == "1" or inverted == "0":
         return "B"
     return "A" if extended else None
+
+
+def _field_table(rows: list[tuple[str, str, int, str, str, str]]) -> pd.DataFrame:
+    import pandas as pd
+
+    columns = ["symbol", "field", "length_bit", "value_0", "value_1", "ones_even_over"]
+    return pd.DataFrame(rows, columns=columns).set_index("symbol")
+
+
+def _readable(bits: str) -> bool:
+    try:
+        information_of(bits, len(bits), "telegram")
+    except FrameError:
+        return False
+    return True
+
+
+def _start_and_end(length: int) -> tuple[tuple[str, str], tuple[str, str]]:
+    """Say for both values of the start and of the end bit whether a telegram can be read."""
+    word = frame("0" * (length - 3))
+    verdict = {True: "valid", False: "invalid"}
+    # A parity bit that follows the start bit keeps the parity from deciding.
+    start = tuple(verdict[_readable(f"{bit}{word[1:-2]}{bit}1")] for bit in "01")
+    end = tuple(verdict[_readable(f"{word[:-1]}{bit}")] for bit in "01")
+    return (start[0], start[1]), (end[0], end[1])
+
+
+def _parity_counts(length: int) -> str:
+    """Find out over which bits the decoder wants an even number of ones."""
+    spans = {"all bits": slice(0, length), "all bits but the end bit": slice(0, length - 1)}
+    words = [f"0{i:0{length - 2}b}1" for i in range(2 ** (length - 2))]
+    return next(
+        name
+        for name, span in spans.items()
+        if all((word[span].count("1") % 2 == 0) == _readable(word) for word in words)
+    )

@@ -7,12 +7,19 @@ telegram's first bit.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError
 
-__all__ = ["BIT_TIME", "LONGEST_SLAVE_PAUSE", "MASTER_PAUSE_BITS", "Span", "Timing", "Transaction"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from shipnet.asi.telegram import Request, Response
+
 
 #: Length of one bit on the line [s], from icn2007 section 5 and OMRON manual W357, p. 5.
 BIT_TIME = 6e-6
@@ -22,6 +29,10 @@ MASTER_PAUSE_BITS = (2.0, 10.0)
 
 #: Longest pause that a master may leave before its next request [s], from OMRON manual W357, p. 5.
 LONGEST_SLAVE_PAUSE = 500e-6
+
+
+#: User bits of one exchange in each direction.
+USER_BITS = 4
 
 
 class Span(NamedTuple):
@@ -112,44 +123,37 @@ class Transaction:
         """Length from one request to the next [s]."""
         return self.bits * self.bit_time
 
+    @property
+    def net_rate(self) -> float:
+        """User bits of one exchange, four each way, over its length [bit/s]."""
+        return 2 * USER_BITS / self.duration
+
+    def efficiency(self, user_bits: npt.ArrayLike = USER_BITS) -> npt.NDArray[np.float64]:
+        """Return the share of the line that carries `user_bits` each way.
+
+        AS-i takes one transaction per 4 bits; the rates of buses are left out, since a share of
+        the line is compared, not its speed.
+        """
+        n = np.asarray(user_bits)
+        if n.dtype.kind not in "iu" or not (n >= 1).all():
+            raise ArgumentError(f"user_bits is {user_bits!r}; it must be whole numbers from 1 on")
+        return np.asarray(2 * n / (self.bits * -(-n // USER_BITS)))
+
+    def plot(
+        self, request: Request | str, response: Response | str, ax: Axes | None = None
+    ) -> Axes:
+        """Draw a request, both pauses and a response on one time axis: kim2023's Fig 5.
+
+        Telegrams may be given as bits, right or wrong; x is in bit times, microseconds on top.
+        """
+        from shipnet.asi.plot import plot_transaction
+
+        return plot_transaction(request, response, self, ax=ax)
+
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """The pauses by which a line with all its slaves runs; lengths in bit times.
-
-    Parameters
-    ----------
-    master_pause : float, default 3
-        Pause after which a synchronised slave answers, 2..10 [1]_.
-    unsynchronised : float, default 2
-        How much later a slave answers that is not synchronised, 0..10 [2]_.
-    slave_pause : float, default 2
-        Pause from the response to the next request, 1 to 500 us; 1.5 to 2 on a line that is
-        never delayed [2]_, more when the master stretches it [1]_.
-    timeout : float, default 10
-        How long the master waits for the start of a response before it goes on, 2..24 [1]_.
-    bit_time : float, default 6e-6
-        Length of a bit [s].
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
-
-    References
-    ----------
-    .. [1] OMRON, "CQM1-ARM21", manual W357, 1999, p. 5.
-    .. [2] "AS-Interface communication system for field networks (2)", ICN, July 2007,
-       data link layer, section 2.
-
-    Examples
-    --------
-    An answered request and an unanswered one, in bit times:
-
-    >>> timing = Timing()
-    >>> timing.answered(), timing.unanswered
-    (26.0, 24.0)
-    """
+    """The pauses by which a line with all its slaves runs; lengths in bit times."""
 
     master_pause: float = 3.0
     unsynchronised: float = 2.0
@@ -173,13 +177,7 @@ class Timing:
                 raise ArgumentError(f"{name} is {value} bit times; it must be {low:g}..{high:.4g}")
 
     def answered(self, pause: float | None = None) -> float:
-        """Return how long an answered request takes, up to the next one [bit].
-
-        Parameters
-        ----------
-        pause : float, optional
-            Pause before the response as the master hears it [bit]; `master_pause` if omitted.
-        """
+        """Return how long an answered request takes, up to the next one [bit]."""
         pause = self.master_pause if pause is None else pause
         return REQUEST_BITS + pause + RESPONSE_BITS + self.slave_pause
 

@@ -33,14 +33,12 @@ from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import NORMAL, RuleBase
-from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.frame import LAST_UNIT, decode_tcp, encode_tcp
-from shipnet.modbus.reader import decode_response
-from shipnet.modbus.request import ReadRequest, Request, WriteRegister
-from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse, Response
-from shipnet.modbus.ring import Loop
-from shipnet.modbus.server import DeviceError, Server, Slave, Table, answer, real_clock
+from shipnet.modbus.adu import MAX_UNIT, Adu, decode, tcp_frame
+from shipnet.modbus.pdu import ExceptionCode, Request, Response
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.server import Server, real_clock
 from shipnet.modbus.server import serve as serve_slaves
+from shipnet.modbus.slave import DeviceError, Slave, Table, answer
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,7 +53,7 @@ class _Image:
     def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
         """Return registers of the status that came last; exception 11 before the first."""
         first = address - FIRST_REGISTER
-        if table is not Table.INPUT_REGISTERS or not 0 <= first <= N_REGISTERS - quantity:
+        if table != "input_registers" or not 0 <= first <= N_REGISTERS - quantity:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         for status in reversed(self.station.shown):
             if status.unit == self.unit:
@@ -64,7 +62,7 @@ class _Image:
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
         """Send a command on to the slave, and its exception back."""
-        if table is not Table.HOLDING_REGISTERS or address != COMMAND_REGISTER or len(values) != 1:
+        if table != "holding_registers" or address != COMMAND_REGISTER or len(values) != 1:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         response = self.station.write(values[0], self.unit).response
         if not response:
@@ -89,11 +87,11 @@ class Gateway:
 
     def answer(self, adu: bytes) -> bytes:
         """Return the answer to a frame."""
-        request = decode_tcp(adu)
+        request = decode(adu, "tcp")
         if request.unit_id == 0:
             return b""
-        pdu = answer(self.slaves, request.unit_id, request.pdu, self.station.time).pdu
-        return encode_tcp(request.unit_id, pdu, request.transaction_id or 0) if pdu else b""
+        pdu = answer(self.slaves, request, self.station.time).pdu
+        return tcp_frame(request.unit_id, pdu, request.transaction_id or 0) if pdu else b""
 
 
 @dataclass
@@ -368,9 +366,10 @@ def _pc(make: Callable[..., TestBed]) -> list[Step]:
 
     def frame(unit: int, code: Code | None = None) -> bytes:
         """Return a command, or a query for the status, as the PC sends it."""
-        query = ReadRequest(4, FIRST_REGISTER, N_REGISTERS)  # type: ignore[arg-type]
-        write = None if code is None else WriteRegister(COMMAND_REGISTER, registers.command(code))
-        return encode_tcp(unit, (write or query).pdu, unit)
+        if code is None:
+            return Request.read_input_registers(FIRST_REGISTER, N_REGISTERS).tcp(unit, unit)
+        value = registers.command(code)
+        return Request.write_single_register(COMMAND_REGISTER, value).tcp(unit, unit)
 
     for unit in range(1, N_SLAVES + 1):
         sent = frame(unit, Code.OPEN)
@@ -486,7 +485,7 @@ def serve(
     ...     sorted(server.slaves)
     [1, 2, 3]
     """
-    count = check_whole("n_valves", n_valves, 1, LAST_UNIT)
+    count = check_whole("n_valves", n_valves, 1, MAX_UNIT)
     factor = check_scalar("speed", speed, "s/s", 0, 1e4)
     failed = [faults] if isinstance(faults, Fault) else list(faults)
     noise = None if rng is None else np.random.default_rng(rng)
@@ -516,14 +515,14 @@ class Link:
         """Send a request and return the response."""
         self._last = (self._last + 1) % 0x10000
         try:
-            self._socket.sendall(encode_tcp(unit, request.pdu, self._last))
+            self._socket.sendall(request.tcp(unit, self._last))
             while True:
                 head = self._receive(_MBAP)
                 body = self._receive(int.from_bytes(head[4:6], "big") - 1)
-                adu = decode_tcp(head + body)
+                adu = decode(head + body, "tcp")
                 # The answer to a request that timed out is not for this one.
                 if adu.transaction_id == self._last:
-                    return decode_response(adu.pdu, request)
+                    return Response.parse(adu.pdu, request)
         except (OSError, FrameError) as problem:
             raise OSError(f"{self.where} does not answer for valve {unit}: {problem}") from None
 
@@ -555,7 +554,7 @@ class ModelValves:
 
     def __call__(self, unit: int, request: Request) -> Response:
         """Answer a request."""
-        return decode_response(answer(self._slaves, unit, request.pdu, self.time).pdu, request)
+        return Response.parse(answer(self._slaves, Adu(unit, request.pdu), self.time).pdu, request)
 
 
 class Client:
@@ -594,7 +593,7 @@ class Client:
         n_valves: int = 16,
         timeout: float = 1.0,
     ) -> None:
-        self.n_valves = check_whole("n_valves", n_valves, 1, LAST_UNIT)
+        self.n_valves = check_whole("n_valves", n_valves, 1, MAX_UNIT)
         self._link: Link | None = Link(address, port, timeout)
         self._ask: Ask = self._link
         self._map = RegisterMap()
@@ -603,7 +602,7 @@ class Client:
     def over(cls, ask: Ask, n_valves: int = 16) -> Client:
         """Return a client that asks in another way, such as `ModelValves`."""
         client = cls.__new__(cls)
-        client.n_valves = check_whole("n_valves", n_valves, 1, LAST_UNIT)
+        client.n_valves = check_whole("n_valves", n_valves, 1, MAX_UNIT)
         client._link, client._ask, client._map = None, ask, RegisterMap()
         return client
 
@@ -625,10 +624,10 @@ class Client:
 
         Return what was done, or why the valve refuses, as a sentence.
         """
-        unit = check_whole("valve", valve, 1, LAST_UNIT)
-        request = WriteRegister(COMMAND_REGISTER, self._map.encode_command(action))
+        unit = check_whole("valve", valve, 1, MAX_UNIT)
+        request = Request.write_single_register(COMMAND_REGISTER, self._map.encode_command(action))
         response = self._ask(unit, request)
-        if isinstance(response, ExceptionResponse):
+        if response.exception is not None:
             why = ExceptionCode(response.exception).name.replace("_", " ").lower()
             return f"valve {unit} refuses: {why}"
         said = action if isinstance(action, str) else f"position {round(action)} %"
@@ -639,7 +638,7 @@ class Client:
         words, units = [], []
         for unit in range(1, self.n_valves + 1):
             response = self._ask(unit, READ_STATUS)
-            if isinstance(response, ReadRegistersResponse):
+            if response.exception is None:
                 words.append(response.registers)
                 units.append(unit)
         status = self._map.decode(np.array(words, np.int64).reshape(-1, 4))

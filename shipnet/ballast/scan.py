@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.ballast.sensors import Sensors
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.modbus.codes import FunctionCode
-from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.request import ReadRequest, WriteRegister
-from shipnet.modbus.ring import Loop, Supervision
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.uart import SerialLine
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -27,7 +27,7 @@ BIT_RATES = (2400, 4800, 9600, 19200, 38400, 57600, 115200)
 
 
 #: What a scan asks of each valve: input registers 0x4020 to 0x4023.
-READ_STATUS = ReadRequest(FunctionCode.READ_INPUT_REGISTERS, FIRST_REGISTER, N_REGISTERS)
+READ_STATUS = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 
 
 #: "Display of fully updated screen views", as DNV-OS-D202 has it [s].
@@ -35,7 +35,7 @@ _SCREEN = 2.0
 
 
 def status_poll(
-    line: Serial | float = 9600.0,
+    line: SerialLine | float = 9600.0,
     *,
     processing: float = 0.0,
     timeout: float = 1.0,
@@ -68,33 +68,33 @@ def status_poll(
     Examples
     --------
     >>> poll = status_poll(9600)
-    >>> poll.request_size, poll.response_size, round(poll.answered * 1e3, 2)
+    >>> poll.request_size, poll.response_size, round(poll.time * 1e3, 2)
     (8, 13, 32.08)
     """
-    serial = line if isinstance(line, Serial) else Serial(line)
-    return Poll.of(READ_STATUS, serial, processing=processing, timeout=timeout, retries=retries)
+    serial = line if isinstance(line, SerialLine) else SerialLine(line)
+    return Poll(READ_STATUS, serial, processing=processing, timeout=timeout, retries=retries)
 
 
-def command_poll(serial: Serial, *, processing: float = 0.0, timeout: float = 1.0) -> Poll:
+def command_poll(serial: SerialLine, *, processing: float = 0.0, timeout: float = 1.0) -> Poll:
     """Return the write that commands a valve; its response is the echo."""
-    request = WriteRegister(COMMAND_REGISTER, 0)
-    return Poll.of(request, serial, processing=processing, timeout=timeout)
+    request = Request.write_single_register(COMMAND_REGISTER, 0)
+    return Poll(request, serial, processing=processing, timeout=timeout)
 
 
 def worst_age(system: Loop, *, commands: int = 0) -> float:
     """Return how old the position that the master shows can be while all valves answer."""
     poll = system.poll
-    write = command_poll(poll.serial, processing=poll.processing, timeout=poll.timeout)
+    write = command_poll(poll.line, processing=poll.processing, timeout=poll.timeout)
     count = check_whole("commands", commands, 0, 1000)
-    return system.period + count * write.answered + poll.shortest_timeout
+    return system.period + count * write.time + poll.shortest_timeout
 
 
-def assignment(n_valves: int, *, most: int = LAST_UNIT) -> pd.DataFrame:
+def assignment(n_valves: int, *, most: int = MAX_UNIT) -> pd.DataFrame:
     """Share valves out among masters, evenly, and in the order of their numbers."""
     import pandas as pd
 
     valves = check_whole("n_valves", n_valves, 1, 10_000)
-    masters = -(-valves // check_whole("most", most, 1, LAST_UNIT))
+    masters = -(-valves // check_whole("most", most, 1, MAX_UNIT))
     share, more = divmod(valves, masters)
     rows = [
         (master, unit)
@@ -106,7 +106,7 @@ def assignment(n_valves: int, *, most: int = LAST_UNIT) -> pd.DataFrame:
 
 
 def scan_table(
-    n_valves: int = LAST_UNIT,
+    n_valves: int = MAX_UNIT,
     *,
     bit_rates: Iterable[float] = BIT_RATES,
     character: str = "8E1",
@@ -119,18 +119,18 @@ def scan_table(
     largest = int(share.max())
     rows = {}
     for rate in bit_rates:
-        serial = Serial(rate, character)
+        serial = SerialLine(rate, character)
         # A timeout that any processing fits into; nothing times out here.
         read = status_poll(serial, processing=processing, timeout=3600)
         write = command_poll(serial, processing=processing, timeout=3600)
         rows[rate] = (
-            1e3 * read.answered,
-            1e3 * write.answered,
+            1e3 * read.time,
+            1e3 * write.time,
             len(share),
-            read.scan(largest),
-            read.scan(-(-largest // 2)),
-            read.scan(largest) + read.shortest_timeout,
-            read.most_slaves(_SCREEN),
+            read.scan_time(largest),
+            read.scan_time(-(-largest // 2)),
+            read.scan_time(largest) + read.shortest_timeout,
+            read.max_slaves(_SCREEN),
         )
     columns = ["read_ms", "write_ms", "masters", "scan_s", "halves_s", "worst_age_s"]
     columns += ["valves_in_2_s"]
@@ -157,8 +157,9 @@ class System:
         Where the valves are at first, 0..1.
     step : float, default 0.1
         Time between two readings while a motor runs, 1e-3..1 [s].
-    supervision : Supervision, optional
-        When the master moves a slave to its other port; its defaults if omitted.
+    move : {"slave", "downstream"}, default "slave"
+        What the master moves to its other port when a slave does not answer: the slave alone, or
+        with it all that lie downstream of it.
     answer_at_end : bool, default False
         Whether a slave answers a command when the valve has arrived, as the paper prints it, else
         at once.
@@ -184,7 +185,7 @@ class System:
     sensors: Sensors | None = None
     opening: Any = 0.0
     step: float = 0.1
-    supervision: Supervision | None = None
+    move: Literal["slave", "downstream"] = "slave"
     answer_at_end: bool = False
     command_timeout: float | None = None
     watchdog: float | None = None
@@ -198,7 +199,7 @@ class System:
         sensors: Sensors | None = None,
         opening: npt.ArrayLike = 0.0,
         step: float = 0.1,
-        supervision: Supervision | None = None,
+        move: Literal["slave", "downstream"] = "slave",
         answer_at_end: bool = False,
         command_timeout: float | None = None,
         watchdog: float | None = None,
@@ -209,7 +210,7 @@ class System:
             raise ArgumentError(f"n_valves is {n_valves}; the actuator has numbers for {known}")
         fields = {
             "n_valves": count, "poll": poll, "actuator": actuator, "sensors": sensors,
-            "opening": opening, "step": step, "supervision": supervision,
+            "opening": opening, "step": step, "move": move,
             "answer_at_end": answer_at_end, "command_timeout": command_timeout,
             "watchdog": watchdog,
         }  # fmt: skip
@@ -219,15 +220,14 @@ class System:
     def __repr__(self) -> str:
         """Return the number of valves, and the bit rate of their line."""
         valves = f"{self.n_valves} valve{'s' if self.n_valves > 1 else ''}"
-        return f"System({valves}{f', {self.poll.serial.bit_rate:g} bit/s' if self.poll else ''})"
+        return f"System({valves}{f', {self.poll.line.bit_rate:g} bit/s' if self.poll else ''})"
 
     @property
     def loop(self) -> Loop:
         """The line of the valves, a closed loop with a port of the master at each end."""
         if self.poll is None:
             raise ArgumentError("the system has no poll; give it one, such as status_poll(9600)")
-        rule = () if self.supervision is None else (self.supervision,)
-        return Loop(self.n_valves, self.poll, *rule)
+        return Loop(self.n_valves, self.poll, move=self.move)
 
     def worst_age(self, *, commands: int = 0) -> float:
         """Return how old the position that the master shows can be while all valves answer [s].
@@ -245,7 +245,7 @@ class System:
         """
         poll = self.poll if self.poll is not None else status_poll()
         return scan_table(
-            self.n_valves, bit_rates=bit_rates, character=poll.serial.character,
+            self.n_valves, bit_rates=bit_rates, character=poll.line.character,
             processing=poll.processing,
         )  # fmt: skip
 

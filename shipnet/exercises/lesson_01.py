@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from shipnet.asi.apm import levels_of, pulses_of
+from shipnet.asi.modulation import levels_of, pulses_of
 from shipnet.exercises.answers import Bits, Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
-
-__all__ = ["EXERCISES"]
 
 
 def _levels(bits: str) -> str:

@@ -6,12 +6,10 @@ from collections.abc import Callable, Sequence
 from itertools import combinations, pairwise
 from math import ceil, log2
 
-from shipnet.asi.frame import frame
+from shipnet.asi.telegram import frame
 from shipnet.exercises.answers import Bits, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
-
-__all__ = ["EXERCISES"]
 
 #: The generator of exercise 2, and zeros for the check bits that it makes.
 _GENERATOR, _ROOM = "1011", "000"

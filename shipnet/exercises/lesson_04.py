@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from shipnet.asi.cycle import ADDRESSES, cycle_time, response_time
-from shipnet.asi.rates import rates
 from shipnet.asi.timing import Transaction
 from shipnet.exercises.answers import Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
-
-__all__ = ["EXERCISES"]
 
 
 def _transaction(master_pause: float, slave_pause: float) -> float:
@@ -24,7 +21,7 @@ def _cycle(slaves: int, bits: int) -> float:
 
 def _efficiency(user_bits: int, master_pause: float, slave_pause: float) -> float:
     """Return which share of the line carries user data [%]."""
-    return 100 * rates(Transaction(master_pause, slave_pause), user_bits=user_bits).efficiency
+    return 100 * user_bits / Transaction(master_pause, slave_pause).bits
 
 
 def _most(limit: float, repetitions: int) -> int:

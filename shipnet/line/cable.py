@@ -39,8 +39,8 @@ class Cable:
     >>> cable = Cable(r=0.06, l=0.65e-6, c=65e-12)
     >>> print(f"{cable.z0:.0f} ohm, {cable.delay * 1e9:.1f} ns/m")
     100 ohm, 6.5 ns/m
-    >>> cable.reflection(25)
-    -0.6
+    >>> print(f"{cable.reflection(25):.2f} of a fast wave comes back from 25 ohm")
+    -0.60 of a fast wave comes back from 25 ohm
     """
 
     r: Quantity = number(

@@ -51,8 +51,8 @@ class CableRun:
     Examples
     --------
     >>> run = CableRun("supply", "far", 100)
-    >>> print(run, run.made_of.z0)
-    cable supply - far 100.0
+    >>> print(f"{run}: {run.made_of.z0:.0f} ohm")
+    cable supply - far: 100 ohm
     """
 
     a: str

@@ -15,8 +15,8 @@ from matplotlib.axes import Axes
 
 from shipnet.ballast.live import Ask, Client, Link, ModelValves, Readout, said, serve
 from shipnet.ballast.master import Screen
-from shipnet.modbus.frame import LAST_UNIT
-from shipnet.tools._inputs import check, text, whole
+from shipnet.fields import record, text, whole
+from shipnet.modbus.adu import MAX_UNIT
 from shipnet.tools._page import Button, Page
 from shipnet.tools._view import View
 
@@ -27,59 +27,46 @@ __all__ += ["draw", "explorer", "send", "update", "view"]
 _OWN = 16
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What is typed.
-
-    Parameters
-    ----------
-    address : str, default ""
-        Where the server is, up to 200 characters; empty is the explorer's own.
-    port : int, default 5020
-        Its port, 1..65535; not looked at without an address.
-    valves : int, default 16
-        How many are shown, 1..247.
-    valve : int, default 1
-        Unit id of the chosen one, 1..valves.
-    target : int, default 40
-        Where it is sent by ``position``, 0..100 [%].
-
-    Raises
-    ------
-    ArgumentError
-        If a value is outside its range.
-    """
+    """What is typed."""
 
     address: str = text(
-        "", hint="own server", label="address",
+        default="", hint="own server", label="address",
         help="Name or address of a server; empty is one of its own, which this page starts.",
     )  # fmt: skip
     port: int = whole(
-        5020,
         1,
         0xFFFF,
+        default=5020,
         typed=True,
         label="port",
         help="Its port; without an address it is not read.",
     )
     valves: int = whole(
-        _OWN, 1, LAST_UNIT, typed=True, label="valves shown", help=f"Its own server has {_OWN}."
+        1,
+        MAX_UNIT,
+        default=_OWN,
+        typed=True,
+        label="valves shown",
+        help=f"Its own server has {_OWN}.",
     )
     valve: int = whole(
-        1, 1, LAST_UNIT, at_most="valves", label="valve", help="The valve that the buttons command."
+        1,
+        MAX_UNIT,
+        default=1,
+        at_most="valves",
+        label="valve",
+        help="The valve that the buttons command.",
     )
     target: int = whole(
-        40,
         0,
         100,
+        default=40,
         unit="%",
         label="position",
         help="Where the button of this name sends the valve.",
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from shipnet.asi.apm import HALF_BIT
 from shipnet.asi.batch import bits_of
 from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply, Terminator
+from shipnet.asi.modulation import HALF_BIT
 from shipnet.asi.plan import PROBES, Plan
 from shipnet.asi.receiver import receive
 from shipnet.asi.segment import DEVICE, POWER_SUPPLY, Segment

@@ -7,9 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.asi.emc.levels import levels
-
-__all__ = ["plot_error_rate", "plot_levels"]
+from shipnet.asi.emc.immunity import levels
 
 #: Parameters of `levels` that say how severe a test is; the others say what kind of test it is.
 _SEVERITY = [
@@ -22,22 +20,7 @@ _NONE = 0.4
 
 
 def plot_levels(*, ax: Axes, table: pd.DataFrame | None = None) -> Axes:
-    """Draw the test levels of AS-i over those that a ship asks for.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw; 4 inches are high enough for all tests.
-    table : pandas.DataFrame, optional
-        What `levels` returns; read anew if omitted.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; x is the ratio of both levels, on a logarithmic scale, with one row a
-        test. A hollow dot stands for a marine level that was not confirmed, a cross for a test
-        that AS-i has not.
-    """
+    """Draw the test levels of AS-i over those that a ship asks for."""
     table = levels() if table is None else table
     asked = table["parameter"].isin(_SEVERITY) & (table["gap"] != "not asked")
     rows = table[asked].to_dict("records")
@@ -79,23 +62,7 @@ def plot_levels(*, ax: Axes, table: pd.DataFrame | None = None) -> Axes:
 
 
 def plot_error_rate(table: pd.DataFrame, *, ax: Axes, label: str | None = None) -> Axes:
-    """Draw error rates over the amplitude of a disturbance.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        What `telegram_error_rate` returns.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    label : str, optional
-        Name of the points in a legend.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; y is logarithmic. Points have their 95 % interval as a bar. Where no
-        telegram failed, an arrow points down from the end of the interval.
-    """
+    """Draw error rates over the amplitude of a disturbance."""
     seen = table[table["failed"] > 0]
     bars = np.stack([seen["rate"] - seen["rate_low"], seen["rate_high"] - seen["rate"]])
     points = ax.errorbar(

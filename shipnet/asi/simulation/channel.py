@@ -14,9 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
-from shipnet.asi.response import Response
-from shipnet.asi.simulation.collision import ONE_PULSE_CODES, collide
+from shipnet.asi.modulation import ONE_PULSE_CODES, collide
 from shipnet.asi.simulation.disturbance import MISSED, PLANES, REQUEST_LOST, draw_disturbances
 from shipnet.asi.simulation.master import Phase
 from shipnet.asi.simulation.orders import Order
@@ -33,6 +31,7 @@ from shipnet.asi.simulation.record import (
 from shipnet.asi.simulation.slave import OBEY, Slave
 from shipnet.asi.simulation.station import Station
 from shipnet.asi.simulation.tasks import FAULTY, SILENT
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Response
 from shipnet.asi.timing import Timing
 from shipnet.errors import SilenceError
 

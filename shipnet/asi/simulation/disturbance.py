@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.simulation.collision import ONE_PULSE_CODES
+from shipnet.asi.modulation import ONE_PULSE_CODES
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 

@@ -12,8 +12,8 @@ from matplotlib.markers import CARETUP
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from shipnet import style
-from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.simulation.states import TRANSITIONS, Action, Event, State
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.timing import BIT_TIME
 from shipnet.errors import ArgumentError
 from shipnet.line.plot import axes, layout

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.simulation.disturbance import MISSED, PLANES, REQUEST_LOST
 from shipnet.asi.simulation.orders import key_of
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.timing import Timing
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.asi.calls import Call
-from shipnet.asi.frame import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.simulation.master import Phase
 from shipnet.asi.simulation.record import ATTEMPT, EXECUTED, OUTCOME, PHASE, Record
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,10 +11,9 @@ from typing import cast
 from shipnet.asi.batch import NONE
 from shipnet.asi.calls import Answer, Call
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
-from shipnet.asi.response import Response
 from shipnet.asi.simulation.orders import KINDS, Kind, label_of
 from shipnet.asi.simulation.states import TRANSITIONS, Action, Event, State
-from shipnet.asi.telegram import Half, Request
+from shipnet.asi.telegram import Half, Request, Response
 from shipnet.errors import ArgumentError, FrameError, UnknownCallError
 from shipnet.fields import check_whole
 

@@ -6,9 +6,9 @@ import copy
 from collections.abc import Mapping, Sequence
 
 from shipnet.asi.calls import Call
-from shipnet.asi.frame import REQUEST_BITS
 from shipnet.asi.simulation.orders import key_of
 from shipnet.asi.simulation.slave import Slave
+from shipnet.asi.telegram import REQUEST_BITS
 from shipnet.asi.timing import Timing
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from shipnet.asi.frame import REQUEST_BITS
 from shipnet.asi.simulation.faults import DeadSlave, LostReply, MasterFailure
 from shipnet.asi.simulation.master import Master
 from shipnet.asi.simulation.result import Simulation
 from shipnet.asi.simulation.run import simulate
 from shipnet.asi.simulation.slave import Slave
 from shipnet.asi.simulation.standby import Standby
-from shipnet.asi.telegram import Request
+from shipnet.asi.telegram import REQUEST_BITS, Request
 from shipnet.papers.registry import check
 
 __all__: list[str] = []

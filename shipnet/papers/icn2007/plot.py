@@ -9,7 +9,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.asi.apm import HALF_BIT, levels_of, send_current
+from shipnet.asi.modulation import HALF_BIT, levels_of, send_current
 from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE
 
 __all__ = ["plot_bits_and_pulses", "plot_heights", "plot_margins"]

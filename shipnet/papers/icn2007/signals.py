@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.apm import HALF_BIT, ramp_spectrum, send_spectrum, steps_of
-from shipnet.asi.response import RESPONSES
+from shipnet.asi.modulation import HALF_BIT, ramp_spectrum, send_spectrum, steps_of
 from shipnet.asi.segment import Segment
-from shipnet.asi.telegram import Request
+from shipnet.asi.telegram import RESPONSES, Request
 from shipnet.asi.topologies import line, ring
 from shipnet.asi.topology import straight_line
 from shipnet.line.cable import CABLES, Cable

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from shipnet.asi.plan import Plan
-from shipnet.asi.rates import bus_efficiencies
 from shipnet.asi.topologies import line, ring, star
+from shipnet.papers.icn2007.rates import bus_efficiencies
 from shipnet.papers.registry import check
 
 __all__ = ["allowed", "keeps_all_rules"]

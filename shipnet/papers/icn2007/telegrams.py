@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from shipnet.asi import Call, Request, Transaction
-from shipnet.asi.telegram import Half
+from shipnet.asi.calls import Call
+from shipnet.asi.telegram import Half, Request
+from shipnet.asi.timing import Transaction
 from shipnet.papers.kim2023.timing import CHIP_EDGES, master_pause_of_chip
 from shipnet.papers.registry import check, numeric
 

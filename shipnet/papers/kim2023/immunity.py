@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from shipnet.asi.emc.disturbance import noise
-from shipnet.asi.emc.error_rate import Telegrams, all_telegrams, telegram_error_rate
-from shipnet.asi.emc.levels import STANDARDS, gap, levels
+from shipnet.asi.emc.disturbances import noise
+from shipnet.asi.emc.immunity import STANDARDS, gap, levels
+from shipnet.asi.emc.monte_carlo import Telegrams, all_telegrams, telegram_error_rate
 from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError
 from shipnet.papers.registry import check

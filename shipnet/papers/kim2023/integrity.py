@@ -6,9 +6,8 @@ from math import comb
 
 import numpy as np
 
-from shipnet.asi.apm import pulses_of
-from shipnet.asi.response import Response
-from shipnet.asi.slots import CLASSES
+from shipnet.asi.modulation import CLASSES, pulses_of
+from shipnet.asi.telegram import Response
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["check_bits_for_distance_4", "undetected"]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from shipnet.asi import IO_CONFIGURATIONS, Call, Profile
+from shipnet.asi.calls import Call
+from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
 from shipnet.design.costs import conductors_at_cabinet
 from shipnet.design.plant import Plant, lines_needed
 from shipnet.papers.registry import check, numeric

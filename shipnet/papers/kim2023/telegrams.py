@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from shipnet import datasets
-from shipnet.asi import IO_CONFIGURATIONS, RESPONSE_BITS, Call, Request, Response
-from shipnet.asi.frame import frame
+from shipnet.asi.calls import Call
+from shipnet.asi.profile import IO_CONFIGURATIONS
+from shipnet.asi.telegram import RESPONSE_BITS, Request, Response, frame
 from shipnet.errors import FrameError
 from shipnet.papers.registry import check, numeric
 

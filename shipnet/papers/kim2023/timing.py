@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from shipnet import datasets
-from shipnet.asi import BIT_TIME, REQUEST_BITS, Transaction
+from shipnet.asi.telegram import REQUEST_BITS
+from shipnet.asi.timing import BIT_TIME, Transaction
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["CHIP_EDGES", "LONGEST_PAUSE", "master_pause_of_chip"]

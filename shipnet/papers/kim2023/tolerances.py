@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.apm import HALF_BIT, as_bits, pulses_of
+from shipnet.asi.modulation import HALF_BIT, as_bits, pulses_of
 from shipnet.asi.receiver import receive, within_tolerance
-from shipnet.asi.response import RESPONSES
 from shipnet.asi.segment import DEVICE, Segment
+from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.topology import straight_line
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import CableRun, Network

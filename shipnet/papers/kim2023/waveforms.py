@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from shipnet.asi.apm import levels_of, pulses_of, send_current
-from shipnet.asi.response import RESPONSES, Response
+from shipnet.asi.modulation import levels_of, pulses_of, send_current
+from shipnet.asi.telegram import RESPONSES, Response
 from shipnet.asi.topology import straight_line
 from shipnet.papers.registry import check
 

@@ -1,0 +1,15 @@
+from .calls import Call as Call
+from .capture import Capture as Capture
+from .capture import decode as decode
+from .plan import Plan as Plan
+from .profile import Profile as Profile
+from .simulation.master import Master as Master
+from .simulation.run import simulate as simulate
+from .simulation.slave import Slave as Slave
+from .telegram import Request as Request
+from .telegram import Response as Response
+from .timing import BIT_TIME as BIT_TIME
+from .timing import Transaction as Transaction
+from .topologies import line as line
+from .topologies import ring as ring
+from .topologies import star as star

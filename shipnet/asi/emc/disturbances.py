@@ -1,0 +1,248 @@
+"""Disturbances as a receiver sees them: a voltage between both wires, to be added to telegrams.
+
+How much of a test level in kV or V/m arrives between the wires depends on cable, screen and
+symmetry, and is not modelled: the amplitude is the user's. The pulse of a fast transient is
+shorter than a sampling interval, so the model keeps its area: a first-order low-pass stands for
+the receiver's input, and a sample is the mean over its interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
+
+Floats = npt.NDArray[np.float64]
+
+#: ``disturbance(t, amplitude, rng, size)`` -> voltages [V], shape (size, n_t).
+Disturbance = Callable[[Floats, float, np.random.Generator, int], Floats]
+
+#: Largest legal amplitude [V]; the receiver takes no voltage whose square overflows.
+_MOST = 1e9
+
+
+def time_step(t: npt.ArrayLike) -> tuple[Floats, float]:
+    """Return times as an array with their spacing, or raise unless they are evenly spaced."""
+    times = np.asarray(t)
+    if times.dtype.kind not in "iuf" or times.ndim != 1 or times.size < 2:
+        raise ArgumentError(
+            f"t has the shape {times.shape} and dtype {times.dtype}; it must be a row of two "
+            "times or more"
+        )
+    times = times.astype(np.float64, copy=False)
+    dt = float(times[-1] - times[0]) / (times.size - 1)
+    if not (dt > 0 and np.abs(np.diff(times) - dt).max() <= 1e-6 * dt):
+        raise ArgumentError("t must be finite, rise and be evenly spaced")
+    return times, dt
+
+
+def check_batch(amplitude: float, size: int) -> tuple[float, int]:
+    """Return amplitude and number of rows, or raise if one is out of range."""
+    return check_scalar("amplitude", amplitude, "V", 0, _MOST), check_whole("size", size, 0, 2**31)
+
+
+def add_events(
+    u: Floats,
+    t: Floats,
+    begin: Floats,
+    length: float,
+    shape: Callable[..., Floats],
+    *parameters: Floats,
+) -> None:
+    """Add one event to each row of `u`, in place.
+
+    It begins at `begin`, one time a row, and lasts `length` at most; its voltage is
+    ``shape(time since its begin, *parameters)``, each parameter one number a row. What falls
+    outside the record is lost.
+    """
+    dt = (t[-1] - t[0]) / (t.size - 1)
+    first = np.ceil((begin - t[0]) / dt).astype(np.intp)
+    column = first[:, np.newaxis] + np.arange(int(length / dt) + 1)
+    row, place = np.nonzero((column >= 0) & (column < t.size))
+    column = column[row, place]
+    since = np.maximum(t[column] - begin[row], 0.0)
+    u[row, column] += shape(since, *(parameter[row] for parameter in parameters))
+
+
+def noise(t: npt.ArrayLike, amplitude: float, rng: np.random.Generator, size: int = 1) -> Floats:
+    r"""Return white noise."""
+    t, _ = time_step(t)
+    amplitude, size = check_batch(amplitude, size)
+    return amplitude * rng.standard_normal((size, t.size))
+
+
+def impulses(
+    t: npt.ArrayLike,
+    amplitude: float,
+    rng: np.random.Generator,
+    size: int = 1,
+    *,
+    count: int = 1,
+    width: tuple[float, float] = (0.5e-6, 4e-6),
+    spread: float = 0.5,
+    between: tuple[float, float] | None = None,
+) -> Floats:
+    r"""Return impulses of random place, sign, height and width, each a raised cosine.
+
+    .. math:: u(t) = \pm \frac{a}{2} \left(1 + \cos \frac{2 \pi (t - t_0)}{w}\right),
+              \qquad |t - t_0| < \frac{w}{2}
+    """
+    t, _ = time_step(t)
+    amplitude, size = check_batch(amplitude, size)
+    count = check_whole("count", count, 0, 1000)
+    spread = check_scalar("spread", spread, "of the amplitude", 0, 1)
+    record = float(t[-1] - t[0])
+    narrow, wide = _pair("width", width, 0, record)
+    if narrow == 0:
+        raise ArgumentError("width begins with 0 s; an impulse must be wider than that")
+    first, last = _pair("between", (t[0], t[-1]) if between is None else between, -1e6, 1e6)
+    u = np.zeros((size, t.size))
+    for _ in range(count):
+        w = rng.uniform(narrow, wide, size)
+        height = amplitude * rng.uniform(1 - spread, 1 + spread, size)
+        height *= rng.choice([-1.0, 1.0], size)
+        begin = rng.uniform(first, last, size) - w / 2
+        add_events(u, t, begin, wide, _raised_cosine, w, height)
+    return u
+
+
+def _raised_cosine(since: Floats, width: Floats, height: Floats) -> Floats:
+    return np.where(since < width, height * np.sin(np.pi * since / width) ** 2, 0.0)
+
+
+def conducted_rf(
+    t: npt.ArrayLike,
+    amplitude: float,
+    rng: np.random.Generator,
+    size: int = 1,
+    *,
+    frequency: float,
+    modulation: float = 0.8,
+    f_mod: float = 1e3,
+    phase: float | None = None,
+) -> Floats:
+    r"""Return a modulated carrier, as the test with conducted radio frequency couples it in.
+
+    .. math:: u(t) = a \bigl(1 + m \sin(2 \pi f_m t + \psi)\bigr) \sin(2 \pi f t + \varphi)
+    """
+    t, dt = time_step(t)
+    amplitude, size = check_batch(amplitude, size)
+    frequency = check_scalar("frequency", frequency, "Hz", 1e-3, 1e12)
+    modulation = check_scalar("modulation", modulation, "of the carrier", 0, 1)
+    f_mod = check_scalar("f_mod", f_mod, "Hz", 0, frequency)
+    if frequency + f_mod >= 0.5 / dt:
+        raise ArgumentError(
+            f"frequency is {frequency:g} Hz; with its sideband it must lie below "
+            f"{0.5 / dt:.6g} Hz, half the sampling rate"
+        )
+    carrier, slow = rng.uniform(0, 2 * np.pi, (2, size))
+    if phase is not None:
+        carrier = np.full(size, check_scalar("phase", phase, "rad", -1e6, 1e6))
+    # Carrier and sidebands, the same for all telegrams but for a complex factor each.
+    lines = np.exp(2j * np.pi * np.outer([frequency, frequency + f_mod, frequency - f_mod], t))
+    side = modulation / 2j * np.exp(1j * carrier)
+    factors = [np.exp(1j * carrier), side * np.exp(1j * slow), -side * np.exp(-1j * slow)]
+    return amplitude * (np.stack(factors, axis=-1) @ lines).imag
+
+
+def _pair(what: str, pair: tuple[float, float], low: float, high: float) -> tuple[float, float]:
+    try:
+        a, b = pair
+    except (TypeError, ValueError):
+        raise ArgumentError(f"{what} is {pair!r}; it must be two times") from None
+    a, b = (check_scalar(what, end, "s", low, high) for end in (a, b))
+    if a > b:
+        raise ArgumentError(f"{what} is {a:g}..{b:g} s; its end must not lie before its begin")
+    return a, b
+
+
+#: Time constants of decay and rise [s]: with them the pulse of two exponentials rises from 10 %
+#: to 90 % in 5 ns and stays above half for 50 ns, the nominal values of IEC 61000-4-4.
+_DECAY, _RISE = 55.61e-9, 3.291e-9
+
+#: Pulses a second inside a packet [1/s]; IEC 61000-4-4 also has 100 kHz.
+PULSE_RATE = 5e3
+
+#: Length of a packet and time from one to the next [s]: IEC 61000-4-4, at 5 kHz 75 pulses each.
+PACKET_LENGTH, PACKET_PERIOD = 15e-3, 300e-3
+
+#: Corner of the low-pass that stands for a receiver's input [Hz]: assumed, some above the 667 kHz
+#: at which the spectrum of an AS-i pulse has its first zero.
+INPUT_CORNER = 1e6
+
+#: What is left of an exponential after so many time constants, 2e-9, is dropped.
+_ENOUGH = 20.0
+
+# At the top of the pulse both exponentials fall as fast.
+_TOP_AT = np.log(_DECAY / _RISE) * _DECAY * _RISE / (_DECAY - _RISE)
+_TOP = np.exp(-_TOP_AT / _DECAY) - np.exp(-_TOP_AT / _RISE)
+
+
+def burst_pulse(t: npt.ArrayLike) -> Floats:
+    r"""Return one pulse of a burst, of height 1.
+
+    .. math:: p(t) = k \left(e^{-t / \tau_1} - e^{-t / \tau_2}\right), \qquad t \ge 0
+    """
+    t = np.asarray(t, dtype=float)
+    late = np.maximum(t, 0.0)
+    return np.asarray((np.exp(-late / _DECAY) - np.exp(-late / _RISE)) / _TOP)
+
+
+def burst_area() -> float:
+    """Return the area of `burst_pulse` [s]."""
+    return float((_DECAY - _RISE) / _TOP)
+
+
+def burst_spectrum(f: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+    r"""Return the Fourier transform of `burst_pulse`.
+
+    .. math:: P(f) = \frac{A}{(1 + j 2 \pi f \tau_1)(1 + j 2 \pi f \tau_2)}
+    """
+    s = 2j * np.pi * np.asarray(f, dtype=float)
+    return np.asarray(burst_area() / ((1 + s * _DECAY) * (1 + s * _RISE)))
+
+
+def burst(
+    t: npt.ArrayLike,
+    amplitude: float,
+    rng: np.random.Generator,
+    size: int = 1,
+    *,
+    rate: float = PULSE_RATE,
+    corner: float = INPUT_CORNER,
+) -> Floats:
+    """Return what a receiver's input leaves of a burst, for telegrams inside a packet."""
+    t, dt = time_step(t)
+    amplitude, size = check_batch(amplitude, size)
+    rate = check_scalar("rate", rate, "1/s", 1, 1e6)
+    slowest = 1 / (2 * np.pi * check_scalar("corner", corner, "Hz", 1e3, 1e9))
+    # The formula divides by differences of time constants; a millionth apart is apart.
+    if min(abs(slowest / _DECAY - 1), abs(slowest / _RISE - 1)) < 1e-6:
+        slowest *= 1 + 2e-6
+    constants = np.array([_DECAY, _RISE, slowest])
+    length = dt + _ENOUGH * float(constants.max())
+    sign = amplitude * burst_area() / dt * rng.choice([-1.0, 1.0], size)
+    begin = t[0] - length + rng.uniform(0, 1 / rate, size)
+    u = np.zeros((size, t.size))
+    for _ in range(int((t[-1] - t[0] + length) * rate) + 1):
+        add_events(
+            u, t, begin, length, lambda since, sign: sign * _mean(since, dt, constants), sign
+        )
+        begin = begin + 1 / rate
+    return u
+
+
+def _mean(since: Floats, dt: float, constants: Floats) -> Floats:
+    """Return the area that passes three lags in a row between `since` - `dt` and `since`."""
+    return _passed(since, constants) - _passed(np.maximum(since - dt, 0.0), constants)
+
+
+def _passed(since: Floats, constants: Floats) -> Floats:
+    apart = constants[:, np.newaxis] - constants
+    np.fill_diagonal(apart, 1.0)
+    share = constants**2 / apart.prod(axis=1)
+    return np.asarray(1 - np.exp(-since[..., np.newaxis] / constants) @ share)

@@ -1,0 +1,327 @@
+"""Alternating pulse modulation: bits -> Manchester levels -> send current -> pulses, and back.
+
+A bit is two half-bits of 3 us. Manchester coding makes a 0 fall and a 1 rise in its middle; the
+sender draws more current at the low level, and the inductors of the power supply turn every change
+of current into a voltage pulse: a rising current gives a negative one. So a telegram is a row of
+*slots*, one per half-bit, each with a pulse -1, +1 or none: the odd slots always hold one (the
+middle of a bit), the even ones only between two equal bits, and the signs alternate.
+
+A telegram of n bits fills 2 n slots; two more must stay empty after it. Seven checks together
+accept the telegrams and nothing else: the tests prove it by exhaustion. Where telegrams overlap,
+the currents of their senders add up, and pulses of opposite sign cancel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.asi.batch import NONE
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Response
+from shipnet.asi.timing import BIT_TIME
+from shipnet.errors import (
+    AlternationError,
+    ArgumentError,
+    EndBitError,
+    FrameError,
+    InformationError,
+    LengthError,
+    ParityError,
+    PauseError,
+    StartBitError,
+)
+
+#: Length of a half-bit [s].
+HALF_BIT = BIT_TIME / 2
+
+#: Swing of the send current [A]; 55 to 68 mA in ASI4U data sheets, 60 mA assumed.
+SEND_CURRENT = 60e-3
+
+Floats = npt.NDArray[np.float64]
+Signs = npt.NDArray[np.int8]
+
+
+def as_bits(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
+    """Return telegrams as an array of bits."""
+    try:
+        array = np.asarray(bits)
+    except ValueError:
+        raise ArgumentError("bits must be telegrams of one length") from None
+    if array.dtype.kind == "U" and array.size:
+        lengths = np.char.str_len(array)
+        if lengths.min() != lengths.max():
+            raise ArgumentError(
+                f"bits must be telegrams of one length, but have {lengths.min()} to {lengths.max()}"
+            )
+        array = np.ascontiguousarray(array).view("U1").reshape(*array.shape, -1)
+        array = np.where(np.isin(array, ("0", "1")), array == "1", 2)
+    if array.ndim == 0 or array.shape[-1] == 0:
+        raise ArgumentError("bits must hold at least one bit")
+    if not np.isin(array, (0, 1)).all():
+        raise ArgumentError(f"bits must be 0 or 1, but are {bits!r}")
+    return array.astype(np.int8)
+
+
+def levels_of(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
+    """Return the Manchester levels of bits: step 2 of kim2023's Table 3."""
+    bits = as_bits(bits)
+    return np.stack([1 - bits, bits], axis=-1).reshape(*bits.shape[:-1], -1)
+
+
+def steps_of(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
+    """Return the changes of the send current at each half-bit: step 3 of kim2023's Table 3."""
+    drawn = 1 - levels_of(bits)
+    return np.diff(drawn, axis=-1, prepend=np.zeros_like(drawn[..., :1]))
+
+
+def pulses_of(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
+    """Return the sign of the voltage pulse in each slot: step 4 of kim2023's Table 3."""
+    return -steps_of(bits)
+
+
+def ramp(x: npt.ArrayLike) -> Floats:
+    r"""Return the shape of one change of current: the integral of a sin^2 pulse.
+
+    .. math:: \rho(x) = x - \frac{\sin 2 \pi x}{2 \pi}
+    """
+    x = np.clip(x, 0.0, 1.0)
+    return x - np.sin(2 * np.pi * x) / (2 * np.pi)
+
+
+def send_current(
+    t: npt.ArrayLike,
+    bits: str | Sequence[str] | npt.ArrayLike,
+    *,
+    start: float = 0.0,
+    swing: float = SEND_CURRENT,
+    half_bit: float = HALF_BIT,
+) -> Floats:
+    r"""Return the current that a sender draws, in closed form.
+
+    .. math:: i(t) = I_0 \sum_j d_j \, \rho\left(\frac{t - t_0}{T_h} - j\right)
+    """
+    if not half_bit > 0:
+        raise ArgumentError(f"half_bit is {half_bit} s; it must be positive")
+    steps = steps_of(bits)
+    since = (np.asarray(t, dtype=float) - start) / half_bit
+    shapes = ramp(since - np.arange(steps.shape[-1])[:, np.newaxis])
+    return swing * (steps @ shapes)
+
+
+def ramp_spectrum(s: npt.ArrayLike, *, half_bit: float = HALF_BIT) -> npt.NDArray[np.complex128]:
+    r"""Return the Laplace transform of the slope of one change of current, area 1.
+
+    .. math:: P(s) = e^{-x} \, \frac{\sinh x}{x} \, \frac{1}{1 + (x / \pi)^2},
+              \qquad x = \frac{s T_h}{2}
+    """
+    x = np.asarray(s, dtype=complex) * half_bit / 2
+    small = np.abs(x) < 1e-6
+    pole = np.abs(1 + (x / np.pi) ** 2) < 1e-9
+    safe = np.where(small | pole, 1.0, x)
+    # e^-x sinh x, written so that it does not overflow for a large real part.
+    value = -np.expm1(-2 * safe) / (2 * safe) / (1 + (safe / np.pi) ** 2)
+    return np.where(small, np.exp(-x), np.where(pole, 0.5 * np.exp(-x), value))
+
+
+def send_spectrum(
+    s: npt.ArrayLike,
+    bits: str | Sequence[str] | npt.ArrayLike,
+    *,
+    start: float = 0.0,
+    swing: float = SEND_CURRENT,
+    half_bit: float = HALF_BIT,
+) -> npt.NDArray[np.complex128]:
+    r"""Return the Laplace transform of `send_current`, in closed form.
+
+    .. math:: I(s) = \frac{I_0}{s} P(s) \sum_j d_j \, e^{-s (t_0 + j T_h)}
+    """
+    if not half_bit > 0:
+        raise ArgumentError(f"half_bit is {half_bit} s; it must be positive")
+    s = np.asarray(s, dtype=complex)
+    if np.any(s == 0):
+        raise ArgumentError("s is 0, where the transform of a current has no value of its own")
+    steps = steps_of(bits)
+    at = start + half_bit * np.arange(steps.shape[-1])
+    code = steps @ np.exp(-np.outer(at, s))
+    return np.asarray(swing * ramp_spectrum(s, half_bit=half_bit) / s * code)
+
+
+Bools = npt.NDArray[np.bool_]
+Codes = npt.NDArray[np.uint8]
+
+#: The error classes of kim2023 section 3.4 by name, in the order in which they are checked.
+CLASSES: dict[str, type[FrameError]] = {
+    "start": StartBitError,
+    "alternation": AlternationError,
+    "pause": PauseError,
+    "information": InformationError,
+    "parity": ParityError,
+    "end": EndBitError,
+    "length": LengthError,
+}
+
+
+def check_bit_count(n_bits: int) -> None:
+    """Raise unless a telegram can have so many bits."""
+    if n_bits not in (RESPONSE_BITS, REQUEST_BITS):
+        raise ArgumentError(
+            f"n_bits is {n_bits!r}; it must be {RESPONSE_BITS}, a response, "
+            f"or {REQUEST_BITS}, a request"
+        )
+
+
+def _columns(slots: npt.ArrayLike, n_bits: int) -> Signs:
+    """Return the slots along the first axis, where numpy works on many telegrams at a time."""
+    check_bit_count(n_bits)
+    array = np.asarray(slots)
+    n_slots = 2 * n_bits + 2
+    if array.ndim == 0 or array.shape[-1] != n_slots:
+        raise ArgumentError(
+            f"slots have the shape {array.shape}; {n_bits} bits need {n_slots} along the last axis"
+        )
+    if array.dtype.kind not in "iu":
+        raise ArgumentError(f"slots must be -1, 0 or 1, but their dtype is {array.dtype}")
+    if array.size and (array.min() < -1 or array.max() > 1):
+        raise ArgumentError(
+            f"slots must be -1, 0 or 1, but range from {array.min()} to {array.max()}"
+        )
+    return np.ascontiguousarray(np.moveaxis(array, -1, 0), dtype=np.int8)
+
+
+def _violations(columns: Signs) -> Bools:
+    """Return which classes fail; `columns` has the slots, the result the classes in front."""
+    telegram, behind = columns[1:-2], columns[-2:]
+    middles = telegram[::2]
+    empty = telegram == 0
+    # Summed up, the pulses are the send current upside down. It has two levels, so the sum never
+    # spans more than one step; two pulses of one sign in a row make it span two.
+    level = np.cumsum(telegram, axis=0, dtype=np.int8)
+    span = np.maximum(level.max(axis=0), 0) - np.minimum(level.min(axis=0), 0)
+    return np.stack(
+        [
+            (columns[0] != 0) | (columns[1] != -1),
+            span > 1,
+            (empty[1:] & empty[:-1]).any(axis=0),
+            empty[::2].any(axis=0),
+            np.logical_xor.reduce(middles[1:-1] > 0, axis=0),
+            middles[-1] != 1,
+            (behind != 0).any(axis=0),
+        ]
+    )
+
+
+def check_columns(columns: Signs) -> tuple[Signs, Codes]:
+    """Return the bits, in front, and the codes of slots along the first axis."""
+    error = np.zeros(columns.shape[1:], dtype=np.uint8)
+    failed = _violations(columns)
+    # The last written is the first checked.
+    for kind, fails in reversed(list(zip(CLASSES.values(), failed, strict=True))):
+        error[fails] = kind.code
+    middles = columns[1:-2:2]
+    return np.where(middles == 0, NONE, middles > 0).astype(np.int8), error
+
+
+def check_slots(slots: npt.ArrayLike, n_bits: int) -> tuple[Signs, Codes]:
+    """Decode the pulses of many telegrams at once; the inverse of `apm.pulses_of`."""
+    bits, error = check_columns(_columns(slots, n_bits))
+    return np.ascontiguousarray(np.moveaxis(bits, 0, -1)), error
+
+
+def violations(slots: npt.ArrayLike, n_bits: int) -> Bools:
+    """Return every check that fails, not only the first: for statistics of disturbances."""
+    return np.ascontiguousarray(np.moveaxis(_violations(_columns(slots, n_bits)), 0, -1))
+
+
+def bits_of_slots(slots: npt.ArrayLike) -> str:
+    """Decode the pulses of one telegram, or say which slot breaks which rule."""
+    shape = np.shape(slots)
+    lengths = [2 * n_bits + 2 for n_bits in (RESPONSE_BITS, REQUEST_BITS)]
+    if len(shape) != 1 or shape[0] not in lengths:
+        raise ArgumentError(
+            f"slots have the shape {shape}; one telegram has {lengths[0]} of them, a response, "
+            f"or {lengths[1]}, a request"
+        )
+    last = shape[0] - 3
+    pulse: list[int] = _columns(slots, (shape[0] - 2) // 2).tolist()
+
+    if pulse[0]:
+        raise StartBitError(f"slot 0 holds {_sign(pulse[0])}; the first pulse belongs in slot 1")
+    if pulse[1] != -1:
+        raise StartBitError(f"slot 1 holds {_sign(pulse[1])}; the start bit's pulse is -")
+    filled = [j for j in range(1, last + 1) if pulse[j]]
+    for j, k in pairwise(filled):
+        if pulse[j] == pulse[k]:
+            raise AlternationError(
+                f"slot {k} holds {_sign(pulse[k])} like slot {j}, the pulse before it; "
+                "the signs alternate"
+            )
+    for j in range(1, last):
+        if not pulse[j] and not pulse[j + 1]:
+            raise PauseError(f"slots {j} and {j + 1} are both empty inside the telegram")
+    for j in range(1, last + 1, 2):
+        if not pulse[j]:
+            raise InformationError(f"slot {j} is empty; it is the middle of bit {j // 2}")
+    bits = "".join("1" if pulse[j] > 0 else "0" for j in range(1, last + 1, 2))
+    ones = bits[:-1].count("1")
+    if ones % 2:
+        raise ParityError(
+            f"slots 1 to {last - 2} hold {bits[:-1]} with {ones} ones; their number must be even"
+        )
+    if pulse[last] != 1:
+        raise EndBitError(f"slot {last} holds {_sign(pulse[last])}; the end bit's pulse is +")
+    for j in (last + 1, last + 2):
+        if pulse[j]:
+            raise LengthError(
+                f"slot {j} holds {_sign(pulse[j])}; the line is silent after slot {last}, "
+                "the end bit's"
+            )
+    return bits
+
+
+def _sign(pulse: int) -> str:
+    return {-1: "-", 0: "no pulse", 1: "+"}[pulse]
+
+
+def add_pulses(telegrams: Sequence[tuple[str, int]], n_bits: int) -> npt.NDArray[np.int8]:
+    """Return the pulses that a receiver finds where several telegrams overlap."""
+    check_bit_count(n_bits)
+    if not telegrams:
+        raise ArgumentError("telegrams is empty; at least one is needed")
+    n_slots = 2 * n_bits + 2
+    total = np.zeros(n_slots, dtype=np.int64)
+    for bits, start in telegrams:
+        pulses = pulses_of(bits)
+        slots = start + np.arange(pulses.size)
+        heard = (slots >= 0) & (slots < n_slots)
+        total[slots[heard]] += pulses[heard]
+    return np.sign(total).astype(np.int8)
+
+
+@lru_cache(maxsize=4096)
+def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, int]:
+    """Return what a receiver reads where several telegrams overlap."""
+    bits, error = check_slots(add_pulses(telegrams, n_bits), n_bits)
+    return ("", int(error)) if error else ("".join(map(str, bits)), 0)
+
+
+def _one_pulse_codes() -> tuple[tuple[int, ...], ...]:
+    table = []
+    for data in range(16):
+        word = np.pad(pulses_of(Response(data).bits), (0, 2))
+        wrong = [
+            np.where(np.arange(word.size) == slot, value, word)
+            for slot in range(word.size)
+            for value in (-1, 0, 1)
+            if value != word[slot]
+        ]
+        table.append(tuple(check_slots(np.stack(wrong), RESPONSE_BITS)[1].tolist()))
+    return tuple(table)
+
+
+#: For each answer 0..15 the error codes of its 32 disturbances of one slot: a pulse lost, turned
+#: round or added, in any of the 16 half-bits that its receiver looks at. None of them is 0.
+ONE_PULSE_CODES = _one_pulse_codes()

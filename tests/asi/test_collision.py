@@ -1,0 +1,114 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from shipnet.asi import Response
+from shipnet.asi.batch import bits_of
+from shipnet.asi.modulation import (
+    ONE_PULSE_CODES,
+    add_pulses,
+    bits_of_slots,
+    check_slots,
+    collide,
+    pulses_of,
+)
+from shipnet.asi.simulation.disturbance import MISSED, REQUEST_LOST, VARIANTS, draw_disturbances
+from shipnet.errors import ArgumentError, FrameError, explain
+
+ANSWERS = [Response(data).bits for data in range(16)]
+
+
+def test_different_answers_at_once_never_pass_for_an_answer():
+    for first, second in itertools.product(ANSWERS, repeat=2):
+        bits, error = collide(((first, 0), (second, 0)), 7)
+        assert (error == 0) == (first == second)
+        assert bits == (first if first == second else "")
+
+
+@pytest.mark.parametrize("shift", range(1, 14))
+def test_answers_that_overlap_by_part_never_pass(shift):
+    for first, second in itertools.product(ANSWERS, repeat=2):
+        assert collide(((first, 0), (second, shift)), 7)[1] != 0
+
+
+def test_an_answer_upon_a_request_never_makes_another_request_of_it():
+    information = np.arange(2**11)
+    requests = bits_of(information << 2 | (np.bitwise_count(information) & 1) << 1 | 1, 14)
+    pulses = np.pad(pulses_of(requests).astype(int), ((0, 0), (0, 2)))
+    survived = 0
+    for answer, shift in itertools.product(ANSWERS, range(28)):
+        both = pulses.copy()
+        heard = pulses_of(answer)[: 30 - shift]
+        both[:, shift : shift + heard.size] += heard
+        bits, error = check_slots(np.sign(both), 14)
+        passed = error == 0
+        assert (bits[passed] == requests[passed]).all()
+        survived += passed.sum()
+    # It survives only where the pulses of both are the same: 2560 of 917504 cases.
+    assert survived == 2560
+
+
+def test_pulses_add_up_as_currents_do():
+    two = add_pulses([(ANSWERS[3], 0), (ANSWERS[9], 2)], 7)
+    total = np.zeros(18, dtype=int)
+    total[:14] += pulses_of(ANSWERS[3])
+    total[2:16] += pulses_of(ANSWERS[9])
+    assert two.tolist() == np.sign(total[:16]).tolist()
+
+
+def test_what_began_before_is_heard_from_its_middle_on():
+    early = add_pulses([(ANSWERS[9], -4)], 7)
+    assert early.tolist() == [*pulses_of(ANSWERS[9])[4:], 0, 0, 0, 0, 0, 0]
+
+
+def test_the_codes_of_one_disturbed_pulse_are_those_that_the_scalar_receiver_finds():
+    for data, codes in enumerate(ONE_PULSE_CODES):
+        word = np.pad(pulses_of(ANSWERS[data]), (0, 2))
+        wrong = iter(codes)
+        for slot in range(16):
+            for value in sorted({-1, 0, 1} - {int(word[slot])}):
+                other = word.copy()
+                other[slot] = value
+                with pytest.raises(FrameError) as caught:
+                    bits_of_slots(other)
+                assert type(caught.value).__name__ == explain(next(wrong))
+
+
+@pytest.mark.parametrize(
+    ("telegrams", "n_bits", "message"),
+    [([], 7, "telegrams is empty"), ([(ANSWERS[0], 0)], 8, "n_bits is 8")],
+)
+def test_nothing_and_other_lengths_are_refused(telegrams, n_bits, message):
+    with pytest.raises(ArgumentError, match=message):
+        add_pulses(telegrams, n_bits)
+
+
+def test_disturbances_are_as_frequent_as_asked_and_independent():
+    rng = np.random.default_rng(3)
+    drawn = draw_disturbances(rng, 4000, [0.1, 0.0, 1.0], [0.2, 0.0, 1.0], attempts=3, n_runs=2)
+    assert drawn.shape == (2, 4000, 3, 3, 3)
+    assert not drawn[..., 1, :].any()
+    lost, missed, variant = drawn & REQUEST_LOST > 0, drawn & MISSED > 0, drawn >> 2
+    n = drawn[..., 0, :].size
+    for share, p in ((lost, 0.1), (missed, 0.1), (variant > 0, 0.2), (lost & missed, 0.01)):
+        assert share[..., 0, :].mean() == pytest.approx(p, abs=5 * np.sqrt(p / n))
+    assert lost[..., 2, :].all() and missed[..., 2, :].all()
+    counts = np.bincount(variant[..., 2, :].ravel(), minlength=VARIANTS + 1)
+    assert counts[0] == 0 and counts.size == VARIANTS + 1
+    assert (np.abs(counts[1:] / n - 1 / VARIANTS) < 5 * np.sqrt(1 / VARIANTS / n)).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((1, [1.1], [0.0]), r"request is \[1.1\]"),
+        ((1, [0.0], [np.nan]), "response is"),
+        ((1, [0.0], [0.0, 0.0]), "request has 1 probabilities and response 2"),
+        ((1, [[0.0]], [0.0]), "one probability"),
+        ((-1, [0.0], [0.0]), "n_cycles is -1"),
+    ],
+)
+def test_bad_probabilities_are_refused(arguments, message):
+    with pytest.raises(ArgumentError, match=message):
+        draw_disturbances(np.random.default_rng(0), *arguments)

@@ -1,0 +1,136 @@
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from shipnet.asi import Request, Response
+from shipnet.asi.modulation import (
+    HALF_BIT,
+    SEND_CURRENT,
+    levels_of,
+    pulses_of,
+    ramp,
+    ramp_spectrum,
+    send_current,
+    send_spectrum,
+    steps_of,
+)
+from shipnet.errors import ArgumentError
+
+TELEGRAMS = [Response(data).bits for data in range(16)]
+TELEGRAMS += [Request.data_exchange(a, d).bits for a in range(1, 32) for d in range(16)]
+
+
+def test_levels_of_the_papers():
+    # kim2023 Table 3: a 0 goes from high to low in the middle of the bit, a 1 from low to high.
+    assert levels_of("0").tolist() == [1, 0]
+    assert levels_of("1").tolist() == [0, 1]
+
+
+def test_pulse_trains_of_the_example_response():
+    signs = "".join("0+-"[pulse] for pulse in pulses_of("0011001"))
+    assert signs == "0-+-0+-+0-+-0+"
+
+
+@pytest.mark.parametrize("bits", TELEGRAMS[::37] + TELEGRAMS[:16])
+def test_rules_of_every_pulse_train(bits):
+    pulses = pulses_of(bits)
+    signs = pulses[pulses != 0]
+    assert signs[0] == -1, "the first pulse is negative"
+    assert signs[-1] == 1, "the last pulse is positive"
+    assert all(a == -b for a, b in itertools.pairwise(signs)), "signs alternate"
+    assert (pulses[1::2] != 0).all(), "every bit has a pulse in its middle"
+    assert [int(pulse > 0) for pulse in pulses[1::2]] == [int(bit) for bit in bits]
+    equal = [a == b for a, b in itertools.pairwise(bits)]
+    assert [pulse != 0 for pulse in pulses[2::2]] == equal, "a pulse between equal bits only"
+    assert steps_of(bits).sum() == 0, "the current returns to nothing"
+
+
+def test_different_telegrams_have_different_pulses():
+    trains = {tuple(pulses_of(bits)) for bits in TELEGRAMS}
+    assert len(trains) == len(TELEGRAMS)
+
+
+def test_current_swings_between_nothing_and_its_full_value():
+    t = np.linspace(-5e-6, 50e-6, 20_001)
+    current = send_current(t, "0011001")
+    assert current.min() == pytest.approx(0, abs=1e-12)
+    assert current.max() == pytest.approx(SEND_CURRENT)
+    assert (current[(t < HALF_BIT) | (t > 42e-6)] == 0).all()
+
+
+def test_rising_current_makes_a_negative_pulse():
+    t = np.arange(0, 42e-6, 25e-9)
+    slope = np.gradient(send_current(t, "0011001"), t)
+    for slot, pulse in enumerate(pulses_of("0011001")):
+        middle = slope[np.searchsorted(t, (slot + 0.5) * HALF_BIT)]
+        assert np.sign(-middle).round() == pulse or abs(middle) < 1e-3 * abs(slope).max()
+
+
+def test_the_slope_is_a_sin_squared_pulse():
+    x = np.linspace(0, 1, 1001)
+    assert np.gradient(ramp(x), x)[1:-1] == pytest.approx(
+        2 * np.sin(np.pi * x[1:-1]) ** 2, abs=2e-5
+    )
+    assert quad(lambda x: 2 * np.sin(np.pi * x) ** 2, 0, 1)[0] == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    "s", [1e4, 3e5 + 2e5j, 2j * np.pi * 1e5, 2j * np.pi / HALF_BIT, 7e5 - 4e6j]
+)
+def test_ramp_spectrum_is_the_integral(s):
+    def part(kind):
+        return quad(
+            lambda t: kind(2 / HALF_BIT * np.sin(np.pi * t / HALF_BIT) ** 2 * np.exp(-s * t)),
+            0,
+            HALF_BIT,
+            epsabs=1e-12,
+        )[0]
+
+    assert ramp_spectrum(s) == pytest.approx(part(np.real) + 1j * part(np.imag), abs=1e-9)
+
+
+def test_spectrum_and_time_agree():
+    # A Laplace contour beside the axis, as the line solver uses it, brings the time signal back.
+    duration, n = 102.4e-6, 4096
+    t = np.arange(n) * duration / n
+    damping = 7.0
+    s = damping / duration + 2j * np.pi * np.arange(n // 2 + 1) / duration
+    spectrum = send_spectrum(s, "0011001", start=5e-6)
+    back = np.fft.irfft(spectrum, n) * n / duration * np.exp(damping * t / duration)
+    assert back == pytest.approx(send_current(t, "0011001", start=5e-6), abs=1e-6 * SEND_CURRENT)
+
+
+def test_a_batch_is_its_telegrams():
+    bits = np.array([[int(bit) for bit in word] for word in TELEGRAMS[:16]]).reshape(4, 4, 7)
+    t = np.arange(0, 45e-6, 1e-6)
+    s = 1e5 + 2j * np.pi * np.arange(0, 5) * 1e5
+    currents, spectra = send_current(t, bits), send_spectrum(s, bits)
+    assert currents.shape == (4, 4, t.size)
+    for index, word in zip(np.ndindex(4, 4), TELEGRAMS[:16], strict=True):
+        assert (pulses_of(bits)[index] == pulses_of(word)).all()
+        assert currents[index] == pytest.approx(send_current(t, word))
+        assert spectra[index] == pytest.approx(send_spectrum(s, word))
+
+
+@given(st.text("01", min_size=1, max_size=40))
+def test_any_bits_alternate(bits):
+    signs = pulses_of(bits)[pulses_of(bits) != 0]
+    assert (signs[1:] == -signs[:-1]).all()
+
+
+@pytest.mark.parametrize("bits", ["", [], [0, 2], [[0.5]], 1, "0a", "01\u0661"])
+def test_other_bits_are_refused(bits):
+    with pytest.raises(ArgumentError, match="bits must"):
+        pulses_of(bits)
+
+
+def test_other_bad_arguments():
+    for half_bit in (0, -1e-6, float("nan")):
+        with pytest.raises(ArgumentError, match="half_bit is"):
+            send_current([0], "01", half_bit=half_bit)
+    with pytest.raises(ArgumentError, match="s is 0"):
+        send_spectrum([1j, 0], "01")

@@ -1,0 +1,163 @@
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from shipnet import datasets, style
+from shipnet.asi import Request, Response, Transaction
+from shipnet.asi.modulation import pulses_of
+from shipnet.asi.plot import plot_eye, plot_io_codes, plot_telegram, plot_transaction
+from shipnet.asi.profile import IO_CONFIGURATIONS
+from shipnet.asi.receiver import eye
+from shipnet.asi.topology import straight_line
+from shipnet.design.plot import plot_asi, plot_hardwired
+from shipnet.errors import ArgumentError, LengthError
+from shipnet.papers import ledger
+from shipnet.papers.icn2007.plot import plot_bits_and_pulses, plot_heights, plot_margins
+from shipnet.papers.kim2023.tolerances import train_of
+
+IOLIST = datasets.read("synthetic_iolist_valves.csv")
+
+
+@pytest.fixture
+def ax():
+    with mpl.rc_context():
+        yield Figure().subplots()
+
+
+def texts(ax):
+    return [text.get_text() for text in ax.texts]
+
+
+def test_telegram_shows_its_bits_and_levels(ax):
+    bits = "00101010111001"
+    assert plot_telegram(bits, ax=ax) is ax
+    assert "".join(text for text in texts(ax) if text in "01") == bits
+    labels = [text for text in texts(ax) if text not in "01"]
+    assert labels == ["ST", "CB", "address A4..A0", "information I4..I0", "PB", "EB"]
+    (line,) = ax.lines
+    levels = line.get_ydata()
+    assert [level > 1.5 for level in levels[:-1]] == [bit == "1" for bit in bits]
+    assert sum(patch.get_width() for patch in ax.patches) == 14
+
+
+def test_transaction_is_drawn_to_scale(ax):
+    plot_transaction(Request.data_exchange(21, 0xE), Response(6), Transaction(2, 1.5), ax=ax)
+    assert sum(patch.get_width() for patch in ax.patches) == 24.5
+    assert {
+        "request\n14 bit",
+        "master pause\n2 bit",
+        "response\n7 bit",
+        "slave pause\n1.5 bit",
+    } <= set(texts(ax))
+    assert ax.get_xlabel() == "time [bit]"
+    (top,) = ax.child_axes
+    assert top.get_xlabel() == "time [us]"
+    ax.figure.draw_without_rendering()
+    assert top.get_xlim() == pytest.approx([6 * x for x in ax.get_xlim()])
+
+
+def test_a_faulty_frame_can_be_drawn(ax):
+    plot_transaction("00101010111011", "0011001", ax=ax)
+    assert "".join(text for text in texts(ax) if text in "01") == "001010101110110011001"
+
+
+def test_hardwired_draws_each_strand(ax):
+    plot_hardwired(IOLIST, ax=ax)
+    assert len(ax.lines) == 32
+    assert "hardwired: 32 strands for 16 points" in texts(ax)
+    assert {"BV-01", "BV-02", "BV-03", "BV-04"} <= set(texts(ax))
+
+
+def test_asi_draws_one_module_a_device(ax):
+    plot_asi(IOLIST, ax=ax)
+    assert [text for text in texts(ax) if text.startswith("slave")] == [
+        f"slave {n}" for n in (1, 2, 3, 4)
+    ]
+    assert "AS-i: 2 strands in the trunk for 16 points" in texts(ax)
+
+
+def test_one_device_and_other_signals_can_be_drawn(ax):
+    one = IOLIST.iloc[:1].assign(signal="rtd_3wire")
+    plot_hardwired(one, ax=ax)
+    assert len(ax.lines) == 3
+    plot_asi(one, ax=ax)
+    assert "3 short strands" in texts(ax)
+
+
+def test_a_common_return_is_drawn_too(ax):
+    plot_hardwired(IOLIST.iloc[:4].assign(signal="contact_common"), ax=ax)
+    assert len(ax.lines) == 5
+    assert "hardwired: 5 strands for 4 points" in texts(ax)
+    assert "ZSO  1 strand" in texts(ax)
+
+
+def test_an_iolist_without_devices_is_refused(ax):
+    for plot in (plot_hardwired, plot_asi):
+        with pytest.raises(ArgumentError, match="no column device"):
+            plot(IOLIST.drop(columns="device"), ax=ax)
+        with pytest.raises(ArgumentError, match="no device is named for BV-01-ZSO"):
+            plot(IOLIST.assign(device=[None, *IOLIST["device"][1:]]), ax=ax)
+
+
+def test_a_telegram_of_another_length_is_refused(ax):
+    with pytest.raises(LengthError, match="14 or 7 bits"):
+        plot_telegram("0101", ax=ax)
+
+
+def test_io_codes_read_down_from_d0(ax):
+    plot_io_codes(ax=ax)
+    names = [label.get_text() for label in ax.get_yticklabels()]
+    assert names == ["D0", "D1", "D2", "D3"]
+    assert ax.yaxis_inverted()
+    shown = np.array(texts(ax)).reshape(16, 4)
+    assert [tuple(ports) for ports in shown.tolist()] == list(IO_CONFIGURATIONS)
+
+
+def test_counts_are_drawn_one_bar_a_paper(ax):
+    table = ledger().counts()
+    assert ledger().plot(ax=ax) is ax
+    assert len(ax.patches) == 6 * len(table)
+    assert sum(patch.get_width() for patch in ax.patches) == table["claims"].sum()
+    assert [label.get_text() for label in ax.get_yticklabels()] == list(table.index)
+
+
+def test_style_is_one_for_all():
+    with mpl.rc_context():
+        style.use()
+        assert mpl.rcParams["figure.figsize"] == [6.4, 3.2]
+        assert mpl.rcParams["axes.grid"] is True
+
+
+def test_an_eye_draws_every_half_bit_and_the_tolerances(ax):
+    u = train_of(2 * pulses_of(["0011001", "0000001"]))
+    opened = eye(u, 250e-9, ["0011001", "0000001"])
+    plot_eye(opened, ax=ax)
+    drawn = [line for line in ax.lines if len(line.get_xdata()) == len(opened.t)]
+    assert len(drawn) == len(opened.pulses) + len(opened.gaps)
+    assert drawn[0].get_ydata() == pytest.approx(opened.pulses[0])
+    levels = [line.get_ydata()[0] for line in ax.lines[-3:]]
+    assert levels == [0.65, 0.30, -0.30]
+    assert ax.get_xlabel() == "time from the middle [us]"
+
+
+def test_bits_and_pulses_share_their_time():
+    axes = Figure().subplots(3, 1, sharex=True)
+    t, u = straight_line(100, slaves=(5,)).signals("0011001", start=0, duration=51.2e-6)
+    plot_bits_and_pulses("0011001", t, u[0, 0], axes=axes)
+    assert "".join(texts(axes[0])) == "0011001"
+    assert axes[1].lines[0].get_ydata().max() == pytest.approx(60)
+    assert axes[2].lines[0].get_ydata() == pytest.approx(u[0, 0])
+    assert axes[2].get_xlabel() == "time [us]"
+
+
+def test_heights_and_margins_are_drawn_as_given(ax):
+    plot_heights([10, 20], {("near", "open"): [1, 2], ("near", "100 ohm"): [3, 4]}, ax=ax)
+    assert [line.get_ydata().tolist() for line in ax.lines] == [[1, 2], [3, 4]]
+    assert ["near, open", "near, 100 ohm"] == texts(ax)
+    ax.clear()
+    plot_margins([10, 20], {"open": (np.array([0.9, 0.8]), np.array([0.1, 0.2]))}, ax=ax)
+    assert ax.lines[0].get_ydata().tolist() == [90, 80]
+    assert ax.lines[1].get_ydata().tolist() == [10, 20]
+    assert [line.get_ydata()[0] for line in ax.lines[2:4]] == [65, 30]
+    assert "ringing at most 30%" in texts(ax)
