@@ -5,15 +5,23 @@ diagnostic function using redundant Modbus communication", Journal of the Korean
 Engineering 38(3), 292-301, 2014.
 """
 
-from shipnet.papers.kim2014 import (
+from shipnet.papers.kim2014 import (  # noqa: F401 - they register
     addresses,
-    diagnosis,
     ethernet,
-    loop,
     messages,
     names,
     rules,
-    valve,
 )
+from shipnet.papers.kim2014.answer import answer_table
+from shipnet.papers.kim2014.diagnosis import score_table, through_registers
+from shipnet.papers.kim2014.loop import break_table, scan_table
+from shipnet.papers.kim2014.pictures import age_table, broken_loops, picture_table, seen_strokes
+from shipnet.papers.kim2014.printed_messages import message_table
+from shipnet.papers.kim2014.severity import graded_trials
+from shipnet.papers.kim2014.switches import switch_table
+from shipnet.papers.kim2014.talk import conversation
+from shipnet.papers.kim2014.valve import code_table, survival_table
 
-__all__ = ["addresses", "diagnosis", "ethernet", "loop", "messages", "names", "rules", "valve"]
+__all__ = ["age_table", "answer_table", "break_table", "broken_loops", "code_table"]
+__all__ += ["conversation", "graded_trials", "message_table", "picture_table", "scan_table"]
+__all__ += ["score_table", "seen_strokes", "survival_table", "switch_table", "through_registers"]

@@ -7,11 +7,11 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Literal
 
 from shipnet.ballast import scan
+from shipnet.ballast.scan import status_poll
 from shipnet.engine.class_rules import RULES
 from shipnet.modbus.adu import MAX_UNIT
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.faults import Break, DeadPort
-from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.answer import write_outcome
@@ -26,30 +26,6 @@ __all__ = ["RATES", "break_table", "scan_table", "status_poll"]
 RATES = scan.BIT_RATES
 
 _MOVES: tuple[Literal["slave", "downstream"], ...] = ("slave", "downstream")
-
-
-def status_poll(rate: float = 9600.0, **settings: float) -> Poll:
-    """Return the poll that reads the four status registers of a valve.
-
-    Parameters
-    ----------
-    rate : float, default 9600
-        Bit rate [bit/s].
-    **settings : float
-        ``processing``, ``timeout`` and ``retries`` of `Poll`. The paper prints none of them, nor
-        the character, which is 8E1 here.
-
-    Returns
-    -------
-    Poll
-        Query of 8 bytes, response of 13.
-
-    Examples
-    --------
-    >>> round(status_poll(115200).scan_time(247), 2)
-    1.36
-    """
-    return scan.status_poll(SerialLine(rate), **settings)  # type: ignore[arg-type]
 
 
 @numeric("kim2014-005")

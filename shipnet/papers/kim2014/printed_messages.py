@@ -78,7 +78,20 @@ def standard_adu(
 
 
 def message_table() -> pd.DataFrame:
-    """Compare the printed messages with the standard's."""
+    """Compare the printed messages with the standard's.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by message: ``printed`` and ``standard`` (hexadecimal), ``length_printed`` and
+        ``length_standard`` (length field of the MBAP header [byte]), ``same``, and what a decoder
+        by the standard says of the printed bytes (``decoder``: ``ok`` or the name of the error).
+
+    Examples
+    --------
+    >>> message_table()[["length_printed", "length_standard", "decoder"]].values.tolist()
+    [[6, 6, 'ok'], [6, 6, 'ok'], [3, 3, 'LengthError'], [6, 6, 'ok'], [14, 11, 'LengthError']]
+    """
     import pandas as pd
 
     rows = []

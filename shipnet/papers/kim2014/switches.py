@@ -29,7 +29,18 @@ def unit_id(pins: int, tens: int, units: int) -> int:
 
 
 def switch_table() -> pd.DataFrame:
-    """Return all settings of the switches."""
+    """Return all settings of the switches.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row each of 4 * 10 * 10: ``pins``, ``tens``, ``units``, ``number`` and ``verdict``.
+
+    Examples
+    --------
+    >>> switch_table()["verdict"].value_counts().to_dict()
+    {'legal': 247, 'more than a byte': 144, 'reserved': 8, 'the broadcast': 1}
+    """
     import pandas as pd
 
     rows = [(n // 100, n // 10 % 10, n % 10, n, _verdict(n)) for n in range(400)]

@@ -124,7 +124,20 @@ def pump_pressure_is_called(*, other: str = "FP") -> bool:
 
 
 def code_table() -> pd.DataFrame:
-    """Return the codes of all readings beside each other."""
+    """Return the codes of all readings beside each other.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by command, one column a reading.
+
+    Examples
+    --------
+    Only two of the readings tell all commands apart:
+
+    >>> code_table().apply(lambda codes: codes.is_unique).to_dict()
+    {'flag sum': True, 'one bit': True, 'decimal': False, 'hexadecimal': False}
+    """
     import pandas as pd
 
     columns = {reading: command_codes(reading) for reading in CODE_READINGS}
@@ -133,7 +146,21 @@ def code_table() -> pd.DataFrame:
 
 
 def survival_table() -> pd.DataFrame:
-    """Return what becomes of the values of the paper's fault tests on their way to the master."""
+    """Return what becomes of the values of the paper's fault tests on their way to the master.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a value of the rule table: ``code``, ``channel``, ``value``, ``received``,
+        ``saturated``, and ``survives``: received within half a step. Positions are the mended ones,
+        and 305 as printed besides.
+
+    Examples
+    --------
+    >>> table = survival_table()
+    >>> table[~table["survives"]].groupby("channel")["value"].unique().to_dict()
+    {'VPos': array([305.,  -5.])}
+    """
     import pandas as pd
 
     rules = pd.read_csv(datasets.path("kim2014_rule_table.csv"), dtype=str)
