@@ -6,6 +6,7 @@ None of the printed figures was available; these are drawn from the text and fro
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,6 +14,7 @@ from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from shipnet import style
 from shipnet.ballast.simulation import Run
+from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.adu import decode
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.loop import scan_table
@@ -452,4 +454,24 @@ def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axe
     )  # fmt: skip
     ax.set(xlabel="time [s]", ylabel="oldest position shown [s]", ylim=(0, None))
     ax.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
+    return ax
+
+
+def plot_control_system(system: Any, base: RuleBase, *, ax: Axes) -> Axes:
+    """Draw which terms lead to which rules in a control system of scikit-fuzzy."""
+    import networkx as nx
+
+    names = {rule: rule.label for rule in system.rules}
+    edges = [(term.full_label, names[rule]) for term, rule in system.graph.edges if rule in names]
+    graph = nx.DiGraph(edges)
+    terms = dict.fromkeys(
+        f"{name}[{term}]" for rule in base.rules for name, term in rule.antecedent
+    )
+    drop = (len(base.codes) - 1) / max(len(terms) - 1, 1)
+    places = {term: (0.0, -drop * k) for k, term in enumerate(terms)}
+    places |= {code: (1.0, -float(k)) for k, code in enumerate(base.codes)}
+    nx.draw_networkx_edges(graph, places, ax=ax, edge_color="0.6", node_size=1200, arrowsize=8)
+    box = {"facecolor": "white", "edgecolor": "0.8"}
+    nx.draw_networkx_labels(graph, places, ax=ax, font_size=8, bbox=box)
+    ax.axis("off")
     return ax
