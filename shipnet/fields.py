@@ -433,7 +433,7 @@ def _declared(kind: type) -> tuple[tuple[str, Kind], ...]:
 
 def check(made: Any) -> None:
     """Check the declared fields of a dataclass instance, and store the values as checked."""
-    for name, kind in _declared(type(made)):
+    for name, kind in _declared(type(made)):  # type: ignore[arg-type] # a class is hashable
         given = getattr(made, name)
         value = kind.check(name, given, made)
         if value is not given:
