@@ -39,7 +39,7 @@ def loaded(statement):
         ("import shipnet.fuzzy", []),
         ("import shipnet.ballast", ["numpy"]),
         ("import shipnet.papers", []),
-        ("import shipnet.exercises", ["numpy"]),
+        ("import shipnet.exercises", []),
     ],
 )
 def test_an_entry_point_loads_no_more_than_it_needs(statement, modules):

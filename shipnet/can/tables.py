@@ -134,7 +134,11 @@ def read_messages(
     MessageSet(22 messages: JB1-01, JB1-02, JB1-03, ...)
     """
     if Path(path).suffix.lower() == ".dbc":
-        return _read_dbc(path, period)
+        try:
+            text = Path(path).read_text(encoding="cp1252", errors="replace")
+        except OSError as problem:
+            raise InputError(str(path), f"cannot be read: {problem.strerror}") from None
+        return parse_dbc(text, str(path), period)
     sheet = read_sheet(path)
     return _from_sheet(sheet, {k.strip().lower(): v for k, v in (columns or {}).items()}, period)
 
@@ -203,17 +207,14 @@ def load_extra(module: str, package: str) -> Any:
         ) from None
 
 
-def _read_dbc(path: str | PathLike[str], period: float | None) -> MessageSet:
-    """Read the messages of a DBC file through cantools."""
+def parse_dbc(text: str, source: str, period: float | None = None) -> MessageSet:
+    """Read the messages of the text of a DBC file through cantools."""
     cantools = load_extra("cantools", "cantools")
-    source = str(path)
     try:
-        database = cantools.database.load_file(path, database_format="dbc", strict=False)
-    except OSError as problem:
-        raise InputError(source, f"cannot be read: {problem.strerror}") from None
+        database = cantools.database.load_string(text, database_format="dbc", strict=False)
     except (cantools.database.Error, UnicodeError, ValueError) as problem:
-        text = " ".join(str(problem).split())
-        raise InputError(source, f"is not a DBC file: {text}") from None
+        why = " ".join(str(problem).split())
+        raise InputError(source, f"is not a DBC file: {why}") from None
     messages, faults = [], []
     for found in database.messages:
         # cantools keeps senders of messages that are not sent as Vector__XXX.

@@ -14,8 +14,6 @@ from shipnet.exercises.answers import Bits, Choice, Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
 
-__all__ = ["EXERCISES"]
-
 _RATE = 125_000
 
 

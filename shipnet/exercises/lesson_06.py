@@ -11,8 +11,6 @@ from shipnet.modbus.pdu import FunctionCode, Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 
-__all__ = ["EXERCISES"]
-
 _LIMIT = 2.0
 
 

@@ -14,8 +14,6 @@ from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import DualChannel, Loop
 from shipnet.modbus.uart import SerialLine
 
-__all__ = ["EXERCISES"]
-
 _LINE = SerialLine(9600)
 _STATUS = Request.read_input_registers(0x4020, 4)
 _POLL = Poll(_STATUS, _LINE)

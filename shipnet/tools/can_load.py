@@ -12,7 +12,7 @@ from shipnet.can.lengths import Stuffing
 from shipnet.can.messages import BIT_RATES, MessageSet, bus_load
 from shipnet.can.priorities import lowest_bit_rate
 from shipnet.can.response import ResponseTimes, response_times
-from shipnet.can.tables import EXAMPLE
+from shipnet.can.tables import EXAMPLE, parse_dbc
 from shipnet.fields import choice, record, text, whole
 from shipnet.tools._page import Page, Upload
 from shipnet.tools._state import decode_text
@@ -106,7 +106,10 @@ def explorer() -> Page:
     """Return the page: an editor and an upload for messages, a bit rate, and the response times."""
 
     def take(inputs: Inputs, name: str, content: bytes) -> Inputs:
-        return replace(inputs, text=decode_text(name, content))
+        given = decode_text(name, content)
+        dbc = name.lower().endswith(".dbc")
+        return replace(inputs, text=parse_dbc(given, name).text if dbc else given)
 
-    own = Upload("load a message set", "A CSV file; it replaces the text above.", ".csv,.txt", take)
+    tip = "A CSV or DBC file; it replaces the text above."
+    own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
     return Page("can_load", Inputs(), lambda inputs: view(update(inputs)), uploads=[own])

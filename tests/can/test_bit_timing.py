@@ -1,6 +1,8 @@
 import numpy as np
+import pandas as pd
 import pytest
 
+from shipnet import datasets
 from shipnet.can.bit_timing import bit_timings, oscillator_tolerance
 from shipnet.errors import ArgumentError
 
@@ -146,6 +148,16 @@ def test_the_bus_length_fits_into_the_propagation_segment():
     assert there_and_back[long].tolist() == pytest.approx(segment[long].tolist())
     assert table["longest_bus_m"][~long].eq(0).all()
     assert long.any() and not long.all()
+
+
+def test_published_lengths_fall_with_the_bit_rate():
+    table = pd.read_csv(datasets.path("can_bus_lengths.csv"))
+    assert table["bit_rate_kbit_per_s"].is_monotonic_decreasing
+    assert table["length_m"].is_monotonic_increasing
+    # From 500 kbit/s down, all leave between 0.5 and 1 bit for the way there and back at 5 ns/m.
+    slow = table[table["bit_rate_kbit_per_s"] <= 500]
+    bits = 2 * slow["length_m"] * 5e-9 * slow["bit_rate_kbit_per_s"] * 1e3
+    assert bits.between(0.49, 0.7).all()
 
 
 @pytest.mark.parametrize(

@@ -79,6 +79,19 @@ def test_the_editor_says_what_is_wrong_and_keeps_the_text():
     assert "all 1 messages meet their deadlines" in page.text
 
 
+def test_a_dbc_is_loaded_as_text():
+    pytest.importorskip("cantools")
+    page = explorer()
+    head = b'VERSION ""\n\nBU_: JB1\n\nBO_ 256 Speed: 8 JB1\n\n'
+    cycle = b'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;\nBA_DEF_DEF_ "GenMsgCycleTime" 0;\n'
+    upload = page.uploads["load a message set"]
+    load(upload, head + cycle + b'BA_ "GenMsgCycleTime" BO_ 256 20;\n', "ship.dbc")
+    assert "all 1 messages meet their deadlines" in page.text
+    assert "Speed,0x100,8,20,20,0,0,no,JB1," in page.controls["text"].value
+    load(upload, head + cycle, "ship.dbc")
+    assert "'Speed' has no cycle time" in page.note
+
+
 def test_a_file_that_is_no_text_changes_nothing_and_what_windows_writes_is_text():
     page = explorer()
     load(page.uploads["load a message set"], b"\x89PNG\0", "a.png")

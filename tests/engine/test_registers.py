@@ -192,8 +192,8 @@ def test_a_map_judges_its_packed_switches_apart_from_its_values():
 
 def answer(pdu, registers, first_address=0):
     """Let a slave answer that knows function code 3 alone, as the junction box does."""
-    box = Slave(holding_registers=dict(enumerate(registers, first_address)), functions={3})
-    return box.answer(pdu)
+    content = dict(enumerate(registers, first_address))
+    return Slave(holding_registers=content, functions={3}).answer(pdu)
 
 
 def expected(pdu, registers, first):

@@ -9,7 +9,7 @@ from shipnet.design.designs import example
 from shipnet.design.failures import lost
 from shipnet.engine.system import System
 from shipnet.exercises import given, student
-from shipnet.exercises.check import exercise
+from shipnet.exercises.checking import exercise
 from shipnet.modbus.faults import Break
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll

@@ -9,7 +9,7 @@ from scipy.spatial.distance import pdist
 from shipnet.asi.modulation import check_slots, pulses_of
 from shipnet.crc import crc
 from shipnet.exercises import given, student
-from shipnet.exercises.check import exercise
+from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_03 import _MESSAGES, _TRIED, _distance, _remainder
 from shipnet.papers.kim2023.integrity import undetected
 

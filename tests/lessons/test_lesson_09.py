@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shipnet.ballast.rule_table import rule_base
-from shipnet.exercises.check import exercise
+from shipnet.exercises.checking import exercise
 
 
 def right(key, **numbers):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shipnet.exercises import given, student
-from shipnet.exercises.check import exercise
+from shipnet.exercises.checking import exercise
 from shipnet.modbus.adu import decode, rtu_frame
 from shipnet.modbus.pdu import Request, Response
 from shipnet.modbus.uart import SerialLine

@@ -16,7 +16,7 @@ from shipnet.design.settings import AsiLimits, Settings
 from shipnet.design.site import Site
 from shipnet.design.uncertainty import tornado
 from shipnet.exercises import check, given, student
-from shipnet.exercises.check import exercise
+from shipnet.exercises.checking import exercise
 
 NAMES = ("Kim", "Jeong", "a student")
 

@@ -10,7 +10,7 @@ from shipnet.asi.receiver import receive, within_tolerance
 from shipnet.asi.segment import DEVICE, POWER_SUPPLY
 from shipnet.asi.telegram import RESPONSES
 from shipnet.exercises import given, student
-from shipnet.exercises.check import exercise
+from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_02 import _ECHOES, _ENDS, _echo
 from shipnet.line import Cable, CableRun, Driver, Network, simulate
 

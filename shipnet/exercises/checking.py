@@ -12,9 +12,7 @@ from shipnet.errors import ArgumentError
 from shipnet.exercises.answers import blank
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import NotSolved
-from shipnet.exercises.student import Student
-
-__all__ = ["Verdict", "check", "exercise", "exercises", "given"]
+from shipnet.exercises.students import Student
 
 #: Who has no name yet.
 _NOBODY = Student("nobody")
@@ -24,12 +22,17 @@ _NOBODY = Student("nobody")
 class Verdict:
     """What a check says; true if the answer is correct.
 
-    Attributes
+    Parameters
     ----------
     key : str
         Exercise.
     text : str
         ``"correct"``, ``"not solved yet"``, or what is wrong.
+
+    Examples
+    --------
+    >>> bool(Verdict("ex-01-1", "correct")), Verdict("ex-01-1", "not solved yet")
+    (True, ex-01-1: not solved yet)
     """
 
     key: str
@@ -43,28 +46,7 @@ class Verdict:
 
 
 def exercises(lesson: int) -> tuple[Exercise, ...]:
-    """Return the exercises of a lesson.
-
-    Parameters
-    ----------
-    lesson : int
-        Its number.
-
-    Returns
-    -------
-    tuple of Exercise
-        ``EXERCISES`` of ``shipnet/exercises/lesson_NN.py``.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such lesson.
-
-    Examples
-    --------
-    >>> [one.key for one in exercises(1)]
-    ['ex-01-1', 'ex-01-2', 'ex-01-3', 'ex-01-4']
-    """
+    """Return the exercises of a lesson."""
     name = f"shipnet.exercises.lesson_{lesson:02}"
     if find_spec(name) is None:
         raise ArgumentError(f"lesson is {lesson}; there is no such lesson")
@@ -73,28 +55,7 @@ def exercises(lesson: int) -> tuple[Exercise, ...]:
 
 
 def exercise(key: str) -> Exercise:
-    """Return the exercise of this name.
-
-    Parameters
-    ----------
-    key : str
-        Such as ``"ex-01-2"``.
-
-    Returns
-    -------
-    Exercise
-        What stands in ``shipnet/exercises/lesson_01.py``.
-
-    Raises
-    ------
-    ArgumentError
-        If there is none.
-
-    Examples
-    --------
-    >>> exercise("ex-01-1").key
-    'ex-01-1'
-    """
+    """Return the exercise of this name."""
     form = re.fullmatch(r"ex-(\d\d)-\d+", key) if isinstance(key, str) else None
     known = {one.key: one for one in exercises(int(form[1]))} if form else {}
     if key not in known:

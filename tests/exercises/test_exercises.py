@@ -16,7 +16,7 @@ from shipnet.asi.modulation import ramp_spectrum
 from shipnet.errors import ArgumentError
 from shipnet.exercises import check, given, glossary, student
 from shipnet.exercises.answers import Bits, Bytes, Choice, Choices, Number, Whole
-from shipnet.exercises.check import exercise, exercises
+from shipnet.exercises.checking import exercise, exercises
 from shipnet.exercises.functions import Function, NotSolved, Table
 
 SOURCES = editions.sources()

@@ -8,7 +8,7 @@ from shipnet.asi.cycle import cycle_time, response_time
 from shipnet.asi.simulation.faults import LostReply
 from shipnet.asi.timing import BIT_TIME, Timing
 from shipnet.exercises import given, student
-from shipnet.exercises.check import exercise
+from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_04 import _efficiency
 
 NAMES = ("Kim", "Jeong", "a student")

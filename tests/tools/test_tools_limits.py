@@ -16,7 +16,7 @@ from shipnet.fields import Choice, Number, Series, Switch, Text, Whole, declared
 from shipnet.tools import _valve_link
 from shipnet.tools._controls import Controls
 
-FOLDER = Path(__file__).resolve().parents[1] / "shipnet" / "tools"
+FOLDER = Path(__file__).resolve().parents[2] / "shipnet" / "tools"
 TOOLS = sorted({path.stem for path in FOLDER.glob("[a-z]*.py")} - {"step"})  # for the lessons
 CSV = "name,arbitration_id,dlc,period_ms\n"
 #: Where the example of a tool is large, a small one.

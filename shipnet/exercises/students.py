@@ -9,8 +9,6 @@ from typing import TypeVar
 
 from shipnet.errors import ArgumentError
 
-__all__ = ["Student", "student"]
-
 T = TypeVar("T")
 
 
@@ -27,6 +25,11 @@ class Student:
     ------
     ArgumentError
         If there is no name.
+
+    Examples
+    --------
+    >>> Student(" Kim ") == Student("KIM")
+    True
     """
 
     name: str

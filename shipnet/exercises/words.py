@@ -10,8 +10,6 @@ from shipnet.errors import ArgumentError
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["glossary"]
-
 
 def glossary(lesson: int | None = None) -> pd.DataFrame:
     """Return the words that a lesson uses first, or all of them.
