@@ -153,7 +153,7 @@ def break_table(
     -------
     pandas.DataFrame
         Indexed by ``timeout_s``: longest time between two answers of a slave [s], where the master
-        moves each slave by itself to the other port (``one_by_one_s``), or with it all downstream of it
+        moves each slave by itself to the other port (``one_by_one_s``), or with it all downstream
         (``with_downstream_s``).
 
     Examples
