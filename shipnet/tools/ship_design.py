@@ -17,7 +17,8 @@ from shipnet.fields import choice, number, record, switch, text
 from shipnet.tools._design_files import from_file, settings_from_file
 from shipnet.tools._design_result import Result
 from shipnet.tools._design_steps import EXAMPLES, MIXES, basis_of, compared, place, planned, points
-from shipnet.tools._page import Button, Page, Upload
+from shipnet.tools._page import Page
+from shipnet.tools._tool import Button, Upload
 from shipnet.tools._view import View
 
 __all__ = [

@@ -23,7 +23,8 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, record, text, whole
 from shipnet.modbus.adu import MAX_UNIT
 from shipnet.modbus.pdu import ExceptionCode, Request
-from shipnet.tools._page import Button, Page
+from shipnet.tools._page import Page
+from shipnet.tools._tool import Button
 from shipnet.tools._valve_link import Ask, Link, ModelValves
 from shipnet.tools._view import View
 

@@ -19,7 +19,8 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, switch
 from shipnet.fuzzy.decision import Decision
 from shipnet.fuzzy.rules import NORMAL, RuleBase
-from shipnet.tools._page import Page, Preset
+from shipnet.tools._page import Page
+from shipnet.tools._tool import Preset
 from shipnet.tools._view import View
 
 __all__ = ["STATES", "Inputs", "Result"]
