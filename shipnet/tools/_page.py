@@ -72,8 +72,8 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
     Examples
     --------
-    >>> from shipnet.tools.modbus_scan import explorer
-    >>> page = explorer()
+    >>> from shipnet.tools.modbus_scan import ModbusScan
+    >>> page = ModbusScan().explore()
     >>> page.text.splitlines()[0]
     'in time: 1.576 s'
     >>> page.controls["dead"].value = 1

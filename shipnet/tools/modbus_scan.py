@@ -154,7 +154,7 @@ class Result:
         The poll of one slave.
     healthy, scan : float
         Scan with all slaves alive, and with the dead ones among them [s].
-    most_slaves : int
+    max_slaves : int
         Slaves, the dead ones included, that a scan within the limit can have.
     by_bit_rate : dict of int to float
         Scan time [s] at every bit rate at which the timeout is long enough for the response.
@@ -164,7 +164,7 @@ class Result:
     poll: Poll
     healthy: float
     scan: float
-    most_slaves: int
+    max_slaves: int
     by_bit_rate: dict[int, float]
 
     @property
@@ -185,5 +185,5 @@ class Result:
             "a dead slave costs": f"{1e3 * self.poll.timeout_time:.0f} ms",
             "scan with all alive": f"{self.healthy:.3f} s",
             "scan": f"{self.scan:.3f} s",
-            "slaves that fit": f"{self.most_slaves}",
+            "slaves that fit": f"{self.max_slaves}",
         }

@@ -82,7 +82,7 @@ class ReceiveRing(Tool):
     """
 
     #: The rules of the reader to choose from, and what each does.
-    RULES: ClassVar[Mapping[str, str]] = RULES
+    RULES: ClassVar[Mapping[Rule, str]] = RULES
 
     size: int = choice(
         SIZES, default=16, label="places", help="Places of the ring; that of the paper has 128."

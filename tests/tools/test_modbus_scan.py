@@ -27,7 +27,7 @@ def test_each_dead_slave_costs_its_timeouts():
 
 @pytest.mark.parametrize("dead", [0, 1])
 def test_one_slave_more_than_fit_is_too_slow(dead):
-    most = ModbusScan(dead=dead).result.most_slaves
+    most = ModbusScan(dead=dead).result.max_slaves
     assert ModbusScan(slaves=most, dead=dead).result.in_time
     assert not ModbusScan(slaves=most + 1, dead=dead).result.in_time
 

@@ -62,22 +62,7 @@ _FLOWS: Mapping[str, Sequence[str]] = {
 
 
 def plot_outline(boxes: Mapping[str, int], *, cylinders: int = 8, ax: Axes) -> Axes:
-    """Draw the engine from its side, simplified, with a junction box on each floor: Fig 2.
-
-    Parameters
-    ----------
-    boxes : mapping of str to int
-        Boxes with the number of their points, from the top floor down.
-    cylinders : int, default 8
-        Cylinders in a row.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given, without scale: the dimensions of the maker's drawing are not in the text.
-    """
+    """Draw the engine from its side, simplified, with a junction box on each floor: Fig 2."""
     ax.add_patch(Rectangle((0, 0), cylinders, 1, facecolor="0.92", edgecolor="0.4"))
     ax.add_patch(Rectangle((0, 1), cylinders, 1, facecolor="0.96", edgecolor="0.4"))
     for number in range(cylinders):
@@ -100,18 +85,7 @@ def plot_outline(boxes: Mapping[str, int], *, cylinders: int = 8, ax: Axes) -> A
 
 
 def plot_blocks(*, ax: Axes) -> Axes:
-    """Draw the blocks of a junction box from the inputs to the buses: Fig 7.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-    """
+    """Draw the blocks of a junction box from the inputs to the buses: Fig 7."""
     for first, second in _JOINED:
         (*_, x, y), (*_, u, v) = _BLOCKS[first], _BLOCKS[second]
         ax.plot([2 * x, 2 * u], [y, v], color="0.45", lw=1, zorder=1)
@@ -121,18 +95,7 @@ def plot_blocks(*, ax: Axes) -> Axes:
 
 
 def plot_flow(*, ax: Axes) -> Axes:
-    """Draw the main loop of a junction box and its three interrupts: Fig 6.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; the interrupts stand in the order of the figure, the Modbus one first.
-    """
+    """Draw the main loop of a junction box and its three interrupts: Fig 6."""
     for column, (title, steps) in enumerate(_FLOWS.items()):
         x = 2.2 * column
         ax.text(x, 4.0, title, ha="center", va="center", fontsize=9, weight="bold")
@@ -147,16 +110,7 @@ def plot_flow(*, ax: Axes) -> Axes:
 
 
 def plot_inputs(card: InputCard, mended: InputCard, *, axes: Sequence[Axes]) -> None:
-    """Draw what the converter sees of a current loop and of a thermometer: Fig 8.
-
-    Parameters
-    ----------
-    card, mended : InputCard
-        As printed, and with room at both ends of the range; each with one current loop and one
-        thermometer, in this order.
-    axes : sequence of matplotlib.axes.Axes
-        Two axes.
-    """
+    """Draw what the converter sees of a current loop and of a thermometer: Fig 8."""
     current = np.linspace(0, 24e-3, 400)
     resistance = np.linspace(70, 190, 400)
     for inputs, label, line in ((card, "as printed", "-"), (mended, "mended", "--")):

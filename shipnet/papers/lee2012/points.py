@@ -116,21 +116,6 @@ def conductors_by_cylinders(cylinders: range = range(4, 9)) -> list[int]:
     """Return the conductors of a hardwired engine for each number of cylinders.
 
     The points that name a cylinder are there once for each, the others once.
-
-    Parameters
-    ----------
-    cylinders : range, default 4..8
-        Numbers of cylinders, each 1..8.
-
-    Returns
-    -------
-    list of int
-        Conductors.
-
-    Examples
-    --------
-    >>> conductors_by_cylinders(range(7, 9))
-    [244, 260]
     """
     points = read_points()
     return [

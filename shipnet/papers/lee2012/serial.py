@@ -40,46 +40,12 @@ _FC03 = FunctionCode.READ_HOLDING_REGISTERS
 
 
 def read(registers: int, start: int = 0) -> Request:
-    """Return the request for holding registers.
-
-    Parameters
-    ----------
-    registers : int
-        How many, 1..125.
-    start : int, default 0
-        Address on the wire of the first, 0..65535.
-
-    Returns
-    -------
-    Request
-        Request of function code 3.
-
-    Examples
-    --------
-    >>> read(99).pdu.hex(" ")
-    '03 00 00 00 63'
-    """
+    """Return the request for holding registers."""
     return Request.read(_FC03, start, registers)
 
 
 def answer(registers: int) -> Response:
-    """Return a response with so many registers, all 0.
-
-    Parameters
-    ----------
-    registers : int
-        How many, 1..125.
-
-    Returns
-    -------
-    Response
-        Response of function code 3.
-
-    Examples
-    --------
-    >>> answer(1).pdu.hex(" ")
-    '03 02 00 00'
-    """
+    """Return a response with so many registers, all 0."""
     return Response(_FC03, registers=(0,) * registers)
 
 
@@ -265,25 +231,7 @@ def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
 
 
 def whole_poll(registers: int = POINTS, rate: float = BIT_RATE) -> Poll:
-    """Return the poll of one junction box for the points of all, a register a point.
-
-    Parameters
-    ----------
-    registers : int, optional
-        How many, 1..125; the points of Table 3 if omitted.
-    rate : float, default 9600
-        Bit rate [bit/s].
-
-    Returns
-    -------
-    Poll
-        The poll; no time to think, and a time-out longer than any response.
-
-    Examples
-    --------
-    >>> round(1e3 * whole_poll().time, 1)
-    249.8
-    """
+    """Return the poll of one junction box for the points of all, a register a point."""
     return Poll(read(registers), _serial(rate), timeout=60)
 
 
