@@ -7,29 +7,42 @@ machine, or to one whose address is typed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import finalize
 
 import ipywidgets as widgets
 import numpy as np
 from matplotlib.axes import Axes
 
+from shipnet import style
 from shipnet.ballast.live import Ask, Client, Link, ModelValves, Readout, said, serve
 from shipnet.ballast.master import Screen
 from shipnet.fields import record, text, whole
 from shipnet.modbus.adu import MAX_UNIT
-from shipnet.tools._page import Button, Page
+from shipnet.tools._page import Page
+from shipnet.tools._tool import Button, Tool
 from shipnet.tools._view import View
-
-__all__ = ["Explorer", "Inputs", "Link", "ModelValves", "Result"]
-__all__ += ["draw", "explorer", "send", "update", "view"]
 
 #: Valves of the server that the explorer starts.
 _OWN = 16
 
 
 @record
-class Inputs:
-    """What is typed."""
+class ValveClient(Tool):
+    """Ballast valves over Modbus/TCP: open, close and set them, and see what they answer.
+
+    `result` has the answers of model valves in model time; the page talks to a server.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> ValveClient(valves=3).verdict
+    'valve 1: closed, 0 %'
+    """
 
     address: str = text(
         default="", hint="own server", label="address",
@@ -68,12 +81,29 @@ class Inputs:
         help="Where the button of this name sends the valve.",
     )
 
+    @cached_property
+    def result(self) -> Result:
+        """What model valves answer that nobody has commanded yet."""
+        return update(self, ModelValves(self.valves))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the openings of all valves."""
+        return draw(self.result, ax=style.axes(ax))
+
+    def explore(self) -> Explorer:
+        """Return the page, with a server of its own that listens on this machine only."""
+        return Explorer(self)
+
+    def _view(self) -> View:
+        """Return what the page shows of model valves."""
+        return view(self.result)
+
 
 @dataclass(frozen=True, eq=False)
 class Result:
     """What the valves answered."""
 
-    inputs: Inputs
+    inputs: ValveClient
     readout: Readout
 
     @property
@@ -107,12 +137,12 @@ def send(ask: Ask, valve: int, action: str | float) -> str:
     return Client.over(ask).command(valve, action)
 
 
-def update(inputs: Inputs, ask: Ask) -> Result:
+def update(inputs: ValveClient, ask: Ask) -> Result:
     """Read all valves over a `Link` or `ModelValves`.
 
     Examples
     --------
-    >>> result = update(Inputs(valves=3), ModelValves(2))
+    >>> result = update(ValveClient(valves=3), ModelValves(2))
     >>> result.readout.units.tolist(), result.verdict
     ([1, 2], 'valve 1: closed, 0 %')
     """
@@ -137,7 +167,7 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     Examples
     --------
     >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(Inputs(valves=3), ModelValves(3)), ax=Figure().subplots())
+    >>> ax = draw(update(ValveClient(valves=3), ModelValves(3)), ax=Figure().subplots())
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['closed']
     """
@@ -163,7 +193,7 @@ def view(result: Result, said: str = "", *, refused: bool = False) -> View:
 
     Examples
     --------
-    >>> view(update(Inputs(valves=3, valve=3), ModelValves(2))).good
+    >>> view(update(ValveClient(valves=3, valve=3), ModelValves(2))).good
     False
     """
     return View(
@@ -185,7 +215,7 @@ class Explorer(Page):
         The explorer's own, of 16 valves in real time.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, start: ValveClient) -> None:
         self.server = serve(_OWN, rng=np.random.default_rng()).__enter__()
         self._end = finalize(self, self.server.__exit__)
         self._link: Link | None = None
@@ -197,7 +227,7 @@ class Explorer(Page):
         clock.observe(lambda _: self.refresh(), "value")
         super().__init__(
             "valve_client",
-            Inputs(),
+            start,
             self._look,
             buttons=[
                 Button("open", "Opens the valve.", lambda given: self._tell(given, "open")),
@@ -219,7 +249,7 @@ class Explorer(Page):
             self._link.close()
         self._link = self._place = None
 
-    def _connected(self, inputs: Inputs) -> Link:
+    def _connected(self, inputs: ValveClient) -> Link:
         address = inputs.address.strip()
         place = (address, inputs.port) if address else ("127.0.0.1", self.server.port)
         if self._link is None or self._place != place:
@@ -227,7 +257,7 @@ class Explorer(Page):
             self._link, self._place = Link(*place), place
         return self._link
 
-    def _tell(self, inputs: Inputs, action: str) -> None:
+    def _tell(self, inputs: ValveClient, action: str) -> None:
         told = inputs.target if action == "position" else action
         try:
             self._answer = send(self._connected(inputs), inputs.valve, told)
@@ -236,7 +266,7 @@ class Explorer(Page):
             self._answer = str(problem)
         self._refused = inputs.valve if "refuses" in self._answer else 0
 
-    def _look(self, inputs: Inputs) -> View:
+    def _look(self, inputs: ValveClient) -> View:
         try:
             result = update(inputs, self._connected(inputs))
         except OSError as problem:
@@ -244,21 +274,3 @@ class Explorer(Page):
             return View(text=str(problem), good=False)
         # The refusal stays said, but it is bad news of one valve only.
         return view(result, self._answer, refused=self._refused == inputs.valve)
-
-
-def explorer() -> Explorer:
-    """Return the client, with a server of its own that listens on this machine only.
-
-    Returns
-    -------
-    Explorer
-        To be shown as the last value of a notebook's cell.
-
-    Examples
-    --------
-    >>> client = explorer()
-    >>> client.text.splitlines()[0]
-    'valve 1: closed, 0 %'
-    >>> client.close()
-    """
-    return Explorer()
