@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pandas as pd
 from matplotlib.axes import Axes
 
-from shipnet.design.comparison import RESPONSE, not_beaten
-from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado
-from shipnet.design.report import BANNER, report_html
+from shipnet.design.comparison import BANNER, RESPONSE
+from shipnet.design.plot import plot_pareto
 from shipnet.design.rules import RULE_SETS
-from shipnet.design.settings import format_basis
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, switch, text
 from shipnet.tools._design_files import from_file, settings_from_file
 from shipnet.tools._design_result import Result
-from shipnet.tools._design_steps import EXAMPLES, MIXES, basis_of, compared, place, planned, points
+from shipnet.tools._design_steps import EXAMPLES, MIXES, compared, place, points, settings_of
 from shipnet.tools._page import Button, Page, Upload
 from shipnet.tools._view import View
 
@@ -36,9 +33,9 @@ __all__ = [
 #: What the figure can show; against cost, the column of the comparison that it is.
 PICTURES = {
     "cost": "cost of each option, with its range",
-    "conductors at the cabinet": "conductors against cost",
+    "conductors_at_cabinet": "conductors against cost",
     RESPONSE: "worst response against cost",
-    "lost by one failure": "points lost by one failure against cost",
+    "lost_by_failure": "points lost by one failure against cost",
     "assumptions": "the assumptions that matter most",
 }
 
@@ -134,8 +131,8 @@ class Inputs:
     )  # fmt: skip
     picture: str = choice(
         PICTURES, default="cost", label="figure",
-        help="Filled dots are not beaten in both axes; assumptions are those that decide between "
-        "the first and the cheapest option.",
+        help="Filled dots are Pareto-optimal in both axes; assumptions are those that decide "
+        "between the first and the cheapest option.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -179,7 +176,7 @@ def update(inputs: Inputs) -> Result:
     Examples
     --------
     >>> found = update(Inputs(junction_boxes=False, modbus=False, asi=False))
-    >>> found.comparison.table["conductors at the cabinet"].to_dict()
+    >>> found.comparison.table()["conductors_at_cabinet"].to_dict()
     {'home runs': 260.0, 'CAN': 4.0}
     """
     if not inputs.options:
@@ -187,12 +184,11 @@ def update(inputs: Inputs) -> Result:
     printed = "".join(one if one.isprintable() else " " for one in inputs.name)
     iolist = points(inputs.points, " ".join(printed.split()) or "list", inputs.update_ms)
     cabinet, known = place(iolist, inputs.cabinet)
-    basis = basis_of(
+    settings = settings_of(
         inputs.spare, inputs.redundant, inputs.list_lengths, inputs.detour, inputs.labour,
         inputs.parts, inputs.own,
     )  # fmt: skip
-    networks = planned(iolist, cabinet, basis, inputs.options)
-    comparison = compared(networks, inputs.rules, basis)
+    comparison = compared(iolist, cabinet, known, settings, inputs.options, inputs.rules)
     return Result(comparison, known, inputs.picture)
 
 
@@ -214,23 +210,20 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     Examples
     --------
     >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(Inputs(picture="conductors at the cabinet")), ax=Figure().subplots())
+    >>> ax = draw(update(Inputs(picture="conductors_at_cabinet")), ax=Figure().subplots())
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('total cost [EUR]', 'conductors at the cabinet')
     """
     comparison, picture = result.comparison, result.picture
     if picture == "cost":
-        plot_quantities(comparison.quantities, ax=ax, likely=comparison.likely)
+        comparison.plot(ax=ax)
         ax.set_yticks(ax.get_yticks(), list(result.names.values()))
         return ax
     if picture == "assumptions":
-        return plot_tornado(comparison.tornado, ax=ax)
-    table = comparison.table
-    whole = table[table["points left out"] == 0]
-    best = not_beaten(whole[["total cost", picture]].to_numpy(float))
-    front = pd.Series(best, whole.index).rename(result.names)
-    plot_pareto(table.rename(result.names), y=picture, pareto=front, ax=ax)
-    if picture == "lost by one failure":
+        return comparison.tornado().plot(ax)
+    best = [result.names[name] for name in comparison.pareto("total_cost_eur", picture)]
+    plot_pareto(comparison.table().rename(result.names), "total_cost_eur", picture, best, ax=ax)
+    if picture == "lost_by_failure":
         ax.set_ylabel("points lost by one failure")
     return ax
 
@@ -255,11 +248,11 @@ def view(result: Result, report: bool = False) -> View:
     >>> print(view(update(Inputs())).text.splitlines()[1])
     cheapest of them: Modbus RTU, 26,500 EUR (10,900 to 60,700)
     """
-    comparison, options = result.comparison, len(result.comparison.networks)
+    comparison, options = result.comparison, len(result.comparison.designs)
     heights = {"cost": 1.2 + 0.4 * options, "assumptions": 3.4}
-    files, ready = {"settings.toml": format_basis(comparison.basis)}, {}
+    files, ready = {"settings.toml": comparison.settings.text()}, {}
     if report:
-        files |= {"report.html": report_html(comparison, remarks=[result.cabinet])}
+        files |= {"report.html": comparison.html()}
         ready = {"report": "made; the button to download it is below the figure"}
     return View(
         text=result.verdict,
