@@ -10,7 +10,7 @@ from timeit import repeat
 import numpy as np
 import simpy
 
-from shipnet.can.bus import simulate, simulate_batch
+from shipnet.can import Message, MessageSet, faults, simulate, simulate_batch
 
 BIT_RATE = 125e3
 BIT_US = 8
@@ -23,7 +23,7 @@ def seconds(function, repeats=3):
     return min(repeat(function, number=1, repeat=repeats))
 
 
-def peer(table, duration):
+def peer(messages, duration):
     """Return frames sent and the longest responses [us], with a process for each message."""
     horizon = round(duration * 1e6)
     environment = simpy.Environment()
@@ -43,12 +43,9 @@ def peer(table, duration):
             environment.process(send(rank, length, environment.now))
             yield environment.timeout(period)
 
-    for rank, (offset, period, bits) in enumerate(
-        zip(table["offset_ms"], table["period_ms"], table["bits"], strict=True)
-    ):
-        environment.process(
-            release(rank, round(offset * 1e3), round(period * 1e3), int(bits) * BIT_US)
-        )
+    for rank, message in enumerate(messages):
+        offset, period = round(message.offset * 1e6), round(message.period * 1e6)
+        environment.process(release(rank, offset, period, message.bits * BIT_US))
     environment.run()
     return sent, longest
 
@@ -58,29 +55,30 @@ def main():
     rng = np.random.default_rng(2024)
     # No two releases of different messages at one instant: there the peer decides by chance.
     offsets = rng.permuted(np.tile(np.arange(number), (SETS, 1)), axis=1) * 0.293e-3
-    table = {
-        "arbitration_id": np.arange(number),
-        "bits": rng.integers(85, 136, number),
-        "period_ms": np.array(PERIODS_MS, dtype=float),
-        "offset_ms": offsets[0] * 1e3,
-    }
-    run = simulate(table, LOOPED, BIT_RATE)
-    sent, longest = peer(table, LOOPED)
-    assert run.statistics["sent"].tolist() == sent
-    assert np.rint(run.statistics["max_ms"] * 1e3).astype(int).tolist() == longest
-    batch = simulate_batch(table, offsets[:3], LOOPED, BIT_RATE)
+    messages = MessageSet(
+        Message(f"m{k}", k, 8, ms / 1e3, offset=offset, bits=int(bits))
+        for k, (ms, bits, offset) in enumerate(
+            zip(PERIODS_MS, rng.integers(85, 136, number), offsets[0], strict=True)
+        )
+    )
+    run = simulate(messages, BIT_RATE, until=LOOPED)
+    sent, longest = peer(messages, LOOPED)
+    assert run.table()["sent"].tolist() == sent
+    assert np.rint(run.table()["max_ms"] * 1e3).astype(int).tolist() == longest
+    batch = simulate_batch(messages, BIT_RATE, offsets=offsets[:3], until=LOOPED)
     assert batch.sent[0].tolist() == sent
     assert np.rint(batch.max_response[0] * 1e6).astype(int).tolist() == longest
 
     frames = sum(sent) / LOOPED
+    noise = faults.BitErrors(1e-5)  # one frame in a thousand
     rates = {
-        "simpy": LOOPED / seconds(lambda: peer(table, LOOPED)),
-        "simulate": SINGLE / seconds(lambda: simulate(table, SINGLE, BIT_RATE)),
+        "simpy": LOOPED / seconds(lambda: peer(messages, LOOPED)),
+        "simulate": SINGLE / seconds(lambda: simulate(messages, BIT_RATE, until=SINGLE)),
         "with errors": SINGLE
-        / seconds(lambda: simulate(table, SINGLE, BIT_RATE, error_rate=1e-3, rng=rng)),
+        / seconds(lambda: simulate(messages, BIT_RATE, until=SINGLE, faults=noise, rng=rng)),
         "simulate_batch": SETS
         * BATCH
-        / seconds(lambda: simulate_batch(table, offsets, BATCH, BIT_RATE)),
+        / seconds(lambda: simulate_batch(messages, BIT_RATE, offsets=offsets, until=BATCH)),
     }
     print(f"{number} messages at 125 kbit/s, load {run.load:.0%}; batch of {SETS} sets of offsets")
     print(f"{'':<16}{'simulated [s/s]':>16}{'frames [1/s]':>14}{'to simpy':>10}")

@@ -6,7 +6,7 @@ from timeit import repeat
 
 import numpy as np
 
-from shipnet.can.schedule import Message, MessageSet, audsley, response_times
+from shipnet.can import Message, MessageSet, audsley, response_times
 
 BIT_RATE = 250_000
 BIT = 1 / BIT_RATE

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tests.engine_reference import run_reference
+
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
-from tests.engine_reference import run_reference
 
 PHASES = {"JB1": 0.11, "JB2": 0.23, "JB3": 0.37, "AMS": 0.05}
 DAY, SHORT = 86_400, 30
@@ -24,8 +25,8 @@ def measure(function, *arguments, **options):
     return time.perf_counter() - begin
 
 
-for name, system in (("printed", System()), ("mended", System.mended())):
-    ours = measure(simulate, system, DAY, phases=PHASES)
+for name, system in (("printed", System()), ("corrected", System.corrected())):
+    ours = measure(simulate, system, until=DAY, phases=PHASES)
     walk = measure(run_reference, system, SHORT, [], PHASES) / SHORT * DAY
     frames = float(np.sum(DAY * 1e9 / system.period_ns[system.sender]))
     print(

@@ -6,7 +6,7 @@ import cantools.database as db
 import numpy as np
 from pymodbus.client.mixin import ModbusClientMixin
 
-from shipnet.engine import CanLayout, InputCard, RegisterMap, load_points
+from shipnet.engine import CanLayout, InputCard, RegisterMap, read_points
 
 ROWS = 20_000  # one a second: five and a half hours
 SAMPLE = 200  # what the loops get; their time is scaled up
@@ -26,7 +26,7 @@ def database(layout):
         if row.bits == 1:
             switches[place] += 1
         order = "big_endian" if row.bits > 1 else "little_endian"
-        signal = db.can.signal.Signal(row.tag, 8 * row.byte + bit, row.bits, order)
+        signal = db.can.signal.Signal(row.Index, 8 * row.byte + bit, row.bits, order)
         signals.setdefault(row.message, []).append(signal)
     messages = [
         db.can.Message(m.arbitration_id, m.name, m.dlc, signals[m.name]) for m in layout.messages()
@@ -35,7 +35,7 @@ def database(layout):
 
 
 def main():
-    points = load_points()
+    points = read_points()
     rng = np.random.default_rng(2024)
     low, high = (np.array([getattr(point, end) for point in points]) for end in ("low", "high"))
     values = low + (high - low) * rng.random((ROWS, len(points)))
@@ -54,7 +54,7 @@ def main():
             for name, own in tags.items()
         }
 
-    own = layout.pack(codes[0])
+    own = layout.encode(codes[0])
     assert cantools_row(codes[0]) == {name: data.tobytes() for name, data in own.items()}
 
     # The 80 analogue values as pymodbus codes them, and ours without the switches.
@@ -70,7 +70,7 @@ def main():
 
     some = values[:SAMPLE, analogue].tolist()
     per_row = {
-        "frames, batch": seconds(lambda: layout.pack(codes)) / ROWS,
+        "frames, batch": seconds(lambda: layout.encode(codes)) / ROWS,
         "frames, cantools": seconds(lambda: [cantools_row(r) for r in codes[:SAMPLE]]) / SAMPLE,
         "registers, batch": seconds(lambda: registers.encode(values)) / ROWS,
         "registers, pymodbus": seconds(lambda: [pymodbus_row(row) for row in some]) / SAMPLE,

@@ -8,11 +8,10 @@ import networkx as nx
 import numpy as np
 import simpy
 
-from shipnet.modbus.ring import Break, Loop, fault_table, simulate, single_faults, sweep
-from shipnet.modbus.timing import Poll, Serial
-from shipnet.modbus.uart import decode_uart, uart_waveform
+from shipnet.modbus import Loop, Poll, Request, SerialLine, simulate
+from shipnet.modbus.faults import Break
 
-LINE = Serial(9600)
+LINE = SerialLine(9600)
 
 
 def seconds(function, repeats=3):
@@ -39,13 +38,13 @@ def graph_counts(n, pairs):
 def polled(loop, place, start, end):
     """Poll a loop that breaks, with a process and its time-outs; return the successful polls."""
     env, poll, answers = simpy.Environment(), loop.poll, []
-    needed = poll.answered - LINE.t35
+    needed = poll.time - LINE.t35
     port = [0] * loop.n_slaves
 
     def attempt(slave):
         whole = env.now + needed <= start or (slave >= place) == (port[slave] == 1)
         answers.extend([(slave, env.now + needed)] if whole else [])
-        yield env.timeout(poll.answered if whole else poll.unanswered)
+        yield env.timeout(poll.time if whole else poll.unanswered_time)
         return whole
 
     def master():
@@ -61,18 +60,18 @@ def polled(loop, place, start, end):
 
 
 def main():
-    loop = Loop(247, Poll(LINE, 8, 13))
-    own, table = seconds(partial(fault_table, loop, order=2))
-    breaks = table["first"].str.startswith("break") & table["second"].str.startswith("break")
+    loop = Loop(247, Poll(Request.read_input_registers(0, 4), LINE))
     pairs = list(combinations(range(248), 2))[::100]
+    own, ours = seconds(lambda: [len(loop.reach([Break(i), Break(j)]).lost) for i, j in pairs])
     peer, lost = seconds(partial(graph_counts, 247, pairs))
-    assert table.loc[breaks, "lost"].to_list()[::100] == lost
-    ratio = peer / len(pairs) / (own / len(table))
-    print(f"all {len(table)} pairs of faults, 247 slaves: {own:6.2f} s, graph {ratio:6.0f}x a pair")
+    assert ours == lost
+    print(
+        f"{len(pairs)} pairs of breaks, 247 slaves: {own * 1e3:6.1f} ms, graph {peer / own:6.0f}x"
+    )
 
     # Both stop before the slaves that have moved are tried through port A again.
-    faults, end = [Break(200, start=10.0)], 60.0
-    own, run = seconds(lambda: simulate(loop, faults, duration=end))
+    fault, end = Break(200, start=10.0), 60.0
+    own, run = seconds(lambda: simulate(loop, faults=fault, until=end))
     peer, answers = seconds(partial(polled, loop, 200, 10.0, end))
     times = np.sort([time for _, time in answers])
     most = min(times.size, run.answer_times.size)
@@ -80,12 +79,12 @@ def main():
     print(f"one break, {len(run.tries):5} tries:              {own * 1e3:6.1f} ms, "
           f"simpy {peer / own:6.1f}x")  # fmt: skip
 
-    own, _ = seconds(lambda: [sweep(loop, [f], [8.0]) for f in single_faults(loop)], repeats=1)
-    print(f"all 745 single faults simulated:       {own:6.2f} s")
+    own, table = seconds(loop.single_failures)
+    print(f"all {len(table)} single failures:              {own * 1e3:6.1f} ms")
 
     data = bytes(range(256)) * 40
-    waveform = uart_waveform(data, LINE)
-    own, found = seconds(lambda: decode_uart(*waveform, LINE))
+    waveform = LINE.waveform(data)
+    own, found = seconds(waveform.decode)
     assert found.data == data
     print(f"{len(data)} characters decoded:            {own * 1e3:6.1f} ms, "
           f"{len(data) / own / 1e3:.0f} k/s")  # fmt: skip

@@ -111,10 +111,12 @@ def glossary_page() -> str:
 
 def ledger_page() -> str:
     """Return the ledger as a page: counts on top, then a table with an anchor for each claim."""
-    from shipnet.papers.ledger import counts, format_computed, ledger
+    from shipnet.papers import ledger
+    from shipnet.papers.judging import format_computed
 
-    frame, done = ledger(), counts()
-    papers = dict(tuple(frame.groupby("paper", sort=False)))
+    everything = ledger()
+    done = everything.counts()
+    papers = dict(tuple(everything.table().reset_index().groupby("paper", sort=False)))
     parts = [
         "# Ledger",
         "What the papers print, and what shipnet computes. Below a claim stand a note and the "
@@ -138,9 +140,10 @@ def ledger_page() -> str:
 
 def errata_page() -> str:
     """Return the errata as a page: what a reader of the papers should correct, and why."""
-    from shipnet.papers.ledger import format_computed, ledger
+    from shipnet.papers import ledger
+    from shipnet.papers.judging import format_computed
 
-    frame = ledger()
+    frame = ledger().table().reset_index()
     wrong = frame[~frame["verdict"].isin(["", *NO_ERRATUM])]
     parts = [
         "# Errata",

@@ -203,12 +203,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _ledger(arguments: argparse.Namespace) -> None:
-    from shipnet.papers.ledger import counts, format_computed, ledger
+    from shipnet.papers.judging import Ledger, format_computed
 
+    ledger = Ledger(arguments.paper)
     if arguments.summary and arguments.csv is None:
-        print(counts(arguments.paper).to_string())
+        print(ledger.counts().to_string())
         return
-    table = ledger(arguments.paper)
+    table = ledger.table().reset_index()
     # The file comes first: whoever reads the output may stop reading.
     if arguments.csv is not None:
         table.to_csv(arguments.csv, index=False)
@@ -223,7 +224,7 @@ def _ledger(arguments: argparse.Namespace) -> None:
                 f"{row['id']:<15}{published:>16}  {computed:<14}{verdict:<19}{row['claim']}{unit}"
             )
         print()
-    print(counts(arguments.paper).to_string())
+    print(ledger.counts().to_string())
     if arguments.csv is not None:
         print(f"\n{len(table)} claims written to {arguments.csv}")
 
@@ -276,9 +277,11 @@ def _serve(arguments: argparse.Namespace) -> None:
     from threading import Event
 
     from shipnet.ballast.live import parse_fault, valve_server
-    from shipnet.engine.serving import engine_server
+    from shipnet.engine.faults import parse_fault as parse_engine_fault
+    from shipnet.engine.serving import serve as serve_engine
+    from shipnet.engine.system import System
     from shipnet.errors import ArgumentError
-    from shipnet.modbus.timing import Serial
+    from shipnet.modbus.uart import SerialLine
 
     # What goes wrong is told in one line, not in the library's log besides.
     logging.getLogger("pymodbus").addHandler(logging.NullHandler())
@@ -287,16 +290,16 @@ def _serve(arguments: argparse.Namespace) -> None:
     if arguments.serial is not None:
         if arguments.udp:
             raise ArgumentError("--udp and --serial exclude each other")
-        line = Serial(arguments.bit_rate, arguments.character)
-        options = {"transport": "rtu", "serial_port": arguments.serial, "serial": line}
+        line = SerialLine(arguments.bit_rate, arguments.character)
+        options = {"transport": "rtu", "serial_port": arguments.serial, "line": line}
     elif arguments.udp:
         options["transport"] = "udp"
     if arguments.device == "engine":
-        if arguments.fault:
-            raise ArgumentError("--fault names a fault of a valve; the engine has none here")
         if arguments.watchdog is not None:
             raise ArgumentError("--watchdog stops the motor of a valve; the engine has none here")
-        server, units = engine_server(speed=arguments.speed, **options), "unit ids 2 and 3"
+        system, units = System(), "unit ids 2 and 3"
+        broken = [parse_engine_fault(system, words) for words in arguments.fault]
+        server = serve_engine(system, faults=broken, speed=arguments.speed, **options)
     else:
         units = "unit id 1" if n_valves == 1 else f"unit ids 1..{n_valves}"
         faults = [parse_fault(text, n_valves) for text in arguments.fault]

@@ -407,9 +407,11 @@ def text(
     return _declare(kind, default, kw_only)
 
 
-def series(known: Iterable[str], *, most: int, label: str = "", help: str = "") -> Any:
-    """Declare a row of strings that buttons lengthen; it is empty by default."""
-    return _declare(Series(label=label, help=help, known=tuple(known), most=most), (), False)
+def series(
+    known: Iterable[str], *, default: Any = MISSING, most: int, label: str = "", help: str = ""
+) -> Any:
+    """Declare a row of strings that buttons lengthen."""
+    return _declare(Series(label=label, help=help, known=tuple(known), most=most), default, False)
 
 
 # Records ---------------------------------------------------------------------------------------

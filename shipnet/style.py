@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["FIELD", "LIMIT", "PAPER", "bare", "use"]
+__all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "use"]
 
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
@@ -46,6 +46,15 @@ def use() -> None:
     pd.set_option("display.max_colwidth", None, "display.max_rows", 200)
     with as_file(files("shipnet") / "shipnet.mplstyle") as sheet:
         plt.style.use(sheet)
+
+
+def axes(ax: Axes | None = None) -> Axes:
+    """Return the axes given, or those of a new figure."""
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        _, ax = plt.subplots()
+    return ax
 
 
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:

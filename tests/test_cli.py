@@ -11,7 +11,7 @@ from shipnet.papers import ledger
 def test_ledger_prints_every_claim_of_the_paper(capsys):
     assert main(["ledger", "--paper", "kim2023"]) == 0
     out = capsys.readouterr().out
-    assert all(claim in out for claim in ledger("kim2023")["id"])
+    assert all(claim in out for claim in ledger("kim2023").table().index)
     assert "icn2007" not in out
     (row,) = [line for line in out.splitlines() if line.startswith("kim2023-074")]
     assert row.split()[1:4] == ["0.7", "7.368", "typo"]
@@ -34,7 +34,7 @@ def test_csv_holds_all_columns(tmp_path, capsys):
     assert main(["ledger", "--paper", "icn2007", "--csv", str(file)]) == 0
     with open(file, newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
-    table = ledger("icn2007")
+    table = ledger("icn2007").table().reset_index()
     assert list(rows[0]) == list(table.columns)
     assert [row["id"] for row in rows] == list(table["id"])
     assert f"{len(rows)} claims written" in capsys.readouterr().out
@@ -43,7 +43,7 @@ def test_csv_holds_all_columns(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["ledger", "--paper", "kim"], "paper is 'kim', but the papers are kim2023, icn2007"),
+        (["ledger", "--paper", "kim"], "paper is 'kim'; it must be one of kim2023, icn2007"),
         (["ledger", "--csv", "/nowhere/at/all.csv"], "/nowhere/at"),
     ],
 )

@@ -1,7 +1,7 @@
 import re
 
 from shipnet import datasets
-from shipnet.papers.ledger import as_number
+from shipnet.papers.judging import as_number
 
 NUMBERS = datasets.read("icn2007_numbers.csv").set_index("parameter")
 

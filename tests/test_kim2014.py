@@ -14,20 +14,19 @@ from shipnet.ballast.rule_table import rule_vectors
 from shipnet.ballast.sensors import CHANNELS, normal_values, rule_limits
 from shipnet.engine.class_rules import RULES
 from shipnet.errors import ArgumentError, LengthError
-from shipnet.modbus.datagram import LossyPath, mix_ups, poll
-from shipnet.modbus.frame import decode_rtu, decode_tcp, encode_rtu
-from shipnet.modbus.reader import decode_response
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.response import ReadRegistersResponse
-from shipnet.modbus.ring import Break, Loop, Short, fault_table
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.adu import decode, rtu_frame
+from shipnet.modbus.faults import Break, Short
+from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.uart import SerialLine
+from shipnet.modbus.udp import LossyPath, compare, simulate
 from shipnet.papers.kim2014 import addresses, diagnosis, loop, messages, names, rules, valve
 from shipnet.papers.kim2014.answer import answer_table, write_outcome
 from shipnet.papers.kim2014.printed_messages import printed_adu, standard_adu
 from shipnet.papers.kim2014.switches import switch_table
 from shipnet.papers.kim2014.valve import code_table, survival_table
 
-READ = ReadRequest(4, 0x4020, 4)
+READ = Request.read_input_registers(0x4020, 4)
 PRINTED = rule_vectors("printed")
 
 
@@ -38,7 +37,7 @@ def test_ids_above_247_are_refused():
     assert addresses.addresses() == list(range(1, 248))
     for unit in (248, 250, 255):
         with pytest.raises(ArgumentError, match=r"0\.\.247"):
-            encode_rtu(unit, READ.pdu)
+            rtu_frame(unit, READ.pdu)
         with pytest.raises(ArgumentError):
             Loop(unit, loop.status_poll())
 
@@ -62,14 +61,14 @@ def theirs(adu):
 
 def test_the_second_byte_is_a_count():
     for n in (1, 4, 125):
-        assert ReadRegistersResponse(4, [0] * n).pdu[1] == 2 * n
+        assert Response(4, registers=[0] * n).pdu[1] == 2 * n
     assert not messages.names_a_register()
 
 
 def test_the_printed_error_cannot_be_read():
     with pytest.raises(LengthError):
-        decode_response(decode_tcp(printed_adu("write error")).pdu)
-    error = decode_response(decode_tcp(standard_adu("write error")).pdu)
+        Response.parse(decode(printed_adu("write error"), "tcp").pdu)
+    error = Response.parse(decode(standard_adu("write error"), "tcp").pdu)
     assert (error.function, error.exception) == (6, 1)
     assert theirs(standard_adu("write error")).exception_code == 1
     # The same bytes but one.
@@ -86,10 +85,10 @@ def test_the_printed_read_response_is_refused():
     ours = standard_adu("read response", registers=words)
     printed = printed_adu("read response", registers=words)
     assert (ours[5], printed[5]) == (11, 14)
-    assert decode_response(decode_tcp(ours).pdu, READ).registers == words
+    assert Response.parse(decode(ours, "tcp").pdu, READ).registers == words
     assert theirs(ours).registers == list(words)
     with pytest.raises(LengthError):
-        decode_response(decode_tcp(printed).pdu, READ)
+        Response.parse(decode(printed, "tcp").pdu, READ)
     with pytest.raises(ModbusIOException):
         theirs(printed)
     # The paper's own first table gives the PDU of the standard.
@@ -106,13 +105,13 @@ def test_table_3_has_two_readings_in_a_register():
 
 def test_the_crc_has_16_bits_and_a_frame_the_sizes_of_the_note():
     for size in (2, 5, 10, 253):
-        assert len(encode_rtu(1, bytes(size))) - size - 1 == messages.crc_bits() // 8
+        assert len(rtu_frame(1, bytes(size))) - size - 1 == messages.crc_bits() // 8
     sizes = {name: size + 3 for name, size in messages.table_1().items()}
     assert sizes["read response"] == messages.rtu_read_response() == 13
     assert [sizes[f"write {what}"] for what in ("query", "response", "error")] == [8, 8, 5]
     assert sizes["read query"] == 8
     with pytest.raises(LengthError):
-        decode_rtu(bytes(3))
+        decode(bytes(3))
 
 
 # Codes, status bits, registers.
@@ -173,7 +172,7 @@ def test_solas_is_quoted_for_supplies_only():
 
 def test_one_break_loses_nobody_two_do_and_so_does_a_short():
     ring = Loop(5, loop.status_poll())
-    table = fault_table(ring).set_index("fault")["lost"]
+    table = ring.single_failures()["lost"]
     assert (table[[f"break {k}" for k in range(6)]] == 0).all()
     assert ring.reach([Break(1), Break(4)]).lost == [2, 3, 4]
     assert len(ring.reach([Short(2)]).lost) == 5
@@ -182,9 +181,9 @@ def test_one_break_loses_nobody_two_do_and_so_does_a_short():
 
 def test_a_late_reply_hides_the_sensors():
     for timeout, answered in ((12.0, True), (1.0, False)):
-        late = write_outcome(Serial(9600), 5, 10.0, at_end=True, timeout=timeout)
+        late = write_outcome(SerialLine(9600), 5, 10.0, at_end=True, timeout=timeout)
         assert late.answered is answered
-    table = answer_table(Serial(9600), 5, 10.0)
+    table = answer_table(SerialLine(9600), 5, 10.0)
     assert table.loc["at the start", "polls_while_moving"] >= 60
     waited = table.loc["at the end, waited for"]
     assert waited["polls_while_moving"] == 0 and waited["scan_gap_s"] > 10
@@ -195,7 +194,7 @@ def test_udp_is_not_modbus_tcp():
     assert tcp.comm_params.comm_type == CommType.TCP != udp.comm_params.comm_type
     assert tcp.comm_params.port == 502
     # What is lost stays lost, and nobody asks again.
-    lost = poll([1] * 200, LossyPath(lost=0.05), np.random.default_rng(1))
+    lost = simulate([1] * 200, LossyPath(lost=0.05), rng=1)
     assert lost.timeouts > 0
 
 
@@ -204,7 +203,7 @@ def test_identifier_zero_holds_on_a_path_that_keeps_time():
 
     def mixed(late):
         path = LossyPath(late=late, lateness=0.6)
-        return mix_ups(units, path, np.random.default_rng(2024))["mixed_up"]
+        return compare(units, path, rng=2024)["mismatched"]
 
     assert (mixed(0.0) == 0).all()
     found = mixed(0.02)

@@ -10,8 +10,8 @@ from shipnet.ballast.scan import status_poll, worst_age
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
-from shipnet.modbus.ring import Loop
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.fleet import age_table, broken_loops, picture_table, seen_strokes
 from shipnet.papers.kim2014.fleet.plot import plot_ages, plot_history, plot_seen_strokes
 
@@ -26,7 +26,7 @@ def pictures():
 def test_a_master_of_more_valves_sees_less_of_the_same_stroke():
     seen = seen_strokes([5, 64])
     counts = [run.time.size for run in seen.values()]
-    period = Loop(64, status_poll(Serial(9600))).period
+    period = Loop(64, status_poll(SerialLine(9600))).period
     assert counts[0] > 10 * counts[1]
     assert np.diff(seen[64].time) == pytest.approx(np.full(counts[1] - 1, period), abs=0.03)
     true = simulate(commands=[Command("open", 3.0)], duration=15)
@@ -39,7 +39,7 @@ def test_a_master_of_more_valves_sees_less_of_the_same_stroke():
 def test_the_oldest_position_of_a_simulated_run_is_that_of_the_formula():
     table = age_table([0, 1, 30], n_valves=60)
     assert table["simulated_s"].to_numpy() == pytest.approx(table["formula_s"].to_numpy(), abs=1e-6)
-    assert table.loc[0, "formula_s"] == worst_age(Loop(60, status_poll(Serial(9600))))
+    assert table.loc[0, "formula_s"] == worst_age(Loop(60, status_poll(SerialLine(9600))))
     with pytest.raises(ArgumentError, match="duration is 20 s; it must be"):
         age_table([0], n_valves=247, duration=20.0)
 

@@ -8,17 +8,19 @@ import pytest
 
 from shipnet.ballast.wear import synthetic_wear
 from shipnet.errors import ArgumentError, CrcError
-from shipnet.modbus.frame import decode_rtu, encode_rtu, encode_tcp
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.ring import Break, Loop, Supervision, sweep
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.adu import decode, rtu_frame, tcp_frame
+from shipnet.modbus.faults import Break
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014 import outlines, plot
 from shipnet.papers.kim2014.diagnosis import score_table
 from shipnet.papers.kim2014.loop import RATES, break_table, scan_table, status_poll
 from shipnet.papers.kim2014.severity import graded_trials, life_table
 from shipnet.papers.kim2014.talk import conversation
+from tests.modbus.sweeps import sweep
 
-PDU = ReadRequest(4, 0x4020, 4).pdu
+PDU = Request.read_input_registers(0x4020, 4).pdu
 DIAGRAMS = {
     "ACTUATOR": plot.plot_actuator,
     "MODES": plot.plot_modes,
@@ -67,17 +69,17 @@ def test_central_has_two_pipes_a_valve_distributed_a_bus_and_power():
 
 
 def test_an_rtu_frame_is_drawn_with_all_its_bytes_and_its_silence(ax):
-    frame = encode_rtu(17, PDU)
-    said = words(plot.plot_rtu_frame(frame, Serial(115200), ax=ax))
+    frame = rtu_frame(17, PDU)
+    said = words(plot.plot_rtu_frame(frame, SerialLine(115200), ax=ax))
     drawn = "".join(text for text in said if text and set(text) <= set("0123456789abcdef "))
     assert bytes.fromhex(drawn) == frame
     assert said.count("18.3 char\nsilence") == 2
     with pytest.raises(CrcError):
-        plot.plot_rtu_frame(frame[:-1] + b"\0", Serial(9600), ax=ax)
+        plot.plot_rtu_frame(frame[:-1] + b"\0", SerialLine(9600), ax=ax)
 
 
 def test_a_tcp_frame_is_drawn_twice_with_all_its_bytes(ax):
-    frame = encode_tcp(17, PDU, 0x1501)
+    frame = tcp_frame(17, PDU, 0x1501)
     said = words(plot.plot_tcp_frame(frame, ax=ax))
     drawn = "".join(text for text in said if set(text) <= set("0123456789abcdef "))
     assert bytes.fromhex(drawn) == frame + frame
@@ -88,7 +90,7 @@ def test_scan_times_are_those_of_the_table(ax):
     plot.plot_scan_times([5, 247], ax=ax)
     for line, number in zip(ax.lines, (5, 247), strict=True):
         assert line.get_xdata().tolist() == list(RATES)
-        expected = [number * status_poll(rate).answered for rate in RATES]
+        expected = [number * status_poll(rate).time for rate in RATES]
         assert line.get_ydata() == pytest.approx(expected)
     assert ax.get_xlabel() == "bit rate [kbit/s]" and ax.get_ylabel() == "scan [s]"
     # By hand: 28 characters of 11 bits.
@@ -98,8 +100,8 @@ def test_scan_times_are_those_of_the_table(ax):
 def test_the_cost_of_a_break_is_what_a_simulation_finds():
     table = break_table(6, timeouts=[0.1, 1.0])
     for timeout, row in table.iterrows():
-        for column, move in (("one_by_one_s", "slave"), ("with_those_beyond_s", "beyond")):
-            ring = Loop(6, status_poll(timeout=timeout), Supervision(move=move))
+        for column, move in (("one_by_one_s", "slave"), ("with_those_beyond_s", "downstream")):
+            ring = Loop(6, status_poll(timeout=timeout), move=move)
             assert sweep(ring, [Break(3)]).max() == pytest.approx(row[column], rel=1e-9)
 
 
@@ -107,10 +109,10 @@ def test_a_conversation_is_made_of_sound_frames_and_ends_where_it_was_sent():
     table = conversation(25, times=(1.0, 4.0))
     assert table["from"].tolist() == ["master", "valve"] * 3
     for frame in table["frame"]:
-        assert decode_rtu(bytes.fromhex(frame)).unit_id == 1
+        assert decode(bytes.fromhex(frame)).unit_id == 1
     echoed, *_ = (table["frame"][k] == table["frame"][k + 1] for k in (0, 2))
     assert echoed and table["says"].iloc[-1].endswith("VPos 25 %")
-    moving = decode_rtu(bytes.fromhex(table["frame"][3])).pdu
+    moving = decode(bytes.fromhex(table["frame"][3])).pdu
     assert 0 < moving[2] < 25 and np.isclose(moving[2], 100 / 9.0, atol=1)
 
 

@@ -6,28 +6,32 @@ import minimalmodbus
 import numpy as np
 import pytest
 import serial as serial_port
+from matplotlib.figure import Figure
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 
-from shipnet.can.bus import simulate
-from shipnet.engine import CODINGS, InputCard, System, collisions, load_points, worst_age
-from shipnet.engine import simulate as simulate_engine
-from shipnet.engine.faults import DeadBox, LostModbus
-from shipnet.engine.power import engine_power
-from shipnet.engine.redundancy import part_fault_table
-from shipnet.engine.serial_interface import INTERFACES
-from shipnet.engine.system import RULE
+from shipnet.can import simulate
+from shipnet.can.faults import ErrorAt
+from shipnet.engine.assessment import Redundancy
+from shipnet.engine.faults import DeadBox, LostModbusFrames
+from shipnet.engine.inputs import InputCard
+from shipnet.engine.points import read_points
+from shipnet.engine.power import DieselEngine
+from shipnet.engine.registers import CODINGS
+from shipnet.engine.simulation import simulate as simulate_engine
+from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.modbus.frame import decode_rtu, encode_rtu
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.adu import decode, rtu_frame
+from shipnet.modbus.electrical import INTERFACES
+from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.uart import SerialLine
 from shipnet.papers.lee2012 import can, engine, operation, points, serial
+from shipnet.papers.lee2012.plot import plot_channels
 
 
 def test_times_fit_the_line_only_in_milliseconds():
     line = serial.LINE
-    assert line == Serial(9600, "8E1")
+    assert line == SerialLine(9600, "8E1")
     # Read in microseconds, each of the three would be a line that Table 2 does not have.
     assert 1 / 0.104e-6 == pytest.approx(9.6e6, rel=0.01)
     assert 22.3e-6 < 1 / line.bit_rate and 133e-6 < line.character_time
@@ -43,17 +47,17 @@ def test_31_is_a_count_of_stations():
     master = 1
     assert INTERFACES["RS-485"].receivers - master == 31 < serial.highest_address() == 247
     with pytest.raises(ArgumentError, match=r"0\.\.247"):
-        encode_rtu(248, b"\x03")
+        rtu_frame(248, b"\x03")
 
 
 def test_no_frame_carries_the_master():
-    request = encode_rtu(serial.JB1, ReadRequest(3, 0, 1).pdu)
-    assert serial.AMS not in (request[0], decode_rtu(request).unit_id)
+    request = rtu_frame(serial.JB1, Request.read_holding_registers(0, 1).pdu)
+    assert serial.AMS not in (request[0], decode(request).unit_id)
 
 
 def test_the_byte_count_is_one_byte():
     for n in (1, serial.POINTS, 125):
-        ours = ReadRegistersResponse(3, range(n)).pdu
+        ours = Response(3, registers=range(n)).pdu
         assert (ours[1], len(ours)) == (2 * n, 2 + 2 * n)
         theirs = DecodePDU(False).decode(ours)
         assert theirs.registers == list(range(n))
@@ -65,7 +69,7 @@ def test_the_data_have_two_bytes_a_register():
 
 
 def test_an_exception_has_one_byte_of_data():
-    assert len(ExceptionResponse(3, 2).pdu) - 1 == 1
+    assert len(Response(3, exception=2).pdu) - 1 == 1
 
 
 class Port(serial_port.Serial):
@@ -96,7 +100,7 @@ class Port(serial_port.Serial):
 
 @pytest.mark.parametrize(("unit", "accepted"), [(serial.JB1, True), (serial.AMS, False)])
 def test_clients_reject_a_response_from_the_master(unit, accepted):
-    answer = encode_rtu(unit, ReadRegistersResponse(3, [7]).pdu)
+    answer = rtu_frame(unit, Response(3, registers=[7]).pdu)
     port = Port(answer)
     instrument = minimalmodbus.Instrument(port, serial.JB1)
     if accepted:
@@ -110,26 +114,26 @@ def test_clients_reject_a_response_from_the_master(unit, accepted):
 
 
 def test_the_winner_of_an_arbitration_goes_on_unharmed():
-    run = simulate(can.TOGETHER, 0.5, 125e3)
-    winner, loser = run.transmissions.sort_values("start_ms").itertuples()
+    run = simulate(can.TOGETHER, 125e3, until=0.5)
+    winner, loser = run.events().sort_values("start_ms").itertuples()
     assert (winner.start_ms, winner.retries, loser.retries) == (0, 0, 0)
     assert loser.start_ms >= winner.end_ms
 
 
 def test_only_can_repeats_by_itself():
-    run = simulate(can.TOGETHER, 0.5, 125e3, error_instants=[100e-6])
-    assert run.transmissions["retries"].sum() == 1
-    assert set(run.transmissions["outcome"]) == {"sent"}
+    run = simulate(can.TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6))
+    assert run.events()["retries"].sum() == 1
+    assert set(run.events()["outcome"]) == {"sent"}
     for retries in (0, 1, 3):
-        lost = [LostModbus("1", request=1.0)]
+        lost = [LostModbusFrames("1", request=1.0)]
         system, rng = System(retries=retries), np.random.default_rng(0)
-        asked = simulate_engine(system, 0.9, faults=lost, rng=rng).requests
+        asked = simulate_engine(system, until=0.9, faults=lost, rng=rng).requests()
         assert (asked["channel"] == 1).sum() == 1 + retries
         assert can.both_repeat(retries=retries) == (retries > 0)
 
 
 def test_the_amplifier_needs_an_offset():
-    (loop,) = InputCard([p for p in load_points() if p.condition == "4-20 mA"][:1]).signal(
+    (loop,) = InputCard([p for p in read_points() if p.condition == "4-20 mA"][:1]).signal(
         [[-50.0]]
     )
     assert loop.item() == 4e-3  # 1 V at 250 ohm, which is to become 0 V
@@ -161,37 +165,38 @@ def test_one_bound_of_the_cylinder_oil_is_left_in_horsepower_hours():
 
 
 def test_four_strokes_would_give_half_the_power():
-    two, four = (engine_power(0.5, 2.0, 19e5, 127 / 60, 8, strokes=k) for k in (2, 4))
+    engines = (DieselEngine(0.5, 2.0, 8, strokes=k) for k in (2, 4))
+    two, four = (one.power(19e5, 127 / 60) for one in engines)
     assert two == pytest.approx(2 * four)
     assert abs(two - 13e6) < 0.5e6 < abs(four - 13e6)
 
 
 def test_a_dead_box_is_marked_too_late_for_the_rule():
-    run = simulate_engine(System(), 20, faults=[DeadBox("JB2", 10)])
-    marks = run.alarms.query("kind == '0xFF'")["time_s"] - 10
+    run = simulate_engine(System(), until=20, faults=[DeadBox("JB2", start=10)])
+    marks = run.alarms().query("kind == '0xFF'")["time_s"] - 10
     # Not before the timer runs out, not after the timer, a poll and its transaction.
     assert RULE < 4 - 0.5 <= marks.min() and marks.max() <= operation.time_until_marked()
     assert operation.time_until_marked() == pytest.approx(4 + 1 + 0.2478, abs=1e-4)
 
 
-@pytest.mark.parametrize("coding", [name for name in CODINGS if not name.startswith("mended")])
+@pytest.mark.parametrize("coding", [name for name in CODINGS if not name.startswith("corrected")])
 def test_a_printed_mark_is_a_reading(coding):
-    table = collisions(load_points(), CODINGS[coding])
+    table = CODINGS[coding].collisions(read_points())
     assert table["collides"].sum() >= 20
     assert not operation.mark_is_no_reading(coding=coding)
 
 
 def test_a_change_shows_within_a_second_on_average_alone():
-    assert worst_age(System())["worst_s"].max() == pytest.approx(1.789, abs=1e-3)
+    assert System().worst_age()["worst_s"].max() == pytest.approx(1.789, abs=1e-3)
     rng = np.random.default_rng(2024)
-    means = [simulate_engine(System(), 20, rng=rng).table["mean_s"].mean() for _ in range(40)]
+    means = [simulate_engine(System(), until=20, rng=rng).mean_age for _ in range(40)]
     # About a second: some phases of the clocks lie above it, some below.
     assert np.mean(means) == pytest.approx(1.0, abs=0.1)
     assert min(means) < 1 < max(means)
 
 
 def test_one_processor_a_box_is_less_than_two():
-    table = part_fault_table(load_points(), designs={"printed": (2, 1), "asked for": (2, 2)})
+    table = Redundancy.compare(read_points(), designs={"printed": (2, 1), "asked for": (2, 2)})
     worst = table.groupby("design")["points_lost"].max()
     assert worst.to_dict() == {"printed": 43, "asked for": 0}
 
@@ -199,3 +204,30 @@ def test_one_processor_a_box_is_less_than_two():
 def test_rs_482_stands_for_rs_422():
     assert set(INTERFACES) == {"RS-232", "RS-422", "RS-485"}
     assert not points.is_an_interface() and points.is_an_interface(printed="RS-422")
+
+
+def test_channels_lie_below_each_other_with_their_own_scales():
+    ax = Figure().subplots()
+    waves = serial.LINE.waveform(b"\x01"), serial.LINE.waveform(b"\x02", differential=2.0)
+    one, two = ((wave.time, wave.level) for wave in waves)
+    assert plot_channels({"JB1": one, "JB3": two, "idle": ([0, 1], [1, 1])}, ax=ax) is ax
+    for place, (line, (time, level)) in enumerate(zip(ax.lines, (one, two), strict=False)):
+        assert (line.get_xdata() == time * 1e3).all()
+        unit = (level - level.min()) / np.ptp(level)
+        assert line.get_ydata() == pytest.approx(unit - 1.5 * place)
+    assert ax.lines[2].get_ydata().tolist() == [-2.5, -2.5]
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["JB1", "JB3", "idle"]
+    assert [text.get_text() for text in ax.texts[:4]] == ["0", "1", "-2", "2"]
+
+
+@pytest.mark.parametrize(
+    ("channels", "message"),
+    [
+        ({}, "channels is empty"),
+        ({"x": ([0, 1], [0])}, "channel 'x'"),
+        ({"x": ([], [])}, "channel 'x'"),
+    ],
+)
+def test_channels_that_cannot_be_drawn_are_named(channels, message):
+    with pytest.raises(ArgumentError, match=message):
+        plot_channels(channels, ax=Figure().subplots())

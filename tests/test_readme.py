@@ -3,7 +3,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from shipnet.papers import counts
+from shipnet.papers import ledger
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -50,7 +50,7 @@ def test_nothing_names_a_machine_or_a_registry():
 
 
 def test_the_counts_are_those_of_the_ledger():
-    table = counts().sum()
+    table = ledger().counts().sum()
     done = table["recomputed"] + table["checked"]
     assert table["open"] == 0
     said = f"Of {table['claims']} claims, {done} are recomputed or checked and none is open"

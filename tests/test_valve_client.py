@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from shipnet.ballast.live import valve_server
 from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
-from shipnet.modbus.frame import decode_tcp, encode_tcp
+from shipnet.modbus.adu import decode, tcp_frame
 from shipnet.tools.valve_client import Inputs, Link, ModelValves, draw, explorer, send, update
 
 
@@ -85,10 +85,10 @@ def test_a_server_that_answers_nonsense_is_told_in_a_sentence(reply):
         def answer():
             peer, _ = listener.accept()
             with peer:
-                asked = decode_tcp(peer.recv(260))
+                asked = decode(peer.recv(260), "tcp")
                 if reply == "other unit":
                     # An answer that is not to this request, then the right one, cut off.
-                    late = encode_tcp(1, b"\x84\x01", (asked.transaction_id + 5) % 65536)
+                    late = tcp_frame(1, b"\x84\x01", (asked.transaction_id + 5) % 65536)
                     peer.sendall(late + late[:3])
                 elif reply != "silence":
                     peer.sendall(reply)

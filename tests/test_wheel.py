@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from shipnet import datasets
-from shipnet.papers import counts
+from shipnet.papers import ledger
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -43,4 +43,4 @@ def test_wheel_runs_the_ledger_from_another_folder(wheel, tmp_path):
     assert Path(where.strip()).is_relative_to(target)
     command = [sys.executable, "-m", "shipnet", "ledger", "--summary"]
     out = subprocess.check_output(command, cwd=elsewhere, env=environment, text=True)
-    assert out.strip() == counts().to_string().strip()
+    assert out.strip() == ledger().counts().to_string().strip()

@@ -25,12 +25,12 @@ from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import NORMAL, RuleBase
-from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.frame import LAST_UNIT, decode_tcp, encode_tcp
-from shipnet.modbus.request import ReadRequest, WriteRegister
-from shipnet.modbus.ring import Loop
-from shipnet.modbus.server import DeviceError, Server, Slave, Table, answer, real_clock, serve
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.adu import MAX_UNIT, decode, tcp_frame
+from shipnet.modbus.pdu import ExceptionCode, Request
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.server import Server, real_clock, serve
+from shipnet.modbus.slave import DeviceError, Slave, Table, answer
+from shipnet.modbus.uart import SerialLine
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,7 +45,7 @@ class _Image:
     def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
         """Return registers of the status that came last; exception 11 before the first."""
         first = address - FIRST_REGISTER
-        if table is not Table.INPUT_REGISTERS or not 0 <= first <= N_REGISTERS - quantity:
+        if table != "input_registers" or not 0 <= first <= N_REGISTERS - quantity:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         for status in reversed(self.station.shown):
             if status.unit == self.unit:
@@ -54,7 +54,7 @@ class _Image:
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
         """Send a command on to the slave, and its exception back."""
-        if table is not Table.HOLDING_REGISTERS or address != COMMAND_REGISTER or len(values) != 1:
+        if table != "holding_registers" or address != COMMAND_REGISTER or len(values) != 1:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         response = self.station.write(values[0], self.unit).response
         if not response:
@@ -79,11 +79,11 @@ class Gateway:
 
     def answer(self, adu: bytes) -> bytes:
         """Return the answer to a frame."""
-        request = decode_tcp(adu)
+        request = decode(adu, "tcp")
         if request.unit_id == 0:
             return b""
-        pdu = answer(self.slaves, request.unit_id, request.pdu, self.station.time).pdu
-        return encode_tcp(request.unit_id, pdu, request.transaction_id or 0) if pdu else b""
+        pdu = answer(self.slaves, request, self.station.time).pdu
+        return tcp_frame(request.unit_id, pdu, request.transaction_id or 0) if pdu else b""
 
 
 @dataclass
@@ -148,7 +148,7 @@ class TestBed:
         Code of the rule table: what the simulator on S5 imitates; nothing if omitted.
     opening : float, default 0
         Where all valves stand at first, 0..1.
-    serial : Serial, default 9600 bit/s and 8E1
+    serial : SerialLine, default 9600 bit/s and 8E1
         Settings of the line; the paper prints 2400 to 115200 bit/s.
 
     Examples
@@ -170,11 +170,11 @@ class TestBed:
         *,
         fault: str | None = None,
         opening: float = 0.0,
-        serial: Serial | None = None,
+        serial: SerialLine | None = None,
     ) -> None:
         faults = [] if fault is None else [Fault(fault, valves=_SIMULATOR - 1)]
         self.plant = Plant(n_valves=N_SLAVES, faults=faults, opening=opening, rng=rng)
-        line = serial if serial is not None else Serial(9600)
+        line = serial if serial is not None else SerialLine(9600)
         self.station = Station(self.plant, Loop(N_SLAVES, status_poll(line)))
         self.gateway, self.recorder = Gateway(self.station), Recorder(self.plant)
         self.tank = Tank()
@@ -212,7 +212,7 @@ def acceptance(
     *,
     diagnosed_by: str = "slave",
     tests: Iterable[str] = TESTS,
-    serial: Serial | None = None,
+    serial: SerialLine | None = None,
 ) -> pd.DataFrame:
     """Carry out the four tests of section 4, each on a new test bed.
 
@@ -225,7 +225,7 @@ def acceptance(
         what the registers brought it once a scan.
     tests : iterable of str, optional
         Which of `TESTS`; all if omitted.
-    serial : Serial, optional
+    serial : SerialLine, optional
         Settings of the line, as for `TestBed`.
 
     Returns
@@ -323,9 +323,13 @@ def _pc(make: Callable[..., TestBed]) -> list[Step]:
 
     def frame(unit: int, code: Code | None = None) -> bytes:
         """Return a command, or a query for the status, as the PC sends it."""
-        query = ReadRequest(4, FIRST_REGISTER, N_REGISTERS)  # type: ignore[arg-type]
-        write = None if code is None else WriteRegister(COMMAND_REGISTER, registers.command(code))
-        return encode_tcp(unit, (write or query).pdu, unit)
+        query = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
+        write = (
+            None
+            if code is None
+            else Request.write_single_register(COMMAND_REGISTER, registers.command(code))
+        )
+        return tcp_frame(unit, (write or query).pdu, unit)
 
     for unit in range(1, N_SLAVES + 1):
         sent = frame(unit, Code.OPEN)
@@ -395,7 +399,7 @@ def _at(test: str, step: str, position: float, target: float) -> Step:
     return Step(test, step, f"{target:g} %", f"{position:g} %", near)
 
 
-def parse_fault(text: str, n_valves: int = LAST_UNIT) -> Fault:
+def parse_fault(text: str, n_valves: int = MAX_UNIT) -> Fault:
     """Return the fault that a text such as ``3:V1:0.8`` names."""
     parts = text.split(":")
     try:
@@ -459,7 +463,7 @@ def valve_server(
     ...     sorted(server.slaves)
     [1, 2, 3]
     """
-    count = check_whole("n_valves", n_valves, 1, LAST_UNIT)
+    count = check_whole("n_valves", n_valves, 1, MAX_UNIT)
     factor = check_scalar("speed", speed, "s/s", 0, 1e4)
     failed = list(faults)
     for fault in failed:

@@ -20,13 +20,14 @@ from shipnet.ballast.scan import READ_STATUS, command_poll
 from shipnet.ballast.sensors import CHANNELS, position_speed
 from shipnet.ballast.simulation import Run
 from shipnet.ballast.slave import valve_slaves
+from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.request import WriteRegister
-from shipnet.modbus.ring import Fault, Loop
-from shipnet.modbus.ring.master import LOST, A, Master, Try
-from shipnet.modbus.server import Slave, answer
+from shipnet.modbus.adu import Adu
+from shipnet.modbus.pdu import ExceptionCode, Request
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.simulation import LOST, A, Master, Try
+from shipnet.modbus.slave import Slave, answer
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -196,7 +197,7 @@ class MasterRun:
 
     def _silent(self, time: float) -> npt.NDArray[np.bool_]:
         silent = np.zeros(self.system.n_slaves, bool)
-        spent = (self.system.poll.unanswered, self.system.poll.answered)
+        spent = (self.system.poll.unanswered_time, self.system.poll.time)
         ended = (t for t in reversed(self.tries) if t[0] + spent[t[4]] <= time + 1e-9)
         unknown = set(range(self.system.n_slaves))
         for _, slave, _, _, answered in ended:
@@ -245,7 +246,7 @@ class Station(Master):
         self.at_end = answer_at_end
         poll = system.poll
         self._command = command_poll(
-            poll.serial,
+            poll.line,
             processing=poll.processing,
             timeout=poll.timeout if timeout is None else timeout,
         )
@@ -260,7 +261,7 @@ class Station(Master):
         """What the master has seen up to now."""
         return MasterRun(
             self.system, self.registers, self.time, list(self.shown), list(self.writes),
-            list(self.tries), float(self._command.answered),
+            list(self.tries), float(self._command.time),
         )  # fmt: skip
 
     def run_until(self, time: float) -> None:
@@ -297,16 +298,16 @@ class Station(Master):
         """Send a value for the command register now, and wait for its answer."""
         port = self.port[unit - 1]
         begin, poll = self.time, self._command
-        arrives = begin + poll.serial.frame_time(poll.request_size)
-        request = WriteRegister(COMMAND_REGISTER, value)
+        arrives = begin + poll.line.frame_time(poll.request_size)
+        request = Request.write_single_register(COMMAND_REGISTER, value)
         response, end = b"", arrives + poll.timeout
         if self._holds(begin, arrives, unit, port):
-            response = answer(self.slaves, unit, request.pdu, arrives, serial=True).pdu
+            response = answer(self.slaves, Adu(unit, request.pdu), arrives, serial=True).pdu
             waits = self.at_end and response[:1] == b"\x06"
             ready = max(self._arrival(unit, end), arrives) if waits else arrives
             done = ready + poll.shortest_timeout
             if done <= end + 1e-9 and self._holds(arrives, done, unit, port):
-                end = done + poll.serial.t35
+                end = done + poll.line.t35
             else:
                 response = b""
                 if waits:
@@ -326,8 +327,8 @@ class Station(Master):
         if not super().attempt(slave, port, kind):
             return False
         unit, poll = slave + 1, self.system.poll
-        read = start + poll.serial.frame_time(poll.request_size)
-        response = answer(self.slaves, unit, READ_STATUS.pdu, read, serial=True).pdu
+        read = start + poll.line.frame_time(poll.request_size)
+        response = answer(self.slaves, Adu(unit, READ_STATUS.pdu), read, serial=True).pdu
         words = tuple(int.from_bytes(response[k : k + 2], "big") for k in (2, 4, 6, 8))
         if words[0] >> 8 != MISSING:
             self._position[unit] = words[0] >> 8
@@ -359,7 +360,7 @@ class Station(Master):
             return False
         # A motor that stops between two readings is known to have stopped at the second.
         self.plant.run_until(end + self.plant.step)
-        serial, garbled = self.system.poll.serial, False
+        serial, garbled = self.system.poll.line, False
         for unit, started in list(self._late.items()):
             begins = self._stopped(unit, started) + serial.t35
             lasts = serial.frame_time(self._command.response_size)

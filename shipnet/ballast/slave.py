@@ -25,9 +25,9 @@ from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed
 from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase
-from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.server import DeviceError, Slave, Table
+from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.pdu import ExceptionCode
+from shipnet.modbus.slave import DeviceError, Slave, Table
 
 Floats = npt.NDArray[np.float64]
 
@@ -165,7 +165,7 @@ class ValveDevice:
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
         """Return registers of the status."""
         first = address - FIRST_REGISTER
-        if table is not Table.INPUT_REGISTERS or not 0 <= first <= N_REGISTERS - quantity:
+        if table != "input_registers" or not 0 <= first <= N_REGISTERS - quantity:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         self._attend(time)
         plant, k = self.plant, self.valve
@@ -183,7 +183,7 @@ class ValveDevice:
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
         """Carry out a command."""
-        if table is not Table.HOLDING_REGISTERS or address != COMMAND_REGISTER or len(values) != 1:
+        if table != "holding_registers" or address != COMMAND_REGISTER or len(values) != 1:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         try:
             code, position = self.registers.decode_command(values[0])
@@ -239,11 +239,11 @@ def valve_slaves(
     watchdog: float | None = None,
 ) -> dict[int, Slave]:
     """Return the valves of a plant as slaves, which `shipnet.modbus.server.serve` takes."""
-    unit = check_whole("first", first, 1, LAST_UNIT)
-    if plant.n_valves > LAST_UNIT + 1 - unit:
+    unit = check_whole("first", first, 1, MAX_UNIT)
+    if plant.n_valves > MAX_UNIT + 1 - unit:
         raise ArgumentError(
             f"plant has {plant.n_valves} valves; from unit id {unit} on there are "
-            f"{LAST_UNIT + 1 - unit}"
+            f"{MAX_UNIT + 1 - unit}"
         )
     monitor = Monitor(plant)
     devices = (

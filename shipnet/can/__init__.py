@@ -1,6 +1,9 @@
-"""CAN: frames to the bit, messages and their response times, the bus simulated, files of both."""
+"""CAN: frames to the bit, messages and their response times, the bus simulated, logs, the cable.
 
-from shipnet.can.frame import Frame
-from shipnet.can.reader import decode
+Times are in seconds and bit rates in bit/s; columns of tables name their units. The live
+interface of python-can is also called ``can``: import it under another name beside this one.
+"""
 
-__all__ = ["Frame", "decode"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,12 +7,13 @@ of the bits. A sender that reads a 0 where it sent a 1 stops, and the others nev
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from shipnet.can.frame import Frame
 from shipnet.errors import ArgumentError
 
-__all__ = ["Arbitration", "arbitrate"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class Arbitration(NamedTuple):
@@ -28,6 +29,11 @@ class Arbitration(NamedTuple):
     stopped : tuple of int or None
         For each frame the bit at which its sender stopped, 0 the start of frame; None for the
         winner.
+
+    Examples
+    --------
+    >>> arbitrate([Frame(0x200), Frame(0x101)]).winner
+    Frame(101#)
     """
 
     frames: tuple[Frame, ...]
@@ -35,9 +41,21 @@ class Arbitration(NamedTuple):
     stopped: tuple[int | None, ...]
 
     @property
-    def winner(self) -> int:
-        """Place of the frame that goes on."""
-        return self.stopped.index(None)
+    def winner(self) -> Frame:
+        """The frame that goes on."""
+        return self.frames[self.stopped.index(None)]
+
+    def plot(
+        self, names: Sequence[str] = (), ax: Axes | None = None, *, upto: int | None = None
+    ) -> Axes:
+        """Draw what each sender puts on the bus, one row each, and the bus below.
+
+        `names` are the labels of the rows, by default the frames as text; `upto` is the last bit
+        to show.
+        """
+        from shipnet.can.plot import plot_arbitration
+
+        return plot_arbitration(self, names, ax, upto)
 
 
 def arbitrate(frames: Sequence[Frame]) -> Arbitration:

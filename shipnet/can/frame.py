@@ -1,35 +1,150 @@
-"""A data or remote frame of classic CAN: what it says, and its bits on the line."""
+"""A data or remote frame of classic CAN: its bits on the line, and how a receiver reads them.
+
+Stuff bits may follow any bit from the start of frame up to the last of the CRC sequence: after
+five equal bits a transmitter sends one of the other value, which counts as the first of the next
+run. From the CRC delimiter on, every bit has a fixed value.
+"""
 
 from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from shipnet.can.layout import CRC, CRC_BITS, INTERMISSION, TAIL, head, highest_id, payload
-from shipnet.can.stuffing import stuff, stuff_places
 from shipnet.crc import crc
-from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.errors import (
+    AcknowledgeError,
+    ArgumentError,
+    CrcError,
+    FormError,
+    FrameError,
+    LengthError,
+    StartBitError,
+    StuffError,
+    SymbolError,
+)
+from shipnet.fields import check_scalar, check_whole
 
-__all__ = ["Field", "Frame"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+# The layout of a frame -----------------------------------------------------------------------
+
+#: Row of `shipnet.crc.ALGORITHMS`, and its width.
+CRC, CRC_BITS = "CRC-15/CAN", 15
+
+#: Recessive bits between the end of a frame and the start of the next, at least.
+INTERMISSION = 3
+
+#: Fields behind the CRC sequence and their bits on a bus where a receiver acknowledges.
+TAIL = (("CRC delimiter", "1"), ("ACK slot", "0"), ("ACK delimiter", "1"), ("EOF", "1111111"))
+
+#: Bound on the bits of a frame, stuff bits and intermission included: 8 bytes, 29-bit identifier.
+LONGEST = 160
+
+# Bits that a transmitter may choose are "x"; reserved bits are dominant.
+_BASE = {
+    "SOF": "0",
+    "base identifier": "x" * 11,
+    "RTR": "x",
+    "IDE": "0",
+    "r0": "0",
+    "DLC": "xxxx",
+}
+_EXTENDED = {
+    "SOF": "0",
+    "base identifier": "x" * 11,
+    "SRR": "1",
+    "IDE": "1",
+    "identifier extension": "x" * 18,
+    "RTR": "x",
+    "r1": "0",
+    "r0": "0",
+    "DLC": "xxxx",
+}
+
+
+def head(extended: bool) -> dict[str, str]:
+    """Return the fields before the data."""
+    return dict(_EXTENDED if extended else _BASE)
+
+
+def highest_id(extended: bool) -> int:
+    """Return the highest arbitration id, that of lowest priority."""
+    return 2**29 - 1 if extended else 2**11 - 1
+
+
+def payload(dlc: int, remote: bool = False) -> int:
+    """Return how many bytes of data a frame with this data length code carries."""
+    dlc = check_whole("dlc", dlc, 0, 15)
+    return 0 if remote else min(dlc, 8)
+
+
+def stuffed_region(n_bytes: int, extended: bool) -> int:
+    """Return how many bits of a frame are subject to stuffing, stuff bits not counted."""
+    return sum(map(len, head(extended).values())) + 8 * n_bytes + CRC_BITS
+
+
+def check_bit_rate(bit_rate: float, low: float = 1000.0) -> float:
+    """Return a bit rate as a float, or raise unless it is `low`..1e6 bit/s."""
+    return check_scalar("bit_rate", bit_rate, "bit/s", low, 1e6)
+
+
+# Bit stuffing ----------------------------------------------------------------------------------
+
+#: Equal bits in a row behind which a stuff bit is sent.
+RUN = 5
+
+
+def stuff_places(bits: str) -> list[int]:
+    """Return where stuff bits go."""
+    places = []
+    last, run = "", 0
+    for place, bit in enumerate(bits, start=1):
+        run = run + 1 if bit == last else 1
+        last = bit
+        if run == RUN:
+            places.append(place)
+            last, run = "10"[int(bit)], 1
+    return places
+
+
+def stuff(bits: str) -> str:
+    """Return bits with their stuff bits, as they go onto the line.
+
+    Parameters
+    ----------
+    bits : str
+        Characters 0 and 1, all subject to stuffing.
+
+    Returns
+    -------
+    str
+        The bits and the stuff bits; one behind the last bit is included.
+
+    Examples
+    --------
+    >>> stuff("0000011110")
+    '000001111100'
+    """
+    parts = []
+    begin = 0
+    for place in stuff_places(bits):
+        parts += [bits[begin:place], "10"[int(bits[place - 1])]]
+        begin = place
+    return "".join([*parts, bits[begin:]])
+
+
+# Frames ----------------------------------------------------------------------------------------
 
 
 class Field(NamedTuple):
-    """One field of a frame, and where it stands without and with stuff bits.
+    """One field of a frame: its bits as a number, and where it is without and with stuff bits.
 
-    Attributes
-    ----------
-    name : str
-        Name of the field as the standard has it.
-    value : int
-        Its bits as a number, the first on the line the highest.
-    start, length : int
-        First bit and number of bits, stuff bits not counted [bit].
-    line_start, line_length : int
-        The same on the line; a stuff bit belongs to the field whose bit it follows [bit].
+    On the line a stuff bit belongs to the field whose bit it follows.
     """
 
     name: str
@@ -40,7 +155,7 @@ class Field(NamedTuple):
     line_length: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Frame:
     """A data or remote frame.
 
@@ -79,10 +194,10 @@ class Frame:
     The longest frame that there is with 8 bytes and an id of 11 bits; the bound of [2]_ is 135:
 
     >>> frame = Frame(0x078, bytes.fromhex("01E1E1E1E1E1E00F"))
-    >>> frame.stuff_bits, frame.length, frame.length_with_intermission
+    >>> frame.stuff_bits, len(frame.bits), frame.length
     (22, 130, 133)
-    >>> print(frame)
-    078#01E1E1E1E1E1E00F
+    >>> frame
+    Frame(078#01E1E1E1E1E1E00F)
     >>> frame.bits[:30]
     '000001111100000100100000100000'
     """
@@ -150,13 +265,12 @@ class Frame:
 
     @property
     def length(self) -> int:
-        """Bits on the line from start of frame to end of frame."""
-        return len(self.bits)
+        """Bits that the frame takes of the bus, the 3 bits of intermission behind it included."""
+        return len(self.bits) + INTERMISSION
 
-    @property
-    def length_with_intermission(self) -> int:
-        """Bits until the next frame may start, what the frame takes of the bus."""
-        return self.length + INTERMISSION
+    def frame_time(self, bit_rate: float) -> float:
+        """Return how long the frame keeps the bus busy, intermission included [s]."""
+        return self.length / check_bit_rate(bit_rate)
 
     @property
     def stuff_bits(self) -> int:
@@ -185,9 +299,167 @@ class Frame:
             start = end
         return tuple(fields)
 
+    def plot(self, ax: Axes | None = None, *, bits_per_row: int = 44) -> Axes:
+        """Draw the frame as rows of coloured bits with the level on the line above."""
+        from shipnet.can.plot import plot_frame
+
+        return plot_frame(self, ax, bits_per_row)
+
+    def __repr__(self) -> str:
+        """Name the class around what `str` says."""
+        return f"Frame({self})"
+
     def __str__(self) -> str:
         """Write the frame as the program candump does: id, ``#``, data or ``R``."""
         number = f"{self.arbitration_id:0{8 if self.extended else 3}X}"
         length = min(self.dlc, 8)
         content = (f"R{length or ''}") if self.remote else self.data.hex().upper()
         return f"{number}#{content}" + (f"_{self.dlc:X}" if self.dlc > 8 else "")
+
+
+# Reading ---------------------------------------------------------------------------------------
+
+
+class _Line:
+    """The bits that arrive, read field by field without their stuff bits."""
+
+    def __init__(self, bits: str) -> None:
+        self.bits = bits
+        self.position = 0
+        self.last = ""
+        self.run = 0
+        self.read = ""
+
+    def raw(self, field: str) -> str:
+        """Return the next bit as it is."""
+        if self.position >= len(self.bits):
+            raise LengthError(f"the bits end before bit {self.position}, in the {field}")
+        bit = self.bits[self.position]
+        if bit not in "01":
+            raise SymbolError(f"bit {self.position}, {field}: {bit!r} is neither 0 nor 1")
+        self.run = self.run + 1 if bit == self.last else 1
+        self.last = bit
+        self.position += 1
+        return bit
+
+    def skip_stuff_bit(self, field: str) -> None:
+        """Read the stuff bit if one is due."""
+        if self.run == RUN:
+            bit = self.raw(field)
+            if self.run > RUN:
+                raise StuffError(
+                    f"bit {self.position - 1}, {field}: a sixth {bit} in a row instead of a stuff "
+                    "bit"
+                )
+
+    def take(self, field: str, length: int) -> str:
+        """Return the bits of a field that is subject to stuffing."""
+        taken = ""
+        for _ in range(length):
+            self.skip_stuff_bit(field)
+            taken += self.raw(field)
+        self.read += taken
+        return taken
+
+    def fault(self, kind: type[FrameError], field: str, what: str) -> FrameError:
+        """Return the error for the bit that was read last."""
+        return kind(f"bit {self.position - 1}, {field}: {what}")
+
+    def reserved(self, field: str) -> None:
+        """Read a reserved bit, which is dominant."""
+        if self.take(field, 1) == "1":
+            raise self.fault(
+                FormError, field, "recessive, as in no frame of classic CAN; is it CAN FD?"
+            )
+
+
+def decode(bits: str) -> Frame:
+    """Read the frame that a stream of bits begins with.
+
+    Parameters
+    ----------
+    bits : str
+        Characters 0 (dominant) and 1, from start of frame on, with stuff bits. What follows the
+        end of frame is not looked at.
+
+    Returns
+    -------
+    Frame
+        What was sent. Its `bits` are those given but perhaps for the last of end of frame.
+
+    Raises
+    ------
+    StartBitError
+        If the first bit is recessive.
+    StuffError
+        If six bits in a row are equal between start of frame and the CRC delimiter.
+    CrcError
+        If the CRC sequence is not the one computed.
+    FormError
+        If a reserved bit or a delimiter or the end of frame has the wrong value.
+    AcknowledgeError
+        If the acknowledge slot is recessive.
+    LengthError
+        If the bits end before the frame does.
+    SymbolError
+        If a character of the frame is neither 0 nor 1.
+    ArgumentError
+        If `bits` is not a str.
+
+    Notes
+    -----
+    Faults are found in the order in which they pass on the line, and the first is raised; its
+    message names the bit, counted from 0, and the field. The CRC is judged when its last bit has
+    passed. A receiver does not mind the last bit of end of frame: dominant, it is an overload
+    condition [1]_.
+
+    The specification lets receivers accept reserved bits of either value. Here they are refused,
+    since a `Frame` could not say them: on today's buses they mean CAN FD.
+
+    References
+    ----------
+    .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991, part B, section 5.
+
+    Examples
+    --------
+    >>> line = Frame(0x123, b"ship").bits
+    >>> decode(line + "111")
+    Frame(123#73686970)
+    >>> decode(line[:20] + "000000" + line[26:])
+    Traceback (most recent call last):
+        ...
+    shipnet.errors.StuffError: bit 22, data: a sixth 0 in a row instead of a stuff bit
+    """
+    if not isinstance(bits, str):
+        raise ArgumentError(f"bits are {type(bits).__name__}; they must be a str of 0 and 1")
+    line = _Line(bits)
+    if line.take("SOF", 1) == "1":
+        raise line.fault(StartBitError, "SOF", "recessive; a frame starts with a dominant bit")
+    number = line.take("base identifier", 11)
+    remote = line.take("RTR or SRR", 1)
+    extended = line.take("IDE", 1) == "1"
+    if extended:
+        if remote == "0":
+            raise line.fault(FormError, "IDE", "recessive behind a dominant SRR")
+        number += line.take("identifier extension", 18)
+        remote = line.take("RTR", 1)
+        line.reserved("r1")
+    line.reserved("r0")
+    dlc = int(line.take("DLC", 4), 2)
+    data = line.take("data", 8 * payload(dlc, remote == "1"))
+    expected = crc(CRC, line.read)
+    received = int(line.take("CRC sequence", CRC_BITS), 2)
+    line.skip_stuff_bit("CRC sequence")
+    if received != expected:
+        raise line.fault(
+            CrcError, "CRC sequence", f"received {received:#06x}, but computed {expected:#06x}"
+        )
+    for field, fixed in TAIL:
+        for place, right in enumerate(fixed, start=1):
+            if line.raw(field) == right or (field == "EOF" and place == len(fixed)):
+                continue
+            if field == "ACK slot":
+                raise line.fault(AcknowledgeError, field, "recessive; no receiver answered")
+            raise line.fault(FormError, field, "dominant instead of recessive")
+    content = int(data, 2).to_bytes(len(data) // 8, "big") if data else b""
+    return Frame(int(number, 2), content, extended, remote == "1", dlc)

@@ -1,288 +1,352 @@
-"""How long frames get: the bounds of the literature, the longest frame that there is, the usual.
+"""How long CAN frames are: by formula, on average, at worst, and to the bit for millions of them.
 
-The stuff bits of a frame depend on all its bits and on the CRC that they lead to. What is exact
-here goes through the bits of a frame with the state of the transmitter, which is the register of
-the CRC, the last bit and how often it was sent in a row: 2**15 x 8 states (`shipnet.can.states`).
+For millions, the bits of a frame without stuff bits, at most 118 up to the end of the CRC sequence,
+are kept as numbers of 128 bits in two columns of uint64, high and low. A table of states times
+bytes says how many stuff bits eight more bits cost.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can import states
-from shipnet.can.frame import Frame
-from shipnet.can.layout import INTERMISSION, TAIL, head, payload, stuffed_region
+from shipnet.can.frame import (
+    CRC,
+    CRC_BITS,
+    INTERMISSION,
+    RUN,
+    TAIL,
+    highest_id,
+    stuffed_region,
+)
+from shipnet.crc import crc_batch
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
 
-__all__ = [
-    "StuffBits",
-    "longest_frame",
-    "nominal_length",
-    "stuff_bits",
-    "worst_length",
-]
+Stuffing = Literal["none", "mean", "attainable", "worst", "worst 1994"]
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+Codes = npt.NDArray[np.uint8]
+Words = npt.NDArray[np.uint64]
 
-#: Bits behind the CRC sequence, up to the end of frame.
-_TAIL_BITS = sum(len(bits) for _, bits in TAIL)
+#: Bits behind the CRC sequence, intermission included.
+_TAIL_BITS = sum(len(bits) for _, bits in TAIL) + INTERMISSION
+
+#: Mean stuff bits by data bytes, 11-bit and 29-bit identifiers, if identifier and data are
+#: uniformly random: the expectation over all of them, CRC included, by dynamic programming over
+#: CRC register, last bit and run. The tests do it again (`tests/can/stuff_bits.py`).
+_MEAN_STUFF = (
+    (1.968750, 2.018089, 2.248796, 2.648793, 2.348793, 2.548793, 2.815460, 3.352960, 3.283168),
+    (2.738010, 2.791322, 3.022456, 3.422457, 3.122450, 3.322451, 3.589117, 4.126897, 4.055775),
+)
+
+#: Most stuff bits that any identifier and data of this format and length get, by the same route.
+_MOST_STUFF = (
+    (6, 7, 9, 12, 14, 15, 18, 21, 22),
+    (11, 13, 15, 17, 19, 21, 23, 25, 27),
+)
 
 
-def nominal_length(n_bytes: int, *, extended: bool = False, intermission: bool = True) -> int:
-    """Return the length of a frame without stuff bits.
+def _bits(most: Callable[[int, int, bool], float]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    standard, extended = (
+        tuple(
+            stuffed_region(n, kind) + _TAIL_BITS + most(stuffed_region(n, kind), n, kind)
+            for n in range(9)
+        )
+        for kind in (False, True)
+    )
+    return standard, extended
+
+
+_TABLE: dict[Stuffing, tuple[tuple[float, ...], tuple[float, ...]]] = {
+    "none": _bits(lambda bits, n, kind: 0),
+    "mean": _bits(lambda bits, n, kind: _MEAN_STUFF[kind][n]),
+    "worst 1994": _bits(lambda bits, n, kind: bits // 5),
+    "attainable": _bits(lambda bits, n, kind: _MOST_STUFF[kind][n]),
+    "worst": _bits(lambda bits, n, kind: (bits - 1) // 4),
+}
+
+
+def length_table(stuffing: Stuffing) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the lengths of frames by identifier (11 or 29 bits) and data bytes [bit]."""
+    if stuffing not in _TABLE:
+        raise ArgumentError(f"stuffing is {stuffing!r}; it must be one of {', '.join(_TABLE)}")
+    return _TABLE[stuffing]
+
+
+@overload
+def frame_length(dlc: int, *, stuffing: Stuffing = ..., extended: bool = ...) -> float: ...
+@overload
+def frame_length(
+    dlc: npt.ArrayLike, *, stuffing: Stuffing = ..., extended: npt.ArrayLike = ...
+) -> Floats: ...
+def frame_length(
+    dlc: npt.ArrayLike, *, stuffing: Stuffing = "worst", extended: npt.ArrayLike = False
+) -> float | Floats:
+    r"""Return the length of data frames, the intermission behind them included.
+
+    With :math:`g` = 34 stuffed bits without data (54 for a 29-bit identifier) and :math:`s` bytes:
+
+    .. math:: n_{2007} = g + 8 s + 13 + \left\lfloor \frac{g + 8 s - 1}{4} \right\rfloor, \qquad
+              n_{1994} = g + 8 s + 13 + \left\lfloor \frac{g + 8 s}{5} \right\rfloor
 
     Parameters
     ----------
-    n_bytes : int
-        Bytes of data, 0..8; 0 for a remote frame.
-    extended : bool, default False
-        Whether the arbitration id has 29 bits instead of 11.
-    intermission : bool, default True
-        Whether the 3 bits behind the frame count.
+    dlc : int or array_like of int
+        Data bytes, 0..8.
+    stuffing : {"none", "mean", "attainable", "worst", "worst 1994"}, default "worst"
+        Which stuff bits count: none, their average over random identifiers and data, the most
+        that any identifier and data get, the bound of [1]_, or that of [2]_, which is too low.
+    extended : bool or array_like of bool, default False
+        Whether the identifier has 29 bits.
 
     Returns
     -------
-    int
-        Length [bit]: 47 + 8 n, or 67 + 8 n with an id of 29 bits.
+    int or float or ndarray of float, of the shape of the arguments broadcast
+        Length [bit]; whole except for ``"mean"``.
 
     Raises
     ------
     ArgumentError
-        If `n_bytes` is out of range.
-
-    Examples
-    --------
-    >>> nominal_length(8), nominal_length(8, extended=True)
-    (111, 131)
-    """
-    n_bytes = check_whole("n_bytes", n_bytes, 0, 8)
-    return stuffed_region(n_bytes, extended) + _TAIL_BITS + INTERMISSION * bool(intermission)
-
-
-def worst_length(
-    n_bytes: int, *, extended: bool = False, year: int = 2007, intermission: bool = True
-) -> int:
-    r"""Return the bound on the length of a frame that response-time analysis goes by.
-
-    .. math:: L = g + 8 n + 13 + \left\lfloor \frac{g + 8 n - 1}{4} \right\rfloor
-              \qquad g = 34 \text{ or } 54
-
-    Parameters
-    ----------
-    n_bytes : int
-        Bytes of data, 0..8; 0 for a remote frame.
-    extended : bool, default False
-        Whether the arbitration id has 29 bits instead of 11.
-    year : {2007, 1994}, default 2007
-        Which analysis: [1]_, or [2]_, which took a stuff bit for every five bits and so forgot
-        that a stuff bit begins the next run.
-    intermission : bool, default True
-        Whether the 3 bits behind the frame count.
-
-    Returns
-    -------
-    int
-        Length [bit]: 55 + 10 n, or 80 + 10 n with an id of 29 bits.
-
-    Raises
-    ------
-    ArgumentError
-        If `n_bytes` is out of range, or `year` is another.
+        If a number of bytes is not a whole number 0..8, or `stuffing` is unknown.
 
     Notes
     -----
-    No frame gets as long as in [1]_: `longest_frame` has at least 1 bit less. From 3 bytes on, and
-    always with an id of 29 bits, there are frames longer than in [2]_, so that its bound is none.
+    In the bound of [1]_ a stuff bit begins the next run, which [2]_ forgot. No frame gets that
+    long, because identifier, reserved bits and CRC cannot all be chosen: the longest standard
+    frame of 8 bytes has 133 bits. Real data are not random: eight zero bytes get 15 stuff bits, not
+    the mean of 3.3.
 
     References
     ----------
     .. [1] R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
        schedulability analysis: refuted, revisited and revised", Real-Time Systems 35, 2007.
-    .. [2] K. Tindell, A. Burns, "Guaranteeing message latencies on Controller Area Network",
-       Proc. 1st International CAN Conference, 1994.
+    .. [2] K. Tindell, A. Burns, "Guaranteeing message latencies on Control Area Network (CAN)",
+       1st International CAN Conference, 1994.
 
     Examples
     --------
-    >>> worst_length(8), worst_length(8, extended=True), worst_length(8, year=1994)
-    (135, 160, 130)
+    >>> frame_length(8), frame_length(8, stuffing="none"), frame_length(8, stuffing="worst 1994")
+    (135, 111, 130)
+    >>> frame_length([0, 7, 8], extended=True).tolist()
+    [80.0, 150.0, 160.0]
     """
-    bits = stuffed_region(check_whole("n_bytes", n_bytes, 0, 8), extended)
-    if year not in (1994, 2007):
-        raise ArgumentError(f"year is {year!r}; it must be 2007 or 1994")
-    most = (bits - 1) // 4 if year == 2007 else bits // 5
-    return nominal_length(n_bytes, extended=extended, intermission=intermission) + most
+    table = length_table(stuffing)
+    if type(dlc) is int and type(extended) is bool and 0 <= dlc <= 8:
+        return table[extended][dlc]
+    size = np.asarray(dlc)
+    whole = size.dtype.kind in "iu" or (size.dtype.kind == "f" and bool((size % 1 == 0).all()))
+    if not whole or (size.size and not (0 <= size.min() and size.max() <= 8)):
+        raise ArgumentError(f"dlc is {dlc!r}; it must be whole numbers 0..8")
+    long = np.asarray(extended)
+    if long.dtype.kind != "b":
+        raise ArgumentError(f"extended is {extended!r}; it must be True or False")
+    columns = np.array(table, dtype=np.float64)
+    return np.asarray(columns[long.astype(np.intp), size.astype(np.intp)], dtype=np.float64)
 
 
-def longest_frame(dlc: int, *, extended: bool = False, remote: bool = False) -> Frame:
-    """Return a frame of greatest length among all with this data length code.
+# Frames by the million -------------------------------------------------------------------------
 
-    Parameters
-    ----------
-    dlc : int
-        Data length code, 0..15.
-    extended : bool, default False
-        Whether the arbitration id has 29 bits instead of 11.
-    remote : bool, default False
-        Whether it is a remote frame.
+#: Frames worked on at a time: they and what is made of them stay in a core's own cache.
+CHUNK = 2**13
 
-    Returns
-    -------
-    Frame
-        The first of the longest frames, if they are sorted by their bits.
+#: States of the stuffing table: before the mark, then the bit 0 sent 1 to 4 times, the bit 1.
+_IDLE, _MARK = 0, 1 + (RUN - 1)
 
-    Raises
-    ------
-    ArgumentError
-        If `dlc` is out of range.
 
-    Notes
-    -----
-    The code 8 is not the costliest of those that mean 8 bytes: with an id of 29 bits, 15 leads to
-    159 bits with the intermission, the longest frame there is, and 8 to 158.
+class Measures(NamedTuple):
+    """What frames take of the bus, intermission included; `error` is 0 or an error code."""
 
-    Backwards from the end of the CRC sequence, each state is given the stuff bits that it can
-    still cost at most. A second way through the frame, forwards, follows them.
+    error: Codes
+    crc: npt.NDArray[np.uint16]
+    stuff_bits: npt.NDArray[np.uint8]
+    length: npt.NDArray[np.uint8]
 
-    Examples
-    --------
-    >>> frame = longest_frame(8)
-    >>> frame.length_with_intermission, worst_length(8)
-    (133, 135)
-    """
-    return _longest_frame(check_whole("dlc", dlc, 0, 15), bool(extended), bool(remote))
+
+class _Fields(NamedTuple):
+    """Checked arguments, one row a frame."""
+
+    error: Codes
+    number: Integers
+    data: npt.NDArray[np.uint8]
+    dlc: Integers
+    extended: Flags
+    remote: Flags
+
+
+def measure_frames(
+    arbitration_id: npt.ArrayLike,
+    data: npt.ArrayLike,
+    dlc: npt.ArrayLike = 8,
+    *,
+    extended: npt.ArrayLike = False,
+    remote: npt.ArrayLike = False,
+) -> Measures:
+    """Return check value, stuff bits and length of many frames."""
+    fields = _checked(arbitration_id, data, dlc, extended, remote)
+    parts = [_measure(chunk) for chunk in _chunks(fields)]
+    return Measures(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+
+
+def region_bits(dlc: Integers, extended: Flags, remote: Flags) -> Integers:
+    """Return how many bits of frames are subject to stuffing, stuff bits not counted."""
+    empty = np.where(extended, stuffed_region(0, True), stuffed_region(0, False))
+    return empty + np.where(remote, 0, 8 * np.minimum(dlc, 8))
+
+
+def check_values(high: Words, low: Words) -> npt.NDArray[np.uint16]:
+    """Return the check values of frames given as numbers."""
+    return crc_batch(CRC, columns(high, low)[3:].T).astype(np.uint16)
+
+
+def left(word: Words, distance: npt.ArrayLike) -> Words:
+    """Shift words to the left, each by its own distance."""
+    # numpy, unlike C, defines what a distance beyond the width gives.
+    shifted: Words = np.left_shift(word, np.asarray(distance).astype(np.uint64))
+    return shifted
+
+
+def right(word: Words, distance: npt.ArrayLike) -> Words:
+    """Shift words to the right, each by its own distance."""
+    shifted: Words = np.right_shift(word, np.asarray(distance).astype(np.uint64))
+    return shifted
+
+
+def columns(high: Words, low: Words) -> npt.NDArray[np.uint8]:
+    """Return the bytes of numbers of 128 bits, byte by byte."""
+    words = np.stack([high, low], axis=-1).astype(">u8")
+    return np.ascontiguousarray(words.view(np.uint8).T)
+
+
+class StuffingTable(NamedTuple):
+    """Next state (times 256) and stuff bits of eight bits, by state * 256 + byte."""
+
+    state: npt.NDArray[np.uint16]
+    stuffed: npt.NDArray[np.uint8]
 
 
 @cache
-def _longest_frame(dlc: int, extended: bool, remote: bool) -> Frame:
-    bits = states.costliest(_pattern(dlc, extended, remote))
-    places = [place for place, symbol in enumerate(_identity(extended)) if symbol == "i"]
-    number = int("".join(bits[place] for place in places), 2)
-    n_bytes = payload(dlc, remote)
-    data = int("0" + bits[len(bits) - 8 * n_bytes :], 2)
-    return Frame(number, data.to_bytes(n_bytes, "big"), extended, remote, dlc)
+def stuffing_table() -> StuffingTable:
+    """Return the table that counts stuff bits."""
+    size = (1 + 2 * (RUN - 1)) * 256
+    table = StuffingTable(np.zeros(size, np.uint16), np.zeros(size, np.uint8))
+    for index in range(size):
+        state, byte = divmod(index, 256)
+        stuffed = 0
+        for bit in map(int, f"{byte:08b}"):
+            if state == _IDLE:
+                state = _MARK if bit else _IDLE
+                continue
+            last, run = divmod(state - 1, RUN - 1)
+            run = run + 2 if bit == last else 1
+            if run == RUN:
+                bit, run = 1 - bit, 1
+                stuffed += 1
+            state = 1 + bit * (RUN - 1) + run - 1
+        table.state[index] = state * 256
+        table.stuffed[index] = stuffed
+    return table
 
 
-class StuffBits(NamedTuple):
-    """How many stuff bits frames have.
-
-    Attributes
-    ----------
-    probability : ndarray of float, shape (n + 1,)
-        Probability of 0, 1, ... n stuff bits, n being the most that there are.
-    """
-
-    probability: Floats
-
-    @property
-    def mean(self) -> float:
-        """Mean number of stuff bits [bit]."""
-        return float(self.probability @ np.arange(len(self.probability)))
-
-    @property
-    def sd(self) -> float:
-        """Standard deviation of the number of stuff bits [bit]."""
-        away = np.arange(len(self.probability)) - self.mean
-        return float(np.sqrt(self.probability @ away**2))
-
-    def beyond(self) -> Floats:
-        """Return the probability of more than 0, 1, ... n stuff bits.
-
-        Returns
-        -------
-        ndarray of float, shape (n + 1,)
-            Summed from the far end, so that small probabilities are exact.
-        """
-        return np.append(np.cumsum(self.probability[:0:-1])[::-1], 0.0)
-
-    def quantile(self, tail: float) -> int:
-        """Return the number of stuff bits that is exceeded with at most some probability.
-
-        Parameters
-        ----------
-        tail : float
-            Probability of more stuff bits, 0..1; 0.01 asks for the 99 % quantile.
-
-        Returns
-        -------
-        int
-            The smallest number that is exceeded with at most this probability.
-
-        Raises
-        ------
-        ArgumentError
-            If `tail` is out of range.
-        """
-        if not 0 <= tail <= 1:
-            raise ArgumentError(f"tail is {tail!r}; it must be a probability 0..1")
-        return int(np.argmax(self.beyond() <= tail))
+def stuff_count(high: Words, low: Words) -> npt.NDArray[np.int64]:
+    """Return how many stuff bits frames have."""
+    table = stuffing_table()
+    state = np.zeros(high.shape, dtype=np.uint16)
+    count = np.zeros(high.shape, dtype=np.uint8)
+    for column in columns(high, low):
+        index = state | column
+        count += table.stuffed.take(index)
+        state = table.state.take(index)
+    return count.astype(np.int64)
 
 
-def stuff_bits(dlc: int, *, extended: bool = False, remote: bool = False) -> StuffBits:
-    """Return how many stuff bits a frame has if its id and its data are random.
+def _checked(
+    arbitration_id: npt.ArrayLike,
+    data: npt.ArrayLike,
+    dlc: npt.ArrayLike,
+    extended: npt.ArrayLike,
+    remote: npt.ArrayLike,
+) -> _Fields:
+    number = _array("arbitration_id", arbitration_id, "iu", "whole numbers")
+    rows = _array("data", data, "iu", "whole numbers")
+    code = _array("dlc", dlc, "iu", "whole numbers")
+    long = _array("extended", extended, "b", "True or False")
+    asks = _array("remote", remote, "b", "True or False")
+    shapes = [array.shape for array in (number, code, long, asks)] + [rows.shape[:-1]]
+    if rows.ndim == 0 or rows.shape[-1] != 8 or max(map(len, shapes)) > 1:
+        raise ArgumentError(
+            f"data have shape {rows.shape} and the rest {shapes[:-1]}; they must be (n, 8) and (n,)"
+        )
+    try:
+        (n,) = np.broadcast_shapes((1,), *shapes)
+    except ValueError:
+        raise ArgumentError(f"the arguments have different lengths: {shapes}") from None
+    bad = (number < 0) | (number > np.where(long, highest_id(True), highest_id(False)))
+    bad = bad | (code < 0) | (code > 15)
+    if rows.dtype != np.uint8:
+        bad = bad | ((rows < 0) | (rows > 255)).any(axis=-1)
+    error = np.where(bad, ArgumentError.code, 0).astype(np.uint8)
 
-    Parameters
-    ----------
-    dlc : int
-        Data length code, 0..15.
-    extended : bool, default False
-        Whether the arbitration id has 29 bits instead of 11.
-    remote : bool, default False
-        Whether it is a remote frame.
+    def column(array: npt.NDArray[Any], to: type[np.generic]) -> npt.NDArray[Any]:
+        return np.broadcast_to(np.where(bad, 0, array).astype(to), (n,))
 
-    Returns
-    -------
-    StuffBits
-        The distribution, exact but for rounding.
-
-    Raises
-    ------
-    ArgumentError
-        If `dlc` is out of range.
-
-    Notes
-    -----
-    Every id and every payload is taken for equally likely. Real payloads are not: eight bytes of
-    0 cost 13 to 17 stuff bits, as the id has it, but of random frames one in 1.3 million has 13.
-
-    Eight bytes take a second. A table over all lengths takes four: each goes on from the last.
-
-    Examples
-    --------
-    >>> usual = stuff_bits(0)
-    >>> round(usual.mean, 2), usual.quantile(0.01), len(usual.probability) - 1
-    (1.97, 4, 6)
-    """
-    pattern = _pattern(check_whole("dlc", dlc, 0, 15), extended, remote)
-    n_bits = 8 * payload(dlc, remote)
-    return StuffBits(_distribution(pattern[: len(pattern) - n_bits], n_bits // 8))
-
-
-def _identity(extended: bool) -> str:
-    """Return the bits before the data, "i" where they are those of the id."""
-    return "".join(
-        ("i" if "identifier" in name else ".") * len(bits) for name, bits in head(extended).items()
+    return _Fields(
+        np.broadcast_to(error, (n,)),
+        column(number, np.int64),
+        np.broadcast_to(rows.astype(np.uint8, copy=False), (n, 8)),
+        column(code, np.int64),
+        column(long, np.bool_),
+        column(asks, np.bool_),
     )
 
 
-def _pattern(dlc: int, extended: bool, remote: bool) -> str:
-    """Return the bits that the CRC is taken over, "x" where a frame of this kind may have any."""
-    n_bytes = payload(dlc, remote)
-    parts = head(extended) | {"RTR": f"{bool(remote):b}", "DLC": f"{dlc:04b}"}
-    return "".join(parts.values()) + "x" * 8 * n_bytes
+def _array(name: str, values: npt.ArrayLike, kinds: str, what: str) -> npt.NDArray[Any]:
+    array = np.asarray(values)
+    if array.size and array.dtype.kind not in kinds:
+        raise ArgumentError(f"{name} must be {what}, but their dtype is {array.dtype}")
+    return array if array.size else array.astype(np.int64 if "i" in kinds else np.bool_)
 
 
-@cache
-def _distribution(before_data: str, n_bytes: int) -> Floats:
-    ahead = states.spread(before_data)
-    behind = states.behind(n_bytes)
-    both = np.zeros(len(ahead) + len(behind) - 1)
-    for count, probability in enumerate(ahead @ behind.T):
-        both[count : count + len(behind)] += probability
-    probability = np.trim_zeros(both, "b")
-    probability.flags.writeable = False
-    return probability
+def _chunks(fields: _Fields) -> list[_Fields]:
+    n = len(fields.error)
+    return [
+        _Fields._make(field[begin : begin + CHUNK] for field in fields)
+        for begin in range(0, max(1, n), CHUNK)
+    ]
+
+
+def _pack(fields: _Fields) -> tuple[Words, Words, npt.NDArray[np.uint16]]:
+    """Return the bits subject to stuffing behind a mark, and the check values."""
+    number, extended, remote = fields.number, fields.extended, fields.remote
+    base = number << 7
+    # SRR and IDE are the bits 26 and 25 of an extended frame's head.
+    long = number >> 18 << 27 | 3 << 25 | (number & 2**18 - 1) << 7
+    head = (np.where(extended, long, base) | remote * 64 | fields.dlc).astype(np.uint64)
+    carried = region_bits(fields.dlc, extended, remote) - region_bits(0 * number, extended, remote)
+    content = np.ascontiguousarray(fields.data).view(">u8")[:, 0].astype(np.uint64)
+    low = right(content, 64 - carried) | left(head, carried)
+    high = right(head, 64 - carried)
+    check = check_values(high, low)
+    high = left(high, CRC_BITS) | right(low, 64 - CRC_BITS)
+    low = left(low, CRC_BITS) | check
+    size = region_bits(fields.dlc, extended, remote)
+    one = np.ones_like(low)
+    return high | left(one, size - 64), low | left(one, size), check
+
+
+def _measure(fields: _Fields) -> Measures:
+    high, low, check = _pack(fields)
+    stuffed = stuff_count(high, low)
+    length = region_bits(fields.dlc, fields.extended, fields.remote) + stuffed + _TAIL_BITS
+    legal = fields.error == 0
+    return Measures(
+        fields.error,
+        check * legal,
+        (stuffed * legal).astype(np.uint8),
+        (length * legal).astype(np.uint8),
+    )

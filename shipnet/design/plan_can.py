@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
-from shipnet.can.schedule import Message, MessageSet, frame_bits, response_times
+from shipnet.can.lengths import frame_length
+from shipnet.can.messages import Message, MessageSet
+from shipnet.can.response import response_times
 from shipnet.design.catalogue import cables
 from shipnet.design.drafting import Backbone, Box, Draft, boxes, divided, lay, route_past, too_far
 from shipnet.errors import ArgumentError
@@ -178,7 +180,7 @@ def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Segment, float]:
     packed.sort(key=lambda item: item[0].need)
     parts: float = len(packed) / _MESSAGES
     period = np.array([message.need for message, _ in packed]) * limits.period_share
-    bits = frame_bits([message.dlc for message, _ in packed])
+    bits = frame_length([message.dlc for message, _ in packed])
     load = float((bits / period).sum()) / rate
     parts = max(parts, load / limits.load, inf if trunk.length > longest else 1)
     responses = [np.nan] * len(packed)
@@ -218,7 +220,7 @@ def _screened(draft: Draft, box: Box) -> list[Box]:
     rate = bit_rate_for(trunk.length, limits.bit_rates) or min(limits.bit_rates)
     size = np.array([2 if draft.types[row][0] == "A" else 1 for row in box.rows])
     need = draft.need[box.rows]
-    alone = frame_bits(size) / rate
+    alone = frame_length(size) / rate
     # The frame has to arrive in what its period leaves, and must not be more than the load allows.
     least = alone / min(1 - limits.period_share, limits.period_share * limits.load)
     for row, time in zip(box.rows[least > need], least[least > need], strict=True):

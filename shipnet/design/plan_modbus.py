@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.design.drafting import Backbone, Box, Draft, boxes, divided, lay, route_past, too_far
-from shipnet.modbus.request import ReadRequest, Request, WriteRegistersRequest
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 
 __all__ = ["Registers", "plan_modbus", "registers_of", "sections"]
 
@@ -92,11 +93,11 @@ def registers_of(types: Sequence[str]) -> Registers:
         numbers.append(len(values) + -(-len(states) // _STATES))
     inputs, outputs = numbers
     requests: list[Request] = [
-        ReadRequest(4, start, min(_READ, inputs - start))  # type: ignore[arg-type] # it becomes one
+        Request.read_input_registers(start, min(_READ, inputs - start))
         for start in range(0, inputs, _READ)
     ]
     requests += [
-        WriteRegistersRequest(start, (0,) * min(_WRITE, outputs - start))
+        Request.write_multiple_registers(start, (0,) * min(_WRITE, outputs - start))
         for start in range(0, outputs, _WRITE)
     ]
     return Registers(inputs, outputs, addresses.tolist(), requests)
@@ -127,7 +128,7 @@ def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     needs = np.array([draft.need[box.rows].min() for box in group])
     for rate in sorted(limits.bit_rates):
         polls = [_polls(draft, own, rate) for own in registers]
-        times = [[poll.answered for poll in own] for own in polls]
+        times = [[poll.time for poll in own] for own in polls]
         scan = sum(sum(own) for own in times)
         longest = [max(own) for own in times]
         over = float(((scan + np.array(longest)) / needs).max())
@@ -135,16 +136,16 @@ def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
             break
     else:
         parts = inf
-    switch_over = scan + sum(max(poll.given_up for poll in own) for own in polls)
+    switch_over = scan + sum(max(poll.timeout_time for poll in own) for own in polls)
     return _Loop(trunk, rate, scan, longest, switch_over, repeaters or [], registers), parts
 
 
 def _polls(draft: Draft, registers: Registers, bit_rate: int) -> list[Poll]:
     limits = draft.settings.modbus
-    serial = Serial(bit_rate, limits.character)
+    serial = SerialLine(bit_rate, limits.character)
     timeout = limits.timeout + limits.processing + serial.frame_time(256)
     return [
-        Poll.of(request, serial, processing=limits.processing, timeout=timeout)
+        Poll(request, serial, processing=limits.processing, timeout=timeout)
         for request in registers.requests
     ]
 
@@ -162,13 +163,13 @@ def _screened(draft: Draft, box: Box) -> list[Box]:
     for place, row in enumerate(box.rows):
         (poll,) = _polls(draft, registers_of([draft.types[row]]), rate)
         need = float(draft.need[row])
-        if 2 * poll.answered <= need:
+        if 2 * poll.time <= need:
             kept.append(place)
             continue
         tag = draft.tags[row]
         text = (
             f"{tag} needs an update every {1e3 * need:g} ms; alone on Modbus RTU at {rate} bit/s "
-            f"it has a response of {2e3 * poll.answered:.3g} ms"
+            f"it has a response of {2e3 * poll.time:.3g} ms"
         )
-        draft.reason(tag, "update", 2e3 * poll.answered, 1e3 * need, "ms", text)
+        draft.reason(tag, "update", 2e3 * poll.time, 1e3 * need, "ms", text)
     return [box.part(np.array(kept, dtype=np.intp))] if kept else []

@@ -13,11 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
+from shipnet.crc import undetected
 from shipnet.design.designs import Network
 from shipnet.design.failures import single_cuts
 from shipnet.design.settings import HOST_TIME
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
-from shipnet.engine.error_detection import undetected
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
 from shipnet.tables import NUMBER, frame_sheet, read_sheet

@@ -23,7 +23,7 @@ from shipnet.design.catalogue import Range, cables
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.uart import SerialLine
 from shipnet.tables import read_bytes, text_of
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ class _Checked:
                         f"{own.name} is {value!r}; it must be one of {', '.join(fitting)}"
                     )
             elif own.name == "character":
-                Serial(9600, value)
+                SerialLine(9600, value)
             elif own.name == "bit_rates":
                 if not isinstance(value, tuple) or not value:
                     raise ArgumentError(f"bit_rates is {value!r}; it must be a tuple of bit rates")
@@ -248,7 +248,7 @@ class ModbusLimits(_Checked):
         How long the master waits beyond the longest answer before it asks a silent station on the
         second line [s]; the guide has 1 s to several seconds [2]_.
     character : str, default "8E1"
-        As `shipnet.modbus.timing.Serial` has it.
+        As `shipnet.modbus.SerialLine` has it.
     cable : str, default "RS485_MARINE"
         The trunk, a key of the catalogue.
 

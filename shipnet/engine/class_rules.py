@@ -7,21 +7,21 @@ themselves was not available; `Rule.elsewhere` says what public texts ask on the
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from shipnet.engine.description import Description
-from shipnet.engine.error_detection import undetected
-from shipnet.engine.redundancy import Redundancy
+from shipnet.answers import Findings
+from shipnet.crc import undetected
+from shipnet.engine.assessment import Redundancy
+from shipnet.engine.points import PointList, read_points
+from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
+from shipnet.fields import number, record, switch, whole
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-__all__ = ["RULES", "STANDARDS", "Rule", "check"]
-
-Verdict = Literal["pass", "fail", "not verified"]
+Verdict = Literal["met", "violated", "not verified"]
 
 #: Protocols with an open international standard or public specification, and the CRC they have.
 STANDARDS: dict[str, tuple[str, str | None]] = {
@@ -33,6 +33,115 @@ STANDARDS: dict[str, tuple[str, str | None]] = {
 
 _DNV = "DNV-OS-D202 Ch.2 Sec.3 Table A1"
 _CIRCULAR = "MSC/Circ.891"
+
+
+# What is known of a system ---------------------------------------------------------------------
+
+
+@record
+class Description:
+    """What is known of a monitoring system, for the class rules to judge; None is not known.
+
+    Parameters
+    ----------
+    points : PointList or iterable of Point
+        One or more.
+    cpus, supplies : int, optional
+        Processors and power supplies of each box, 1..4.
+    power_switch_over : float, optional
+        How long a change of the supply takes, 0..3600 [s].
+    volatile : bool, optional
+        Whether settings or programs lie in memory that forgets without supply.
+    protocols : sequence of str, optional
+        Names of the protocols, one or more.
+    links : mapping of str to sequence of str, optional
+        Stations beside the master on each link to the boxes, one or more.
+    routes : mapping of str to sequence of str, optional
+        Spaces or trays that each link runs through, one or more; for the same links.
+    poll : modbus poll, optional
+        The poll that asks one junction box for all points.
+    retries_known : bool, default False
+        Whether the retries of `poll` are those of the system, not a mere default.
+
+    Raises
+    ------
+    ArgumentError
+        If a field is out of range.
+
+    Examples
+    --------
+    >>> from shipnet import engine
+    >>> engine.Description.printed().cpus, engine.Description.printed().supplies
+    (1, None)
+    """
+
+    points: PointList
+    cpus: int | None = whole(1, 4, "", "Processors of each box", default=None, optional=True)
+    supplies: int | None = whole(1, 4, "", "Supplies of each box", default=None, optional=True)
+    power_switch_over: float | None = number(
+        0, 3600, "s", "Change of the supply", default=None, optional=True
+    )
+    volatile: bool | None = None
+    protocols: tuple[str, ...] | None = None
+    links: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
+    routes: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
+    poll: Poll | None = None
+    retries_known: bool = switch("Whether the poll has the system's retries", default=False)
+
+    def __post_init__(self) -> None:
+        """Check what is not declared."""
+        object.__setattr__(self, "points", PointList(self.points))
+        if self.volatile is not None and not isinstance(self.volatile, bool):
+            raise ArgumentError(f"volatile is {self.volatile!r}; it must be True, False or None")
+        if self.protocols is not None:
+            object.__setattr__(self, "protocols", _names("protocols", self.protocols))
+        for name in ("links", "routes"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _routes_of(name, getattr(self, name)))
+        if self.poll is not None and not isinstance(self.poll, Poll):
+            raise ArgumentError(f"poll is {self.poll!r}; it must be a Poll")
+        if self.routes is not None and set(self.routes) != set(self.links or ()):
+            raise ArgumentError("routes must name the same links as links")
+
+    @classmethod
+    def printed(cls) -> Description:
+        """Return what lee2012 prints of its system.
+
+        One microcontroller per box (section IV.1), CAN and Modbus RTU, two channels to JB1 and JB3
+        (Fig 3), 9600 bit/s 8E1 (Table 2). Supplies, memory, cable routes and retries are not
+        printed. The poll of all 99 points in one request is our assumption.
+        """
+        points = read_points()
+        return cls(
+            points,
+            cpus=1,
+            protocols=("CAN", "Modbus RTU"),
+            links={"channel 1": ("JB1",), "channel 2": ("JB3",)},
+            poll=Poll(RegisterMap(points).requests()[0], SerialLine(9600)),
+        )
+
+
+def _names(what: str, given: object) -> tuple[str, ...]:
+    """Return names as a tuple; a bare string would fall apart into its letters."""
+    if not isinstance(given, tuple | list) or not given:
+        raise ArgumentError(f"{what} is {given!r}; it must be a tuple of one or more names")
+    for name in given:
+        if not isinstance(name, str) or not name.strip():
+            raise ArgumentError(f"{what} hold {name!r}; all must be names that are not empty")
+    return tuple(given)
+
+
+def _routes_of(what: str, given: object) -> dict[str, tuple[str, ...]]:
+    """Return what each link touches, as tuples of names."""
+    if not isinstance(given, Mapping) or not given:
+        raise ArgumentError(
+            f"{what} is {given!r}; it must be a mapping of links to tuples of names"
+        )
+    links = _names(what, list(given))
+    return {link: _names(f"{what} of {link!r}", given[link]) for link in links}
+
+
+# The rules -------------------------------------------------------------------------------------
 
 
 class _Outcome(NamedTuple):
@@ -48,34 +157,17 @@ _UNKNOWN = _Outcome("not verified", float("nan"), "not described")
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A class rule as the paper quotes it.
+    """A class rule as the paper quotes it: what it asks of an object, the measure and its limit.
 
-    Parameters
-    ----------
-    name : str
-        Short name.
-    asks : str
-        What it asks.
-    measure : str
-        What is computed for it, with its unit.
-    limit : float
-        The computed value may be this at most (at least, if `at_least`).
-    outcome : callable
-        The check.
-    elsewhere : str
-        What public texts ask on the same matter.
-    at_least : bool, default False
-        Which side of the limit is good.
-
-    Examples
-    --------
-    >>> [rule.name for rule in RULES][:3]
-    ['CPU duplicated', 'supply duplicated', 'supply changes over']
+    The limit is the highest value, or with `at_least` the lowest; `elsewhere` says what public
+    texts ask on the same matter.
     """
 
     name: str
+    object: str
     asks: str
     measure: str
+    unit: str
     limit: float
     outcome: Callable[[Description, Rule], _Outcome]
     elsewhere: str
@@ -84,7 +176,7 @@ class Rule:
     def judge(self, computed: float, why: str = "") -> _Outcome:
         """Return the outcome of a computed value."""
         good = computed >= self.limit if self.at_least else computed <= self.limit
-        return _Outcome("pass" if good else "fail", float(computed), why)
+        return _Outcome("met" if good else "violated", float(computed), why)
 
 
 def _lost(kind: str) -> Callable[[Description, Rule], _Outcome]:
@@ -94,7 +186,7 @@ def _lost(kind: str) -> Callable[[Description, Rule], _Outcome]:
             return _UNKNOWN
         boxes = Redundancy(system.points, supplies=count, cpus=count)
         lost = max(boxes.lost([part]) for part in boxes.parts if part.kind == kind)
-        return rule.judge(lost, f"{count} a box")
+        return rule.judge(lost, f"{count} per box")
 
     return outcome
 
@@ -147,7 +239,7 @@ def _answer(system: Description, rule: Rule) -> _Outcome:
     if system.poll is None:
         return _UNKNOWN
     poll = system.poll
-    time = poll.serial.frame_time(poll.request_size) + poll.shortest_timeout
+    time = poll.line.frame_time(poll.request_size) + poll.shortest_timeout
     return rule.judge(time, "from the first bit of the request to the last of the response")
 
 
@@ -157,7 +249,7 @@ def _crc(system: Description, rule: Rule) -> _Outcome:
     names = {name: STANDARDS.get(name, ("", None))[1] for name in system.protocols}
     without = [name for name, algorithm in names.items() if algorithm is None]
     if without:
-        return _Outcome("fail", float("nan"), f"no CRC: {', '.join(without)}")
+        return _Outcome("violated", float("nan"), f"no CRC: {', '.join(without)}")
     used = [algorithm for algorithm in names.values() if algorithm]
     missed = sum(undetected(algorithm, flips=n) for algorithm in used for n in (1, 2))
     return rule.judge(missed, ", ".join(used))
@@ -179,48 +271,60 @@ def _repeats(system: Description, rule: Rule) -> _Outcome:
 RULES = (
     Rule(
         "CPU duplicated",
+        "CPUs",
         "the CPU is duplicated",
         "points lost by a dead CPU",
+        "",
         0,
         _lost("cpu"),
         "none found in the public texts consulted",
     ),
     Rule(
         "supply duplicated",
+        "supplies",
         "the power supply is duplicated",
         "points lost by a dead supply",
+        "",
         0,
         _lost("supply"),
         "SOLAS II-1/51: a stand-by supply of the alarm system",
     ),
     Rule(
         "supply changes over",
+        "supplies",
         "the supply changes over within 2 s",
-        "change-over [s]",
+        "change-over",
+        "s",
         2.0,
         _switch_over,
         "SOLAS II-1/51: automatic, without a number",
     ),
     Rule(
         "memory",
+        "memory",
         "only non-volatile memory",
         "volatile memories (1 is some)",
+        "",
         0,
         _memory,
         "none found in the public texts consulted",
     ),
     Rule(
         "standard protocol",
+        "protocols",
         "the protocol is an open international standard",
         "protocols without a standard",
+        "",
         0,
         _standard,
         f"{_CIRCULAR} 4.6.4: standardized interfaces",
     ),
     Rule(
         "links duplicated",
+        "links",
         "the data link is duplicated",
         "links that share no station",
+        "",
         2,
         _links,
         f"{_CIRCULAR} 4.6.2: redundant where two essential functions share a link",
@@ -228,8 +332,10 @@ RULES = (
     ),
     Rule(
         "links routed apart",
+        "links",
         "the cables of the links are routed apart",
         "links that share no space",
+        "",
         2,
         _routes,
         f"{_CIRCULAR} 4.6.2: as much separation as practical",
@@ -237,24 +343,30 @@ RULES = (
     ),
     Rule(
         "answer",
+        "poll",
         "data are answered within 2 s",
-        "request and response [s]",
+        "request and response",
+        "s",
         2.0,
         _answer,
         f"{_DNV}: alarms presented within 2 s; BV Pt C Ch 3 Sec 3: 5 s",
     ),
     Rule(
         "CRC",
+        "protocols",
         "transmission is verified by a CRC",
         "single and double bit errors unseen (CAN: before bit stuffing)",
+        "",
         0,
         _crc,
         f"{_CIRCULAR} 4.6.1: the link checks itself",
     ),
     Rule(
         "retransmission",
+        "protocols",
         "what went wrong is sent again",
         "repeats",
+        "",
         1,
         _repeats,
         "none found in the public texts consulted",
@@ -263,8 +375,8 @@ RULES = (
 )
 
 
-def check(system: Description) -> pd.DataFrame:
-    """Return how a system stands against the rules.
+def check(system: Description) -> Findings:
+    """Check a system against the class rules that lee2012 quotes.
 
     Parameters
     ----------
@@ -273,34 +385,44 @@ def check(system: Description) -> pd.DataFrame:
 
     Returns
     -------
-    pandas.DataFrame
-        One row a rule: ``rule``, ``asks``, ``measure``, ``computed`` (NaN if nothing could be),
-        ``limit``, ``verdict`` (pass, fail or not verified), ``why``, ``elsewhere``.
+    Findings
+        One row per rule, with the columns ``asks`` and ``measure`` besides; ``source`` says what
+        public texts ask on the same matter.
 
     Raises
     ------
     ArgumentError
-        If `system` is no description.
+        If `system` is not a description.
 
     Examples
     --------
-    >>> from shipnet.engine.description import printed_system
-    >>> table = check(printed_system()).set_index("rule")
-    >>> table.verdict.value_counts().to_dict()
-    {'not verified': 5, 'pass': 4, 'fail': 1}
-    >>> print(*table.loc["CPU duplicated", ["computed", "verdict"]])
-    43.0 fail
+    >>> from shipnet import engine
+    >>> findings = engine.check(engine.Description.printed())
+    >>> findings
+    <Findings: 10 checks, 1 violated, 5 not verified>
+    >>> print(*findings.violated().loc[0, ["rule", "value", "high"]])
+    CPU duplicated 43.0 0.0
     """
     import pandas as pd
 
     if not isinstance(system, Description):
         raise ArgumentError(f"system is {system!r}; it must be a Description")
-    rows: list[tuple[Any, ...]] = []
+    rows: list[dict[str, Any]] = []
     for rule in RULES:
         outcome = rule.outcome(system, rule)
         rows.append(
-            (rule.name, rule.asks, rule.measure, outcome.computed, rule.limit, outcome.verdict,
-             outcome.why, rule.elsewhere)
-        )  # fmt: skip
-    columns = ["rule", "asks", "measure", "computed", "limit", "verdict", "why", "elsewhere"]
-    return pd.DataFrame(rows, columns=columns)
+            {
+                "rule": rule.name,
+                "object": rule.object,
+                "value": outcome.computed,
+                "low": rule.limit if rule.at_least else float("nan"),
+                "high": float("nan") if rule.at_least else rule.limit,
+                "unit": rule.unit,
+                "verdict": outcome.verdict,
+                "why": outcome.why,
+                "source": rule.elsewhere,
+                "asks": rule.asks,
+                "measure": rule.measure,
+            }
+        )
+    return Findings(pd.DataFrame(rows))

@@ -3,124 +3,91 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
-from math import inf
+from typing import TYPE_CHECKING, ClassVar
 
-from shipnet.clock import nanoseconds
-from shipnet.engine.system import System
+from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar
+from shipnet.fields import number, record, text
+
+if TYPE_CHECKING:
+    from shipnet.engine.system import System
 
 __all__ = [
     "BusOff",
-    "CutCan",
-    "CutModbus",
+    "CanBreak",
     "DeadBox",
     "DeadPort",
-    "Fault",
-    "LostCan",
-    "LostModbus",
+    "LostCanFrames",
+    "LostModbusFrames",
+    "ModbusBreak",
     "StuckSensor",
-    "check_faults",
-    "outages",
-    "single_faults",
 ]
 
-#: A time behind all others [ns].
-_NEVER = 1 << 62
 
+@record
+class EngineFault(Fault):
+    """A fault at a place of the system; the kinds derive from it."""
 
-@dataclass(frozen=True)
-class Fault:
-    """What all faults share: begin, end and their checks.
+    words: ClassVar[str] = ""
 
-    Parameters
-    ----------
-    where : str
-        What fails.
-    start : float, default 0
-        When it begins, 0..1e6 [s].
-    stop : float, default inf
-        When it is over [s].
-
-    Raises
-    ------
-    ArgumentError
-        If a time or a probability is out of its range.
-    """
-
-    where: str
-    start: float = 0.0
-    stop: float = inf
-
-    def __post_init__(self) -> None:
-        """Check times and probabilities."""
-        if not isinstance(self.where, str):
-            raise ArgumentError(f"where is {self.where!r}; it must be a name as text")
-        check_scalar("start", self.start, "s", 0.0, 1e6)
-        check_scalar("stop", self.stop, "s", 0.0, inf)
-        if not self.start < self.stop:
-            raise ArgumentError(f"stop is {self.stop!r} s; it must be after start, {self.start} s")
-        for name in {"probability", "request", "response"} & {f.name for f in fields(self)}:
-            check_scalar(name, getattr(self, name), "", 0, 1)
-
-    @property
-    def span(self) -> tuple[int, int]:
-        """Begin and end [ns]."""
-        return nanoseconds(self.start), _NEVER if self.stop == inf else nanoseconds(self.stop)
+    where: str = text("What fails")
 
     def places(self, system: System) -> tuple[str, ...]:
-        """Return what can fail in this way.
-
-        Parameters
-        ----------
-        system : System
-            Where.
-        """
+        """Return what can fail in this way."""
         return system.boxes
 
     def __str__(self) -> str:
         """Say what fails."""
-        return f"{_WORDS[type(self)]} {self.where}".strip()
+        return f"{self.words} {self.where}".strip()
 
 
-class _AtChannel(Fault):
-    def places(self, system: System) -> tuple[str, ...]:
-        """Return the channels."""
-        return "1", "2"
-
-
-class CutCan(Fault):
-    """A CAN cable is cut; `where` is one of `System.segments`.
+@record
+class CanBreak(EngineFault):
+    """A CAN cable is broken; `where` is one of `System.segments`.
 
     Notes
     -----
-    A cut splits a line into two. Each part is left with one terminating resistor of the two. Here
-    both go on working, which is an **assumption** that suits short cables and a low bit rate. What
-    is queued or on the bus at the moment of the cut, or of its mending, is lost. A box that is
-    left alone gets no acknowledgement and is heard by nobody.
+    A break splits a line into two. Each part is left with one terminator of the two. Here both go
+    on working, which is an **assumption** that suits short cables and a low bit rate. What is
+    queued or on the bus at the moment of the break, or of its repair, is lost. A box that is left
+    alone gets no acknowledgement and is heard by nobody.
 
     Examples
     --------
-    >>> print(CutCan("JB1-JB2", start=10))
+    >>> print(CanBreak("JB1-JB2", start=10))
     CAN cable cut JB1-JB2
     """
+
+    words: ClassVar[str] = "CAN cable cut"
 
     def places(self, system: System) -> tuple[str, ...]:
         """Return the cables."""
         return system.segments
 
 
-class CutModbus(_AtChannel):
-    """The cable of a Modbus channel is cut; `where` is ``"1"`` or ``"2"``.
+@record
+class _AtChannel(EngineFault):
+    """A fault of a Modbus channel."""
+
+    def places(self, system: System) -> tuple[str, ...]:
+        """Return the channels."""
+        return "1", "2"
+
+
+@record
+class ModbusBreak(_AtChannel):
+    """The cable of a Modbus channel is broken; `where` is ``"1"`` or ``"2"``.
 
     Examples
     --------
-    >>> print(CutModbus("1", start=10, stop=20))
+    >>> print(ModbusBreak("1", start=10, stop=20))
     Modbus cable cut 1
     """
 
+    words: ClassVar[str] = "Modbus cable cut"
 
+
+@record
 class DeadPort(_AtChannel):
     """A port of the AMS is dead; `where` is ``"1"`` or ``"2"``.
 
@@ -130,9 +97,12 @@ class DeadPort(_AtChannel):
     AMS port dead 2
     """
 
+    words: ClassVar[str] = "AMS port dead"
 
-class DeadBox(Fault):
-    """A box has no supply, or its one CPU is dead. When it returns, it knows nothing of others.
+
+@record
+class DeadBox(EngineFault):
+    """A box has no supply, or its one CPU is dead; after its return it has no values of others.
 
     Examples
     --------
@@ -140,8 +110,11 @@ class DeadBox(Fault):
     box dead JB2
     """
 
+    words: ClassVar[str] = "box dead"
 
-class BusOff(Fault):
+
+@record
+class BusOff(EngineFault):
     """The CAN controller of a box has left the bus; the box neither sends nor receives.
 
     Examples
@@ -150,8 +123,11 @@ class BusOff(Fault):
     CAN bus-off JB2
     """
 
+    words: ClassVar[str] = "CAN bus-off"
 
-class StuckSensor(Fault):
+
+@record
+class StuckSensor(EngineFault):
     """The input of a point, named by its tag, does not change any more.
 
     Examples
@@ -160,171 +136,98 @@ class StuckSensor(Fault):
     sensor stuck ME-JB1-001
     """
 
+    words: ClassVar[str] = "sensor stuck"
+
     def places(self, system: System) -> tuple[str, ...]:
         """Return the tags."""
         return tuple(point.tag for point in system.points)
 
 
-@dataclass(frozen=True)
-class LostCan(Fault):
+@record
+class LostCanFrames(EngineFault):
     """CAN frames of a box are lost at random at each receiver, by overrun of its buffers.
-
-    Parameters
-    ----------
-    where : str
-        The sender.
-    start, stop : float
-        As `Fault`.
-    probability : float, default 0.5
-        That one receiver loses one frame, 0..1.
 
     Examples
     --------
-    >>> LostCan("JB2", probability=0.1).probability
+    >>> LostCanFrames("JB2", probability=0.1).probability
     0.1
     """
 
-    probability: float = 0.5
+    words: ClassVar[str] = "CAN frames lost of"
+
+    probability: float = number(
+        0, 1, "", "That one receiver loses one frame", default=0.5, kw_only=True
+    )
 
 
-@dataclass(frozen=True)
-class LostModbus(_AtChannel):
-    """Modbus frames are damaged at random.
-
-    Parameters
-    ----------
-    where : str
-        The channel, ``"1"`` or ``"2"``.
-    start, stop : float
-        As `Fault`.
-    request, response : float, default 0.5 and 0
-        Probability that a request is not understood, and a response not, 0..1.
+@record
+class LostModbusFrames(_AtChannel):
+    """Modbus frames of a channel, ``"1"`` or ``"2"``, are damaged at random.
 
     Examples
     --------
-    >>> LostModbus("1", response=0.2).response
+    >>> LostModbusFrames("1", response=0.2).response
     0.2
     """
 
-    request: float = 0.5
-    response: float = 0.0
+    words: ClassVar[str] = "Modbus frames lost on"
+
+    request: float = number(
+        0, 1, "", "Probability that a request is not understood", default=0.5, kw_only=True
+    )
+    response: float = number(
+        0, 1, "", "Probability that a response is not understood", default=0.0, kw_only=True
+    )
 
 
-_WORDS = {
-    CutCan: "CAN cable cut",
-    CutModbus: "Modbus cable cut",
-    DeadPort: "AMS port dead",
-    DeadBox: "box dead",
-    BusOff: "CAN bus-off",
-    StuckSensor: "sensor stuck",
-    LostCan: "CAN frames lost of",
-    LostModbus: "Modbus frames lost on",
-    Fault: "",
-}
+#: All kinds.
+KINDS: tuple[type[EngineFault], ...] = (
+    CanBreak, ModbusBreak, DeadPort, DeadBox, BusOff, StuckSensor, LostCanFrames, LostModbusFrames,
+)  # fmt: skip
 
 
-def check_faults(system: System, faults: Iterable[Fault]) -> tuple[Fault, ...]:
-    """Return faults as a tuple, or raise unless the system has what fails.
-
-    Parameters
-    ----------
-    system : System
-        Where they happen.
-    faults : iterable of Fault
-        What was given.
-
-    Returns
-    -------
-    tuple of Fault
-        The faults.
-
-    Raises
-    ------
-    ArgumentError
-        If they are no list, or one is no fault, or at a place that is not there.
-
-    Examples
-    --------
-    >>> check_faults(System(), [CutCan("JB3-JB1")])
-    Traceback (most recent call last):
-        ...
-    shipnet.errors.ArgumentError: where is 'JB3-JB1'; it must be one of JB1-JB2, JB2-JB3
-    """
-    if isinstance(faults, Fault | str) or not isinstance(faults, Iterable):
-        raise ArgumentError(f"faults is {faults!r}; faults must come in a list")
-    found = tuple(faults)
-    for fault in found:
-        if not isinstance(fault, Fault) or type(fault) not in _WORDS or type(fault) is Fault:
-            raise ArgumentError(f"faults hold {fault!r}; all must be of a class of faults")
+def check_faults(system: System, faults: Fault | Iterable[Fault]) -> tuple[EngineFault, ...]:
+    """Return one or several faults as a tuple, or raise unless the system has what fails."""
+    found: list[EngineFault] = []
+    for fault in as_faults(faults, *KINDS):
+        assert isinstance(fault, EngineFault)
         legal = fault.places(system)
         if fault.where not in legal:
             few = [*legal[:6], *(["..."] if len(legal) > 6 else [])]
             raise ArgumentError(f"where is {fault.where!r}; it must be one of {', '.join(few)}")
-    return found
+        found.append(fault)
+    return tuple(found)
 
 
-def outages(faults: Iterable[Fault], where: str, *kinds: type[Fault]) -> list[tuple[int, int]]:
-    """Return when something is out of order.
-
-    Parameters
-    ----------
-    faults : iterable of Fault
-        What goes wrong.
-    where : str
-        The place.
-    *kinds : type
-        Classes of faults that count.
-
-    Returns
-    -------
-    list of (int, int)
-        Begin and end [ns] of each fault, in order.
-
-    Examples
-    --------
-    >>> outages([DeadBox("JB1", 1, 2), DeadBox("JB2", 3)], "JB1", DeadBox)
-    [(1000000000, 2000000000)]
-    """
+def outages(
+    faults: Iterable[EngineFault], where: str, *kinds: type[Fault]
+) -> list[tuple[int, int]]:
+    """Return begin and end [ns] of each fault of some kinds at a place, in order."""
     return sorted(fault.span for fault in faults if type(fault) in kinds and fault.where == where)
 
 
 def single_faults(
     system: System, start: float = 10.0, *, every_sensor: bool = False
-) -> tuple[Fault, ...]:
-    """Return all single faults of a system that last.
-
-    Parameters
-    ----------
-    system : System
-        The system.
-    start : float, default 10
-        When they begin [s].
-    every_sensor : bool, default False
-        Whether each sensor gets stuck in its turn, or the first of each box alone.
-
-    Returns
-    -------
-    tuple of Fault
-        Every cable cut, every port and box dead, every node off the bus, the frames of every box
-        and both channels lost by one half, and stuck sensors.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
-    Examples
-    --------
-    >>> len(single_faults(System())), len(single_faults(System(topology="ring"), every_sensor=True))
-    (20, 117)
-    """
+) -> tuple[EngineFault, ...]:
+    """Return all lasting single faults of a system."""
     if not isinstance(every_sensor, bool):
         raise ArgumentError(f"every_sensor is {every_sensor!r}; it must be True or False")
-    boxes = dict.fromkeys(point.box for point in system.points)
+    boxes = dict.fromkeys(system.boxes)
     stuck = [point for point in system.points if every_sensor or boxes.pop(point.box, 1) is None]
-    found: list[Fault] = [CutCan(segment, start) for segment in system.segments]
-    found += [kind(channel, start) for kind in (CutModbus, DeadPort) for channel in ("1", "2")]
-    found += [kind(box, start) for kind in (DeadBox, BusOff, LostCan) for box in system.boxes]
-    found += [LostModbus(channel, start) for channel in ("1", "2")]
-    found += [StuckSensor(point.tag, start) for point in stuck]
-    return tuple(found)
+    places: list[tuple[type[EngineFault], Iterable[str]]] = [
+        (CanBreak, system.segments),
+        *((kind, ("1", "2")) for kind in (ModbusBreak, DeadPort)),
+        *((kind, system.boxes) for kind in (DeadBox, BusOff, LostCanFrames)),
+        (LostModbusFrames, ("1", "2")),
+        (StuckSensor, [point.tag for point in stuck]),
+    ]
+    return tuple(kind(where, start=start) for kind, some in places for where in some)
+
+
+def parse_fault(system: System, words: str) -> EngineFault:
+    """Return the lasting fault that these words name, such as ``box dead JB1``."""
+    known = {str(fault): fault for fault in single_faults(system, 0.0, every_sensor=True)}
+    if words not in known:
+        few = ", ".join(str(fault) for fault in single_faults(system, 0.0))
+        raise ArgumentError(f"fault is {words!r}; it must be one of {few}")
+    return known[words]

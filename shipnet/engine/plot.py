@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
-from shipnet.engine.faults import Fault, check_faults
+from shipnet.engine.faults import EngineFault, check_faults
 from shipnet.errors import ArgumentError
 from shipnet.style import LIMIT, bare
 
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from shipnet.engine.system import System
-
-__all__ = ["plot_age", "plot_screen", "plot_system", "plot_timeline"]
 
 #: Colour and hatch of each task, of the Okabe-Ito palette.
 _TASKS = {
@@ -41,27 +39,18 @@ _SENDERS = ("0.25", "0.55", "0.8")
 _MOST_BARS, _TILES = 5000, 11
 
 
-def plot_timeline(table: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw who works when as rows of bars: CPUs, CAN bus, Modbus lines.
+def _axes(ax: Axes | None) -> Axes:
+    """Return the axes given, or new ones."""
+    if ax is None:
+        import matplotlib.pyplot as plt
 
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        What `timeline` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
+        ax = plt.subplots()[1]
+    return ax
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given, time in milliseconds; what is not drawn is waiting. Bars on the row
-        ``CAN`` have the grey of their sender.
 
-    Raises
-    ------
-    ArgumentError
-        If there is nothing to draw, or more than 5000 bars.
-    """
+def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
+    """Draw who works when as rows of bars; a bar of CAN has the grey of its sender."""
+    ax = _axes(ax)
     if not 1 <= len(table) <= _MOST_BARS:
         raise ArgumentError(f"table has {len(table)} rows; it must be 1..{_MOST_BARS}")
     names = [str(name) for name in table["row"].unique()]
@@ -91,28 +80,15 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes) -> Axes:
     return ax
 
 
-def plot_age(
-    ages: pd.DataFrame, *, ax: Axes, limits: Mapping[str, float] | None = None, label: str = ""
+def plot_ages(
+    ages: pd.DataFrame,
+    *,
+    ax: Axes | None,
+    limits: Mapping[str, float] | None,
+    label: str,
 ) -> Axes:
-    """Draw the age of a point over time: a saw, broken while the point is marked.
-
-    Parameters
-    ----------
-    ages : pandas.DataFrame
-        What `Run.ages` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw; several points may share it.
-    limits : mapping of str to float, optional
-        Limits by their names [s], drawn as dashed red lines.
-    label : str, optional
-        Name of the point for the legend.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given, time and age in seconds. Where the point is marked, crosses stand at the
-        top edge of the axes: a mark has no age.
-    """
+    """Draw the age of a point over time, with crosses at the top edge where it is marked."""
+    ax = _axes(ax)
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
     x = np.column_stack([ages["seen_s"], ages["good_until_s"], ages["good_until_s"]])
@@ -141,25 +117,10 @@ def plot_age(
     return ax
 
 
-def plot_screen(table: pd.DataFrame, *, ax: Axes, old: float = 2.0) -> Axes:
-    """Draw the screen of the AMS as tiles, one a point, with its value or its mark.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        What `screen` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    old : float, default 2
-        Age from which a value that is shown as good gets an orange tile and a star [s]; a real
-        AMS in the printed coding would not know.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given: good values with their units on pale blue, old ones on orange with a star,
-        marked ones dark with their mark. The values are synthetic.
-    """
+def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
+    """Draw the screen of the AMS as tiles, one per point, with its value or its mark."""
+    ax = _axes(ax)
+    table = table.reset_index()
     columns = [table[name].tolist() for name in ("tag", "value", "unit", "age_s", "mark")]
     for place, (tag, value, unit, age, mark) in enumerate(zip(*columns, strict=True)):
         y, x = divmod(place, _TILES)
@@ -188,28 +149,11 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes, old: float = 2.0) -> Axes:
     return ax
 
 
-def plot_system(system: System, *, ax: Axes, faults: Iterable[Fault] = ()) -> Axes:
-    """Draw the outline of the system: boxes, CAN, two Modbus channels, AMS; faults in red.
-
-    Parameters
-    ----------
-    system : System
-        The system.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    faults : iterable of Fault, optional
-        What is out of order: a cross and its name where it is.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-
-    Raises
-    ------
-    ArgumentError
-        If the system has not what fails.
-    """
+def plot_system(
+    system: System, faults: EngineFault | Iterable[EngineFault], *, ax: Axes | None
+) -> Axes:
+    """Draw the outline of the system, with a cross and its name where something fails."""
+    ax = _axes(ax)
     broken = check_faults(system, faults)
     last = len(system.boxes) - 1
     spots: dict[str, tuple[float, float]] = {}

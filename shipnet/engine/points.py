@@ -1,7 +1,6 @@
 """The measuring points of an engine: what is measured, in which box, over which range.
 
-A list of points is a tuple of `Point`; all other modules of `shipnet.engine` take it in the order
-of its file, which is the order of registers and of bytes.
+A list of points keeps the order of its file, which is the order of registers and of bytes.
 """
 
 from __future__ import annotations
@@ -9,27 +8,17 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
-from math import isfinite
+from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple, SupportsIndex, overload
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError, InputError
+from shipnet.fields import check_whole, choice, number, record
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = [
-    "CONDITIONS",
-    "Point",
-    "by_box",
-    "check_points",
-    "load_points",
-    "point_table",
-    "read_points",
-]
 
 Condition = Literal["RTD", "4-20 mA", "switch"]
 
@@ -43,11 +32,8 @@ _COLUMNS = ("tag", "box", "condition", "quantity", "low", "high", "unit", "signa
 #: Range of a platinum thermometer [degC]; IEC 60751.
 _PT100 = (-200.0, 850.0)
 
-#: The row of Table 3 that may be the row behind it printed twice.
-_DOUBLE_ROW = "2"
 
-
-@dataclass(frozen=True, slots=True)
+@record(slots=True)
 class Point:
     """A measuring point.
 
@@ -85,34 +71,23 @@ class Point:
 
     tag: str
     box: str
-    condition: Condition
+    condition: Condition = choice(CONDITIONS, "Kind of its signal")
     quantity: str
-    low: float = 0.0
-    high: float = 1.0
+    low: float = number(-1e300, 1e300, "", "Lower end of the range", default=0.0)
+    high: float = number(-1e300, 1e300, "", "Upper end of the range", default=1.0)
     unit: str = ""
     signal: str = ""
-    alarm: Literal["high", "low", ""] = ""
+    alarm: Literal["high", "low", ""] = choice(("high", "low", ""), "Alarmed side", default="")
     service: str = ""
 
     def __post_init__(self) -> None:
-        """Check every field."""
+        """Check the texts, and that the range suits the condition."""
         for field in ("tag", "box", "quantity", "unit", "signal", "service"):
             text = getattr(self, field)
             if not isinstance(text, str) or not text.isprintable() or text != text.strip():
                 raise ArgumentError(f"{field} is {text!r}; it must be printable text")
             if not text and field in ("tag", "box"):
                 raise ArgumentError(f"{field} is empty; a point needs one")
-        if self.condition not in CONDITIONS:
-            legal = ", ".join(CONDITIONS)
-            raise ArgumentError(f"condition is {self.condition!r}; it must be one of {legal}")
-        if self.alarm not in ("high", "low", ""):
-            raise ArgumentError(f"alarm is {self.alarm!r}; it must be high, low or empty")
-        for field in ("low", "high"):
-            value = getattr(self, field)
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not (number and isfinite(value)):
-                raise ArgumentError(f"{field} is {value!r}; it must be a finite number")
-            object.__setattr__(self, field, float(value))
         if not self.low < self.high:
             raise ArgumentError(f"range is {self.low:g}..{self.high:g}; low must be below high")
         ends = (self.low, self.high)
@@ -140,31 +115,170 @@ class Point:
         return int(found[1]) if found else None
 
 
-def load_points(*, double_row: bool = True) -> tuple[Point, ...]:
-    """Return the points of the engine of lee2012: 99, or 89 if a row was printed twice.
+class Conductors(NamedTuple):
+    """Conductors between the boxes and the monitoring system."""
+
+    hardwired: int
+    bus: int
+
+    @property
+    def share(self) -> float:
+        """The conductors of the buses as a fraction of the hardwired ones."""
+        return self.bus / self.hardwired
+
+
+class PointList(tuple[Point, ...]):
+    """The points of an engine, in the order of their registers; a tuple with methods.
 
     Parameters
     ----------
-    double_row : bool, default True
-        Whether both rows of JB1 that read "temperature, 10, -50..600" count. If not, the current
-        loops stay: section IV.1.b of [1]_ brings the exhaust gas in over the I/V converter.
-
-    Returns
-    -------
-    tuple of Point
-        The points in the order of Table 3.
+    points : iterable of Point
+        One or more, with different tags.
 
     Raises
     ------
     ArgumentError
-        If `double_row` is no bool.
+        If there is none, one is of another class, or a tag occurs twice.
+
+    Examples
+    --------
+    >>> points = read_points()
+    >>> points, points[10].service
+    (PointList(99 points, boxes JB1 JB2 JB3), 'Exhaust gas outlet cyl 1 (RTD)')
+    >>> print(points.counts())
+         RTD  4-20 mA  switch  analogue  points
+    JB1   20       17       6        37      43
+    JB2   15        1       2        16      18
+    JB3   27        0      11        27      38
+    all   62       18      19        80      99
+    >>> points.conductors()
+    Conductors(hardwired=260, bus=10)
+    """
+
+    __slots__ = ()
+
+    def __new__(cls, points: Iterable[Point]) -> PointList:
+        """Check the points."""
+        if isinstance(points, PointList):
+            return points
+        try:
+            found = tuple(points)
+        except TypeError:
+            raise ArgumentError(
+                f"points are {points!r}; they must be a sequence of Point"
+            ) from None
+        for point in found:
+            if not isinstance(point, Point):
+                raise ArgumentError(f"points hold {point!r}; all must be of class Point")
+        if not found:
+            raise ArgumentError("points are empty; there must be one at least")
+        if len({point.tag for point in found}) < len(found):
+            raise ArgumentError("two points have the same tag; tags must differ")
+        return super().__new__(cls, found)
+
+    @overload
+    def __getitem__(self, place: SupportsIndex, /) -> Point: ...
+    @overload
+    def __getitem__(self, place: slice, /) -> PointList: ...
+    def __getitem__(self, place: SupportsIndex | slice, /) -> Point | PointList:
+        found = super().__getitem__(place)
+        return found if isinstance(found, Point) else PointList(found)
+
+    def __repr__(self) -> str:
+        one = "1 point" if len(self) == 1 else f"{len(self)} points"
+        return f"PointList({one}, boxes {' '.join(self.boxes)})"
+
+    @property
+    def boxes(self) -> tuple[str, ...]:
+        """Names of the boxes in the order of their first points."""
+        return tuple(dict.fromkeys(point.box for point in self))
+
+    def by_box(self) -> dict[str, PointList]:
+        """Return the points of each box."""
+        return {box: PointList(p for p in self if p.box == box) for box in self.boxes}
+
+    def table(self) -> pd.DataFrame:
+        """Return all points: one row per tag, with the fields of `Point` as columns."""
+        import pandas as pd
+
+        rows = [[getattr(point, name) for name in _COLUMNS] for point in self]
+        return pd.DataFrame(rows, columns=list(_COLUMNS)).set_index("tag")
+
+    def counts(self) -> pd.DataFrame:
+        """Return how many points of each condition every box has, and a last row ``all``."""
+        import pandas as pd
+
+        rows = []
+        for own in (*self.by_box().values(), self):
+            kinds = [point.condition for point in own]
+            count = [kinds.count(kind) for kind in CONDITIONS]
+            rows.append([*count, count[0] + count[1], len(own)])
+        columns = [*CONDITIONS, "analogue", "points"]
+        return pd.DataFrame(rows, index=[*self.boxes, "all"], columns=columns)
+
+    def conductors(
+        self,
+        *,
+        rtd: int = 3,
+        loop: int = 2,
+        switch: int = 2,
+        segments: int = 3,
+        segment_wires: int = 2,
+        channels: int = 2,
+        channel_wires: int = 2,
+    ) -> Conductors:
+        """Count the conductors of hardwired points, and of the two buses in their place.
+
+        `rtd`, `loop` and `switch` are the conductors of one sensor (1..4); a bus has `segments`
+        or `channels` cables (0..100) with a number of wires each (1..8). Shields, supplies and
+        spare cores are not counted.
+        """
+        cores = {"RTD": ("rtd", rtd), "4-20 mA": ("loop", loop), "switch": ("switch", switch)}
+        each = {kind: check_whole(name, value, 1, 4) for kind, (name, value) in cores.items()}
+        counts = {"segments": segments, "channels": channels}
+        wires = {"segment_wires": segment_wires, "channel_wires": channel_wires}
+        runs = [check_whole(name, value, 0, 100) for name, value in counts.items()]
+        widths = [check_whole(name, value, 1, 8) for name, value in wires.items()]
+        return Conductors(
+            sum(each[point.condition] for point in self),
+            sum(run * width for run, width in zip(runs, widths, strict=True)),
+        )
+
+    def kinds(self) -> list[tuple[int, int]]:
+        """Return place of the first point and number of points of each kind of input."""
+        first: dict[tuple[object, ...], list[int]] = {}
+        for k, point in enumerate(self):
+            key = (point.condition, point.low, point.high, point.unit, point.signal)
+            first.setdefault(key, []).append(k)
+        return [(places[0], len(places)) for places in first.values()]
+
+
+def read_points(path: str | PathLike[str] | None = None) -> PointList:
+    """Read the points of an engine: the 99 of lee2012, or those of a CSV file.
+
+    Parameters
+    ----------
+    path : path, optional
+        File in UTF-8 with a row of column titles: the fields of `Point`, of which ``tag``,
+        ``box``, ``condition`` and ``quantity`` are required. Other columns are for remarks; an
+        empty cell takes the default. Without a path, the points of lee2012.
+
+    Returns
+    -------
+    PointList
+        The points in the order of their rows.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or a row is not a point: every fault with its row.
 
     Notes
     -----
-    Box, condition, alarm of the switches, number and range are those of Table 3 of [1]_. Tags and
-    services are **assumed**, after the usual points of such an engine, and so are the alarms of
-    the analogue points, contacts that open on alarm, and which of the seven pressures has which of
-    the four ranges.
+    Box, condition, alarm of the switches, number and range of the 99 points are those of Table 3
+    of [1]_. Tags and services are **assumed**, after the usual points of such an engine, and so
+    are the alarms of the analogue points, contacts that open on alarm, and which of the seven
+    pressures has which of the four ranges.
 
     References
     ----------
@@ -173,44 +287,18 @@ def load_points(*, double_row: bool = True) -> tuple[Point, ...]:
 
     Examples
     --------
-    >>> points = load_points()
-    >>> len(points), len(load_points(double_row=False)), points[10].service
-    (99, 89, 'Exhaust gas outlet cyl 1 (RTD)')
+    >>> read_points()
+    PointList(99 points, boxes JB1 JB2 JB3)
     """
-    if not isinstance(double_row, bool):
-        raise ArgumentError(f"double_row is {double_row!r}; it must be True or False")
-    file = datasets.path("synthetic_iolist_engine.csv")
-    with file.open(newline="", encoding="utf-8") as stream:
-        rows = [row["printed_row"] for row in csv.DictReader(stream)]
-    points = zip(read_points(file), rows, strict=True)
-    return tuple(point for point, row in points if double_row or row != _DOUBLE_ROW)
+    return _points_of_lee2012() if path is None else _read(path)
 
 
-def read_points(path: str | PathLike[str]) -> tuple[Point, ...]:
-    """Read points from a CSV file.
+@cache
+def _points_of_lee2012() -> PointList:
+    return _read(datasets.path("synthetic_iolist_engine.csv"))
 
-    Parameters
-    ----------
-    path : path
-        File in UTF-8 with a row of column titles: the fields of `Point`, of which ``tag``,
-        ``box``, ``condition`` and ``quantity`` must be there. Other columns are for remarks; an
-        empty cell takes the default.
 
-    Returns
-    -------
-    tuple of Point
-        The points in the order of their rows.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or a row is no point: every fault with its row.
-
-    Examples
-    --------
-    >>> len(read_points(datasets.path("synthetic_iolist_engine.csv")))
-    99
-    """
+def _read(path: str | PathLike[str]) -> PointList:
     name = str(path)
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
@@ -237,10 +325,10 @@ def read_points(path: str | PathLike[str]) -> tuple[Point, ...]:
                 faults.append(f"{where}: tag {tag!r} is taken")
             tags.add(tag)
     except csv.Error as error:
-        faults.append(f"is no CSV file: {error}")
+        faults.append(f"is not a CSV file: {error}")
     if faults or not points:
-        raise InputError(name, *(faults or ["has no points; expected one a row"]))
-    return tuple(points)
+        raise InputError(name, *(faults or ["has no points; expected one per row"]))
+    return PointList(points)
 
 
 def _point(row: dict[str, str]) -> Point:
@@ -253,114 +341,5 @@ def _point(row: dict[str, str]) -> Point:
             except ValueError:
                 raise ArgumentError(f"{end} is {fields[end]!r}; it must be a number") from None
     if fields["condition"] in CONDITIONS[:2] and len({"low", "high"} & fields.keys()) < 2:
-        raise ArgumentError("low or high is empty; a point that is no switch needs both")
+        raise ArgumentError("low or high is empty; a point that is not a switch needs both")
     return Point(**fields)  # type: ignore[arg-type] # what a cell may hold is checked by Point
-
-
-def check_points(points: Iterable[Point]) -> tuple[Point, ...]:
-    """Return points as a tuple, or raise unless there are some and their tags differ.
-
-    Parameters
-    ----------
-    points : iterable of Point
-        What was given.
-
-    Returns
-    -------
-    tuple of Point
-        The points.
-
-    Raises
-    ------
-    ArgumentError
-        If there is none, one is of another class, or a tag occurs twice.
-
-    Examples
-    --------
-    >>> check_points([])
-    Traceback (most recent call last):
-        ...
-    shipnet.errors.ArgumentError: points are empty; there must be one at least
-    """
-    try:
-        found = tuple(points)
-    except TypeError:
-        raise ArgumentError(f"points are {points!r}; they must be a sequence of Point") from None
-    for point in found:
-        if not isinstance(point, Point):
-            raise ArgumentError(f"points hold {point!r}; all must be of class Point")
-    if not found:
-        raise ArgumentError("points are empty; there must be one at least")
-    if len({point.tag for point in found}) < len(found):
-        raise ArgumentError("two points have the same tag; tags must differ")
-    return found
-
-
-def by_box(points: Iterable[Point]) -> dict[str, tuple[Point, ...]]:
-    """Return the points of each junction box.
-
-    Parameters
-    ----------
-    points : iterable of Point
-        One or more.
-
-    Returns
-    -------
-    dict of str to tuple of Point
-        Points by box; boxes and points in their order.
-
-    Raises
-    ------
-    ArgumentError
-        As `check_points`.
-
-    Examples
-    --------
-    >>> {box: len(points) for box, points in by_box(load_points()).items()}
-    {'JB1': 43, 'JB2': 18, 'JB3': 38}
-    """
-    boxes: dict[str, tuple[Point, ...]] = {}
-    for point in check_points(points):
-        boxes[point.box] = (*boxes.get(point.box, ()), point)
-    return boxes
-
-
-def point_table(points: Iterable[Point]) -> pd.DataFrame:
-    """Return how many points of each kind the boxes have.
-
-    Parameters
-    ----------
-    points : iterable of Point
-        One or more.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a box and a last one ``"all"``: number of points by condition, of ``analogue``
-        ones, and of all.
-
-    Raises
-    ------
-    ArgumentError
-        As `check_points`.
-
-    Examples
-    --------
-    >>> print(point_table(load_points()))
-         RTD  4-20 mA  switch  analogue  points
-    JB1   20       17       6        37      43
-    JB2   15        1       2        16      18
-    JB3   27        0      11        27      38
-    all   62       18      19        80      99
-    """
-    import pandas as pd
-
-    boxes = by_box(points)
-    boxes["all"] = tuple(point for box in boxes.values() for point in box)
-    rows = []
-    for own in boxes.values():
-        kinds = [point.condition for point in own]
-        count = [kinds.count(kind) for kind in CONDITIONS]
-        rows.append([*count, count[0] + count[1], len(own)])
-    columns = [*CONDITIONS, "analogue", "points"]
-    return pd.DataFrame(rows, index=list(boxes), columns=columns)

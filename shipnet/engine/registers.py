@@ -1,33 +1,227 @@
-"""The register map of a junction box: which address holds which point of which box.
+"""The registers of a junction box: how a value becomes a register, and which address holds what.
+
+lee2012 marks a value that is missing by 0xFF (section III.2.c) and prints neither the width of a
+value nor its scale. `CODINGS` has the readings of that which make sense, and a corrected one.
 
 Each of the two boxes that the monitoring system asks holds all points, its own and those that it
-heard on CAN. The values come first, in the order of the points. A map with status words adds,
-for each box: its age, its heartbeat, and one bit a point, set while the value is good.
+heard on CAN. The values come first, in the order of the points. A map with status words adds, for
+each box: its age, its heartbeat, and one bit per point, set while the value is good.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from functools import cached_property
+from math import floor, log10
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.engine.coding import CODINGS, MENDED, Coding, collisions
-from shipnet.engine.points import Point, by_box, check_points
+from shipnet.engine.points import Point, PointList
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
-from shipnet.modbus.codes import FunctionCode
-from shipnet.modbus.request import ReadRequest
+from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
+from shipnet.modbus.pdu import Request
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["AGE_STEP", "PACKED_MARK", "Decoded", "RegisterMap", "Word"]
-
 _Floats = npt.NDArray[np.float64]
 _Registers = npt.NDArray[np.uint16]
+
+
+# How a value becomes the content of a register -------------------------------------------------
+
+
+@record(slots=True)
+class Coding:
+    """What a register holds.
+
+    Parameters
+    ----------
+    name : str
+        What the coding is called.
+    step : float, "full scale" or "decimal"
+        What one more in the register is worth, 1e-6..1e6 in the unit of the point. With
+        ``"full scale"`` the range fills the bits, from 0 to all ones. With ``"decimal"`` it is the
+        largest power of ten within a thousandth of the span.
+    error : int
+        Content that marks a missing value, 0..65535.
+    bits : int, default 16
+        Bits in use, 2..16.
+    signed : bool, default True
+        Whether the highest bit in use is a sign (two's complement over the whole register); a
+        full scale has none.
+
+    Raises
+    ------
+    ArgumentError
+        If a field is out of range.
+
+    Notes
+    -----
+    A value that does not fit is clipped to the nearest content that does. A switch is 0 or 1.
+
+    Examples
+    --------
+    >>> from shipnet import engine
+    >>> exhaust = engine.read_points()[20:21]
+    >>> whole = engine.Coding("whole degrees", 1.0, 0x00FF)
+    >>> registers = whole.encode(exhaust, [[-1.0], [255.2]])
+    >>> registers.ravel().tolist(), whole.decode(exhaust, registers).ravel().tolist()
+    ([65535, 255], [-1.0, nan])
+
+    Legal readings that are coded as the error mark:
+
+    >>> for name, coding in engine.CODINGS.items():
+    ...     print(name, "->", coding.collisions(engine.read_points()).collides.sum())
+    8 bit of the range, 0xFF -> 80
+    10 bit of the range, 0x00FF -> 80
+    whole units, 0x00FF -> 20
+    tenths, 0x00FF -> 73
+    whole units, 0xFFFF -> 38
+    tenths, 0xFFFF -> 38
+    corrected: decimal, 0x8000 -> 0
+    """
+
+    name: str
+    step: float | Literal["full scale", "decimal"]
+    error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
+    bits: int = whole(2, 16, "", "Bits in use", default=16)
+    signed: bool = switch("Whether the highest bit in use is a sign", default=True)
+
+    def __post_init__(self) -> None:
+        """Check the step."""
+        if self.step not in ("full scale", "decimal"):
+            object.__setattr__(self, "step", check_scalar("step", self.step, "", 1e-6, 1e6))
+
+    def step_of(self, point: Point) -> float:
+        """Return what one more in the register is worth [unit of the point]."""
+        if not point.analogue:
+            return 1.0
+        if self.step == "full scale":
+            return float(point.span / (2**self.bits - 1))
+        if self.step == "decimal":
+            # The logarithm of 1000 may miss 3 by a rounding.
+            return float(10.0 ** floor(log10(point.span / 1000) + 1e-9))
+        return float(self.step)
+
+    def encode(
+        self, points: Iterable[Point], values: npt.ArrayLike, failed: npt.ArrayLike = False
+    ) -> _Registers:
+        """Return the registers of values; NaN, and what is `failed`, becomes the error mark."""
+        known = PointList(points)
+        v = np.asarray(values)
+        if v.dtype.kind not in "iufb" or not v.ndim or v.shape[-1] != len(known):
+            raise ArgumentError(f"values have shape {v.shape}; it must be (..., {len(known)})")
+        v = v.astype(np.float64)
+        bad = np.asarray(failed)
+        if bad.dtype.kind != "b":
+            raise ArgumentError(f"failed is {failed!r}; it must be True or False")
+        try:
+            missing = np.broadcast_to(bad, v.shape) | np.isnan(v)
+        except ValueError:
+            raise ArgumentError(f"failed has shape {bad.shape}, values {v.shape}") from None
+        step, zero = self._scale(known)
+        low, high = self._bounds(known)
+        with np.errstate(over="ignore"):
+            count = np.floor((np.where(missing, zero, v) - zero) / step + 0.5)
+        whole = np.clip(count, low, high).astype(np.int64) & 0xFFFF
+        return np.where(missing, self.error, whole).astype(np.uint16)
+
+    def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> _Floats:
+        """Return the values of registers, NaN where one holds the error mark."""
+        known = PointList(points)
+        r = np.asarray(registers)
+        if r.dtype.kind not in "iu" or not r.ndim or r.shape[-1] != len(known):
+            raise ArgumentError(f"registers have shape {r.shape}; it must be (..., {len(known)})")
+        if r.size and not 0 <= r.min() <= r.max() <= 0xFFFF:
+            raise ArgumentError("registers are out of range; each must be 0..65535")
+        step, zero = self._scale(known)
+        return np.where(r == self.error, np.nan, zero + step * self._number(known, r))
+
+    def _number(self, points: PointList, registers: npt.NDArray[np.integer]) -> _Floats:
+        """Return the whole numbers that registers stand for."""
+        r = registers.astype(np.int64)
+        signed = np.array([bool(self._bounds(PointList([point]))[0][0] < 0) for point in points])
+        return np.where(signed & (r >= 0x8000), r - 0x10000, r).astype(np.float64)
+
+    def _scale(self, points: PointList) -> tuple[_Floats, _Floats]:
+        """Return step and value of content 0, by point."""
+        full = self.step == "full scale"
+        zero = np.array([point.low if full and point.analogue else 0.0 for point in points])
+        return np.array([self.step_of(point) for point in points]), zero
+
+    def _bounds(self, points: PointList) -> tuple[_Floats, _Floats]:
+        """Return the lowest and highest whole number that a register holds, by point.
+
+        The lowest one of two's complement is left out if it is the error mark.
+        """
+        signed = self.signed and self.step != "full scale"
+        high = 2 ** (self.bits - signed) - 1
+        low = -high - (self.error != 2**15) if signed else 0
+        ends = np.array([(low, high) if point.analogue else (0, 1) for point in points], np.float64)
+        return ends[:, 0], ends[:, 1]
+
+    def collisions(self, points: Iterable[Point]) -> pd.DataFrame:
+        """Return which legal readings are coded as the error mark, one row per point.
+
+        ``reads`` is the value of the mark; readings between ``from`` and ``to`` are taken for an
+        error (NaN if none are), which is ``percent`` of the range.
+        """
+        import pandas as pd
+
+        known = PointList(points)
+        mark = np.full(len(known), self.error, np.int64)
+        number = self._number(known, mark)
+        step, zero = self._scale(known)
+        lowest, highest = self._bounds(known)
+        # A clipped value takes the first or the last number, so these reach without end.
+        begin = np.where(number <= lowest, -np.inf, zero + step * (number - 0.5))
+        end = np.where(number >= highest, np.inf, zero + step * (number + 0.5))
+        low = np.array([point.low for point in known])
+        high = np.array([point.high for point in known])
+        begin, end = np.maximum(begin, low), np.minimum(end, high)
+        # The upper end of an interval belongs to the next number, the end of a range to the range.
+        meet = (begin < end) | ((begin == end) & (begin == low))
+        meet &= (number >= lowest) & (number <= highest)
+        return pd.DataFrame(
+            {
+                "tag": [point.tag for point in known],
+                "box": [point.box for point in known],
+                "condition": [point.condition for point in known],
+                "low": low,
+                "high": high,
+                "unit": [point.unit for point in known],
+                "reads": zero + step * number,
+                "collides": meet,
+                "from": np.where(meet, begin, np.nan),
+                "to": np.where(meet, end, np.nan),
+                "percent": np.where(meet, 100 * (end - begin) / (high - low), 0.0),
+            }
+        )
+
+
+#: The corrected coding: no value looks like the mark, and status words say apart from it which
+#: values are good and how old they are.
+CORRECTED = Coding("corrected: decimal, 0x8000", "decimal", 0x8000)
+
+#: Readings of the coding that the paper does not print, and the corrected one, by name.
+CODINGS = {
+    coding.name: coding
+    for coding in (
+        Coding("8 bit of the range, 0xFF", "full scale", 0xFF, bits=8),
+        Coding("10 bit of the range, 0x00FF", "full scale", 0xFF, bits=10),
+        Coding("whole units, 0x00FF", 1.0, 0xFF),
+        Coding("tenths, 0x00FF", 0.1, 0xFF),
+        Coding("whole units, 0xFFFF", 1.0, 0xFFFF),
+        Coding("tenths, 0xFFFF", 0.1, 0xFFFF),
+        CORRECTED,
+    )
+}
+
+
+# Which address holds what ----------------------------------------------------------------------
 
 #: What one more in an age register is worth [s]; the highest content is "so old or older".
 AGE_STEP = 0.1
@@ -44,17 +238,7 @@ Packing = Literal["single", "box", "all"]
 
 
 class Word(NamedTuple):
-    """A register of the map.
-
-    Attributes
-    ----------
-    kind : {"value", "switches", "age", "heartbeat", "valid"}
-        What it holds.
-    box : str
-        Box that it belongs to; empty if its switches are of several.
-    places : tuple of int
-        Points in it, by their place in the list; of bits the lowest first.
-    """
+    """A register: what it holds, of which box, and the places of its points, lowest bit first."""
 
     kind: Literal["value", "switches", "age", "heartbeat", "valid"]
     box: str
@@ -62,16 +246,9 @@ class Word(NamedTuple):
 
 
 class Decoded(NamedTuple):
-    """What the monitoring system reads out of the registers.
+    """What the monitoring system reads: values by point, ages [s] and heartbeats by box.
 
-    Attributes
-    ----------
-    values : ndarray of float, shape (..., n_points)
-        Values in the unit of each point; NaN where one is marked.
-    ages : ndarray of float, shape (..., n_boxes)
-        Age of each box's values [s], rounded up; NaN without status words.
-    heartbeats : ndarray of float, shape (..., n_boxes)
-        Counter of each box's scans, modulo 65536; NaN without status words.
+    A value is NaN where it is marked; without status words, ages and heartbeats are NaN.
     """
 
     values: _Floats
@@ -79,13 +256,13 @@ class Decoded(NamedTuple):
     heartbeats: _Floats
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RegisterMap:
     """Registers of a junction box.
 
     Parameters
     ----------
-    points : iterable of Point
+    points : PointList or iterable of Point
         One or more.
     coding : Coding, optional
         How values become registers; tenths with the error mark 0x00FF if not given.
@@ -110,56 +287,44 @@ class RegisterMap:
 
     Examples
     --------
-    >>> from shipnet.engine.points import load_points
-    >>> points = load_points()
-    >>> printed, mended = RegisterMap(points), RegisterMap.mended(points)
-    >>> len(printed), len(RegisterMap(points, switches="all")), len(mended)
+    >>> from shipnet import engine
+    >>> points = engine.read_points()
+    >>> printed, corrected = engine.RegisterMap(points), engine.RegisterMap.corrected(points)
+    >>> len(printed), len(engine.RegisterMap(points, switches="all")), len(corrected)
     (99, 82, 113)
-    >>> mended.table().tail(3)[["address", "kind", "box"]].values.tolist()
-    [[110, 'valid', 'JB3'], [111, 'valid', 'JB3'], [112, 'valid', 'JB3']]
+    >>> corrected.table().tail(4)["kind"].to_dict()
+    {109: 'heartbeat', 110: 'valid', 111: 'valid', 112: 'valid'}
     """
 
-    points: tuple[Point, ...]
+    points: PointList
     coding: Coding = CODINGS["tenths, 0x00FF"]
-    switches: Packing = "single"
-    status: bool = False
+    switches: Packing = choice(("single", "box", "all"), "How switches lie", default="single")
+    status: bool = switch("Whether status words follow", default=False)
     first_address: int = 0
 
     def __post_init__(self) -> None:
-        """Check every field."""
-        object.__setattr__(self, "points", check_points(self.points))
+        """Check points, coding and address."""
+        object.__setattr__(self, "points", PointList(self.points))
         if not isinstance(self.coding, Coding):
             raise ArgumentError(f"coding is {self.coding!r}; it must be a Coding")
-        if self.switches not in ("single", "box", "all"):
-            raise ArgumentError(f"switches is {self.switches!r}; it must be single, box or all")
-        if not isinstance(self.status, bool):
-            raise ArgumentError(f"status is {self.status!r}; it must be True or False")
         most = 0x10000 - len(self)
         why = f" for {len(self)} registers"
         address = check_whole("first_address", self.first_address, 0, most, why)
         object.__setattr__(self, "first_address", address)
 
     @classmethod
-    def mended(cls, points: Iterable[Point], *, first_address: int = 0) -> RegisterMap:
-        """Return the map with the mended coding and status words.
+    def corrected(cls, points: Iterable[Point], *, first_address: int = 0) -> RegisterMap:
+        """Return the map with the corrected coding and status words."""
+        return cls(PointList(points), CORRECTED, status=True, first_address=first_address)
 
-        Parameters
-        ----------
-        points : iterable of Point
-            One or more.
-        first_address : int, default 0
-            As for the class.
-        """
-        return cls(check_points(points), MENDED, status=True, first_address=first_address)
-
-    @property
+    @cached_property
     def words(self) -> tuple[Word, ...]:
         """Registers in the order of their addresses."""
         points = enumerate(self.points)
         own = [k for k, point in points if point.analogue or self.switches == "single"]
         words = [Word("value", self.points[k].box, (k,)) for k in own]
         rest = [k for k in range(len(self.points)) if k not in set(own)]
-        boxes = tuple(by_box(self.points))
+        boxes = self.points.boxes
         most = _WORD if self.status else _SWITCHES
         if self.switches == "all":
             words += [Word("switches", self._box(part), part) for part in _cut(rest, most)]
@@ -176,12 +341,11 @@ class RegisterMap:
     def __len__(self) -> int:
         return len(self.words)
 
-    def requests(self) -> tuple[ReadRequest, ...]:
+    def requests(self) -> tuple[Request, ...]:
         """Return the requests that read the whole map, 125 registers each at most."""
         size = len(self)
         return tuple(
-            ReadRequest(
-                FunctionCode.READ_HOLDING_REGISTERS,
+            Request.read_holding_registers(
                 self.first_address + start,
                 min(_REQUEST, size - start),
             )
@@ -189,14 +353,7 @@ class RegisterMap:
         )
 
     def table(self) -> pd.DataFrame:
-        """Return the address map.
-
-        Returns
-        -------
-        pandas.DataFrame
-            One row a register: ``address``, ``kind``, ``box``, ``tags`` (of bits the lowest
-            first), ``step`` (what one more is worth) and its ``unit``.
-        """
+        """Return the address map: by address the kind, box, tags (lowest bit first) and step."""
         import pandas as pd
 
         rows = []
@@ -207,29 +364,15 @@ class RegisterMap:
                 point = self.points[word.places[0]]
                 step, unit = self.coding.step_of(point), point.unit
             rows.append((address, word.kind, word.box, tags, step, unit))
-        return pd.DataFrame(rows, columns=["address", "kind", "box", "tags", "step", "unit"])
+        columns = ["address", "kind", "box", "tags", "step", "unit"]
+        return pd.DataFrame(rows, columns=columns).set_index("address")
 
     def collisions(self) -> pd.DataFrame:
-        """Return which legal readings this map cannot tell from a mark.
+        """Return which legal readings this map cannot distinguish from a mark.
 
-        Returns
-        -------
-        pandas.DataFrame
-            As `shipnet.engine.coding.collisions`; a packed switch has no reading that is taken for
-            the mark of its word.
-
-        Examples
-        --------
-        A coding whose mark is 1 cannot show a switch in alarm, unless its word is packed:
-
-        >>> from shipnet.engine.points import load_points
-        >>> points, coding = load_points(), Coding("mark 1", 1.0, 1)
-        >>> maps = [RegisterMap(points, coding, way) for way in ("single", "box")]
-        >>> tables = [one.collisions().query("condition == 'switch'") for one in maps]
-        >>> [int(table.collides.sum()) for table in tables]
-        [19, 0]
+        As `Coding.collisions`, but a packed switch never collides with the mark of its word.
         """
-        table = collisions(self.points, self.coding)
+        table = self.coding.collisions(self.points)
         packed = [k for word in self.words if word.kind == "switches" for k in word.places]
         table.loc[packed, "collides"] = False
         table.loc[packed, ["reads", "from", "to"]] = np.nan
@@ -246,17 +389,8 @@ class RegisterMap:
     ) -> _Registers:
         """Return the content of all registers.
 
-        Parameters
-        ----------
-        values : array_like of float, shape (..., n_points)
-            Values in the unit of each point; NaN counts as failed.
-        failed : array_like of bool, default False
-            Which values are missing, of a shape that fits.
-        ages : array_like of float, default 0
-            Age of each box's values, 0 or more, of a shape that fits (..., n_boxes) [s]; rounded
-            up.
-        heartbeats : array_like of int, default 0
-            Counter of each box's scans, 0 or more; its lowest 16 bits are sent.
+        `values` and `failed` are by point, `ages` [s] and `heartbeats` by box; NaN counts as
+        failed, and ages are rounded up.
         """
         single = self.coding.encode(self.points, values, failed)
         lead = single.shape[:-1]
@@ -268,7 +402,7 @@ class RegisterMap:
             raise ArgumentError(f"ages are {ages!r} s; they must be 0 or more")
         if beat.dtype.kind not in "iu" or (beat < 0).any():
             raise ArgumentError(f"heartbeats are {heartbeats!r}; they must be whole, 0 or more")
-        boxes = tuple(by_box(self.points))
+        boxes = self.points.boxes
         # 0.3 s are 3.0000000000000004 tenths, which must not become 4.
         tenths = np.minimum(np.ceil(age / AGE_STEP - 1e-9), 0xFFFF)
         per_box = {
@@ -293,17 +427,11 @@ class RegisterMap:
         return registers
 
     def decode(self, registers: npt.ArrayLike) -> Decoded:
-        """Return what the monitoring system reads.
-
-        Parameters
-        ----------
-        registers : array_like of int, shape (..., n_registers)
-            Content of all registers, 0..65535.
-        """
+        """Return what the monitoring system reads."""
         r = np.asarray(registers)
         if r.dtype.kind not in "iu" or not r.ndim or r.shape[-1] != len(self):
             raise ArgumentError(f"registers have shape {r.shape}; it must be (..., {len(self)})")
-        boxes = tuple(by_box(self.points))
+        boxes = self.points.boxes
         single = np.zeros((*r.shape[:-1], len(self.points)), np.int64)
         ages, beats = (np.full((*r.shape[:-1], len(boxes)), np.nan) for _ in range(2))
         good = np.ones(single.shape, np.bool_)
@@ -332,7 +460,7 @@ class RegisterMap:
         return boxes.pop() if len(boxes) == 1 else ""
 
     def _by_box(self, name: str, array: Any, lead: tuple[int, ...]) -> Any:
-        wanted = (*lead, len(by_box(self.points)))
+        wanted = (*lead, len(self.points.boxes))
         try:
             return np.broadcast_to(array, wanted)
         except ValueError:

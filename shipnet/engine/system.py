@@ -1,26 +1,35 @@
-"""The engine monitoring system as a whole: boxes, CAN between them, two Modbus channels, AMS."""
+"""The engine monitoring system as a whole, and the bounds of its times by formula.
+
+Boxes with one firmware, CAN between them, two Modbus channels, and the AMS that asks over them.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.schedule import MessageSet, frame_bits
 from shipnet.clock import nanoseconds
-from shipnet.engine.can_messages import CanLayout
-from shipnet.engine.firmware import Firmware
-from shipnet.engine.points import Point, by_box, check_points, load_points
+from shipnet.engine.can_layout import CanLayout
+from shipnet.engine.points import PointList, read_points
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.fields import check_scalar, check_whole, choice, number, record, switch, whole
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 
-__all__ = ["LONGEST", "RULE", "System"]
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
+    from shipnet.can.messages import MessageSet
+    from shipnet.engine.faults import EngineFault
+
+Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 #: What lee2012 quotes from the class rules, section II: a response takes 2 s at most [s].
@@ -29,63 +38,118 @@ RULE = 2.0
 #: Longest period, time-out and limit of a system [s].
 LONGEST = 100.0
 
-#: Clocks from the start of a conversion until the input is sampled; Atmel, AT90CAN128 data sheet.
-_HOLD = 1.5
-
-_CHOICES = {
-    "topology": ("line", "ring"),
-    "switch_rule": ("stay", "return"),
-    "polled": ("one", "both"),
-    "coding": ("printed", "mended"),
-}
+#: Clocks of one conversion of the AT90CAN128's ADC, and those from its start until the input is
+#: sampled; Atmel, AT90CAN128 data sheet, section "ADC".
+_CLOCKS, _HOLD = 13, 1.5
 
 
-@dataclass(frozen=True)
-class System:
-    """An engine monitoring system; as it stands, the one of lee2012.
+@record(slots=True)
+class Firmware:
+    """Times within a junction box. The paper prints none of them: all are **assumed**.
 
-    Parameters
+    One program runs in every box; a switch chooses the box that it serves. Its main loop converts
+    all analogue inputs, reads the switches, hands the frames to the CAN controller, and begins
+    again. Three routines interrupt it: Modbus before timer before CAN.
+
+    Raises
+    ------
+    ArgumentError
+        If a field is out of its range.
+
+    Notes
+    -----
+    The Modbus interrupt suspends everything else for its whole length. The short timer and CAN
+    routines run while the loop waits for the multiplexer, so they do not prolong it.
+
+    References
     ----------
-    points : tuple of Point, optional
-        What is measured, in two or more boxes; those of the paper if not given. The first box
-        answers on Modbus channel 1, the last on channel 2.
-    firmware : Firmware, optional
-        Times within a box, all assumed.
-    can_bit_rate : int, default 125000
-        10000..1000000 [bit/s]; not printed, **assumed**.
-    update_period : float, default 0.5
-        From one round of a box's loop to the next, 0..100 [s]; not printed, **assumed**. A loop
-        that takes longer begins again at once, so 0 is a loop that never rests.
-    topology : {"line", "ring"}, default "line"
-        CAN as a line of boxes, or closed to a ring, as figure 3 may be read. A ring is no bus of
-        ISO 11898; here it is one that works.
-    serial : Serial, default 9600 bit/s, 8E1
-        Both Modbus lines.
-    poll_period : float, default 1
-        From poll to poll, 0.01..100 [s].
-    timeout : float, default 0.1238
-        How long the AMS waits from the end of a request for the *first* character of the
-        response, up to 100 [s]. Not printed: `switch_over` says where the default comes from.
-    retries : int, default 0
-        How many more times the AMS asks before it tries the other channel, 0..10. Assumed.
-    switch_rule : {"stay", "return"}, default "stay"
-        Whether the AMS stays on the channel that answered last, or begins every poll with
-        channel 1 again. Assumed.
-    polled : {"one", "both"}, default "one"
-        Whether the AMS asks on one channel, or always on both, each at its own port.
-    coding : {"printed", "mended"}, default "printed"
-        ``"printed"``: a box marks all values of a box that it has not heard for `stale_limit`, as
-        0xFF. ``"mended"``: it sends the age of every frame along, one register each, and the AMS
-        marks each value that may be older than `age_limit`.
-    stale_limit : float, default 4
-        0.01..100 [s].
-    age_limit : float, default 2
-        0.01..100 [s]; without use in the printed coding.
+    .. [1] J. H. Lee, D. S. Kim, "Design and implementation of distributed control system based on
+       dual field-bus for ship engine", J. IEEK 49-SC(2), 2012, section III.2, figures 5 and 6.
+    .. [2] Atmel, "AT90CAN32/64/128" data sheet: a conversion takes 13 clocks of 50..200 kHz,
+       65..260 us.
+
+    Examples
+    --------
+    The three modes, 37, 16 and 27 analogue inputs:
+
+    >>> [round(Firmware().conversion_time(n) * 1e3, 2) for n in (37, 16, 27)]
+    [40.85, 17.66, 29.81]
+    """
+
+    adc_clock: float = number(
+        50e3, 200e3, "Hz", "Clock of the ADC; 125 kHz is a 16 MHz crystal divided by 128",
+        default=125e3,
+    )  # fmt: skip
+    settling: float = number(
+        0, 1, "s", "Wait after the multiplexer has chosen an input until its filter has settled",
+        default=1e-3,
+    )  # fmt: skip
+    send: float = number(1e-9, 1, "s", "To hand one frame to the CAN controller", default=100e-6)
+    receive: float = number(
+        1e-9, 1e-3, "s",
+        "CAN interrupt: to take over one frame and reset the timer of its sender", default=50e-6,
+    )  # fmt: skip
+    mark: float = number(
+        1e-9, 1e-3, "s", "Timer interrupt: to mark the values of a silent box", default=100e-6
+    )
+    processing: float = number(
+        1e-9, 1, "s",
+        "Modbus interrupt: from the end of the silence after a request to the first bit of the "
+        "response", default=5e-3,
+    )  # fmt: skip
+    holds_cpu: bool = switch(
+        "Whether the Modbus interrupt keeps the CPU until the last byte is sent, as figure 6(a) "
+        "may be read; otherwise the bytes go out one by one beside other work", default=False,
+    )  # fmt: skip
+
+    @property
+    def input_time(self) -> float:
+        """One analogue input: settling and conversion [s]."""
+        return self.settling + _CLOCKS / self.adc_clock
+
+    def conversion_time(self, n_analogue: int) -> float:
+        """Return how long a number of analogue inputs takes, 0..1000 of them [s]."""
+        return check_whole("n_analogue", n_analogue, 0, 1000) * self.input_time
+
+
+class SwitchOver(NamedTuple):
+    """Times of a switch-over to the other channel [s].
+
+    From the request that stays unanswered to the first `request` and to the whole `answer` on the
+    other channel; and from the `loss` of the channel to that answer, at worst.
+    """
+
+    request: float
+    answer: float
+    loss: float
+
+
+class StalenessFlag(NamedTuple):
+    """How long a silent box goes unnoticed at worst: time from its failure, age of a value [s]."""
+
+    after: float
+    oldest: float
+
+
+@record
+class System:
+    """An engine monitoring system; without arguments, the one of lee2012.
+
+    `points` lie in 2..7 boxes; the first box answers on Modbus channel 1, the last on channel 2.
+    `firmware` has the times within a box, `serial` is the line of both channels.
 
     Raises
     ------
     ArgumentError
         If a field is out of its range, or they do not fit each other.
+
+    Notes
+    -----
+    As `coding` "printed", a box marks all values of a box that it has not heard for `stale_limit`,
+    as 0xFF. As "corrected", it sends the age of every frame along, one register each, and the AMS
+    marks each value that may be older than `age_limit`. A CAN ring, as figure 3 may be read, is
+    not a bus of ISO 11898; here it is one that works. The time-out waits for the *first* character
+    of a response; `switch_over` says where its default comes from.
 
     References
     ----------
@@ -94,84 +158,107 @@ class System:
 
     Examples
     --------
-    >>> system = System()
-    >>> system.boxes, len(system.points), system.registers
-    (('JB1', 'JB2', 'JB3'), 99, 99)
-    >>> round(system.poll.answered * 1e3, 1), System.mended().registers
-    (254.8, 121)
+    >>> from shipnet import engine
+    >>> system = engine.System()
+    >>> system
+    System(lee2012: 99 points in 3 boxes, CAN line at 125 kbit/s, Modbus at 9600 bit/s)
+    >>> system.boxes, system.registers, engine.System.corrected().registers
+    (('JB1', 'JB2', 'JB3'), 99, 121)
+    >>> [round(time, 3) for time in system.switch_over()]
+    [0.133, 0.388, 1.133]
+    >>> system.worst_age().groupby("box")["worst_s"].max().round(3).to_dict()
+    {'JB1': 1.781, 'JB2': 1.771, 'JB3': 1.789}
     """
 
-    points: tuple[Point, ...] = field(default_factory=load_points)
+    points: PointList = field(default_factory=read_points)
     firmware: Firmware = field(default_factory=Firmware)
-    can_bit_rate: int = 125_000
-    update_period: float = 0.5
-    topology: Literal["line", "ring"] = "line"
-    serial: Serial = field(default_factory=lambda: Serial(9600))
-    poll_period: float = 1.0
-    timeout: float = 0.1238
-    retries: int = 0
-    switch_rule: Literal["stay", "return"] = "stay"
-    polled: Literal["one", "both"] = "one"
-    coding: Literal["printed", "mended"] = "printed"
-    stale_limit: float = 4.0
-    age_limit: float = RULE
+    can_bit_rate: int = whole(
+        10_000, 10**6, "bit/s", "Bit rate of CAN; not printed, assumed", default=125_000
+    )
+    update_period: float = number(
+        0, LONGEST, "s",
+        "From one round of a box's loop to the next; not printed, assumed. A loop that takes "
+        "longer begins again at once, so 0 is a loop that never rests", default=0.5,
+    )  # fmt: skip
+    topology: Literal["line", "ring"] = choice(("line", "ring"), "Course of CAN", default="line")
+    serial: SerialLine = field(default_factory=lambda: SerialLine(9600))
+    poll_period: float = number(0.01, LONGEST, "s", "From poll to poll", default=1.0)
+    timeout: float = number(
+        0, LONGEST, "s", "Time-out of the AMS from the end of a request; not printed",
+        default=0.1238,
+    )  # fmt: skip
+    retries: int = whole(
+        0, 10, "", "Times that the AMS asks again before it tries the other channel; assumed",
+        default=0,
+    )  # fmt: skip
+    switch_rule: Literal["stay", "return"] = choice(
+        ("stay", "return"),
+        "Whether the AMS stays on the channel that answered last, or begins every poll with "
+        "channel 1 again; assumed", default="stay",
+    )  # fmt: skip
+    polled: Literal["one", "both"] = choice(
+        ("one", "both"),
+        "Whether the AMS asks on one channel, or always on both, each at its own port",
+        default="one",
+    )
+    coding: Literal["printed", "corrected"] = choice(
+        ("printed", "corrected"), "How the boxes tell old values", default="printed"
+    )
+    stale_limit: float = number(
+        0.01, LONGEST, "s", "Silence after which a box is marked in the printed coding",
+        default=4.0,
+    )  # fmt: skip
+    age_limit: float = number(
+        0.01, LONGEST, "s", "Age beyond which a value is marked in the corrected coding",
+        default=RULE,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check every field."""
-        object.__setattr__(self, "points", check_points(self.points))
-        for name, kind in (("firmware", Firmware), ("serial", Serial)):
+        """Check what the fields ask of each other."""
+        object.__setattr__(self, "points", PointList(self.points))
+        for name, kind in (("firmware", Firmware), ("serial", SerialLine)):
             if not isinstance(getattr(self, name), kind):
                 raise ArgumentError(
                     f"{name} is {getattr(self, name)!r}; it must be of class {kind.__name__}"
                 )
-        check_whole("can_bit_rate", self.can_bit_rate, 10_000, 10**6, " bit/s")
-        check_whole("retries", self.retries, 0, 10)
-        shortest = self.serial.t35 + self.firmware.processing
-        limits = {
-            "update_period": 0.0,
-            "poll_period": 0.01,
-            "timeout": shortest,
-            "stale_limit": 0.01,
-            "age_limit": 0.01,
-        }
-        for name, low in limits.items():
-            value = check_scalar(name, getattr(self, name), "s", low, LONGEST)
-            object.__setattr__(self, name, value)
-        for name, legal in _CHOICES.items():
-            if getattr(self, name) not in legal:
-                raise ArgumentError(
-                    f"{name} is {getattr(self, name)!r}; it must be {' or '.join(legal)}"
-                )
+        check_scalar("timeout", self.timeout, "s", self.shortest_timeout, LONGEST)
         if not 2 <= len(self.boxes) <= 7:
             raise ArgumentError(f"points lie in {len(self.boxes)} boxes; it must be 2..7")
         if self.polled == "both" and self.coding == "printed":
             raise ArgumentError(
                 "polled is 'both' with coding 'printed'; without ages the AMS cannot tell which "
-                "of two values is the newer: it must be one, or the coding mended"
+                "of two values is the newer: it must be one, or the coding corrected"
             )
         check_whole("registers", self.registers, 1, 125, " of one request")
-        if self.polled == "both" and self.poll.answered > self.poll_period:
+        if self.polled == "both" and self.poll.time > self.poll_period:
             raise ArgumentError(
-                f"poll_period is {self.poll_period:g} s; a poll takes {self.poll.answered:g} s"
+                f"poll_period is {self.poll_period:g} s; a poll takes {self.poll.time:g} s"
             )
 
-    @classmethod
-    def mended(cls, **changes: Any) -> System:
-        """Return a system of the same hardware that keeps the 2 s rule for the age of its data.
+    def __repr__(self) -> str:
+        source = "lee2012: " if self == System() else ""
+        return (
+            f"System({source}{len(self.points)} points in {len(self.boxes)} boxes, "
+            f"CAN {self.topology} at {self.can_bit_rate / 1e3:g} kbit/s, "
+            f"Modbus at {self.serial.bit_rate:g} bit/s)"
+        )
 
-        Parameters
-        ----------
-        **changes
-            Fields that shall differ from the mended design: mended coding, both channels polled,
-            an update every 0.25 s.
+    @classmethod
+    def corrected(cls, **changes: Any) -> System:
+        """Return a system of the same hardware that meets the 2 s rule for the age of its data.
+
+        It has the corrected coding, polls both channels and updates every 0.25 s; `changes` are
+        fields that differ from that.
         """
-        fields: dict[str, Any] = {"coding": "mended", "polled": "both", "update_period": 0.25}
+        fields: dict[str, Any] = {"coding": "corrected", "polled": "both", "update_period": 0.25}
         return cls(**{**fields, **changes})
+
+    # What it consists of
 
     @cached_property
     def boxes(self) -> tuple[str, ...]:
         """Boxes, in the order in which CAN joins them."""
-        return tuple(by_box(self.points))
+        return self.points.boxes
 
     @property
     def ports(self) -> tuple[int, int]:
@@ -188,16 +275,26 @@ class System:
 
     @cached_property
     def registers(self) -> int:
-        """Registers of a response: one a point, and in the mended coding one age a frame."""
-        ages = len(self._layout.messages()) if self.coding == "mended" else 0
+        """Registers of a response: one per point, and one age per frame in the corrected coding."""
+        ages = self.sender.size if self.coding == "corrected" else 0
         return len(self.points) + ages
 
     @cached_property
     def poll(self) -> Poll:
         """The transaction that reads all registers."""
-        request = ReadRequest(3, 0, self.registers)  # type: ignore[arg-type] # becomes its code
+        request = Request.read_holding_registers(0, self.registers)
         processing = self.firmware.processing
-        return Poll.of(request, self.serial, processing=processing, timeout=3600)
+        return Poll(request, self.serial, processing=processing, timeout=3600)
+
+    @property
+    def shortest_timeout(self) -> float:
+        """The shortest time-out that a healthy box can meet [s]."""
+        return self.serial.t35 + self.firmware.processing
+
+    @cached_property
+    def conversion_times(self) -> dict[str, float]:
+        """How long the inputs of each box take [s]."""
+        return dict(zip(self.boxes, (self.convert_ns / 1e9).tolist(), strict=True))
 
     @cached_property
     def _layout(self) -> CanLayout:
@@ -206,6 +303,8 @@ class System:
     @cached_property
     def messages(self) -> MessageSet:
         """CAN messages, the highest priority first; jitter is what Modbus delays their box."""
+        from shipnet.can.messages import MessageSet
+
         periods = dict(zip(self.boxes, self.period_ns.tolist(), strict=True))
         delays = dict(zip(self.boxes, self.suspended_ns.tolist(), strict=True))
         return MessageSet(
@@ -221,26 +320,28 @@ class System:
     @cached_property
     def sender(self) -> Integers:
         """Number of the box that sends each message, shape (n_messages,)."""
-        senders = [self.boxes.index(m.sender) for m in self._layout.messages()]
-        return np.array(senders, dtype=np.int64)
+        frames = [-(-self._layout.size(box) // 8) for box in self.boxes]
+        return np.repeat(np.arange(len(self.boxes)), frames)
 
     @cached_property
     def frame_ns(self) -> Integers:
         """Longest time of each message on the bus, intermission included [ns]."""
-        bits = frame_bits([m.dlc for m in self._layout.messages()])
+        from shipnet.can.lengths import frame_length
+
+        bits = frame_length([m.dlc for m in self._layout.messages()])
         return np.rint(bits * 1e9 / self.can_bit_rate).astype(np.int64)
 
-    @cached_property
+    @property
     def message_of(self) -> Integers:
         """Number of the message that each point lies in, shape (n_points,)."""
-        names = self._layout.messages().names
-        rows = self._layout.table()["message"]
-        return np.array([names.index(name) for name in rows], dtype=np.int64)
+        return self._layout.message_of
 
     @cached_property
     def box_of(self) -> Integers:
         """Number of the box of each point, shape (n_points,)."""
         return self.sender[self.message_of]
+
+    # Times of the boxes' loops
 
     @cached_property
     def offset_ns(self) -> Integers:
@@ -263,8 +364,7 @@ class System:
     @cached_property
     def convert_ns(self) -> Integers:
         """How long the inputs of each box take [ns], shape (n_boxes,)."""
-        own = by_box(self.points)
-        counts = [sum(point.analogue for point in own[box]) for box in self.boxes]
+        counts = [sum(point.analogue for point in own) for own in self.points.by_box().values()]
         return self._input_ns * np.array(counts, dtype=np.int64)
 
     @cached_property
@@ -290,3 +390,216 @@ class System:
         """From round to round of each box's loop [ns], shape (n_boxes,)."""
         reserved = self.loop_ns + self.service_ns * np.isin(np.arange(len(self.boxes)), self.ports)
         return np.asarray(np.maximum(nanoseconds(self.update_period), reserved))
+
+    # Bounds by formula
+
+    @cached_property
+    def can_response(self) -> Floats:
+        """Longest time of each message from queueing to its end [s], highest priority first."""
+        from shipnet.can.response import Assumptions, response_times
+
+        # The receiver's interrupt comes at the end of the frame, so the intermission is left out.
+        assumptions = Assumptions(own_jitter=False, intermission="between")
+        found = response_times(self.messages, self.can_bit_rate, assumptions=assumptions)
+        if not all(response.met for response in found):
+            raise ArgumentError(
+                f"can_bit_rate is {self.can_bit_rate} bit/s; frames must arrive within the update "
+                f"period of {self.period_ns.max() / 1e9:g} s"
+            )
+        return np.array([response.response for response in found])
+
+    def poll_spacing(self, lost: float = 0.0) -> float:
+        """Return the time from poll to poll if each asks in vain for `lost` seconds first [s].
+
+        A poll that lasts longer than the period makes the AMS skip some.
+        """
+        period = nanoseconds(self.poll_period)
+        whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + self.poll.time)
+        return -(-whole // period) * period / 1e9
+
+    def hop_ns(self, reader: int) -> Integers:
+        """Return how old each message can be when box number `reader` has taken it over [ns].
+
+        The time runs from the begin of the sender's round. The corrected design adds it to the
+        time since then, which the reader knows.
+        """
+        check_whole("reader", reader, 0, len(self.boxes) - 1)
+        sender = self.sender
+        pile = self.service_ns + nanoseconds(self.firmware.receive) * sender.size
+        sent = np.ceil(self.can_response * 1e9).astype(np.int64)
+        others = self.loop_ns[sender] + self.suspended_ns[sender] + sent + pile
+        return np.where(sender == reader, self.convert_ns[sender] + self.service_ns, others)
+
+    def worst_age(self) -> pd.DataFrame:
+        r"""Return how old each point can be at the AMS, just before the next value replaces it.
+
+        .. math:: A = \left( L - o \right) + P + S + R + h + T + t_{response}
+
+        One row per point of a healthy system: ``tag``, ``box``, ``channel`` (over which the bound
+        holds), the terms ``sampling_s`` (L - o: from sampling to the end of the box's round),
+        ``update_s`` (P: one round later), ``interrupt_s`` (S: a Modbus request in that round),
+        ``can_s`` (R: response time of the message), ``handling_s`` (h: the CAN interrupt),
+        ``poll_s`` (T: the poll before came too early), ``transaction_s`` (from the reading of the
+        registers to the end of the response), and their sum ``worst_s``.
+
+        A value that the polled box measures itself skips the bus: L is the conversion alone, and
+        R, h and S are 0. The registers are read when the interrupt begins, so it delays only what
+        comes after. Where both channels are polled, the better one counts. ArgumentError if two
+        polls can meet one round of a loop, or the CAN bus is overloaded.
+        """
+        import pandas as pd
+
+        spacing = self.poll_spacing()
+        longest = int(self.loop_ns.max()) + self.service_ns
+        if longest > nanoseconds(spacing):
+            raise ArgumentError(
+                f"poll_period is {self.poll_period:g} s; a round of a loop takes "
+                f"{longest / 1e9:g} s, so that two polls meet it"
+            )
+        response = self.can_response[self.message_of]
+        box, offset = self.box_of, self.offset_ns
+        converted, looped = self.convert_ns[box], self.loop_ns[box]
+        channels = self.ports if self.polled == "both" else self.ports[:1]
+        receive = self.firmware.receive
+        spread = int(self.frame_ns.min()) >= nanoseconds(receive)
+        handling = receive if spread else receive * self.sender.size
+        tables = []
+        for channel, reader in enumerate(channels, start=1):
+            own = box == reader
+            terms = {
+                "sampling_s": (np.where(own, converted, looped) - offset) / 1e9,
+                "update_s": self.period_ns[box] / 1e9,
+                "interrupt_s": np.where(own, 0, self.suspended_ns[box]) / 1e9,
+                "can_s": np.where(own, 0.0, response),
+                "handling_s": np.where(own, 0.0, handling),
+                "poll_s": spacing,
+                # The silence behind the response takes the place of the one behind the request.
+                "transaction_s": self.poll.shortest_timeout,
+            }
+            table = pd.DataFrame(
+                {
+                    "tag": [point.tag for point in self.points],
+                    "box": [point.box for point in self.points],
+                    "channel": channel,
+                    **terms,
+                }
+            )
+            table["worst_s"] = table[list(terms)].sum(axis=1)
+            tables.append(table)
+        first, last = tables[0], tables[-1]
+        better = (first["worst_s"] <= last["worst_s"]).to_numpy()
+        return pd.concat([first[better], last[~better]]).sort_index()
+
+    def staleness_flag(self) -> StalenessFlag:
+        r"""Return how long a silent box goes unnoticed at worst, if nothing else fails.
+
+        .. math:: t_{after} = t_{stale} + t_{mark} + h + T + t_{response}
+
+        with the time T from poll to poll. If the box itself is the one that is asked, the AMS
+        first asks it in vain for :math:`t_{lost}`, time-outs and retries included, and a poll with
+        that in it has a longer spacing :math:`T_{lost}`. An AMS that stays on the other channel
+        does so once, and the marks may be seen later for it,
+
+        .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
+
+        One that returns to channel 1 does so in every poll: T is :math:`T_{lost}` then, and
+
+        .. math:: t_{after} \ge T + t_{lost} + t_{request} + t_{response}
+
+        In the printed design the last frame restarts the one timer that the reader has for a
+        sender: if the box dies between the first frame of a round and its last, values of the
+        round before are kept alive. In the corrected one the AMS marks by age, and needs no poll
+        for it. With long time-outs both bounds are safe ones that need not be attained.
+        """
+        if self.coding == "corrected":
+            return StalenessFlag(self.age_limit, self.age_limit)
+        transaction = float(self.worst_age()["transaction_s"].iloc[0])
+        request = self.serial.frame_time(8)
+        lost = (1 + self.retries) * (request + self.timeout)
+        healthy, hindered = self.poll_spacing(), self.poll_spacing(lost)
+        pile = self.service_ns / 1e9 + self.firmware.receive * self.sender.size
+        marked = self.stale_limit + self.firmware.mark + pile
+        read = request + self.serial.t35
+        if self.switch_rule == "stay":
+            seen = healthy + max(marked, hindered + read)
+        else:
+            seen = max(marked + hindered, healthy + lost + read)
+        after = seen + transaction
+        box = self.box_of
+        served = self.service_ns * np.isin(box, self.ports)
+        old = self.loop_ns[box] - self.offset_ns + self.period_ns[box] + served
+        queued = self.can_response[self.message_of]
+        return StalenessFlag(after, after + float((old / 1e9 + queued).max()))
+
+    def switch_over(self) -> SwitchOver:
+        """Return what a lost channel costs in time.
+
+        The paper measures 133 "us" from the loss of channel 1 to the request on channel 2, about
+        one bit time; read as milliseconds, it is one request of 9.17 ms and a time-out of
+        123.8 ms, or with one retry a time-out of 57.3 ms. A response with all 99 points takes
+        232.6 ms, so such a time-out can only wait for the first character. ArgumentError if both
+        channels are polled: then nothing is switched over.
+        """
+        if self.polled == "both":
+            raise ArgumentError("polled is 'both'; only a system that polls one channel switches")
+        request = self.poll.line.frame_time(8)
+        lost = (1 + self.retries) * (request + self.timeout)
+        answer = lost + self.poll.time
+        return SwitchOver(lost, answer, self.poll_period - self.poll.time + answer)
+
+    def timeout_for(self, time: float, *, retries: int = 0) -> float:
+        """Return the time-out [s] with which a switch-over takes a given time [s]."""
+        request = self.serial.frame_time(8)
+        tries = 1 + check_whole("retries", retries, 0, 10)
+        shortest = self.shortest_timeout
+        low, high = (tries * (request + timeout) for timeout in (shortest, LONGEST))
+        check_scalar("time", time, "s", low, high)
+        # At both ends a rounding must not make a time-out that is out of range.
+        return min(max(time / tries - request, shortest), LONGEST)
+
+    # What can fail
+
+    def single_faults(
+        self, start: float = 10.0, *, every_sensor: bool = False
+    ) -> tuple[EngineFault, ...]:
+        """Return all lasting single faults that begin at a time [s].
+
+        Every cable broken, every port and box dead, every node off the bus, the frames of every
+        box and both channels lost by one half, and stuck sensors: the first of each box, or every
+        one.
+        """
+        from shipnet.engine.faults import single_faults
+
+        return single_faults(self, start, every_sensor=every_sensor)
+
+    def single_failures(
+        self,
+        faults: EngineFault | Iterable[EngineFault] | None = None,
+        *,
+        rule: float = RULE,
+        trials: int = 5,
+        rng: Any = 2024,
+    ) -> pd.DataFrame:
+        """Simulate each fault alone, and return the worst of some random phases of all clocks.
+
+        One row per fault, of `single_faults` if none are given, and a first row ``none``:
+        ``lost`` (points of which no newer value arrives as long as the fault lasts), ``old``
+        (points shown as good beyond the age of `rule`, 0.1..100 s), ``oldest_s`` (greatest age
+        shown as good; infinite if it grows as long as a lasting fault does), ``marked`` (points
+        marked at some time), ``marked_after_s`` (longest time from the fault until the last of
+        them was first marked, NaN if none), ``noticed`` (what the AMS raises: ``link``, ``path``,
+        ``mark``, or ``no``), ``answer_s`` (longest answer), ``answer_ok`` (an answer within the
+        rule, as the paper asks) and ``age_ok`` (nothing older is shown as good). Each fault is
+        simulated `trials` times, 1..1000; `rng` draws phases and losses.
+        """
+        from shipnet.engine.assessment import single_failures
+
+        return single_failures(self, faults, rule=rule, trials=trials, rng=rng)
+
+    def plot(
+        self, faults: EngineFault | Iterable[EngineFault] = (), ax: Axes | None = None
+    ) -> Axes:
+        """Draw boxes, CAN, both Modbus channels and the AMS, with faults in red."""
+        from shipnet.engine.plot import plot_system
+
+        return plot_system(self, faults, ax=ax)

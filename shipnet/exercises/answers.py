@@ -11,12 +11,51 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from shipnet.exercises.factors import factor_hint
-
-__all__ = ["Answer", "Bits", "Bytes", "Choice", "Choices", "Number", "Whole", "blank", "shown"]
-
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
+
+
+#: Powers of ten that prefixes of units make: from pico to tera, one way or the other.
+_PREFIXES = tuple(power for power in range(-24, 25, 3) if power)
+
+#: Units of time: what bits take, so that bytes in their place make a factor of 8.
+_TIMES = ("ns", "us", "ms", "s")
+
+
+def factor_hint(number: float, right: float, unit: str, tolerance: float) -> str | None:
+    """Return which typical mistake explains a wrong number."""
+    if not (number and right):
+        return None
+
+    def near(factor: float) -> bool:
+        return math.isclose(number, factor * right, rel_tol=tolerance)
+
+    if near(-1):
+        return "the sign is wrong"
+    for power in _PREFIXES:
+        if near(10.0**power):
+            where = f"{10 ** abs(power)} times too {'large' if power > 0 else 'small'}"
+            asked = f": is it in {unit}, or in another unit?" if unit else ": which unit is it in?"
+            return f"the digits are right, but it is {where}{asked}"
+    if unit == "%" and near(0.01):
+        return "that is the share; asked for is the percentage, 100 times as much"
+    if not unit and near(100):
+        return "that is the percentage; asked for is the share, a hundredth of it"
+    if math.isclose(number * right, 1, rel_tol=tolerance) and not math.isclose(
+        abs(right), 1, rel_tol=0.05
+    ):
+        return "that is one over the answer: a rate where a time is asked for, or the other way?"
+    for power in range(-8, 9):
+        if power and near(10.0**power):
+            return "the digits are right, but the point is in the wrong place"
+    of_bits = unit in _TIMES or "bit" in unit or "byte" in unit
+    if of_bits and (near(8) or near(1 / 8)):
+        return "a factor of 8: bits or bytes?"
+    if near(2):
+        return "that is twice as much: is something counted twice?"
+    if near(0.5):
+        return "that is half of it: is something left out?"
+    return None
 
 
 class Answer(Protocol):
@@ -31,23 +70,7 @@ class Answer(Protocol):
 
 
 def shown(value: object) -> str:
-    """Return a value as a message shows it.
-
-    Parameters
-    ----------
-    value : object
-        Whatever a student may answer.
-
-    Returns
-    -------
-    str
-        Its representation, cut where it is long.
-
-    Examples
-    --------
-    >>> shown(np.float64(0.5)), shown("0110")
-    ('0.5', "'0110'")
-    """
+    """Return a value as a message shows it."""
     if isinstance(value, np.generic):
         value = value.item()
     try:
@@ -57,23 +80,7 @@ def shown(value: object) -> str:
 
 
 def blank(given: object) -> bool:
-    """Return whether nothing has been answered.
-
-    Parameters
-    ----------
-    given : object
-        The answer.
-
-    Returns
-    -------
-    bool
-        True for ``...`` and None.
-
-    Examples
-    --------
-    >>> blank(...), blank(0)
-    (True, False)
-    """
+    """Return whether nothing has been answered."""
     return given is ... or given is None
 
 
@@ -104,24 +111,7 @@ def _rounded(number: float, right: float) -> bool:
 
 @dataclass(frozen=True)
 class Number:
-    """A quantity.
-
-    Parameters
-    ----------
-    value : float
-        The right number, in `unit`.
-    unit : str, default ""
-        Unit in which it is asked for; ``"%"`` for a share in percent.
-    tolerance : float, default 0.005
-        Relative tolerance [1]; of a right answer 0, the absolute one.
-
-    Examples
-    --------
-    >>> Number(6.0, "us").fault(6e-6)
-    'the digits are right, but it is 1000000 times too small: is it in us, or in another unit?'
-    >>> Number(6.0, "us").fault(6.01) is None
-    True
-    """
+    """A quantity."""
 
     value: float
     unit: str = ""
@@ -149,20 +139,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Whole:
-    """A count.
-
-    Parameters
-    ----------
-    value : int
-        The right number.
-    unit : str, default ""
-        What is counted.
-
-    Examples
-    --------
-    >>> Whole(31, "slaves").fault(32)
-    'one too many'
-    """
+    """A count."""
 
     value: int
     unit: str = ""
@@ -185,18 +162,7 @@ class Whole:
 
 @dataclass(frozen=True)
 class Bits:
-    """A row of bits, the first in time first.
-
-    Parameters
-    ----------
-    value : str
-        Zeros and ones.
-
-    Examples
-    --------
-    >>> Bits("0011001").fault("1001100")
-    'the right bits in the reverse order: which one comes first?'
-    """
+    """A row of bits, the first in time first."""
 
     value: str
     symbols: ClassVar[str] = "01"
@@ -231,18 +197,7 @@ class Bits:
 
 @dataclass(frozen=True)
 class Bytes:
-    """A row of bytes, the first on the line first.
-
-    Parameters
-    ----------
-    value : bytes
-        The right bytes; an answer may also be hexadecimal text.
-
-    Examples
-    --------
-    >>> Bytes(bytes.fromhex("0103840A")).fault("01 03 0A 84")
-    'the last two bytes are swapped: which one goes first?'
-    """
+    """A row of bytes, the first on the line first."""
 
     value: bytes
 
@@ -273,20 +228,7 @@ class Bytes:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several words.
-
-    Parameters
-    ----------
-    value : str
-        The right one.
-    options : tuple of str
-        All there are.
-
-    Examples
-    --------
-    >>> Choice("near", ("near", "far")).fault("middle")
-    "'middle' is none of near, far"
-    """
+    """One of several words."""
 
     value: str
     options: tuple[str, ...]
@@ -302,20 +244,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Choices:
-    """Some of several words, in any order.
-
-    Parameters
-    ----------
-    value : frozenset of str
-        The right ones.
-    options : tuple of str
-        All there are.
-
-    Examples
-    --------
-    >>> Choices(frozenset({"a", "b"}), ("a", "b", "c")).fault(["a", "c"])
-    '1 of yours does not belong, 1 is missing'
-    """
+    """Some of several words, in any order."""
 
     value: frozenset[str]
     options: tuple[str, ...]

@@ -7,31 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from shipnet.exercises.answers import Answer
-from shipnet.exercises.student import Student
-
-__all__ = ["Exercise"]
+from shipnet.exercises.students import Student
 
 
 @dataclass(frozen=True)
 class Exercise:
-    """One exercise of a lesson.
-
-    Parameters
-    ----------
-    key : str
-        ``"ex-01-2"``: exercise 2 of lesson 1, which is also the tag of its cell.
-    answer : callable
-        Takes the numbers drawn as keywords, returns the kind of answer with the right value,
-        recomputed by the package.
-    draws : mapping, optional
-        Name -> options; each student gets one of them.
-    traps : mapping, optional
-        Hint -> wrong answer (a callable as `answer`, that returns what a student would). Whoever
-        answers this is told the hint.
-    slips : mapping, optional
-        Part of a hint -> wrong answer. The kind of answer knows this mistake; a test sees that
-        its hint has this part.
-    """
+    """One exercise of a lesson."""
 
     key: str
     answer: Callable[..., Answer]
@@ -57,25 +38,7 @@ class Exercise:
         }
 
     def fault(self, answered: object, me: Student) -> str | None:
-        """Say what is wrong with an answer.
-
-        Parameters
-        ----------
-        answered : object
-            What the student answered.
-        me : Student
-            Who.
-
-        Returns
-        -------
-        str or None
-            What is wrong, with a hint; None if the answer is right.
-
-        Raises
-        ------
-        NotSolved
-            If there is no answer yet.
-        """
+        """Say what is wrong with an answer."""
         numbers = self.given(me)
         right = self.answer(**numbers)
         fault = right.fault(answered)

@@ -12,8 +12,6 @@ from typing import Any
 
 from shipnet.exercises.answers import Answer, Number, blank, shown
 
-__all__ = ["Function", "NotSolved", "Table"]
-
 
 class NotSolved(Exception):
     """There is no answer yet."""
@@ -21,49 +19,14 @@ class NotSolved(Exception):
 
 @dataclass(frozen=True)
 class Function:
-    """A function of the student's, tried on several inputs.
-
-    Parameters
-    ----------
-    value : callable
-        The reference: takes the inputs, returns the right result.
-    cases : sequence of tuple
-        Inputs to try, each the arguments of one call; an edge of the range among them.
-    answer : callable
-        Takes a right result, returns the kind of answer that it is.
-
-    Examples
-    --------
-    >>> asked = Function(lambda n: 6.0 * n, [(1,), (7,)], lambda right: Number(right, "us"))
-    >>> def length_of(bits):
-    ...     return 6e-6 * bits
-    >>> print(asked.fault(length_of))
-    length_of(1) returned 6e-06: the digits are right, but it is 1000000 times too small: is it in \
-us, or in another unit?
-    """
+    """A function of the student's, tried on several inputs."""
 
     value: Callable[..., Any]
     cases: Sequence[tuple[Any, ...]]
     answer: Callable[[Any], Answer] = Number
 
     def fault(self, given: object) -> str | None:
-        """Say what is wrong with a function; None if it is right.
-
-        Parameters
-        ----------
-        given : object
-            The student's function.
-
-        Returns
-        -------
-        str or None
-            The first case that fails: its input, what came back, and a hint.
-
-        Raises
-        ------
-        NotSolved
-            If the function is still the stub.
-        """
+        """Say what is wrong with a function; None if it is right."""
         if not callable(given):
             return f"a function is asked for, not a {type(given).__name__}"
         name = getattr(given, "__name__", "your function")
@@ -119,24 +82,7 @@ def _not_rows(rows: object) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A table, compared row by row.
-
-    Parameters
-    ----------
-    value : list of dict
-        The right rows: column -> value, in order; the first column says what the row is about.
-    units : dict, optional
-        Unit of a column of numbers.
-    tolerance : float, default 0.005
-        Relative tolerance of the numbers [1].
-
-    Examples
-    --------
-    >>> asked = Table([{"slaves": 31, "cycle": 5.0}], {"cycle": "ms"})
-    >>> asked.fault([{"slaves": 31, "cycle": 0.005}])
-    'row 1 (slaves = 31), cycle is 0.005: the digits are right, but it is 1000 times too small: \
-is it in ms, or in another unit?'
-    """
+    """A table, compared row by row."""
 
     value: Sequence[dict[str, Any]]
     units: dict[str, str] = field(default_factory=dict)

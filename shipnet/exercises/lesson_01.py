@@ -9,8 +9,6 @@ from shipnet.exercises.answers import Bits, Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
 
-__all__ = ["EXERCISES"]
-
 
 def _levels(bits: str) -> str:
     return "".join(map(str, levels_of(bits)))

@@ -12,8 +12,6 @@ from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
 from shipnet.line.cable import CABLES, Cable
 
-__all__ = ["EXERCISES"]
-
 #: What may be at the end of a cable of 100 ohm: name -> resistor [ohm].
 _ENDS = {
     "open end": None,

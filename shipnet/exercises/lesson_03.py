@@ -11,8 +11,6 @@ from shipnet.exercises.answers import Bits, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
 
-__all__ = ["EXERCISES"]
-
 #: The generator of exercise 2, and zeros for the check bits that it makes.
 _GENERATOR, _ROOM = "1011", "000"
 

@@ -8,8 +8,6 @@ from shipnet.exercises.answers import Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
 
-__all__ = ["EXERCISES"]
-
 
 def _transaction(master_pause: float, slave_pause: float) -> float:
     """Return the time from a request to the next [us]."""

@@ -5,22 +5,14 @@ from __future__ import annotations
 from itertools import permutations
 
 from shipnet.can.bitwise import arbitrate
-from shipnet.can.frame import Frame
-from shipnet.can.lengths import nominal_length, worst_length
-from shipnet.can.schedule import (
-    Message,
-    MessageSet,
-    audsley,
-    deadline_monotonic,
-    parse_messages,
-    response_times,
-)
-from shipnet.can.stuffing import stuff
+from shipnet.can.frame import Frame, stuff
+from shipnet.can.lengths import frame_length
+from shipnet.can.messages import Message, MessageSet
+from shipnet.can.priorities import audsley
+from shipnet.can.response import response_times
 from shipnet.exercises.answers import Bits, Choice, Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
-
-__all__ = ["EXERCISES"]
 
 _RATE = 125_000
 
@@ -62,16 +54,16 @@ def _mine(stop_ms: float, n_bytes: int) -> MessageSet:
 
 
 def _response_ms(stop_ms: float, n_bytes: int) -> float:
-    return 1e3 * response_times(_mine(stop_ms, n_bytes), _RATE)[2].response
+    return 1e3 * response_times(_mine(stop_ms, n_bytes), _RATE)["yours"].response
 
 
 def _frame_ms(n_bytes: int) -> float:
-    return 1e3 * worst_length(n_bytes) / _RATE
+    return 1e3 * frame_length(n_bytes) / _RATE
 
 
 def _without_stuff_bits(stop_ms: float, n_bytes: int) -> float:
     # Every frame counted without stuff bits; stop still comes twice, or once.
-    lengths = [1e3 * nominal_length(size) / _RATE for size in (1, 4, n_bytes, 8)]
+    lengths = [1e3 * frame_length(size, stuffing="none") / _RATE for size in (1, 4, n_bytes, 8)]
     once = lengths[3] + lengths[0] + lengths[1]
     return once + (lengths[0] if once > stop_ms else 0.0) + lengths[2]
 
@@ -94,13 +86,12 @@ _ORDERS = tuple(" ".join(names) for names in permutations(("pitch", "pump", "rud
 
 
 def _order(messages: str) -> str:
-    found = audsley(parse_messages(messages), _RATE).messages
-    assert found is not None
+    found = audsley(MessageSet.parse(messages), _RATE).messages
     return " ".join(found.names)
 
 
 def _by_deadline(messages: str) -> str:
-    return " ".join(deadline_monotonic(parse_messages(messages)).names)
+    return " ".join(MessageSet.parse(messages).deadline_monotonic().names)
 
 
 EXERCISES = (

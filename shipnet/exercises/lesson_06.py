@@ -7,17 +7,15 @@ from collections.abc import Callable
 from shipnet.exercises.answers import Bytes, Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
-from shipnet.modbus.codes import FunctionCode
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.timing import Poll, Serial
-
-__all__ = ["EXERCISES"]
+from shipnet.modbus.pdu import FunctionCode, Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 
 _LIMIT = 2.0
 
 
-def _question(first: int, quantity: int, function: int = 3) -> ReadRequest:
-    return ReadRequest(FunctionCode(function), first, quantity)
+def _question(first: int, quantity: int, function: int = 3) -> Request:
+    return Request.read(FunctionCode(function), first, quantity)
 
 
 def _request(unit: int, number: int, quantity: int) -> bytes:
@@ -41,11 +39,11 @@ def _low_byte_first(unit: int, number: int, quantity: int) -> bytes:
 def _response_ms(registers: int, rate: int, *, character: str = "8E1", extra: int = 0) -> float:
     """Return how long a response is with some bytes more, or less [ms]."""
     size = _question(0, registers).response_size + 3 + extra
-    return 1e3 * Serial(rate, character).frame_time(size)
+    return 1e3 * SerialLine(rate, character).frame_time(size)
 
 
 def _scan(n_slaves: int, n_registers: int, bit_rate: int, *, character: str = "8E1") -> float:
-    return Poll.of(_question(0, n_registers), Serial(bit_rate, character)).scan(n_slaves)
+    return Poll(_question(0, n_registers), SerialLine(bit_rate, character)).scan_time(n_slaves)
 
 
 def _scan_with(silences: float, n_slaves: int, n_registers: int, bit_rate: int) -> float:
@@ -58,13 +56,13 @@ _TRIED = [(1, 1, 9600), (31, 10, 19200), (60, 4, 38400), (247, 4, 115200), (247,
 
 
 def _poll(rate: int, think_ms: int, timeout_ms: int) -> Poll:
-    return Poll.of(
-        _question(0, 4, 4), Serial(rate), processing=think_ms / 1e3, timeout=timeout_ms / 1e3
+    return Poll(
+        _question(0, 4, 4), SerialLine(rate), processing=think_ms / 1e3, timeout=timeout_ms / 1e3
     )
 
 
 def _most(rate: int, think_ms: int, timeout_ms: int, dead: int = 1) -> int:
-    return _poll(rate, think_ms, timeout_ms).most_slaves(_LIMIT, dead=dead)
+    return _poll(rate, think_ms, timeout_ms).max_slaves(_LIMIT, dead=dead)
 
 
 EXERCISES = (
@@ -142,14 +140,14 @@ EXERCISES = (
                 lambda *case: _scan_with(7, *case)
             ),
             "a transaction has a silence behind the request, and one behind the response": lambda: (
-                lambda *case: _scan(*case) - case[0] * Serial(case[2]).t35
+                lambda *case: _scan(*case) - case[0] * SerialLine(case[2]).t35
             ),
             "where is the silence?": lambda: lambda *case: _scan_with(0, *case),
             "every frame ends with a CRC: is it counted, twice in a transaction?": lambda: (
-                lambda *case: _scan(*case) - case[0] * 4 * Serial(case[2]).character_time
+                lambda *case: _scan(*case) - case[0] * 4 * SerialLine(case[2]).character_time
             ),
             "a register has 16 bits": lambda: (
-                lambda *case: _scan(*case) - case[0] * case[1] * Serial(case[2]).character_time
+                lambda *case: _scan(*case) - case[0] * case[1] * SerialLine(case[2]).character_time
             ),
             "count a character of 8E1 again: start, data, parity, stop": lambda: (
                 lambda *case: _scan(*case, character="8N1")

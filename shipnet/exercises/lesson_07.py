@@ -9,8 +9,6 @@ from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
 from shipnet.remote_control.ring_buffer import Ring, State
 
-__all__ = ["EXERCISES"]
-
 _SIZE, _CHARACTER = 128, 10
 
 

@@ -8,13 +8,15 @@ from shipnet.engine.system import RULE
 from shipnet.exercises.answers import Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
-from shipnet.modbus.ring import Break, Channels, Loop, worst_gap
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.faults import Break
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.redundancy import DualChannel, Loop
+from shipnet.modbus.uart import SerialLine
 
-__all__ = ["EXERCISES"]
-
-_LINE = Serial(9600)
-_POLL = Poll(_LINE, 8, 13)
+_LINE = SerialLine(9600)
+_STATUS = Request.read_input_registers(0x4020, 4)
+_POLL = Poll(_STATUS, _LINE)
 _REQUEST = _LINE.frame_time(8)
 
 
@@ -23,13 +25,13 @@ def _lost(n: int, cuts: Sequence[int]) -> int:
 
 
 def _gap(period: float, timeout: float, retries: int) -> float:
-    poll = Poll(_LINE, 8, 13, timeout=timeout / 1e3, retries=retries)
-    return float(worst_gap(Channels(poll, period=period), [Break(0)])[0])
+    poll = Poll(_STATUS, _LINE, timeout=timeout / 1e3, retries=retries)
+    return float(DualChannel(poll, period=period).worst_gap(Break(0))[0])
 
 
 def _timeout(n: int, waits: int = 2) -> float:
     """Return the time-out with which a round and some waits take 2 s [ms]."""
-    return 1e3 * ((RULE - _POLL.scan(n)) / waits - _REQUEST)
+    return 1e3 * ((RULE - _POLL.scan_time(n)) / waits - _REQUEST)
 
 
 #: Loops to try a function on: whole, cut once, beside the ports, out of order, and one cut twice.
@@ -82,7 +84,7 @@ EXERCISES = (
                 )
             ),
             "from the end of one answer to the end of the next: both are sent in the same time": (
-                lambda period, timeout, retries: _gap(period, timeout, retries) + _POLL.answered
+                lambda period, timeout, retries: _gap(period, timeout, retries) + _POLL.time
             ),
             "the first try is in vain too: how often does it ask on the first cable?": (
                 lambda period, timeout, retries: _gap(period, timeout, retries - 1)

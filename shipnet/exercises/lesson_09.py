@@ -13,8 +13,6 @@ from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function, Table
 from shipnet.fuzzy.rules import RuleBase
 
-__all__ = ["EXERCISES"]
-
 #: Readings for which two rules or more hold: the order is FP, OP, MC, OT, VPos, DVPos.
 _STATES = (
     (128, 3.2, 3.1, 50, 40, 0),

@@ -17,8 +17,6 @@ from shipnet.exercises.answers import Choice, Number
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
 
-__all__ = ["EXERCISES"]
-
 #: Total cost [EUR], points lost by one failure, and faults, by option.
 _Options = Mapping[str, tuple[int, int, int]]
 

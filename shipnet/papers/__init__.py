@@ -1,5 +1,5 @@
 """The five papers: every claim, recomputed where it can be, with its verdict."""
 
-from shipnet.papers.ledger import counts, ledger, show
+import lazy_loader
 
-__all__ = ["counts", "ledger", "show"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

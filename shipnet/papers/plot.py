@@ -5,9 +5,8 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.axes import Axes
 
-from shipnet.papers.ledger import STATUSES
-
-__all__ = ["plot_counts"]
+from shipnet import style
+from shipnet.papers.judging import STATUSES
 
 _COLOURS = {
     "recomputed": "#0072B2",
@@ -19,21 +18,9 @@ _COLOURS = {
 }
 
 
-def plot_counts(counts: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw what has been done about the claims of each paper, one bar a paper.
-
-    Parameters
-    ----------
-    counts : pandas.DataFrame
-        As `shipnet.papers.counts` returns it.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; numbers below 4 are drawn but not written.
-    """
+def draw_counts(counts: pd.DataFrame, ax: Axes | None) -> Axes:
+    """Draw the counts of a ledger; numbers below 4 are drawn but not written."""
+    ax = style.axes(ax)
     left = pd.Series(0, index=counts.index)
     for status in STATUSES:
         bars = ax.barh(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
@@ -35,13 +34,9 @@ _CASES: dict[Case, tuple[str, str]] = {
 _MOST_PACKETS = 500
 
 
-def _axes(ax: Axes | None) -> Axes:
-    return plt.subplots()[1] if ax is None else ax
-
-
 def plot_ring(ring: Ring, ax: Axes | None) -> Axes:
     """Draw a ring as a circle of cells, clockwise from the top, with its writer and its reader."""
-    ax = _axes(ax)
+    ax = style.axes(ax)
     size, state = ring.size, ring.state
     step = 360 / size
     held = {count % size for count in range(max(0, ring.written - min(ring.unread, size)),
@@ -86,7 +81,7 @@ def _at(radius: float, degrees: float) -> tuple[float, float]:
 
 def plot_cases(cases: RingCases, ax: Axes | None) -> Axes:
     """Draw which case shows over the unread bytes and the reader's place."""
-    ax = _axes(ax)
+    ax = style.axes(ax)
     size, laps = check_whole("size", cases.size, 2, 512), check_whole("laps", cases.laps, 1, 8)
     order = list(_CASES)
     shown = np.empty((size, laps * size), int)
@@ -113,7 +108,7 @@ def plot_cases(cases: RingCases, ax: Axes | None) -> Axes:
 
 def plot_lead(cases: RingCases, get_no: int, ax: Axes | None) -> Axes:
     """Draw what the four variables show of the unread bytes, over how many there are."""
-    ax = _axes(ax)
+    ax = style.axes(ax)
     size, laps = cases.size, cases.laps
     leads = np.arange(laps * size)
     seems = leads % (2 * size)
@@ -144,7 +139,7 @@ def plot_time_chart(run: Run, ax: Axes | None, start: float, end: float) -> Axes
         raise ArgumentError(
             f"start and stop show {len(shown)} packets; a figure shows 1 to {_MOST_PACKETS}"
         )
-    ax = _axes(ax)
+    ax = style.axes(ax)
     row = {name: place for place, name in enumerate(("BCS", "RCS", "SS"))}
     colour = dict(zip(STATIONS, ("control", "address", "information"), strict=True))
     for packet in shown:
@@ -194,7 +189,7 @@ def plot_time_chart(run: Run, ax: Axes | None, start: float, end: float) -> Axes
 
 def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
     """Draw how long a healthy slave's counters run, over the bit rate."""
-    ax = _axes(ax)
+    ax = style.axes(ax)
     rate = table["bit_rate"].to_numpy(dtype=float)
     for column, label in (
         ("counted_s", "counters run"),
@@ -223,7 +218,7 @@ def plot_counters(rule: Supervision, label: str, ax: Axes | None) -> Axes:
 
     The count is a line, each miss a mark with its number, the last one in red.
     """
-    ax = _axes(ax)
+    ax = style.axes(ax)
     place = len(ax.get_legend_handles_labels()[1])
     counter = Counter(rule)
     times, counts = [0.0], [0]
@@ -257,7 +252,7 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None, bit_error_rate: float | No
     if shown.empty:
         known = sorted(set(table["bit_error_rate"]))
         raise ArgumentError(f"bit_error_rate is {rate}; it must be one of {known}")
-    ax = _axes(ax)
+    ax = style.axes(ax)
     for place, (check, rows) in enumerate(shown.groupby("check", sort=False)):
         colour = f"C{place}"
         items = rows["n_items"].to_numpy(dtype=float)

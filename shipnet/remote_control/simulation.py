@@ -119,8 +119,8 @@ class Run:
     >>> run = rc.simulate(rc.System(), [rc.Change(1.0, "BCS", 1, 1)], until=12)
     >>> run
     Run(12 s, 3838 packets, 0 alarms)
-    >>> round(run.delays("SS")["delay_s"].iloc[0], 3)
-    0.014
+    >>> run.delays("SS")["delay_s"].round(3).tolist()
+    [0.016]
     """
 
     system: System

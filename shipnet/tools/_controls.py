@@ -10,8 +10,7 @@ from typing import Any
 
 import ipywidgets as widgets
 
-from shipnet.tools._inputs import asked
-from shipnet.tools._kinds import Asked, Choice, Number, Switch, Text, Whole
+from shipnet.fields import Choice, Kind, Number, Switch, Text, Whole, declared
 
 __all__ = ["Controls", "with_help"]
 
@@ -22,7 +21,7 @@ class Controls:
     Parameters
     ----------
     start : object
-        Instance of a dataclass whose fields come from `shipnet.tools._inputs`.
+        Instance of a dataclass whose fields come from `shipnet.fields`.
 
     Attributes
     ----------
@@ -44,7 +43,7 @@ class Controls:
 
     def __init__(self, start: Any) -> None:
         self._kind = type(start)
-        self._asked = asked(self._kind)
+        self._asked = declared(self._kind)
         self._held = {name: getattr(start, name) for name in self._asked}
         self._quiet, self._observers = False, list[Callable[[], None]]()
         self.widgets: dict[str, widgets.Widget] = {}
@@ -150,7 +149,7 @@ def with_help(control: widgets.Widget, help: str) -> widgets.VBox:
     return row
 
 
-def _row(control: widgets.Widget, kind: Asked) -> widgets.VBox:
+def _row(control: widgets.Widget, kind: Kind) -> widgets.VBox:
     control.tooltip = kind.help
     row = with_help(control, kind.help)
     if isinstance(kind, Text) and kind.rows > 1:
@@ -158,7 +157,7 @@ def _row(control: widgets.Widget, kind: Asked) -> widgets.VBox:
     return row
 
 
-def _on_step(kind: Asked, value: Any) -> Any:
+def _on_step(kind: Kind, value: Any) -> Any:
     """Return the value as the slider holds it; the browser would move it there in any case."""
     if not isinstance(kind, Number):
         return value
@@ -166,7 +165,7 @@ def _on_step(kind: Asked, value: Any) -> Any:
     return min(high, round(low + kind.step * round((value - low) / kind.step), 9))
 
 
-def _widget(kind: Asked, value: Any) -> widgets.Widget | None:
+def _widget(kind: Kind, value: Any) -> widgets.Widget | None:
     unit = getattr(kind, "unit", "")
     label = f"{kind.label} [{unit}]" if unit else kind.label
     common: dict[str, Any] = {"value": value, "description": label}

@@ -9,7 +9,7 @@ from html import escape
 from typing import Any
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.tools._inputs import asked
+from shipnet.fields import declared
 
 __all__ = ["VERSION", "decode_text", "download_link", "read_state", "write_state"]
 
@@ -93,7 +93,7 @@ def read_state(content: bytes, tool: str, kind: type, file: str = "state") -> An
     shipnet.errors.InputError: state: time is 140 s; it must be 2..25 s
     """
     given = _inputs(content, tool, file)
-    fields = asked(kind)
+    fields = declared(kind)
     faults = [f"unknown input {name!r}" for name in given if name not in fields]
     faults += [f"input {name!r} is missing" for name in fields if name not in given]
     if faults:

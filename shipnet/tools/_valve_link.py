@@ -11,11 +11,9 @@ from shipnet.ballast.plant import Plant
 from shipnet.ballast.slave import valve_slaves
 from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import FrameError
-from shipnet.modbus.frame import decode_tcp, encode_tcp
-from shipnet.modbus.reader import decode_response
-from shipnet.modbus.request import Request
-from shipnet.modbus.response import Response
-from shipnet.modbus.server import answer
+from shipnet.modbus.adu import Adu, decode
+from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.slave import answer
 
 __all__ = ["Ask", "Link", "ModelValves"]
 
@@ -54,14 +52,14 @@ class Link:
         """Send a request and return the response."""
         self._last = (self._last + 1) % 0x10000
         try:
-            self._socket.sendall(encode_tcp(unit, request.pdu, self._last))
+            self._socket.sendall(request.tcp(unit, self._last))
             while True:
                 head = self._receive(_MBAP)
                 body = self._receive(int.from_bytes(head[4:6], "big") - 1)
-                adu = decode_tcp(head + body)
+                adu = decode(head + body, "tcp")
                 # The answer to a request that timed out is not for this one.
                 if adu.transaction_id == self._last:
-                    return decode_response(adu.pdu, request)
+                    return Response.parse(adu.pdu, request)
         except (OSError, FrameError) as problem:
             raise OSError(f"{self.where} does not answer for valve {unit}: {problem}") from None
 
@@ -98,12 +96,12 @@ class ModelValves:
 
     Examples
     --------
-    >>> from shipnet.modbus.request import ReadRequest, WriteRegister
+    >>> from shipnet.modbus.pdu import Request
     >>> valves = ModelValves(4)
-    >>> valves(2, WriteRegister(0x4001, 8)).value
-    8
+    >>> valves(2, Request.write_single_register(0x4001, 8)).registers
+    (8,)
     >>> valves.time = 3.0
-    >>> valves(2, ReadRequest(4, 0x4020, 1)).registers[0] >> 8
+    >>> valves(2, Request.read_input_registers(0x4020, 1)).registers[0] >> 8
     33
     """
 
@@ -118,4 +116,4 @@ class ModelValves:
 
     def __call__(self, unit: int, request: Request) -> Response:
         """Answer a request."""
-        return decode_response(answer(self._slaves, unit, request.pdu, self.time).pdu, request)
+        return Response.parse(answer(self._slaves, Adu(unit, request.pdu), self.time).pdu, request)

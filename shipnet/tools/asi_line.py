@@ -21,8 +21,8 @@ from shipnet.asi.receiver import (
 from shipnet.asi.telegram import Response
 from shipnet.asi.topology import straight_line
 from shipnet.errors import FrameError, SilenceError
+from shipnet.fields import choice, number, record, switch, whole
 from shipnet.line.cable import CABLES, Cable
-from shipnet.tools._inputs import check, choice, number, switch, whole
 from shipnet.tools._page import Page
 from shipnet.tools._view import View
 
@@ -49,58 +49,35 @@ FILTERED = (8 / 3 * STEP / HALF_BIT) ** 0.5
 Floats = npt.NDArray[np.floating]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What the sliders say.
-
-    Parameters
-    ----------
-    length : float, default 100
-        Length of the cable, 1..500 [m].
-    place : float, default 5
-        Distance of the slave from master and supply, 0..500 [m]; beyond the end means at the end.
-    cable : str, default the nominal one
-        Key of `CABLE_CHOICES`.
-    terminator : bool, default False
-        Whether 100 ohm end the cable.
-    noise : float, default 0
-        Standard deviation of white noise at the master, sampled at 4 MS/s, 0..10 [V].
-    data : int, default 6
-        What the slave answers, 0..15.
-    seed : int, default 0
-        Of the noise, 0..999: another seed, another try.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is outside its range.
-    """
+    """What the sliders say."""
 
     length: float = number(
-        100.0, 1, 500, unit="m", slider=(10, 300), step=5, label="length",
+        1, 500, default=100.0, unit="m", slider=(10, 300), step=5, label="length",
         help="Length of the cable. The standard allows 100 m without a repeater.",
     )  # fmt: skip
     place: float = number(
-        5.0, 0, 500, unit="m", slider=(0, 300), step=5, label="slave at",
+        0, 500, default=5.0, unit="m", slider=(0, 300), step=5, label="slave at",
         help="Distance of the slave from master and supply; beyond the end means at the end.",
     )  # fmt: skip
     cable: str = choice(
-        next(iter(CABLE_CHOICES)), list(CABLE_CHOICES), label="cable",
+        list(CABLE_CHOICES), default=next(iter(CABLE_CHOICES)), label="cable",
         help="Impedance and delay: the nominal cable, and the corners of a data sheet's limits.",
     )  # fmt: skip
     terminator: bool = switch(
-        False, label="100 ohm at the end", help="A resistor at the far end takes up the echo."
+        default=False,
+        label="100 ohm at the end",
+        help="A resistor at the far end takes up the echo.",
     )
     noise: float = number(
-        0.0, 0, 10, unit="V", slider=(0, 1.5), step=0.05, label="noise",
+        0, 10, default=0.0, unit="V", slider=(0, 1.5), step=0.05, label="noise",
         help="Standard deviation of white noise at the master, sampled at 4 MS/s.",
     )  # fmt: skip
-    data: int = whole(6, 0, 15, label="data", help="The four bits that the slave answers.")
-    seed: int = whole(0, 0, 999, slider=(0, 99), label="try", help="Another try draws other noise.")
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check(self)
+    data: int = whole(0, 15, default=6, label="data", help="The four bits that the slave answers.")
+    seed: int = whole(
+        0, 999, default=0, slider=(0, 99), label="try", help="Another try draws other noise."
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)

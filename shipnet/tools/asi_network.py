@@ -13,8 +13,7 @@ from shipnet.asi.emc.failures import cycle_effect
 from shipnet.asi.plan import Plan
 from shipnet.asi.rules import PlanFindings
 from shipnet.asi.topologies import line, ring, star
-from shipnet.tools._inputs import check as check_inputs
-from shipnet.tools._inputs import choice, number, whole
+from shipnet.fields import choice, number, record, whole
 from shipnet.tools._page import Page
 from shipnet.tools._view import View
 
@@ -33,65 +32,43 @@ STRUCTURES = MappingProxyType(
 ADDRESSES = 31
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What the sliders say.
-
-    Parameters
-    ----------
-    slaves : int, default 31
-        Slaves, 1..62.
-    pairs : int, default 0
-        Addresses that an A and a B slave share. At least slaves - 31 are, and at most as many as
-        there are slaves for: other numbers are brought into this range.
-    structure : str, default "line"
-        Key of `STRUCTURES`.
-    length : float, default 100
-        Length of all cable [m], 10..300.
-    supply : float, default 0.5
-        Place of the supply along the line or the trunk, 0 beside the master, 1 at the end. In a
-        ring it stands beside the master.
-    current_ma : float, default 65
-        What a slave draws [mA], 0..500.
-    error_rate : float, default 0
-        Probability that an exchange fails, 0..1.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is outside its range.
-    """
+    """What the sliders say."""
 
     slaves: int = whole(
-        31, 1, 2 * ADDRESSES, label="slaves", help="Slaves; above 31 they share addresses."
+        1, 2 * ADDRESSES, default=31, label="slaves", help="Slaves; above 31 they share addresses."
     )
     pairs: int = whole(
-        0, 0, ADDRESSES, label="A/B pairs",
+        0, ADDRESSES, default=0, label="A/B pairs",
         help="Addresses that an A and a B slave share; what cannot be is brought into range.",
     )  # fmt: skip
     structure: str = choice(
-        "line", {name: f"{name}: {what}" for name, what in STRUCTURES.items()}, label="structure",
+        {name: f"{name}: {what}" for name, what in STRUCTURES.items()},
+        default="line", label="structure",
         help="How the cable runs; the standard leaves it free.",
     )  # fmt: skip
     length: float = number(
-        100.0, 10, 300, unit="m", step=5, label="cable", help="Length of all cable together."
+        10,
+        300,
+        default=100.0,
+        unit="m",
+        step=5,
+        label="cable",
+        help="Length of all cable together.",
     )
     supply: float = number(
-        0.5, 0, 1, step=0.05, label="place of supply",
+        0, 1, default=0.5, step=0.05, label="place of supply",
         help="0 is beside the master, 1 at the end; in a ring it stands beside the master.",
     )  # fmt: skip
     current_ma: float = number(
-        65.0, 0, 500, unit="mA", slider=(0, 200), step=5, label="a slave draws",
+        0, 500, default=65.0, unit="mA", slider=(0, 200), step=5, label="a slave draws",
         help="Current of each slave, which costs voltage along the cable.",
     )  # fmt: skip
     error_rate: float = number(
-        0.0, 0, 1, slider=(0, 0.5), step=0.01, label="error rate",
+        0, 1, default=0.0, slider=(0, 0.5), step=0.01, label="error rate",
         help="Probability that an exchange with a slave fails and is repeated.",
     )  # fmt: skip
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_inputs(self)
 
     @property
     def shared(self) -> int:

@@ -3,111 +3,57 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from math import inf
 
 from matplotlib.axes import Axes
 
-from shipnet.can.schedule import (
-    BIT_RATES,
-    ErrorModel,
-    MessageSet,
-    bus_load,
-    lowest_bit_rate,
-    parse_messages,
-    response_table,
-    response_times,
-)
-from shipnet.can.schedule.lengths import Lengths
-from shipnet.can.schedule.plot import plot_response_times
-from shipnet.tools._inputs import check, choice, text, whole
+from shipnet.can.faults import ErrorBound
+from shipnet.can.lengths import Stuffing
+from shipnet.can.messages import BIT_RATES, MessageSet, bus_load
+from shipnet.can.priorities import lowest_bit_rate
+from shipnet.can.response import ResponseTimes, response_times
+from shipnet.can.tables import EXAMPLE, parse_dbc
+from shipnet.fields import choice, record, text, whole
 from shipnet.tools._page import Page, Upload
 from shipnet.tools._state import decode_text
 from shipnet.tools._view import View
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 __all__ = ["EXAMPLE", "Inputs", "Result", "draw", "explorer", "update", "view"]
 
-#: An example to begin with: synthetic, the messages of an engine's junction boxes and controls.
-EXAMPLE = """name,arbitration_id,dlc,period_ms,deadline_ms,sender
-shutdown,0x010,1,50,5,safety
-speed,0x020,4,10,5,governor
-fuel index,0x030,4,10,10,governor
-load limit,0x040,2,20,20,governor
-alarm,0x080,8,100,50,JB1
-lube oil,0x100,8,200,200,JB1
-cooling water,0x101,8,200,200,JB1
-exhaust 1-4,0x200,8,500,500,JB2
-exhaust 5-8,0x201,8,500,500,JB2
-bearings,0x300,8,1000,1000,JB3
-"""
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What the widgets say.
-
-    Parameters
-    ----------
-    text : str, default `EXAMPLE`
-        Message set as CSV, with the columns of `shipnet.can.schedule.load_messages`; up to
-        200000 characters.
-    bit_rate : int, default 125000
-        Bit rate, one of `shipnet.can.schedule.BIT_RATES` [bit/s].
-    errors_per_s : int, default 0
-        Errors on the bus, evenly spread, 0..1000 [1/s].
-
-    Raises
-    ------
-    ArgumentError
-        If a value is outside its range.
-    """
+    """What the widgets say."""
 
     text: str = text(
-        EXAMPLE, most=200_000, rows=12, label="message set",
+        default=EXAMPLE, most=200_000, rows=12, label="message set",
         help="One message a line: name, arbitration_id, dlc and period_ms; more columns are free. "
         "It is read when you leave the editor.",
     )  # fmt: skip
     bit_rate: int = choice(
-        125_000, {rate: f"{rate / 1e3:g}" for rate in BIT_RATES}, slider=True, unit="kbit/s",
+        {rate: f"{rate / 1e3:g}" for rate in BIT_RATES},
+        default=125_000, slider=True, unit="kbit/s",
         label="bit rate", help="Standard bit rates; a longer bus needs a lower one.",
     )  # fmt: skip
     errors_per_s: int = whole(
-        0, 0, 1000, slider=(0, 100), unit="1/s", label="errors",
+        0, 1000, default=0, slider=(0, 100), unit="1/s", label="errors",
         help="Errors on the bus, evenly spread; each costs an error frame and a repetition.",
     )  # fmt: skip
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        check(self)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Result:
-    """What becomes of the messages.
-
-    Attributes
-    ----------
-    messages : MessageSet
-        The messages, the highest priority first.
-    load : dict of str to float
-        Share of the bus, 0..: without stuff bits, with those of random data, with the most.
-    responses : pandas.DataFrame
-        What `response_table` returns.
-    lowest : float
-        Lowest standard bit rate at which all deadlines are met [bit/s]; inf if none is.
-    """
+    """What becomes of the messages: loads, responses, and the lowest bit rate [bit/s]."""
 
     messages: MessageSet
     load: dict[str, float]
-    responses: pd.DataFrame
+    responses: ResponseTimes
     lowest: float
 
     @property
     def late(self) -> list[str]:
         """Messages that may miss their deadlines."""
-        return [str(name) for name in self.responses.loc[~self.responses["met"], "name"]]
+        return self.responses.late
 
     @property
     def verdict(self) -> str:
@@ -120,96 +66,32 @@ class Result:
     def numbers(self) -> dict[str, str]:
         """Loads and the lowest bit rate as text with units."""
         load = {f"load, {name}": f"{share:.1%}" for name, share in self.load.items()}
-        rate = "none" if self.lowest == float("inf") else f"{self.lowest / 1e3:g} kbit/s"
+        rate = "none" if self.lowest == inf else f"{self.lowest / 1e3:g} kbit/s"
         return {**load, "lowest standard bit rate that works": rate}
 
 
 def update(inputs: Inputs) -> Result:
-    """Compute load and response times of the messages.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        What the widgets say.
-
-    Returns
-    -------
-    Result
-        Messages, loads and response times.
-
-    Raises
-    ------
-    InputError
-        If the text is no message set.
-
-    Examples
-    --------
-    >>> update(Inputs()).verdict
-    'all 10 messages meet their deadlines'
-    >>> update(Inputs(bit_rate=50_000)).late
-    ['speed']
-    """
-    messages = parse_messages(inputs.text)
-    errors = ErrorModel()
-    if inputs.errors_per_s:
-        errors = ErrorModel(burst=1, interval=1 / inputs.errors_per_s)
-    counted: dict[str, Lengths] = {
-        "no stuff bits": "nominal", "random data": "mean", "most stuff bits": "worst",
+    """Compute load and response times of the messages."""
+    messages = MessageSet.parse(inputs.text)
+    faults = [ErrorBound(interval=1 / inputs.errors_per_s)] if inputs.errors_per_s else []
+    counted: dict[str, Stuffing] = {
+        "no stuff bits": "none", "random data": "mean", "most stuff bits": "worst",
     }  # fmt: skip
     return Result(
         messages,
-        {
-            name: float(bus_load(messages, inputs.bit_rate, lengths).sum())
-            for name, lengths in counted.items()
-        },
-        response_table(response_times(messages, inputs.bit_rate, errors=errors)),
-        lowest_bit_rate(messages, BIT_RATES, errors=errors),
+        {name: bus_load(messages, inputs.bit_rate, way) for name, way in counted.items()},
+        response_times(messages, inputs.bit_rate, faults=faults),
+        lowest_bit_rate(messages, faults=faults),
     )
 
 
 def draw(result: Result, *, ax: Axes) -> Axes:
-    """Draw the longest response of each message against its deadline.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given, the highest priority on top.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(Inputs()), ax=Figure().subplots())
-    >>> ax.get_xlabel()
-    'time [ms]'
-    """
-    return plot_response_times(result.responses, ax=ax)
+    """Draw the longest response of each message against its deadline."""
+    return result.responses.plot(ax)
 
 
 def view(result: Result) -> View:
-    """Return what the page shows of a result.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-
-    Returns
-    -------
-    View
-        Verdict, numbers and figure.
-
-    Examples
-    --------
-    >>> view(update(Inputs())).good
-    True
-    """
+    """Return what the page shows of a result."""
     return View(
         text=result.verdict,
         good=not result.late,
@@ -221,21 +103,13 @@ def view(result: Result) -> View:
 
 
 def explorer() -> Page:
-    """Return the page: an editor and an upload for messages, a bit rate, and the response times.
-
-    Returns
-    -------
-    Page
-        To be shown as the last value of a notebook's cell.
-
-    Examples
-    --------
-    >>> "meet their deadlines" in explorer().text
-    True
-    """
+    """Return the page: an editor and an upload for messages, a bit rate, and the response times."""
 
     def take(inputs: Inputs, name: str, content: bytes) -> Inputs:
-        return replace(inputs, text=decode_text(name, content))
+        given = decode_text(name, content)
+        dbc = name.lower().endswith(".dbc")
+        return replace(inputs, text=parse_dbc(given, name).text if dbc else given)
 
-    own = Upload("load a message set", "A CSV file; it replaces the text above.", ".csv,.txt", take)
+    tip = "A CSV or DBC file; it replaces the text above."
+    own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
     return Page("can_load", Inputs(), lambda inputs: view(update(inputs)), uploads=[own])

@@ -5,24 +5,17 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
-import numpy as np
 from matplotlib.axes import Axes
 
-from shipnet.engine.faults import Fault, single_faults
-from shipnet.engine.plot import plot_screen
-from shipnet.engine.result import Run
-from shipnet.engine.screen import SyntheticValues, screen
-from shipnet.engine.simulation import simulate
+from shipnet.engine.faults import EngineFault
+from shipnet.engine.screen import Screen
+from shipnet.engine.simulation import Run, simulate
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.tools._inputs import check, choice, number
+from shipnet.fields import choice, number, record
 from shipnet.tools._page import Page
 from shipnet.tools._view import View
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 __all__ = ["DESIGNS", "FAULTS", "START", "Inputs", "Result"]
 __all__ += ["draw", "explorer", "update", "view"]
@@ -34,53 +27,37 @@ START, _END = 10.0, 25.0
 DESIGNS = {
     "as printed, CAN as a line": System(),
     "as printed, CAN as a ring": System(topology="ring"),
-    "mended, CAN as a line": System.mended(),
+    "corrected, CAN as a line": System.corrected(),
 }
 
 #: Faults of any design to choose from, by what they are called. A line lacks a cable of the ring.
-FAULTS: dict[str, Fault | None] = {"none": None} | {
-    str(fault): fault for design in DESIGNS.values() for fault in single_faults(design, START)
+FAULTS: dict[str, EngineFault | None] = {"none": None} | {
+    str(fault): fault for design in DESIGNS.values() for fault in design.single_faults(START)
 }
 
-#: Seed of phases, losses and values.
+#: Seed of phases and losses.
 _SEED = 2024
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What the controls say.
-
-    Parameters
-    ----------
-    fault : str, default "box dead JB2"
-        Key of `FAULTS` that the design can have; it begins at `START`.
-    design : str, default "as printed, CAN as a line"
-        Key of `DESIGNS`.
-    time : float, default 13
-        When the screen is looked at, 2..25 [s].
-
-    Raises
-    ------
-    ArgumentError
-        If a value is outside its range.
-    """
+    """What the controls say."""
 
     fault: str = choice(
-        "box dead JB2", list(FAULTS), label="fault",
+        list(FAULTS), default="box dead JB2", label="fault",
         help=f"What fails, {START:g} s after the start; JB is a junction box.",
     )  # fmt: skip
     design: str = choice(
-        next(iter(DESIGNS)), list(DESIGNS), label="design",
-        help="The system as lee2012 prints it, or with what this suite mends in it.",
+        list(DESIGNS), default=next(iter(DESIGNS)), label="design",
+        help="The system as lee2012 prints it, or with what this suite corrects in it.",
     )  # fmt: skip
     time: float = number(
-        13.0, 2, _END, unit="s", step=0.25, label="time",
+        2, _END, default=13.0, unit="s", step=0.25, label="time",
         help=f"When the screen is looked at; the fault begins at {START:g} s.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Check all three, and that the design can have the fault."""
-        check(self)
         chosen = FAULTS[self.fault]
         if chosen is not None and chosen.where not in chosen.places(DESIGNS[self.design]):
             raise ArgumentError(f"fault is {self.fault!r}; {self.design!r} has no such cable")
@@ -96,28 +73,28 @@ class Result:
         What was asked.
     run : Run
         The simulation.
-    screen : pandas.DataFrame
-        As `shipnet.engine.screen` returns it.
+    screen : Screen
+        The screen at the time asked for.
     """
 
     inputs: Inputs
     run: Run
-    screen: pd.DataFrame
+    screen: Screen
 
     @property
     def old(self) -> int:
         """Points shown as good that are older than the rule allows."""
-        return int((self.screen["age_s"] > RULE).sum())
+        return self.screen.old
 
     @property
     def marked(self) -> int:
         """Points marked."""
-        return int((self.screen["mark"] != "").sum())
+        return self.screen.marked
 
     @property
     def raised(self) -> list[str]:
         """Alarms so far, the points of a box together."""
-        alarms = self.run.alarms
+        alarms = self.run.alarms()
         alarms = alarms[alarms["time_s"] <= self.inputs.time]
         box = alarms["source"].str.extract(r"^ME-(JB\d+)-", expand=False)
         source = (box + " points").fillna(alarms["source"])
@@ -142,7 +119,7 @@ class Result:
 def _run(fault: str, design: str) -> Run:
     chosen = FAULTS[fault]
     faults = [] if chosen is None else [chosen]
-    return simulate(DESIGNS[design], _END + 1, faults=faults, rng=np.random.default_rng(_SEED))
+    return simulate(DESIGNS[design], faults=faults, until=_END + 1, rng=_SEED)
 
 
 def update(inputs: Inputs) -> Result:
@@ -170,8 +147,7 @@ def update(inputs: Inputs) -> Result:
     (18, 0)
     """
     run = _run(inputs.fault, inputs.design)
-    values = SyntheticValues(run.system.points, np.random.default_rng(_SEED))
-    return Result(inputs, run, screen(run, inputs.time, values))
+    return Result(inputs, run, run.screen(inputs.time))
 
 
 def draw(result: Result, *, ax: Axes) -> Axes:
@@ -196,7 +172,7 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     >>> len(ax.patches)
     99
     """
-    return plot_screen(result.screen, ax=ax, old=RULE)
+    return result.screen.plot(ax)
 
 
 def view(result: Result) -> View:

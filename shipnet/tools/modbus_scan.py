@@ -9,11 +9,11 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from shipnet import style
 from shipnet.errors import ArgumentError
-from shipnet.modbus.codes import FunctionCode
-from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.timing import Poll, Serial
-from shipnet.tools._inputs import check, choice, number, whole
+from shipnet.fields import choice, number, record, whole
+from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 from shipnet.tools._page import Page
 from shipnet.tools._view import View
 
@@ -27,78 +27,53 @@ BIT_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 CHARACTERS = ("8E1", "8O1", "8N2", "8N1")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What the sliders say.
-
-    Parameters
-    ----------
-    bit_rate : int, default 9600
-        One of `BIT_RATES` [bit/s].
-    character : str, default "8E1"
-        One of `CHARACTERS`.
-    slaves : int, default 31
-        Slaves, 1..247.
-    registers : int, default 10
-        Holding registers read of each, 1..125.
-    processing_ms : float, default 5
-        How long a slave works on a request, on top of the silence [ms], 0..500.
-    dead : int, default 0
-        Slaves that do not answer, 0 up to all.
-    timeout_ms : float, default 500
-        How long the master waits for a response [ms], 10..5000.
-    retries : int, default 1
-        How many more times it asks a slave that does not answer, 0..10.
-    limit : float, default 2
-        Longest scan that is allowed [s], 0.1..60.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is outside its range.
-    """
+    """What the sliders say."""
 
     bit_rate: int = choice(
-        9600, BIT_RATES, unit="bit/s", label="bit rate", help="Bit rate of the line."
+        BIT_RATES, default=9600, unit="bit/s", label="bit rate", help="Bit rate of the line."
     )
     character: str = choice(
-        "8E1", CHARACTERS, label="character",
+        CHARACTERS, default="8E1", label="character",
         help="Data bits, parity and stop bits; the standard's have 11 bits, 8N1 has 10.",
     )  # fmt: skip
-    slaves: int = whole(31, 1, LAST_UNIT, label="slaves", help="Slaves that are asked in turn.")
+    slaves: int = whole(
+        1, MAX_UNIT, default=31, label="slaves", help="Slaves that are asked in turn."
+    )
     registers: int = whole(
-        10, 1, 125, label="registers of each", help="Holding registers read of each slave."
+        1, 125, default=10, label="registers of each", help="Holding registers read of each slave."
     )
     processing_ms: float = number(
-        5.0, 0, 500, unit="ms", slider=(0, 100), step=1, label="a slave works",
+        0, 500, default=5.0, unit="ms", slider=(0, 100), step=1, label="a slave works",
         help="How long a slave works on a request, on top of the silence between frames.",
     )  # fmt: skip
     dead: int = whole(
-        0, 0, LAST_UNIT, at_most="slaves", label="dead slaves",
+        0, MAX_UNIT, default=0, at_most="slaves", label="dead slaves",
         help="Slaves that do not answer: the master waits for each until its timeout.",
     )  # fmt: skip
     timeout_ms: float = number(
-        500.0, 10, 5000, unit="ms", slider=(10, 3000), step=10, label="response timeout",
+        10, 5000, default=500.0, unit="ms", slider=(10, 3000), step=10, label="response timeout",
         help="How long the master waits for a response before it asks again or gives up.",
     )  # fmt: skip
     retries: int = whole(
-        1, 0, 10, label="retries", help="How many more times it asks a slave that is silent."
+        0,
+        10,
+        default=1,
+        label="retries",
+        help="How many more times it asks a slave that is silent.",
     )
     limit: float = number(
-        2.0, 0.1, 60, unit="s", slider=(0.1, 10), step=0.1, label="longest scan",
+        0.1, 60, default=2.0, unit="s", slider=(0.1, 10), step=0.1, label="longest scan",
         help="The limit that the scan is measured against.",
     )  # fmt: skip
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check(self)
 
     @property
     def poll(self) -> Poll:
         """The poll of one slave."""
-        return Poll.of(
-            ReadRequest(FunctionCode.READ_HOLDING_REGISTERS, 0, self.registers),
-            Serial(self.bit_rate, self.character),
+        return Poll(
+            Request.read_holding_registers(0, self.registers),
+            SerialLine(self.bit_rate, self.character),
             processing=1e-3 * self.processing_ms,
             timeout=1e-3 * self.timeout_ms,
             retries=self.retries,
@@ -138,14 +113,14 @@ class Result:
     @property
     def numbers(self) -> dict[str, str]:
         """Times and counts as text with units."""
-        serial = self.poll.serial
+        serial = self.poll.line
         on_line = serial.frame_time(self.poll.request_size) + serial.frame_time(
             self.poll.response_size
         )
         return {
-            "one slave": f"{1e3 * self.poll.answered:.1f} ms, of which "
+            "one slave": f"{1e3 * self.poll.time:.1f} ms, of which "
             f"{1e3 * on_line:.1f} ms bytes and {2e3 * serial.t35:.1f} ms silence",
-            "a dead slave costs": f"{1e3 * self.poll.given_up:.0f} ms",
+            "a dead slave costs": f"{1e3 * self.poll.timeout_time:.0f} ms",
             "scan with all alive": f"{self.healthy:.3f} s",
             "scan": f"{self.scan:.3f} s",
             "slaves that fit": f"{self.most_slaves}",
@@ -185,13 +160,13 @@ def update(inputs: Inputs) -> Result:
             other = replace(inputs, bit_rate=rate).poll
         except ArgumentError:
             continue
-        by_bit_rate[rate] = other.scan(inputs.slaves, dead=inputs.dead)
+        by_bit_rate[rate] = other.scan_time(inputs.slaves, dead=inputs.dead)
     return Result(
         inputs,
         poll,
-        poll.scan(inputs.slaves),
-        poll.scan(inputs.slaves, dead=inputs.dead),
-        poll.most_slaves(inputs.limit, dead=inputs.dead),
+        poll.scan_time(inputs.slaves),
+        poll.scan_time(inputs.slaves, dead=inputs.dead),
+        poll.max_slaves(inputs.limit, dead=inputs.dead),
         by_bit_rate,
     )
 

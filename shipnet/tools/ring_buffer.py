@@ -7,9 +7,9 @@ from types import MappingProxyType
 
 from matplotlib.axes import Axes
 
+from shipnet.fields import choice, record, series
 from shipnet.remote_control.packet import MarkerFormat, MarkerParser
 from shipnet.remote_control.ring_buffer import Ring, Rule, Step
-from shipnet.tools._inputs import check, choice, series
 from shipnet.tools._page import Button, Page
 from shipnet.tools._view import View
 
@@ -63,38 +63,23 @@ _ITEMS = 1
 _FORM = MarkerFormat(n_numbers=_ITEMS)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What has been chosen and done.
-
-    Parameters
-    ----------
-    size : int, default 16
-        Places of the ring, one of `SIZES`.
-    rule : str, default "printed"
-        Key of `RULES`.
-    actions : tuple of str, default ()
-        Keys of `ACTIONS`, in the order in which they are done; up to 2000.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is none of those to choose from.
-    """
+    """What has been chosen and done."""
 
     size: int = choice(
-        16, SIZES, label="places", help="Places of the ring; that of the paper has 128."
+        SIZES, default=16, label="places", help="Places of the ring; that of the paper has 128."
     )
-    rule: Rule = choice(  # noqa: RUF009 - it returns a field
-        "printed", RULES, label="reader", help="By which rule the reader works."
+    rule: Rule = choice(
+        RULES, default="printed", label="reader", help="By which rule the reader works."
     )
     actions: tuple[str, ...] = series(
-        ACTIONS, most=2000, label="actions", help="What has been done, from an empty ring on."
+        ACTIONS,
+        default=(),
+        most=2000,
+        label="actions",
+        help="What has been done, from an empty ring on.",
     )
-
-    def __post_init__(self) -> None:
-        """Check the choices."""
-        check(self)
 
     def then(self, action: str) -> Inputs:
         """Return the same with one action more.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -13,10 +13,10 @@ from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RULE_SETS
 from shipnet.design.settings import format_basis
 from shipnet.errors import ArgumentError
+from shipnet.fields import choice, number, record, switch, text
 from shipnet.tools._design_files import from_file, settings_from_file
 from shipnet.tools._design_result import Result
 from shipnet.tools._design_steps import EXAMPLES, MIXES, basis_of, compared, place, planned, points
-from shipnet.tools._inputs import check, choice, number, switch, text
 from shipnet.tools._page import Button, Page, Upload
 from shipnet.tools._view import View
 
@@ -55,127 +55,91 @@ _MIND = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What the controls say.
-
-    Parameters
-    ----------
-    points : str, default the main engine of the example ship
-        I/O list as CSV, with the columns of `shipnet.design.iolist.load_iolist`; up to a million
-        characters.
-    name : str
-        What the report calls it.
-    cabinet : str, default "26, 6, 14"
-        Where the cables end, x, y, z [m]; empty to find it from the lengths in the list.
-    rules : str, default "DNV"
-        One of `shipnet.design.rules.RULE_SETS`.
-    home_runs, junction_boxes, asi, can, modbus : bool, default True
-        Which options are compared.
-    mixed : str, default "none"
-        One of `MIXES`, compared with them.
-    redundant : bool, default False
-        Whether the trunks of CAN and Modbus are doubled.
-    spare : float, default 0.2
-        Spare pairs of trunks of many pairs, as a share of those in use, 0..1.
-    list_lengths : bool, default True
-        Whether a cable whose length the list gives keeps it.
-    detour : float, default 1.15
-        Laid length of a cable as a multiple of its way, 1..2.
-    update_ms : int, default 0
-        No point waits longer than this [ms]; 0 for what the list says.
-    labour : float, default 55
-        Labour rate [EUR/h], 10..200.
-    parts : float, default 1
-        Price of the parts of a bus as a multiple of what is assumed, 0.25..4.
-    own : str, default ""
-        Other limits and prices, as lines of a settings file (`shipnet.design.settings`); they win
-        over the controls.
-    picture : str, default "cost"
-        Key of `PICTURES`.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is outside its range.
-    """
+    """What the controls say."""
 
     points: str = text(
-        EXAMPLES["main engine"], most=_LONGEST, rows=6, label="I/O list",
+        default=EXAMPLES["main engine"], most=_LONGEST, rows=6, label="I/O list",
         help="A row a point, pasted from a spreadsheet or as CSV: tag, type or signal, and x, y, z "
         "or the length of its home run. It is read when you leave the editor.",
     )  # fmt: skip
     name: str = text(
-        "main engine (synthetic)", most=80, label="name of the list",
+        default="main engine (synthetic)", most=80, label="name of the list",
         help="What the report calls it.",
     )  # fmt: skip
     cabinet: str = text(
-        _CABINET, most=60, hint="found from the list", label="cabinet x, y, z [m]",
+        default=_CABINET, most=60, hint="found from the list", label="cabinet x, y, z [m]",
         help="Where the cables end. Left empty, it is found from the lengths that the list gives.",
     )  # fmt: skip
     home_runs: bool = switch(
-        True, label="home runs", help="A cable from each point to the cabinet."
+        default=True, label="home runs", help="A cable from each point to the cabinet."
     )
     junction_boxes: bool = switch(
-        True, label="junction boxes",
+        default=True, label="junction boxes",
         help="A cable from each point to a box, and one of many pairs from there to the cabinet.",
     )  # fmt: skip
-    asi: bool = switch(True, label="AS-i", help="Modules on a line of two conductors with supply.")
-    can: bool = switch(True, label="CAN", help="Stations on a trunk.")
-    modbus: bool = switch(True, label="Modbus RTU", help="Stations polled on RS-485.")
+    asi: bool = switch(
+        default=True, label="AS-i", help="Modules on a line of two conductors with supply."
+    )
+    can: bool = switch(default=True, label="CAN", help="Stations on a trunk.")
+    modbus: bool = switch(default=True, label="Modbus RTU", help="Stations polled on RS-485.")
     mixed: str = choice(
-        "none", {name: name for name in ("none", *MIXES)}, label="a mix",
+        {name: name for name in ("none", *MIXES)}, default="none", label="a mix",
         help="One option more: some points in one way, the others in another. Where boxes and "
         "stations are few, a mix may cost more than either.",
     )  # fmt: skip
     redundant: bool = switch(
-        False, label="two lines", help="The trunks of CAN and Modbus twice, on ways of their own."
+        default=False,
+        label="two lines",
+        help="The trunks of CAN and Modbus twice, on ways of their own.",
     )
     rules: str = choice(
-        "DNV", {name: name for name in RULE_SETS}, label="rules",
+        {name: name for name in RULE_SETS}, default="DNV", label="rules",
         help="Whose rules are checked. What a plan cannot show, or nobody has read, is not "
         "verified; it never passes.",
     )  # fmt: skip
     update_ms: int = choice(
-        0, {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
+        {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
+        default=0,
         unit="ms", slider=True, label="update, at most",
         help="No point waits longer than this; tighten it to see which bus gives out first.",
     )  # fmt: skip
     list_lengths: bool = switch(
-        True, label="lengths of the list",
+        default=True, label="lengths of the list",
         help="A cable keeps the length that the list gives it. Switched off, all lengths are "
         "reckoned from places, and options are weighed alike.",
     )  # fmt: skip
     detour: float = number(
-        1.15, 1, 2, step=0.05, label="detour",
+        1, 2, default=1.15, step=0.05, label="detour",
         help="Laid length of a cable as a multiple of its way square to the ship. Assumed.",
     )  # fmt: skip
     spare: float = number(
-        0.2, 0, 1, step=0.05, label="spare pairs",
+        0, 1, default=0.2, step=0.05, label="spare pairs",
         help="Of cables of many pairs, as a share of the pairs in use. Assumed.",
     )  # fmt: skip
     labour: float = number(
-        55.0, 10, 200, step=5, unit="EUR/h", label="labour rate",
+        10, 200, default=55.0, step=5, unit="EUR/h", label="labour rate",
         help="An hour of an electrician with overhead; its range goes with it. Assumed.",
     )  # fmt: skip
     parts: float = number(
-        1.0, 0.25, 4, step=0.05, label="price of bus parts",
+        0.25, 4, default=1.0, step=0.05, label="price of bus parts",
         help="Modules, stations, masters and supplies, as a multiple of what is assumed.",
     )  # fmt: skip
     own: str = text(
-        "", most=20_000, rows=4, hint="[asi]\nlength = 200", label="other limits and prices",
+        default="", most=20_000, rows=4,
+        hint="[asi]\nlength = 200", label="other limits and prices",
         help="Lines of a settings file: bit rates, lengths, currents, load, prices, the time of "
         "the host. They win over the controls. settings.toml, below the figure, has all there are.",
     )  # fmt: skip
     picture: str = choice(
-        "cost", PICTURES, label="figure",
+        PICTURES, default="cost", label="figure",
         help="Filled dots are not beaten in both axes; assumptions are those that decide between "
         "the first and the cheapest option.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Check the values, and that a saved state can hold the list."""
-        check(self)
         # JSON writes a character beyond ASCII as six, a line's end as two.
         beyond = len(self.points.encode("ascii", errors="ignore"))
         size = 6 * (len(self.points) - beyond) + beyond + self.points.count("\n")

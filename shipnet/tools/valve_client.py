@@ -20,12 +20,9 @@ from shipnet.ballast.plot import plot_screen
 from shipnet.ballast.registers import COMMAND_REGISTER, Code, RegisterMap, Status
 from shipnet.ballast.scan import READ_STATUS
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
-from shipnet.modbus.codes import ExceptionCode
-from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.request import WriteRegister
-from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
-from shipnet.tools._inputs import check, text, whole
+from shipnet.fields import check_whole, record, text, whole
+from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.pdu import ExceptionCode, Request
 from shipnet.tools._page import Button, Page
 from shipnet.tools._valve_link import Ask, Link, ModelValves
 from shipnet.tools._view import View
@@ -37,59 +34,46 @@ __all__ += ["draw", "explorer", "send", "update", "view"]
 _OWN, _MAP = 16, RegisterMap()
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What is typed.
-
-    Parameters
-    ----------
-    address : str, default ""
-        Where the server is, up to 200 characters; empty is the explorer's own.
-    port : int, default 5020
-        Its port, 1..65535; not looked at without an address.
-    valves : int, default 16
-        How many are shown, 1..247.
-    valve : int, default 1
-        Unit id of the chosen one, 1..valves.
-    target : int, default 40
-        Where it is sent by ``position``, 0..100 [%].
-
-    Raises
-    ------
-    ArgumentError
-        If a value is outside its range.
-    """
+    """What is typed."""
 
     address: str = text(
-        "", hint="own server", label="address",
+        default="", hint="own server", label="address",
         help="Name or address of a server; empty is one of its own, which this page starts.",
     )  # fmt: skip
     port: int = whole(
-        5020,
         1,
         0xFFFF,
+        default=5020,
         typed=True,
         label="port",
         help="Its port; without an address it is not read.",
     )
     valves: int = whole(
-        _OWN, 1, LAST_UNIT, typed=True, label="valves shown", help=f"Its own server has {_OWN}."
+        1,
+        MAX_UNIT,
+        default=_OWN,
+        typed=True,
+        label="valves shown",
+        help=f"Its own server has {_OWN}.",
     )
     valve: int = whole(
-        1, 1, LAST_UNIT, at_most="valves", label="valve", help="The valve that the buttons command."
+        1,
+        MAX_UNIT,
+        default=1,
+        at_most="valves",
+        label="valve",
+        help="The valve that the buttons command.",
     )
     target: int = whole(
-        40,
         0,
         100,
+        default=40,
         unit="%",
         label="position",
         help="Where the button of this name sends the valve.",
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +177,7 @@ def send(ask: Ask, valve: int, action: str, position: int | None = None) -> str:
     >>> send(ModelValves(4), 5, "close")
     'valve 5 refuses: gateway target failed to respond'
     """
-    unit = check_whole("valve", valve, 1, LAST_UNIT)
+    unit = check_whole("valve", valve, 1, MAX_UNIT)
     codes = {code.value.lower(): code for code in Code}
     codes["position"] = Code.POSITION_OPEN
     if action not in ("open", "close", "position", "manual", "auto"):
@@ -203,8 +187,8 @@ def send(ask: Ask, valve: int, action: str, position: int | None = None) -> str:
     if position is None and action == "position":
         raise ArgumentError("position is None; it must be a whole number 0..100 for position")
     value = _MAP.command(codes[action], position if position is not None else 0)
-    response = ask(unit, WriteRegister(COMMAND_REGISTER, value))
-    if isinstance(response, ExceptionResponse):
+    response = ask(unit, Request.write_single_register(COMMAND_REGISTER, value))
+    if response.exception is not None:
         return f"valve {unit} refuses: {_words(response.exception)}"
     where = f" {position} %" if action == "position" else ""
     return f"valve {unit}: {action}{where}"
@@ -239,7 +223,7 @@ def update(inputs: Inputs, ask: Ask) -> Result:
     words, units = [], []
     for unit in range(1, inputs.valves + 1):
         response = ask(unit, READ_STATUS)
-        if isinstance(response, ReadRegistersResponse):
+        if response.exception is None:
             words.append(response.registers)
             units.append(unit)
     status = _MAP.unpack(np.array(words, np.int64).reshape(-1, 4))

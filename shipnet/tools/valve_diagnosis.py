@@ -16,9 +16,9 @@ from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
+from shipnet.fields import choice, number, record, switch
 from shipnet.fuzzy.decision import Decision
 from shipnet.fuzzy.rules import NORMAL, RuleBase
-from shipnet.tools._inputs import check, choice, number, switch
 from shipnet.tools._page import Page, Preset
 from shipnet.tools._view import View
 
@@ -40,37 +40,14 @@ _BASE: RuleBase = rule_base()
 def _sensor(name: str, default: float, label: str, help: str) -> Any:
     variable = _BASE[name]
     return number(
-        default, variable.low, variable.high, unit=variable.unit, step=0.05, missing=True,
+        variable.low, variable.high, default=default, unit=variable.unit, step=0.05, missing=True,
         label=label, help=help,
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Inputs:
-    """What the sensors say.
-
-    Parameters
-    ----------
-    FP, OP : float, default 90 and 2
-        Pump and operating pressure, 0..160 and 0..10 [bar].
-    MC : float, default 1.2
-        Motor current, 0..6 [A].
-    OT : float, default 50
-        Motor temperature, 0..150 [degC].
-    VPos : float, default 50
-        Position, -20..320 [%]: the paper tests with 305.
-    DVPos : float, default 11
-        Speed of the position, 0..30 [%/s].
-    commanded : bool, default True
-        A command is active and its target not reached: only then DVPos counts.
-    cut : float, default 0.5
-        Strength from which on a rule is active, 0.05..1.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range. NaN is a sensor that says nothing.
-    """
+    """What the sensors say."""
 
     FP: float = _sensor("FP", 90.0, "pump pressure FP", "What the pump builds up; 90 is normal.")
     OP: float = _sensor("OP", 2.0, "operating press. OP", "What moves the valve; 2 is normal.")
@@ -81,27 +58,36 @@ class Inputs:
         "DVPos", 11.0, "speed DVPos", "How fast the position changes; counts under a command only."
     )
     commanded: bool = switch(
-        True, label="a command is active", help="The valve has not yet reached its target."
+        default=True, label="a command is active", help="The valve has not yet reached its target."
     )
     cut: float = number(
-        0.5, 0.05, 1.0, step=0.05, label="cut", help="Strength from which on a rule is active."
+        0.05,
+        1.0,
+        default=0.5,
+        step=0.05,
+        label="cut",
+        help="Strength from which on a rule is active.",
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check(self)
 
 
 @dataclass(frozen=True, slots=True)
 class _Plant:
     fault: str = choice(
-        NORMAL, [NORMAL, *FAULTS], label="fault", help="A fault of the plant; it sets the sensors."
+        [NORMAL, *FAULTS],
+        default=NORMAL,
+        label="fault",
+        help="A fault of the plant; it sets the sensors.",
     )
     severity: float = number(
-        1.0, 0, 1, step=0.01, label="its severity", help="0 is healthy, 1 the fault in full."
+        0,
+        1,
+        default=1.0,
+        step=0.01,
+        label="its severity",
+        help="0 is healthy, 1 the fault in full.",
     )
     state: str = choice(
-        "opening", list(STATES), label="the valve is",
+        list(STATES), default="opening", label="the valve is",
         help="What it does; one that moves starts half open and is read after 4 s.",
     )  # fmt: skip
 

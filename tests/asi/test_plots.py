@@ -12,10 +12,9 @@ from shipnet.asi.receiver import eye
 from shipnet.asi.topology import straight_line
 from shipnet.design.plot import plot_asi, plot_hardwired
 from shipnet.errors import ArgumentError, LengthError
-from shipnet.papers import counts
+from shipnet.papers import ledger
 from shipnet.papers.icn2007.plot import plot_bits_and_pulses, plot_heights, plot_margins
 from shipnet.papers.kim2023.tolerances import train_of
-from shipnet.papers.plot import plot_counts
 
 IOLIST = datasets.read("synthetic_iolist_valves.csv")
 
@@ -116,8 +115,8 @@ def test_io_codes_read_down_from_d0(ax):
 
 
 def test_counts_are_drawn_one_bar_a_paper(ax):
-    table = counts()
-    plot_counts(table, ax=ax)
+    table = ledger().counts()
+    assert ledger().plot(ax=ax) is ax
     assert len(ax.patches) == 6 * len(table)
     assert sum(patch.get_width() for patch in ax.patches) == table["claims"].sum()
     assert [label.get_text() for label in ax.get_yticklabels()] == list(table.index)

@@ -11,7 +11,7 @@ from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.simulation import Recorder, simulate
 from shipnet.ballast.valve_faults import FAULTS
 from shipnet.errors import ArgumentError
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.uart import SerialLine
 
 
 def test_the_three_tests_of_control_are_passed_with_noise():
@@ -138,5 +138,5 @@ def test_a_bad_argument_is_named(make, message):
 def test_a_rate_below_those_printed_is_too_slow():
     # At the slowest that is printed all tests are passed: kim2014, part 3 shows it.
     # Here it is so slow that the screen is older than what is left of the 10 s after a stroke.
-    late = acceptance(serial=Serial(300), tests=["remote"])
+    late = acceptance(serial=SerialLine(300), tests=["remote"])
     assert not late["passed"].all()

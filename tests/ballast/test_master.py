@@ -11,12 +11,13 @@ from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.scan import assignment, scan_table, status_poll, worst_age
 from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError, FrameError
-from shipnet.modbus.ring import Break, DeadPort, DeadSlave, Loop, Short, Supervision, worst_gap
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.answer import answer_table, write_outcome
 from shipnet.papers.kim2014.printed_messages import standard_adu
 
-LINE = Serial(9600)
+LINE = SerialLine(9600)
 
 
 def loop(n, serial=LINE, **options):
@@ -76,7 +77,7 @@ def test_a_command_goes_out_between_two_polls_and_costs_its_transaction():
     run = operate(Plant(n_valves=10), loop(10), [Command("open", 1.0, valves=[2, 5])], duration=3)
     first, second = run.commands.itertuples()
     assert (first.unit, second.unit) == (3, 6)
-    assert 1.0 <= first.sent_s < 1.0 + status_poll(LINE).answered
+    assert 1.0 <= first.sent_s < 1.0 + status_poll(LINE).time
     assert second.sent_s == first.free_s
     assert first.free_s - first.sent_s == pytest.approx(run.write_time)
     assert run.scan_gap == pytest.approx(run.system.period + 2 * run.write_time)
@@ -84,13 +85,13 @@ def test_a_command_goes_out_between_two_polls_and_costs_its_transaction():
 
 
 def test_without_commands_the_station_polls_as_the_ring_does():
-    from shipnet.modbus.ring import simulate
+    from shipnet.modbus.simulation import simulate
 
     system = loop(12, timeout=0.3)
     faults = [Break(5, start=2.0), DeadSlave(3, start=4.0, stop=90.0)]
     station = Station(Plant(n_valves=12), system, faults)
     station.run_until(150.0)
-    theirs = simulate(system, faults, duration=150.0)
+    theirs = simulate(system, faults=faults, until=150.0)
     ours = [t for t in station.tries if t[0] < 150]
     assert [t[1:] for t in ours] == [t[1:] for t in theirs.tries]
     assert [t[0] for t in ours] == pytest.approx([t[0] for t in theirs.tries])
@@ -105,7 +106,7 @@ def test_no_gap_is_longer_than_the_ring_allows(faults):
     system = loop(10, timeout=0.4)
     begun = [replace(fault, start=1.7) for fault in faults]
     run = operate(Plant(n_valves=10), system, duration=30, faults=begun)
-    bound = worst_gap(system, faults)
+    bound = system.worst_gap(faults)
     for unit in range(1, 11):
         shown = run.answers.query(f"unit == {unit}")["shown_s"].to_numpy()
         if np.isfinite(bound[unit - 1]):
@@ -158,7 +159,7 @@ def test_an_answer_at_the_end_that_nobody_waits_for_garbles_one_transaction():
     assert len(failed) == 1
     start = failed[0][0]
     assert start < 2.0 + 9.0 + LINE.t35 + LINE.frame_time(8) + 0.1
-    assert start + run.system.poll.answered > 2.0 + 9.0 - 0.1
+    assert start + run.system.poll.time > 2.0 + 9.0 - 0.1
     table = answer_table(LINE, 5, 9.0)
     assert run.commands["free_s"][0] - run.commands["sent_s"][0] == pytest.approx(
         table.loc["at the end", "write_s"]
@@ -250,20 +251,23 @@ def _open():
         max_size=6,
     ),
     st.booleans(),
-    st.lists(st.sampled_from([Break(0, 2.0), Break(3, 1.0, 4.0), DeadSlave(2, 3.0), DeadPort("B")]),
-             max_size=2, unique=True),
+    st.lists(
+        st.sampled_from([Break(0, start=2.0), Break(3, start=1.0, stop=4.0),
+                         DeadSlave(2, start=3.0), DeadPort("B")]),
+        max_size=2, unique=True,
+    ),
 )  # fmt: skip
 def test_time_moves_on_and_nothing_overlaps_whatever_happens(orders, at_end, faults):
     commands = [
         Command(action, time, valves=valve, position=50 if action == "position" else None)
         for action, time, valve in orders
     ]
-    system = Loop(5, status_poll(LINE, timeout=0.1), Supervision(recheck=1.0))
+    system = Loop(5, status_poll(LINE, timeout=0.1), recheck=1.0)
     run = operate(
         Plant(n_valves=5), system, commands, duration=8, faults=faults, answer_at_end=at_end,
         timeout=2.0,
     )  # fmt: skip
-    spans = [(t[0], t[0] + (system.poll.answered if t[4] else system.poll.unanswered))
+    spans = [(t[0], t[0] + (system.poll.time if t[4] else system.poll.unanswered_time))
              for t in run.tries]  # fmt: skip
     spans = sorted(spans + [(w.time, w.end) for w in run.writes])
     assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(spans))

@@ -9,8 +9,9 @@ from shipnet.ballast.plot import plot_diagnosis, plot_operation, plot_screen
 from shipnet.ballast.scan import status_poll
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.valve_faults import Fault
-from shipnet.modbus.ring import DeadSlave, Loop
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.faults import DeadSlave
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.uart import SerialLine
 
 
 def axes():
@@ -19,7 +20,7 @@ def axes():
 
 def test_the_screen_has_a_bar_as_high_as_each_valve_is_open():
     plant = Plant(n_valves=5, opening=[0, 1, 0.4, 0, 0.5])
-    run = operate(plant, Loop(5, status_poll(Serial(9600))), duration=3, faults=[DeadSlave(4)])
+    run = operate(plant, Loop(5, status_poll(SerialLine(9600))), duration=3, faults=[DeadSlave(4)])
     ax = plot_screen(run.screen(), ax=axes(), columns=3)
     bars = [bar for bar in ax.patches if bar.get_linewidth() != 0.5]
     heights = np.array([bar.get_height() for bar in bars]) / 0.62

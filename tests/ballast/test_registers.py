@@ -13,9 +13,8 @@ from shipnet.ballast.registers import (
 )
 from shipnet.ballast.rule_table import rule_base
 from shipnet.errors import ArgumentError, FieldError, LengthError
-from shipnet.modbus.frame import decode_tcp
-from shipnet.modbus.reader import decode_response
-from shipnet.modbus.request import ReadRequest, WriteRegister
+from shipnet.modbus.adu import decode
+from shipnet.modbus.pdu import Request, Response
 from shipnet.papers.kim2014.printed_messages import (
     MESSAGES,
     message_table,
@@ -164,13 +163,13 @@ def test_the_length_field_of_every_printed_message_counts_what_follows(message):
 
 
 def test_our_decoder_takes_the_standard_bytes_and_refuses_the_printed_ones():
-    read, write = ReadRequest(4, 0x4020, 4), WriteRegister(0x4001, 0)
+    read, write = Request.read_input_registers(0x4020, 4), Request.write_single_register(0x4001, 0)
     words = (0x2828, 0x0024, 0x325A, 0x0C15)
-    standard = decode_tcp(standard_adu("read response", registers=words)).pdu
-    assert decode_response(standard, read).registers == words
+    standard = decode(standard_adu("read response", registers=words), "tcp").pdu
+    assert Response.parse(standard, read).registers == words
     for message, request in (("read response", read), ("write error", write)):
         with pytest.raises(LengthError):
-            decode_response(decode_tcp(printed_adu(message, registers=words)).pdu, request)
+            Response.parse(decode(printed_adu(message, registers=words), "tcp").pdu, request)
 
 
 def test_pymodbus_takes_the_standard_bytes_and_refuses_the_printed_ones():

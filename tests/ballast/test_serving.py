@@ -15,7 +15,7 @@ from shipnet.ballast.live import parse_fault, valve_server
 from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.uart import SerialLine
 from tests.support import require
 
 OPEN, CLOSE, HALF = 8, 4, 50 << 8 | 10
@@ -83,7 +83,7 @@ def test_a_fault_acts_on_its_valve_only():
 def test_a_serial_line_has_the_valves_too():
     require("pty", hasattr(os, "openpty"), "there are no pseudo-terminals")
     ours, theirs = os.openpty()
-    name, line = os.ttyname(theirs), Serial(115200, "8N1")
+    name, line = os.ttyname(theirs), SerialLine(115200, "8N1")
     try:
         server = valve_server(2, speed=1000, transport="rtu", serial_port=name, serial=line)
         with server, os.fdopen(os.dup(ours), "r+b", buffering=0) as port:

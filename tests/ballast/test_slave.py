@@ -16,23 +16,24 @@ from shipnet.ballast.simulation import Recorder, simulate
 from shipnet.ballast.slave import Monitor, ValveDevice, valve_slaves
 from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
-from shipnet.modbus.reader import decode_response
-from shipnet.modbus.request import ReadRequest, WriteRegister
-from shipnet.modbus.ring import Break, Loop
-from shipnet.modbus.server import Device, DeviceError, Table
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.faults import Break
+from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.slave import Device, DeviceError
+from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.answer import answer_table, write_outcome
 
 MAP = RegisterMap()
-READ = ReadRequest(4, 0x4020, 4)
+READ = Request.read_input_registers(0x4020, 4)
 
 
 def write(device, code, time, position=0):
-    device.write(Table.HOLDING_REGISTERS, 0x4001, [MAP.command(code, position)], time)
+    device.write("holding_registers", 0x4001, [MAP.command(code, position)], time)
 
 
 def status(device, time):
-    return MAP.unpack([device.read(Table.INPUT_REGISTERS, 0x4020, 4, time)])
+    return MAP.unpack([device.read("input_registers", 0x4020, 4, time)])
 
 
 def test_a_valve_is_a_device_of_the_server():
@@ -106,9 +107,9 @@ def test_valves_of_one_plant_share_its_time_and_nothing_else():
 
 def test_slaves_answer_requests_and_exceptions_as_the_standard_wants():
     slave = valve_slaves(Plant())[1]
-    echo = WriteRegister(0x4001, MAP.command(Code.POSITION_OPEN, 40))
+    echo = Request.write_single_register(0x4001, MAP.command(Code.POSITION_OPEN, 40))
     assert slave.answer(echo.pdu) == echo.pdu
-    answer = decode_response(slave.answer(READ.pdu, 2.0), READ)
+    answer = Response.parse(slave.answer(READ.pdu, 2.0), READ)
     assert MAP.unpack([answer.registers]).readings[4, 0] == 22
     exceptions = {
         "03 4020 0004": 1, "04 4020 0005": 2, "04 401f 0001": 2, "06 4002 0001": 2,
@@ -216,7 +217,7 @@ def test_the_watchdog_is_reached_through_slaves_station_and_server():
     write(slaves[1].device, Code.OPEN, 0.0)
     assert status(slaves[1].device, 12.0).readings[4, 0] == 22
     # Cut off from both ends, the first valve hears nothing more.
-    loop = Loop(2, status_poll(Serial(9600)))
+    loop = Loop(2, status_poll(SerialLine(9600)))
     lost = [Break(0, 3.0), Break(1, 3.0)]
     ends = []
     for watchdog in (None, 5.0):
@@ -254,17 +255,17 @@ def walk(serial, movement, timeout, retries):
     retries=st.integers(0, 5),
 )
 def test_an_answer_at_the_end_costs_what_a_walk_through_it_costs(baud, movement, timeout, retries):
-    serial = Serial(baud)
+    serial = SerialLine(baud)
     found = write_outcome(serial, 50, movement, at_end=True, timeout=timeout, retries=retries)
     time, tries, answered = walk(serial, movement, timeout, retries)
     assert (found.tries, found.answered) == (tries, answered)
     assert found.write_time == pytest.approx(time, abs=2 * serial.frame_time(8))
-    scan = Poll.of(READ, serial).scan(50)
+    scan = Poll(READ, serial).scan_time(50)
     assert found.scan_gap == pytest.approx(scan + found.write_time)
 
 
 def test_at_the_end_the_master_times_out_or_sees_nothing_of_the_movement():
-    table = answer_table(Serial(9600), 100, 9.0)
+    table = answer_table(SerialLine(9600), 100, 9.0)
     assert table["answered"].tolist() == [True, False, True]
     assert table["polls_while_moving"].tolist() == [3, 3, 0]
     assert table["scan_gap_s"].iloc[2] > 9 + table["scan_gap_s"].iloc[0] - 0.1
@@ -274,9 +275,9 @@ def test_at_the_end_the_master_times_out_or_sees_nothing_of_the_movement():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: write_outcome(Serial(9600), 0, 9, at_end=True), "n_slaves is 0"),
-        (lambda: write_outcome(Serial(9600), 5, -1, at_end=True), "movement is -1"),
-        (lambda: write_outcome(Serial(9600), 5, 9, at_end=True, timeout=0), "timeout is 0"),
+        (lambda: write_outcome(SerialLine(9600), 0, 9, at_end=True), "n_slaves is 0"),
+        (lambda: write_outcome(SerialLine(9600), 5, -1, at_end=True), "movement is -1"),
+        (lambda: write_outcome(SerialLine(9600), 5, 9, at_end=True, timeout=0), "timeout is 0"),
         (lambda: ValveDevice(Plant(), 1), "valve is 1"),
         (lambda: ValveDevice(Plant(), watchdog=0), "watchdog is 0"),
         (lambda: valve_slaves(Plant(), watchdog=0), "watchdog is 0"),

@@ -36,7 +36,7 @@ OUTSIDE = """() => [...document.querySelectorAll(".shipnet-panel")].flatMap(pane
 SLOW = """
 import time
 from dataclasses import dataclass
-from shipnet.tools._inputs import number
+from shipnet.fields import number
 from shipnet.tools._page import Page
 from shipnet.tools._view import View
 
@@ -254,7 +254,7 @@ def test_the_scan_explorer_waits_for_a_dead_slave(page, app):
 def test_the_engine_explorer_marks_a_dead_box_late(page, app):
     tool = Tool.opened(page, app, "engine_faults")
     tool.moves(
-        lambda: tool.choose("design", "mended, CAN as a line"),
+        lambda: tool.choose("design", "corrected, CAN as a line"),
         "18 old values shown as good",
         "0 old values",
     )

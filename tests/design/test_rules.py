@@ -27,9 +27,12 @@ from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.engine import class_rules
 from shipnet.errors import ArgumentError, InputError
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.ring import Break, Loop, sweep
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.faults import Break
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.uart import SerialLine
+from tests.modbus.sweeps import sweep
 
 
 def changed(network, **tables):
@@ -172,8 +175,8 @@ def planned(option, signals=("contact",) * 3, **settings):
 def test_the_switch_over_of_a_loop_is_what_the_simulated_master_needs():
     network = planned("Modbus RTU", redundant=True)
     row = judged(network, "switch-over", 5.0, confirmed=True)
-    line = Serial(9600)
-    poll = Poll.of(ReadRequest(4, 0, 1), line, processing=0.005,
+    line = SerialLine(9600)
+    poll = Poll(Request.read_input_registers(0, 1), line, processing=0.005,
                    timeout=1.005 + line.frame_time(256))  # fmt: skip
     loop = Loop(3, poll)
     assert row["computed"] == pytest.approx(float(loop.gaps(0, 3, 0)[1]))

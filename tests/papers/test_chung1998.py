@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shipnet.errors import ArgumentError
-from shipnet.papers import counts
+from shipnet.papers import ledger
 from shipnet.papers.chung1998 import given_up, link, recovered, ring, ring_trials, send_loops
 from shipnet.papers.chung1998.link import PRINTED, chips_needed
 from shipnet.remote_control import (
@@ -23,7 +23,7 @@ from shipnet.remote_control.system import BIT_RATES
 
 
 def test_no_claim_is_open():
-    assert counts().loc["chung1998", "open"] == 0
+    assert ledger().counts().loc["chung1998", "open"] == 0
 
 
 def test_three_seconds_need_both_tests_to_be_reached():

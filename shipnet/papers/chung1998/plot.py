@@ -11,6 +11,7 @@ from matplotlib.patches import FancyBboxPatch, Patch, Rectangle
 
 from shipnet import style
 from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings, stored
+from shipnet.papers.registry import figure
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.signals import HOPS, signals_on
 
@@ -27,6 +28,7 @@ _STATIONS = {
 }
 
 
+@figure("chung1998", "Fig 1")
 def plot_stations(*, ax: Axes) -> Axes:
     """Draw the three stations and the values that cross each line: Fig 1."""
     for name, (x, what) in _STATIONS.items():
@@ -154,6 +156,7 @@ def plot_outside(table: pd.DataFrame, *, ax: Axes) -> Axes:
     return ax
 
 
+@figure("chung1998", "Fig 9")
 def plot_given_up(*, ax: Axes, items: int = 10) -> Axes:
     """Draw how many bytes the repair of Fig 9 gives up, over the place of the writer."""
     places = np.arange(SIZE)

@@ -4,6 +4,10 @@
 kim2023 repeats are registered beside it, in `shipnet.papers.kim2023`.
 """
 
-from shipnet.papers.icn2007 import access, signals, structures, telegrams
+from shipnet.papers.icn2007 import access, telegrams  # noqa: F401 - they register
+from shipnet.papers.icn2007.rates import bus_efficiencies, rate_table, rates
+from shipnet.papers.icn2007.signals import arriving_share, consumer_drop, pulse_height, share_above
+from shipnet.papers.icn2007.structures import allowed
 
-__all__ = ["access", "signals", "structures", "telegrams"]
+__all__ = ["allowed", "arriving_share", "bus_efficiencies", "consumer_drop", "pulse_height"]
+__all__ += ["rate_table", "rates", "share_above"]

@@ -46,7 +46,34 @@ def rates(
     management: int = 1,
     inclusion: int = 1,
 ) -> Rates:
-    """Return the rates over one transaction, or over a whole cycle."""
+    """Return gross rate, net rate and efficiency over one transaction, or over a whole cycle.
+
+    Parameters
+    ----------
+    transaction : asi.Transaction, optional
+        The transaction; with pauses of 2 and 2 bit times if omitted.
+    addresses : int, optional
+        Slaves in the cycle, 1..31; a single transaction if omitted.
+    user_bits : int, default 8
+        User bits of a transaction in both directions, 0..8.
+    management, inclusion : int, default 1
+        Transactions of a cycle beside those for data.
+
+    Returns
+    -------
+    Rates
+        `gross` and `net` [bit/s], `efficiency` 0..1.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> rates().efficiency
+    0.32
+    """
     transaction = Transaction(2, 2) if transaction is None else transaction
     bits = check_whole("user_bits", user_bits, 0, USER_BITS)
     gross = 1 / transaction.bit_time
@@ -62,7 +89,19 @@ def rates(
 
 
 def rate_table() -> pd.DataFrame:
-    """Return the rates under each assumption about the length of a transaction."""
+    """Return the rates under each assumption about the length of a transaction.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per assumption: ``transaction_bit``, ``net_kbit_per_s``, ``efficiency_percent`` and
+        the ``assumption`` in words.
+
+    Examples
+    --------
+    >>> rate_table()["efficiency_percent"].round(1).head(2).tolist()
+    [32.7, 32.0]
+    """
     import pandas as pd
 
     pauses = {
@@ -95,6 +134,26 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
     r"""Return the efficiencies of three buses that exchange the same data with one station.
 
     .. math:: \eta = \frac{2 n}{\text{bit times of all frames and silences}}
+
+    Parameters
+    ----------
+    user_bits : array_like of int
+        User bits n in each direction, 1..1936.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per number of bits, a column each for ``as_i``, ``can`` and ``modbus_rtu``.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> bus_efficiencies(4).round(2).values.tolist()
+    [[0.32, 0.07, 0.03]]
     """
     import pandas as pd
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import product
 
 from shipnet.errors import ArgumentError
-from shipnet.modbus.frame import encode_rtu
-from shipnet.modbus.request import ReadRequest
+from shipnet.modbus.adu import rtu_frame
+from shipnet.modbus.pdu import Request
 from shipnet.papers.kim2014.switches import unit_id
 from shipnet.papers.registry import numeric
 
@@ -36,7 +36,7 @@ def addresses(bits: int = 8) -> list[int]:
 
 def _legal(unit: int) -> bool:
     try:
-        encode_rtu(unit, ReadRequest(4, 0, 1).pdu)  # type: ignore[arg-type]
+        rtu_frame(unit, Request.read_input_registers(0, 1).pdu)
     except ArgumentError:
         return False
     return True

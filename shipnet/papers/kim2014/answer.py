@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.request import ReadRequest, WriteRegister
-from shipnet.modbus.timing import Poll, Serial
+from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,7 +34,7 @@ class WriteOutcome(NamedTuple):
 
 
 def write_outcome(
-    serial: Serial,
+    serial: SerialLine,
     n_slaves: int,
     movement: float,
     *,
@@ -42,19 +43,21 @@ def write_outcome(
     retries: int = 0,
 ) -> WriteOutcome:
     """Return what a command to one valve does to a scan of all."""
-    slaves = check_whole("n_slaves", n_slaves, 1, LAST_UNIT)
+    slaves = check_whole("n_slaves", n_slaves, 1, MAX_UNIT)
     moving = check_scalar("movement", movement, "s", 0, 3600)
-    write = Poll.of(WriteRegister(COMMAND_REGISTER, 0), serial, timeout=timeout, retries=retries)
-    read = Poll.of(ReadRequest(4, FIRST_REGISTER, N_REGISTERS), serial)  # type: ignore[arg-type]
-    scan = read.scan(slaves)
-    tries, answered, cost = 1, True, write.answered
+    write = Poll(
+        Request.write_single_register(COMMAND_REGISTER, 0), serial, timeout=timeout, retries=retries
+    )
+    read = Poll(Request.read_input_registers(FIRST_REGISTER, N_REGISTERS), serial)
+    scan = read.scan_time(slaves)
+    tries, answered, cost = 1, True, write.time
     if at_end:
         # From the end of the first try to the end of the answer, and how many tries that spans.
         late = write.shortest_timeout + moving
-        tries = 1 + max(ceil((late - write.timeout) / write.unanswered), 0)
+        tries = 1 + max(ceil((late - write.timeout) / write.unanswered_time), 0)
         answered = tries <= write.retries + 1
         # A try that the answer interrupts has been sent in vain, but not waited for in full.
-        cost = write.answered + moving if answered else write.given_up
+        cost = write.time + moving if answered else write.timeout_time
         tries = min(tries, write.retries + 1)
     busy = cost if at_end else 0.0
     polls = 0 if busy >= moving else ceil((moving - busy) / scan)
@@ -62,7 +65,7 @@ def write_outcome(
 
 
 def answer_table(
-    serial: Serial,
+    serial: SerialLine,
     n_slaves: int,
     movement: float,
     *,
@@ -72,7 +75,7 @@ def answer_table(
     """Compare both moments of the answer, and the second with a timeout that waits for it."""
     import pandas as pd
 
-    plain = Poll.of(WriteRegister(COMMAND_REGISTER, 0), serial)
+    plain = Poll(Request.write_single_register(COMMAND_REGISTER, 0), serial)
     patient = replace(plain, timeout=3600.0, processing=movement).shortest_timeout
     cases = {
         "at the start": (False, timeout),

@@ -6,9 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from shipnet.modbus.datagram import LossyPath, poll
-from shipnet.modbus.frame import encode_tcp
-from shipnet.modbus.request import ReadRequest
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.udp import LossyPath, simulate
 from shipnet.papers.registry import check
 
 __all__ = ["MODBUS_TCP"]
@@ -35,16 +34,15 @@ def identifier_zero_is_enough(*, late: float = 0.02) -> bool:
     """Whether no answer is taken for another's if all have identifier 0 and a share is late."""
     units = np.tile(np.arange(1, 6), 200)
     path = LossyPath(late=late, lateness=0.6)
-    rng = np.random.default_rng(2024)
-    return poll(units, path, rng, transaction_ids="zero").mixed_up == 0
+    return simulate(units, path, match="nothing", rng=2024).mismatched == 0
 
 
 @check("kim2014-057", counter={"widths": (2, 2, 1, 2)})
 def header_has_these_fields(*, widths: tuple[int, ...] = (2, 2, 2, 1)) -> bool:
     """Whether a header falls into identifier, 0, length of what follows it, and unit id."""
     identifier, unit = 0x1501, 17
-    pdu = ReadRequest(4, 0x4020, 4).pdu  # type: ignore[arg-type]
-    adu = encode_tcp(unit, pdu, identifier)
+    request = Request.read_input_registers(0x4020, 4)
+    pdu, adu = request.pdu, request.tcp(unit, identifier)
     ends = np.cumsum([0, *widths])
     fields = [int.from_bytes(adu[a:b], "big") for a, b in pairwise(ends)]
     return fields == [identifier, 0, len(pdu) + 1, unit] and sum(widths) + len(pdu) == len(adu)

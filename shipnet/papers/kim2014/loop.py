@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 from shipnet.ballast import scan
 from shipnet.engine.class_rules import RULES
-from shipnet.engine.serial_interface import INTERFACES
-from shipnet.modbus.frame import LAST_UNIT
-from shipnet.modbus.ring import Break, DeadPort, Loop, Supervision, worst_gap
-from shipnet.modbus.timing import SILENCE_LIMIT, Poll, Serial
+from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.electrical import INTERFACES
+from shipnet.modbus.faults import Break, DeadPort
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.answer import write_outcome
 from shipnet.papers.registry import check, numeric
 
@@ -23,7 +25,7 @@ __all__ = ["RATES", "break_table", "scan_table", "status_poll"]
 #: Common rates between the ends that sections 3.2 and 3.3 print [bit/s].
 RATES = scan.BIT_RATES
 
-_RULES = (Supervision(), Supervision(move="beyond"))
+_MOVES: tuple[Literal["slave", "downstream"], ...] = ("slave", "downstream")
 
 
 def status_poll(rate: float = 9600.0, **settings: float) -> Poll:
@@ -44,16 +46,16 @@ def status_poll(rate: float = 9600.0, **settings: float) -> Poll:
 
     Examples
     --------
-    >>> round(status_poll(115200).scan(247), 2)
+    >>> round(status_poll(115200).scan_time(247), 2)
     1.36
     """
-    return scan.status_poll(Serial(rate), **settings)  # type: ignore[arg-type]
+    return scan.status_poll(SerialLine(rate), **settings)  # type: ignore[arg-type]
 
 
 @numeric("kim2014-005")
-def silence(*, rate: float = float(SILENCE_LIMIT)) -> float:
+def silence(*, rate: float = float(SerialLine.SILENCE_LIMIT)) -> float:
     """Characters of silence between two frames, at the highest rate that counts them so."""
-    return Serial(rate).t35 / Serial(rate).character_time
+    return SerialLine(rate).t35 / SerialLine(rate).character_time
 
 
 @numeric("kim2014-077")
@@ -63,15 +65,15 @@ def silence_at_highest_rate(*, rate: float = 115200.0) -> float:
 
 
 @numeric("kim2014-075")
-def slowest_scan(*, slaves: int = LAST_UNIT, rate: float = 2400.0) -> float:
+def slowest_scan(*, slaves: int = MAX_UNIT, rate: float = 2400.0) -> float:
     """Seconds to read the status of all slaves at the lowest rate."""
-    return status_poll(rate).scan(slaves)
+    return status_poll(rate).scan_time(slaves)
 
 
 @numeric("kim2014-076")
-def fastest_scan(*, slaves: int = LAST_UNIT, rate: float = 115200.0) -> float:
+def fastest_scan(*, slaves: int = MAX_UNIT, rate: float = 115200.0) -> float:
     """Seconds to read the status of all slaves at the highest rate."""
-    return status_poll(rate).scan(slaves)
+    return status_poll(rate).scan_time(slaves)
 
 
 @check("kim2014-008", counter={"breaks": 2})
@@ -92,7 +94,7 @@ def every_slave_has_two_ways(*, dead: Literal["A", "B", ""] = "", slaves: int = 
 @check("kim2014-051", counter={"at_end": False})
 def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 10.0) -> bool:
     """Whether a valve is polled while it moves, if it replies to the command at the end of it."""
-    outcome = write_outcome(Serial(9600), 5, movement, at_end=at_end, timeout=2 * movement)
+    outcome = write_outcome(SerialLine(9600), 5, movement, at_end=at_end, timeout=2 * movement)
     return outcome.answered and outcome.polls_while_moving > 0
 
 
@@ -109,7 +111,7 @@ def asks_for_two_lines(*, text: str = "SOLAS") -> bool:
     return any(text in rule.elsewhere for rule in RULES if rule.name == "links duplicated")
 
 
-def scan_table(n_slaves: int = LAST_UNIT, *, processing: float = 0.0) -> pd.DataFrame:
+def scan_table(n_slaves: int = MAX_UNIT, *, processing: float = 0.0) -> pd.DataFrame:
     """Return how long a scan takes at the rates between those that the paper prints.
 
     Parameters
@@ -136,7 +138,7 @@ def scan_table(n_slaves: int = LAST_UNIT, *, processing: float = 0.0) -> pd.Data
 
 
 def break_table(
-    n_slaves: int = LAST_UNIT, *, timeouts: Sequence[float] = (0.05, 0.1, 0.5, 1.0)
+    n_slaves: int = MAX_UNIT, *, timeouts: Sequence[float] = (0.05, 0.1, 0.5, 1.0)
 ) -> pd.DataFrame:
     """Return how long data stay away when the loop breaks in its middle, at 9600 bit/s.
 
@@ -165,7 +167,7 @@ def break_table(
     rows = []
     for timeout in timeouts:
         poll = status_poll(timeout=timeout)
-        alone, beyond = (Loop(n_slaves, poll, rule) for rule in _RULES)
-        rows.append([float(worst_gap(one, middle).max()) for one in (alone, beyond)])
+        loops = [Loop(n_slaves, poll, move=move) for move in _MOVES]
+        rows.append([float(loop.worst_gap(middle).max()) for loop in loops])
     columns = ["one_by_one_s", "with_those_beyond_s"]
     return pd.DataFrame(rows, columns=columns, index=pd.Index(timeouts, name="timeout_s"))

@@ -9,12 +9,9 @@ import numpy as np
 from shipnet import datasets
 from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.errors import ArgumentError, FrameError
-from shipnet.modbus.codes import LARGEST_PDU, FunctionCode
-from shipnet.modbus.frame import encode_rtu
-from shipnet.modbus.reader import decode_response
-from shipnet.modbus.request import ReadRequest, WriteRegister
-from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
-from shipnet.modbus.server import RegisterDevice, Slave
+from shipnet.modbus.adu import rtu_frame
+from shipnet.modbus.pdu import MAX_PDU, FunctionCode, Request, Response
+from shipnet.modbus.slave import Slave
 from shipnet.papers.kim2014.printed_messages import MESSAGES, printed_adu, standard_adu
 from shipnet.papers.registry import check, numeric
 
@@ -54,21 +51,21 @@ def table_1() -> dict[str, int]:
     return sizes
 
 
-def _answer(registers: int) -> ReadRegistersResponse:
-    return ReadRegistersResponse(_READ, (0,) * registers)
+def _answer(registers: int) -> Response:
+    return Response(_READ, registers=(0,) * registers)
 
 
 @numeric("kim2014-006")
 def crc_bits(*, address: int = 1) -> int:
     """Bits that an RTU frame has beside its PDU and an address of so many bytes."""
-    pdu = ReadRequest(_READ, FIRST_REGISTER, N_REGISTERS).pdu
-    return 8 * (len(encode_rtu(1, pdu)) - len(pdu) - address)
+    pdu = Request.read(_READ, FIRST_REGISTER, N_REGISTERS).pdu
+    return 8 * (len(rtu_frame(1, pdu)) - len(pdu) - address)
 
 
 @numeric("kim2014-009", "kim2014-018")
 def write_error(*, function: int = 6) -> int:
     """First byte of an exception response to this function code."""
-    return ExceptionResponse(function, 1).pdu[0]  # type: ignore[arg-type]
+    return Response(function, exception=1).pdu[0]  # type: ignore[arg-type]
 
 
 @numeric("kim2014-052")
@@ -78,7 +75,7 @@ def read_error(*, function: int = 4) -> int:
 
 
 @numeric("kim2014-010")
-def most_registers(*, longest_pdu: int = LARGEST_PDU) -> int:
+def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
     """Registers that one response can hold."""
     return (longest_pdu - len(_answer(1).pdu) + 2) // 2
 
@@ -91,7 +88,7 @@ def least_registers(*, data: int = 2) -> int:
 
 def _may_ask(quantity: int) -> bool:
     try:
-        ReadRequest(_READ, FIRST_REGISTER, quantity)
+        Request.read(_READ, FIRST_REGISTER, quantity)
     except ArgumentError:
         return False
     return True
@@ -100,10 +97,10 @@ def _may_ask(quantity: int) -> bool:
 @check("kim2014-011", counter={"message": "query"})
 def names_a_register(*, message: str = "response") -> bool:
     """Whether what follows the function code changes with the address of the register."""
-    slave = Slave(RegisterDevice(input_registers=[0] * 4))
+    slave = Slave(input_registers=[0] * 4)
     said = []
     for address in (1, 2):
-        query = ReadRequest(_READ, address, 1).pdu
+        query = Request.read(_READ, address, 1).pdu
         said.append(query if message == "query" else slave.answer(query))
     return said[0] != said[1]
 
@@ -144,7 +141,7 @@ def response_length(*, registers: int = N_REGISTERS) -> int:
 @numeric("kim2014-053")
 def registers_read(*, first: int = 0x4020, last: int = 0x4023) -> int:
     """Registers that the query from the first to the last of these addresses asks for."""
-    return ReadRequest(_READ, first, last - first + 1).quantity
+    return Request.read(_READ, first, last - first + 1).quantity
 
 
 @numeric("kim2014-054")
@@ -156,7 +153,7 @@ def byte_count(*, registers: int = N_REGISTERS) -> int:
 @numeric("kim2014-080")
 def rtu_read_response(*, registers: int = N_REGISTERS) -> int:
     """Bytes of the RTU frame that brings so many registers."""
-    return len(encode_rtu(1, _answer(registers).pdu))
+    return len(rtu_frame(1, _answer(registers).pdu))
 
 
 @check("kim2014-049", counter={"codes": (1, 2, 3, 7)})
@@ -165,7 +162,7 @@ def exceptions_exist(*, codes: tuple[int, ...] = (1, 2, 3, 4)) -> bool:
     try:
         for function in (_READ, _WRITE):
             for code in codes:
-                decode_response(bytes([function | 0x80, code]))
+                Response.parse(bytes([function | 0x80, code]))
     except FrameError:
         return False
     return True
@@ -206,7 +203,7 @@ def addresses_fit(*, addresses: tuple[int, ...] = (COMMAND_REGISTER, 0x4020, 0x4
 
 def _writable(address: int) -> bool:
     try:
-        WriteRegister(address, 0)
+        Request.write_single_register(address, 0)
     except ArgumentError:
         return False
     return True

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from shipnet import style
-from shipnet.modbus.frame import decode_rtu, decode_tcp
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.adu import decode
+from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.loop import scan_table
 from shipnet.papers.kim2014.outlines import (
     ACTUATOR,
@@ -124,7 +124,7 @@ def plot_actuator(*, ax: Axes) -> Axes:
     return style.bare(ax, (-1.1, 8.9), (0.2, 3.45))
 
 
-def plot_rtu_frame(frame: bytes, serial: Serial, *, ax: Axes) -> Axes:
+def plot_rtu_frame(frame: bytes, serial: SerialLine, *, ax: Axes) -> Axes:
     """Draw an RTU frame field by field, the general one above it: Figs 3 and 4.
 
     Parameters
@@ -141,7 +141,7 @@ def plot_rtu_frame(frame: bytes, serial: Serial, *, ax: Axes) -> Axes:
     matplotlib.axes.Axes
         The axes given; boxes are as wide as their words, the bytes are written below.
     """
-    pdu = decode_rtu(frame).pdu
+    pdu = decode(frame).pdu
     silence = f"{serial.t35 / serial.character_time:.3g} char\nsilence"
     general = [
         ("address", "address", ""), ("function code", "control", ""),
@@ -171,7 +171,7 @@ def plot_tcp_frame(frame: bytes, *, ax: Axes) -> Axes:
     matplotlib.axes.Axes
         The axes given; boxes are as wide as their words, the bytes are written below.
     """
-    pdu = decode_tcp(frame).pdu
+    pdu = decode(frame, "tcp").pdu
     general = [
         ("MBAP header, 7 bytes", "address", frame[:7].hex(" ")),
         (f"PDU, {len(pdu)} bytes", "information", pdu.hex(" ")),

@@ -9,10 +9,8 @@ from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGIST
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_whole
-from shipnet.modbus.frame import decode_tcp, encode_tcp
-from shipnet.modbus.reader import decode_request, decode_response
-from shipnet.modbus.request import ReadRequest, WriteRegister
-from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
+from shipnet.modbus.adu import decode, tcp_frame
+from shipnet.modbus.pdu import Request, Response
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,13 +68,13 @@ def standard_adu(
     """Return the same message as the standard has it."""
     words = _checked(message, unit, value, registers)
     pdus = {
-        "write query": WriteRegister(COMMAND_REGISTER, value).pdu,
-        "write response": WriteRegister(COMMAND_REGISTER, value).pdu,
-        "write error": ExceptionResponse(6, 1).pdu,  # type: ignore[arg-type]
-        "read query": ReadRequest(4, FIRST_REGISTER, N_REGISTERS).pdu,  # type: ignore[arg-type]
-        "read response": ReadRegistersResponse(4, words).pdu,  # type: ignore[arg-type]
+        "write query": Request.write_single_register(COMMAND_REGISTER, value).pdu,
+        "write response": Request.write_single_register(COMMAND_REGISTER, value).pdu,
+        "write error": Response(6, exception=1).pdu,  # type: ignore[arg-type]
+        "read query": Request.read_input_registers(FIRST_REGISTER, N_REGISTERS).pdu,
+        "read response": Response(4, registers=words).pdu,
     }
-    return encode_tcp(unit, pdus[message], transaction_id)
+    return tcp_frame(unit, pdus[message], transaction_id)
 
 
 def message_table() -> pd.DataFrame:
@@ -95,13 +93,13 @@ def message_table() -> pd.DataFrame:
 
 
 def _verdict(message: str) -> str:
-    request = decode_request(decode_tcp(standard_adu(f"{message.split()[0]} query")).pdu)
+    request = decode(standard_adu(f"{message.split()[0]} query"), "tcp").request()
     try:
-        pdu = decode_tcp(printed_adu(message)).pdu
+        pdu = decode(printed_adu(message), "tcp").pdu
         if message.endswith("query"):
-            decode_request(pdu)
+            Request.parse(pdu)
         else:
-            decode_response(pdu, request)
+            Response.parse(pdu, request)
     except FrameError as error:
         return type(error).__name__
     return "ok"

@@ -51,9 +51,9 @@ def distinct_faults(*, equalities: bool = True) -> int:
 
 
 @numeric("kim2014-074")
-def overlapping_pairs(*, method: str = "crisp") -> int:
+def overlapping_pairs(*, crisp: bool = True) -> int:
     """Pairs of rules that can fire together."""
-    return len(BASE.overlaps(method))
+    return len(BASE.overlaps("crisp" if crisp else "fuzzy"))
 
 
 @numeric("kim2014-082")

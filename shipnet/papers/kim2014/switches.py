@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.modbus.frame import LAST_UNIT
+from shipnet.modbus.adu import MAX_UNIT
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,7 +23,7 @@ def unit_id(pins: int, tens: int, units: int) -> int:
     number += 10 * check_whole("tens", tens, 0, 9) + check_whole("units", units, 0, 9)
     if (why := _verdict(number)) != "legal":
         raise ArgumentError(
-            f"switches are set to {number}, which is {why}; legal are 1..{LAST_UNIT}"
+            f"switches are set to {number}, which is {why}; legal are 1..{MAX_UNIT}"
         )
     return number
 
@@ -39,6 +39,6 @@ def switch_table() -> pd.DataFrame:
 def _verdict(number: int) -> str:
     if number > 0xFF:
         return "more than a byte"
-    if number > LAST_UNIT:
+    if number > MAX_UNIT:
         return "reserved"
     return "legal" if number else "the broadcast"

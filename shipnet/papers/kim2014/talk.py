@@ -15,8 +15,8 @@ from shipnet.ballast.registers import (
 )
 from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.slave import valve_slaves
-from shipnet.modbus.frame import encode_rtu
-from shipnet.modbus.request import ReadRequest, WriteRegister
+from shipnet.modbus.adu import rtu_frame
+from shipnet.modbus.pdu import Request
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,14 +58,16 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
 
     registers = RegisterMap()
     valve = valve_slaves(Plant())[1]
-    write = WriteRegister(COMMAND_REGISTER, registers.command(Code.POSITION_OPEN, position))
-    read = ReadRequest(4, FIRST_REGISTER, N_REGISTERS)  # type: ignore[arg-type]
+    write = Request.write_single_register(
+        COMMAND_REGISTER, registers.command(Code.POSITION_OPEN, position)
+    )
+    read = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
     rows = []
 
     def exchange(time: float, query: bytes, meant: str) -> bytes:
         answer = bytes(valve.answer(query, time))
-        rows.append((time, "master", encode_rtu(1, query).hex(" "), meant))
-        rows.append((time, "valve", encode_rtu(1, answer).hex(" "), "the same"))
+        rows.append((time, "master", rtu_frame(1, query).hex(" "), meant))
+        rows.append((time, "valve", rtu_frame(1, answer).hex(" "), "the same"))
         return answer
 
     exchange(0.0, write.pdu, f"go to {position} %")

@@ -6,11 +6,11 @@ from shipnet import datasets
 from shipnet.asi.calls import Call
 from shipnet.asi.profile import Profile
 from shipnet.asi.telegram import Half, Request, frame
-from shipnet.papers.kim2023 import tables
+from shipnet.papers.items import PrintedTable
 from shipnet.papers.kim2023.telegrams import DATASHEET_FRAMES
 from shipnet.papers.registry import check, numeric
 
-__all__: list[str] = []
+_TABLE_5 = PrintedTable("kim2023", "Table 5")
 
 
 @check("kim2023-085", counter={"calls": (Call.DATA_EXCHANGE, Call.RESET)})
@@ -52,10 +52,7 @@ def a_slave_like_standard(*, half: Half = "A") -> bool:
 def header_names_five_bits(*, header: tuple[str, ...] = ()) -> bool:
     """Whether the header of Table 5 names each address bit once, from the highest down."""
     columns = ["A4", "A3", "A2", "A1", "A0"]
-    names = (
-        list(header)
-        or tables.printed("Table 5").loc[["HEADER"], columns].to_numpy().ravel().tolist()
-    )
+    names = list(header) or _TABLE_5.printed.loc[["HEADER"], columns].to_numpy().ravel().tolist()
     return names == columns
 
 
@@ -66,7 +63,7 @@ def calls_in_the_data_sheets(*, calls: tuple[Call, ...] = tuple(Call)) -> int:
 
 
 def _row_agrees(call: str, columns: list[str]) -> bool:
-    printed, generated = tables.printed("Table 5"), tables.generated("Table 5")
+    printed, generated = _TABLE_5.printed, _TABLE_5.ours
     return bool((printed.loc[[call], columns] == generated.loc[[call], columns]).all(axis=None))
 
 
@@ -94,14 +91,14 @@ def parameter_letters(*, call: str = "WRITE_PARAMETER") -> bool:
 @check("kim2023-049", counter={"expected": "01111111010101"})
 def broadcast_bits(*, expected: str = DATASHEET_FRAMES[0]) -> bool:
     """Whether Table 5's broadcast, with its parity, is the frame that a data sheet prints."""
-    row = tables.printed("Table 5").loc[["BROADCAST_RESET"]].to_numpy().ravel().tolist()
+    row = _TABLE_5.printed.loc[["BROADCAST_RESET"]].to_numpy().ravel().tolist()
     return frame("".join(row[1:-2])) == expected
 
 
 @check("kim2023-051", counter={"data": "1", "parameter": "0"})
 def information_bit_4(*, data: str = "0", parameter: str = "1") -> bool:
     """Whether I4 tells a data request from a parameter request, with these values."""
-    bits = tables.generated("Table 5").loc[["DATA_EXCHANGE", "WRITE_PARAMETER"], "I4"]
+    bits = _TABLE_5.ours.loc[["DATA_EXCHANGE", "WRITE_PARAMETER"], "I4"]
     return list(bits) == [data, parameter]
 
 
@@ -132,7 +129,7 @@ def io_codes(*, bits: int = 4) -> int:
 @check("kim2023-056", counter={"table": "Table 5"})
 def io_code_cells(*, table: str = "Table 7") -> bool:
     """Whether all cells of the printed table are those that the code generates."""
-    return tables.differences(table).empty
+    return PrintedTable("kim2023", table).differences().empty
 
 
 @check("kim2023-007", counter={"cited": "Table 2"})

@@ -7,15 +7,10 @@ project guide.
 from __future__ import annotations
 
 import re
+from typing import Literal
 
 from shipnet import datasets
-from shipnet.engine.power import (
-    S50MC_C,
-    engine_power,
-    mean_effective_pressure,
-    per_kilowatt_hour,
-    speed,
-)
+from shipnet.engine.power import DieselEngine
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["CYLINDERS", "PRESSURE", "SPEED"]
@@ -30,25 +25,34 @@ CYLINDERS = 8
 #: Power of the same engine in the project guide [kW].
 _GUIDE = 12640.0
 
-_NAMES = {2: "two-stroke", 4: "four-stroke"}
+_NAMES: dict[Literal[2, 4], str] = {2: "two-stroke", 4: "four-stroke"}
+
+#: One metric horsepower: 75 kgf m/s by 9.80665 m/s2 [W]. Makers' "BHP" are these.
+_METRIC_HORSEPOWER = 75 * 9.80665
+
+
+def per_kilowatt_hour(per_horsepower_hour: float) -> float:
+    """Return a consumption per kilowatt hour from that per metric horsepower hour."""
+    return per_horsepower_hour * 1e3 / _METRIC_HORSEPOWER
 
 
 @numeric("lee2012-005")
 def power(*, pressure: float = PRESSURE, rate: float = SPEED, cylinders: int = CYLINDERS) -> float:
     """Kilowatts that follow from Table 1 and the size of the cylinders."""
-    return engine_power(*S50MC_C, 1e5 * pressure, rate / 60, cylinders) / 1e3
+    return DieselEngine.S50MC_C(cylinders).power(1e5 * pressure, rate / 60) / 1e3
 
 
 @numeric("lee2012-006")
 def rate_from_power(*, power: float = _GUIDE, pressure: float = PRESSURE) -> float:
     """Revolutions a minute at which the engine has its power."""
-    return 60 * speed(1e3 * power, *S50MC_C, 1e5 * pressure, CYLINDERS)
+    return 60 * DieselEngine.S50MC_C(CYLINDERS).speed(1e3 * power, 1e5 * pressure)
 
 
 @numeric("lee2012-007")
 def pressure_from_power(*, power: float = _GUIDE, rate: float = SPEED) -> float:
     """Bar of mean effective pressure at which the engine has its power."""
-    return mean_effective_pressure(1e3 * power, *S50MC_C, rate / 60, CYLINDERS) / 1e5
+    main = DieselEngine.S50MC_C(CYLINDERS)
+    return main.mean_effective_pressure(1e3 * power, rate / 60) / 1e5
 
 
 @numeric("lee2012-008")
@@ -87,7 +91,7 @@ def unit_is_known(
 def called_after_its_strokes(*, called: str = "two-stage") -> bool:
     """Whether the name is that of the strokes with which the engine reaches its class."""
     powers = {
-        strokes: engine_power(*S50MC_C, 1e5 * PRESSURE, SPEED / 60, CYLINDERS, strokes=strokes)
+        strokes: DieselEngine.S50MC_C(CYLINDERS, strokes=strokes).power(1e5 * PRESSURE, SPEED / 60)
         for strokes in _NAMES
     }
     fits = min(powers, key=lambda strokes: abs(powers[strokes] - 13e6))

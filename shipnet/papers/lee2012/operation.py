@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from shipnet.engine.age import marking, worst_age
-from shipnet.engine.ams import switch_over
-from shipnet.engine.assessment import fault_table
+from shipnet.engine.assessment import Redundancy
+from shipnet.engine.class_rules import Description
 from shipnet.engine.class_rules import check as check_rules
-from shipnet.engine.coding import CODINGS, collisions
-from shipnet.engine.description import printed_system
-from shipnet.engine.faults import CutCan, CutModbus, DeadBox
-from shipnet.engine.points import load_points
-from shipnet.engine.redundancy import Redundancy
+from shipnet.engine.faults import CanBreak, DeadBox, ModbusBreak
+from shipnet.engine.points import read_points
+from shipnet.engine.registers import CODINGS
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
-from shipnet.engine.timeline import timeline
-from shipnet.modbus.server import RegisterDevice, Slave
+from shipnet.modbus.slave import Slave
+from shipnet.papers.lee2012.points import printed_points
 from shipnet.papers.lee2012.serial import BIT_RATE, LINE, read, whole_poll
 from shipnet.papers.registry import check, numeric
 
@@ -27,54 +24,54 @@ __all__: list[str] = []
 def answers_in_time(*, rate: float = BIT_RATE) -> bool:
     """Whether a request for all points is answered within the 2 s of the rule."""
     poll = whole_poll(rate=rate)
-    return poll.serial.frame_time(poll.request_size) + poll.shortest_timeout <= RULE
+    return poll.line.frame_time(poll.request_size) + poll.shortest_timeout <= RULE
 
 
 @check("lee2012-003", counter={"second": "JB1"})
 def links_share_nothing(*, second: str = "JB3") -> bool:
     """Whether both Modbus channels lead to boxes of their own."""
     links = {"channel 1": ("JB1",), "channel 2": (second,)}
-    verdicts = check_rules(replace(printed_system(), links=links)).set_index("rule")["verdict"]
-    return bool(verdicts["links duplicated"] == "pass")
+    findings = check_rules(replace(Description.printed(), links=links)).table()
+    return bool(findings.set_index("rule")["verdict"]["links duplicated"] == "met")
 
 
 @check("lee2012-066", counter={"cpus": 2})
 def dead_cpu_costs_points(*, cpus: int = 1) -> bool:
     """Whether a dead processor takes points along, with two supplies for each box."""
-    return Redundancy(load_points(), supplies=2, cpus=cpus).worst() > 0
+    return Redundancy(read_points(), supplies=2, cpus=cpus).worst() > 0
 
 
 @numeric("lee2012-101")
 def most_points_of_a_box(*, double_row: bool = True) -> int:
     """Points that are lost with the worst of the boxes."""
-    return Redundancy(load_points(double_row=double_row)).worst()
+    return Redundancy(printed_points(double_row=double_row)).worst()
 
 
 @check("lee2012-045", counter={"stale_limit": 0.5})
 def marked_after_the_rule(*, stale_limit: float = 4.0) -> bool:
     """Whether a dead box is marked, but later than the 2 s of the rule."""
     start = 10.0
-    run = simulate(System(stale_limit=stale_limit), 20, faults=[DeadBox("JB2", start)])
-    marks = run.alarms.query("kind == '0xFF'")["time_s"]
+    run = simulate(System(stale_limit=stale_limit), faults=DeadBox("JB2", start=start), until=20)
+    marks = run.alarms().query("kind == '0xFF'")["time_s"]
     return len(marks) == 18 and bool((marks > start + RULE).all())
 
 
 @numeric("lee2012-099")
 def time_until_marked(*, stale_limit: float = 4.0, poll_period: float = 1.0) -> float:
     """Seconds until the AMS sees the mark of a dead box at the latest."""
-    return marking(System(stale_limit=stale_limit, poll_period=poll_period)).after
+    return System(stale_limit=stale_limit, poll_period=poll_period).staleness_flag().after
 
 
-@check("lee2012-046", counter={"coding": "mended: decimal, 0x8000"})
+@check("lee2012-046", counter={"coding": "corrected: decimal, 0x8000"})
 def mark_is_no_reading(*, coding: str = "8 bit of the range, 0xFF") -> bool:
     """Whether no legal reading is coded as the mark."""
-    return not collisions(load_points(), CODINGS[coding])["collides"].any()
+    return not CODINGS[coding].collisions(read_points())["collides"].any()
 
 
 @check("lee2012-054", counter={"limit": 2.0})
 def shown_within(*, limit: float = 1.0) -> bool:
     """Whether a changed input shows at the AMS within this time [s] at worst."""
-    return bool((worst_age(System())["worst_s"] <= limit).all())
+    return bool((System().worst_age()["worst_s"] <= limit).all())
 
 
 @check("lee2012-055", counter={"printed": 133e-3})
@@ -87,22 +84,23 @@ def switch_over_is_possible(*, printed: float = 133e-6) -> bool:
 @check("lee2012-056", counter={"timeout": 1.5})
 def switches_in_time(*, timeout: float = System().timeout) -> bool:
     """Whether a full answer comes within the 2 s of the rule after a channel is lost."""
-    return switch_over(System(timeout=timeout)).loss <= RULE
+    return System(timeout=timeout).switch_over().loss <= RULE
 
 
 @check("lee2012-061", counter={"topology": "line"})
 def survives_any_cut(*, topology: str = "ring") -> bool:
     """Whether all points stay reachable with any one of the cables cut."""
     system = System(topology=topology)  # type: ignore[arg-type] # one of two
-    cuts = [CutCan(where, 10) for where in system.segments]
-    table = fault_table(system, [*cuts, CutModbus("1", 10), CutModbus("2", 10)], trials=1)
+    breaks = [CanBreak(where, start=10.0) for where in system.segments]
+    channels = [ModbusBreak(channel, start=10.0) for channel in ("1", "2")]
+    table = system.single_failures([*breaks, *channels], trials=1)
     return not table["lost"].any()
 
 
 @check("lee2012-062", counter={"functions": frozenset({3, 4})})
 def knows_function_3_alone(*, functions: frozenset[int] = frozenset({3})) -> bool:
     """Whether a slave with these function codes refuses all others with exception 1."""
-    box = Slave(RegisterDevice(holding_registers=[0], input_registers=[0]), functions=functions)
+    box = Slave(holding_registers=[0], input_registers=[0], functions=functions)
     others = [code for code in range(1, 128) if code != 3]
     refused = all(box.answer(bytes([c, 0, 0, 0, 1])) == bytes([c | 0x80, 1]) for c in others)
     return refused and box.answer(read(1).pdu)[0] == 3
@@ -111,16 +109,16 @@ def knows_function_3_alone(*, functions: frozenset[int] = frozenset({3})) -> boo
 @check("lee2012-073", counter={"cut": "2"})
 def changes_the_channel(*, cut: str = "1") -> bool:
     """Whether the AMS asks on channel 2 once a channel is cut."""
-    run = simulate(System(), 20, faults=[CutModbus(cut, 10)])
-    return bool((run.requests.query("time_s > 12")["channel"] == 2).all())
+    run = simulate(System(), faults=ModbusBreak(cut, start=10.0), until=20)
+    return bool((run.requests().query("time_s > 12")["channel"] == 2).all())
 
 
 @check("lee2012-094", counter={"also": "JB2-JB3"})
 def reads_all_through_channel_2(*, also: str = "") -> bool:
     """Whether all points come through channel 2 with channel 1 cut, and CAN whole."""
-    cuts = [CutCan(also, 10)] if also else []
-    run = simulate(System(), 25, faults=[CutModbus("1", 10), *cuts])
-    return not len(run.alarms.query("kind == '0xFF'"))
+    more = [CanBreak(also, start=10.0)] if also else []
+    run = simulate(System(), faults=[ModbusBreak("1", start=10.0), *more], until=25)
+    return not len(run.alarms().query("kind == '0xFF'"))
 
 
 @check("lee2012-082", counter={"inputs": (27, 27, 27)})
@@ -134,12 +132,12 @@ def conversion_times_differ(*, inputs: tuple[int, ...] = ()) -> bool:
 @check("lee2012-085", counter={"update_period": 6.0})
 def healthy_boxes_are_not_marked(*, update_period: float = System().update_period) -> bool:
     """Whether no healthy box is marked that is heard so often."""
-    return not len(simulate(System(update_period=update_period), 60).alarms)
+    return not len(simulate(System(update_period=update_period), until=60).alarms())
 
 
 @numeric("lee2012-047")
 def interrupts(*, silent_box: bool = True) -> int:
     """Kinds of interrupts that break into the loop of JB1, one box being silent."""
-    faults = [DeadBox("JB2", 10)] if silent_box else []
-    work = timeline(simulate(System(), 20, faults=faults), 0, 20)
+    faults = [DeadBox("JB2", start=10.0)] if silent_box else []
+    work = simulate(System(), faults=faults, until=20).timeline(0, 20).table()
     return len(set(work.loc[work["row"] == "JB1", "task"]) - {"convert", "send"})

@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from shipnet import style
-from shipnet.engine.converters import InputCard
+from shipnet.engine.inputs import InputCard
+from shipnet.errors import ArgumentError
 
 __all__ = ["plot_blocks", "plot_flow", "plot_inputs", "plot_outline"]
 
@@ -179,3 +181,34 @@ def _block(ax: Axes, place: tuple[float, float], text: str, fill: str) -> None:
 
 def _arrow(ax: Axes, tail: tuple[float, float], head: tuple[float, float]) -> None:
     ax.annotate("", head, tail, arrowprops={"arrowstyle": "->", "color": "0.3"})
+
+
+def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *, ax: Axes) -> Axes:
+    """Draw several traces one below the other, as an oscilloscope does.
+
+    Each trace has its own scale, with its lowest and highest value at its right end.
+    """
+    if not channels:
+        raise ArgumentError("channels is empty; there must be one or more")
+    middles = []
+    for place, (name, (time, level)) in enumerate(channels.items()):
+        at, value = np.asarray(time, dtype=np.float64), np.asarray(level, dtype=np.float64)
+        if at.ndim != 1 or at.shape != value.shape or not at.size:
+            raise ArgumentError(
+                f"channel {name!r} has times of shape {at.shape} and levels of {value.shape}; "
+                "they must be equal rows"
+            )
+        low, high = float(np.nanmin(value)), float(np.nanmax(value))
+        base = -1.5 * place
+        # A trace that never changes lies in the middle of its place.
+        unit = (value - low) / (high - low) if high > low else np.full(value.shape, 0.5)
+        ax.plot(at * 1e3, base + unit, drawstyle="steps-post", color=f"C{place}", label=name)
+        for text, height in ((low, base), (high, base + 1)):
+            ax.annotate(
+                f"{text:g}", (1.01, height), xycoords=("axes fraction", "data"), fontsize=8,
+                va="center", annotation_clip=False,
+            )  # fmt: skip
+        middles.append(base + 0.5)
+    ax.set_yticks(middles, labels=list(channels))
+    ax.set(xlabel="time [ms]", ylim=(-1.5 * (len(channels) - 1) - 0.25, 1.25))
+    return ax

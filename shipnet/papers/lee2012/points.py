@@ -5,16 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from shipnet import datasets
-from shipnet.engine.converters import Adc
-from shipnet.engine.points import CONDITIONS, by_box, load_points
-from shipnet.engine.serial_interface import INTERFACES
-from shipnet.engine.wiring import conductors
+from shipnet.engine.inputs import Adc
+from shipnet.engine.points import CONDITIONS, PointList, read_points
+from shipnet.modbus.electrical import INTERFACES
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["TABLE_3", "conductors_by_cylinders"]
 
 #: Table 3 as printed, with the numbers as numbers.
 TABLE_3 = datasets.read("lee2012_table3_sensors.csv").astype({"quantity_points": int})
+
+
+#: The row of Table 3 that may be the row behind it printed twice.
+_DOUBLE_ROW = "2"
+
+
+def printed_points(*, double_row: bool = True) -> PointList:
+    """Return the points of Table 3: 99, or 89 if the row "temperature, 10, -50..600" counts once.
+
+    Of both rows of JB1 the current loops stay: section IV.1.b brings the exhaust gas in over the
+    I/V converter.
+    """
+    rows = datasets.read("synthetic_iolist_engine.csv")["printed_row"].astype(str)
+    points = zip(read_points(), rows, strict=True)
+    return PointList(point for point, row in points if double_row or row != _DOUBLE_ROW)
 
 
 def _printed(column: str, value: str) -> int:
@@ -42,13 +56,13 @@ def points_of_jb3(*, box: str = "JB3") -> int:
 @numeric("lee2012-016")
 def points_of_engine(*, double_row: bool = True) -> int:
     """Points of all boxes, the row counted twice that stands there twice."""
-    return len(load_points(double_row=double_row))
+    return len(printed_points(double_row=double_row))
 
 
 @numeric("lee2012-017")
 def analogue_points(*, double_row: bool = True) -> int:
     """Points that have a value."""
-    return sum(point.analogue for point in load_points(double_row=double_row))
+    return sum(point.analogue for point in printed_points(double_row=double_row))
 
 
 @numeric("lee2012-018")
@@ -60,7 +74,7 @@ def switch_points(*, condition: str = "S/W") -> int:
 @numeric("lee2012-012")
 def junction_boxes(*, with_current_loops: bool = False) -> int:
     """Junction boxes that Table 3 lists, or those of them with 4-20 mA inputs."""
-    boxes = by_box(load_points()).values()
+    boxes = read_points().by_box().values()
     return sum(
         any(p.condition == CONDITIONS[1] for p in own) or not with_current_loops for own in boxes
     )
@@ -69,32 +83,32 @@ def junction_boxes(*, with_current_loops: bool = False) -> int:
 @numeric("lee2012-086")
 def modes(*, boxes: tuple[str, ...] = ("JB1", "JB2", "JB3")) -> int:
     """Different sets of inputs, for each of which the common box needs a mode."""
-    own = by_box(load_points())
+    own = read_points().by_box()
     return len({tuple((p.condition, p.low, p.high) for p in own[box]) for box in boxes})
 
 
 @numeric("lee2012-087")
 def converter_kinds(*, analogue_only: bool = False) -> int:
     """Kinds of signals, for each of which a box needs a converter."""
-    return len({p.condition for p in load_points() if p.analogue or not analogue_only})
+    return len({p.condition for p in read_points() if p.analogue or not analogue_only})
 
 
 @numeric("lee2012-019")
 def hardwired_conductors(*, rtd: int = 3, loop: int = 2, switch: int = 2) -> int:
     """Conductors from the boxes to the AMS with every sensor wired through."""
-    return conductors(load_points(), rtd=rtd, loop=loop, switch=switch).hardwired
+    return read_points().conductors(rtd=rtd, loop=loop, switch=switch).hardwired
 
 
 @numeric("lee2012-020")
 def bus_conductors(*, segments: int = 3, channels: int = 2) -> int:
     """Conductors of the CAN ring and of both Modbus channels, a pair each."""
-    return conductors(load_points(), segments=segments, channels=channels).bus
+    return read_points().conductors(segments=segments, channels=channels).bus
 
 
 @check("lee2012-065", counter={"segments": 100, "segment_wires": 8})
 def buses_need_less(*, segments: int = 3, segment_wires: int = 2) -> bool:
     """Whether the two buses need fewer conductors than sensors wired through one by one."""
-    found = conductors(load_points(), segments=segments, segment_wires=segment_wires)
+    found = read_points().conductors(segments=segments, segment_wires=segment_wires)
     return found.bus < found.hardwired
 
 
@@ -118,9 +132,9 @@ def conductors_by_cylinders(cylinders: range = range(4, 9)) -> list[int]:
     >>> conductors_by_cylinders(range(7, 9))
     [244, 260]
     """
-    points = load_points()
+    points = read_points()
     return [
-        conductors([p for p in points if p.cylinder is None or p.cylinder <= n]).hardwired
+        PointList(p for p in points if p.cylinder is None or p.cylinder <= n).conductors().hardwired
         for n in cylinders
     ]
 
@@ -145,7 +159,7 @@ def enough_current_inputs(*, inputs: int = 18) -> bool:
 
 
 def _most(condition: str) -> int:
-    boxes = by_box(load_points()).values()
+    boxes = read_points().by_box().values()
     return max(sum(point.condition == condition for point in own) for own in boxes)
 
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.engine.faults import CutModbus
+from shipnet.engine.faults import ModbusBreak
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
-from shipnet.modbus.frame import encode_rtu
-from shipnet.modbus.uart import uart_waveform
 from shipnet.papers.lee2012.serial import JB1, JB3, LINE, answer, read
 
 __all__ = ["response_scope", "switch_over_scope"]
@@ -34,7 +32,7 @@ def response_scope() -> dict[str, Trace]:
     >>> round(1e3 * float(time[level == 0][-1]), 1) <= 22.3
     True
     """
-    request = encode_rtu(JB1, read(1).pdu)
+    request = read(1).rtu(JB1)
     begin = LINE.frame_time(len(request)) + LINE.t35
     end = begin + LINE.frame_time(len(_DRAWN)) + LINE.t35
     return {
@@ -49,7 +47,8 @@ def _trace(frames: list[bytes], begins: list[float], end: float) -> Trace:
         return np.array([0.0, end]), np.ones(2)
     ends = [begin + LINE.frame_time(len(f)) for f, begin in zip(frames, begins, strict=True)]
     gaps = [after - before for before, after in zip(ends, [*begins[1:], end], strict=True)]
-    return uart_waveform(frames, LINE, gap=gaps, start=begins[0])
+    waveform = LINE.waveform(frames, gap=gaps, start=begins[0])
+    return waveform.time, waveform.level
 
 
 def switch_over_scope(system: System, *, cut: float = 1.5, end: float = 3.4) -> dict[str, Trace]:
@@ -74,18 +73,18 @@ def switch_over_scope(system: System, *, cut: float = 1.5, end: float = 3.4) -> 
     >>> sorted(switch_over_scope(System()))
     ['channel 1', 'channel 2']
     """
-    run = simulate(system, end, faults=[CutModbus("1", cut)])
+    run = simulate(system, faults=ModbusBreak("1", start=cut), until=end)
     traces = {}
     for channel, unit in (("channel 1", JB1), ("channel 2", JB3)):
         frames, begins = [], []
-        own = run.requests[run.requests["channel"] == int(channel[-1])]
+        own = run.requests().query(f"channel == {channel[-1]}")
         for time, outcome in zip(own["time_s"], own["outcome"], strict=True):
-            request = encode_rtu(unit, read(system.registers).pdu)
+            request = read(system.registers).rtu(unit)
             frames.append(request)
             begins.append(float(time))
             if outcome == "answered":
                 wait = LINE.frame_time(len(request)) + LINE.t35 + system.firmware.processing
-                frames.append(encode_rtu(unit, answer(system.registers).pdu))
+                frames.append(answer(system.registers).rtu(unit))
                 begins.append(float(time) + wait)
         traces[channel] = _trace(frames, begins, end)
     return traces

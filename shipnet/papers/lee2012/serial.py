@@ -8,11 +8,10 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError, CrcError, FrameError
-from shipnet.modbus.codes import ExceptionCode, FunctionCode
-from shipnet.modbus.frame import decode_rtu, encode_rtu
-from shipnet.modbus.request import ReadRequest
-from shipnet.modbus.response import ExceptionResponse, ReadRegistersResponse
-from shipnet.modbus.timing import SILENCE_LIMIT, Poll, Serial
+from shipnet.modbus.adu import decode
+from shipnet.modbus.pdu import ExceptionCode, FunctionCode, Request, Response
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
 from shipnet.papers.registry import check, numeric
 
 __all__ = ["AMS", "BIT_RATE", "JB1", "JB3", "LINE", "POINTS", "answer", "read", "whole_poll"]
@@ -23,7 +22,7 @@ _STATIONS = dict(zip(_TABLE_2["station"], _TABLE_2["value_printed"], strict=True
 
 #: Table 2: bit rate [bit/s], the line, and the addresses of its stations.
 BIT_RATE = float(_PRINTED["baud_rate"])
-LINE = Serial(BIT_RATE, _PRINTED["data_bits"] + _PRINTED["parity"][0] + _PRINTED["stop_bits"])
+LINE = SerialLine(BIT_RATE, _PRINTED["data_bits"] + _PRINTED["parity"][0] + _PRINTED["stop_bits"])
 AMS, JB1, JB3 = (int(_STATIONS[station]) for station in ("AMS", "JB1", "JB3"))
 
 #: Rows of Table 3 counted: what one request for everything reads, a register a point.
@@ -40,7 +39,7 @@ _WIDTHS = {
 _FC03 = FunctionCode.READ_HOLDING_REGISTERS
 
 
-def read(registers: int, start: int = 0) -> ReadRequest:
+def read(registers: int, start: int = 0) -> Request:
     """Return the request for holding registers.
 
     Parameters
@@ -52,7 +51,7 @@ def read(registers: int, start: int = 0) -> ReadRequest:
 
     Returns
     -------
-    ReadRequest
+    Request
         Request of function code 3.
 
     Examples
@@ -60,10 +59,10 @@ def read(registers: int, start: int = 0) -> ReadRequest:
     >>> read(99).pdu.hex(" ")
     '03 00 00 00 63'
     """
-    return ReadRequest(_FC03, start, registers)
+    return Request.read(_FC03, start, registers)
 
 
-def answer(registers: int) -> ReadRegistersResponse:
+def answer(registers: int) -> Response:
     """Return a response with so many registers, all 0.
 
     Parameters
@@ -73,7 +72,7 @@ def answer(registers: int) -> ReadRegistersResponse:
 
     Returns
     -------
-    ReadRegistersResponse
+    Response
         Response of function code 3.
 
     Examples
@@ -81,16 +80,16 @@ def answer(registers: int) -> ReadRegistersResponse:
     >>> answer(1).pdu.hex(" ")
     '03 02 00 00'
     """
-    return ReadRegistersResponse(_FC03, (0,) * registers)
+    return Response(_FC03, registers=(0,) * registers)
 
 
-def _serial(rate: float, parity: bool = True) -> Serial:
-    return Serial(rate, f"8{LINE.character[1] if parity else 'N'}1")
+def _serial(rate: float, parity: bool = True) -> SerialLine:
+    return SerialLine(rate, f"8{LINE.character[1] if parity else 'N'}1")
 
 
 def _legal(unit_id: int) -> bool:
     try:
-        encode_rtu(unit_id, read(1).pdu)
+        read(1).rtu(unit_id)
     except ArgumentError:
         return False
     return True
@@ -111,7 +110,7 @@ def start_time(*, characters: float = 3.5, bits: int = 8, rate: float = BIT_RATE
 @numeric("lee2012-023")
 def character_bits(*, parity: bool = True, stop_bits: int = 1) -> int:
     """Bits of a character on the line, start, parity and stop bits included."""
-    return Serial(BIT_RATE, f"8{'E' if parity else 'N'}{stop_bits}").character_bits
+    return SerialLine(BIT_RATE, f"8{'E' if parity else 'N'}{stop_bits}").character_bits
 
 
 @numeric("lee2012-096")
@@ -127,7 +126,7 @@ def silence(*, rate: float = BIT_RATE, parity: bool = True) -> float:
 
 
 @numeric("lee2012-032")
-def silence_in_characters(*, rate: float = float(SILENCE_LIMIT)) -> float:
+def silence_in_characters(*, rate: float = float(SerialLine.SILENCE_LIMIT)) -> float:
     """Characters of silence between two frames, at the highest rate that counts them so."""
     return _serial(rate).t35 / _serial(rate).character_time
 
@@ -135,8 +134,8 @@ def silence_in_characters(*, rate: float = float(SILENCE_LIMIT)) -> float:
 @check("lee2012-024", counter={"stop_bits": 2})
 def setting_is_standard(*, stop_bits: int = 1) -> bool:
     """Whether a byte has the 11 bits and the even parity that the standard has as its default."""
-    setting = Serial(BIT_RATE, f"8{LINE.character[1]}{stop_bits}")
-    return setting.character_bits == 11 and setting.character == Serial(BIT_RATE).character
+    setting = SerialLine(BIT_RATE, f"8{LINE.character[1]}{stop_bits}")
+    return setting.character_bits == 11 and setting.character == SerialLine(BIT_RATE).character
 
 
 @numeric("lee2012-075")
@@ -154,15 +153,15 @@ def highest_address(*, bits: int = 8) -> int:
 @check("lee2012-026", counter={"master": JB1})
 def master_is_addressed(*, master: int = AMS) -> bool:
     """Whether a request or its response carries the address of the master."""
-    request = encode_rtu(JB1, read(1).pdu)
-    response = encode_rtu(JB1, answer(1).pdu)
-    return master in (decode_rtu(request).unit_id, decode_rtu(response).unit_id)
+    request = read(1).rtu(JB1)
+    response = answer(1).rtu(JB1)
+    return master in (decode(request).unit_id, decode(response).unit_id)
 
 
 @check("lee2012-076", counter={"drawn": JB1})
 def response_names_the_receiver(*, drawn: int = AMS) -> bool:
     """Whether the response of JB1 begins with the address that Fig 4(b) draws."""
-    return encode_rtu(JB1, answer(1).pdu)[0] == drawn
+    return answer(1).rtu(JB1)[0] == drawn
 
 
 @check("lee2012-027", counter={"slaves": (JB1, JB1)})
@@ -175,7 +174,7 @@ def slaves_are_distinct(*, slaves: tuple[int, ...] = (JB1, JB3)) -> bool:
 def request_fields(*, widths: tuple[int, ...] = _WIDTHS["request"]) -> bool:
     """Whether a request of the standard falls into fields of these widths."""
     start, quantity = 0x0102, POINTS
-    frame = encode_rtu(JB1, read(quantity, start).pdu)
+    frame = read(quantity, start).rtu(JB1)
     ends = np.cumsum([0, *widths])
     parts = [int.from_bytes(frame[a:b], "big") for a, b in pairwise(ends)]
     return sum(widths) == len(frame) and parts[:4] == [JB1, 3, start, quantity]
@@ -205,7 +204,7 @@ def data_of_two_bytes(*, exceptions: bool = True) -> bool:
     """Whether what follows the function code always has two bytes or more."""
     pdus = [read(1).pdu, answer(1).pdu]
     if exceptions:
-        pdus.append(ExceptionResponse(_FC03, ExceptionCode.ILLEGAL_DATA_ADDRESS).pdu)
+        pdus.append(Response(_FC03, exception=ExceptionCode.ILLEGAL_DATA_ADDRESS).pdu)
     return min(len(pdu) - 1 for pdu in pdus) >= 2
 
 
@@ -221,10 +220,10 @@ def reads_one_or_several(*, quantities: tuple[int, ...] = (1, 2, POINTS)) -> boo
 @check("lee2012-077", counter={"gap": 3.5})
 def joins_frames(*, gap: float = 3.0) -> bool:
     """Whether a frame that comes so many characters after another is taken for its end."""
-    first, second = (encode_rtu(unit, read(1).pdu) for unit in (JB1, JB3))
+    first, second = (read(1).rtu(unit) for unit in (JB1, JB3))
     separate = gap * LINE.character_time >= LINE.t35
     try:
-        return not all(map(decode_rtu, [first, second] if separate else [first + second]))
+        return not all(map(decode, [first, second] if separate else [first + second]))
     except CrcError:
         return True
 
@@ -232,7 +231,7 @@ def joins_frames(*, gap: float = 3.0) -> bool:
 @check("lee2012-004", counter={"others": (0b11000000000000101,)})
 def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
     """Whether the CRC finds all errors of one and of two bits in a request, and other patterns."""
-    frame = encode_rtu(JB1, read(POINTS).pdu)
+    frame = read(POINTS).rtu(JB1)
     bits = [1 << place for place in range(8 * len(frame))]
     patterns = [*bits, *(a | b for a, b in combinations(bits, 2)), *map(_as_sent, others)]
     value = int.from_bytes(frame, "little")
@@ -246,7 +245,7 @@ def _as_sent(pattern: int) -> int:
 
 def _passes(frame: bytes) -> bool:
     try:
-        decode_rtu(frame)
+        decode(frame)
     except FrameError:
         return False
     return True
@@ -255,13 +254,13 @@ def _passes(frame: bytes) -> bool:
 @numeric("lee2012-033")
 def request_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
     """Milliseconds of the request on the line."""
-    return 1e3 * _serial(rate, parity).frame_time(len(encode_rtu(JB1, read(1).pdu)))
+    return 1e3 * _serial(rate, parity).frame_time(len(read(1).rtu(JB1)))
 
 
 @numeric("lee2012-034")
 def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
     """Milliseconds of a response with so many registers on the line."""
-    response = encode_rtu(JB1, answer(registers).pdu)
+    response = answer(registers).rtu(JB1)
     return 1e3 * _serial(rate).frame_time(len(response))
 
 
@@ -282,16 +281,16 @@ def whole_poll(registers: int = POINTS, rate: float = BIT_RATE) -> Poll:
 
     Examples
     --------
-    >>> round(1e3 * whole_poll().answered, 1)
+    >>> round(1e3 * whole_poll().time, 1)
     249.8
     """
-    return Poll.of(read(registers), _serial(rate), timeout=60)
+    return Poll(read(registers), _serial(rate), timeout=60)
 
 
 @numeric("lee2012-035")
 def poll_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
     """Milliseconds of a poll for all points, from one request to the next."""
-    return 1e3 * whole_poll(registers, rate).answered
+    return 1e3 * whole_poll(registers, rate).time
 
 
 @numeric("lee2012-036")

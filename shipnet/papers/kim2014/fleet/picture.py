@@ -6,7 +6,7 @@ All of it is our simulation; the paper prints no scan time, no time-out and no r
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.scan import status_poll, worst_age
 from shipnet.ballast.simulation import Run
 from shipnet.errors import ArgumentError
-from shipnet.modbus.ring import Break, Loop, Supervision
-from shipnet.modbus.timing import Serial
+from shipnet.modbus.faults import Break
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.uart import SerialLine
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,7 +28,12 @@ __all__ = ["NEAR", "Picture", "age_table", "broken_loops", "picture_table", "see
 NEAR = 2.0
 
 #: Rule and time-out [s] of the masters that are compared.
-_CASES = (("slave", 1.0), ("slave", 0.1), ("beyond", 1.0), ("beyond", 0.1))
+_CASES: tuple[tuple[Literal["slave", "downstream"], float], ...] = (
+    ("slave", 1.0),
+    ("slave", 0.1),
+    ("downstream", 1.0),
+    ("downstream", 0.1),
+)
 
 
 class Picture(NamedTuple):
@@ -77,7 +83,7 @@ def seen_strokes(
     """
     runs = {}
     for number in numbers:
-        system = Loop(number, status_poll(Serial(9600)))
+        system = Loop(number, status_poll(SerialLine(9600)))
         order = Command("open", start, valves=number - 1)
         seen = operate(Plant(n_valves=number), system, [order], duration=duration)
         runs[number] = received_run(seen, number, target=100.0)
@@ -115,7 +121,7 @@ def age_table(
     """
     import pandas as pd
 
-    system = Loop(n_valves, status_poll(Serial(9600)))
+    system = Loop(n_valves, status_poll(SerialLine(9600)))
     rows = {}
     for count in commands:
         age = worst_age(system, commands=count)
@@ -157,12 +163,11 @@ def broken_loops(
     """
     orders = [Command("open", 3.0, valves=range(opened))]
     unbroken: list[Break] = []
-    cases = {"no break": (Loop(n_valves, status_poll(Serial(9600))), unbroken)}
+    cases = {"no break": (Loop(n_valves, status_poll(SerialLine(9600))), unbroken)}
     for move, timeout in _CASES:
         name = f"{'one by one' if move == 'slave' else 'all beyond'}, time-out {timeout:g} s"
-        poll = status_poll(Serial(9600), timeout=timeout)
-        rule = Supervision(move=move)  # type: ignore[arg-type]
-        cases[name] = (Loop(n_valves, poll, rule), [Break(n_valves // 2, start=start)])
+        poll = status_poll(SerialLine(9600), timeout=timeout)
+        cases[name] = (Loop(n_valves, poll, move=move), [Break(n_valves // 2, start=start)])
     pictures = {}
     for name, (system, faults) in cases.items():
         plant = Plant(n_valves=n_valves)

@@ -1,0 +1,324 @@
+"""What the bus does next, event by event, in whole nanoseconds.
+
+The most important frame that waits when the bus falls free is sent, and nothing interrupts it.
+All releases of an instant are gathered before the arbitration, because all nodes begin together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from heapq import heappop, heappush
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.can.faults import BitErrors, ErrorAt, Simulated
+from shipnet.can.frame import INTERMISSION
+from shipnet.clock import NEVER, nanoseconds
+
+Integers = npt.NDArray[np.int64]
+
+#: What stands for the start of a frame that never began.
+WAITING, OVERWRITTEN = -1, -2
+
+#: Counts from which a node is error passive, and off the bus; Bosch CAN specification 2.0,
+#: part B, section 8.
+PASSIVE, BUS_OFF = 128, 256
+
+#: Sequences of recessive bits that a node off the bus waits for, and their length [bit]; as above.
+RECOVERY_SEQUENCES, SEQUENCE_BITS = 128, 11
+
+#: Bits that an error passive node lets pass after its own frame, part B, section 3.2.5.
+SUSPEND_BITS = 8
+
+
+class Releases(NamedTuple):
+    """Frames that ask for the bus, in the order of their release."""
+
+    time: Integers
+    message: Integers
+    duration: Integers
+
+
+class Unpacked(NamedTuple):
+    """Releases as lists, which a loop reads faster than arrays."""
+
+    due: list[int]
+    """times of release, `NEVER` behind the last [ns]"""
+    rank: list[int]
+    duration: list[int]
+    item: list[int]
+    """priority and place in one number: the smallest is the next to be sent"""
+    mask: int
+    """which bits of an item are its place"""
+
+
+def unpacked(releases: Releases) -> Unpacked:
+    """Return releases in the form in which the bus works on them."""
+    number = len(releases.time)
+    shift = number.bit_length()
+    return Unpacked(
+        [*releases.time.tolist(), NEVER],
+        releases.message.tolist(),
+        releases.duration.tolist(),
+        (releases.message << shift | np.arange(number)).tolist(),
+        (1 << shift) - 1,
+    )
+
+
+def send_all(releases: Releases, horizon: int, *, overwrite: bool) -> list[int]:
+    """Return when each frame begins on a bus without errors."""
+    due, ranks, durations, items, mask = unpacked(releases)
+    newest = [-1] * (int(releases.message.max(initial=0)) + 1)
+    start = [WAITING] * len(ranks)
+    waiting: list[int] = []
+    at, upcoming, now = 0, due[0], 0
+    while now < horizon:
+        while upcoming <= now:
+            if overwrite:
+                rank = ranks[at]
+                if newest[rank] >= 0:
+                    start[newest[rank]] = OVERWRITTEN
+                newest[rank] = at
+            heappush(waiting, items[at])
+            at += 1
+            upcoming = due[at]
+        if not waiting:
+            if upcoming == NEVER:
+                break
+            now = upcoming
+            continue
+        picked = heappop(waiting) & mask
+        if overwrite:
+            if start[picked] == OVERWRITTEN:
+                continue
+            newest[ranks[picked]] = -1
+        start[picked] = now
+        now += durations[picked]
+    return start
+
+
+# The bus with errors ---------------------------------------------------------------------------
+
+
+class Counters:
+    """Transmit and receive error counters of all the nodes of a bus."""
+
+    def __init__(self, nodes: int) -> None:
+        self.tec = [0] * nodes
+        self.rec = [0] * nodes
+        self.missing: dict[int, int] = {}
+
+    def failed(self, sender: int) -> bool:
+        """Count an error in a frame of a node; return whether this took the node off the bus."""
+        for node in range(len(self.tec)):
+            if node == sender:
+                self.tec[node] += 8
+                if self.tec[node] >= BUS_OFF:
+                    self.missing[node] = RECOVERY_SEQUENCES
+            elif node not in self.missing:
+                self.rec[node] += 1
+        return self.missing.get(sender) == RECOVERY_SEQUENCES
+
+    def sent(self, sender: int) -> None:
+        """Count a good frame of a node."""
+        for node, count in enumerate(self.rec):
+            if node != sender and node not in self.missing:
+                self.rec[node] = min(max(count - 1, 0), PASSIVE - 1)
+        self.tec[sender] = max(self.tec[sender] - 1, 0)
+
+    def rested(self, sequences: int) -> list[int]:
+        """Count recessive sequences; return the nodes that are back on the bus by them."""
+        back = []
+        for node in list(self.missing):
+            self.missing[node] -= sequences
+            if self.missing[node] <= 0:
+                del self.missing[node]
+                self.tec[node] = self.rec[node] = 0
+                back.append(node)
+        return back
+
+    def is_passive(self, node: int) -> bool:
+        """Return whether a node is error passive."""
+        return self.tec[node] >= PASSIVE or self.rec[node] >= PASSIVE
+
+    def state(self, node: int) -> str:
+        """Return ``"error active"``, ``"error passive"`` or ``"bus off"``."""
+        if node in self.missing:
+            return "bus off"
+        return "error passive" if self.is_passive(node) else "error active"
+
+
+class Failure(NamedTuple):
+    """A frame that was destroyed."""
+
+    release: int
+    start: int
+    free: int
+    """when the bus was free again [ns]"""
+    bit: int
+    """which bit was disturbed, 0 the start of frame"""
+    tec: int
+    """transmit error counter afterwards"""
+    state: str
+
+
+class Disturbed(NamedTuple):
+    """What happened on a disturbed bus."""
+
+    start: list[int]
+    failures: list[Failure]
+    counters: Counters
+    bus_off: list[int]
+    """how often each node went off the bus"""
+
+
+class _Nodes:
+    """Nodes with their waiting frames, their counters, and the times before which they rest."""
+
+    def __init__(self, number: int) -> None:
+        self.counters = Counters(number)
+        self.waiting: list[list[int]] = [[] for _ in range(number)]
+        self.rest_until: list[int] = [0] * number
+        self.bus_off = [0] * number
+
+    def next_frame(self, now: int, start: list[int], mask: int) -> int:
+        """Return the item that wins the arbitration, -1 if there is none."""
+        best, winner = -1, -1
+        for node, queue in enumerate(self.waiting):
+            while queue and start[queue[0] & mask] == OVERWRITTEN:
+                heappop(queue)
+            if queue and self.rest_until[node] <= now and (best < 0 or queue[0] < best):
+                best, winner = queue[0], node
+        if winner >= 0:
+            heappop(self.waiting[winner])
+        return best
+
+    def suspend(self, node: int, until: int) -> None:
+        """Make a node that is error passive wait after its own frame."""
+        if node not in self.counters.missing and self.counters.is_passive(node):
+            self.rest_until[node] = until
+
+    def come_back(self, sequences: int, now: int) -> None:
+        """Let nodes return that have seen the bus at rest often enough."""
+        for node in self.counters.rested(sequences):
+            self.rest_until[node] = now
+
+
+def send_disturbed(
+    releases: Releases,
+    horizon: int,
+    sender: Integers,
+    faults: Iterable[Simulated],
+    bit: int,
+    rng: np.random.Generator,
+    recover: bool,
+    *,
+    overwrite: bool,
+) -> Disturbed:
+    """Return what happens on a bus with errors, retransmission and fault confinement."""
+    due, ranks, durations, items, mask = unpacked(releases)
+    owner = sender.tolist()
+    nodes = _Nodes(max(owner) + 1)
+    newest = [-1] * len(owner)
+    start = [WAITING] * len(ranks)
+    failures: list[Failure] = []
+    at_times = sorted((nanoseconds(f.time), f.bits) for f in faults if isinstance(f, ErrorAt))
+    strikes = [*at_times, (NEVER, 0)]
+    random = [(*f.span, f.rate, f.bits) for f in faults if isinstance(f, BitErrors) and f.rate]
+    at, strike, now, counted = 0, 0, 0, 0
+    sequence = SEQUENCE_BITS * bit
+    while now < horizon:
+        while due[at] <= now:
+            rank = ranks[at]
+            if overwrite:
+                if newest[rank] >= 0:
+                    start[newest[rank]] = OVERWRITTEN
+                newest[rank] = at
+            heappush(nodes.waiting[owner[rank]], items[at])
+            at += 1
+        missing = nodes.counters.missing if recover else {}
+        if missing:
+            rested = (now - counted) // sequence
+            counted += rested * sequence
+            nodes.come_back(rested, now)
+        item = nodes.next_frame(now, start, mask)
+        if item < 0:
+            nexts = [due[at], *(rest for rest in nodes.rest_until if now < rest)]
+            nexts += [counted + sequences * sequence for sequences in missing.values()]
+            if min(nexts) == NEVER:
+                break
+            now = min(nexts)
+            continue
+        picked = item & mask
+        rank = ranks[picked]
+        node = owner[rank]
+        open_bits = durations[picked] // bit - INTERMISSION
+        while strikes[strike][0] < now:
+            strike += 1
+        broken, error_bits = open_bits, 0
+        if strikes[strike][0] < now + open_bits * bit:
+            broken, error_bits = (strikes[strike][0] - now) // bit, strikes[strike][1]
+        for begin, end, rate, length in random:
+            # How many bits of the frame pass before the first that is disturbed.
+            hit = max(0, -(-(begin - now) // bit)) + int(rng.geometric(rate)) - 1
+            if hit < broken and now + hit * bit < end:
+                broken, error_bits = hit, length
+        good = broken == open_bits
+        began = now
+        now += durations[picked] if good else (broken + 1 + error_bits) * bit
+        # Delimiter, end of frame and intermission are one sequence of 11 recessive bits.
+        counted = now
+        if missing:
+            nodes.come_back(1, now)
+        if good:
+            start[picked] = began
+            if newest[rank] == picked:
+                newest[rank] = -1
+            nodes.counters.sent(node)
+        else:
+            heappush(nodes.waiting[node], item)
+            if nodes.counters.failed(node):
+                nodes.bus_off[node] += 1
+                nodes.rest_until[node] = NEVER
+            tec, state = nodes.counters.tec[node], nodes.counters.state(node)
+            failures.append(Failure(picked, began, now, broken, tec, state))
+        nodes.suspend(node, now + SUSPEND_BITS * bit)
+    return Disturbed(start, failures, nodes.counters, nodes.bus_off)
+
+
+# Many sets of offsets --------------------------------------------------------------------------
+
+
+def send_batch(
+    first: Integers, period: Integers, length: Integers, horizon: int
+) -> tuple[Integers, Integers, Integers]:
+    """Return largest response, sum of responses and frames sent, by message and set."""
+    number, sets = first.shape
+    largest, total, sent = (np.zeros(first.shape, dtype=np.int64) for _ in range(3))
+    # Release of the oldest frame of each message that was not sent yet: a queue needs no more.
+    head = np.ascontiguousarray(np.where(first < horizon, first, NEVER))
+    which = np.arange(sets)
+    now = head.min(axis=0, initial=NEVER)
+    while True:
+        active = now < horizon
+        if not active.all():
+            head, which, now = head.compress(active, axis=1), which[active], now[active]
+            if not which.size:
+                return largest, total, sent
+        # The last one written is the most important one that waits.
+        picked = np.zeros(which.size, dtype=np.intp)
+        for rank in range(number - 1, -1, -1):
+            np.copyto(picked, rank, where=head[rank] <= now)
+        place = picked * which.size + np.arange(which.size)
+        released = head.take(place)
+        now = now + length[picked]
+        response = now - released
+        at = (picked, which)
+        largest[at] = np.maximum(largest[at], response)
+        total[at] += response
+        sent[at] += 1
+        following = released + period[picked]
+        head.put(place, np.where(following < horizon, following, NEVER))
+        now = np.maximum(now, head.min(axis=0))

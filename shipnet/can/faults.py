@@ -1,0 +1,142 @@
+"""What goes wrong on a bus: bit errors to simulate, and a bound on errors to analyse.
+
+>>> from shipnet.can.faults import BitErrors, ErrorAt, ErrorBound
+>>> BitErrors(1e-5), ErrorAt(2e-3), ErrorBound(interval=0.1)
+(BitErrors(rate=1e-05), ErrorAt(time=0.002), ErrorBound(interval=0.1, burst=1))
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TypeAlias
+
+from shipnet.clock import Fault, nanoseconds
+from shipnet.errors import ArgumentError
+from shipnet.fields import number, record, whole
+
+__all__ = ["BitErrors", "ErrorAt", "ErrorBound"]
+
+
+@record(repr=False)
+class BitErrors(Fault):
+    """Bits are disturbed at random while the fault lasts, independently of each other, to simulate.
+
+    All nodes see the error, so the frame is destroyed at its first disturbed bit and sent again.
+
+    Examples
+    --------
+    >>> BitErrors(1e-4, start=1.0)
+    BitErrors(rate=0.0001, start=1)
+    """
+
+    rate: float = number(0, 0.5, "", "Probability that a bit is disturbed")
+    bits: int = whole(
+        17, 23, "bit", "Length of an error frame with intermission; 23 if a second flag of 6 bits "
+        "follows the first", default=23, kw_only=True,
+    )  # fmt: skip
+
+    def __repr__(self) -> str:
+        """Name the rate, and the times unless the fault is always there."""
+        times = "".join(
+            f", {name}={value:g}"
+            for name, value, usual in (("start", self.start, 0), ("stop", self.stop, math.inf))
+            if value != usual
+        )
+        return f"BitErrors(rate={self.rate:g}{times})"
+
+
+@record(repr=False)
+class ErrorAt:
+    """One bit is disturbed at a given time, to simulate; between frames it does no harm.
+
+    Examples
+    --------
+    >>> ErrorAt(0.2e-3)
+    ErrorAt(time=0.0002)
+    """
+
+    time: float = number(0, 1e6, "s", "When the bit is disturbed")
+    bits: int = whole(
+        17, 23, "bit", "Length of an error frame with intermission", default=23, kw_only=True
+    )
+
+    def __repr__(self) -> str:
+        """Name the time."""
+        return f"ErrorAt(time={self.time:g})"
+
+
+@record(repr=False)
+class ErrorBound:
+    r"""The most errors that hit the bus in any time :math:`t`, to analyse.
+
+    .. math:: F(t) = n_{burst} + \left\lceil \frac{t}{T_{interval}} \right\rceil - 1, \qquad
+              E(t) = F(t) \left( n_{err} \tau + \max_{k \in hep(m)} C_k \right)
+
+    References
+    ----------
+    .. [1] K. Tindell, A. Burns, A. Wellings, "Calculating Controller Area Network (CAN) message
+       response times", Control Engineering Practice 3, 1995.
+
+    Examples
+    --------
+    >>> ErrorBound(interval=0.1, burst=2).count(0.25)
+    4
+    """
+
+    interval: float = number(
+        1e-6, math.inf, "s", "Time between errors after the burst; 1e-6..1e5, or inf for none"
+    )
+    burst: int = whole(0, 10**6, "", "Errors in quick succession at the beginning", default=1)
+    bits: int = whole(
+        17, 31, "bit", "Length of an error frame with intermission", default=31, kw_only=True
+    )
+
+    def __post_init__(self) -> None:
+        """Check that errors which keep coming come at times that a tick can hold."""
+        if self.interval != math.inf and not (self.interval <= 1e5 and self.burst >= 1):
+            raise ArgumentError(
+                f"interval is {self.interval:g} s and burst is {self.burst}; interval must be "
+                "1e-6..1e5 s with a burst of 1 or more, or inf"
+            )
+
+    def count(self, time: float) -> int:
+        """Return the most errors within a time above 0 [s]."""
+        if self.interval == math.inf:
+            return self.burst
+        return self.burst - 1 - -nanoseconds(time) // nanoseconds(self.interval)
+
+    def __repr__(self) -> str:
+        """Name interval and burst."""
+        return f"ErrorBound(interval={self.interval:g}, burst={self.burst})"
+
+
+Simulated: TypeAlias = BitErrors | ErrorAt
+
+#: A bus without errors.
+NO_ERRORS = ErrorBound(math.inf, 0)
+
+
+def simulated(faults: Simulated | Iterable[Simulated]) -> tuple[Simulated, ...]:
+    """Return one or several faults of a simulation as a tuple, or raise if one is of no use."""
+    several = (faults,) if isinstance(faults, BitErrors | ErrorAt | ErrorBound) else tuple(faults)
+    for fault in several:
+        if not isinstance(fault, BitErrors | ErrorAt):
+            raise ArgumentError(
+                f"one of faults is {fault!r}; a simulation takes faults.BitErrors and "
+                "faults.ErrorAt, an analysis faults.ErrorBound"
+            )
+    return several
+
+
+def bound(faults: ErrorBound | Iterable[ErrorBound]) -> ErrorBound:
+    """Return the bound on errors of an analysis, or raise if there are several or another kind."""
+    several = (faults,) if isinstance(faults, BitErrors | ErrorAt | ErrorBound) else tuple(faults)
+    if not several:
+        return NO_ERRORS
+    if len(several) > 1 or not isinstance(several[0], ErrorBound):
+        raise ArgumentError(
+            f"faults is {faults!r}; an analysis takes one faults.ErrorBound, a simulation "
+            "faults.BitErrors and faults.ErrorAt"
+        )
+    return several[0]

@@ -1,0 +1,591 @@
+"""Recorded CAN frames: read, written, their load, what they should have been, played again."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import time as clocks
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.answers import COLUMNS, Findings
+from shipnet.can.frame import check_bit_rate, highest_id
+from shipnet.can.lengths import measure_frames
+from shipnet.can.messages import MessageSet, check_set
+from shipnet.can.tables import load_extra
+from shipnet.errors import ArgumentError, InputError
+from shipnet.fields import check_scalar
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+    from shipnet.can.simulation import Run
+
+Booleans = npt.NDArray[np.bool_]
+Floats = npt.NDArray[np.float64]
+
+#: One line of a log as candump writes it and python-can, which adds the direction. A remote frame
+#: has R and perhaps its DLC in the place of its data.
+_START = rb"^\((\d{1,10}\.\d{1,9})\) +(\S+) +([0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})#"
+_END = rb"(?: [RT])?[ \t]*\r?$"
+_LINE = re.compile(_START + rb"(?:([Rr][0-8]?)|((?:[0-9A-Fa-f]{2}){0,8}))" + _END, re.M)
+#: The same for most lines, and faster; it does not see an odd number of digits.
+_QUICK = re.compile(_START + rb"([Rr][0-8]?|)([0-9A-Fa-f]{0,16})" + _END, re.M)
+
+#: Flag in an identifier of 8 digits: not a frame but an error, from linux/can.h, CAN_ERR_FLAG.
+_ERROR_FLAG = 0x20000000
+
+_LONGEST, _SHORTEST = 0x1FFFFFFF, 0x7FF
+
+#: Formats of python-can that are read, and whether they consist of lines.
+_FORMATS = {".asc": True, ".blf": False, ".csv": True, ".trc": True}
+
+#: About how much of a file is worked on at once [byte], and how many faults are kept.
+_BLOCK, _FAULTS = 1 << 22, 1000
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Log:
+    """Recorded frames as columns, in the order of the file.
+
+    Parameters
+    ----------
+    time : ndarray of float, shape (n,)
+        Time stamps [s].
+    channel : ndarray of str, shape (n,)
+        Bus of each frame.
+    arbitration_id : ndarray of int, shape (n,)
+        Identifiers.
+    extended, remote, error : ndarray of bool, shape (n,)
+        Whether the identifier has 29 bits, it is a remote frame, it is not a frame but an error.
+    dlc : ndarray of uint8, shape (n,)
+        Data length codes.
+    data : ndarray of uint8, shape (n, 8)
+        Data bytes; what a frame does not carry is 0.
+    faults : tuple of str, optional
+        What was wrong with the file and is left out.
+
+    Raises
+    ------
+    ArgumentError
+        If the columns have different lengths.
+
+    Examples
+    --------
+    >>> from shipnet import can
+    >>> can.simulate(can.example(), 125e3, until=1.0).log()
+    Log(295 frames in 0.991 s)
+    """
+
+    time: Floats
+    channel: npt.NDArray[np.str_]
+    arbitration_id: npt.NDArray[np.int64]
+    extended: Booleans
+    remote: Booleans
+    error: Booleans
+    dlc: npt.NDArray[np.uint8]
+    data: npt.NDArray[np.uint8]
+    faults: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check that all columns are equally long."""
+        sizes = [len(column) for column in self.columns]
+        if len(set(sizes)) != 1:
+            raise ArgumentError(f"log has columns of {sizes} rows; all must agree")
+
+    @property
+    def columns(self) -> tuple[Any, ...]:
+        """The eight columns, from `time` to `data`."""
+        return tuple(getattr(self, field.name) for field in fields(self)[:8])
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        """Count the frames."""
+        span = float(np.ptp(self.time)) if len(self) else 0.0
+        faults = f", {len(self.faults)} faults" if self.faults else ""
+        return f"Log({len(self)} frames in {span:.3g} s{faults})"
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per frame: its time, bus, identifier, kind, data length code and data."""
+        import pandas as pd
+
+        text = self.data.tobytes().hex(" ", 8).split() if len(self) else []
+        size = np.where(self.remote, 0, np.minimum(self.dlc, 8))
+        names = [field.name for field in fields(self)[:7]]
+        table = pd.DataFrame(dict(zip(names, self.columns, strict=False)))
+        table["data"] = [octets[: 2 * n] for octets, n in zip(text, size, strict=True)]
+        return table.rename(columns={"time": "time_s"})
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the frames as ``candump -l`` does; the suffix must be ``.log``."""
+        if Path(path).suffix.lower() != ".log":
+            raise ArgumentError(f"path is {str(path)!r}; its suffix must be .log")
+        _write_candump(self, path)
+
+    def load(self, bit_rate: float, *, window: float = 1.0) -> LogLoad:
+        """Return how busy the buses were, over a sliding window and by identifier.
+
+        `bit_rate` is 5e3..1e6 [bit/s], which a log does not hold; `window` is the length of the
+        window [s]. A time stamp is taken as the end of its frame. The load of a window that begins
+        before the record counts over the whole window, so the first ones are low. Errors are left
+        out.
+        """
+        return _load(self, check_bit_rate(bit_rate, 5e3), window)
+
+    def compare(self, messages: MessageSet) -> Findings:
+        """Return what the log says about a set of messages: missing, unknown, late, too often.
+
+        Between two frames of a message at most its period and its deadline may pass, and n frames
+        take at least n - 1 periods less a deadline. Frames of all buses count, errors do not.
+        """
+        return _compare(self, messages)
+
+    def replay(
+        self,
+        bus: Any,
+        *,
+        speed: float = np.inf,
+        clock: Callable[[], float] = clocks.monotonic,
+        sleep: Callable[[float], object] = clocks.sleep,
+    ) -> int:
+        """Send the frames on a bus of python-can, and return how many.
+
+        A `speed` of 1 keeps the times of the log; by default nothing waits.
+        """
+        return _replay(self, bus, speed, clock, sleep)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LogLoad:
+    """How busy recorded buses were; `Log.load` makes it.
+
+    Examples
+    --------
+    >>> from shipnet import can
+    >>> load = can.simulate(can.example(), 125e3, until=1.0).log().load(125e3)
+    >>> load
+    LogLoad(can0: load 12.0 %, peak 11.9 %)
+    >>> load.total().round(3)["load"].to_dict()
+    {'can0': 0.12}
+    """
+
+    _windows: pd.DataFrame
+    _messages: pd.DataFrame
+    _total: pd.DataFrame
+
+    def total(self) -> pd.DataFrame:
+        """Return one row per bus: ``frames``, ``duration_s``, ``load`` and ``peak_load``."""
+        return self._total.copy()
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per identifier: its frames, bits, load, and load of its busiest window."""
+        return self._messages.copy()
+
+    def windows(self) -> pd.DataFrame:
+        """Return one row per frame: the load of the window that ends with it."""
+        return self._windows.copy()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the load over time, one line per bus."""
+        from shipnet.can.plot import plot_log_load
+
+        return plot_log_load(self, ax)
+
+    def __repr__(self) -> str:
+        """Name the load of each bus."""
+        parts = [
+            f"{channel}: load {row.load:.1%}, peak {row.peak_load:.1%}".replace("%", " %")
+            for channel, row in zip(self._total.index, self._total.itertuples(), strict=True)
+        ]
+        return f"LogLoad({'; '.join(parts) or 'no frames'})"
+
+
+def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
+    r"""Read a log of classic CAN frames.
+
+    Parameters
+    ----------
+    path : str or path-like
+        File with the suffix ``.log`` (of candump -l), or ``.asc``, ``.blf``, ``.csv`` or ``.trc``,
+        for which python-can is needed.
+    keep : bool, default False
+        Whether to keep what can be read of a damaged file; its `Log.faults` then say what is
+        missing. A format that python-can reads ends at its first fault.
+
+    Returns
+    -------
+    Log
+        Its columns; a file without frames gives columns without rows.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or of another kind, or, unless `keep`, if anything in it cannot be
+        read; the message gives the numbers of the lines. CAN FD frames count as faults.
+    ImportError
+        If python-can is needed and missing.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "bus.log")
+    ...     _ = path.write_text("(12.5) can0 123#0102\n(12.6) can0 00000123#R\n")
+    ...     log = read_log(path)
+    >>> log
+    Log(2 frames in 0.1 s)
+    >>> log.time.tolist(), log.dlc.tolist(), log.extended.tolist(), log.remote.tolist()
+    ([12.5, 12.6], [2, 0], [False, True], [False, True])
+    """
+    file = Path(path)
+    kind = file.suffix.lower()
+    if kind != ".log" and kind not in _FORMATS:
+        known = ", ".join([".log", *_FORMATS])
+        raise InputError(str(path), f"its suffix is {kind!r}; it must be one of {known}")
+    can = None if kind == ".log" else load_extra("can", "python-can")
+    try:
+        log, faults = _read_candump(file) if can is None else _read_foreign(file, kind, can)
+    except OSError as problem:
+        raise InputError(str(path), f"cannot be read: {problem.strerror}") from None
+    if faults and not keep:
+        raise InputError(str(path), *faults[:_FAULTS], more=max(0, len(faults) - _FAULTS))
+    return replace(log, faults=tuple(faults[:_FAULTS]))
+
+
+def _write_candump(log: Log, path: str | os.PathLike[str]) -> None:
+    text = log.data.astype(np.uint8).tobytes().hex().upper()
+    columns = (column.tolist() for column in log.columns[:7])
+    with open(path, "w", encoding="utf-8", newline="\n") as file:
+        for row, (time, channel, number, long, remote, error, dlc) in enumerate(
+            zip(*columns, strict=True)
+        ):
+            name = f"{number | _ERROR_FLAG:08X}" if error else f"{number:0{8 if long else 3}X}"
+            rest = f"R{dlc or ''}" if remote else text[16 * row : 16 * row + 2 * min(dlc, 8)]
+            file.write(f"({time:017.6f}) {channel} {name}#{rest}\n")
+
+
+def _read_candump(file: Path) -> tuple[Log, list[str]]:
+    parts, faults, before = [], [], 0
+    with open(file, "rb") as stream:
+        while lines := stream.readlines(_BLOCK):
+            good = _QUICK.findall(b"".join(lines))
+            rows = np.arange(len(lines))
+            if len(good) < len(lines) or any(len(g[4]) % 2 or (g[3] and g[4]) for g in good):
+                matches = [_LINE.match(line) for line in lines]
+                faults += [
+                    f"line {before + row + 1}: {_shown(lines[row])} is no frame; expected "
+                    "(seconds) channel identifier#data"
+                    for row, match in enumerate(matches)
+                    if match is None and lines[row].strip()
+                ]
+                good = [match.groups(b"") for match in matches if match is not None]
+                rows = np.array([row for row, match in enumerate(matches) if match is not None])
+            part = _columns(good)
+            high = part.arbitration_id > np.where(part.extended, _LONGEST, _SHORTEST)
+            if high.any():
+                faults += [
+                    f"line {before + rows[at] + 1}: the identifier {part.arbitration_id[at]:X} is "
+                    f"above {_LONGEST if part.extended[at] else _SHORTEST:X}"
+                    for at in np.flatnonzero(high)
+                ]
+                part = Log(*(column[~high] for column in part.columns))
+            parts.append(part)
+            before += len(lines)
+    faults.sort(key=lambda fault: int(fault.split()[1].rstrip(":")))
+    return _joined(parts), faults
+
+
+def _columns(groups: list[tuple[bytes, ...]]) -> Log:
+    if not groups:
+        return _joined([])
+    time, channel, number, remote, data = zip(*groups, strict=True)
+    ids = np.array([int(text, 16) for text in number], dtype=np.int64)
+    long = np.array([len(text) == 8 for text in number])
+    error = long & (ids >> 29 == 1)
+    asks = np.array([text != b"" for text in remote])
+    dlc = [
+        int(ask[1:] or b"0") if ask else len(octets) // 2
+        for octets, ask in zip(data, remote, strict=True)
+    ]
+    names = {name: name.decode("utf-8", "replace") for name in set(channel)}
+    text = b"".join([octets.ljust(16, b"0") for octets in data]).decode("ascii")
+    return Log(
+        np.array(time).astype(float),
+        np.array([names[name] for name in channel]),
+        np.where(error, ids & _LONGEST, ids),
+        long & ~error,
+        asks,
+        error,
+        np.array(dlc, dtype=np.uint8),
+        np.frombuffer(bytes.fromhex(text), dtype=np.uint8).reshape(-1, 8),
+    )
+
+
+class _Lines(io.TextIOWrapper):
+    """A text file that knows its line."""
+
+    line = 0
+
+    def __next__(self) -> str:  # type: ignore[override] # io's stubs say bytes
+        self.line += 1
+        return super().__next__()
+
+
+def _read_foreign(file: Path, kind: str, can: Any) -> tuple[Log, list[str]]:
+    readers = {".asc": "ASCReader", ".blf": "BLFReader", ".csv": "CSVReader", ".trc": "TRCReader"}
+    messages: list[Any] = []
+    faults: list[str] = []
+    with open(file, "rb") as binary:
+        stream = _Lines(binary, "utf-8", errors="replace") if _FORMATS[kind] else None
+        try:
+            for number, message in enumerate(getattr(can, readers[kind])(stream or binary), 1):
+                if message.is_fd:
+                    raise ValueError("a CAN FD frame")
+                if fault := _impossible(message):
+                    faults.append(f"frame {number}: {fault}")
+                else:
+                    messages.append(message)
+        # The readers raise whatever their parsing meets.
+        except Exception as problem:
+            place = f"line {stream.line}" if stream else f"behind frame {len(messages)}"
+            faults.append(f"{place}: {problem or type(problem).__name__}")
+    data = np.zeros((len(messages), 8), dtype=np.uint8)
+    for row, message in enumerate(messages):
+        data[row, : len(message.data)] = list(message.data)
+    log = Log(
+        np.array([message.timestamp for message in messages], dtype=float),
+        np.array([str(message.channel) for message in messages], dtype=str),
+        np.array([message.arbitration_id for message in messages], dtype=np.int64),
+        np.array([message.is_extended_id for message in messages], dtype=bool),
+        np.array([message.is_remote_frame for message in messages], dtype=bool),
+        np.array([message.is_error_frame for message in messages], dtype=bool),
+        np.array([message.dlc for message in messages], dtype=np.uint8),
+        data,
+    )
+    return log, faults
+
+
+def _impossible(message: Any) -> str:
+    """Return why there is no such classic frame, or nothing."""
+    highest = highest_id(message.is_extended_id)
+    if not 0 <= message.arbitration_id <= highest:
+        return f"the identifier is {message.arbitration_id}; it must be 0..{highest:#x}"
+    if not 0 <= message.dlc <= 15 or len(message.data) > 8:
+        return f"it has a data length code of {message.dlc} and {len(message.data)} bytes"
+    return "" if np.isfinite(message.timestamp) else f"its time is {message.timestamp}"
+
+
+def _joined(parts: list[Log]) -> Log:
+    kinds: list[Any] = [float, str, np.int64, bool, bool, bool, np.uint8]
+    empty: list[Any] = [np.zeros(0, dtype=kind) for kind in kinds]
+    empty.append(np.zeros((0, 8), dtype=np.uint8))
+    filled = [part for part in parts if len(part.time)]
+    if not filled:
+        return Log(*empty)
+    joined: list[Any] = [
+        np.concatenate(column) for column in zip(*(part.columns for part in filled), strict=True)
+    ]
+    return Log(*joined)
+
+
+def _shown(line: bytes) -> str:
+    text = line.decode("utf-8", "replace").strip()
+    return repr(text if len(text) <= 60 else text[:57] + "...")
+
+
+# What a log says -------------------------------------------------------------------------------
+
+
+def _load(log: Log, bit_rate: float, window: float) -> LogLoad:
+    import pandas as pd
+
+    window = check_scalar("window", window, "s", 1e-6, 1e9)
+    order = np.lexsort((log.time, log.channel))
+    order = order[~log.error[order]]
+    time, channel, ids, extended, remote, _, dlc, data = (c[order] for c in log.columns)
+    measured = measure_frames(ids, data, dlc, extended=extended, remote=remote)
+    if len(order) and measured.error.any():
+        place = int(order[np.argmax(measured.error != 0)])
+        raise ArgumentError(
+            f"frame {place + 1} of the log has the identifier {log.arbitration_id[place]:#x} and "
+            f"the data length code {log.dlc[place]}; there is no such frame"
+        )
+    bits = np.asarray(measured.length, dtype=np.int64)
+    windows, messages, totals = [], [], []
+    for name in np.unique(channel).tolist():
+        at = channel == name
+        when, size = time[at], bits[at].astype(float)
+        load = _sliding(when, size, window) / (bit_rate * window)
+        span = when[-1] - when[0] + size[0] / bit_rate
+        windows.append(pd.DataFrame({"channel": name, "time_s": when, "load": load}))
+        totals.append(
+            {
+                "channel": name,
+                "frames": len(when),
+                "duration_s": span,
+                "load": size.sum() / bit_rate / span,
+                "peak_load": load.max(),
+            }
+        )
+        keys = ids[at] << 1 | extended[at]
+        for key in np.unique(keys):
+            mine = keys == key
+            own = size[mine]
+            messages.append(
+                {
+                    "channel": name,
+                    "arbitration_id": key >> 1,
+                    "extended": bool(key & 1),
+                    "frames": len(own),
+                    "bits": own.sum(),
+                    "load": own.sum() / bit_rate / span,
+                    "peak_load": _sliding(when[mine], own, window).max() / (bit_rate * window),
+                }
+            )
+    return LogLoad(
+        pd.concat(windows, ignore_index=True) if windows else _empty("channel time_s load"),
+        pd.DataFrame(messages)
+        if messages
+        else _empty("channel arbitration_id extended frames bits load peak_load"),
+        (
+            pd.DataFrame(totals) if totals else _empty("channel frames duration_s load peak_load")
+        ).set_index("channel"),
+    )
+
+
+def _sliding(
+    time: npt.NDArray[np.float64], bits: npt.NDArray[np.float64], window: float
+) -> npt.NDArray[np.float64]:
+    """Return the bits of the frames that ended within the window up to each of them."""
+    summed = np.concatenate([[0.0], np.cumsum(bits)])
+    # Stamps have microseconds: a frame exactly a window ago is out, in spite of roundings.
+    first = np.searchsorted(time, time - window + 1e-7, side="left")
+    last = np.searchsorted(time, time, side="right")
+    return np.asarray(summed[last] - summed[first])
+
+
+def _empty(columns: str) -> pd.DataFrame:
+    import pandas as pd
+
+    names: Any = columns.split()
+    return pd.DataFrame(columns=names)
+
+
+def _compare(log: Log, messages: MessageSet) -> Findings:
+    import pandas as pd
+
+    check_set(messages)
+    frames = ~log.error
+    keys = log.arbitration_id << 1 | log.extended
+    known = {m.arbitration_id << 1 | m.extended: m for m in messages}
+    rows: list[tuple[Any, ...]] = []
+
+    def add(rule: str, name: str, value: float, low: float, high: float, unit: str) -> None:
+        met = not (value < low or value > high)
+        verdict = "met" if met else "violated"
+        rows.append((rule, name, value, low, high, unit, verdict, _WHY[rule], "message set"))
+
+    for key, message in known.items():
+        times = np.sort(log.time[frames & (keys == key)])
+        add("sent", message.name, len(times), 1, np.inf, "frames")
+        if len(times) > 1:
+            latest = message.period + message.deadline
+            gaps, spans = np.diff(times), times[-1] - times[0]
+            add("interval", message.name, round(float(gaps.max()), 9), 0, latest, "s")
+            least = max(0.0, (len(times) - 1) * message.period - message.deadline)
+            add("time of all frames", message.name, round(float(spans), 9), least, np.inf, "s")
+        sizes = np.unique(log.dlc[frames & (keys == key)])
+        if len(sizes):
+            odd = [int(size) for size in sizes if size != message.dlc]
+            size = odd[0] if odd else message.dlc
+            add("length", message.name, size, message.dlc, message.dlc, "bytes")
+    for key in np.unique(keys[frames]):
+        if int(key) not in known:
+            digits = 8 if key & 1 else 3
+            count = int((frames & (keys == key)).sum())
+            add("known", f"0x{key >> 1:0{digits}X}", count, 0, 0, "frames")
+    return Findings(pd.DataFrame(rows, columns=list(COLUMNS)))
+
+
+#: What each rule of a comparison means.
+_WHY = {
+    "sent": "every message is in the log",
+    "interval": "between two frames at most a period and a deadline pass",
+    "time of all frames": "n frames take at least n - 1 periods less a deadline",
+    "length": "every frame has the data bytes of its message",
+    "known": "every identifier belongs to a message",
+}
+
+
+def _replay(
+    log: Log,
+    bus: Any,
+    speed: float,
+    clock: Callable[[], float],
+    sleep: Callable[[float], object],
+) -> int:
+    can = load_extra("can", "python-can")
+    if not isinstance(speed, int | float | np.number) or not speed > 0:
+        raise ArgumentError(f"speed is {speed!r}; it must be positive")
+    if np.any(np.diff(log.time) < 0):
+        row = int(np.argmax(np.diff(log.time) < 0)) + 1
+        raise ArgumentError(f"time of frame {row + 1} of the log lies before the one before it")
+    begin = clock()
+    first = log.time[0] if len(log.time) else 0.0
+    count = 0
+    for time, _, number, extended, remote, error, dlc, data in zip(*log.columns, strict=True):
+        if error:
+            continue
+        if np.isfinite(speed):
+            ahead = begin + (time - first) / speed - clock()
+            if ahead > 0:
+                sleep(ahead)
+        message = can.Message(
+            timestamp=float(time),
+            arbitration_id=int(number),
+            is_extended_id=bool(extended),
+            is_remote_frame=bool(remote),
+            dlc=int(dlc),
+            data=None if remote else bytes(data[: min(dlc, 8)]),
+        )
+        bus.send(message)
+        count += 1
+    return count
+
+
+def log_of_run(run: Run, channel: str, payload: Callable[[str, int], bytes] | None) -> Log:
+    """Return the frames that were sent on a simulated bus."""
+    events, known = run.events(), run.system
+    sent = events[events["outcome"] == "sent"].sort_values("end_ms")
+    names = sent["message"].astype(object)
+    numbers = names.groupby(names).cumcount()
+    data = np.zeros((len(sent), 8), dtype=np.uint8)
+    dlc = np.zeros(len(sent), dtype=np.uint8)
+    if payload is not None:
+        for row, (name, number) in enumerate(zip(names, numbers, strict=True)):
+            octets = payload(name, number)
+            if not isinstance(octets, bytes | bytearray) or len(octets) > 8:
+                raise ArgumentError(f"payload of {name!r} is {octets!r}; it must be 0..8 bytes")
+            data[row, : len(octets)] = list(octets)
+            dlc[row] = len(octets)
+    no = np.zeros(len(sent), dtype=bool)
+    return Log(
+        sent["end_ms"].to_numpy() / 1e3,
+        np.full(len(sent), channel),
+        np.array([known[name].arbitration_id for name in names], dtype=np.int64),
+        np.array([known[name].extended for name in names], dtype=bool),
+        no,
+        no,
+        dlc,
+        data,
+    )

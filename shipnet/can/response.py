@@ -1,0 +1,518 @@
+"""How long each message takes at worst, from its event to its arrival.
+
+A fraction of a tick too much makes a ceiling jump by a whole frame, so the equations are solved in
+whole ticks, which divide both the nanosecond and the bit time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple, overload
+
+from shipnet.can.faults import NO_ERRORS, ErrorBound, bound
+from shipnet.can.frame import INTERMISSION, check_bit_rate
+from shipnet.can.lengths import length_table
+from shipnet.can.messages import Message, MessageSet, check_set
+from shipnet.clock import nanoseconds
+from shipnet.errors import ArgumentError
+from shipnet.fields import choice, record, switch, whole
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+Method = Literal["exact", "sufficient", "1994"]
+
+
+@record
+class Assumptions:
+    """What counts as the response time: published tables differ in it by a few bit times.
+
+    References
+    ----------
+    .. [1] R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
+       schedulability analysis: refuted, revisited and revised", Real-Time Systems 35, 2007; the
+       defaults are its.
+
+    Examples
+    --------
+    >>> messages = MessageSet([Message("A", 1, 8, 5e-3), Message("B", 2, 8, 10e-3)])
+    >>> own = Assumptions(intermission="between")
+    >>> response_times(messages, 125e3)["B"].response
+    0.00216
+    >>> response_times(messages, 125e3, assumptions=own)["B"].response
+    0.002136
+    """
+
+    stuffing: Literal["none", "attainable", "worst", "worst 1994"] = choice(
+        ("none", "attainable", "worst", "worst 1994"),
+        "Which stuff bits count, as in `frame_length`", default="worst",
+    )  # fmt: skip
+    intermission: Literal["everywhere", "between", "nowhere"] = choice(
+        ("everywhere", "between", "nowhere"),
+        "Whether the 3 bits behind a frame count: also behind the message itself, only between "
+        "frames, or never", default="everywhere",
+    )  # fmt: skip
+    own_jitter: bool = switch(
+        "Whether the response begins with the event, or when the message is queued", default=True
+    )
+    arbitration_bits: int = whole(
+        0, 11, "bit",
+        "How late a more urgent message may be queued and still win", default=1,
+    )  # fmt: skip
+    foreign_bits: int = whole(
+        0, 160, "bit", "Longest frame of nodes that are not in the set; it may block", default=0
+    )
+
+
+AS_USUAL = Assumptions()
+
+
+# The equations ---------------------------------------------------------------------------------
+
+#: Steps of a recursion, or instances of a message, after which a busy period counts as endless.
+#: Only loads within about 1e-4 of 1 take as many.
+_MOST_STEPS = 200_000
+
+
+#: Frames that come again and again: period, length, and by how much the first may come early.
+_Stream = tuple[int, int, int]
+
+
+class Bus(NamedTuple):
+    """A message set at a bit rate, every time in ticks."""
+
+    second: int
+    bit: int
+    nanosecond: int
+    streams: tuple[_Stream, ...]
+    deadline: tuple[int, ...]
+    assumptions: Assumptions
+
+
+def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions) -> Bus:
+    """Return a message set in ticks of the bus."""
+    check_set(messages)
+    rate = check_bit_rate(bit_rate)
+    if rate % 1:
+        raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be a whole number of bit/s")
+    bit_rate = int(rate)
+    second = math.lcm(10**9, bit_rate)
+    bit, nanosecond = second // bit_rate, second // 10**9
+    table = length_table(assumptions.stuffing)
+    spared = INTERMISSION if assumptions.intermission == "nowhere" else 0
+    return Bus(
+        second,
+        bit,
+        nanosecond,
+        tuple(
+            (
+                nanoseconds(m.period) * nanosecond,
+                ((m.bits or int(table[m.extended][m.dlc])) - spared) * bit,
+                nanoseconds(m.jitter) * nanosecond,
+            )
+            for m in messages
+        ),
+        tuple(nanoseconds(m.deadline) * nanosecond for m in messages),
+        assumptions,
+    )
+
+
+class Level:
+    r"""One message among those that it waits for."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        message: int,
+        higher: Sequence[int],
+        lower: Sequence[int],
+        errors: ErrorBound = NO_ERRORS,
+        own_blocking: bool = False,
+    ) -> None:
+        streams, assumptions = bus.streams, bus.assumptions
+        self.period, self.frame, self.jitter = streams[message]
+        self.deadline = bus.deadline[message]
+        foreign = assumptions.foreign_bits
+        if assumptions.intermission == "nowhere":
+            foreign = max(0, foreign - INTERMISSION)
+        self.blocking = max([streams[k][1] for k in lower], default=0)
+        self.blocking = max(self.blocking, foreign * bus.bit)
+        if own_blocking:
+            self.blocking = max(self.blocking, self.frame)
+
+        self._reported = self.frame
+        if assumptions.own_jitter:
+            self._reported += self.jitter
+        if assumptions.intermission == "between":
+            self._reported -= INTERMISSION * bus.bit
+
+        self._tau = assumptions.arbitration_bits * bus.bit
+        self._higher = [streams[k] for k in higher]
+        self._equal = [*self._higher, streams[message]]
+        self._constant = self.blocking
+        if errors.burst:
+            # Errors are one more stream, of retransmissions.
+            cost = errors.bits * bus.bit + max(frame for _, frame, _ in self._equal)
+            endless = errors.interval == math.inf
+            self._constant += (errors.burst - (not endless)) * cost
+            if not endless:
+                interval = nanoseconds(errors.interval) * bus.nanosecond
+                self._equal.append((interval, cost, 0))
+                # A delay is searched for with tau added, but errors count up to the frame's end.
+                self._higher.append((interval, cost, self.frame - self._tau))
+        # What is queued together with the message goes first, once at least, even without tau.
+        self._least = self._constant + sum(frame for _, frame, _ in self._higher)
+
+    def first_response(self) -> float:
+        """Return the longest response of the first instance in a busy period, or infinity."""
+        if not _ends(self._constant, self._higher, self._tau):
+            return math.inf
+        return self._response(0, self._delay(0, self._least))
+
+    def responses(self) -> tuple[float, list[float]]:
+        """Return the longest busy period, and the longest response of each instance in it."""
+        busy = math.inf
+        if _ends(self._constant, self._equal, 0):
+            w = self._delay(0, self._least)
+            busy = self._busy_period(w)
+        if busy == math.inf:
+            return busy, [math.inf]
+        responses = [self._response(0, w)]
+        for q in range(1, self._instances(busy)):
+            w = self._delay(q, w + self.frame)
+            responses.append(self._response(q, w))
+        return busy, responses
+
+    def meets_deadline(self) -> bool:
+        """Return whether no instance misses its deadline; stop at the first that does."""
+        if not _ends(self._constant, self._equal, 0):
+            return False
+        # Most misses show in the first instance, before the busy period is known.
+        latest = self.deadline - self._reported
+        w = self._delay(0, self._least, latest)
+        if w > latest:
+            return False
+        busy = self._busy_period(w)
+        if busy == math.inf:
+            return False
+        for q in range(1, self._instances(busy)):
+            latest += self.period
+            w = self._delay(q, w + self.frame, latest)
+            if w > latest:
+                return False
+        return True
+
+    def _busy_period(self, delay: float) -> float:
+        """Return how long the bus may be busy with this priority or higher, or infinity."""
+        # It lasts until the end of the first instance at least: tau is shorter than any frame.
+        busy = _settle(self._constant, self._equal, delay + self.frame, 0, math.inf)
+        return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
+
+    def _instances(self, busy: float) -> int:
+        return int(-(-(busy + self.jitter) // self.period))
+
+    def _delay(self, q: int, start: float, limit: float = math.inf) -> float:
+        """Return how long instance q may be delayed, from the begin of the busy period."""
+        return _settle(self._constant + q * self.frame, self._higher, start, self._tau, limit)
+
+    def _response(self, q: int, delay: float) -> float:
+        return delay + self._reported - q * self.period
+
+
+def _ends(constant: int, streams: Sequence[_Stream], tau: int) -> bool:
+    """Return whether t = constant + sum of ceil((t + tau + ahead) / period) * frame for some t."""
+    load = sum([frame / period for period, frame, _ in streams])
+    if abs(load - 1) > 1e-9:
+        return load < 1
+    hyperperiod = math.lcm(*(period for period, _, _ in streams))
+    used = sum(hyperperiod // period * frame for period, frame, _ in streams)
+    # At a load of 1 the bus catches up with nothing that it was once late by.
+    return used < hyperperiod or (
+        used == hyperperiod and constant == 0 and not any(tau + ahead for _, _, ahead in streams)
+    )
+
+
+def _settle(
+    constant: int, streams: Sequence[_Stream], start: float, tau: int, limit: float
+) -> float:
+    """Return the least t >= start with t = constant + sum of ceil((t + tau + ahead) / T) * C."""
+    t = start
+    for _ in range(_MOST_STEPS):
+        later: float = constant
+        # Ceilings, as the floors of negative numbers.
+        early = -(t + tau)
+        for period, frame, ahead in streams:
+            later -= (early - ahead) // period * frame
+        if later <= t or later > limit:
+            return later
+        t = later
+    return math.inf
+
+
+# Response times --------------------------------------------------------------------------------
+
+
+class ResponseTime(NamedTuple):
+    """The longest response of a message, and how it comes about.
+
+    Attributes
+    ----------
+    message : Message
+        The message.
+    frame_time : float
+        Length of its frame [s].
+    blocking : float
+        Longest frame that may be on the bus already [s].
+    busy_period : float
+        How long the bus may be busy without a break with messages of this priority or higher,
+        blocking included [s]; infinite if it need not end, NaN if the method does without it.
+    instances : tuple of float
+        Longest response of each instance of the message in the busy period [s]; one that is
+        infinite if the busy period need not end.
+    response : float
+        The longest of them [s].
+    met : bool
+        Whether it is no longer than the deadline, compared in whole ticks.
+
+    Examples
+    --------
+    >>> messages = MessageSet([Message("A", 1, 8, 5e-3), Message("B", 2, 8, 10e-3)])
+    >>> alone = response_times(messages, 125e3)["A"]
+    >>> alone.blocking, alone.response, alone.slack
+    (0.00108, 0.00216, 0.00284)
+    """
+
+    message: Message
+    frame_time: float
+    blocking: float
+    busy_period: float
+    instances: tuple[float, ...]
+    response: float
+    met: bool
+
+    @property
+    def slack(self) -> float:
+        """Deadline less response [s]."""
+        return self.message.deadline - self.response
+
+
+class ResponseTimes(Sequence[ResponseTime]):
+    """The longest response time of every message, the highest priority first.
+
+    Parameters
+    ----------
+    responses : iterable of ResponseTime
+        One per message, in order of priority.
+    bit_rate : float
+        Bit rate [bit/s].
+
+    Examples
+    --------
+    >>> messages = MessageSet([Message("A", 1, 8, 2e-3), Message("B", 2, 8, 3e-3)])
+    >>> found = response_times(messages, 125e3)
+    >>> found
+    ResponseTimes(2 messages, 1 late, critical: A)
+    >>> found["B"].response, found.met, found.late
+    (0.00216, False, ['A'])
+    """
+
+    def __init__(self, responses: Iterable[ResponseTime], bit_rate: float) -> None:
+        self._responses = tuple(responses)
+        self.bit_rate = float(bit_rate)
+
+    @property
+    def met(self) -> bool:
+        """Whether every message meets its deadline."""
+        return all(one.met for one in self._responses)
+
+    @property
+    def late(self) -> list[str]:
+        """Names of the messages that may miss their deadlines, the highest priority first."""
+        return [one.message.name for one in self._responses if not one.met]
+
+    @property
+    def critical(self) -> str:
+        """Name of the message whose response takes most of its deadline; "" of no messages."""
+        worst = max(self, key=lambda one: one.response / one.message.deadline, default=None)
+        return "" if worst is None else worst.message.name
+
+    def __len__(self) -> int:
+        return len(self._responses)
+
+    def __iter__(self) -> Iterator[ResponseTime]:
+        return iter(self._responses)
+
+    @overload
+    def __getitem__(self, key: int | str) -> ResponseTime: ...
+    @overload
+    def __getitem__(self, key: slice) -> tuple[ResponseTime, ...]: ...
+    def __getitem__(self, key: int | str | slice) -> ResponseTime | tuple[ResponseTime, ...]:
+        """Return the response time of a message by its name or its place, or some by a slice."""
+        if isinstance(key, str):
+            names = [one.message.name for one in self._responses]
+            if key not in names:
+                raise ArgumentError(f"name is {key!r}; the messages are {', '.join(names)}")
+            return self._responses[names.index(key)]
+        return self._responses[key]
+
+    def __repr__(self) -> str:
+        """Count the messages and those that are late, and name the critical one."""
+        late = f"{len(self.late)} late" if self.late else "all in time"
+        return f"ResponseTimes({len(self)} messages, {late}, critical: {self.critical})"
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per message, indexed by name, with the load it contributes."""
+        import pandas as pd
+
+        messages = [one.message for one in self._responses]
+        table = pd.DataFrame(
+            {
+                "arbitration_id": [message.arbitration_id for message in messages],
+                "frame_ms": [one.frame_time * 1e3 for one in self],
+                "blocking_ms": [one.blocking * 1e3 for one in self],
+                "busy_period_ms": [one.busy_period * 1e3 for one in self],
+                "instances": [len(one.instances) for one in self],
+                "response_ms": [one.response * 1e3 for one in self],
+                "deadline_ms": [message.deadline * 1e3 for message in messages],
+                "slack_ms": [one.slack * 1e3 for one in self],
+                "met": pd.Series([one.met for one in self], dtype=bool),
+                "load_percent": [100 * one.frame_time / one.message.period for one in self],
+            }
+        )
+        table.index = pd.Index([message.name for message in messages], name="name", dtype=object)
+        # Times are whole nanoseconds and bits; what 1e3 adds behind them is no part of the answer.
+        return table.round(9)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the longest response of each message as a bar, its deadline as a red mark."""
+        from shipnet.can.plot import plot_response_times
+
+        return plot_response_times(self, ax)
+
+
+def response_times(
+    messages: MessageSet,
+    bit_rate: float,
+    *,
+    method: Method = "exact",
+    assumptions: Assumptions | None = None,
+    faults: ErrorBound | Iterable[ErrorBound] = (),
+) -> ResponseTimes:
+    r"""Return the longest response time of every message, the highest priority first.
+
+    .. math:: w_m(q) = B_m + E(w_m + C_m) + q C_m
+              + \sum_{k \in hp(m)} \left\lceil \frac{w_m + J_k + \tau}{T_k} \right\rceil C_k,
+              \qquad R_m = \max_q \left( J_m + w_m(q) - q T_m + C_m \right)
+
+    Parameters
+    ----------
+    messages : MessageSet
+        The messages. Offsets do not count, as no two nodes share a clock.
+    bit_rate : float
+        Bit rate, 1000..1000000 [bit/s], a whole number.
+    method : {"exact", "sufficient", "1994"}, default "exact"
+        ``"exact"``: all instances in the busy period [1]_. ``"sufficient"``: the first one alone,
+        blocked by a frame as long as its own at least; never too short where it meets the
+        deadline. ``"1994"``: the first one alone, as in [2]_, which may be too short.
+    assumptions : Assumptions, optional
+        How long frames are, and what counts as the response.
+    faults : ErrorBound, optional
+        How many errors hit the bus; none if not given.
+
+    Returns
+    -------
+    ResponseTimes
+        One `ResponseTime` per message; one without a bound has an infinite response.
+
+    Raises
+    ------
+    ArgumentError
+        If the bit rate or the method is not legal, or a deadline is longer than its period in
+        another method than the exact one.
+
+    Notes
+    -----
+    All is computed in whole ticks that divide both nanosecond and bit time, so the numbers are
+    exact; only the results are rounded to floats. A load within about 1e-4 of 1, of which a busy
+    period takes more than 200000 steps or instances, counts as an overload. A node is expected to
+    send its most urgent message first and to keep the instances of one message in order.
+
+    References
+    ----------
+    .. [1] R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
+       schedulability analysis: refuted, revisited and revised", Real-Time Systems 35, 2007.
+    .. [2] K. Tindell, A. Burns, "Guaranteeing message latencies on Control Area Network (CAN)",
+       1st International CAN Conference, 1994.
+
+    Examples
+    --------
+    The example of [1]_, 125 kbit/s: C misses its deadline with its second instance, and the older
+    analysis does not see it.
+
+    >>> messages = MessageSet(
+    ...     [
+    ...         Message("A", 1, 7, period=2.5e-3),
+    ...         Message("B", 2, 7, period=3.5e-3, deadline=3.25e-3),
+    ...         Message("C", 3, 7, period=3.5e-3, deadline=3.25e-3),
+    ...     ]
+    ... )
+    >>> c = response_times(messages, 125e3)["C"]
+    >>> c.instances, c.response, c.met
+    ((0.003, 0.0035), 0.0035, False)
+    >>> [r.response for r in response_times(messages, 125e3, method="1994")]
+    [0.002, 0.003, 0.003]
+    >>> [r.response for r in response_times(messages, 125e3, method="sufficient")]
+    [0.002, 0.003, 0.007]
+    """
+    check_set(messages)
+    if method not in ("exact", "sufficient", "1994"):
+        raise ArgumentError(f"method is {method!r}; it must be exact, sufficient or 1994")
+    if method != "exact":
+        for message in messages:
+            if message.deadline > message.period:
+                raise ArgumentError(
+                    f"deadline of {message.name!r} is {message.deadline} s, longer than its period "
+                    f"{message.period} s; only the exact method allows that"
+                )
+    errors = bound(faults)
+    bus = on_bus(messages, bit_rate, assumptions or AS_USUAL)
+    return ResponseTimes(
+        [_response(bus, place, message, method, errors) for place, message in enumerate(messages)],
+        bit_rate,
+    )
+
+
+def _response(
+    bus: Bus, place: int, message: Message, method: Method, errors: ErrorBound
+) -> ResponseTime:
+    higher, lower = range(place), range(place + 1, len(bus.streams))
+    level = Level(bus, place, higher, lower, errors, own_blocking=method == "sufficient")
+    if method == "exact":
+        busy, ticks = level.responses()
+    else:
+        busy, ticks = math.nan, [level.first_response()]
+    longest = max(ticks)
+    return ResponseTime(
+        message,
+        level.frame / bus.second,
+        level.blocking / bus.second,
+        busy / bus.second,
+        tuple(response / bus.second for response in ticks),
+        longest / bus.second,
+        longest <= level.deadline,
+    )
+
+
+def meets_all(bus: Bus, errors: ErrorBound) -> bool:
+    """Return whether every message meets its deadline."""
+    places = range(len(bus.streams))
+    return all(Level(bus, m, range(m), places[m + 1 :], errors).meets_deadline() for m in places)
+
+
+def schedulable(
+    messages: MessageSet, bit_rate: float, assumptions: Assumptions, errors: ErrorBound
+) -> bool:
+    """Return whether every message meets its deadline, by the exact method."""
+    return meets_all(on_bus(messages, bit_rate, assumptions), errors)

@@ -1,0 +1,306 @@
+"""CAN on its cable: what every node sees, and what it reads at its sample point.
+
+A dominant driver is a voltage behind a resistance; a recessive one is off. So several drivers at
+once make a wired AND, and only the terminators discharge the line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole, number, record, whole
+from shipnet.line.cable import Cable
+from shipnet.line.characteristics import Driver, simulate
+from shipnet.line.network import CableRun, Load, Network
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+Floats = npt.NDArray[np.float64]
+Bits = npt.NDArray[np.int8]
+
+#: Differential voltages [V] from which a receiver sees dominant, and up to which it sees
+#: recessive: ISO 11898-2; between them either may be read.
+DOMINANT, RECESSIVE = 0.9, 0.5
+
+
+@record(repr=False)
+class Segment:
+    """A straight trunk with nodes at equal distances, counted from 1; `line` makes it.
+
+    A node with a stub is at its far end; the tap on the trunk loads it like another node.
+
+    Examples
+    --------
+    >>> from shipnet import can
+    >>> can.line(40, nodes=5, stubs={3: 10.0})
+    Segment(40 m, 5 nodes, terminated, stubs {3: 10.0})
+    """
+
+    length: float = number(0.1, 1e4, "m", "Length of the trunk")
+    nodes: int = whole(2, 200, "", "Nodes; the first and the last are at its ends", default=9)
+    terminator: float | None = number(
+        1e-3, 1e9, "ohm", "Resistance at either end; None leaves the ends open",
+        default=120.0, optional=True,
+    )  # fmt: skip
+    stubs: Mapping[int, float] = field(default_factory=dict)
+    cable: Cable = field(default_factory=lambda: Cable.lossless(120, 5e-9))
+    resistance: float = number(1e-3, 1e12, "ohm", "Input resistance of a node", default=20e3)
+    capacitance: float = number(1e-15, 1e-3, "F", "Input capacitance of a node", default=100e-12)
+
+    def __post_init__(self) -> None:
+        """Check the stubs."""
+        for node, metres in self.stubs.items():
+            check_whole("node of a stub", node, 1, self.nodes)
+            check_scalar(f"length of the stub at node {node}", metres, "m", 1e-3, 1e3)
+
+    def point(self, node: int) -> str:
+        """Return where a node is in the network: on the trunk, or at the end of its stub."""
+        number = check_whole("node", node, 1, self.nodes)
+        return f"{'s' if number in self.stubs else 'b'}{number}"
+
+    def network(self) -> Network:
+        """Return the cable with all its loads."""
+        step = self.length / (self.nodes - 1)
+        runs = [
+            CableRun(f"b{node}", f"b{node + 1}", step, self.cable) for node in range(1, self.nodes)
+        ]
+        for node, metres in self.stubs.items():
+            runs.append(CableRun(f"b{node}", f"s{node}", metres, self.cable))
+        loads = {name: Load(r=self.resistance, c=self.capacitance) for name in Network(runs).nodes}
+        if self.terminator is not None:
+            for name in ("b1", f"b{self.nodes}"):
+                loads[name] += Load(r=self.terminator)
+        return Network(runs, loads)
+
+    def send(
+        self,
+        patterns: Mapping[int, str],
+        bit_rate: float,
+        *,
+        sample_point: float = 0.75,
+        edge: float = 30e-9,
+        voltage: float = 3.2,
+        resistance: float = 40.0,
+        dt: float | None = None,
+        start: float | None = None,
+    ) -> Signals:
+        """Return what every node sees and reads while some of them send bits.
+
+        Parameters
+        ----------
+        patterns : mapping of int to str
+            Bits that a node sends, 0 dominant; a node that is not named or has ended sends 1.
+        bit_rate : float
+            Bit rate, 1e3..1e6 [bit/s].
+        sample_point : float, default 0.75
+            Where in a bit the nodes read it, 0.01..0.99. Their clocks run with the first sender's.
+        edge : float, default 30e-9
+            Time in which a driver switches, up to half a bit [s].
+        voltage, resistance : float
+            Differential voltage of a dominant driver [V], and its source resistance [ohm].
+        dt : float, optional
+            Time step; by default it resolves the edge and divides the shortest delay [s].
+        start : float, optional
+            When the first bit begins; half a bit by default [s].
+        """
+        rate = check_scalar("bit_rate", bit_rate, "bit/s", 1e3, 1e6)
+        point = check_scalar("sample_point", sample_point, "", 0.01, 0.99)
+        bit = 1 / rate
+        rise = check_scalar("edge", edge, "s", 1e-12, bit / 2)
+        begin = bit / 2 if start is None else check_scalar("start", start, "s", 0.0, 1.0)
+        ohms = check_scalar("resistance", resistance, "ohm", 1e-3, 1e6)
+        volts = check_scalar("voltage", voltage, "V", 0.1, 100.0)
+        network = self.network()
+        length = max(map(len, patterns.values()), default=0)
+        if not length:
+            raise ArgumentError("patterns are empty; there must be a bit to send")
+        drivers, sent = [], np.ones(length, dtype=np.int8)
+        for node, pattern in patterns.items():
+            name = self.point(node)
+            if not isinstance(pattern, str) or set(pattern) - {"0", "1"}:
+                raise ArgumentError(f"pattern of node {node} is {pattern!r}; it must hold 0 and 1")
+            levels = np.array([int(c) for c in pattern.ljust(length, "1")], dtype=np.int8)
+            sent &= levels
+            steps = np.diff(1 - levels, prepend=0, append=0)
+
+            def conductance(t: Floats, steps: npt.NDArray[np.int8] = steps) -> Floats:
+                g = np.zeros_like(t)
+                for k in np.flatnonzero(steps):
+                    x = np.clip((t - begin - k * bit) / rise, 0, 1)
+                    g += steps[k] * (x - np.sin(2 * np.pi * x) / (2 * np.pi))
+                # Sums of steps may fall a rounding below zero.
+                return np.maximum(g, 0) / ohms
+
+            drivers.append(Driver(name, voltage=volts, conductance=conductance))
+        shortest = min(float(run.length * run.made_of.delay) for run in network.runs)
+        if dt is None:
+            dt = shortest / np.ceil(shortest / min(rise / 5, shortest))
+        wave = simulate(network, drivers, begin + length * bit, dt)
+        at = begin + (np.arange(length) + point) * bit
+        seen = np.array([np.interp(at, wave.t, row) for row in wave.u])
+        bits = np.where(seen >= DOMINANT, 0, np.where(seen <= RECESSIVE, 1, -1)).astype(np.int8)
+        return Signals(
+            self, rate, wave.t, np.asarray(at, dtype=float), sent, network.nodes, wave.u, seen, bits
+        )
+
+    def __repr__(self) -> str:
+        """Name length, nodes, terminators and stubs."""
+        ends = "open ends" if self.terminator is None else "terminated"
+        stubs = f", stubs {dict(self.stubs)}" if self.stubs else ""
+        return f"Segment({self.length:g} m, {self.nodes} nodes, {ends}{stubs})"
+
+
+def line(
+    length: float,
+    nodes: int = 9,
+    *,
+    terminator: float | None = 120.0,
+    stubs: Mapping[int, float] | None = None,
+    cable: Cable | None = None,
+    resistance: float = 20e3,
+    capacitance: float = 100e-12,
+) -> Segment:
+    """Build a straight CAN line with nodes at equal distances.
+
+    Parameters
+    ----------
+    length : float
+        Length of the trunk, 0.1..1e4 [m].
+    nodes : int, default 9
+        Nodes, counted from 1; the first and the last are at the ends of the trunk; 2..200.
+    terminator : float or None, default 120
+        Resistance at either end [ohm]; None leaves the ends open.
+    stubs : mapping of int to float, optional
+        Length of the stub of a node [m].
+    cable : Cable, optional
+        Cable of trunk and stubs; 120 ohm and 5 ns/m without loss if not given.
+    resistance, capacitance : float
+        Input of each node; 20 kohm and 100 pF by default.
+
+    Returns
+    -------
+    Segment
+        The line, whose method `send` sends bits over it.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of range.
+
+    Examples
+    --------
+    Bits at 1 Mbit/s on 40 m, without the terminators: the line stays dominant.
+
+    >>> line(40).send({1: "01001101"}, 1e6).table().loc[9, "read"]
+    '01001101'
+    >>> line(40, terminator=None).send({1: "01001101"}, 1e6).table().loc[9, "read"]
+    '00000000'
+    """
+    more = {} if cable is None else {"cable": cable}
+    return Segment(
+        length, nodes, terminator, dict(stubs or {}), resistance=resistance,
+        capacitance=capacitance, **more,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Signals:
+    """Voltages on a line, and what is read from them; `Segment.send` makes it.
+
+    Attributes
+    ----------
+    segment : Segment
+        The line.
+    bit_rate : float
+        Bit rate [bit/s].
+    t : ndarray of float, shape (n_t,)
+        Times [s].
+    sample_times : ndarray of float, shape (n_bits,)
+        Sample points [s], by a clock that begins with the first bit of the senders.
+    sent : ndarray of int8, shape (n_bits,)
+        The wired AND of what was sent.
+    points : tuple of str
+        Points of the network, the rows of the arrays below: b1, b2, ... on the trunk and s1, s2,
+        ... at the ends of stubs.
+    v : ndarray of float, shape (n_points, n_t)
+        Differential voltages [V].
+    samples : ndarray of float, shape (n_points, n_bits)
+        Voltages at the sample points [V].
+    bits : ndarray of int8, shape (n_points, n_bits)
+        0 dominant, 1 recessive, -1 where a receiver may read either.
+
+    Examples
+    --------
+    >>> from shipnet import can
+    >>> signals = can.line(40).send({1: "01001101"}, 1e6)
+    >>> signals, signals.wrong
+    (Signals(8 bits at 1000 kbit/s, 9 nodes read all bits), [])
+    """
+
+    segment: Segment
+    bit_rate: float
+    t: Floats
+    sample_times: Floats
+    sent: Bits
+    points: tuple[str, ...]
+    v: Floats
+    samples: Floats
+    bits: Bits
+
+    def row(self, node: int) -> int:
+        """Return the row of a node in `v`, `samples` and `bits`."""
+        return self.points.index(self.segment.point(node))
+
+    @property
+    def wrong(self) -> list[int]:
+        """The nodes that do not read every bit as it was sent."""
+        nodes = range(1, self.segment.nodes + 1)
+        return [node for node in nodes if (self.bits[self.row(node)] != self.sent).any()]
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per node: what it reads, how often wrongly, and its worst samples.
+
+        ``read`` has ? where a receiver may read either value; ``least_dominant_V`` must be 0.9 V
+        or more, and ``most_recessive_V`` 0.5 V or less.
+        """
+        import pandas as pd
+
+        nodes = range(1, self.segment.nodes + 1)
+        rows = [self.row(node) for node in nodes]
+        dominant = self.sent == 0
+        return pd.DataFrame(
+            {
+                "stub_m": [float(self.segment.stubs.get(node, 0.0)) for node in nodes],
+                "read": ["".join("?01"[bit + 1] for bit in self.bits[row]) for row in rows],
+                "wrong": [int((self.bits[row] != self.sent).sum()) for row in rows],
+                "least_dominant_V": [
+                    self.samples[row].min(where=dominant, initial=np.inf) for row in rows
+                ],
+                "most_recessive_V": [
+                    self.samples[row].max(where=~dominant, initial=-np.inf) for row in rows
+                ],
+            },
+            index=pd.Index(nodes, name="node"),
+        )
+
+    def plot(self, node: int | None = None, ax: Axes | None = None, *, colour: str = "C0") -> Axes:
+        """Draw the voltage at a node, the last by default, and the bits that it reads."""
+        from shipnet.can.plot import plot_signals
+
+        return plot_signals(self, self.segment.nodes if node is None else node, ax, colour)
+
+    def __repr__(self) -> str:
+        """Say how many nodes read all bits."""
+        nodes, wrong = self.segment.nodes, len(self.wrong)
+        said = (
+            f"{wrong} of {nodes} nodes read wrong bits" if wrong else f"{nodes} nodes read all bits"
+        )
+        return f"Signals({len(self.sent)} bits at {self.bit_rate / 1e3:g} kbit/s, {said})"

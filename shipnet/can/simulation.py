@@ -1,0 +1,502 @@
+"""A CAN bus simulated: periodic messages, arbitration, errors, and how long each frame took."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.can.bus import (
+    OVERWRITTEN,
+    WAITING,
+    Disturbed,
+    Releases,
+    send_all,
+    send_batch,
+    send_disturbed,
+)  # fmt: skip
+from shipnet.can.faults import Simulated, simulated
+from shipnet.can.frame import check_bit_rate
+from shipnet.can.messages import MessageSet, check_set, counted, message_lengths
+from shipnet.clock import nanoseconds
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+    from shipnet.can.log import Log
+
+Integers = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
+
+#: Most frames that one run may release: some gigabytes of memory.
+MOST_FRAMES = 20_000_000
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run:
+    """What happened on a simulated bus; `simulate` makes it.
+
+    Attributes
+    ----------
+    system : MessageSet
+        The messages.
+    bit_rate : float
+        Bit rate [bit/s].
+    until : float
+        Simulated time [s].
+    faults : tuple
+        What disturbed the bus.
+    load : float
+        Share of the time in which the bus was busy, error frames and intermission included.
+
+    Examples
+    --------
+    >>> from shipnet import can
+    >>> run = can.simulate(can.example(), 125e3, until=0.1)
+    >>> run
+    Run(10 messages, 33 frames in 0.1 s, load 26 %)
+    >>> run.table().loc["speed", ["sent", "max_ms", "missed"]].to_dict()
+    {'sent': 10.0, 'max_ms': 1.28, 'missed': 0.0}
+    """
+
+    system: MessageSet
+    bit_rate: float
+    until: float
+    faults: tuple[Simulated, ...]
+    load: float
+    _events: pd.DataFrame
+    _table: pd.DataFrame
+    _errors: pd.DataFrame
+    _nodes: pd.DataFrame
+
+    def events(self) -> pd.DataFrame:
+        """Return one row per frame, in the order of the release; what was not sent has NaN times.
+
+        Columns: ``message``, ``arrival_ms`` (of the event), ``release_ms`` (later by the jitter),
+        ``start_ms``, ``end_ms``, ``response_ms`` (from the event to the end), ``retries``,
+        ``outcome`` (sent, waiting, overwritten).
+        """
+        return self._events.copy()
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per message, the highest priority first, indexed by name.
+
+        ``released``, ``sent``, ``waiting`` and ``overwritten`` count frames; ``min_ms``,
+        ``mean_ms`` and ``max_ms`` are of the response; ``missed`` counts what was sent after the
+        deadline or waits beyond it.
+        """
+        return self._table.copy()
+
+    def errors(self) -> pd.DataFrame:
+        """Return one row per destroyed frame.
+
+        ``free_ms`` is when the bus was free again, ``bit`` the one that was disturbed, ``tec``
+        and ``state`` are those of the sender afterwards.
+        """
+        return self._errors.copy()
+
+    def nodes(self) -> pd.DataFrame:
+        """Return error counters and state of each sender at the end, and how often it was off."""
+        return self._nodes.copy()
+
+    def plot(self, start: float = 0.0, stop: float | None = None, ax: Axes | None = None) -> Axes:
+        """Draw who was on the bus from `start` to `stop` [s], one lane per message."""
+        from shipnet.can.plot import plot_run
+
+        return plot_run(self, start, stop, ax)
+
+    def log(
+        self, *, channel: str = "can0", payload: Callable[[str, int], bytes] | None = None
+    ) -> Log:
+        """Return the frames that were sent as a recording of the bus would hold them.
+
+        `payload` makes the data from the name of a message and the number of its frame; without
+        it frames have no data.
+        """
+        from shipnet.can.log import log_of_run
+
+        return log_of_run(self, channel, payload)
+
+    def __repr__(self) -> str:
+        """Count the frames."""
+        return (
+            f"Run({len(self.system)} messages, {len(self._events)} frames in {self.until:g} s, "
+            f"load {self.load:.0%})"
+        ).replace("%)", " %)")
+
+
+def simulate(
+    messages: MessageSet,
+    bit_rate: float,
+    *,
+    until: float,
+    faults: Simulated | Iterable[Simulated] = (),
+    queue: Literal["fifo", "overwrite"] = "fifo",
+    recover: bool = True,
+    rng: Any = None,
+) -> Run:
+    """Simulate the arbitration of periodic messages on a CAN bus.
+
+    Parameters
+    ----------
+    messages : MessageSet
+        The messages. One without a sender has a node of its own.
+    bit_rate : float
+        Bit rate, 5e3..1e6 [bit/s]; a bit must be a whole number of nanoseconds.
+    until : float
+        Time to simulate, 1e-9..1e6 [s]; a frame that began before is finished.
+    faults : BitErrors, ErrorAt or iterable of them, optional
+        What disturbs the bus, from `faults`.
+    queue : {"fifo", "overwrite"}, default "fifo"
+        Whether frames of a message queue up behind each other, or the newest replaces one that
+        still waits, as in a controller with one buffer per message.
+    recover : bool, default True
+        Whether a node off the bus comes back after 128 sequences of 11 recessive bits.
+    rng : int, numpy.random.Generator or None, optional
+        What `numpy.random.default_rng` takes; used for jitter and `BitErrors`.
+
+    Returns
+    -------
+    Run
+        Frames, messages, errors and nodes as tables, and the load.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of range, or more than 20 million frames would be released.
+
+    Notes
+    -----
+    A frame ends with its 3 bits of intermission, as in response-time analysis. Jitter delays each
+    release by a uniform chance, and no frame of a message overtakes another. An error is seen by
+    all nodes at once and destroys the frame; the sender tries again. A node that is error passive
+    lets 8 more bits pass after its own frames [1]_, and one whose counter reaches 256 leaves the
+    bus. What disturbs an error frame, overload frames and the lack of an acknowledgement are not
+    modelled.
+
+    A simulation finds no bound: other offsets may do worse. See `response_times`.
+
+    References
+    ----------
+    .. [1] Robert Bosch GmbH, "CAN specification 2.0", 1991, part B, sections 3.2.5 and 8.
+
+    Examples
+    --------
+    Three messages of 7 bytes at 125 kbit/s, 1 ms each by the bound, released together: the lowest
+    meets its worst case of 3.5 ms, a miss, because its deadline is 3.25 ms.
+
+    >>> from shipnet.can import Message
+    >>> messages = MessageSet(
+    ...     [
+    ...         Message("A", 1, 7, period=2.5e-3),
+    ...         Message("B", 2, 7, period=3.5e-3, deadline=3.25e-3),
+    ...         Message("C", 3, 7, period=3.5e-3, deadline=3.25e-3),
+    ...     ]
+    ... )
+    >>> run = simulate(messages, 125e3, until=1.0)
+    >>> run.table()[["sent", "max_ms", "missed"]].values.tolist()
+    [[400.0, 1.5, 0.0], [286.0, 2.0, 0.0], [286.0, 3.5, 57.0]]
+    >>> round(run.load, 3)
+    0.972
+    """
+    import pandas as pd
+
+    columns = _columns(messages)
+    bit = bit_time_ns(bit_rate)
+    if queue not in ("fifo", "overwrite"):
+        raise ArgumentError(f"queue is {queue!r}; it must be 'fifo' or 'overwrite'")
+    horizon = nanoseconds(check_scalar("until", until, "s", 1e-9, 1e6))
+    several = simulated(faults)
+    generator = np.random.default_rng(rng)
+    arrival, releases = _releases(columns, horizon, bit, generator)
+    overwrite = queue == "overwrite"
+    happened = None
+    if several:
+        happened = send_disturbed(
+            releases, horizon, columns.owner, several, bit, generator, recover, overwrite=overwrite
+        )
+    start = np.array(
+        send_all(releases, horizon, overwrite=overwrite) if happened is None else happened.start,
+        dtype=np.int64,
+    )
+    failures = [] if happened is None else happened.failures
+    failed = np.array([failure.release for failure in failures], dtype=int)
+    retries = np.bincount(failed, minlength=len(start))
+    end = start + releases.duration
+    sent = start >= 0
+    response = np.where(sent, end - arrival, 0)
+    events = pd.DataFrame(
+        {
+            "message": pd.Categorical.from_codes(releases.message, pd.Index(messages.names)),
+            "arrival_ms": arrival / 1e6,
+            "release_ms": releases.time / 1e6,
+            "start_ms": np.where(sent, start / 1e6, np.nan),
+            "end_ms": np.where(sent, end / 1e6, np.nan),
+            "response_ms": np.where(sent, response / 1e6, np.nan),
+            "retries": retries,
+            "outcome": pd.Categorical.from_codes(
+                np.select([sent, start == WAITING], [0, 1], 2),
+                pd.Index(["sent", "waiting", "overwritten"]),
+            ),
+        }
+    )
+    waited = np.where(sent, response, np.where(start == OVERWRITTEN, -1, horizon - arrival))
+    table = _statistics(messages, columns, releases.message, start, response, waited, retries)
+    errors, nodes = _error_tables(messages, columns, releases, happened)
+    busy = int(releases.duration[sent].sum()) + sum(f.free - f.start for f in failures)
+    # The last frame may reach beyond the horizon.
+    span = max(horizon, int(end.max(initial=0, where=sent)))
+    return Run(
+        messages, float(bit_rate), float(until), several, busy / span, events, table, errors, nodes
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BatchRun:
+    """Responses by set of offsets and message, both as they were given; `simulate_batch` makes it.
+
+    Attributes
+    ----------
+    system : MessageSet
+        The messages.
+    max_response, mean_response : ndarray of float, shape (n_sets, n_messages)
+        Longest and mean response [s], messages in order of priority; NaN if nothing was sent.
+    sent : ndarray of int, shape (n_sets, n_messages)
+        Frames sent.
+
+    Examples
+    --------
+    >>> from shipnet import can
+    >>> run = can.simulate_batch(can.example(), 125e3, offsets=[[0] * 10], until=1.0)
+    >>> run
+    BatchRun(1 set of offsets, 10 messages: shutdown, speed, fuel index, ...)
+    >>> run.table().loc["alarm", "max_ms"]
+    np.float64(3.72)
+    """
+
+    system: MessageSet
+    max_response: Floats
+    mean_response: Floats
+    sent: Integers
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per message over all sets: ``sent``, ``mean_ms`` and ``max_ms``."""
+        import pandas as pd
+
+        total = self.sent.sum(axis=0)
+        summed = np.nansum(self.mean_response * self.sent, axis=0)
+        longest = np.where(self.sent > 0, self.max_response, -np.inf).max(axis=0, initial=-np.inf)
+        none = total == 0
+        return pd.DataFrame(
+            {
+                "sent": total,
+                "mean_ms": np.where(none, np.nan, 1e3 * summed / np.maximum(total, 1)),
+                "max_ms": np.where(none, np.nan, 1e3 * longest),
+            },
+            index=pd.Index(self.system.names, name="message", dtype=object),
+        )
+
+    def __repr__(self) -> str:
+        """Count the sets and the messages."""
+        sets = len(self.sent)
+        plural = "s" if sets != 1 else ""
+        return f"BatchRun({sets} set{plural} of offsets, {counted(self.system.names)})"
+
+
+def simulate_batch(
+    messages: MessageSet, bit_rate: float, *, offsets: npt.ArrayLike, until: float
+) -> BatchRun:
+    """Simulate the same messages with many sets of offsets at once, without jitter and errors.
+
+    Parameters
+    ----------
+    messages : MessageSet
+        The messages; their own offsets do not count, and they must not have jitter.
+    bit_rate : float
+        Bit rate, 5e3..1e6 [bit/s]; a bit must be a whole number of nanoseconds.
+    offsets : array_like of float, shape (n_sets, n_messages)
+        Time of the first event of each message, in order of priority, 0..1e5 [s].
+    until : float
+        Time to simulate, 1e-9..1e6 [s].
+
+    Returns
+    -------
+    BatchRun
+        Longest and mean responses of every set, equal to those of `simulate`.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of range, or a message has jitter.
+
+    Examples
+    --------
+    >>> from shipnet.can import Message
+    >>> messages = MessageSet([Message("A", 1, 8, 5e-3), Message("B", 2, 8, 5e-3)])
+    >>> run = simulate_batch(messages, 125e3, offsets=[[0, 0], [5e-4, 0]], until=1.0)
+    >>> (1e3 * run.max_response).round(2).tolist()
+    [[1.08, 2.16], [1.66, 1.08]]
+    """
+    columns = _columns(messages)
+    if columns.jitter.any():
+        raise ArgumentError("messages have jitter; a batch takes none")
+    bit = bit_time_ns(bit_rate)
+    horizon = nanoseconds(check_scalar("until", until, "s", 1e-9, 1e6))
+    number = len(messages)
+    begin = np.asarray(offsets)
+    if begin.dtype.kind not in "iuf" or begin.ndim != 2 or begin.shape[1] != number:
+        raise ArgumentError(
+            f"offsets have the shape {begin.shape} and dtype {begin.dtype}; they must be numbers, "
+            f"one row per set, one column for each of the {number} messages"
+        )
+    if not np.all((begin >= 0) & (begin <= 1e5)):
+        raise ArgumentError("offsets hold a time that is not 0..1e5 s")
+    first = np.rint(begin.T * 1e9).astype(np.int64)
+    largest, total, sent = send_batch(first, columns.period, columns.bits * bit, horizon)
+    none = sent == 0
+    return BatchRun(
+        messages,
+        np.where(none, np.nan, largest / 1e9).T,
+        np.where(none, np.nan, total / 1e9 / np.maximum(sent, 1)).T,
+        sent.T,
+    )
+
+
+class _Columns(NamedTuple):
+    """Messages in the order of their priority, times in whole nanoseconds."""
+
+    senders: list[str]
+    owner: Integers
+    bits: Integers
+    period: Integers
+    offset: Integers
+    jitter: Integers
+    deadline: Integers
+
+
+def _columns(messages: MessageSet) -> _Columns:
+    """Return a set of one message or more as columns; `owner` is the place among `senders`."""
+    check_set(messages)
+    if not len(messages):
+        raise ArgumentError("messages are empty; there must be at least one")
+    times = (
+        np.array([nanoseconds(getattr(m, time)) for m in messages], dtype=np.int64)
+        for time in ("period", "offset", "jitter", "deadline")
+    )
+    senders = [message.sender or message.name for message in messages]
+    nodes = list(dict.fromkeys(senders))
+    return _Columns(
+        nodes,
+        np.array([nodes.index(sender) for sender in senders], dtype=np.int64),
+        message_lengths(messages).astype(np.int64),
+        *times,
+    )
+
+
+def bit_time_ns(bit_rate: float) -> int:
+    """Return the length of a bit in whole nanoseconds."""
+    exact = 1e9 / check_bit_rate(bit_rate, 5e3)
+    if abs(exact - round(exact)) > 1e-6 * exact:
+        raise ArgumentError(
+            f"bit_rate is {bit_rate} bit/s, a bit of {exact:.6g} ns; it must be a whole number of "
+            f"nanoseconds, such as {1e9 / round(exact):.9g} bit/s has"
+        )
+    return round(exact)
+
+
+def _releases(
+    columns: _Columns, horizon: int, bit: int, rng: np.random.Generator
+) -> tuple[Integers, Releases]:
+    """Return the times of the events, and the releases by them in order of time."""
+    counts = np.maximum(-(-(horizon - columns.offset) // columns.period), 0)
+    if counts.sum() > MOST_FRAMES:
+        raise ArgumentError(
+            f"until is {horizon / 1e9} s, which releases {counts.sum()} frames; it must be so "
+            f"short that they are {MOST_FRAMES} at most"
+        )
+    message = np.repeat(np.arange(len(counts)), counts)
+    place = np.arange(len(message)) - np.repeat(np.cumsum(counts) - counts, counts)
+    arrival = columns.offset[message] + place * columns.period[message]
+    time = arrival
+    if columns.jitter.any():
+        time = arrival + rng.integers(0, columns.jitter[message], endpoint=True)
+        for block in np.split(time, np.cumsum(counts)[:-1]):
+            np.maximum.accumulate(block, out=block)
+    order = np.argsort(time, kind="stable")
+    message = message[order]
+    releases = Releases(time[order], message, columns.bits[message] * bit)
+    return arrival[order], releases
+
+
+def _statistics(
+    messages: MessageSet,
+    columns: _Columns,
+    message: Integers,
+    start: Integers,
+    response: Integers,
+    waited: Integers,
+    retries: Integers,
+) -> pd.DataFrame:
+    import pandas as pd
+
+    number = len(messages)
+    sent = start >= 0
+
+    def count(chosen: npt.NDArray[np.bool_]) -> Integers:
+        return np.bincount(message[chosen], minlength=number)
+
+    times = pd.Series(response[sent] / 1e6).groupby(message[sent])
+    frame = {"min_ms": times.min(), "mean_ms": times.mean(), "max_ms": times.max()}
+    return pd.DataFrame(
+        {
+            "arbitration_id": [m.arbitration_id for m in messages],
+            "extended": [m.extended for m in messages],
+            "released": np.bincount(message, minlength=number),
+            "sent": count(sent),
+            "waiting": count(start == WAITING),
+            "overwritten": count(start == OVERWRITTEN),
+            **{name: values.reindex(range(number)).to_numpy() for name, values in frame.items()},
+            "missed": count(waited > columns.deadline[message]),
+            "retries": np.bincount(message, weights=retries, minlength=number).astype(int),
+        },
+        index=pd.Index(messages.names, name="message", dtype=object),
+    )
+
+
+def _error_tables(
+    messages: MessageSet, columns: _Columns, releases: Releases, happened: Disturbed | None
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    import pandas as pd
+
+    failures = [] if happened is None else happened.failures
+    ranks = [int(releases.message[failure.release]) for failure in failures]
+    errors = pd.DataFrame(
+        {
+            "message": [messages.names[rank] for rank in ranks],
+            "sender": [columns.senders[columns.owner[rank]] for rank in ranks],
+            "start_ms": np.array([failure.start for failure in failures], dtype=float) / 1e6,
+            "free_ms": np.array([failure.free for failure in failures], dtype=float) / 1e6,
+            "bit": np.array([failure.bit for failure in failures], dtype=int),
+            "tec": np.array([failure.tec for failure in failures], dtype=int),
+            "state": [failure.state for failure in failures],
+        }
+    )
+    counters = None if happened is None else happened.counters
+    nodes = pd.DataFrame(
+        {
+            "tec": 0 if counters is None else counters.tec,
+            "rec": 0 if counters is None else counters.rec,
+            "state": "error active"
+            if counters is None
+            else [counters.state(node) for node in range(len(columns.senders))],
+            "bus_off": 0 if happened is None else happened.bus_off,
+        },
+        index=pd.Index(columns.senders, name="sender", dtype=object),
+    )
+    return errors, nodes

@@ -1,0 +1,422 @@
+r"""The input converters of a junction box: from what a sensor does to a code, and back.
+
+A sensor's signal :math:`s` is a resistance, a current or a contact. An amplifier maps a window
+:math:`s_0 .. s_1` of it to 0..5 V, and the converter of the controller makes a code of that:
+
+.. math:: u = U_{ref} \frac{s - s_0}{s_1 - s_0}, \qquad
+          c = \left\lfloor \frac{2^n u}{U_{ref}} + \frac{1}{2} \right\rfloor
+
+As lee2012 prints it, the window of a 4-20 mA loop is 4..20 mA, by 250 ohm and an amplifier
+:math:`1.25 (u - 1 V)`; that of a thermometer is its range. A platinum thermometer Pt100 follows
+IEC 60751:
+
+.. math:: R = R_0 \left( 1 + A t + B t^2 + C (t - 100) t^3 \right)
+
+with :math:`C = 0` from 0 degC up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.engine.points import Point, PointList
+from shipnet.errors import ArgumentError
+from shipnet.fields import number, record, switch, whole
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_Floats = npt.NDArray[np.float64]
+_Codes = npt.NDArray[np.uint16]
+
+
+# Thermometers ----------------------------------------------------------------------------------
+
+#: Resistance at 0 degC [ohm] and the coefficients of Callendar and Van Dusen [1/degC, 1/degC2,
+#: 1/degC4]; IEC 60751:2008, section 4.2. The standard prints 138.51 ohm at 100 degC.
+_R0 = 100.0
+_A, _B, _C = 3.9083e-3, -5.775e-7, -4.183e-12
+
+#: Range of the standard [degC].
+RANGE = (-200.0, 850.0)
+
+
+def pt100_resistance(temperature: npt.ArrayLike) -> float | _Floats:
+    """Return the resistance [ohm] of a Pt100 at -200..850 degC; IEC 60751, section 4.2."""
+    t = _within("temperature", temperature, *RANGE, "degC")
+    cold = np.minimum(t, 0)
+    r = _R0 * (1 + _A * t + _B * t**2 + _C * (cold - 100) * cold**3)
+    return r if r.ndim else float(r)
+
+
+def pt100_temperature(resistance: npt.ArrayLike) -> float | _Floats:
+    """Return the temperature [degC] of a Pt100: closed form from 0 degC up, Newton's rule below."""
+    low, high = (float(pt100_resistance(end)) for end in RANGE)
+    r = _within("resistance", resistance, low, high, "ohm")
+    t = (-_A + np.sqrt(_A**2 - 4 * _B * (1 - r / _R0))) / (2 * _B)
+    # The formula is 2.5 K off at -200 degC; each step squares the error.
+    cold = np.minimum(t, 0)
+    for _ in range(4):
+        error = 1 + _A * cold + _B * cold**2 + _C * (cold - 100) * cold**3
+        error -= np.minimum(r, _R0) / _R0
+        cold = cold - error / (_A + 2 * _B * cold + _C * (4 * cold - 300) * cold**2)
+    # Adding 0 makes 0 of -0.
+    t = np.where(r < _R0, cold, t) + 0.0
+    return t if t.ndim else float(t)
+
+
+def _within(name: str, value: npt.ArrayLike, low: float, high: float, unit: str) -> _Floats:
+    array = np.asarray(value)
+    if array.dtype.kind not in "iuf":
+        raise ArgumentError(f"{name} is {value!r}; it must be numbers, {low:g}..{high:g} {unit}")
+    good = (array >= low) & (array <= high)
+    if not good.all():
+        worst = array[~good].flat[0]
+        raise ArgumentError(f"{name} is {worst:g} {unit}; it must be {low:g}..{high:g} {unit}")
+    return array.astype(np.float64)
+
+
+# Converters ------------------------------------------------------------------------------------
+
+#: Resistor of a current loop [ohm]: 4-20 mA make 1-5 V; lee2012, section IV.1.b.
+BURDEN = 250.0
+
+#: Current through a thermometer [A]; assumed, the paper prints none.
+EXCITATION = 1e-3
+
+#: Zero and full scale of a current loop [A].
+_LOOP = (4e-3, 20e-3)
+
+
+class Namur(NamedTuple):
+    """Currents [A] that distinguish a failure (the outer two) from a value (between the inner)."""
+
+    failed_low: float
+    lowest: float
+    highest: float
+    failed_high: float
+
+
+#: Recommendation NE 43 of NAMUR.
+NAMUR = Namur(3.6e-3, 3.8e-3, 20.5e-3, 21e-3)
+
+#: The same as parts of the span above its zero; thermometers are judged by them too.
+_PARTS = [(i - _LOOP[0]) / (_LOOP[1] - _LOOP[0]) for i in NAMUR]
+
+#: Signal of each kind of sensor by wire fault: resistance [ohm], current [A], contact (1 is
+#: closed). A short circuit across a transmitter leaves the supply to the 250 ohm alone; with 24 V
+#: these take 96 mA, beyond every window.
+WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
+    "open": {"RTD": np.inf, "4-20 mA": 0.0, "switch": 0.0},
+    "short": {"RTD": 0.0, "4-20 mA": np.inf, "switch": 1.0},
+}
+
+
+@record(slots=True)
+class Adc:
+    """An analogue-to-digital converter, without noise and non-linearity.
+
+    The highest code is "the reference minus one LSB" (Atmel, AT90CAN128 data sheet
+    4250E-CAN-12/04, p. 277), so a step is the reference over 1024, though the formula above that
+    sentence has 1023.
+    """
+
+    bits: int = whole(1, 16, "", "Resolution; that of the AT90CAN128 is 10", default=10)
+    reference: float = number(0.1, 100, "V", "Reference voltage; 5 V is assumed", default=5.0)
+
+    @property
+    def highest(self) -> int:
+        """Highest code."""
+        return int(2**self.bits - 1)
+
+    @property
+    def step(self) -> float:
+        """Voltage from one code to the next [V]."""
+        return float(self.reference / 2**self.bits)
+
+    def code(self, voltage: npt.ArrayLike) -> _Codes:
+        """Return the codes of voltages [V]; what is out of range is clipped, NaN is an error."""
+        u = np.asarray(voltage, np.float64)
+        if np.isnan(u).any():
+            raise ArgumentError("voltage is nan; a converter always sees some voltage")
+        steps = np.clip(np.floor(np.clip(u / self.step, -1, 2**17) + 0.5), 0, self.highest)
+        return steps.astype(np.uint16)
+
+    def voltage(self, code: npt.ArrayLike) -> _Floats:
+        """Return the voltages in the middle of codes [V]."""
+        return np.asarray(code) * self.step
+
+
+@record
+class InputCard:
+    """The converters of a list of points: R/V, I/V and B/V.
+
+    Parameters
+    ----------
+    points : PointList or iterable of Point
+        One or more.
+    bits : int, default 10
+        Resolution of the converter, 1..16; that of the AT90CAN128 is 10.
+    reference : float, default 5
+        Reference voltage, 0.1..100 [V]; 5 V is assumed.
+    margin : float, default 0
+        How far the amplifier's window reaches beyond both ends of the range, as part of the span,
+        0..1. As printed, 0: 4..20 mA fill 0..5 V. With 0.125, 2..22 mA do, and a failure can be
+        distinguished from a value.
+    linearised : bool, default True
+        Whether the firmware solves the curve of the thermometer; if not, it takes the straight
+        line between the ends of the range.
+
+    Raises
+    ------
+    ArgumentError
+        If a field is out of range.
+
+    Notes
+    -----
+    Values and codes are arrays of shape (..., n_points), time in front. A switch has value 1 on
+    alarm. Its contact is closed as long as all is well, unless its `signal` begins with ``NO``
+    (normally open). Behind the opto-coupler a closed contact is 0 V, and its code is one bit.
+
+    Examples
+    --------
+    >>> from shipnet import engine
+    >>> card = engine.InputCard(engine.read_points()[20:21])  # -50..600 degC on 4-20 mA
+    >>> code = card.code(card.signal([[-50.0], [275.0], [600.0]]))
+    >>> code.ravel().tolist(), card.value(code).ravel().round(2).tolist()
+    ([0, 512, 1023], [-50.0, 275.0, 599.37])
+    >>> card.wire_faults()[["fault", "code", "reads", "told"]].values.tolist()
+    [['open', 0, -50.0, False], ['short', 1023, 599.365234375, False]]
+    """
+
+    points: PointList
+    bits: int = whole(1, 16, "", "Resolution of the converter", default=10, kw_only=True)
+    reference: float = number(0.1, 100, "V", "Reference voltage", default=5.0, kw_only=True)
+    margin: float = number(0, 1, "", "Window beyond the range", default=0.0, kw_only=True)
+    linearised: bool = switch("Whether the curve is solved", default=True, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check the points."""
+        object.__setattr__(self, "points", PointList(self.points))
+
+    @cached_property
+    def adc(self) -> Adc:
+        """The converter of the controller."""
+        return Adc(self.bits, self.reference)
+
+    def signal(self, values: npt.ArrayLike) -> _Floats:
+        """Return what the sensors do at values: resistance [ohm], current [A], contact (1 closed).
+
+        A transmitter goes no further than 3.8 and 20.5 mA.
+        """
+        v = self._shaped("values", values)
+        signals = np.empty(v.shape)
+        for k, point in enumerate(self.points):
+            own = v[..., k]
+            if point.condition == "RTD":
+                signals[..., k] = pt100_resistance(own)
+                continue
+            if np.isnan(own).any():
+                raise ArgumentError(f"value of {point.tag} is nan; a sensor always has some value")
+            if point.condition == "switch":
+                if not ((own == 0) | (own == 1)).all():
+                    raise ArgumentError(f"value of {point.tag} is neither 0 nor 1")
+                signals[..., k] = own if _opens(point) else 1 - own
+            else:
+                part = (own - point.low) / point.span
+                current = _LOOP[0] + (_LOOP[1] - _LOOP[0]) * part
+                signals[..., k] = np.clip(current, NAMUR.lowest, NAMUR.highest)
+        return signals
+
+    @property
+    def window(self) -> _Floats:
+        """Signals that make 0 V and the reference, shape (n_points, 2)."""
+        ends = self._ends
+        span = ends[:, 1] - ends[:, 0]
+        wide = np.array([self.margin * point.analogue for point in self.points])
+        return np.column_stack([ends[:, 0] - wide * span, ends[:, 1] + wide * span])
+
+    def voltage(self, signal: npt.ArrayLike) -> _Floats:
+        """Return the voltages at the converter [V]; a resistance or current may be infinite."""
+        s = self._shaped("signal", signal)
+        if np.isnan(s).any():
+            raise ArgumentError("signal is nan; a sensor always does something")
+        low, high = self.window.T
+        u = self.reference * (s - low) / (high - low)
+        return np.asarray(np.clip(u, 0, self.reference))
+
+    def code(self, signal: npt.ArrayLike) -> _Codes:
+        """Return the codes of signals; of a switch the bit of its port."""
+        u = self.voltage(signal)
+        analogue = np.array([point.analogue for point in self.points])
+        return np.where(analogue, self.adc.code(u), u > self.reference / 2).astype(np.uint16)
+
+    def value(self, code: npt.ArrayLike) -> _Floats:
+        """Return the values that the firmware makes of codes."""
+        c = np.asarray(code)
+        highest = np.array([self.adc.highest if p.analogue else 1 for p in self.points])
+        if c.dtype.kind not in "iu" or not c.ndim or c.shape[-1] != len(highest):
+            raise ArgumentError(
+                f"code has shape {c.shape}; it must be whole, (..., {len(highest)})"
+            )
+        if ((c < 0) | (c > highest)).any():
+            raise ArgumentError(f"code is out of range; it must be 0..{highest.max()}")
+        return self._decoded(c / np.where(highest > 1, self.adc.highest + 1.0, 1.0))
+
+    def _decoded(self, part: npt.ArrayLike, *, linearised: bool | None = None) -> _Floats:
+        """Return the values at parts of the window, voltage over reference, without rounding."""
+        x = self._shaped("part", part)
+        curve = self.linearised if linearised is None else linearised
+        window, ends = self.window, self._ends
+        values = np.empty(x.shape)
+        for k, point in enumerate(self.points):
+            s = window[k, 0] + x[..., k] * (window[k, 1] - window[k, 0])
+            if point.condition == "switch":
+                values[..., k] = s if _opens(point) else 1 - s
+            elif point.condition == "RTD" and curve:
+                # A window may reach beyond the standard; a value stops there.
+                lowest, highest = (pt100_resistance(end) for end in RANGE)
+                values[..., k] = pt100_temperature(np.clip(s, lowest, highest))
+            else:
+                zero, full = ends[k]
+                values[..., k] = point.low + point.span * (s - zero) / (full - zero)
+        return values
+
+    @property
+    def limits(self) -> npt.NDArray[np.int64]:
+        """Codes at or below the first and at or above the second are failures, shape (n_points, 2).
+
+        They are the codes of 3.6 and 21 mA, and of the same parts of a thermometer's span; -1 and
+        one more than the highest where such a code could be a value too.
+        """
+        ends = self._ends
+        signals = [ends[:, 0] + part * (ends[:, 1] - ends[:, 0]) for part in _PARTS]
+        low, lowest, highest, high = (self.code(signal).astype(np.int64) for signal in signals)
+        analogue = np.array([point.analogue for point in self.points])
+        return np.column_stack(
+            [
+                np.where(analogue & (low < lowest), low, -1),
+                np.where(analogue & (high > highest), high, self.adc.highest + 1),
+            ]
+        )
+
+    def valid(self, code: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Return which codes are values and not failures, by `limits`."""
+        low, high = self.limits.T
+        c = np.asarray(code)
+        return np.asarray((c > low) & (c < high))
+
+    def amplifiers(self) -> pd.DataFrame:
+        """Return voltages, gain and offset of each analogue point's amplifier: one row per tag."""
+        import pandas as pd
+
+        rows = []
+        for point, ends in zip(self.points, self.window, strict=True):
+            if point.analogue:
+                low, high = ends * (EXCITATION if point.condition == "RTD" else BURDEN)
+                rows.append((point.tag, low, high, self.reference / (high - low), low))
+        return pd.DataFrame(rows, columns=["tag", "low_v", "high_v", "gain", "offset_v"])
+
+    def accuracy(self) -> pd.DataFrame:
+        """Return resolution and largest error of each kind of analogue input, one row per kind.
+
+        ``codes`` counts those within the range; ``step_low`` and ``step_high`` lead from one code
+        to the next at both ends; ``error_at`` is the value with the ``largest_error``. Only
+        quantisation, and the firmware's straight line if the card has one, are counted: sensors,
+        amplifiers and reference are taken as perfect.
+        """
+        import pandas as pd
+
+        rows = []
+        for k, count in self.points.kinds():
+            point = self.points[k]
+            if not point.analogue:
+                continue
+            one = replace(self, points=PointList([point]))
+            n = self.adc.highest + 1
+            # Between two steps of the converter the decoded value stays the same, so the largest
+            # error lies at a step or at an end of the range.
+            edges = one._decoded((np.arange(1, n) - 0.5)[:, np.newaxis] / n, linearised=True)[:, 0]
+            decoded = one.value(np.arange(n)[:, np.newaxis])[:, 0]
+            inside = (edges > point.low) & (edges < point.high)
+            first, last = (int(one.code(one.signal([end]))[0]) for end in (point.low, point.high))
+            ends = np.concatenate([[point.low], np.repeat(edges[inside], 2), [point.high]])
+            below = np.flatnonzero(inside)
+            pairs = np.column_stack([below, below + 1]).ravel()
+            codes = np.concatenate([[first], pairs, [last]])
+            errors = np.abs(decoded[codes] - ends)
+            # Of equal errors the one at the highest value is named, whatever rounding does.
+            worst = int(np.flatnonzero(errors >= errors.max() * (1 - 1e-9))[-1])
+            rows.append(
+                (point.condition, point.low, point.high, point.unit, count, last - first + 1,
+                 decoded[first + 1] - decoded[first], decoded[last] - decoded[last - 1],
+                 errors[worst], ends[worst])
+            )  # fmt: skip
+        columns = ["condition", "low", "high", "unit", "points", "codes", "step_low", "step_high",
+                   "largest_error", "error_at"]  # fmt: skip
+        return pd.DataFrame(rows, columns=columns)
+
+    def wire_faults(self) -> pd.DataFrame:
+        """Return what the box makes of a broken wire and a short circuit, two rows per kind.
+
+        ``reads`` is the value of the ``code``; ``legal`` says whether a healthy sensor gives this
+        code too, and ``told`` whether the limits of the card distinguish it from a value. Without
+        margin 4 mA and a broken wire are both 0 V. A switch that opens on alarm shows a broken
+        wire as an alarm, which is safe, and hides every later alarm if its wires touch.
+        """
+        import pandas as pd
+
+        low, high = (
+            self.code(self.signal([getattr(point, end) for point in self.points])).astype(int)
+            for end in ("low", "high")
+        )
+        rows = []
+        codes = {
+            fault: self.code([signals[point.condition] for point in self.points])
+            for fault, signals in WIRE_FAULTS.items()
+        }
+        values = {fault: self.value(code) for fault, code in codes.items()}
+        told = {fault: ~self.valid(code) for fault, code in codes.items()}
+        for k, count in self.points.kinds():
+            point = self.points[k]
+            for fault in WIRE_FAULTS:
+                code = int(codes[fault][k])
+                legal = min(low[k], high[k]) <= code <= max(low[k], high[k])
+                rows.append(
+                    (point.condition, point.low, point.high, point.unit, count, fault, code,
+                     float(values[fault][k]), bool(legal), bool(told[fault][k]))
+                )  # fmt: skip
+        columns = ["condition", "low", "high", "unit", "points", "fault", "code", "reads", "legal",
+                   "told"]  # fmt: skip
+        return pd.DataFrame(rows, columns=columns)
+
+    @cached_property
+    def _ends(self) -> _Floats:
+        """The signals at both ends of the ranges."""
+        ends = np.empty((len(self.points), 2))
+        for k, point in enumerate(self.points):
+            if point.condition == "RTD":
+                ends[k] = pt100_resistance([point.low, point.high])
+            else:
+                # A closed contact is 0 V.
+                ends[k] = _LOOP if point.analogue else (1, 0)
+        return ends
+
+    def _shaped(self, name: str, values: npt.ArrayLike) -> _Floats:
+        array = np.asarray(values)
+        n = len(self.points)
+        if array.dtype.kind not in "iufb" or not array.ndim or array.shape[-1] != n:
+            raise ArgumentError(
+                f"{name} have shape {array.shape}; it must be (..., {n}) of numbers"
+            )
+        return array.astype(np.float64)
+
+
+def _opens(point: Point) -> bool:
+    """Return whether the contact is open as long as all is well."""
+    return point.signal.upper().startswith("NO")

@@ -1,0 +1,134 @@
+"""Checks of answers, as the cells of the lessons call them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from shipnet.errors import ArgumentError
+from shipnet.exercises.answers import blank
+from shipnet.exercises.exercise import Exercise
+from shipnet.exercises.functions import NotSolved
+from shipnet.exercises.students import Student
+
+#: Who has no name yet.
+_NOBODY = Student("nobody")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a check says; true if the answer is correct.
+
+    Parameters
+    ----------
+    key : str
+        Exercise.
+    text : str
+        ``"correct"``, ``"not solved yet"``, or what is wrong.
+
+    Examples
+    --------
+    >>> bool(Verdict("ex-01-1", "correct")), Verdict("ex-01-1", "not solved yet")
+    (True, ex-01-1: not solved yet)
+    """
+
+    key: str
+    text: str
+
+    def __bool__(self) -> bool:
+        return self.text == "correct"
+
+    def __repr__(self) -> str:
+        return f"{self.key}: {self.text}"
+
+
+def exercises(lesson: int) -> tuple[Exercise, ...]:
+    """Return the exercises of a lesson."""
+    name = f"shipnet.exercises.lesson_{lesson:02}"
+    if find_spec(name) is None:
+        raise ArgumentError(f"lesson is {lesson}; there is no such lesson")
+    found: tuple[Exercise, ...] = import_module(name).EXERCISES
+    return found
+
+
+def exercise(key: str) -> Exercise:
+    """Return the exercise of this name."""
+    form = re.fullmatch(r"ex-(\d\d)-\d+", key) if isinstance(key, str) else None
+    known = {one.key: one for one in exercises(int(form[1]))} if form else {}
+    if key not in known:
+        raise ArgumentError(f"key is {key!r}; there is no such exercise")
+    return known[key]
+
+
+def given(key: str, me: Student) -> dict[str, Any]:
+    """Return the numbers of an exercise that are this student's own.
+
+    Parameters
+    ----------
+    key : str
+        Exercise, such as ``"ex-01-2"``.
+    me : Student
+        Who solves it.
+
+    Returns
+    -------
+    dict
+        Name -> value.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such exercise.
+
+    Examples
+    --------
+    >>> from shipnet.exercises import student
+    >>> sorted(given("ex-01-1", student("Kim")))
+    ['bits']
+    """
+    return exercise(key).given(me)
+
+
+def check(key: str, answer: object, me: Student | None = None) -> Verdict:
+    """Judge an answer; whatever it is, a sentence comes back.
+
+    Parameters
+    ----------
+    key : str
+        Exercise, such as ``"ex-01-2"``.
+    answer : object
+        What the student found; ``...`` or None if nothing yet.
+    me : Student, optional
+        Who solves it, where the exercise has numbers of its own for everybody.
+
+    Returns
+    -------
+    Verdict
+        Shows ``correct``, ``not solved yet``, or what is wrong, with a hint.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such exercise, or it has numbers for everybody and `me` is missing.
+
+    Examples
+    --------
+    >>> from shipnet.exercises import student
+    >>> check("ex-01-1", ..., student("Kim"))
+    ex-01-1: not solved yet
+    """
+    one = exercise(key)
+    if me is None and one.draws:
+        raise ArgumentError(f"me is missing: {key} has numbers of its own for everybody")
+    if blank(answer):
+        return Verdict(key, "not solved yet")
+    try:
+        fault = one.fault(answer, me or _NOBODY)
+    except NotSolved:
+        return Verdict(key, "not solved yet")
+    except Exception as error:  # an answer may be any object, and object to being compared
+        fault = f"this answer cannot be compared ({type(error).__name__}): is it of the kind asked?"
+    return Verdict(key, fault or "correct")

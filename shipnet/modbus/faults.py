@@ -1,0 +1,89 @@
+"""What can fail on a redundant line: sections of cable, slaves, ports of the master."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from shipnet.clock import Fault
+from shipnet.fields import choice, record, whole
+
+__all__ = ["Break", "DeadPort", "DeadSlave", "Short"]
+
+Port = Literal["A", "B"]
+
+
+@record
+class Break(Fault):
+    """A section of the cable is interrupted.
+
+    Section k lies between slave k and slave k + 1; section 0 is at port A, and the last one at
+    port B. On a `DualChannel`, 0 and 1 are the cables of channel 1 and 2.
+
+    Examples
+    --------
+    >>> print(Break(2, start=10))
+    break 2
+    """
+
+    section: int = whole(0, 247, help="Section of the cable")
+
+    def __str__(self) -> str:
+        """Return the short name that tables use."""
+        return f"break {self.section}"
+
+
+@record
+class Short(Fault):
+    """The two conductors of a section touch: without isolators, all that they reach is dead.
+
+    Sections are numbered as for `Break`.
+
+    Examples
+    --------
+    >>> print(Short(2))
+    short 2
+    """
+
+    section: int = whole(0, 247, help="Section of the cable")
+
+    def __str__(self) -> str:
+        """Return the short name that tables use."""
+        return f"short {self.section}"
+
+
+@record
+class DeadSlave(Fault):
+    """A slave does not answer; the cable runs on past it.
+
+    Slaves are counted from port A. On a `DualChannel`, 1 and 2 are the slaves of channel 1 and 2.
+
+    Examples
+    --------
+    >>> print(DeadSlave(3, start=1, stop=2))
+    slave 3
+    """
+
+    slave: int = whole(1, 247, help="Its number on the cable")
+
+    def __str__(self) -> str:
+        """Return the short name that tables use."""
+        return f"slave {self.slave}"
+
+
+@record
+class DeadPort(Fault):
+    """A port of the master neither sends nor hears, and leaves the line alone.
+
+    On a `DualChannel`, A is channel 1 and B is channel 2.
+
+    Examples
+    --------
+    >>> print(DeadPort("B"))
+    port B
+    """
+
+    port: Port = choice(("A", "B"), "Which port")
+
+    def __str__(self) -> str:
+        """Return the short name that tables use."""
+        return f"port {self.port}"

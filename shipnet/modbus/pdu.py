@@ -1,0 +1,571 @@
+"""What a master asks and a slave answers: function codes, requests, responses.
+
+The bytes of both are the PDU, function code first, numbers with the high byte first; the frame
+around it is made in `shipnet.modbus.adu`. Sections of the standard are those of the "MODBUS
+application protocol specification" V1.1b3, 2012.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+from struct import pack, unpack
+from typing import Any
+
+from shipnet.errors import (
+    ArgumentError,
+    FieldError,
+    LengthError,
+    MismatchError,
+    UnknownCallError,
+)
+from shipnet.fields import check_whole
+
+#: Longest PDU [byte]: an RS-485 frame of 256 without unit id and CRC; section 4.1.
+MAX_PDU = 253
+
+#: Most coils or registers that one request reads, by function code; section 6.
+READ_LIMITS = {1: 2000, 2: 2000, 3: 125, 4: 125, 23: 125}
+
+#: Most coils or registers that one request writes, by function code; section 6.
+WRITE_LIMITS = {5: 1, 6: 1, 15: 1968, 16: 123, 23: 121}
+
+_REGISTERS_READ, _CODES = frozenset({3, 4, 23}), "1..6, 15, 16 or 23"
+
+
+class FunctionCode(IntEnum):
+    """What a request asks for; section 5.1 of the standard.
+
+    Examples
+    --------
+    >>> FunctionCode(4).name
+    'READ_INPUT_REGISTERS'
+    """
+
+    READ_COILS = 1
+    READ_DISCRETE_INPUTS = 2
+    READ_HOLDING_REGISTERS = 3
+    READ_INPUT_REGISTERS = 4
+    WRITE_SINGLE_COIL = 5
+    WRITE_SINGLE_REGISTER = 6
+    WRITE_MULTIPLE_COILS = 15
+    WRITE_MULTIPLE_REGISTERS = 16
+    READ_WRITE_MULTIPLE_REGISTERS = 23
+
+
+class ExceptionCode(IntEnum):
+    """Why a slave refuses a request; section 7 of the standard.
+
+    Examples
+    --------
+    >>> ExceptionCode(2).name
+    'ILLEGAL_DATA_ADDRESS'
+    """
+
+    ILLEGAL_FUNCTION = 1
+    ILLEGAL_DATA_ADDRESS = 2
+    ILLEGAL_DATA_VALUE = 3
+    SERVER_DEVICE_FAILURE = 4
+    ACKNOWLEDGE = 5
+    SERVER_DEVICE_BUSY = 6
+    MEMORY_PARITY_ERROR = 8
+    GATEWAY_PATH_UNAVAILABLE = 10
+    GATEWAY_TARGET_FAILED_TO_RESPOND = 11
+
+
+# Checks and coils -------------------------------------------------------------------------------
+
+
+def check_registers(registers: Iterable[int], most: int) -> tuple[int, ...]:
+    """Return registers as a tuple, or raise unless there are 1..most of 0..65535."""
+    values = _sequence("registers", registers, most)
+    return tuple(check_whole(f"registers[{k}]", v, 0, 0xFFFF) for k, v in enumerate(values))
+
+
+def check_coils(coils: Iterable[bool], most: int) -> tuple[bool, ...]:
+    """Return coils as a tuple of bool, or raise unless there are 1..most of 0 and 1."""
+    values = _sequence("coils", coils, most)
+    for k, value in enumerate(values):
+        if not (isinstance(value, bool) or (hasattr(value, "__index__") and value in (0, 1))):
+            # A numpy bool has no index, so its kind is asked for.
+            if getattr(getattr(value, "dtype", None), "kind", "") != "b":
+                raise ArgumentError(f"coils[{k}] is {value!r}; it must be True or False")
+    return tuple(bool(value) for value in values)
+
+
+def pack_coils(coils: tuple[bool, ...]) -> bytes:
+    """Return coils as bytes: the first is the lowest bit, the rest of the last byte is 0."""
+    value = sum(1 << place for place, coil in enumerate(coils) if coil)
+    return value.to_bytes(-(-len(coils) // 8), "little")
+
+
+def unpack_coils(data: bytes) -> tuple[bool, ...]:
+    """Return the coils in bytes, eight of each."""
+    return tuple(bool(byte >> place & 1) for byte in data for place in range(8))
+
+
+def exception_code(value: int) -> ExceptionCode:
+    """Return an exception code, or raise if there is no such code."""
+    try:
+        return ExceptionCode(check_whole("exception", value, 1, 11))
+    except ValueError:
+        raise ArgumentError(f"exception is {value!r}; it must be 1..6, 8, 10 or 11") from None
+
+
+def _sequence(name: str, values: Iterable[Any], most: int) -> tuple[Any, ...]:
+    try:
+        found = tuple(values)
+    except TypeError:
+        raise ArgumentError(f"{name} is {values!r}; it must be a sequence of 1..{most}") from None
+    if not 1 <= len(found) <= most:
+        raise ArgumentError(f"{name} has {len(found)} values; it must have 1..{most}")
+    return found
+
+
+def _function(value: int) -> FunctionCode:
+    try:
+        return FunctionCode(value)
+    except ValueError:
+        raise ArgumentError(f"function is {value!r}; it must be {_CODES}") from None
+
+
+# Requests and responses -------------------------------------------------------------------------
+
+
+class _Framed:
+    """A PDU that can be put into a frame."""
+
+    __slots__ = ()
+
+    @property
+    def pdu(self) -> bytes:
+        """The bytes, function code first."""
+        raise NotImplementedError
+
+    def rtu(self, unit_id: int) -> bytes:
+        """Return the RTU frame to or from a slave: unit id, PDU, CRC with its low byte first."""
+        from shipnet.modbus.adu import rtu_frame
+
+        return rtu_frame(unit_id, self.pdu)
+
+    def ascii(self, unit_id: int) -> bytes:
+        """Return the ASCII frame to or from a slave: colon, hexadecimals with their LRC, CR, LF."""
+        from shipnet.modbus.adu import Adu
+
+        return Adu(unit_id, self.pdu).ascii
+
+    def tcp(self, unit_id: int, transaction_id: int) -> bytes:
+        """Return the TCP frame: transaction id, protocol id 0, length, unit id, PDU."""
+        from shipnet.modbus.adu import tcp_frame
+
+        return tcp_frame(unit_id, self.pdu, transaction_id)
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Request(_Framed):
+    """What a master asks of a slave; made by the constructor named like the standard's function.
+
+    Addresses are those on the wire, 0..65535: holding register 40001 of a manual is address 0
+    here. A range that runs beyond address 65535 is a legal request, which the slave answers with
+    exception code 2.
+
+    Parameters
+    ----------
+    function : FunctionCode
+        1..6, 15, 16 or 23.
+    address : int
+        Address of the first coil or register, 0..65535; of the first to read with code 23.
+    quantity : int, optional
+        How many to read: 1..2000 coils or inputs, 1..125 registers. When only writing, as many as
+        there are values.
+    coils : sequence of bool, optional
+        States to write, 1 with code 5, 1..1968 with code 15; lowest address first.
+    registers : sequence of int, optional
+        Values to write, each 0..65535: 1 with code 6, 1..123 with code 16, 1..121 with code 23.
+    write_address : int, optional
+        Address of the first register to write with code 23, 0..65535.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Examples
+    --------
+    Holding registers 108 to 110, as in section 6.3 of the standard:
+
+    >>> request = Request.read_holding_registers(0x6B, 3)
+    >>> request.rtu(17).hex(" ")
+    '11 03 00 6b 00 03 76 87'
+    >>> Request.parse(request.pdu)
+    Request.read_holding_registers(107, 3)
+    >>> request.response([0x022B, 0x0000, 0x0064]).rtu(17).hex(" ")
+    '11 03 06 02 2b 00 00 00 64 c8 ba'
+    """
+
+    function: FunctionCode
+    address: int
+    quantity: int = 0
+    coils: tuple[bool, ...] = ()
+    registers: tuple[int, ...] = ()
+    write_address: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        put = object.__setattr__
+        function = self.function
+        if type(function) is not FunctionCode:
+            function = _function(function)
+            put(self, "function", function)
+        put(self, "address", check_whole("address", self.address, 0, 0xFFFF))
+        if function in (5, 15):
+            put(self, "coils", check_coils(self.coils, WRITE_LIMITS[function]))
+        elif function in WRITE_LIMITS:
+            put(self, "registers", check_registers(self.registers, WRITE_LIMITS[function]))
+        if function in READ_LIMITS:
+            why = f" for function code {function:d}"
+            limit = READ_LIMITS[function]
+            put(self, "quantity", check_whole("quantity", self.quantity, 1, limit, why))
+        else:
+            put(self, "quantity", len(self.coils or self.registers))
+        if function == 23:
+            start: Any = self.write_address
+            put(self, "write_address", check_whole("write_address", start, 0, 0xFFFF))
+
+    @classmethod
+    def read(cls, function: int, address: int, quantity: int) -> Request:
+        """Return the request of function code 1, 2, 3 or 4, where the code is in a variable."""
+        return cls(FunctionCode(check_whole("function", function, 1, 4)), address, quantity)
+
+    @classmethod
+    def read_coils(cls, address: int, quantity: int) -> Request:
+        """Return the request of function code 1: read 1..2000 coils."""
+        return cls(FunctionCode.READ_COILS, address, quantity)
+
+    @classmethod
+    def read_discrete_inputs(cls, address: int, quantity: int) -> Request:
+        """Return the request of function code 2: read 1..2000 discrete inputs."""
+        return cls(FunctionCode.READ_DISCRETE_INPUTS, address, quantity)
+
+    @classmethod
+    def read_holding_registers(cls, address: int, quantity: int) -> Request:
+        """Return the request of function code 3: read 1..125 holding registers."""
+        return cls(FunctionCode.READ_HOLDING_REGISTERS, address, quantity)
+
+    @classmethod
+    def read_input_registers(cls, address: int, quantity: int) -> Request:
+        """Return the request of function code 4: read 1..125 input registers."""
+        return cls(FunctionCode.READ_INPUT_REGISTERS, address, quantity)
+
+    @classmethod
+    def write_single_coil(cls, address: int, value: bool) -> Request:
+        """Return the request of function code 5: set one coil."""
+        return cls(FunctionCode.WRITE_SINGLE_COIL, address, coils=(value,))
+
+    @classmethod
+    def write_single_register(cls, address: int, value: int) -> Request:
+        """Return the request of function code 6: write one holding register."""
+        return cls(FunctionCode.WRITE_SINGLE_REGISTER, address, registers=(value,))
+
+    @classmethod
+    def write_multiple_coils(cls, address: int, coils: Iterable[bool]) -> Request:
+        """Return the request of function code 15: set 1..1968 coils in a row."""
+        return cls(FunctionCode.WRITE_MULTIPLE_COILS, address, coils=coils)  # type: ignore[arg-type]
+
+    @classmethod
+    def write_multiple_registers(cls, address: int, registers: Iterable[int]) -> Request:
+        """Return the request of function code 16: write 1..123 holding registers in a row."""
+        return cls(FunctionCode.WRITE_MULTIPLE_REGISTERS, address, registers=registers)  # type: ignore[arg-type]
+
+    @classmethod
+    def read_write_multiple_registers(
+        cls, address: int, quantity: int, write_address: int, registers: Iterable[int]
+    ) -> Request:
+        """Return the request of function code 23: write 1..121 registers, then read 1..125."""
+        return cls(
+            FunctionCode.READ_WRITE_MULTIPLE_REGISTERS, address, quantity,
+            registers=registers, write_address=write_address,  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    @classmethod
+    def parse(cls, pdu: bytes) -> Request:
+        """Return the request that a PDU is, or raise the error that names the wrong field."""
+        data, function = _opened(pdu, "request")
+        try:
+            return _request(function, data)
+        except ArgumentError as error:
+            raise FieldError(str(error)) from None
+
+    @property
+    def pdu(self) -> bytes:
+        """The bytes, function code first."""
+        code, address = self.function, self.address
+        if code <= 4:
+            return pack(">BHH", code, address, self.quantity)
+        if code == 5:
+            return pack(">BHH", code, address, 0xFF00 * self.coils[0])
+        if code == 6:
+            return pack(">BHH", code, address, self.registers[0])
+        if code == 15:
+            data = pack_coils(self.coils)
+            return pack(">BHHB", code, address, self.quantity, len(data)) + data
+        n = len(self.registers)
+        if code == 16:
+            return pack(f">BHHB{n}H", code, address, n, 2 * n, *self.registers)
+        head = (code, address, self.quantity, self.write_address, n, 2 * n)
+        return pack(f">B4HB{n}H", *head, *self.registers)
+
+    @property
+    def response_size(self) -> int:
+        """Length of the normal response's PDU [byte]."""
+        if self.function in _REGISTERS_READ:
+            return 2 + 2 * self.quantity
+        return 2 + -(-self.quantity // 8) if self.function <= 2 else 5
+
+    def response(self, values: Iterable[int] = ()) -> Response:
+        """Return the normal response with the coils or registers that were asked for."""
+        code = self.function
+        if code not in READ_LIMITS:
+            if code in (5, 6):
+                return Response(
+                    code, coils=self.coils, registers=self.registers, address=self.address
+                )
+            return Response(code, address=self.address, quantity=self.quantity)
+        found = tuple(values)
+        if len(found) != self.quantity:
+            raise ArgumentError(f"values has {len(found)} values; {self.quantity} were asked for")
+        if code in _REGISTERS_READ:
+            return Response(code, registers=found)
+        return Response(code, coils=found)  # type: ignore[arg-type]
+
+    def exception(self, code: int) -> Response:
+        """Return the exception response that refuses this request."""
+        return Response(self.function, exception=code)  # type: ignore[arg-type]
+
+    def __repr__(self) -> str:
+        """Return the call that makes this request."""
+        values: tuple[Any, ...] = {5: self.coils, 6: self.registers}.get(self.function, ())
+        if self.function in READ_LIMITS:
+            values = (self.quantity,)
+        if self.function in (15, 16, 23):
+            written = list(self.coils or self.registers)
+            values += (written,) if self.function < 23 else (self.write_address, written)
+        arguments = ", ".join(map(repr, (self.address, *values)))
+        return f"Request.{self.function.name.lower()}({arguments})"
+
+
+@dataclass(frozen=True, slots=True)
+class Response(_Framed):
+    """What a slave answers; `Request.response` and `Request.exception` make one.
+
+    Parameters
+    ----------
+    function : int
+        1..6, 15, 16 or 23; an exception response may refuse any code 1..127.
+    coils : sequence of bool, optional
+        States read by code 1 or 2, 1..2000 of them, lowest address first; with code 5 the one
+        that was set.
+    registers : sequence of int, optional
+        Values read by code 3, 4 or 23, 1..125 of them, each 0..65535; with code 6 the one that
+        was written.
+    address : int, optional
+        Address of what code 5, 6, 15 or 16 wrote first, 0..65535.
+    quantity : int, optional
+        How many coils (1..1968) or registers (1..123) code 15 or 16 wrote.
+    exception : ExceptionCode, optional
+        Why the slave refuses: 1..6, 8, 10 or 11. None in a normal response.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Examples
+    --------
+    The answer of section 6.3 of the standard, and a refusal:
+
+    >>> request = Request.read_holding_registers(0x6B, 3)
+    >>> Response.parse(bytes.fromhex("03 06 02 2b 00 00 00 64"), request).registers
+    (555, 0, 100)
+    >>> Response.parse(bytes.fromhex("83 02"), request).exception.name
+    'ILLEGAL_DATA_ADDRESS'
+    """
+
+    function: int
+    coils: tuple[bool, ...] = ()
+    registers: tuple[int, ...] = ()
+    address: int | None = None
+    quantity: int | None = None
+    exception: ExceptionCode | None = None
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        put = object.__setattr__
+        if self.exception is not None:
+            put(self, "function", check_whole("function", self.function, 1, 127))
+            put(self, "exception", exception_code(self.exception))
+            return
+        code = _function(self.function)
+        put(self, "function", code)
+        if code in (1, 2, 5):
+            put(self, "coils", check_coils(self.coils, READ_LIMITS.get(code, 1)))
+        elif code in (3, 4, 6, 23):
+            put(self, "registers", check_registers(self.registers, READ_LIMITS.get(code, 1)))
+        if code in (5, 6, 15, 16):
+            address: Any = self.address
+            put(self, "address", check_whole("address", address, 0, 0xFFFF))
+        if code in (15, 16):
+            why, quantity = f" for function code {code:d}", self.quantity
+            whole = check_whole("quantity", quantity, 1, WRITE_LIMITS[code], why)  # type: ignore[arg-type]
+            put(self, "quantity", whole)
+
+    @classmethod
+    def parse(cls, pdu: bytes, request: Request | None = None) -> Response:
+        """Return the response that a PDU is, or raise the error that names the wrong field.
+
+        With the request it is compared, and coils are cut to the number asked for, which their
+        bytes alone do not say.
+        """
+        if request is not None and not isinstance(request, Request):
+            raise ArgumentError(f"request is {request!r}; it must be a Request")
+        data, function = _opened(pdu, "response")
+        try:
+            response = _response(function, data)
+        except ArgumentError as error:
+            raise FieldError(str(error)) from None
+        return response if request is None else _compared(request, response, data)
+
+    @property
+    def pdu(self) -> bytes:
+        """The bytes, function code first."""
+        code = self.function
+        if self.exception is not None:
+            return bytes([code | 0x80, self.exception])
+        if code in _REGISTERS_READ:
+            n = len(self.registers)
+            return pack(f">BB{n}H", code, 2 * n, *self.registers)
+        if code <= 2:
+            data = pack_coils(self.coils)
+            return bytes([code, len(data)]) + data
+        if code == 5:
+            return pack(">BHH", code, self.address, 0xFF00 * self.coils[0])
+        return pack(">BHH", code, self.address, self.registers[0] if code == 6 else self.quantity)
+
+
+# Reading ----------------------------------------------------------------------------------------
+
+
+def _opened(pdu: bytes, kind: str) -> tuple[bytes, int]:
+    if not isinstance(pdu, bytes | bytearray | memoryview):
+        raise ArgumentError(f"pdu is {pdu!r}; it must be bytes")
+    data = bytes(pdu)
+    if not 1 <= len(data) <= MAX_PDU:
+        raise LengthError(f"the {kind} has {len(data)} bytes; it must have 1..{MAX_PDU}")
+    return data, data[0]
+
+
+def _request(function: int, data: bytes) -> Request:
+    match function:
+        case 1 | 2 | 3 | 4:
+            return Request(FunctionCode(function), *_two(data))
+        case 5 | 6:
+            address, value = _single(function, data)
+            if function == 6:
+                return Request.write_single_register(address, value)
+            return Request.write_single_coil(address, bool(value))
+        case 15:
+            start, quantity = unpack(">HH", _part(data, 6)[1:5])
+            coils = unpack_coils(_counted(data, 5))
+            if -(-quantity // 8) != data[5]:
+                raise FieldError(f"byte count is {data[5]}, but {quantity} coils need another")
+            return Request.write_multiple_coils(start, coils[:quantity])
+        case 16:
+            start, quantity = unpack(">HH", _part(data, 6)[1:5])
+            registers = _registers(_counted(data, 5), quantity)
+            return Request.write_multiple_registers(start, registers)
+        case 23:
+            read, quantity, write, n = unpack(">4H", _part(data, 10)[1:9])
+            registers = _registers(_counted(data, 9), n)
+            return Request.read_write_multiple_registers(read, quantity, write, registers)
+    raise UnknownCallError(f"function code is {function}; it must be {_CODES}")
+
+
+def _response(function: int, data: bytes) -> Response:
+    match function:
+        case 1 | 2:
+            return Response(function, coils=unpack_coils(_counted(data, 1)))
+        case 3 | 4 | 23:
+            return Response(function, registers=_registers(_counted(data, 1)))
+        case 5 | 6:
+            address, value = _single(function, data)
+            if function == 6:
+                return Response(function, registers=(value,), address=address)
+            return Response(function, coils=(bool(value),), address=address)
+        case 15 | 16:
+            address, quantity = _two(data)
+            return Response(function, address=address, quantity=quantity)
+        case refused if refused > 0x80:
+            if len(data) != 2:
+                raise LengthError(f"the exception has {len(data)} bytes; it must have 2")
+            return Response(refused & 0x7F, exception=data[1])  # type: ignore[arg-type]
+    raise UnknownCallError(f"function code is {function}; it must be {_CODES}")
+
+
+def _compared(request: Request, response: Response, data: bytes) -> Response:
+    """Return the response, or raise if it answers something else."""
+    code = request.function
+    if response.function != code:
+        raise MismatchError(f"function code is {response.function:d}, but {code:d} was asked")
+    if response.exception is not None:
+        return response
+    if code in READ_LIMITS:
+        if len(data) != request.response_size:
+            expected = request.response_size - 2
+            raise MismatchError(f"byte count is {data[1]}, but what was asked makes {expected}")
+        if code <= 2:
+            return Response(code, coils=response.coils[: request.quantity])
+    elif code in (5, 6) and data != request.pdu:
+        raise MismatchError(f"the echo is {data.hex()}, but {request.pdu.hex()} was asked")
+    elif data[1:] != request.pdu[1:5]:
+        raise MismatchError(
+            f"address and quantity are {data[1:].hex()}, but {request.pdu[1:5].hex()} was asked"
+        )
+    return response
+
+
+def _part(data: bytes, least: int) -> bytes:
+    if len(data) < least:
+        raise LengthError(f"the PDU has {len(data)} bytes; it must have {least} or more")
+    return data
+
+
+def _two(data: bytes) -> tuple[int, int]:
+    """Read the two fields of a PDU that has 5 bytes."""
+    if len(data) != 5:
+        raise LengthError(f"the PDU has {len(data)} bytes; it must have 5")
+    first, second = unpack(">HH", data[1:])
+    return first, second
+
+
+def _single(function: int, data: bytes) -> tuple[int, int]:
+    """Read address and value of function code 5 or 6."""
+    address, value = _two(data)
+    if function == FunctionCode.WRITE_SINGLE_COIL and value not in (0, 0xFF00):
+        raise FieldError(f"coil value is 0x{value:04X}; it must be 0x0000 or 0xFF00")
+    return address, value
+
+
+def _counted(data: bytes, place: int) -> bytes:
+    """Return what follows a byte count."""
+    rest = _part(data, place + 1)[place + 1 :]
+    if data[place] != len(rest):
+        raise LengthError(f"byte count is {data[place]}, but {len(rest)} bytes follow")
+    return rest
+
+
+def _registers(data: bytes, quantity: int | None = None) -> tuple[int, ...]:
+    if len(data) % 2 or quantity not in (None, len(data) // 2):
+        needed = "an even number" if quantity is None else f"2 x {quantity}"
+        raise FieldError(f"byte count is {len(data)}; it must be {needed}")
+    return unpack(f">{len(data) // 2}H", data)

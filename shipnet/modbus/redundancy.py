@@ -1,0 +1,457 @@
+"""Redundant lines: a closed loop or two channels, who is reached, how long data stay away."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.clock import Fault, as_faults
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole, choice, number, record, switch, whole
+from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
+from shipnet.modbus.polling import Poll
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+Floats = npt.NDArray[np.float64]
+
+#: What the faults of a redundant line are given as: one of them or several.
+Faults = Fault | Iterable[Fault]
+
+
+def line_faults(faults: Faults) -> tuple[Fault, ...]:
+    """Return faults as a tuple, or raise unless each is one that a redundant line can have."""
+    return as_faults(faults, Break, Short, DeadSlave, DeadPort)
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Which slaves each port of a master reaches; `Loop.reach` and `DualChannel.reach` return it.
+
+    Parameters
+    ----------
+    n_slaves : int
+        Number of slaves.
+    last_a : int
+        Port A reaches the slaves up to this one; 0 if it reaches none.
+    first_b : int
+        Port B reaches the slaves from this one up; n_slaves + 1 if it reaches none.
+    dead : frozenset of int
+        Slaves that do not answer.
+
+    Examples
+    --------
+    >>> reach = Reach(5, last_a=2, first_b=4, dead=frozenset({5}))
+    >>> reach.through_a, reach.through_b, reach.lost
+    ([1, 2], [4], [3, 5])
+    """
+
+    n_slaves: int
+    last_a: int
+    first_b: int
+    dead: frozenset[int] = frozenset()
+
+    @property
+    def through_a(self) -> list[int]:
+        """Slaves that port A reaches."""
+        return [s for s in range(1, self.last_a + 1) if s not in self.dead]
+
+    @property
+    def through_b(self) -> list[int]:
+        """Slaves that port B reaches."""
+        return [s for s in range(self.first_b, self.n_slaves + 1) if s not in self.dead]
+
+    @property
+    def lost(self) -> list[int]:
+        """Slaves that neither reaches."""
+        reached = {*self.through_a, *self.through_b}
+        return [s for s in range(1, self.n_slaves + 1) if s not in reached]
+
+    @property
+    def served(self) -> list[str]:
+        """Port of each slave, A where both reach it, and ``"-"`` for the lost ones."""
+        a, b = set(self.through_a), set(self.through_b)
+        slaves = range(1, self.n_slaves + 1)
+        return ["A" if s in a else "B" if s in b else "-" for s in slaves]
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """How many slaves are served through A, and how many through B."""
+        begin_b = max(self.first_b, self.last_a + 1)
+        dead_a = sum(s <= self.last_a for s in self.dead)
+        dead_b = sum(s >= begin_b for s in self.dead)
+        return self.last_a - dead_a, self.n_slaves + 1 - begin_b - dead_b
+
+
+class _Redundant:
+    """What a loop and two channels have in common."""
+
+    __slots__ = ()
+    if TYPE_CHECKING:
+        poll: Poll
+        failures: int
+        recheck: float
+
+        @property
+        def n_slaves(self) -> int: ...
+        @property
+        def period(self) -> float: ...
+        def reach(self, faults: Faults = ()) -> Reach: ...
+        def gaps(
+            self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
+        ) -> tuple[Floats, Floats, Floats]: ...
+        def single_faults(self) -> list[Fault]: ...
+
+    def _check(self) -> None:
+        """Raise unless the master polls something, and rechecks no more than once per scan."""
+        if not isinstance(self.poll, Poll):
+            raise ArgumentError(f"poll is {self.poll!r}; it must be a Poll")
+        if self.recheck < self.period * (1 - 1e-12):
+            raise ArgumentError(
+                f"recheck is {self.recheck:g} s; it must not be shorter than a scan, "
+                f"{self.period:g} s"
+            )
+
+    def worst_gap(self, faults: Faults) -> Floats:
+        """Return the longest time between two answers of each slave that faults can cause [s].
+
+        All faults begin at once and for good, whatever their times. It is infinite for slaves that
+        are lost. For a slave that is moved it is also the longest time to switch over, from the
+        fault to the first answer on the other port.
+        """
+        served = np.array(self.reach(faults).served)
+        stay, moved, lost = (int((served == port).sum()) for port in "AB-")
+        staying, moving, last = self.gaps(stay, moved, lost)
+        gap = np.select([served == "A", served == "B"], [staying, moving], np.inf)
+        if moved:
+            gap[np.flatnonzero(served == "B")[-1]] = last
+        return gap
+
+    def single_failures(self) -> pd.DataFrame:
+        """Return what each fault does at worst, one row per ``fault``.
+
+        ``kind`` is break, short, slave or port; ``served_a`` and ``served_b`` say how many slaves
+        are served through each port, A where both reach a slave; ``lost`` how many by none; and
+        ``worst_gap_s`` is the longest time between two answers of any slave still served, NaN if
+        there is none.
+        """
+        import pandas as pd
+
+        faults = self.single_faults()
+        stay, moved = np.array([self.reach(fault).counts for fault in faults]).T
+        lost = self.n_slaves - stay - moved
+        staying, moving, last = self.gaps(stay, moved, lost)
+        # Those that are moved wait longer than those that stay.
+        worst = np.select([moved > 1, moved == 1, stay > 0], [moving, last, staying], np.nan)
+        names = [str(fault) for fault in faults]
+        columns = {"served_a": stay, "served_b": moved, "lost": lost, "worst_gap_s": worst}
+        return pd.DataFrame(
+            {"kind": [name.split()[0] for name in names], **columns},
+            index=pd.Index(names, name="fault"),
+        )
+
+
+@record(slots=True)
+class Loop(_Redundant):
+    r"""A line from port A of a master past all slaves, in a closed loop back to its port B.
+
+    Parameters
+    ----------
+    n_slaves : int
+        Number of slaves, 1..247; slave 1 is the one next to port A.
+    poll : Poll
+        What each slave is asked.
+    closed : bool, default True
+        Whether the line goes on from the last slave to port B. Otherwise it ends there, and the
+        master has port A only.
+    isolators : bool, default False
+        Whether a shorted section is cut out at both of its ends, as a break would be. Without
+        them, it takes with it every slave and port that it is connected to.
+    move : {"slave", "downstream"}, default "slave"
+        Who is moved to the other port: the slave alone, or with it all that lie downstream of it
+        and are served through the same port.
+    failures : int, default 1
+        How many polls of a slave must fail in a row, each with all its retries, 1..100. With the
+        last of them the master asks it through the other port at once, with the same retries. If
+        it answers there, it is served from there; if not, it is lost, and no longer polled.
+    recheck : float, default 60
+        When so much time has passed without a failed try, not shorter than a scan, up to 1e6 [s],
+        the master tries once more what failed: the next slave in turn that is lost or served
+        through B gets one request through port A, without retries, and a lost one then another
+        through B. A slave that answers through A is served from there again, and the next one is
+        tried in the same scan.
+
+    Raises
+    ------
+    ArgumentError
+        If a field is out of its range.
+
+    Notes
+    -----
+    From [1]_: two-wire RS-485, slaves with one port, a master with two that close the loop, and
+    the other direction when the line is broken. It prints no rule for the switch-over; `move`,
+    `failures` and `recheck` are assumptions. Assumed as well: the slaves hang on a line that runs
+    past them, so that a dead one does no harm to others; all are polled through A while the line
+    is whole; one transaction at a time, though two halves could be polled side by side; a port
+    that fails leaves the line alone (if it does not, that is a short of section 0); a section both
+    broken and shorted is shorted on both sides of the break, the worse case; both ends of the
+    line remain terminated well enough. 256 slaves are printed and 250 for the master; the
+    standard has 247.
+
+    With s slaves that stay on their port, m that are moved and l that are lost, f `failures`, T an
+    answered poll and G one that times out, the longest time between two answers of a slave that is
+    moved, or stays, is
+
+    .. math:: t_m = f s T + m (f G + T) + l (f + 1) G, \qquad t_s = s T + m (G + T) + 2 l G
+
+    where each slave is moved by itself, and
+
+    .. math:: t_m = f s T + m T + (f - 1) m G + 2 G + l (f + 1) G
+
+    where those downstream are moved with it; one G less for the last one moved. On a line that is
+    not closed a lost slave costs l G. The worst moment for a fault is the end of an answer of the
+    slave in question, and all are attained but for one: with "downstream" and more than one
+    failure, that of a slave that stays is a bound.
+
+    References
+    ----------
+    .. [1] J. H. Kim and Y. H. Yu, "Development of electro hydraulic ballast remote valve control
+       system with diagnostic function using redundant Modbus communication", 2014, sections 2.1
+       and 3.
+
+    Examples
+    --------
+    >>> from shipnet.modbus import Poll, Request, SerialLine
+    >>> from shipnet.modbus.faults import Break, Short
+    >>> poll = Poll(Request.read_input_registers(0, 4), SerialLine(9600), timeout=0.5)
+    >>> loop = Loop(5, poll)
+    >>> loop.reach(Break(2)).through_b, loop.reach([Break(2), Break(4)]).lost
+    ([3, 4, 5], [3, 4])
+    >>> len(loop.reach(Short(2)).lost), Loop(5, poll, closed=False).reach(Break(2)).lost
+    (5, [3, 4, 5])
+    >>> loop.single_failures().groupby("kind", sort=False)["lost"].max().to_dict()
+    {'break': 0, 'short': 5, 'slave': 1, 'port': 0}
+
+    A loop of ten valves breaks in the middle; every slave on the far side times out by itself, or
+    the first of them takes the others with it:
+
+    >>> Loop(10, poll).worst_gap(Break(5)).max().round(2).item()
+    2.87
+    >>> Loop(10, poll, move="downstream").worst_gap(Break(5)).max().round(2).item()
+    1.34
+    """
+
+    n_slaves: int = whole(1, MAX_UNIT, help="Number of slaves")
+    poll: Poll
+    closed: bool = switch("The line goes on to port B", default=True, kw_only=True)
+    isolators: bool = switch("A shorted section is cut out", default=False, kw_only=True)
+    move: Literal["slave", "downstream"] = choice(
+        ("slave", "downstream"), "Who is moved", default="slave", kw_only=True
+    )
+    failures: int = whole(1, 100, help="Polls that must fail in a row", default=1, kw_only=True)
+    recheck: float = number(1e-3, 1e6, "s", "Time without a failed try", default=60.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check what depends on other fields."""
+        self._check()
+
+    @property
+    def period(self) -> float:
+        """A scan while all slaves answer [s]."""
+        return self.poll.scan_time(self.n_slaves)
+
+    @property
+    def n_sections(self) -> int:
+        """Number of sections of the cable."""
+        return self.n_slaves + self.closed
+
+    def single_faults(self) -> list[Fault]:
+        """Return a break and a short of every section, then every slave, then the ports."""
+        sections = range(self.n_sections)
+        ports: list[Fault] = [DeadPort("A"), DeadPort("B")]
+        return [
+            *map(Break, sections),
+            *map(Short, sections),
+            *map(DeadSlave, range(1, self.n_slaves + 1)),
+            *ports[: 1 + self.closed],
+        ]
+
+    def reach(self, faults: Faults = ()) -> Reach:
+        """Return who is reachable with one or several faults, whatever their times."""
+        n = self.n_slaves
+        first_cut, last_cut, first_short, last_short = n + 1, -1, n + 2, -2
+        dead: set[int] = set()
+        silent: set[str] = set() if self.closed else {"B"}
+        for fault in line_faults(faults):
+            match fault:
+                case Short(section=place) if not self.isolators:
+                    check_whole("section", place, 0, self.n_sections - 1)
+                    first_short, last_short = min(first_short, place), max(last_short, place)
+                case Break(section=place) | Short(section=place):
+                    check_whole("section", place, 0, self.n_sections - 1)
+                    first_cut, last_cut = min(first_cut, place), max(last_cut, place)
+                case DeadSlave(slave=slave):
+                    dead.add(check_whole("slave", slave, 1, n))
+                case DeadPort(port=port):
+                    silent.add(port)
+        # A short silences the ports that no cut separates from it.
+        without_a = "A" in silent or first_short <= first_cut
+        without_b = "B" in silent or last_short >= last_cut
+        last_a = 0 if without_a else min(first_cut, n)
+        first_b = n + 1 if without_b else max(last_cut + 1, 1)
+        return Reach(n, last_a, first_b, frozenset(dead))
+
+    def gaps(
+        self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return the longest gap [s] of a slave that stays, one that is moved, and the last moved.
+
+        They depend on how many slaves stay, are moved and are lost.
+        """
+        s, m, lo = (np.asarray(count, dtype=np.float64) for count in (stay, moved, lost))
+        answered, silent = self.poll.time, self.poll.timeout_time
+        f = self.failures
+        common = f * s * answered + lo * (f + self.closed) * silent
+        if self.move == "slave":
+            staying = s * answered + m * (silent + answered) + (1 + self.closed) * lo * silent
+            moving = common + m * (f * silent + answered)
+            return staying, moving, moving
+        discovery = (m > 0) * (silent if f == 1 else answered)
+        each = answered if f == 1 else max(silent, answered)
+        staying = s * answered + m * each + discovery + (1 + self.closed) * lo * silent
+        last = common + m * (answered + (f - 1) * silent) + silent
+        return staying, last + silent, last
+
+    def plot(self, faults: Faults = (), ax: Axes | None = None) -> Axes:
+        """Draw the loop, what has failed in it, and which port serves each slave; return the axes.
+
+        A break is a gap in the line, a short a heavy line, a dead slave or port a cross.
+        """
+        from shipnet.modbus.plot import plot_loop
+
+        return plot_loop(self, line_faults(faults), ax)
+
+
+@record(slots=True)
+class DualChannel(_Redundant):
+    r"""Two channels from a master to two slaves that both hold all data.
+
+    Parameters
+    ----------
+    poll : Poll
+        What the slave in use is asked.
+    period : float, default 1
+        From the begin of a poll to the next, not shorter than a poll, up to 3600 [s]. The AMS of
+        [1]_ polls once a second. A poll that takes longer delays the next one.
+    failures : int, default 1
+        How many polls must fail in a row, each with all its retries, 1..100, before the master
+        asks on the other channel.
+    recheck : float, default 60
+        As for `Loop`; not shorter than `period`, up to 1e6 [s].
+
+    Raises
+    ------
+    ArgumentError
+        If a field is out of its range.
+
+    Notes
+    -----
+    The two slaves stand for one source of data, so that here `n_slaves` is 1: port A reaches it
+    through the first slave, B through the second. `Break` and `Short` have the section 0 for
+    channel 1 and 1 for channel 2; how the slaves share their data is not part of this.
+
+    With the period P, f `failures` and G a poll that times out, the longest time between two
+    answers is
+
+    .. math:: t = P + (f - 1) \max \left( P, G \right) + G
+
+    or P if one channel remains in use. Time-out and retries are not printed in [1]_. The switching
+    time is, as 133 us, which is 1.3 bit times; as 133 ms it is a request of 9.17 ms and a time-out
+    of 124 ms.
+
+    References
+    ----------
+    .. [1] J.-H. Lee and D.-S. Kim, "Design and implementation of distributed control system based
+       on dual field-bus for ship engine", 2012, sections III.2 and IV.2.
+
+    Examples
+    --------
+    The time-out that gives 133 ms; the registers of the test are not printed, so it reads one:
+
+    >>> from shipnet.modbus import Poll, Request, SerialLine
+    >>> from shipnet.modbus.faults import Break
+    >>> line, request = SerialLine(9600), Request.read_holding_registers(0, 1)
+    >>> ams = DualChannel(Poll(request, line, timeout=0.133 - line.frame_time(8)))
+    >>> round(ams.poll.timeout_time * 1e3), ams.reach(Break(0)).served
+    (133, ['B'])
+    >>> ams.worst_gap(Break(0)).round(3).tolist()
+    [1.133]
+    """
+
+    poll: Poll
+    period: float = number(0, 3600, "s", "Time from poll to poll", default=1.0, kw_only=True)
+    failures: int = whole(1, 100, help="Polls that must fail in a row", default=1, kw_only=True)
+    recheck: float = number(1e-3, 1e6, "s", "Time without a failed try", default=60.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check what depends on other fields."""
+        self._check()
+        check_scalar("period", self.period, "s", self.poll.time, 3600)
+
+    @property
+    def n_slaves(self) -> int:
+        """One source of data."""
+        return 1
+
+    @property
+    def move(self) -> str:
+        """Nothing lies downstream."""
+        return "slave"
+
+    @property
+    def closed(self) -> bool:
+        """The master has a port B."""
+        return True
+
+    def single_faults(self) -> list[Fault]:
+        """Return a break and a short of each channel, then each slave, then both ports."""
+        both = (0, 1)
+        ports: list[Fault] = [DeadPort("A"), DeadPort("B")]
+        return [*map(Break, both), *map(Short, both), *map(DeadSlave, (1, 2)), *ports]
+
+    def reach(self, faults: Faults = ()) -> Reach:
+        """Return which port reaches the data with one or several faults, whatever their times."""
+        dead = {self._channel(fault) for fault in line_faults(faults)}
+        return Reach(1, int("A" not in dead), 1 + int("B" in dead))
+
+    @staticmethod
+    def _channel(fault: Fault) -> str:
+        match fault:
+            case Break(section=place) | Short(section=place):
+                return "AB"[check_whole("section", place, 0, 1)]
+            case DeadSlave(slave=place):
+                return "AB"[check_whole("slave", place, 1, 2) - 1]
+            case DeadPort(port=port):
+                return port
+        raise ArgumentError(f"{fault!r} is not a fault of channels")
+
+    def gaps(
+        self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return the longest gap [s] of data that stay on their channel, or are moved (twice)."""
+        silent, f = self.poll.timeout_time, self.failures
+        switched = self.period + (f - 1) * max(self.period, silent) + silent
+        shape = np.broadcast_shapes(np.shape(stay), np.shape(moved), np.shape(lost))
+        moving = np.full(shape, switched)
+        return np.full(shape, self.period), moving, moving
+
+
+#: A master with two ports.
+System = Loop | DualChannel

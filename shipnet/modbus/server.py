@@ -1,0 +1,257 @@
+"""A real Modbus server in front of simulated slaves, in TCP, UDP or on a serial port."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from importlib import import_module
+from threading import Thread
+from time import monotonic
+from typing import Any, Literal
+
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar, check_whole
+from shipnet.modbus.adu import MAX_UNIT, Adu
+from shipnet.modbus.slave import Answer, Device, Slave, answer
+from shipnet.modbus.uart import SerialLine
+
+Clock = Callable[[], float]
+Transport = Literal["tcp", "udp", "rtu"]
+
+_DEFAULT_LINE = SerialLine(9600)
+
+
+def real_clock(speed: float = 1.0) -> Clock:
+    """Return a clock that shows 0 now and then runs at a multiple of real time."""
+    factor, start = check_scalar("speed", speed, "s/s", 0, 1e6), monotonic()
+    return lambda: factor * (monotonic() - start)
+
+
+class Server:
+    """A server that listens between ``with`` and the end of its block; `serve` makes one.
+
+    Attributes
+    ----------
+    slaves : dict of int to Slave
+        Slaves by unit id; their behaviour may be changed while the server listens.
+    port : int
+        TCP or UDP port that is bound; 0 on a serial line, and while it does not listen.
+
+    Examples
+    --------
+    >>> with serve({1: Slave(input_registers=[7])}) as server:
+    ...     server.port > 0
+    True
+    """
+
+    def __init__(
+        self,
+        slaves: dict[int, Slave],
+        make: Callable[..., Any],
+        clock: Callable[[], Clock],
+        serial: bool,
+    ) -> None:
+        self.slaves = slaves
+        self.port = 0
+        self._make, self._clock, self._serial = make, clock, serial
+        self._listener: Any = None
+        self._thread: Thread | None = None
+        self._stop: Callable[[], object] = lambda: None
+
+    def __enter__(self) -> Server:
+        """Listen in a thread of its own."""
+        self._check_idle()
+        ready: Future[None] = Future()
+        self._thread = Thread(
+            target=lambda: asyncio.run(self._hold(ready)), name="shipnet Modbus server", daemon=True
+        )
+        self._thread.start()
+        try:
+            ready.result()
+        except BaseException:
+            self._finish()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Stop, and wait until everything is closed."""
+        self._finish()
+
+    async def __aenter__(self) -> Server:
+        """Listen in the event loop that runs."""
+        self._check_idle()
+        await self._open()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """Stop; connections are cut off."""
+        await self._close()
+
+    def _check_idle(self) -> None:
+        if self._listener is not None or self._thread is not None:
+            raise RuntimeError("the server listens already")
+
+    def _finish(self) -> None:
+        self._stop()
+        self._stop = lambda: None
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    async def _hold(self, ready: Future[None]) -> None:
+        loop, stopped = asyncio.get_running_loop(), asyncio.Event()
+        self._stop = lambda: loop.call_soon_threadsafe(stopped.set)
+        try:
+            await self._open()
+        except BaseException as problem:
+            self._stop = lambda: None
+            ready.set_exception(problem)
+            return
+        ready.set_result(None)
+        await stopped.wait()
+        await self._close()
+
+    async def _open(self) -> None:
+        clock = self._clock()
+
+        def respond(request: Adu) -> Answer:
+            return answer(self.slaves, request, clock(), serial=self._serial)
+
+        listener = self._make(respond)
+        try:
+            await listener.serve_forever(background=True)
+        # A serial port that refuses its settings raises no OSError; where the library
+        # swallows the cause, it has logged it.
+        except Exception as problem:
+            where = "{}, port {}".format(*listener.comm_params.source_address)
+            raise OSError(f"cannot listen on {where}: {problem}") from None
+        # A serial port is set up in the next turn of the loop.
+        await asyncio.sleep(0)
+        self._listener, self.port = listener, listener.port
+
+    async def _close(self) -> None:
+        listener, self._listener, self.port = self._listener, None, 0
+        for connection in list(listener.active_connections.values()):
+            if connection.transport is not None:
+                connection.transport.abort()
+        await listener.shutdown()
+        # The loop tells a transport in its next turn that it is closed.
+        for _ in range(3):
+            await asyncio.sleep(0)
+
+
+def serve(
+    devices: Mapping[int, Device | Slave],
+    transport: Transport = "tcp",
+    *,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    serial_port: str = "",
+    line: SerialLine = _DEFAULT_LINE,
+    silence: float = 0.05,
+    speed: float = 1.0,
+    clock: Clock | None = None,
+) -> Server:
+    r"""Return a server for simulated devices, to be used in ``with`` or ``async with``.
+
+    Parameters
+    ----------
+    devices : mapping of int to Device or Slave
+        Devices by unit id: 1..247, and 0 for the server itself, not on a serial line. A bare
+        device becomes a `Slave` that serves all function codes at once.
+    transport : {"tcp", "udp", "rtu"}, default "tcp"
+        Modbus/TCP; the same frames in datagrams, which no standard has but kim2014 uses; or RTU.
+    host : str, default "127.0.0.1"
+        Address to listen on; the default is reached from this machine only.
+    port : int, default 0
+        TCP or UDP port, 0..65535; with 0 the system chooses one, see `Server.port`.
+    serial_port : str, optional
+        Serial port for RTU, such as ``"/dev/ttyUSB0"``.
+    line : SerialLine, default 9600 bit/s and 8E1
+        Settings of that port. An answer begins no sooner than t3.5 after its request. Linux
+        refuses parity on a pseudo-terminal, which takes ``SerialLine(9600, "8N1")``.
+    silence : float, default 0.05
+        Silence after which bytes that are not a frame are dropped, t3.5..10 [s]. It is longer than
+        t3.5 for adapters and drivers that hand on bytes in portions.
+    speed : float, default 1
+        Model seconds that pass in a real one, from the start of the server, 0..1e6.
+    clock : callable, optional
+        Model time [s] when called, in place of `speed`. Devices get it with each request. Nothing
+        sleeps for it: only answers are held back, for real seconds, by their slave's delay.
+
+    Returns
+    -------
+    Server
+        When its block begins, it listens; when it ends, all is closed.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+    ImportError
+        If pymodbus, or pyserial for RTU, is missing.
+    OSError
+        On entry, if it cannot listen there.
+
+    Notes
+    -----
+    pymodbus listens, holds the ports and makes the frames; requests are read and answered by
+    `shipnet.modbus`. A frame of another protocol, a datagram that is not a frame and an RTU frame
+    with a wrong CRC get no answer; a TCP connection whose length field cannot be is cut off:
+    nothing shows where the next frame begins.
+
+    Examples
+    --------
+    >>> import socket
+    >>> with serve({1: Slave(holding_registers=[350, 412])}) as server:
+    ...     with socket.create_connection(("127.0.0.1", server.port)) as client:
+    ...         _ = client.send(bytes.fromhex("0001 0000 0006 01 03 0000 0002"))
+    ...         print(client.recv(260).hex(" "))
+    00 01 00 00 00 07 01 03 04 01 5e 01 9c
+    """
+    if transport not in ("tcp", "udp", "rtu"):
+        raise ArgumentError(f"transport is {transport!r}; it must be 'tcp', 'udp' or 'rtu'")
+    rtu = transport == "rtu"
+    if not isinstance(devices, Mapping) or not devices:
+        raise ArgumentError(f"devices is {devices!r}; it must be a mapping with 1.. devices")
+    slaves = {}
+    for unit, device in devices.items():
+        why = " on a serial line" if rtu else ""
+        known = check_whole("unit id", unit, int(rtu), MAX_UNIT, why)
+        slaves[known] = device if isinstance(device, Slave) else Slave(device)
+    if not isinstance(host, str) or not host:
+        raise ArgumentError(f"host is {host!r}; it must be a name or an address")
+    bound = check_whole("port", port, 0, 0xFFFF)
+    if rtu != bool(serial_port):
+        raise ArgumentError(f"serial_port is {serial_port!r}; RTU needs one, and nothing else does")
+    quiet = check_scalar("silence", silence, "s", line.t35, 10)
+    if clock is None:
+        check_scalar("speed", speed, "s/s", 0, 1e6)
+    handlers = _handlers(rtu)
+
+    def make(respond: Callable[[int, bytes], Answer]) -> Any:
+        if rtu:
+            return handlers.RtuServer(respond, serial_port, line, quiet)
+        kind = handlers.TcpServer if transport == "tcp" else handlers.UdpServer
+        return kind(respond, host, bound)
+
+    return Server(slaves, make, lambda: clock or real_clock(speed), rtu)
+
+
+def _handlers(rtu: bool) -> Any:
+    """Return the module that imports the library."""
+    try:
+        if rtu:
+            import_module("serial")
+        from shipnet.modbus import handlers
+    except ModuleNotFoundError as problem:
+        missing = {"pymodbus": "pymodbus", "serial": "pyserial"}.get(
+            str(problem.name).partition(".")[0]
+        )
+        if missing is None:
+            raise
+        raise ImportError(
+            f'{missing} is not installed; this installs it: python -m pip install "shipnet[bus]"'
+        ) from None
+    return handlers

@@ -1,0 +1,371 @@
+"""A master with two ports on a clock: one try after the other, faults, switch-over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.clock import Fault
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar
+from shipnet.modbus.redundancy import DualChannel, Faults, Loop, System, line_faults
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+#: Ports, and in place of one: served by none.
+A, B, LOST = range(3)
+
+#: Why a try is made: in its turn, on the other port at once, or to see whether all is well again.
+KINDS = ("poll", "switch", "probe")
+_POLL, _SWITCH, _PROBE = range(3)
+
+#: Start [s], slave from 0, port, kind, answered.
+Try = tuple[float, int, int, int, bool]
+
+
+def until_answer(system: System) -> float:
+    """Return the time from the begin of a request to the end of its response [s]."""
+    return system.poll.time - system.poll.line.t35
+
+
+class Paths:
+    """Who is joined to which port, piece by piece in time."""
+
+    def __init__(self, system: System, faults: Sequence[Fault]) -> None:
+        system.reach(faults)
+        edges = {f.start for f in faults} | {f.stop for f in faults}
+        starts = [0.0, *sorted(edge for edge in edges if 0 < edge < inf)]
+        self.ends = [*starts[1:], inf]
+        self.joined: list[tuple[list[bool], list[bool]]] = []
+        for start in starts:
+            reach = system.reach([f for f in faults if f.start <= start < f.stop])
+            ports = ({*reach.through_a}, {*reach.through_b})
+            a, b = ([s in port for s in range(1, system.n_slaves + 1)] for port in ports)
+            self.joined.append((a, b))
+        self.piece = 0
+
+    def hold(self, start: float, end: float, slave: int, port: int) -> bool:
+        """Return whether a path is whole from `start` to `end`; starts must not go back."""
+        while self.ends[self.piece] <= start:
+            self.piece += 1
+        piece = self.piece
+        while self.joined[piece][port][slave]:
+            if self.ends[piece] >= end:
+                return True
+            piece += 1
+        return False
+
+
+class Master:
+    """The state of the rule, and the clock."""
+
+    def __init__(self, system: System, faults: Sequence[Fault]) -> None:
+        n = system.n_slaves
+        self.rule, self.n = system, n
+        # A loop is scanned again at once.
+        self.period = system.period if isinstance(system, DualChannel) else 0.0
+        self.attempts = 1 + system.poll.retries
+        self.answered, self.unanswered = system.poll.time, system.poll.unanswered_time
+        self.needed = until_answer(system)
+        self.paths = Paths(system, faults)
+        self.port, self.failed = [A] * n, [0] * n
+        self.time, self.last_failure, self.probed = 0.0, -inf, n - 1
+        self.tries: list[Try] = []
+
+    def run(self, end: float) -> list[Try]:
+        """Scan until the end, and return the tries."""
+        while self.time < end:
+            self.scan(end)
+        return self.tries
+
+    def scan(self, end: float) -> None:
+        """Give each slave its turn, unless the end comes first."""
+        begin = self.time
+        for slave in range(self.n):
+            if self.time >= end:
+                break
+            self.turn(slave)
+        if self.time == begin:
+            # All are lost: nothing happens before the next try is due.
+            self.time = min(self.last_failure + self.rule.recheck, end)
+        self.time = max(self.time, begin + self.period)
+
+    def turn(self, slave: int) -> None:
+        """Do what the scan has for a slave."""
+        port = self.port[slave]
+        if port != A and self.due(slave):
+            self.probed = slave
+            if self.attempt(slave, A, _PROBE):
+                self.serve(slave, A)
+                return
+            if port == LOST and self.rule.closed and self.attempt(slave, B, _PROBE):
+                self.serve(slave, B)
+                return
+        if port == LOST or self.ask(slave, port, _POLL):
+            return
+        self.failed[slave] += 1
+        if self.failed[slave] < self.rule.failures:
+            return
+        other = B if port == A else A
+        if not (self.rule.closed and self.ask(slave, other, _SWITCH)):
+            self.port[slave] = LOST
+            return
+        self.serve(slave, other)
+        if self.rule.move == "downstream":
+            downstream = range(slave + 1, self.n) if port == A else range(slave)
+            for one in downstream:
+                if self.port[one] == port:
+                    self.port[one] = other
+
+    def due(self, slave: int) -> bool:
+        """Return whether it is time to try again what failed, and this slave's turn."""
+        if self.time < self.last_failure + self.rule.recheck:
+            return False
+        following = ((self.probed + step) % self.n for step in range(1, self.n + 1))
+        return slave == next(one for one in following if self.port[one] != A)
+
+    def serve(self, slave: int, port: int) -> None:
+        """Have a slave served through a port from now on."""
+        self.port[slave], self.failed[slave] = port, 0
+
+    def ask(self, slave: int, port: int, kind: int) -> bool:
+        """Poll a slave with all retries; return whether it answered."""
+        for _ in range(self.attempts):
+            if self.attempt(slave, port, kind):
+                self.failed[slave] = 0
+                return True
+        return False
+
+    def attempt(self, slave: int, port: int, kind: int) -> bool:
+        """Send one request and let the time pass; return whether it was answered."""
+        start = self.time
+        answered = self.paths.hold(start, start + self.needed, slave, port)
+        self.tries.append((start, slave, port, kind, answered))
+        if answered:
+            self.time = start + self.answered
+        else:
+            self.time = self.last_failure = start + self.unanswered
+        return answered
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run:
+    """A simulation of a master: who was asked when, and how long data stayed away.
+
+    Parameters
+    ----------
+    system : Loop or DualChannel
+        What was simulated.
+    faults : tuple of Fault
+        What failed.
+    until : float
+        No try begins after it [s].
+    tries : list of tuple
+        Start [s], slave from 0, port, kind and outcome of each try; `events` shows them.
+
+    Examples
+    --------
+    >>> from shipnet.modbus import Loop, Poll, Request, SerialLine, simulate
+    >>> poll = Poll(Request.read_input_registers(0, 4), SerialLine(9600), timeout=0.1)
+    >>> simulate(Loop(3, poll), until=1.0)
+    Run(3 slaves, no faults, 32 tries in 1 s, longest gap 0.096 s)
+    """
+
+    system: System
+    faults: tuple[Fault, ...]
+    until: float
+    tries: list[Try]
+
+    def __repr__(self) -> str:
+        """Return what came of it in one line."""
+        n = self.system.n_slaves
+        return (
+            f"Run({n} slave{'s'[: n > 1]}, {', '.join(map(str, self.faults)) or 'no faults'}, "
+            f"{len(self.tries)} tries in {self.until:g} s, longest gap {self.gaps.max():.3g} s)"
+        )
+
+    def events(self) -> pd.DataFrame:
+        """Return one row per try: ``start_s``, ``end_s`` when the next may begin, ``slave``, ``port``.
+
+        ``kind`` is poll, switch (the other port is asked at once) or probe (what failed is tried
+        again), and ``answered`` says whether the whole response came.
+        """  # noqa: E501
+        import pandas as pd
+
+        start, slave, port, kind, answered = self._columns
+        poll = self.system.poll
+        return pd.DataFrame(
+            {
+                "start_s": start,
+                "end_s": start + np.where(answered, poll.time, poll.unanswered_time),
+                "slave": slave + 1,
+                "port": np.array(["A", "B"])[port],
+                "kind": np.array(KINDS)[kind],
+                "answered": answered,
+            }
+        )
+
+    @cached_property
+    def _columns(self) -> tuple[Floats, Ints, Ints, Ints, npt.NDArray[np.bool_]]:
+        columns = list(zip(*self.tries, strict=True)) if self.tries else [()] * 5
+        slave, port, kind = (np.array(column, dtype=np.int64) for column in columns[1:4])
+        start, answered = np.array(columns[0], dtype=float), np.array(columns[4], dtype=bool)
+        return start, slave, port, kind, answered
+
+    @cached_property
+    def _answers(self) -> tuple[Floats, Ints, Ints]:
+        """Return end, slave and port of the responses, slave by slave."""
+        start, slave, port, _, answered = self._columns
+        order = np.flatnonzero(answered)
+        order = order[np.argsort(slave[order], kind="stable")]
+        return start[order] + until_answer(self.system), slave[order], port[order]
+
+    @property
+    def answer_times(self) -> Floats:
+        """Ends of all responses, in order [s]."""
+        return np.sort(self._answers[0])
+
+    @cached_property
+    def gaps(self) -> Floats:
+        """Longest time between two answers of each slave, or from the last to the end [s].
+
+        It is the whole time for a slave that never answered.
+        """
+        time, slave, _ = self._answers
+        last = np.flatnonzero(np.diff(slave, append=-1))
+        longest = np.full(self.system.n_slaves, self.until)
+        longest[slave[last]] = self.until - time[last]
+        # The end of the simulation may lie within the last response.
+        np.maximum(longest, 0.0, out=longest)
+        within = np.flatnonzero(slave[1:] == slave[:-1])
+        np.maximum.at(longest, slave[within], time[within + 1] - time[within])
+        return longest
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per slave: what served it at the end, and how long it was without answer.
+
+        Indexed by ``slave``: ``port`` at the end, ``"-"`` if lost; ``answers``; ``longest_gap_s``
+        as `gaps`; ``switch_s``, from the first fault to the first answer through another port
+        than before; ``recovery_s``, from the last repair to the first answer through port A of a
+        slave that was not served from there. NaN where there was none.
+        """
+        import pandas as pd
+
+        time, slave, port = self._answers
+        begin = min((fault.start for fault in self.faults), default=inf)
+        repaired = max((fault.stop for fault in self.faults if fault.stop < inf), default=inf)
+        n = self.system.n_slaves
+        served, switch, recovery = np.full(n, "-"), np.full(n, np.nan), np.full(n, np.nan)
+        lost, lost_before = self._lost_at(inf), self._lost_at(repaired)
+        for own in range(n):
+            mine = slice(*np.searchsorted(slave, [own, own + 1]))
+            when, through = time[mine], port[mine]
+            if when.size and own not in lost:
+                served[own] = "AB"[through[-1]]
+            changed = 1 + np.flatnonzero(np.diff(through))
+            after = when[changed[when[changed] >= begin]]
+            if after.size:
+                switch[own] = after[0] - begin
+            before = through[when < repaired]
+            late = when[(when >= repaired) & (through == A)]
+            away = (before.size and before[-1] != A) or own in lost_before
+            if away and late.size:
+                recovery[own] = late[0] - repaired
+        return pd.DataFrame(
+            {
+                "port": served,
+                "answers": np.bincount(slave, minlength=n),
+                "longest_gap_s": self.gaps,
+                "switch_s": switch,
+                "recovery_s": recovery,
+            },
+            index=pd.RangeIndex(1, n + 1, name="slave"),
+        )
+
+    def _lost_at(self, moment: float) -> set[int]:
+        """Return the slaves that were lost at a moment: silent through every port."""
+        system = self.system
+        enough = inf if system.closed else system.failures * (1 + system.poll.retries)
+        lost: set[int] = set()
+        silent = [0] * system.n_slaves
+        for start, slave, _, kind, answered in self.tries:
+            if start >= moment:
+                break
+            silent[slave] = 0 if answered else silent[slave] + 1
+            if answered:
+                lost.discard(slave)
+            elif kind == _SWITCH or silent[slave] >= enough:
+                lost.add(slave)
+        return lost
+
+    def plot(
+        self, ax: Axes | None = None, *, start: float | None = None, stop: float | None = None
+    ) -> Axes:
+        """Draw what is on the line at both ports from `start` to `stop` [s]; return the axes.
+
+        A request without a response is red until its time-out.
+        """
+        from shipnet.modbus.plot import plot_run
+
+        return plot_run(self, ax, start=start, stop=stop)
+
+
+def simulate(system: System, *, faults: Faults = (), until: float) -> Run:
+    """Simulate a master that polls its slaves through one port or the other.
+
+    Parameters
+    ----------
+    system : Loop or DualChannel
+        The line; all slaves are served through port A at the start.
+    faults : Fault or iterable of Fault, optional
+        What fails, and when: `faults.Break`, `faults.Short`, `faults.DeadSlave`,
+        `faults.DeadPort`.
+    until : float
+        No try begins after it, 0..1e5 [s].
+
+    Returns
+    -------
+    Run
+        The tries and what follows from them.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range, or a fault names a section, slave or port that does
+        not exist.
+
+    Notes
+    -----
+    A try is answered if slave and port are joined from the begin of the request to the end of the
+    response; the rest follows from the rule of the system.
+
+    Examples
+    --------
+    The AMS of lee2012 loses channel 1 half a second after a poll:
+
+    >>> from shipnet.modbus import DualChannel, Poll, Request, SerialLine
+    >>> from shipnet.modbus.faults import Break
+    >>> request = Request.read_holding_registers(0, 99)
+    >>> ams = DualChannel(Poll(request, SerialLine(9600), timeout=0.3))
+    >>> run = simulate(ams, faults=Break(0, start=2.5), until=5)
+    >>> run.events().round(3)[["start_s", "port", "kind", "answered"]].values.tolist()[2:5]
+    [[2.0, 'A', 'poll', True], [3.0, 'A', 'poll', False], [3.309, 'B', 'switch', True]]
+    >>> run.table().round(3).longest_gap_s.tolist()
+    [1.309]
+    """
+    if not isinstance(system, Loop | DualChannel):
+        raise ArgumentError(f"system is {system!r}; it must be a Loop or a DualChannel")
+    end = check_scalar("until", until, "s", 0, 1e5)
+    failed = line_faults(faults)
+    return Run(system, failed, end, Master(system, failed).run(end))

@@ -1,0 +1,388 @@
+"""Simulated slaves: what they hold, and how they answer, from bytes to bytes.
+
+No library and no socket is needed here; `shipnet.modbus.server` puts a server in front of them.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
+
+from shipnet.errors import ArgumentError, FrameError
+from shipnet.fields import check_scalar, check_whole
+from shipnet.modbus.adu import Adu
+from shipnet.modbus.pdu import (
+    ExceptionCode,
+    FunctionCode,
+    Request,
+    Response,
+    check_coils,
+    check_registers,
+    exception_code,
+)
+
+#: Kind of data, each with addresses of its own; "MODBUS application protocol" V1.1b3, section 4.3.
+Table = Literal["coils", "discrete_inputs", "holding_registers", "input_registers"]
+
+_READ: dict[int, Table] = {
+    1: "coils",
+    2: "discrete_inputs",
+    3: "holding_registers",
+    4: "input_registers",
+}
+
+_WRITES = frozenset({5, 6, 15, 16})
+_BROADCAST, _SERVER_ITSELF = 0, 255
+_WHOLE_TABLE = 65536
+
+
+class DeviceError(Exception):
+    """A device refuses a request.
+
+    Parameters
+    ----------
+    exception : ExceptionCode
+        Why, 1..6, 8, 10 or 11; it goes out in the exception response.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such exception code.
+
+    Examples
+    --------
+    >>> DeviceError(2).exception.name
+    'ILLEGAL_DATA_ADDRESS'
+    """
+
+    def __init__(self, exception: ExceptionCode | int) -> None:
+        self.exception = exception_code(exception)
+        super().__init__(self.exception.name)
+
+
+@runtime_checkable
+class Device(Protocol):
+    """Anything that can be read and written by address; both raise `DeviceError` to refuse.
+
+    Examples
+    --------
+    A clock in one input register, in whole seconds:
+
+    >>> class Clock:
+    ...     def read(self, table, address, quantity, time):
+    ...         if (table, address, quantity) != ("input_registers", 0, 1):
+    ...             raise DeviceError(2)
+    ...         return [int(time)]
+    ...     def write(self, table, address, values, time):
+    ...         raise DeviceError(1)
+    >>> Slave(Clock()).answer(Request.read_input_registers(0, 1), time=7.5).hex(" ")
+    '04 02 00 07'
+    """
+
+    def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
+        """Return as many values of a table as asked for, at a model time [s]."""
+        ...
+
+    def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
+        """Take over values for coils or holding registers, all of them or none."""
+        ...
+
+
+class Registers:
+    """A device that is nothing but memory, and may be changed while a server has it."""
+
+    def __init__(
+        self,
+        *,
+        coils: Mapping[int, bool] | Iterable[bool] = (),
+        discrete_inputs: Mapping[int, bool] | Iterable[bool] = (),
+        holding_registers: Mapping[int, int] | Iterable[int] = (),
+        input_registers: Mapping[int, int] | Iterable[int] = (),
+        limits: Mapping[int, tuple[int, int]] | None = None,
+    ) -> None:
+        self.coils = _bits("coils", coils)
+        self.discrete_inputs = _bits("discrete_inputs", discrete_inputs)
+        self.holding_registers = _registers("holding_registers", holding_registers)
+        self.input_registers = _registers("input_registers", input_registers)
+        self.limits = dict(limits or {})
+        for address, (low, high) in self.limits.items():
+            if address not in self.holding_registers:
+                raise ArgumentError(f"limits names {address}, but there is no such register")
+            check_whole(f"limits[{address}][0]", low, 0, 0xFFFF)
+            check_whole(f"limits[{address}][1]", high, low, 0xFFFF)
+
+    def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
+        """Return what a table holds; exception 2 if any of it does not exist."""
+        memory: dict[int, int] = getattr(self, table)
+        try:
+            return [memory[place] for place in range(address, address + quantity)]
+        except KeyError:
+            raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS) from None
+
+    def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
+        """Take over all values, or none: exceptions 2 and 3."""
+        new = dict(enumerate(values, address))
+        memory: dict[int, int] = getattr(self, table)
+        if not new.keys() <= memory.keys():
+            raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+        if table == "holding_registers":
+            for place in new.keys() & self.limits.keys():
+                low, high = self.limits[place]
+                if not low <= new[place] <= high:
+                    raise DeviceError(ExceptionCode.ILLEGAL_DATA_VALUE)
+        memory.update(new)
+
+
+def _bits(name: str, given: Mapping[int, bool] | Iterable[bool]) -> dict[int, int]:
+    addresses, values = _columns(name, given)
+    coils = check_coils(values, _WHOLE_TABLE) if values else ()
+    return dict(zip(addresses, map(int, coils), strict=True))
+
+
+def _registers(name: str, given: Mapping[int, int] | Iterable[int]) -> dict[int, int]:
+    addresses, values = _columns(name, given)
+    registers = check_registers(values, _WHOLE_TABLE) if values else ()
+    return dict(zip(addresses, registers, strict=True))
+
+
+def _columns(name: str, given: Mapping[int, Any] | Iterable[Any]) -> tuple[list[int], list[Any]]:
+    try:
+        pairs = dict(given if isinstance(given, Mapping) else enumerate(given))
+    except TypeError:
+        raise ArgumentError(f"{name} is {given!r}; it must be a mapping or a sequence") from None
+    return [check_whole(f"address in {name}", a, 0, 0xFFFF) for a in pairs], list(pairs.values())
+
+
+class Answer(NamedTuple):
+    """The PDU that goes out upon a request, empty if the slave is silent, and its delay [s]."""
+
+    pdu: bytes
+    delay: float
+
+
+_NOTHING = Answer(b"", 0.0)
+
+
+class Slave:
+    r"""A simulated slave over registers or a device of one's own.
+
+    Its attributes may be changed while a server has it: `device`, which holds the tables as
+    dictionaries if they were given here, and `functions`, `delay`, `exception`, `silent`.
+
+    Parameters
+    ----------
+    device : Device, optional
+        What it holds, in place of tables.
+    coils, discrete_inputs : mapping of int to bool, or sequence of bool, optional
+        Bits by address; a sequence begins at address 0. What is not given does not exist.
+    holding_registers, input_registers : mapping of int to int, or sequence of int, optional
+        Registers of 0..65535, likewise.
+    limits : mapping of int to (int, int), optional
+        Lowest and highest value that may be written to a holding register, by its address;
+        anything else is answered with exception 3. Registers without limits take all.
+    functions : collection of int, optional
+        Function codes that it serves, all nine of `FunctionCode` if omitted; another one is
+        answered with exception 1.
+    delay : float, default 0
+        How long it works on an answer, 0..3600 [s]. The request is executed at once and the answer
+        held back, whatever else is asked meanwhile.
+    exception : ExceptionCode, optional
+        Exception with which it answers everything that it serves, instead of executing it.
+    silent : bool, default False
+        Whether it neither executes nor answers anything.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range, at the start or when it is set later; if there are both
+        a device and tables.
+
+    Examples
+    --------
+    A valve with its position in 0x4020 and a set point of 0..100 in 0x4001:
+
+    >>> valve = Slave(input_registers={0x4020: 42}, holding_registers={0x4001: 0},
+    ...               limits={0x4001: (0, 100)})
+    >>> valve.answer(Request.read_input_registers(0x4020, 1)).hex(" ")
+    '04 02 00 2a'
+    >>> valve.answer(Request.write_single_register(0x4001, 101)).hex(" ")
+    '86 03'
+
+    The junction box of an engine serves function code 3 alone:
+
+    >>> box = Slave(holding_registers=[350, 412], functions={3})
+    >>> box.answer(bytes.fromhex("03 0000 0002")).hex(" "), box.answer(b"\x07").hex(" ")
+    ('03 04 01 5e 01 9c', '87 01')
+    """
+
+    device: Device
+    functions: frozenset[FunctionCode]
+    delay: float
+    exception: ExceptionCode | None
+    silent: bool
+
+    def __init__(
+        self,
+        device: Device | None = None,
+        *,
+        coils: Mapping[int, bool] | Iterable[bool] = (),
+        discrete_inputs: Mapping[int, bool] | Iterable[bool] = (),
+        holding_registers: Mapping[int, int] | Iterable[int] = (),
+        input_registers: Mapping[int, int] | Iterable[int] = (),
+        limits: Mapping[int, tuple[int, int]] | None = None,
+        functions: Collection[int] = frozenset(FunctionCode),
+        delay: float = 0.0,
+        exception: ExceptionCode | int | None = None,
+        silent: bool = False,
+    ) -> None:
+        tables = {
+            "coils": coils,
+            "discrete_inputs": discrete_inputs,
+            "holding_registers": holding_registers,
+            "input_registers": input_registers,
+            "limits": limits,
+        }
+        if device is None:
+            device = Registers(**tables)  # type: ignore[arg-type]
+        elif given := [name for name, table in tables.items() if table]:
+            raise ArgumentError(f"{given[0]} is given beside a device; it must be one of them")
+        self.device = device
+        self.functions = functions  # type: ignore[assignment]
+        self.delay = delay
+        self.exception = exception  # type: ignore[assignment]
+        self.silent = silent
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Check every attribute."""
+        match name:
+            case "device" if not isinstance(value, Device):
+                raise ArgumentError(f"device is {value!r}; it must have read and write")
+            case "functions":
+                try:
+                    value = frozenset(FunctionCode(code) for code in value)
+                except (TypeError, ValueError):
+                    raise ArgumentError(
+                        f"functions is {value!r}; it must be some of 1..6, 15, 16, 23"
+                    ) from None
+            case "delay":
+                value = check_scalar("delay", value, "s", 0, 3600)
+            case "exception" if value is not None:
+                value = exception_code(value)
+            case "silent" if not isinstance(value, bool):
+                raise ArgumentError(f"silent is {value!r}; it must be True or False")
+            case _ if name not in Slave.__annotations__:
+                raise AttributeError(f"a slave does not have {name!r}")
+        super().__setattr__(name, value)
+
+    def answer(self, request: Request | bytes, time: float = 0.0) -> bytes:
+        """Execute a request at a model time [s] and return the response, function code first.
+
+        It is empty if the slave is silent, or if the function code is 0 or above 127, which no
+        response could name. Exceptions come in the order of the state diagrams in "MODBUS
+        application protocol" V1.1b3, section 6: 1 for the function code, 3 for a quantity, byte
+        count, coil value or length that cannot be, then what the device raises. A device that
+        fails in another way gets exception 4, and the failure goes to the log
+        ``shipnet.modbus.server``.
+        """
+        pdu = request.pdu if isinstance(request, Request) else request
+        function = pdu[0] if pdu else 0
+        if self.silent or not 1 <= function <= 127:
+            return b""
+        try:
+            if function not in self.functions:
+                raise DeviceError(ExceptionCode.ILLEGAL_FUNCTION)
+            if self.exception is not None:
+                raise DeviceError(self.exception)
+            return self._execute(Request.parse(pdu), time).pdu
+        except DeviceError as refusal:
+            exception = refusal.exception
+        except FrameError:
+            exception = ExceptionCode.ILLEGAL_DATA_VALUE
+        # Whatever the device's own code raises, the bus gets an answer.
+        except Exception:
+            logging.getLogger("shipnet.modbus.server").exception("the device failed")
+            exception = ExceptionCode.SERVER_DEVICE_FAILURE
+        return Response(function, exception=exception).pdu
+
+    def _execute(self, request: Request, time: float) -> Response:
+        write, function, address = self.device.write, request.function, request.address
+        if function in _READ:
+            return request.response(self._read(_READ[function], request, time))
+        if function in (5, 15):
+            write("coils", address, [int(coil) for coil in request.coils], time)
+            return request.response()
+        registers = list(request.registers)
+        if request.write_address is None:
+            write("holding_registers", address, registers, time)
+            return request.response()
+        # What cannot be read must not be written either, so the address is tried first.
+        self.device.read("holding_registers", address, request.quantity, time)
+        write("holding_registers", request.write_address, registers, time)
+        return request.response(self._read("holding_registers", request, time))
+
+    def _read(self, table: Table, request: Request, time: float) -> tuple[int, ...]:
+        found = tuple(self.device.read(table, request.address, request.quantity, time))
+        if len(found) != request.quantity:
+            raise ArgumentError(f"the device gave {len(found)} values of {request.quantity}")
+        return found
+
+
+def answer(
+    slaves: Mapping[int, Slave], adu: Adu, time: float = 0.0, *, serial: bool = False
+) -> Answer:
+    r"""Return what comes back upon a request to one of several slaves, without a socket.
+
+    Parameters
+    ----------
+    slaves : mapping of int to Slave
+        Slaves by unit id, 0..247; 0 is the server itself and not for a serial line.
+    adu : Adu
+        Who is asked, and what.
+    time : float, default 0
+        Model time [s].
+    serial : bool, default False
+        Whether they share a serial line.
+
+    Returns
+    -------
+    Answer
+        The response's `pdu`, empty if nothing comes back, and its `delay` [s].
+
+    Notes
+    -----
+    Unit id 0 is a broadcast: all slaves execute a write and none answers [1]_. With a slave 0 in
+    TCP, 0 and 255 mean the server itself [2]_. For a unit id that nobody has, a serial line stays
+    silent; in TCP the server takes the place of a gateway, which answers with exception 11,
+    "usually means that the device is not present on the network" [3]_.
+
+    References
+    ----------
+    .. [1] "MODBUS over serial line specification and implementation guide", V1.02, 2006,
+       section 2.1.
+    .. [2] "MODBUS messaging on TCP/IP implementation guide", V1.0b, 2006, section 4.4.2.
+    .. [3] "MODBUS application protocol specification", V1.1b3, 2012, section 7.
+
+    Examples
+    --------
+    >>> slaves = {5: Slave(holding_registers=[7], delay=0.02)}
+    >>> answer(slaves, Adu(5, Request.read_holding_registers(0, 1)))
+    Answer(pdu=b'\x03\x02\x00\x07', delay=0.02)
+    >>> answer(slaves, Adu(6, Request.read_holding_registers(0, 1))).pdu.hex(" ")
+    '83 0b'
+    """
+    unit, pdu = adu.unit_id, adu.pdu
+    if _BROADCAST in slaves and unit == _SERVER_ITSELF:
+        unit = _BROADCAST
+    if unit in slaves:
+        slave = slaves[unit]
+        return Answer(slave.answer(pdu, time), slave.delay)
+    if unit == _BROADCAST:
+        if pdu[0] in _WRITES:
+            for slave in slaves.values():
+                slave.answer(pdu, time)
+        return _NOTHING
+    if serial or not 1 <= pdu[0] <= 127:
+        return _NOTHING
+    absent = ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND
+    return Answer(Response(pdu[0], exception=absent).pdu, 0.0)

@@ -1,0 +1,180 @@
+"""Printed tables beside those that the code generates, and printed figures redrawn."""
+
+from __future__ import annotations
+
+import importlib
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from shipnet import datasets, style
+from shipnet.errors import ArgumentError
+from shipnet.papers import judging
+from shipnet.papers.registry import FIGURES, TABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class PrintedTable:
+    """A table of a paper, as printed and as the code generates it.
+
+    Parameters
+    ----------
+    paper : str
+        A key of `PAPERS`.
+    item : str
+        The table as the paper numbers it, such as ``"Table 5"``.
+
+    Raises
+    ------
+    ArgumentError
+        If the table is not transcribed; the message lists those that are.
+
+    Examples
+    --------
+    >>> five = PrintedTable("kim2023", "Table 5")
+    >>> five.printed.loc["RESET", "I3"], five.ours.loc["RESET", "I3"]
+    ('S', '~S')
+    """
+
+    paper: str
+    item: str
+
+    def __post_init__(self) -> None:
+        """Check that the table is transcribed."""
+        judging.check_paper(self.paper)
+        known = _transcribed(self.paper)
+        if self.item not in known:
+            raise ArgumentError(
+                f"table of {self.paper} is {self.item!r}; transcribed are {', '.join(known)}"
+            )
+
+    @property
+    def printed(self) -> pd.DataFrame:
+        """The table as text, without conversions; indexed by its first column if we generate it."""
+        rows = datasets.read(_transcribed(self.paper)[self.item])
+        if self._generator is None:
+            return rows
+        return rows.set_index(rows.columns[0]).drop(columns="name_printed", errors="ignore")
+
+    @property
+    def ours(self) -> pd.DataFrame:
+        """The same table from the code; ArgumentError if nothing generates it."""
+        if self._generator is None:
+            raise ArgumentError(f"{self.item} of {self.paper} is transcribed, not generated")
+        made: pd.DataFrame = self._generator()
+        return made
+
+    def differences(self) -> pd.DataFrame:
+        """Return every cell that differs, with its kind, claim and reason.
+
+        A row that only one side has is listed once, with an empty column name. Kind, claim and
+        reason are NaN where nobody has explained a difference.
+        """
+        import pandas as pd
+
+        theirs, ours = self.printed, self.ours
+        found = []
+        for row in ours.index.union(theirs.index, sort=False):
+            if row not in theirs.index or row not in ours.index:
+                pair = ("a row", "no row") if row in theirs.index else ("no row", "a row")
+                found.append((self.item, row, "", *pair))
+                continue
+            for column in ours.columns:
+                pair = theirs.loc[row, column], ours.loc[row, column]
+                if pair[0] != pair[1]:
+                    found.append((self.item, row, column, *pair))
+        cells = pd.DataFrame(found, columns=["table", "row", "column", "printed", "ours"])
+        reasons = datasets.read(f"{self.paper}_table_differences.csv")
+        return cells.merge(reasons, on=["table", "row", "column"], how="left")
+
+    @property
+    def _generator(self):  # type: ignore[no-untyped-def]
+        """The function that generates the table, or None."""
+        judging.load((self.paper,))
+        return TABLES.get((self.paper, self.item))
+
+
+def _transcribed(paper: str) -> dict[str, str]:
+    """Return the data file of each transcribed table of a paper, by the table's number."""
+    found = {}
+    for name in datasets.names():
+        first, _, rest = name.partition("_")
+        number = rest.partition("_")[0].removeprefix("table")
+        if first == paper and rest.startswith("table") and number.isdigit():
+            found[f"Table {number}"] = name
+    return found
+
+
+def table(paper: str, item: str) -> PrintedTable:
+    """Return a table of a paper, as printed and as the code generates it.
+
+    Parameters
+    ----------
+    paper : str
+        A key of `PAPERS`.
+    item : str
+        The table as the paper numbers it, such as ``"Table 5"``.
+
+    Returns
+    -------
+    PrintedTable
+        With `printed`, `ours` and `differences()`.
+
+    Raises
+    ------
+    ArgumentError
+        If the table is not transcribed; the message lists those that are.
+
+    Examples
+    --------
+    >>> len(table("kim2023", "Table 7").differences())
+    0
+    """
+    return PrintedTable(paper, item)
+
+
+def figure(paper: str, item: str, ax: Axes | None = None) -> Axes:
+    """Draw a figure of a paper that needs no inputs.
+
+    Parameters
+    ----------
+    paper : str
+        A key of `PAPERS`.
+    item : str
+        The figure as the paper numbers it, such as ``"Fig 7"``.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; new axes if omitted.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+
+    Raises
+    ------
+    ArgumentError
+        If no function draws the figure; the message lists those that are drawn.
+
+    Examples
+    --------
+    >>> figure("kim2023", "Fig 99")
+    Traceback (most recent call last):
+        ...
+    shipnet.errors.ArgumentError: figure of kim2023 is 'Fig 99'; drawn are none
+    """
+    judging.check_paper(paper)
+    judging.load((paper,))
+    # Drawings are registered as their module is imported, which loads matplotlib.
+    with suppress(ModuleNotFoundError):
+        importlib.import_module(f"shipnet.papers.{paper}.plot")
+    drawn = sorted(name for key, name in FIGURES if key == paper)
+    if item not in drawn:
+        raise ArgumentError(
+            f"figure of {paper} is {item!r}; drawn are {', '.join(drawn) or 'none'}"
+        )
+    made: Axes = FIGURES[paper, item](ax=style.axes(ax))
+    return made

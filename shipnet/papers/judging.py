@@ -1,0 +1,404 @@
+"""The ledger: what the papers print beside what shipnet computes, and the verdict.
+
+`data/claims.csv` holds what is printed and how it is judged; the modules of the papers hold the
+functions that recompute it. The *match* of a number follows from the two values and the printed
+precision; the verdict is a judgement, and where it goes against a paper it names its evidence.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable, Collection, Hashable, Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from shipnet import datasets
+from shipnet.errors import ArgumentError
+from shipnet.papers.registry import REGISTRY
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+#: The papers by their keys, in the order in which they are shown.
+PAPERS: Mapping[str, str] = {
+    "kim2023": "Kim, Cho and Hyun, AS-Interface protocol utilization for smart ships, 2023",
+    "icn2007": "AS-Interface communication system for field networks (2), 2007",
+    "lee2012": "Lee and Kim, Distributed control system on dual field-bus for ship engine, 2012",
+    "chung1998": "Chung and Rhyu, Communication method for a ship main engine remote control, 1998",
+    "kim2014": "Kim and Yu, Electro hydraulic ballast remote valve control system, 2014",
+}
+
+#: What a verdict may be; `open` means that no function computes the claim yet.
+VERDICTS = (
+    "agrees",
+    "rounding",
+    "typo",
+    "unit",
+    "wrong",
+    "wrong term",
+    "inconsistent",
+    "assumption differs",
+    "below rule",
+    "not reproducible",
+    "open",
+)
+
+#: What has been done about a claim.
+STATUSES = ("recomputed", "checked", "ours", "context", "not reproducible", "open")
+
+
+class Claim:
+    """One claim of a paper: what is printed, what we compute, and the verdict.
+
+    Parameters
+    ----------
+    id : str
+        Id of a claim, such as ``"kim2023-074"``.
+
+    Attributes
+    ----------
+    paper, where, kind, claim, published, unit, match, verdict, status, evidence, note : str
+        As in the columns of `Ledger.table`.
+    computed : float, bool or None
+        Our value of a number, whether a statement holds, or None if nothing is computed.
+
+    Raises
+    ------
+    ArgumentError
+        If no claim has this id.
+
+    Examples
+    --------
+    >>> claim = Claim("kim2023-074")
+    >>> claim
+    <Claim kim2023-074: the paper says 0.7 %, we compute 7.368 %: typo>
+    >>> round(claim.recompute(slaves=100), 1)
+    14.0
+    """
+
+    def __init__(self, id: str) -> None:
+        (claim,) = _claims_by_id([id])
+        self.id = str(claim["id"])
+        self._row = _judge(claim)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a column of the ledger."""
+        if name.startswith("_") or name not in self._row:
+            raise AttributeError(f"a claim has no {name}; it has {', '.join(_COLUMNS)}")
+        return self._row[name]
+
+    def recompute(self, **inputs: Any) -> Any:
+        """Return the value with other inputs; without any, what the ledger holds."""
+        if self.id not in REGISTRY:
+            raise ArgumentError(f"claim {self.id} is not computed; its status is {self.status}")
+        return REGISTRY[self.id].function(**inputs)
+
+    def __repr__(self) -> str:
+        """Say what is printed, what we compute, and the verdict."""
+        says, ours = _says(self._row), _ours(self._row)
+        return f"<Claim {self.id}: the paper says {says}, we compute {ours}: {self.verdict}>"
+
+
+class Ledger:
+    """The claims of one paper or of all, each with its recomputation and its verdict.
+
+    Parameters
+    ----------
+    paper : str, optional
+        A key of `PAPERS`; all papers if omitted.
+
+    Raises
+    ------
+    ArgumentError
+        If no paper has this key.
+
+    Examples
+    --------
+    >>> print(Ledger("kim2014"))
+    100 claims, 64 judged, 32 agree, open: 0
+    """
+
+    def __init__(self, paper: str | None = None) -> None:
+        self.paper = paper
+        self._claims = _claims(paper)
+
+    def table(self) -> pd.DataFrame:
+        """Return every claim, indexed by its id.
+
+        `published` is as printed; `computed` is a float, or a bool for a statement, or None;
+        `relative_difference` is computed over published, minus 1.
+        """
+        import pandas as pd
+
+        rows = [_judge(claim) for claim in self._claims]
+        order = {key: place for place, key in enumerate(PAPERS)}
+        made = pd.DataFrame(rows, columns=list(_COLUMNS)).sort_values(
+            ["paper", "id"],
+            key=lambda column: column.map(order) if column.name == "paper" else column,
+        )
+        return made.set_index("id")
+
+    def counts(self) -> pd.DataFrame:
+        """Return how many claims of each paper have each status, and their sum."""
+        import pandas as pd
+
+        counted = pd.crosstab(
+            pd.Index([claim["paper"] for claim in self._claims], name="paper"),
+            pd.Index([_status(claim) for claim in self._claims], name="status"),
+        )
+        keys = [key for key in PAPERS if key in counted.index]
+        counted = counted.reindex(index=keys, columns=list(STATUSES), fill_value=0)
+        counted.columns.name, counted.index.name = None, "paper"
+        return counted.assign(claims=counted.sum(axis=1))
+
+    def judged(self) -> pd.DataFrame:
+        """Return the claims that are recomputed or checked."""
+        return self.table().query("status in ['recomputed', 'checked']")
+
+    def differing(self) -> pd.DataFrame:
+        """Return the judged claims that do not simply agree, with the reason."""
+        columns = ["where", "claim", "published", "verdict", "note"]
+        return self.judged().query("verdict != 'agrees'")[columns]
+
+    def items(self) -> pd.DataFrame:
+        """Return the figures and tables of the papers, and how each is treated."""
+        items = datasets.read("figures_tables.csv")
+        return items if self.paper is None else items[items["paper"] == self.paper]
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw how many claims of each paper have each status, one bar per paper."""
+        from shipnet.papers.plot import draw_counts
+
+        return draw_counts(self.counts(), ax)
+
+    def __len__(self) -> int:
+        """Return the number of claims."""
+        return len(self._claims)
+
+    def __str__(self) -> str:
+        """Count the claims, those judged, those that agree, and those still open."""
+        status = [_status(claim) for claim in self._claims]
+        judged = [
+            claim
+            for claim, done in zip(self._claims, status, strict=True)
+            if done in ("recomputed", "checked")
+        ]
+        agree = sum(claim["verdict"] == "agrees" for claim in judged)
+        return (
+            f"{len(self)} claims, {len(judged)} judged, {agree} agree, open: {status.count('open')}"
+        )
+
+    def __repr__(self) -> str:
+        """Name the paper and count its claims."""
+        return f"<Ledger of {self.paper or 'all papers'}: {self}>"
+
+
+def ledger(paper: str | None = None) -> Ledger:
+    """Return the ledger of one paper or of all.
+
+    Parameters
+    ----------
+    paper : str, optional
+        A key of `PAPERS`; all papers if omitted.
+
+    Returns
+    -------
+    Ledger
+        Its claims, judged.
+
+    Raises
+    ------
+    ArgumentError
+        If no paper has this key.
+
+    Examples
+    --------
+    >>> row = ledger("kim2023").table().loc["kim2023-074"]
+    >>> row.published, round(row.computed, 2), row.match, row.verdict
+    ('0.7', 7.37, 'factor 10', 'typo')
+    """
+    return Ledger(paper)
+
+
+def show(*claims: str) -> pd.DataFrame:
+    """Show claims as a notebook does: what the paper says, what we compute, the verdict.
+
+    Parameters
+    ----------
+    *claims : str
+        Claim ids, such as ``"kim2023-004"``; one string may hold several with spaces between.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per claim, in the order given.
+
+    Raises
+    ------
+    ArgumentError
+        If an id is unknown.
+
+    Examples
+    --------
+    >>> show("kim2023-004").loc["kim2023-004", "we compute"]
+    '0.4032 %'
+    """
+    import pandas as pd
+
+    ids = " ".join(claims).split()
+    rows = [_judge(claim) for claim in _claims_by_id(ids)]
+    shown = {
+        "where": [row["where"] for row in rows],
+        "claim": [row["claim"] for row in rows],
+        "the paper says": [_says(row) for row in rows],
+        "we compute": [_ours(row) for row in rows],
+        "verdict": [row["verdict"] for row in rows],
+    }
+    return pd.DataFrame(shown, index=ids)
+
+
+def as_number(text: str) -> float:
+    """Return a printed number as a float; ``0x..`` is read as hexadecimal."""
+    return float(int(text, 16)) if text.lower().startswith("0x") else float(text)
+
+
+def match(published: float, computed: float, precision: float) -> str:
+    """Compare a printed number with a computed one, by the unit of the last printed digit.
+
+    ``"within precision"`` if they differ by at most half of `precision`; ``"factor 1000"`` or
+    another power of ten, from 10**-9 to 10**9, if a shift of the decimal point alone brings them
+    that close; else ``"differs"``.
+    """
+    slack = 0.5 * precision * (1 + 1e-9)
+    if abs(computed - published) <= slack:
+        return "within precision"
+    if computed and published:
+        for power in sorted(range(-9, 10), key=abs):
+            if power and abs(computed / 10.0**power - published) <= slack:
+                return f"factor {10.0**power:g}"
+    return "differs"
+
+
+#: Papers whose claims are registered by another's modules too.
+_LEANS_ON = {"icn2007": "kim2023", "kim2023": "icn2007"}
+
+
+def load(papers: Collection[str] = tuple(PAPERS)) -> None:
+    """Import what recomputes some papers; the others are left alone, because they take time."""
+    wanted = {*papers, *(_LEANS_ON[paper] for paper in papers if paper in _LEANS_ON)}
+    for paper in PAPERS:
+        if paper in wanted:
+            importlib.import_module(f"shipnet.papers.{paper}")
+
+
+def check_paper(paper: str) -> None:
+    """Raise ArgumentError unless a paper has this key."""
+    if paper not in PAPERS:
+        raise ArgumentError(f"paper is {paper!r}; it must be one of {', '.join(PAPERS)}")
+
+
+def _claims(paper: str | None) -> list[dict[Hashable, Any]]:
+    """Return the rows of claims.csv for one paper or all."""
+    if paper is not None:
+        check_paper(paper)
+    papers = tuple(PAPERS) if paper is None else (paper,)
+    load(papers)
+    claims = datasets.read("claims.csv")
+    return claims[claims["paper"].isin(papers)].to_dict("records")
+
+
+def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
+    """Return the rows of claims.csv with these ids, in the order given."""
+    known = {claim["id"]: claim for claim in datasets.read("claims.csv").to_dict("records")}
+    if unknown := [id for id in ids if id not in known]:
+        raise ArgumentError(f"no claim {', '.join(unknown)}; ids look like {next(iter(known))!r}")
+    load({str(known[id]["paper"]) for id in ids})
+    return [known[id] for id in ids]
+
+
+_COLUMNS = (
+    "id",
+    "paper",
+    "where",
+    "kind",
+    "claim",
+    "published",
+    "unit",
+    "computed",
+    "relative_difference",
+    "match",
+    "verdict",
+    "status",
+    "evidence",
+    "note",
+)
+
+
+@cache
+def _computed(function: Callable[[], Any]) -> Any:
+    """Call what recomputes a claim, once: it has no other inputs than its defaults."""
+    return function()
+
+
+def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
+    """Put one claim beside its recomputation."""
+    recomputation = REGISTRY.get(claim["id"])
+    computed: Any = _computed(recomputation.function) if recomputation else None
+    difference, outcome = math.nan, ""
+    if recomputation and claim["kind"] == "numeric":
+        published = as_number(claim["value"])
+        outcome = match(published, computed, as_number(claim["precision"]))
+        difference = computed / published - 1 if published else math.nan
+    elif recomputation and claim["kind"] == "qualitative":
+        outcome = "holds" if computed else "does not hold"
+    return {
+        **{key: claim[key] for key in ("id", "paper", "where", "kind", "claim", "unit", "note")},
+        "published": claim["value"],
+        "computed": computed,
+        "relative_difference": difference,
+        "match": outcome,
+        "verdict": claim["verdict"],
+        "status": _status(claim),
+        "evidence": claim["evidence"] or (recomputation.evidence if recomputation else ""),
+    }
+
+
+def _status(claim: dict[Hashable, Any]) -> str:
+    if claim["kind"] == "context":
+        return "context"
+    if claim["id"] in REGISTRY:
+        return {"numeric": "recomputed", "qualitative": "checked", "ours": "ours"}[claim["kind"]]
+    return "not reproducible" if claim["verdict"] == "not reproducible" else "open"
+
+
+def _says(row: Mapping[str, Any]) -> str:
+    """Return what the paper prints, with its unit."""
+    return f"{row['published']} {row['unit']}".strip() if row["published"] else ""
+
+
+def _ours(row: Mapping[str, Any]) -> str:
+    """Return what we compute, with its unit."""
+    text = format_computed(row["computed"], str(row["published"]))
+    return (
+        text if isinstance(row["computed"], bool) or not text else f"{text} {row['unit']}".strip()
+    )
+
+
+def format_computed(value: object, published: str = "") -> str:
+    """Write a computed value for people: four significant digits, or whether a statement holds.
+
+    A hexadecimal number that is printed so is answered by one.
+    """
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "holds" if value else "does not hold"
+    number = float(value)  # type: ignore[arg-type]
+    if published.startswith("0x") and number.is_integer():
+        return f"0x{int(number):X}"
+    if number.is_integer():
+        return f"{number:.0f}"
+    text = f"{number:.4g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(number) < 1e9 else text

@@ -1,0 +1,93 @@
+"""Bitwise arbitration and its picture."""
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from shipnet.can.bitwise import arbitrate
+from shipnet.can.frame import Frame
+from shipnet.errors import ArgumentError
+
+
+@st.composite
+def frames(draw):
+    # Few ids, so that standard and extended frames often begin alike.
+    base, remote = draw(st.sampled_from([0, 1, 0x100, 0x101, 0x555, 0x7FF])), draw(st.booleans())
+    data = b"" if remote else draw(st.binary(max_size=2))
+    if draw(st.booleans()):
+        rest = draw(st.sampled_from([0, 1, 0x3FFFF]))
+        return Frame(base << 18 | rest, data, extended=True, remote=remote)
+    return Frame(base, data, remote=remote)
+
+
+def key(frame):
+    """Return the bits that decide an arbitration, as they are sent."""
+    number = frame.arbitration_id
+    if frame.extended:
+        return f"{number >> 18:011b}11{number & 0x3FFFF:018b}{frame.remote:d}"
+    return f"{number:011b}{frame.remote:d}0" + 19 * "0"
+
+
+@given(st.lists(frames(), min_size=1, max_size=6, unique_by=key))
+def test_the_winner_has_the_least_bits_that_decide_and_its_bits_are_on_the_bus(contenders):
+    contest = arbitrate(contenders)
+    assert contest.winner == min(contenders, key=key)
+    assert contest.winner.bits.startswith(contest.bus)
+    for frame, stopped in zip(contenders, contest.stopped, strict=True):
+        if stopped is not None:
+            assert frame.bits[:stopped] == contest.bus[:stopped]
+            assert frame.bits[stopped] == "1" and contest.bus[stopped] == "0"
+
+
+@given(frames(), frames())
+def test_two_senders_part_where_their_bits_first_differ(one, other):
+    assume(key(one) != key(other))
+    place = next(k for k, (a, b) in enumerate(zip(one.bits, other.bits, strict=False)) if a != b)
+    assert max(stopped or 0 for stopped in arbitrate([one, other]).stopped) == place
+
+
+def test_a_standard_data_frame_beats_the_extended_one_that_begins_like_it_by_rtr():
+    contest = arbitrate([Frame(0x555 << 18, extended=True), Frame(0x555)])
+    assert contest.stopped == (12, None)
+    # A remote frame sends a recessive RTR as well, and wins one bit later by IDE.
+    assert arbitrate([Frame(0x555 << 18, extended=True), Frame(0x555, remote=True)]).stopped == (
+        13,
+        None,
+    )
+
+
+@pytest.mark.parametrize("wrong", [[], [0x100], [Frame(1), Frame(1, b"\x01")]])
+def test_what_cannot_be_settled_is_refused(wrong):
+    with pytest.raises(ArgumentError, match="frames"):
+        arbitrate(wrong)
+
+
+CONTEST = arbitrate([Frame(0x100), Frame(0x101), Frame(0x200)])
+
+
+@pytest.mark.parametrize("upto", [None, 0, 2, 9, 14])
+def test_the_picture_shows_what_was_sent_up_to_its_bit(upto):
+    ax = CONTEST.plot(["a", "b", "c"], Figure().subplots(), upto=upto)
+    last = 14 if upto is None else upto
+    rows = {}
+    for text in ax.texts:
+        x, y = text.get_position()
+        rows[y] = rows.get(y, "") + text.get_text()
+        assert x == len(rows[y]) - 0.5
+    sent = [
+        frame.bits[: min(last, last if stopped is None else stopped) + 1]
+        for frame, stopped in zip(CONTEST.frames, CONTEST.stopped, strict=True)
+    ]
+    assert list(rows.values()) == [*sent, CONTEST.bus[: last + 1]]
+    stops = [patch for patch in ax.patches if patch.get_linewidth() == 2]
+    seen = [stop for stop in CONTEST.stopped if stop is not None and stop <= last]
+    assert sorted(patch.get_x() for patch in stops) == sorted(seen)
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["a", "b", "c", "bus"]
+
+
+def test_the_picture_refuses_names_and_bits_that_do_not_fit():
+    with pytest.raises(ArgumentError, match="2 names for 3 frames"):
+        CONTEST.plot(["a", "b"], Figure().subplots())
+    with pytest.raises(ArgumentError, match="upto"):
+        CONTEST.plot(["a", "b", "c"], Figure().subplots(), upto=15)

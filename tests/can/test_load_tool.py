@@ -1,0 +1,101 @@
+import pytest
+from matplotlib.figure import Figure
+
+from shipnet.can import MessageSet, response_times
+from shipnet.errors import ArgumentError, InputError
+from shipnet.tools.can_load import EXAMPLE, Inputs, draw, explorer, update
+from tests.support import load
+
+
+def test_the_example_is_read_and_in_time():
+    result = update(Inputs())
+    assert len(result.messages) == 10
+    assert result.late == []
+    assert result.load["no stuff bits"] < result.load["random data"]
+    assert result.load["random data"] < result.load["most stuff bits"] < 0.25
+    assert result.lowest == 125_000
+    assert result.numbers["lowest standard bit rate that works"] == "125 kbit/s"
+
+
+def test_the_responses_are_those_of_the_analysis():
+    result = update(Inputs(bit_rate=50_000))
+    expected = [one.response * 1e3 for one in response_times(MessageSet.parse(EXAMPLE), 50_000)]
+    assert [1e3 * one.response for one in result.responses] == pytest.approx(expected)
+    assert result.verdict == "1 of 10 may be late: speed"
+
+
+def test_too_slow_a_bus_and_errors_make_messages_late():
+    assert update(Inputs(bit_rate=10_000)).lowest == 125_000
+    assert len(update(Inputs(bit_rate=10_000)).late) == 10
+    calm, disturbed = update(Inputs()), update(Inputs(errors_per_s=50))
+    pairs = zip(disturbed.responses, calm.responses, strict=True)
+    assert all(more.response > less.response for more, less in pairs)
+    hopeless = EXAMPLE.replace("shutdown,0x010,1,50,5", "shutdown,0x010,1,50,0.1")
+    assert update(Inputs(hopeless)).numbers["lowest standard bit rate that works"] == "none"
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_other_separators_and_blank_rows_are_read(separator):
+    text = "\n" + EXAMPLE.replace(",", separator)
+    assert MessageSet.parse(text).names == MessageSet.parse(EXAMPLE).names
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "text"),
+        ("name,arbitration_id,dlc\noil,1,8\n", "period_ms"),
+        ("name,arbitration_id,dlc,period_ms\noil,0x900,8,10\n", "row 2, arbitration_id is 2304"),
+        ("name,arbitration_id,dlc,period_ms\noil,1,9,10\nair,1,8,0\n", "row 2.*row 3"),
+        ("name,arbitration_id,dlc,period_ms\noil,1,8,x,y,z,1,2,3,4,5,6\n1\n", ""),
+        ("\x00\x01\x02", ""),
+    ],
+)
+def test_every_fault_of_a_text_is_named_and_nothing_else_is_raised(text, message):
+    with pytest.raises(InputError, match=f"(?s){message}"):
+        MessageSet.parse(text)
+
+
+@pytest.mark.parametrize(("field", "value"), [("bit_rate", 0), ("errors_per_s", -1)])
+def test_numbers_out_of_range_are_named(field, value):
+    with pytest.raises(ArgumentError, match=field):
+        Inputs(**{field: value})
+
+
+def test_late_messages_are_red_bars():
+    ax = draw(update(Inputs(bit_rate=50_000)), ax=Figure().subplots())
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert "response, missed" in labels
+
+
+def test_the_editor_says_what_is_wrong_and_keeps_the_text():
+    page = explorer()
+    before = page.figure.value
+    page.controls["bit_rate"].value = 50_000
+    assert "speed" in page.text and page.figure.value != before
+    page.controls["text"].value = "name,arbitration_id,dlc,period_ms\noil,1,9,10\n"
+    assert "row 2" in page.text and page.controls["text"].value.startswith("name")
+    load(page.uploads["load a message set"], b"name,arbitration_id,dlc,period_ms\noil,1,8,10\n")
+    assert "all 1 messages meet their deadlines" in page.text
+
+
+def test_a_dbc_is_loaded_as_text():
+    pytest.importorskip("cantools")
+    page = explorer()
+    head = b'VERSION ""\n\nBU_: JB1\n\nBO_ 256 Speed: 8 JB1\n\n'
+    cycle = b'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;\nBA_DEF_DEF_ "GenMsgCycleTime" 0;\n'
+    upload = page.uploads["load a message set"]
+    load(upload, head + cycle + b'BA_ "GenMsgCycleTime" BO_ 256 20;\n', "ship.dbc")
+    assert "all 1 messages meet their deadlines" in page.text
+    assert "Speed,0x100,8,20,20,0,0,no,JB1," in page.controls["text"].value
+    load(upload, head + cycle, "ship.dbc")
+    assert "'Speed' has no cycle time" in page.note
+
+
+def test_a_file_that_is_no_text_changes_nothing_and_what_windows_writes_is_text():
+    page = explorer()
+    load(page.uploads["load a message set"], b"\x89PNG\0", "a.png")
+    assert page.note == "a.png: this is no text file"
+    assert page.controls["text"].value == EXAMPLE and "meet their deadlines" in page.text
+    load(page.uploads["load a message set"], EXAMPLE.replace("alarm", "\xf6l").encode("cp1252"))
+    assert "\xf6l" in page.controls["text"].value and page.note == ""

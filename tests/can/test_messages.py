@@ -1,0 +1,410 @@
+"""Message sets: what a message may be, the order of arbitration, tables and files."""
+
+import csv
+import math
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet.can import Message, MessageSet, bus_load, example, read_messages
+from shipnet.can.tables import COLUMNS
+from shipnet.errors import ArgumentError, InputError
+
+REFERENCE = Path(__file__).parents[1] / "reference" / "can"
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("name", ""), ("name", 7), ("name", "a\nb"), ("name", " a"), ("sender", None),
+        ("arbitration_id", -1), ("arbitration_id", 0x800), ("arbitration_id", 1.0),
+        ("arbitration_id", True), ("dlc", 9), ("dlc", -1), ("dlc", "8"), ("extended", 1),
+        ("period", 0), ("period", -1.0), ("period", math.nan), ("period", math.inf),
+        ("period", "1"), ("period", None), ("period", True), ("deadline", 0.0),
+        ("deadline", math.nan), ("jitter", -1e-9), ("jitter", math.nan), ("offset", -1),
+        ("bits", 46), ("bits", 161), ("bits", 100.0),
+    ],
+)  # fmt: skip
+def test_a_message_refuses_what_is_out_of_range(field, value):
+    right = {"name": "A", "arbitration_id": 1, "dlc": 8, "period": 0.1}
+    with pytest.raises(ArgumentError, match=f"^{field} is "):
+        Message(**right | {field: value})
+
+
+def test_the_smallest_and_the_largest_message():
+    Message("A", 0, 0, 1e-6, 1e-6, 0, 0, bits=47)
+    Message("A", 2**29 - 1, 8, 1e5, 1e5, 1e5, 1e5, True, "node", 160)
+    assert Message("A", np.int64(3), np.uint8(2), np.float32(0.5)).deadline == 0.5
+    # Times are kept to the nanosecond.
+    assert Message("A", 1, 8, 1 / 3).period == 0.333333333
+
+
+def test_messages_stand_in_the_order_of_arbitration():
+    def bits(message):
+        """Return the arbitration field as it is sent, 0 is dominant."""
+        if not message.extended:
+            return f"{message.arbitration_id:011b}" + "00"
+        number = f"{message.arbitration_id:029b}"
+        return number[:11] + "11" + number[11:] + "0"
+
+    rng = np.random.default_rng(2024)
+    base = rng.integers(0, 8, size=60)
+    messages = [Message(f"s{b}", int(b), 8, 1.0) for b in np.unique(base)]
+    messages += [
+        Message(f"x{k}", int(b << 18 | rng.integers(2**18)), 8, 1.0, extended=True)
+        for k, b in enumerate(base)
+    ]
+    expected = sorted(messages, key=bits)
+    assert list(MessageSet(rng.permutation(np.array(messages, dtype=object)))) == expected
+
+
+def test_a_set_names_all_that_is_taken():
+    with pytest.raises(ArgumentError) as caught:
+        MessageSet(
+            [
+                Message("A", 1, 8, 1.0), Message("A", 2, 8, 1.0), Message("B", 1, 8, 1.0),
+                Message("B", 1, 8, 1.0), Message("C", 1, 8, 1.0, extended=True),
+            ]
+        )  # fmt: skip
+    assert str(caught.value).split("; ") == [
+        "name 'A' is taken",
+        "arbitration_id 0x1 of 'B' is taken by 'A'",
+        "name 'B' is taken",
+        "arbitration_id 0x1 of 'B' is taken by 'A'",
+    ]
+    with pytest.raises(ArgumentError, match="messages hold 'A'"):
+        MessageSet(["A"])
+
+
+def test_a_set_is_a_sequence():
+    a, b = Message("A", 1, 8, 1.0), Message("B", 2, 8, 1.0)
+    messages = MessageSet([b, a])
+    assert (messages[0], messages[-1], messages["B"], messages[:1]) == (a, b, b, (a,))
+    assert len({messages, MessageSet([a, b])}) == 1
+    assert messages != MessageSet([a])
+    assert repr(messages) == "MessageSet(2 messages: A, B)"
+    assert messages.periods.tolist() == [1.0, 1.0]
+    with pytest.raises(ArgumentError, match="name is 'C'; the messages are A, B"):
+        messages["C"]
+
+
+def test_another_order_keeps_the_identifiers_or_counts_up_where_formats_mix():
+    messages = MessageSet([Message(n, i, 8, 1.0) for n, i in (("A", 5), ("B", 7), ("C", 9))])
+    turned = messages.ordered(["C", "A", "B"])
+    assert [(m.name, m.arbitration_id) for m in turned] == [("C", 5), ("A", 7), ("B", 9)]
+    mixed = MessageSet([*messages, Message("X", 2**28, 8, 1.0, extended=True)])
+    for order in (["X", "C", "B", "A"], ["A", "X", "C", "B"]):
+        turned = mixed.ordered(order)
+        assert list(turned.names) == order
+        assert [m.extended for m in turned] == [name == "X" for name in order]
+    for wrong in (["A", "B"], ["A", "B", "B"], ["A", "B", "D"]):
+        with pytest.raises(ArgumentError, match="they must be A, B, C, once"):
+            messages.ordered(wrong)
+
+
+# Tables and files.
+
+
+def times(low):
+    return st.integers(low, 10**14).map(lambda ns: ns / 1e9)
+
+
+@st.composite
+def sets(draw):
+    names = draw(
+        st.lists(
+            st.text(st.characters(codec="utf-8"), min_size=1, max_size=6).filter(
+                lambda name: name == name.strip() and name.isprintable()
+            ),
+            min_size=1, max_size=5, unique=True,
+        )
+    )  # fmt: skip
+    return MessageSet(
+        Message(
+            name, k + (2**20 if extended else 0), draw(st.integers(0, 8)), draw(times(1000)),
+            draw(times(1000)), draw(times(0)), draw(times(0)), extended,
+            draw(st.sampled_from(["", "JB1", "a;b, \"c\""])),
+            draw(st.none() | st.integers(47, 160)),
+        )
+        for k, name in enumerate(names)
+        for extended in [draw(st.booleans())]
+    )  # fmt: skip
+
+
+@settings(max_examples=40)
+@given(sets())
+def test_a_saved_set_comes_back_to_the_nanosecond(tmp_path_factory, messages):
+    file = tmp_path_factory.getbasetemp() / "set.csv"
+    messages.save(file)
+    assert read_messages(file) == messages
+    assert MessageSet.parse(messages.text) == messages
+
+
+@settings(max_examples=40)
+@given(sets())
+def test_a_set_made_to_a_table_comes_back(messages):
+    table = messages.table()
+    assert (table.index.name, *table.columns) == COLUMNS
+    # A name of "nan" or "None" is a name.
+    assert MessageSet.from_table(table) == messages
+    assert MessageSet.from_table(table.reset_index()) == messages
+
+
+def test_columns_are_the_fields_of_a_message():
+    assert {c.removesuffix("_ms") for c in COLUMNS} == {field.name for field in fields(Message)}
+    assert MessageSet([]).table().empty
+
+
+def load(tmp_path, content):
+    file = tmp_path / "set.csv"
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return read_messages(file)
+
+
+def test_a_file_as_a_spreadsheet_writes_it(tmp_path):
+    content = (
+        "\ufeffName;Arbitration_ID;Extended;DLC;Period_ms;Deadline_ms;Jitter_ms;Note;\r\n"
+        "oil;0x1F;no;8;100;50.5;.25;fast;\r\n;;;;;;;;\r\ngas;300;YES;0;1e3;;;;\r\n"
+    )
+    assert load(tmp_path, content) == MessageSet(
+        [
+            Message("oil", 31, 8, 0.1, 0.0505, 0.00025),
+            Message("gas", 300, 0, 1.0, extended=True),
+        ]
+    )
+    latin = "name,arbitration_id,dlc,period_ms\n\xd6ldruck,1,8,10\n".encode("cp1252")
+    assert load(tmp_path, latin).names == ("\xd6ldruck",)
+
+
+def test_all_faults_of_a_file_are_named_at_once(tmp_path):
+    content = (
+        "name,arbitration_id,dlc,period_ms,deadline_ms,jitter_ms,extended,bits\n"
+        "A,0x800,8,10,,,,\n"
+        "B,2,9,0,,-1,maybe,12\n"
+        ",3,8,nan,0,,,\n"
+        "C,4,8,10,,,,\n"
+        "C,4,8,10,,,,\n"
+        "D,5,8,10,,,,,,7\n"
+        "E,5.5,8,inf,1e999,,,\n"
+    )
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, content)
+    assert sorted(caught.value.faults) == sorted(
+        [
+            "row 7 has 10 cells; expected 8",
+            "row 2, arbitration_id is 2048; it must be a whole number 0..2047",
+            "row 3, column dlc: '9'; expected a whole number 0..8",
+            "row 3, column period_ms: '0'; expected a number 0.001..1e+08 ms",
+            "row 3, column jitter_ms: '-1'; expected a number 0..1e+08 ms",
+            "row 3, column extended: 'maybe'; expected yes or no",
+            "row 3, column bits: '12'; expected a whole number 47..160",
+            "row 4, column name: is empty; a message needs it",
+            "row 4, column period_ms: 'nan'; expected a number 0.001..1e+08 ms",
+            "row 4, column deadline_ms: '0'; expected a number 0.001..1e+08 ms",
+            "row 6: name 'C' is taken",
+            "row 6: arbitration_id 0x4 of 'C' is taken by 'C'",
+            "row 8, column arbitration_id: '5.5'; expected an identifier 0..0x7FF, or 0x1FFFFFFF "
+            "if extended",
+            "row 8, column period_ms: 'inf'; expected a number 0.001..1e+08 ms",
+            "row 8, column deadline_ms: '1e999'; expected a number 0.001..1e+08 ms",
+        ]
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "is empty"),
+        ("\n;;\n", "is empty"),
+        ("name,arbitration_id,dlc,period_ms\n", "has no message"),
+        ("name,dlc,period\nA,8,1\n", "column 3: title 'period' is unknown; expected one of name"),
+        ("name,dlc,period\nA,8,1\n", "no column arbitration_id"),
+        ("name,name,arbitration_id,dlc,period_ms\n", "title 'name' appears twice"),
+        (b"name\0", "is not text"),
+        ("name,dlc\n" + 200_000 * "a" + ",1\n", "is no CSV file: field larger"),
+    ],
+)
+def test_what_is_no_message_set_is_refused(tmp_path, content, message):
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, content)
+    assert any(message in fault for fault in caught.value.faults)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(InputError, match=r"none\.csv: cannot be read"):
+        read_messages(tmp_path / "none.csv")
+
+
+@given(st.binary(max_size=200) | st.text("name,dlc;period_ms\n\"'0123x.-", max_size=200))
+def test_whatever_a_file_holds_it_is_a_set_or_an_input_error(tmp_path_factory, content):
+    head = b"name,arbitration_id,dlc,period_ms\nA,1,8,10\n"
+    file = tmp_path_factory.getbasetemp() / "any.csv"
+    file.write_bytes(head + (content if isinstance(content, bytes) else content.encode()))
+    try:
+        assert len(read_messages(file)) >= 1
+    except InputError as error:
+        assert error.faults
+
+
+def test_a_table_of_numbers_with_gaps_is_read_and_its_faults_are_named():
+    table = pd.DataFrame(
+        {
+            "name": ["A", "B"], "arbitration_id": ["0x10", 17], "dlc": [8, 2],
+            "period_ms": [2.5, 10], "deadline_ms": [math.nan, 5], "bits": [None, 65.0],
+            "sender": [None, "x"], "extended": [False, np.True_],
+        }
+    )  # fmt: skip
+    assert MessageSet.from_table(table) == MessageSet(
+        [
+            Message("A", 16, 8, 2.5e-3),
+            Message("B", 17, 2, 0.01, 0.005, extended=True, sender="x", bits=65),
+        ]
+    )
+    table = table.assign(period_ms=[math.nan, 0], dlc=[2.5, 8])
+    with pytest.raises(ArgumentError) as caught:
+        MessageSet.from_table(table)
+    assert all(
+        fault in str(caught.value)
+        for fault in (
+            "row 0, column dlc: '2.5'; expected a whole number 0..8",
+            "row 0, column period_ms: is empty; a message needs it",
+            "row 1, column period_ms: '0.0'; expected a number 0.001..1e+08 ms",
+        )
+    )
+    with pytest.raises(ArgumentError, match="has no message"):
+        MessageSet.from_table(table[:0])
+    with pytest.raises(ArgumentError, match="title 'cycle' is unknown; expected one of name"):
+        MessageSet.from_table(table.assign(cycle=1))
+
+
+# Load.
+
+
+def engine():
+    return example("lee2012")
+
+
+def test_the_set_of_lee2012_has_the_frames_and_bits_of_the_reference():
+    with (REFERENCE / "lee2012_jb_can_volume.csv").open() as stream:
+        rows = {r["jb"]: r for r in csv.DictReader(stream) if r["bits_per_analog"] == "16"}
+    for box in ("JB1", "JB2", "JB3"):
+        part = MessageSet(m for m in engine() if m.sender == box)
+        assert len(part) == int(rows[box]["can_frames"])
+        assert sum(m.dlc for m in part) == int(rows[box]["payload_bytes"])
+        for stuffing, column in (("none", "bits_nominal"), ("worst", "bits_worst_std")):
+            # Once a second: the load at 1 kbit/s is bits over 1000.
+            bits = 1000 * bus_load(part, 1000, stuffing)
+            assert bits == pytest.approx(int(rows[box][column]), rel=1e-12)
+        long = MessageSet(replace(m, extended=True) for m in part)
+        bits = 1000 * bus_load(long, 1000)
+        assert bits == pytest.approx(int(rows[box]["bits_worst_ext"]), rel=1e-12)
+    for rate in (125, 250, 500, 1000):
+        busy = bus_load(engine(), 1000 * rate) * 1e3
+        column = f"ms_{rate}k" if rate < 1000 else "ms_1M"
+        assert busy == pytest.approx(float(rows["TOTAL"][column]), rel=1e-12)
+
+
+def test_load_goes_along_the_bit_rates():
+    messages = MessageSet(
+        [Message("A", 1, 8, 5e-3), Message("B", 2, 0, 0.1, bits=60), Message("C", 3, 8, 1.0)]
+    )
+    rates = np.array([[125_000, 250_000, 1_000_000]])
+    load = bus_load(messages, rates)
+    assert load.shape == (1, 3)
+    each = 135 / 5e-3 + 60 / 0.1 + 135 / 1.0
+    assert load == pytest.approx(each / rates, rel=1e-12)
+    assert type(bus_load(messages, 125e3)) is float
+    # A length that the message gives itself is taken whatever the way of counting.
+    own = MessageSet([messages["B"]])
+    assert len({bus_load(own, 125e3, way) for way in ("none", "mean", "worst")}) == 1
+    assert bus_load(MessageSet([]), [125_000]).tolist() == [0]
+
+
+def test_a_message_is_replaced_by_name():
+    messages = example().replace("speed", arbitration_id=0x700, period=0.02)
+    assert messages.names[-1] == "speed"
+    assert messages["speed"].deadline == 0.005
+    # A deadline that is the period follows it.
+    assert (
+        example().replace("alarm", deadline=0.1).replace("alarm", period=0.2)["alarm"].deadline
+        == 0.2
+    )
+    with pytest.raises(ArgumentError, match="'id' is no field; a message has name, arb"):
+        messages.replace("speed", id=3)
+    with pytest.raises(ArgumentError, match="name is 'sped'; the messages are shutdown"):
+        messages.replace("sped", dlc=3)
+    with pytest.raises(ArgumentError, match="taken by"):
+        messages.replace("speed", arbitration_id=0x010)
+
+
+def test_a_file_with_other_titles_and_without_periods(tmp_path):
+    file = tmp_path / "yard.csv"
+    file.write_text("Name;CAN-ID (hex);DLC;Cycle [ms]\noil;0x10;8;20\ngas;0x11;4;\n")
+    columns = {"CAN-ID (hex)": "arbitration_id", "Cycle [ms]": "period_ms"}
+    found = read_messages(file, columns=columns, period=0.5)
+    assert found.periods.tolist() == [0.02, 0.5]
+    with pytest.raises(InputError, match="row 3, column period_ms: is empty"):
+        read_messages(file, columns=columns)
+    with pytest.raises(InputError, match="no column 'cycle'; the titles are name, can-id"):
+        read_messages(file, columns={"cycle": "period_ms"})
+
+
+DBC = """VERSION ""
+
+BU_: JB1 JB2
+
+BO_ 256 Speed: 8 JB1
+ SG_ Rpm : 0|16@1+ (0.125,0) [0|6000] "rpm" Vector__XXX
+
+BO_ 2566844672 Valve: 3 JB2
+ SG_ Position : 7|16@0+ (0.5,0) [0|100] "%" Vector__XXX
+
+BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
+BA_DEF_DEF_ "GenMsgCycleTime" 0;
+BA_ "GenMsgCycleTime" BO_ 256 100;
+"""
+
+
+def test_a_dbc_is_read(tmp_path):
+    pytest.importorskip("cantools")
+    file = tmp_path / "ship.dbc"
+    file.write_text(DBC)
+    found = read_messages(file, period=0.05)
+    assert list(found) == [
+        Message("Speed", 0x100, 8, 0.1, sender="JB1"),
+        Message("Valve", 0x18FEF100, 3, 0.05, extended=True, sender="JB2"),
+    ]
+    with pytest.raises(InputError, match="message 'Valve' has no cycle time; give one with period"):
+        read_messages(file)
+    file.write_text(DBC.replace("Speed: 8", "Speed: 64"))
+    with pytest.raises(InputError, match="message 'Speed': dlc is 64"):
+        read_messages(file, period=0.05)
+
+
+def test_what_is_not_a_dbc_is_refused(tmp_path):
+    pytest.importorskip("cantools")
+    with pytest.raises(InputError, match=r"none\.dbc: cannot be read"):
+        read_messages(tmp_path / "none.dbc")
+    bad = tmp_path / "bad.dbc"
+    bad.write_text('VERSION ""\n\nBO_ 100 Speed: x JB1\n')
+    with pytest.raises(InputError, match=r"bad\.dbc: is not a DBC file: .*line 3") as caught:
+        read_messages(bad)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("rate", [999, 1_000_001, math.nan, [125_000, 0]])
+def test_a_wrong_bit_rate_is_refused(rate):
+    with pytest.raises(ArgumentError, match="bit_rate is "):
+        bus_load(engine(), rate)
+
+
+def test_an_unknown_way_of_counting_is_refused():
+    with pytest.raises(ArgumentError, match="stuffing is 'longest'; it must be one of none"):
+        bus_load(engine(), 125_000, "longest")
+    with pytest.raises(ArgumentError, match="name is 'tanker'"):
+        example("tanker")

@@ -1,0 +1,431 @@
+"""Response times against published ones, and against buses that are played bit time by bit time."""
+
+import csv
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.can import (
+    Assumptions,
+    Message,
+    MessageSet,
+    audsley,
+    faults,
+    lowest_bit_rate,
+    response_times,
+)
+from shipnet.can import simulate as simulate_bus
+from shipnet.can.faults import NO_ERRORS, ErrorBound
+from shipnet.can.response import AS_USUAL
+from shipnet.can.response import schedulable as _schedulable
+from shipnet.errors import ArgumentError
+from tests.can.played_bus import simulate
+
+REFERENCE = Path(__file__).parents[1] / "reference" / "can"
+
+#: At this bit rate a bit time is 1 us.
+FAST = 1_000_000
+US = 1e-6
+
+
+def schedulable(messages, bit_rate, assumptions=AS_USUAL, faults=NO_ERRORS):
+    return _schedulable(messages, bit_rate, assumptions, faults)
+
+
+def errors(burst, interval=math.inf, bits=31):
+    return ErrorBound(interval, burst, bits=bits)
+
+
+def davis():
+    with (REFERENCE / "davis2007_example.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def davis_messages():
+    return MessageSet(
+        Message(
+            row["name"], number, int(row["bytes"]),
+            period=float(row["T_ms"]) / 1e3, deadline=float(row["D_ms"]) / 1e3,
+        )
+        for number, row in enumerate(davis()[:3])
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("row", davis())
+def test_the_example_of_davis_2007_comes_out_by_all_three_methods(row):
+    method = {"tindell": "1994", "suff": "sufficient", "davis": "exact"}[row["method"]]
+    messages = davis_messages()
+    found = response_times(messages, 125_000, method=method)[messages.names.index(row["name"])]
+    assert found.frame_time == float(row["C_ms_125k"]) / 1e3
+    assert found.instances == tuple(r / 1e3 for r in json.loads(row["R_per_instance_ms"]))
+    assert found.response == float(row["R_ms"]) / 1e3
+    assert found.met is (row["deadline_met"] == "True")
+    # The reference lists the blocking without the own frame that the sufficient test adds.
+    own = found.frame_time if method == "sufficient" else 0.0
+    assert found.blocking == max(float(row["B_ms"]) / 1e3, own)
+    if method == "exact":
+        assert found.busy_period == float(row["busy_period_ms"]) / 1e3
+        assert len(found.instances) == int(row["Q"])
+    else:
+        assert math.isnan(found.busy_period)
+
+
+def test_a_set_that_fails_in_a_second_instance_alone_is_not_schedulable():
+    assert not schedulable(davis_messages(), 125_000)
+    patient = [replace(m, deadline=3.5e-3) for m in davis_messages()[1:]]
+    assert schedulable(MessageSet([davis_messages()[0], *patient]), 125_000)
+
+
+def message_set(frames, periods, jitters=None, deadlines=None):
+    """Return a set in bit times, the first message the most urgent."""
+    jitters = jitters or [0] * len(frames)
+    deadlines = deadlines or periods
+    return MessageSet(
+        Message(f"m{k}", k, 8, period * US, deadline * US, jitter * US, bits=bits)
+        for k, (bits, period, deadline, jitter) in enumerate(
+            zip(frames, periods, deadlines, jitters, strict=True)
+        )
+    )
+
+
+@st.composite
+def small_sets(draw, most_jitter=2.0):
+    """Draw frames, periods and jitters of two to five messages, load below 0.97."""
+    n = draw(st.integers(2, 5))
+    frames = draw(st.lists(st.integers(47, 160), min_size=n, max_size=n))
+    periods = [draw(st.integers(n * bits, 12 * n * bits)) for bits in frames]
+    load = sum(bits / period for bits, period in zip(frames, periods, strict=True))
+    if load > 0.97:
+        periods = [math.ceil(period * load / 0.97) for period in periods]
+    jitters = [draw(st.integers(0, int(most_jitter * period))) for period in periods]
+    return frames, periods, jitters
+
+
+@given(small_sets(), st.integers(0, 160))
+def test_the_worst_release_attains_the_response_of_every_instance(drawn, foreign):
+    frames, periods, jitters = drawn
+    assumptions = Assumptions(foreign_bits=foreign)
+    responses = response_times(message_set(*drawn), FAST, assumptions=assumptions)
+    for m, found in enumerate(responses):
+        blocking = max([*frames[m + 1 :], foreign])
+        assert found.blocking == pytest.approx(blocking * US, rel=1e-15)
+        busy = round(found.busy_period / US)
+        # All are queued at 0, as late as they can be; a frame began one bit time before.
+        arrivals = [
+            [q * period - jitter for q in range((busy + jitter) // period + 2)]
+            for period, jitter in zip(periods[: m + 1], jitters, strict=False)
+        ]
+        releases = [[max(0, arrival) for arrival in times] for times in arrivals]
+        begun = (-1, blocking + 1) if blocking else None
+        finish = simulate(frames, releases, foreign=begun)[m]
+        expected = [end - arrival for end, arrival in zip(finish, arrivals[m], strict=True)]
+        instances = [round(response / US) for response in found.instances]
+        assert instances == expected[: len(instances)]
+        assert len(instances) == -(-(busy + jitters[m]) // periods[m])
+
+
+@given(small_sets(most_jitter=1.0), st.integers(0, 2**32 - 1))
+def test_no_release_at_all_passes_the_response(drawn, seed):
+    frames, periods, jitters = drawn
+    rng = np.random.default_rng(seed)
+    bound = [round(r.response / US) for r in response_times(message_set(*drawn), FAST)]
+    for _ in range(3):
+        arrivals = [
+            rng.integers(period) + period * np.arange(6000 // period + 2) for period in periods
+        ]
+        # Instances of one message keep their order, whatever their jitter.
+        releases = [
+            np.maximum.accumulate(times + rng.integers(jitter + 1, size=len(times))).tolist()
+            for times, jitter in zip(arrivals, jitters, strict=True)
+        ]
+        for ends, times, most in zip(simulate(frames, releases), arrivals, bound, strict=True):
+            assert (np.array(ends) - times).max() <= most
+
+
+@given(small_sets(most_jitter=0.5), st.integers(0, 3), st.integers(0, 2**32 - 1))
+def test_no_release_and_no_fault_pass_the_response_with_faults(drawn, burst, seed):
+    frames, periods, jitters = drawn
+    rng = np.random.default_rng(seed)
+    bound = [
+        round(min(r.response / US, 10**9))
+        for r in response_times(message_set(*drawn), FAST, faults=errors(burst))
+    ]
+    arrivals = [period * np.arange(6000 // period + 2) for period in periods]
+    releases = [
+        np.maximum.accumulate(times + rng.integers(jitter + 1, size=len(times))).tolist()
+        for times, jitter in zip(arrivals, jitters, strict=True)
+    ]
+    faults = np.sort(rng.integers(0, 600, size=burst))
+    finish = simulate(frames, releases, faults=faults)
+    for ends, times, most in zip(finish, arrivals, bound, strict=True):
+        assert (np.array(ends) - times).max() <= most
+
+
+@pytest.mark.parametrize("faults", range(5))
+def test_faults_in_last_bits_attain_the_response_of_a_lone_message(faults):
+    frame, period = 135, 2000
+    ends = [k * (frame + 31) + frame for k in range(faults)]
+    attained = simulate([frame], [[0]], faults=ends)[0][0]
+    found = response_times(message_set([frame], [period]), FAST, faults=errors(faults))[0]
+    assert found.response == pytest.approx(attained * US, rel=1e-12)
+    assert attained == frame + faults * (31 + frame)
+
+
+def test_an_error_may_hit_the_longest_frame_that_goes_first():
+    low = response_times(message_set([160, 60], [5000, 5000]), FAST, faults=errors(1))[1]
+    assert low.response == pytest.approx((160 + 31 + 160 + 60) * US, rel=1e-12)
+
+
+def test_errors_that_keep_coming_are_counted_by_hand():
+    # F = 2 + ceil(t / 500) - 1, 160 bits each; w of the lower one: 135 blocked by none, 100 above.
+    messages = message_set([100, 135], [5000, 5000])
+    low = response_times(messages, FAST, faults=errors(2, 500 * US, 29))[1]
+    # w = 100 + F(w + 135) 164: 428 needs 3 errors, 592 needs 3: F(727) = 2 + 2 - 1.
+    assert low.response == pytest.approx((100 + 3 * 164 + 135) * US, rel=1e-12)
+    assert errors(2, 500 * US).count(727 * US) == 3
+
+
+@given(small_sets(), st.data())
+def test_more_jitter_longer_frames_and_more_messages_never_help(drawn, data):
+    before = [r.response for r in response_times(message_set(*drawn), FAST)]
+    frames, periods, jitters = (list(values) for values in drawn)
+    k = data.draw(st.integers(0, len(frames) - 1))
+    more = list(jitters)
+    more[k] += data.draw(st.integers(1, 500))
+    after = [r.response for r in response_times(message_set(frames, periods, more), FAST)]
+    assert all(b <= a for b, a in zip(before, after, strict=True))
+    longer = list(frames)
+    longer[k] = data.draw(st.integers(frames[k], 160))
+    after = [r.response for r in response_times(message_set(longer, periods, jitters), FAST)]
+    assert all(b <= a for b, a in zip(before, after, strict=True))
+    both = MessageSet(
+        [*message_set(*drawn), Message("new", 0x100 * data.draw(st.integers(1, 7)), 0, 0.05)]
+    )
+    after = {r.message.name: r.response for r in response_times(both, FAST)}
+    assert all(b <= after[f"m{k}"] for k, b in enumerate(before))
+
+
+@given(small_sets(), st.sampled_from([2, 4, 5, 8, 20]))
+def test_time_scales(drawn, factor):
+    frames, periods, jitters = drawn
+    slow = message_set(frames, [factor * t for t in periods], [factor * t for t in jitters])
+    ours = response_times(slow, FAST // factor)
+    for a, b in zip(response_times(message_set(*drawn), FAST), ours, strict=True):
+        assert round(a.response / US) * factor == round(b.response / US)
+        assert len(a.instances) == len(b.instances)
+
+
+@given(small_sets(most_jitter=0.3), st.sampled_from([0, 1, 2]))
+def test_methods_keep_their_order_and_the_verdict_is_one(drawn, burst):
+    frames, periods, jitters = drawn
+    few = errors(burst)
+    messages = message_set(frames, periods, jitters)
+    exact, safe, old = (
+        response_times(messages, FAST, method=method, faults=few)
+        for method in ("exact", "sufficient", "1994")
+    )
+    for e, s, o in zip(exact, safe, old, strict=True):
+        assert o.response <= e.response
+        assert o.response == e.instances[0] or e.response == math.inf
+        assert o.response <= s.response
+        # What the sufficient test passes, the exact one passes, and no later.
+        assert not s.met or (e.met and e.response <= s.response)
+        assert e.met == (e.response <= e.message.deadline)
+    assert schedulable(messages, FAST, faults=few) == all(e.met for e in exact)
+
+
+def test_assumptions_shift_the_response_by_what_they_say():
+    messages = MessageSet(
+        [Message("A", 1, 8, 0.01, jitter=0.001), Message("B", 2, 8, 0.01), Message("C", 3, 1, 0.01)]
+    )
+
+    def response(name="A", **changes):
+        found = response_times(messages, 125_000, assumptions=Assumptions(**changes))
+        return next(r.response for r in found if r.message.name == name)
+
+    def bits(n):
+        return pytest.approx(n / 125_000, rel=1e-12)
+
+    assert response() == bits(2 * 135 + 125)
+    assert response(own_jitter=False) == bits(2 * 135)
+    assert response(intermission="between") == bits(2 * 135 + 125 - 3)
+    assert response(intermission="nowhere") == bits(2 * 132 + 125)
+    assert response(stuffing="worst 1994") == bits(2 * 130 + 125)
+    assert response(stuffing="attainable") == bits(2 * 133 + 125)
+    assert response(stuffing="none") == bits(2 * 111 + 125)
+    assert response("C", foreign_bits=100) == bits(100 + 2 * 135 + 65)
+    assert response("C", foreign_bits=100, intermission="nowhere") == bits(97 + 2 * 132 + 62)
+    assert response(foreign_bits=160) == bits(160 + 135 + 125)
+
+
+def test_a_message_queued_in_the_arbitration_still_wins():
+    # Behind the foreign frame and the first A, B would go at 120, when the second A is due.
+    strict, late = (
+        response_times(
+            message_set([60, 47], [120, 1000]),
+            FAST,
+            assumptions=Assumptions(arbitration_bits=bits, foreign_bits=60),
+        )[1]
+        for bits in (0, 1)
+    )
+    assert strict.response == pytest.approx((60 + 60 + 47) * US, rel=1e-12)
+    assert late.response == pytest.approx((60 + 2 * 60 + 47) * US, rel=1e-12)
+
+
+def test_what_is_queued_at_the_same_instant_goes_first_even_without_arbitration_bits():
+    assumptions = Assumptions(arbitration_bits=0)
+    low = response_times(message_set([100, 60], [1000, 1000]), FAST, assumptions=assumptions)[1]
+    assert low.response == pytest.approx(160 * US, rel=1e-12)
+
+
+def test_an_overloaded_bus_is_an_answer():
+    messages = message_set([100, 100, 100], [150, 300, 1000])
+    high, full, over = response_times(messages, FAST)
+    assert high.response == pytest.approx(200 * US)
+    # A load of exactly 1 ends only if nothing blocks; C blocks B.
+    assert full.response == over.response == full.busy_period == math.inf
+    assert (full.met, over.met) == (False, False)
+    assert full.instances == (math.inf,)
+    assert not schedulable(messages, FAST)
+    alone = response_times(message_set([100, 100], [150, 300]), FAST)[1]
+    assert alone.busy_period == pytest.approx(300 * US, rel=1e-12)
+    assert [round(r / US) for r in alone.instances] == [200]
+
+
+def test_faults_can_overload_the_bus():
+    messages = message_set([100], [1000])
+    found = response_times(messages, FAST, faults=errors(1, 131 * US))[0]
+    assert found.response == math.inf
+    assert not schedulable(messages, FAST, faults=errors(1, 131 * US))
+    assert schedulable(messages, FAST, faults=errors(1, 500 * US))
+
+
+def test_a_load_of_almost_one_ends_or_counts_as_endless():
+    # 1 - 2.5e-3: the backlog of 160 bits takes a busy period of 160 / 2.5e-3 bits to work off.
+    messages = message_set([100, 100], [200, 201])
+    low = response_times(messages, FAST, assumptions=Assumptions(foreign_bits=160))[1]
+    load = 100 / 200 + 100 / 201
+    most = (160 + 200) / (1 - load) * US
+    assert 160 / (1 - load) * US <= low.busy_period <= most
+    assert len(low.instances) == math.ceil(round(low.busy_period / US) / 201)
+    # 1 - 2.5e-9: a busy period of two years counts as endless.
+    near = MessageSet(
+        [Message("A", 1, 8, 0.2, bits=100), Message("B", 2, 8, 0.200000001, 9e4, bits=100)]
+    )
+    for assumptions in (Assumptions(), Assumptions(foreign_bits=100)):
+        low = response_times(near, 1000, assumptions=assumptions)[1]
+        endless = assumptions.foreign_bits > 0
+        assert (low.response == low.busy_period == math.inf) == endless
+        assert schedulable(near, 1000, assumptions=assumptions) is not endless
+
+
+def test_a_bit_time_that_is_no_whole_nanosecond_stays_exact():
+    # 135 bits at 30 kbit/s are 4.5 ms to the last digit: the period ends with the frame.
+    lone = MessageSet([Message("A", 1, 8, 4.5e-3)])
+    found = response_times(lone, 30_000)[0]
+    assert (found.response, found.met, len(found.instances)) == (4.5e-3, True, 1)
+    assert response_times(lone, 29_999)[0].response == math.inf
+    # Three frames of a third of the period fill the bus, and one bit/s less is too little.
+    thirds = MessageSet([Message(f"m{k}", k, 8, 13.5e-3) for k in range(3)])
+    assert [r.response for r in response_times(thirds, 30_000)] == [9e-3, 13.5e-3, 13.5e-3]
+    assert schedulable(thirds, 30_000)
+    assert response_times(thirds, 29_999)[2].response == math.inf
+
+
+def test_a_deadline_beyond_the_period_is_for_the_exact_method():
+    messages = message_set([100, 120], [300, 250], deadlines=[300, 500])
+    assert schedulable(messages, FAST)
+    for method in ("sufficient", "1994"):
+        with pytest.raises(ArgumentError, match=r"deadline of 'm1' is 0\.0005 s, longer than its"):
+            response_times(messages, FAST, method=method)
+
+
+def test_no_message_and_wrong_arguments():
+    nothing = MessageSet([])
+    assert list(response_times(nothing, FAST)) == []
+    assert response_times(nothing, FAST).table().empty
+    assert response_times(nothing, FAST).critical == ""
+    assert schedulable(nothing, FAST)
+    for rate in (999, 1_000_001, 83_333.3, math.nan, None, "125000"):
+        with pytest.raises(ArgumentError, match=r"bit_rate is .*; it must be"):
+            response_times(davis_messages(), rate)
+    with pytest.raises(ArgumentError, match="method is 'davis'"):
+        response_times(nothing, FAST, method="davis")
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("stuffing", "mean"), ("stuffing", "longest"), ("intermission", True), ("own_jitter", 1),
+        ("arbitration_bits", 12), ("arbitration_bits", -1), ("foreign_bits", 161),
+        ("foreign_bits", 1.5),
+    ],
+)  # fmt: skip
+def test_a_wrong_assumption_is_refused(field, value):
+    with pytest.raises(ArgumentError, match=f"{field} is {value!r}"):
+        Assumptions(**{field: value})
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"burst": -1}, {"burst": 1.5}, {"burst": 0, "interval": 0.1}, {"interval": 0},
+        {"interval": math.nan}, {"interval": 1e6}, {"bits": 16}, {"bits": 32},
+    ],
+)  # fmt: skip
+def test_a_wrong_error_bound_is_refused(fields):
+    with pytest.raises(ArgumentError):
+        ErrorBound(**{"interval": math.inf, **fields})
+
+
+def test_the_table_says_what_the_results_say():
+    table = response_times(davis_messages(), 125_000).table()
+    assert table["response_ms"].tolist() == [2.0, 3.0, 3.5]
+    assert table["slack_ms"].tolist() == [0.5, 0.25, -0.25]
+    assert table["busy_period_ms"].tolist() == [2.0, 5.0, 7.0]
+    assert table["met"].tolist() == [True, True, False]
+    assert table["instances"].tolist() == [1, 2, 2]
+    full = MessageSet([replace(message, period=1.1e-3) for message in davis_messages()])
+    over = response_times(full, 125_000).table()
+    assert over["response_ms"].tolist()[1:] == [math.inf, math.inf]
+
+
+@pytest.mark.parametrize("other", [[], [1], None, "AB"])
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda other: response_times(other, 125_000),
+        lambda other: schedulable(other, 125_000),
+        lambda other: audsley(other, 125_000),
+        lambda other: lowest_bit_rate(other),
+        lambda other: simulate_bus(other, 125_000, until=1.0),
+    ],
+)
+def test_what_is_not_a_message_set_is_refused(function, other):
+    with pytest.raises(ArgumentError, match="they must be a MessageSet"):
+        function(other)
+
+
+def test_results_are_read_by_name_and_the_critical_message_is_named():
+    found = response_times(davis_messages(), 125e3)
+    assert found["C"] == found[-1]
+    assert (found.met, found.late, found.critical) == (False, ["C"], "C")
+    assert repr(found) == "ResponseTimes(3 messages, 1 late, critical: C)"
+    assert repr(response_times(davis_messages(), 500e3)).startswith("ResponseTimes(3 messages, all")
+    with pytest.raises(ArgumentError, match="name is 'D'; the messages are A, B, C"):
+        found["D"]
+    assert found.table()["load_percent"].sum() == pytest.approx(100 * (1 / 2.5 + 2 / 3.5), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "wrong", [faults.BitErrors(1e-3), [faults.ErrorAt(1.0)], [errors(1), errors(1)]]
+)
+def test_an_analysis_takes_one_bound_on_errors(wrong):
+    with pytest.raises(ArgumentError, match=r"an analysis takes one faults\.ErrorBound"):
+        response_times(davis_messages(), 125e3, faults=wrong)

@@ -1,0 +1,449 @@
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from shipnet.can import Message, MessageSet, simulate, simulate_batch
+from shipnet.can.faults import BitErrors, ErrorAt, ErrorBound
+from shipnet.errors import ArgumentError
+
+RATE = 125e3
+BIT_MS = 8e-3
+
+
+def as_set(columns):
+    """Return a message set of columns as in `MessageSet.table`, with any that are missing."""
+    table = pd.DataFrame(columns)
+    if "name" not in table:
+        table["name"] = [f"{number:#05x}" for number in table["arbitration_id"]]
+    return MessageSet(
+        Message(
+            row.pop("name"), int(row.pop("arbitration_id")), int(row.pop("dlc", 8)),
+            **{field.removesuffix("_ms"): value / 1e3 if field.endswith("_ms") else value
+               for field, value in row.items()},
+        )
+        for row in table.to_dict("records")
+    )  # fmt: skip
+
+
+def run_of(columns, until, faults=(), **more):
+    return simulate(as_set(columns), RATE, until=until, faults=faults, **more)
+
+
+def hits(instants, **more):
+    return [ErrorAt(float(instant), **more) for instant in instants]
+
+
+def table(**columns):
+    return {"arbitration_id": [1, 2, 3], "bits": 125, "period_ms": [2.5, 3.5, 3.5], **columns}
+
+
+@st.composite
+def message_sets(draw, jitter=False):
+    number = draw(st.integers(1, 5))
+    several = [st.lists(values, min_size=number, max_size=number) for values in (
+        st.integers(47, 160), st.integers(60, 900), st.integers(0, 900), st.integers(0, 300)
+    )]  # fmt: skip
+    bits, period, offset, delay = map(draw, several)
+    ids = draw(st.lists(st.integers(0, 2047), min_size=number, max_size=number, unique=True))
+    return pd.DataFrame(
+        {
+            "arbitration_id": ids,
+            "bits": bits,
+            "period_ms": np.array(period) * BIT_MS,
+            "offset_ms": np.array(offset) * BIT_MS,
+            "jitter_ms": np.array(delay) * BIT_MS if jitter else 0,
+        }
+    )
+
+
+def bit_by_bit(messages, bits, queue):
+    """Return message -> list of (release, start or None), looking at the bus once a bit."""
+    rows = messages.sort_values("arbitration_id").to_dict("records")
+    waiting = [[] for _ in rows]
+    seen = [[] for _ in rows]
+    free = 0
+    for now in range(bits):
+        for row, held, log in zip(rows, waiting, seen, strict=True):
+            since = now - round(row["offset_ms"] / BIT_MS)
+            if since >= 0 and since % round(row["period_ms"] / BIT_MS) == 0:
+                if queue == "overwrite":
+                    held.clear()
+                frame = [now, None]
+                held.append(frame)
+                log.append(frame)
+        if now < free:
+            continue
+        for row, held in zip(rows, waiting, strict=True):
+            if held:
+                held.pop(0)[1] = now
+                free = now + row["bits"]
+                break
+    return {f"{row['arbitration_id']:#05x}": log for row, log in zip(rows, seen, strict=True)}
+
+
+@given(message_sets(), st.sampled_from(["fifo", "overwrite"]))
+def test_a_look_at_every_bit_finds_the_same_transmissions(messages, queue):
+    frames = run_of(messages, 2000 * BIT_MS / 1e3, queue=queue).events()
+    slow = bit_by_bit(messages, 2000, queue)
+    for name, expected in slow.items():
+        mine = frames[frames["message"] == name]
+        assert (mine["release_ms"] / BIT_MS).round(6).tolist() == [when for when, _ in expected]
+        starts = (mine["start_ms"] / BIT_MS).round(6).tolist()
+        assert [None if np.isnan(t) else t for t in starts] == [start for _, start in expected]
+
+
+@given(message_sets(), st.sampled_from(["fifo", "overwrite"]))
+def test_the_bus_with_errors_equals_the_one_without_when_none_strikes(messages, queue):
+    # The instant lies far behind the end, so only the other loop runs.
+    plain, other = (
+        run_of(messages, 0.02, queue=queue, faults=faults) for faults in ((), ErrorAt(1e5))
+    )
+    pd.testing.assert_frame_equal(plain.events(), other.events())
+    assert plain.load == other.load
+    assert other.nodes()["state"].eq("error active").all()
+
+
+@settings(max_examples=50)
+@given(message_sets(), st.integers(0, 2**32 - 1))
+def test_a_batch_equals_the_single_runs_to_the_nanosecond(messages, seed):
+    offsets = np.random.default_rng(seed).integers(0, 10**7, (7, len(messages))) / 1e9
+    messages = messages.sort_values("arbitration_id")
+    batch = simulate_batch(as_set(messages), RATE, offsets=offsets, until=0.03)
+    longest = np.full(len(messages), -np.inf)
+    for row, offset in enumerate(offsets):
+        one = run_of(messages.assign(offset_ms=offset * 1e3), 0.03).table()
+        longest = np.fmax(longest, one["max_ms"])
+        assert batch.sent[row].tolist() == one["sent"].tolist()
+        for mine, theirs in (
+            (batch.max_response, one["max_ms"]),
+            (batch.mean_response, one["mean_ms"]),
+        ):
+            assert np.allclose(mine[row] * 1e9, theirs * 1e6, rtol=0, atol=1e-3, equal_nan=True)
+    table = batch.table()
+    assert table.index.equals(one.index)
+    assert table["sent"].tolist() == batch.sent.sum(axis=0).tolist()
+    assert np.allclose(table["max_ms"].fillna(-np.inf), longest, rtol=1e-12)
+
+
+def longest_response(messages, rank):
+    """Return the bound of Davis et al. 2007, eq. 4 to 11, in bits; None if it has none."""
+    rows = messages.sort_values("arbitration_id").reset_index(drop=True)
+    c = rows["bits"].tolist()
+    t, j = (((rows[k] / BIT_MS).round().astype(int)).tolist() for k in ("period_ms", "jitter_ms"))
+    block = max(c[rank + 1 :], default=0)
+    if sum(c[k] / t[k] for k in range(rank + 1)) >= 1:
+        return None
+
+    def settle(first, step):
+        value = first
+        while (new := step(value)) != value:
+            value = new
+        return value
+
+    def demand(w, k):
+        return -(-(w + j[k]) // t[k]) * c[k]
+
+    busy = settle(c[rank], lambda b: block + sum(demand(b, k) for k in range(rank + 1)))
+    worst = 0
+    for q in range(-(-(busy + j[rank]) // t[rank])):
+        own = block + q * c[rank]
+        w = settle(own, lambda w, own=own: own + sum(demand(w + 1, k) for k in range(rank)))
+        worst = max(worst, j[rank] + w - q * t[rank] + c[rank])
+    return worst
+
+
+@settings(max_examples=50)
+@given(message_sets(jitter=True), st.integers(0, 2**32 - 1))
+def test_no_response_exceeds_the_bound_of_the_analysis(messages, seed):
+    run = run_of(messages, 0.1, rng=seed)
+    bounds = [longest_response(messages, rank) for rank in range(len(messages))]
+    for seen, bound in zip(run.table()["max_ms"], bounds, strict=True):
+        assert bound is None or np.isnan(seen) or round(seen / BIT_MS, 6) <= bound
+
+
+def test_the_bound_is_met_where_the_critical_instant_comes():
+    periods = np.array([312, 437, 437]) * BIT_MS
+    messages = pd.DataFrame(table(period_ms=periods, jitter_ms=0.0))
+    bounds = [longest_response(messages, rank) for rank in range(3)]
+    together = run_of(messages, 0.1).table()["max_ms"].to_numpy() / BIT_MS
+    assert round(together[2], 6) == bounds[2] == 438
+    # For the others the lowest frame begins a bit before they are released.
+    offset = np.array([1, 1, 0]) * BIT_MS
+    blocked = run_of(messages.assign(offset_ms=offset), 0.1).table()["max_ms"].to_numpy() / BIT_MS
+    assert blocked[:2].round(6).tolist() == [bounds[0] - 1, bounds[1] - 1] == [249, 374]
+
+
+def test_frames_released_at_one_instant_are_sorted_before_any_is_sent():
+    frames = run_of(table(arbitration_id=[3, 2, 1], period_ms=10), 0.01).events()
+    assert frames.sort_values("start_ms")["message"].tolist() == ["0x001", "0x002", "0x003"]
+
+
+def test_a_frame_that_failed_is_sent_again_behind_the_error_frame():
+    messages = {"arbitration_id": [5], "bits": 100, "period_ms": 100, "sender": "a"}
+    run = run_of(messages, 0.1, ErrorAt(0.2e-3, bits=17))
+    # The bit 25 is disturbed; 26 bits and an error frame of 17 are lost.
+    assert run.errors()["bit"].tolist() == [25]
+    assert run.errors()["free_ms"].tolist() == [0.344]
+    assert run.events()["end_ms"].tolist() == [1.144]
+    assert run.events()["retries"].tolist() == [1]
+    assert run.table()["retries"].tolist() == [1]
+    assert run.load == pytest.approx((43 + 100) / 12500)
+
+
+@pytest.mark.parametrize("instant", [98 * BIT_MS, 5.0, 97.5 * BIT_MS])
+def test_an_error_between_frames_does_no_harm(instant):
+    messages = {"arbitration_id": [5], "bits": 100, "period_ms": 100}
+    run = run_of(messages, 0.1, ErrorAt(instant / 1e3))
+    assert run.errors().empty
+    assert run.events()["end_ms"].tolist() == [0.8]
+
+
+def test_the_last_bit_of_a_frame_can_still_fail():
+    messages = {"arbitration_id": [5], "bits": 100, "period_ms": 100}
+    run = run_of(messages, 0.1, ErrorAt(96.5 * BIT_MS / 1e3))
+    assert run.errors()["bit"].tolist() == [96]
+
+
+def every_attempt(count, error_bits=23):
+    """Return instants that meet the first bit of as many attempts, one behind the other."""
+    return 0.5 * BIT_MS / 1e3 + np.arange(count) * (1 + error_bits) * BIT_MS / 1e3
+
+
+def test_counters_states_and_suspension_follow_the_standard():
+    messages = {
+        "arbitration_id": [1, 2], "bits": 100, "period_ms": [100, 100], "sender": ["a", "b"]
+    }  # fmt: skip
+    run = run_of(messages, 0.1, hits(every_attempt(16)))
+    assert run.errors()["tec"].tolist() == list(range(8, 129, 8))
+    assert run.errors()["state"].tolist() == 15 * ["error active"] + ["error passive"]
+    # Sixteen lost attempts of 24 bits. Then a is passive and waits 8 bits, so b goes first.
+    first = run.events().sort_values("start_ms")
+    assert first["message"].tolist() == ["0x002", "0x001"]
+    assert first["start_ms"].tolist() == pytest.approx([384 * BIT_MS, 484 * BIT_MS])
+    # b counted 16 errors, sent one frame, heard one.
+    assert run.nodes()[["tec", "rec"]].to_numpy().tolist() == [[127, 0], [0, 15]]
+
+
+def test_an_error_passive_node_alone_loses_8_bits_to_every_frame_of_its_own():
+    messages = {"arbitration_id": [1], "bits": 100, "period_ms": 1.0}
+    instants = every_attempt(17)
+    instants[16] += 8 * BIT_MS / 1e3
+    run = run_of(messages, 0.02, hits(instants))
+    start = run.events()["start_ms"].to_numpy()
+    # The counter falls from 136 to 127 with nine frames; then the suspension ends.
+    assert start[0] == pytest.approx((17 * 24 + 16) * BIT_MS)
+    assert np.diff(start[:9]) == pytest.approx(np.full(8, 108 * BIT_MS))
+    assert start[9] - start[8] == pytest.approx(100 * BIT_MS)
+
+
+def test_a_node_at_256_leaves_the_bus_and_returns_after_128_quiet_sequences():
+    # Frames released meanwhile must not disturb the count of sequences.
+    messages = {"arbitration_id": [1], "bits": 100, "period_ms": 1.3}
+    # Passive from attempt 16 on, so attempts are 8 bits further apart.
+    far = 8 * np.maximum(np.arange(32) - 15, 0)
+    instants = every_attempt(32) + far * BIT_MS / 1e3
+    run = run_of(messages, 0.5, hits(instants))
+    assert run.errors()["tec"].tolist()[-1] == 256
+    assert run.errors()["state"].tolist()[-1] == "bus off"
+    gone = run.errors()["free_ms"].iloc[-1]
+    assert gone == pytest.approx((32 * 24 + 16 * 8) * BIT_MS)
+    assert run.events()["start_ms"][0] == pytest.approx(gone + 128 * 11 * BIT_MS)
+    assert run.nodes()[["tec", "state", "bus_off"]].to_numpy().tolist()[0] == [0, "error active", 1]
+    never = run_of(messages, 0.5, hits(instants), recover=False)
+    assert set(never.events()["outcome"]) == {"waiting"}
+    assert never.nodes()["state"].tolist() == ["bus off"]
+
+
+def test_frames_of_others_count_for_the_return_of_a_node():
+    messages = {"arbitration_id": [1, 2], "bits": 111, "period_ms": [1000, 0.888], "offset_ms": 0}
+    # b sends whenever a pauses, so error instants are taken from what is seen.
+    instants, attempts = list(every_attempt(1)), 1
+    while attempts < 32:
+        run = run_of(messages, 0.2, hits(instants))
+        again = run.events().loc[run.events()["message"] == "0x001", "start_ms"]
+        instants.append((again.iloc[0] + 0.5 * BIT_MS) / 1e3)
+        attempts += 1
+    run = run_of(messages, 0.4, hits(instants))
+    assert run.nodes()["bus_off"].tolist() == [1, 0]
+    gone = run.errors()["free_ms"].iloc[-1]
+    back = run.events().loc[run.events()["message"] == "0x001", "start_ms"].iloc[0]
+    # The bus is never at rest: each frame of b ends in one sequence of 11 recessive bits.
+    assert back == pytest.approx(gone + 128 * 111 * BIT_MS)
+
+
+def test_retries_follow_their_chance():
+    # Many nodes, so that none is ever passive for long.
+    rate, bits = 2e-3, 122
+    run = run_of(table(period_ms=5), 20.0, BitErrors(rate), rng=2024)
+    chance = 1 - (1 - rate) ** bits
+    frames = run.events()["retries"]
+    mean, deviation = chance / (1 - chance), np.sqrt(chance) / (1 - chance)
+    assert abs(frames.mean() - mean) < 4 * deviation / np.sqrt(len(frames))
+    # The first disturbed bit, given that there is one, is geometric and cut off.
+    hit, place = run.errors()["bit"].to_numpy(), np.arange(bits)
+    weight = (1 - rate) ** place * rate / chance
+    expected = (weight * place).sum()
+    spread = np.sqrt((weight * place**2).sum() - expected**2)
+    assert hit.min() <= 1
+    assert hit.max() >= 119
+    assert abs(hit.mean() - expected) < 4 * spread / np.sqrt(len(hit))
+
+
+def test_bit_errors_last_from_start_to_stop():
+    fault = BitErrors(0.02, start=3.0, stop=4.0)
+    errors = run_of(table(period_ms=5), 10.0, fault, rng=1).errors()
+    begin = errors["start_ms"] + errors["bit"] * BIT_MS
+    # The disturbed bit lasts into the time of the fault.
+    assert len(errors) > 100
+    assert begin.min() > 3000 - BIT_MS
+    assert begin.max() < 4000
+    assert run_of(table(period_ms=5), 2.0, fault, rng=1).errors().empty
+
+
+def test_the_same_seed_gives_the_same_run():
+    one, other = (
+        run_of(table(period_ms=5, jitter_ms=1.0), 1.0, BitErrors(1e-3), rng=7).events()
+        for _ in range(2)
+    )
+    pd.testing.assert_frame_equal(one, other)
+
+
+@given(message_sets(jitter=True), st.integers(0, 2**32 - 1), st.sampled_from(["fifo", "overwrite"]))
+def test_a_disturbed_bus_carries_one_frame_at_a_time_and_loses_none(messages, seed, queue):
+    messages = messages.assign(sender=["a", "b", "a", "c", "a"][: len(messages)])
+    run = run_of(messages, 0.1, BitErrors(0.01), queue=queue, rng=seed)
+    frames, sent = run.events(), run.events().dropna()
+    spans = np.concatenate(
+        [sent[["start_ms", "end_ms"]].to_numpy(), run.errors()[["start_ms", "free_ms"]].to_numpy()]
+    )
+    spans = spans[spans[:, 0].argsort()]
+    assert (np.rint(spans[1:, 0] * 1e6) >= np.rint(spans[:-1, 1] * 1e6)).all()
+    assert frames["retries"].sum() == len(run.errors())
+    counts = run.table()[["sent", "waiting", "overwritten"]].sum(axis=1)
+    assert (counts == run.table()["released"]).all()
+    order = sent[sent["message"].duplicated(keep=False)].groupby("message", observed=True)
+    for _, group in order:
+        assert group["start_ms"].is_monotonic_increasing
+    assert (run.errors()["tec"] < 256 + 8).all()
+    assert ((run.errors()["tec"] >= 256) == (run.errors()["state"] == "bus off")).all()
+
+
+def test_statistics_are_those_of_the_transmissions():
+    run = run_of(table(deadline_ms=[2.5, 3.25, 3.25]), 1.0)
+    by = run.events().groupby("message", observed=True)["response_ms"]
+    for mine, theirs in (("min_ms", by.min()), ("mean_ms", by.mean()), ("max_ms", by.max())):
+        assert run.table()[mine].tolist() == pytest.approx(theirs.tolist(), rel=1e-12)
+    late = (run.events()["response_ms"] > 3.25) & (run.events()["message"] == "0x003")
+    assert run.table()["missed"].tolist() == [0, 0, late.sum()]
+    assert late.sum() > 0
+
+
+def test_what_waits_beyond_its_deadline_is_missed():
+    messages = {"arbitration_id": [1, 2], "bits": 125, "period_ms": [1.0, 10.0]}
+    run = run_of(messages, 0.1)
+    assert run.table()["missed"].tolist() == [0, 10 - 1]
+    assert run.table()["waiting"].tolist() == [0, 10]
+    assert np.isnan(run.table()["max_ms"].iloc[1])
+    assert run.load == 1
+
+
+def test_the_response_begins_with_the_event():
+    messages = {"arbitration_id": [1], "bits": 100, "period_ms": 10, "jitter_ms": 2}
+    frames = run_of(messages, 5.0, rng=7).events()
+    delay = frames["release_ms"] - frames["arrival_ms"]
+    assert 0 <= delay.min() < 0.05
+    assert 1.95 < delay.max() <= 2
+    assert frames["response_ms"].tolist() == pytest.approx((delay + 0.8).tolist())
+
+
+def test_messages_without_a_sender_have_nodes_of_their_own():
+    messages = MessageSet([Message("a", 1, 8, 1.0), Message("b", 2, 8, 1.0, sender="JB1")])
+    assert simulate(messages, RATE, until=1.0).nodes().index.tolist() == ["a", "JB1"]
+
+
+def test_nothing_released_is_an_empty_table():
+    run = run_of(table(offset_ms=1000.0), 0.5)
+    assert run.events().empty
+    assert run.load == 0
+    assert run.table()["sent"].tolist() == [0, 0, 0]
+    assert np.isnan(
+        simulate_batch(as_set(table()), RATE, offsets=[[1, 1, 1]], until=0.5).max_response
+    ).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"until": 0}, "until is 0 s; it must be 1e-09"),
+        ({"until": np.nan}, "until is nan"),
+        ({"bit_rate": 2e6}, r"bit_rate is 2e\+06 bit/s"),
+        ({"bit_rate": "fast"}, "bit_rate is 'fast'"),
+        ({"bit_rate": 83e3}, r"a bit of 12048\.2 ns; it must be a whole number"),
+        ({"queue": "stack"}, "queue is 'stack'"),
+        ({"faults": ErrorBound(0.1)}, r"a simulation takes faults\.BitErrors and faults\.ErrorAt"),
+        ({"faults": [1.0]}, r"one of faults is 1\.0"),
+        ({"messages": MessageSet([])}, "messages are empty; there must be at least one"),
+        ({"messages": {"arbitration_id": [1]}}, "messages are of type dict; they must be a Mess"),
+        (
+            {"messages": as_set(table(period_ms=1e-3)), "until": 10.0},
+            "short that they are 20000000",
+        ),
+    ],
+)
+def test_an_argument_out_of_range_is_refused(change, message):
+    arguments = {"messages": as_set(table()), "bit_rate": RATE, "until": 0.1} | change
+    with pytest.raises(ArgumentError, match=message):
+        simulate(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: BitErrors(1), "rate is 1; it must be 0..0.5"),
+        (lambda: BitErrors(0.1, start=2.0, stop=1.0), "stop is 1 s; it must be after start"),
+        (lambda: BitErrors(0.1, bits=31), "bits is 31; it must be a whole number 17..23"),
+        (lambda: ErrorAt(-1.0), "time is -1 s"),
+        (lambda: ErrorAt(np.nan), "time is nan"),
+    ],
+)
+def test_a_fault_out_of_range_is_refused(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("offsets", "message"),
+    [
+        ([0, 0, 0], r"offsets have the shape \(3,\)"),
+        ([[0, 0]], r"offsets have the shape \(1, 2\)"),
+        ([[0, 0, -1]], "offsets hold a time that is not"),
+        ([[0, 0, np.nan]], "offsets hold a time that is not"),
+        ([["a", "b", "c"]], "offsets have the shape"),
+    ],
+)
+def test_offsets_that_do_not_fit_are_refused(offsets, message):
+    with pytest.raises(ArgumentError, match=message):
+        simulate_batch(as_set(table()), RATE, offsets=offsets, until=0.1)
+
+
+def test_the_gantt_chart_shows_frames_waits_errors_and_losses():
+    messages = table(period_ms=[1.5, 2.0, 2.0], name=["a", "b", "c"])
+    run = run_of(messages, 0.02, ErrorAt(0.5e-3), queue="overwrite")
+    ax = run.plot(0, 0.01, Figure().subplots())
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["a", "b", "c"]
+    frames, errors = ax.containers
+    shown = run.events().query("outcome == 'sent' and start_ms < 10")
+    assert [bar.get_x() for bar in frames] == shown["start_ms"].tolist()
+    assert [bar.get_width() for bar in errors] == [run.errors()["free_ms"][0]]
+    labels = {text.get_text() for text in ax.get_legend().get_texts()}
+    assert labels == {"frame", "error", "overwritten", "waiting"}
+    assert ax.get_xlabel() == "time [ms]"
+    (waits,) = ax.collections
+    assert len(waits.get_segments()) == len(run.events().query(
+        "outcome != 'overwritten' and release_ms < 10"
+    ))  # fmt: skip
+    with pytest.raises(ArgumentError, match=r"start is 1 s; it must be before stop, 0\.5 s"):
+        run.plot(1, 0.5, Figure().subplots())

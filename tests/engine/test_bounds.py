@@ -1,0 +1,262 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet.engine.faults import DeadBox, ModbusBreak
+from shipnet.engine.simulation import simulate
+from shipnet.engine.system import Firmware, System
+from shipnet.errors import ArgumentError
+from shipnet.modbus.uart import SerialLine
+from shipnet.papers.lee2012.readings import response_readings
+
+SYSTEMS = {
+    "printed": System(),
+    "corrected": System.corrected(),
+    "never rests": System(update_period=0.0),
+    "holds the CPU": System(firmware=Firmware(holds_cpu=True)),
+    "slow poll": System.corrected(coding="corrected", polled="one", poll_period=0.3, age_limit=9.0),
+    "fast bus": System(can_bit_rate=1_000_000, serial=SerialLine(19200), topology="ring"),
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_no_random_phases_exceed_the_formula(name):
+    system, rng = SYSTEMS[name], np.random.default_rng(2024)
+    bound = system.worst_age()["worst_s"].to_numpy()
+    ages = [simulate(system, until=8, rng=rng).table()["worst_s"] for _ in range(12)]
+    assert (np.max(ages, axis=0) <= bound + 1e-9).all()
+    # The phases of 12 runs come near enough to the worst ones to rule out a bound that is idle.
+    assert np.max(ages) > 0.8 * bound.max()
+
+
+def read_time(system):
+    return system.poll.line.frame_time(8) + system.serial.t35
+
+
+def test_the_worst_phases_attain_the_bound_of_a_value_of_the_polled_box():
+    system = System()
+    # The registers are read a nanosecond before the conversion ends.
+    end = system.convert_ns[0] / 1e9
+    phases = {"JB1": 0.2, "JB2": 0.3, "JB3": 0.4, "AMS": 0.2 + end - read_time(system) - 1e-9}
+    run = simulate(system, until=10, phases=phases)
+    place = 0
+    bound = system.worst_age()["worst_s"].iloc[place]
+    assert run.table()["worst_s"].iloc[place] == pytest.approx(bound, abs=1e-7)
+
+
+def test_the_worst_phases_attain_the_bound_of_a_value_that_comes_over_can():
+    system = System()
+    # All boxes queue their frames at once; the last message of all is the last one through, and
+    # the registers are read a nanosecond before it is taken over.
+    loops = system.loop_ns / 1e9
+    phases = {box: 0.3 - loop for box, loop in zip(system.boxes, loops.tolist(), strict=True)}
+    taken = 0.3 + system.can_response[-1] + system.firmware.receive
+    phases["AMS"] = taken - read_time(system) - 2e-9
+    run = simulate(system, until=10, phases=phases)
+    place = int(np.flatnonzero(system.message_of == 21)[0])
+    bound = system.worst_age()["worst_s"].iloc[place]
+    # The bus works on its own grid of nanoseconds: 22 frames may be rounded.
+    assert run.table()["worst_s"].iloc[place] == pytest.approx(bound, abs=1e-7)
+
+
+def test_the_terms_add_up_and_own_values_skip_the_bus():
+    ages = System().worst_age()
+    terms = ages.columns[3:-1]
+    assert ages[terms].sum(axis=1).to_numpy() == pytest.approx(ages["worst_s"].to_numpy())
+    own = ages["box"] == "JB1"
+    assert (ages.loc[own, ["can_s", "handling_s", "interrupt_s"]] == 0).all(axis=None)
+    assert (ages.loc[~own, "can_s"] > 0).all()
+    # Registers are read 13.2 ms before the poll is 250 ms old: request and silence lie in front.
+    assert ages["transaction_s"].iloc[0] == pytest.approx(0.25479 - 0.0131771, abs=1e-5)
+
+
+def test_both_channels_polled_take_the_better_one():
+    ages = System.corrected().worst_age()
+    assert set(ages.loc[ages["box"] == "JB1", "channel"]) == {1}
+    assert set(ages.loc[ages["box"] == "JB3", "channel"]) == {2}
+    assert (ages["worst_s"] < 2).all()
+
+
+def test_the_whole_bus_of_one_update_is_the_lowest_response():
+    # 2850 bits of 8 us, less the intermission of the last frame.
+    assert System().can_response[-1] == pytest.approx((2850 - 3) * 8e-6)
+
+
+def silent(system, start, phases):
+    return simulate(system, until=start + 8, faults=[DeadBox("JB2", start=start)], phases=phases)
+
+
+def test_a_dead_box_is_marked_no_later_than_the_bound():
+    system, rng = System(), np.random.default_rng(7)
+    bound = system.staleness_flag()
+    for _ in range(25):
+        start = 5 + rng.uniform(0, 1)
+        run = simulate(system, until=start + 8, faults=[DeadBox("JB2", start=start)], rng=rng)
+        assert run.alarms()["time_s"].max() - start <= bound.after
+        assert run.table()["worst_s"].max() <= bound.oldest
+
+
+def test_the_worst_phases_of_a_dead_box_attain_the_bound():
+    system = System()
+    phases = {"JB1": 0.4, "JB2": 0.1, "JB3": 0.3, "AMS": 0.0}
+    heard = 0.1 + system.loop_ns[1] / 1e9 + 605 * 8e-6 + system.firmware.receive
+    marked = heard + 5 + system.stale_limit + system.firmware.mark
+    phases["AMS"] = (marked - read_time(system)) % 1.0 - 1e-4
+    # It dies behind its last frame, and the poll comes just before the mark.
+    run = silent(system, heard + 5, phases)
+    after = run.alarms()["time_s"].max() - (heard + 5)
+    # The bound reckons with an interrupt and a pile of CAN frames more, 6.1 ms.
+    assert after == pytest.approx(system.staleness_flag().after, abs=0.0065)
+    assert after == pytest.approx(5.25, abs=0.01)
+
+
+def noticed(system, box, start, rng):
+    """Return how long after its death a box looks good, and the greatest age shown as good."""
+    bound = system.staleness_flag()
+    run = simulate(
+        system, until=start + bound.after + 5, faults=[DeadBox(box, start=start)], rng=rng
+    )
+    own = run.table()[run.table()["box"] == box]
+    return own["good_until_s"].max() - start, own["worst_s"].max()
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        # The AMS asks JB1 eleven times and waits half a second for each, 5.6 s altogether.
+        System(retries=10, timeout=0.5),
+        System(retries=10, timeout=0.5, switch_rule="return"),
+        # The first answer on the other channel comes later than the mark is made.
+        System(timeout=0.72, stale_limit=0.1),
+        System(timeout=0.72, stale_limit=0.1, switch_rule="return"),
+    ],
+    ids=["stay", "return", "stay, early mark", "return, early mark"],
+)
+def test_time_outs_of_a_dead_port_box_are_part_of_the_bound(system):
+    rng = np.random.default_rng(2024)
+    bound = system.staleness_flag()
+    found = [noticed(system, "JB1", 10 + rng.uniform(0, 1), rng) for _ in range(40)]
+    after, oldest = np.max(found, axis=0)
+    # With long time-outs the bound is a safe one: it lets the mark come at any time of a poll.
+    assert 0.6 * bound.after < after <= bound.after
+    assert oldest <= bound.oldest
+
+
+LEGAL = {
+    "firmware": st.builds(
+        Firmware,
+        receive=st.sampled_from([1e-9, 50e-6, 400e-6]),
+        processing=st.sampled_from([1e-6, 5e-3, 30e-3]),
+        holds_cpu=st.booleans(),
+    ),
+    "can_bit_rate": st.sampled_from([125_000, 250_000, 1_000_000]),
+    "update_period": st.sampled_from([0.2, 0.35, 0.5]),
+    "topology": st.sampled_from(["line", "ring"]),
+    "serial": st.just(SerialLine(19200)),
+    "retries": st.integers(0, 10),
+    "timeout": st.sampled_from([0.04, 0.1238, 0.5, 1.3]),
+    "switch_rule": st.sampled_from(["stay", "return"]),
+    "stale_limit": st.sampled_from([0.6, 1.1, 4.0]),
+    "poll_period": st.sampled_from([0.4, 0.7, 1.0]),
+}
+
+
+@settings(max_examples=40)
+@given(
+    system=st.builds(System, **LEGAL) | st.builds(System.corrected, **LEGAL),
+    box=st.sampled_from(["JB1", "JB2", "JB3"]),
+    start=st.floats(5, 6),
+    seed=st.integers(0, 10**6),
+)
+def test_no_dead_box_of_any_system_is_shown_for_longer_than_the_bound(system, box, start, seed):
+    bound = system.staleness_flag()
+    after, oldest = noticed(system, box, start, np.random.default_rng(seed))
+    assert after <= bound.after + 1e-9
+    assert oldest <= bound.oldest + 1e-9
+
+
+def test_a_cut_channel_is_left_after_133_ms_and_answered_within_2_s():
+    system = System()
+    told = system.switch_over()
+    run = simulate(system, until=20, faults=[ModbusBreak("1", start=9.9)])
+    lost = run.requests()[run.requests()["outcome"] == "no answer"]
+    taken = run.requests()[run.requests()["channel"] == 2]
+    assert len(lost) == 1
+    assert taken["time_s"].iloc[0] - lost["time_s"].iloc[0] == pytest.approx(told.request)
+    assert told.request == pytest.approx(0.133, abs=5e-5)
+    assert run.answers()["answer_s"].max() == pytest.approx(told.answer)
+    assert told.answer < told.loss < 2
+
+
+@pytest.mark.parametrize("retries", [0, 1, 2, 10])
+def test_the_timeout_that_gives_a_switch_over_gives_it(retries):
+    wanted = 0.5
+    timeout = System().timeout_for(wanted, retries=retries)
+    assert System(timeout=timeout, retries=retries).switch_over().request == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize("bit_rate", [1200, 2400, 9600, 19200, 115200])
+@pytest.mark.parametrize("retries", range(11))
+def test_the_shortest_and_the_longest_timeout_are_taken_too(bit_rate, retries):
+    serial = SerialLine(bit_rate)
+    for timeout in (serial.t35 + Firmware().processing, 100.0):
+        time = (1 + retries) * (serial.frame_time(8) + timeout)
+        found = System(serial=serial).timeout_for(time, retries=retries)
+        assert System(serial=serial, timeout=found).timeout == pytest.approx(timeout, rel=1e-12)
+
+
+@given(st.floats(0, 1200), st.integers(0, 10))
+def test_a_timeout_that_is_given_is_one_that_a_system_takes(time, retries):
+    try:
+        timeout = System().timeout_for(time, retries=retries)
+    except ArgumentError:
+        shortest = 8 * 11 / 9600 + System().serial.t35 + Firmware().processing
+        assert not (1 + retries) * shortest <= time <= (1 + retries) * 100
+    else:
+        assert System(timeout=timeout, retries=retries).timeout == timeout
+
+
+def test_only_the_reading_of_figure_4_with_11_bits_gives_22_3_ms():
+    table = response_readings(System())
+    fits = table[table["time_ms"].round(1) == 22.3]
+    assert fits[["bits", "bytes"]].values.tolist() == [[11, 8]]
+    assert fits["time_ms"].iloc[0] == pytest.approx(19.5 * 11 / 9.6)
+
+
+def test_the_known_age_is_never_below_the_true_one_and_marks_nothing_in_health():
+    system = System.corrected()
+    run = simulate(system, until=60, rng=np.random.default_rng(5))
+    for place, message in enumerate(system.message_of.tolist()):
+        shown = run.shown(system.points[place].tag)
+        assert (run.views.known[:, message] <= shown.sampled).all()
+    assert run.alarms().empty
+    assert (system.hop_ns(0) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: System(firmware=Firmware(settling=0.05)).worst_age(), "poll_period is 1 s"),
+        (
+            lambda: System(update_period=0, firmware=Firmware(settling=0)).can_response,
+            "can_bit_rate is 125000",
+        ),
+        (lambda: System.corrected().switch_over(), "polled is 'both'"),
+        (lambda: System().timeout_for(0.001), "time is 0.001"),
+        (lambda: System().timeout_for(0.0095), "time is 0.0095"),
+        (lambda: System().timeout_for(101), "time is 101"),
+        (lambda: System().hop_ns("JB1"), "reader is 'JB1'"),
+        (lambda: System().hop_ns(3), r"reader is 3.*0\.\.2"),
+        (lambda: System().timeout_for(0.133, retries=-1), "retries is -1"),
+    ],
+)
+def test_what_has_no_answer_is_refused(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
+
+
+def test_a_poll_longer_than_its_period_skips_one():
+    assert System(poll_period=0.1).poll_spacing() == pytest.approx(0.3)
+    run = simulate(System(poll_period=0.1), until=5)
+    assert np.diff(run.requests()["time_s"]).tolist() == pytest.approx([0.3] * 16)

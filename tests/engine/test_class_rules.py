@@ -1,0 +1,221 @@
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from shipnet.can import Frame, decode
+from shipnet.crc import ALGORITHMS, crc, undetected
+from shipnet.engine.assessment import Part, Redundancy
+from shipnet.engine.class_rules import RULES, Description, check
+from shipnet.engine.points import read_points
+from shipnet.errors import ArgumentError
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
+
+POINTS = read_points()
+SLOW = Poll(Request.read_holding_registers(0, 99), SerialLine(600), timeout=10, retries=2)
+#: A description that passes every rule.
+GOOD = Description(
+    POINTS,
+    cpus=2,
+    supplies=2,
+    power_switch_over=2.0,
+    volatile=False,
+    protocols=("CAN", "Modbus RTU"),
+    links={"1": ("JB1",), "2": ("JB3",)},
+    routes={"1": ("port",), "2": ("starboard",)},
+    poll=Poll(Request.read_holding_registers(0, 99), SerialLine(9600), retries=1),
+    retries_known=True,
+)
+
+
+def verdicts(system):
+    table = check(system).table()
+    return dict(zip(table.rule, table.verdict, strict=True))
+
+
+def test_the_printed_system_fails_by_its_single_cpu_and_leaves_five_rules_open():
+    found = verdicts(Description.printed())
+    assert [rule for rule, verdict in found.items() if verdict == "violated"] == ["CPU duplicated"]
+    assert [rule for rule, verdict in found.items() if verdict == "not verified"] == [
+        "supply duplicated", "supply changes over", "memory", "links routed apart",
+        "retransmission",
+    ]  # fmt: skip
+    computed = check(Description.printed()).table().set_index("rule").value
+    # Request, silence, 5 + 2 x 99 bytes: the poll of a whole box less the silence behind it.
+    assert computed["answer"] == pytest.approx((8 + 3.5 + 203) * 11 / 9600)
+
+
+def test_what_is_not_described_is_not_verified():
+    assert set(verdicts(Description(POINTS)).values()) == {"not verified"}
+    assert check(Description(POINTS)).table().value.isna().all()
+
+
+def test_a_good_system_passes_every_rule():
+    assert set(verdicts(GOOD).values()) == {"met"}
+
+
+@pytest.mark.parametrize(
+    ("change", "rule"),
+    [
+        ({"cpus": 1}, "CPU duplicated"),
+        ({"supplies": 1}, "supply duplicated"),
+        ({"power_switch_over": 2.0001}, "supply changes over"),
+        ({"volatile": True}, "memory"),
+        ({"links": {"1": ("JB1",), "2": ("JB1",)}}, "links duplicated"),
+        ({"links": {"1": ("JB1",)}, "routes": {"1": ("port",)}}, "links duplicated"),
+        ({"routes": {"1": ("port", "tray"), "2": ("tray",)}}, "links routed apart"),
+        ({"poll": SLOW}, "answer"),
+        ({"poll": replace(GOOD.poll, retries=0)}, "retransmission"),
+    ],
+)
+def test_each_rule_alone_can_fail(change, rule):
+    found = verdicts(replace(GOOD, **change))
+    assert found.pop(rule) == "violated"
+    assert "violated" not in {v for name, v in found.items() if name != "links routed apart"}
+
+
+def test_a_protocol_of_ones_own_fails_two_rules():
+    found = verdicts(replace(GOOD, protocols=("CAN", "homemade")))
+    failed = [rule for rule, verdict in found.items() if verdict == "violated"]
+    assert failed == ["standard protocol", "CRC"]
+    assert verdicts(replace(GOOD, protocols=("CAN",), poll=None))["retransmission"] == "met"
+    assert verdicts(replace(GOOD, retries_known=False))["retransmission"] == "not verified"
+
+
+def test_two_of_three_links_apart_are_enough():
+    links = {"1": ("JB1",), "2": ("JB1", "JB3"), "3": ("JB3",)}
+    routes = {name: ("a",) for name in links}
+    table = check(replace(GOOD, links=links, routes=routes)).table().set_index("rule")
+    assert table.value["links duplicated"] == 2
+    assert table.why["links duplicated"] == "shared: JB1, JB3"
+    assert table.verdict["links routed apart"] == "violated"
+
+
+def test_the_answer_is_judged_at_the_limit():
+    # A response that takes two seconds to the bit still passes.
+    poll = Poll(Request.read_holding_registers(0, 99), SerialLine(9600), timeout=10)
+    line = poll.line.frame_time(8) + poll.shortest_timeout
+    for extra, verdict in ((-1e-6, "met"), (1e-6, "violated")):
+        late = replace(poll, processing=2 - line + extra)
+        assert verdicts(replace(GOOD, poll=late))["answer"] == verdict
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+@pytest.mark.parametrize("flips", [1, 2])
+def test_no_one_or_two_wrong_bits_pass_a_crc(name, flips):
+    assert undetected(name, flips=flips) == 0
+    # The second route: bit by bit, over two bytes.
+    width, data = ALGORITHMS[name].width, b"\x01\x02"
+    good = crc(name, data)
+    missed = 0
+    for wrong in combinations(range(16 + width), flips):
+        pattern = sum(1 << bit for bit in wrong)
+        received = (int.from_bytes(data, "big") ^ (pattern & 0xFFFF)).to_bytes(2, "big")
+        missed += crc(name, received) == good ^ (pattern >> 16)
+    assert missed == undetected(name, 2, flips)
+
+
+#: Two wrong bits in it remove one stuff bit and make another.
+STUFFED = Frame(0x1F3, bytes.fromhex("00F0FFFF00647B0F"))
+
+
+def test_two_wrong_bits_behind_the_bit_stuffing_can_pass_the_crc_of_can():
+    wrong = list(STUFFED.bits)
+    for place in (39, 85):
+        wrong[place] = "10"[int(wrong[place])]
+    assert decode("".join(wrong)).data.hex() == "00f0bbff80323d8f"
+    # What the CRC itself is given never passes.
+    assert undetected("CRC-15/CAN", payload=8) == 0
+
+
+def test_the_measure_of_the_crc_says_where_it_ends():
+    measure = next(rule.measure for rule in RULES if rule.name == "CRC")
+    assert "before bit stuffing" in measure
+
+
+def test_a_useless_crc_is_seen_to_miss(monkeypatch):
+    import shipnet.crc as module
+
+    monkeypatch.setattr(module, "crc", lambda name, data: 0)
+    monkeypatch.setattr(module, "crc_batch", lambda name, rows: np.zeros(len(rows), np.int64))
+    assert undetected("CRC-16/MODBUS", flips=1) == 48
+    assert verdicts(GOOD)["CRC"] == "violated"
+
+
+def test_every_rule_says_what_it_asks_and_what_others_ask():
+    assert len({rule.name for rule in RULES}) == len(RULES) == 10
+    assert all(rule.asks and rule.object and rule.measure and rule.elsewhere for rule in RULES)
+
+
+def test_one_dead_part_costs_its_box_where_there_is_no_other():
+    sizes = {box: len(points) for box, points in POINTS.by_box().items()}
+    table = Redundancy.compare(POINTS)
+    single = table[table.design == "one of each"]
+    assert dict(zip(single.dead, single.points_lost, strict=True)) == {
+        f"{kind} 1 of {box}": n for kind in ("supply", "cpu") for box, n in sizes.items()
+    }
+    assert (table[table.design == "two of each"].points_lost == 0).all()
+
+
+def test_two_dead_parts_of_one_box_cost_it():
+    system = Redundancy(POINTS, supplies=2, cpus=2)
+    assert system.lost([Part("cpu", "JB2", 1), Part("supply", "JB2", 2)]) == 0
+    assert system.dead_boxes([Part("cpu", "JB2", 1), Part("cpu", "JB2", 2)]) == ("JB2",)
+    assert [system.worst(n) for n in range(5)] == [0, 0, 43, 43, 81]
+    table = Redundancy.compare(POINTS, failures=2, designs={"two": (2, 2)})
+    # Of 66 pairs, the two supplies and the two processors of each box are fatal.
+    assert len(table) == 66 and (table.points_lost > 0).sum() == 6
+
+
+def test_a_shared_supply_takes_all_boxes_along():
+    system = Redundancy(POINTS, shared_supply=True)
+    assert system.worst() == 99
+    assert Redundancy(POINTS, supplies=2, cpus=2, shared_supply=True).worst() == 0
+
+
+def test_lists_of_names_are_as_good_as_tuples():
+    listed = Description(POINTS, protocols=["CAN"], links={"1": ["JB1"], "2": ["JB3"]})
+    assert listed.protocols == ("CAN",)
+    assert listed.links == {"1": ("JB1",), "2": ("JB3",)}
+    assert hash(listed) == hash(Description(POINTS, protocols=("CAN",)))
+
+
+def test_what_is_no_description_is_refused():
+    for action, message in (
+        (lambda: check(POINTS), "must be a Description"),
+        (lambda: Description(POINTS, cpus=0), "cpus is 0"),
+        (lambda: Description(POINTS, power_switch_over=-1), "power_switch_over is -1 s"),
+        (lambda: Description(POINTS, volatile=0), "volatile is 0"),
+        (lambda: Description(POINTS, protocols="CAN"), "protocols is 'CAN'"),
+        (lambda: Description(POINTS, protocols=()), r"protocols is \(\)"),
+        (lambda: Description(POINTS, poll=1), "poll is 1"),
+        (lambda: Description(POINTS, retries_known=1), "retries_known is 1"),
+        (lambda: Description(POINTS, routes={"1": ("a",)}), "routes must name"),
+        (lambda: Redundancy(POINTS, supplies=5), "supplies is 5"),
+        (lambda: Redundancy(POINTS, shared_supply=1), "shared_supply is 1"),
+        (lambda: Redundancy(POINTS).lost([Part("cpu", "JB9", 1)]), "are no parts"),
+        (lambda: Redundancy(POINTS).worst(5), "failures is 5"),
+        (lambda: Redundancy.compare(POINTS, failures=0), "failures is 0"),
+        (lambda: Description(POINTS, protocols=["CAN", ""]), "protocols hold ''"),
+        (lambda: Description(POINTS, protocols=[]), r"protocols is \[\]"),
+        (lambda: Description(POINTS, protocols=("CAN", 5)), "protocols hold 5"),
+        (lambda: Description(POINTS, protocols=5), "protocols is 5"),
+        (lambda: Description(POINTS, links={"1": "JB1"}), "links of '1' is 'JB1'"),
+        (lambda: Description(POINTS, links=("1", "2")), r"links is \('1', '2'\)"),
+        (lambda: Description(POINTS, links={}), r"links is \{\}"),
+        (lambda: Description(POINTS, links={"": ("JB1",)}), "links hold ''"),
+        (lambda: Description(POINTS, links={"1": ("JB1", None)}), "links of '1' hold None"),
+        (
+            lambda: Description(POINTS, links={"1": ("JB1",)}, routes={"1": "port"}),
+            "routes of '1' is 'port'",
+        ),
+        (lambda: Description(POINTS, routes=5), "routes is 5"),
+        (lambda: undetected("CRC-8"), "name is 'CRC-8'"),
+        (lambda: undetected("CRC-16/MODBUS", 17), "payload is 17"),
+        (lambda: undetected("CRC-16/MODBUS", 6, 3), "flips is 3"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            action()

@@ -1,0 +1,195 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from shipnet.engine.inputs import (
+    BURDEN,
+    EXCITATION,
+    NAMUR,
+    WIRE_FAULTS,
+    Adc,
+    InputCard,
+    pt100_resistance,
+    pt100_temperature,
+)
+from shipnet.engine.points import Point, read_points
+from shipnet.errors import ArgumentError
+
+POINTS = read_points()
+LOW, HIGH = (np.array([getattr(point, end) for point in POINTS]) for end in ("low", "high"))
+ANALOGUE = np.array([point.analogue for point in POINTS])
+RTD = np.array([point.condition == "RTD" for point in POINTS])
+
+#: Table 1 of IEC 60751, two decimals.
+IEC_60751 = {-200: 18.52, -150: 39.72, -100: 60.26, -50: 80.31, -10: 96.09, 0: 100.0, 10: 103.90,
+             50: 119.40, 100: 138.51, 120: 146.07, 150: 157.33, 200: 175.86, 300: 212.05,
+             400: 247.09, 500: 280.98, 600: 313.71, 850: 390.48}  # fmt: skip
+
+
+def test_the_table_of_the_standard_comes_out():
+    ours = pt100_resistance(list(IEC_60751))
+    assert ours == pytest.approx(list(IEC_60751.values()), abs=0.00501)
+
+
+def test_the_inverse_is_the_root_that_a_solver_finds():
+    for r in np.linspace(18.6, 390.4, 60):
+        root = brentq(lambda t, r=r: pt100_resistance(t) - r, -200, 850, xtol=1e-12)
+        assert pt100_temperature(r) == pytest.approx(root, abs=1e-8)
+
+
+@given(st.floats(-200, 850))
+def test_there_and_back_is_the_same_temperature(t):
+    assert pt100_temperature(pt100_resistance(t)) == pytest.approx(t, abs=1e-9)
+
+
+@pytest.mark.parametrize("bad", [-201, 851, np.nan, np.inf, "x", True, None])
+def test_what_is_no_temperature_is_refused(bad):
+    with pytest.raises(ArgumentError, match="temperature is"):
+        pt100_resistance(bad)
+    with pytest.raises(ArgumentError, match="resistance is"):
+        pt100_temperature(bad)
+
+
+def test_the_current_loop_is_that_of_the_paper():
+    # 4..20 mA make 1..5 V over 250 ohm, and 1.25 (u - 1 V) is 0..5 V.
+    card = InputCard([Point("P", "B", "4-20 mA", "pressure", 0, 10, "bar")])
+    current = card.signal([[0.0], [2.5], [10.0]])
+    assert current.ravel() == pytest.approx([4e-3, 8e-3, 20e-3])
+    u = 1.25 * (BURDEN * current - 1)
+    assert card.voltage(current) == pytest.approx(u)
+    amplifier = card.amplifiers().iloc[0]
+    assert [amplifier.gain, amplifier.offset_v] == pytest.approx([1.25, 1.0])
+
+
+def test_a_transmitter_goes_no_further_than_its_limits():
+    card = InputCard([Point("P", "B", "4-20 mA", "pressure", 0, 10, "bar")])
+    ends = card.signal([[-1e9], [1e9]]).ravel().tolist()
+    assert ends == [NAMUR.lowest, NAMUR.highest]
+
+
+def test_every_amplifier_makes_0_to_5_v_of_its_range():
+    card = InputCard(POINTS)
+    inputs = np.where(RTD, EXCITATION, BURDEN)
+    for ends, wanted in ((LOW, 0), (HIGH, 5)):
+        u = (card.signal(ends) * inputs)[ANALOGUE]
+        table = card.amplifiers()
+        made = (table.gain * (u - table.offset_v)).to_numpy()
+        assert made == pytest.approx(np.full(80, wanted), abs=1e-9)
+
+
+def test_a_step_is_the_reference_over_1024():
+    adc = Adc()
+    assert adc.step == 5 / 1024
+    steps = np.arange(1023) + 0.5
+    assert adc.code(steps * adc.step - 1e-9).tolist() == list(range(1023))
+    assert adc.code(steps * adc.step + 1e-9).tolist() == list(range(1, 1024))
+    assert adc.code([-np.inf, np.inf]).tolist() == [0, 1023]
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.125, 1.0])
+@pytest.mark.parametrize("linearised", [True, False])
+def test_the_largest_error_is_that_of_a_dense_grid(margin, linearised):
+    card = InputCard(POINTS, margin=margin, linearised=linearised)
+    table = card.accuracy()
+    places = [k for k, _ in POINTS.kinds() if POINTS[k].analogue]
+    grid = np.linspace(LOW, HIGH, 100_001)[:, places]
+    few = InputCard([POINTS[k] for k in places], margin=margin, linearised=linearised)
+    error = np.abs(few.value(few.code(few.signal(grid))) - grid).max(axis=0)
+    # Two steps of the grid may be missed.
+    slack = 2 * (HIGH - LOW)[places] / 100_000
+    assert (error <= table.largest_error + 1e-9).all()
+    assert (error >= table.largest_error - slack).all()
+
+
+def test_the_error_of_a_loop_is_a_step_at_the_top_or_half_of_one():
+    for margin, part in ((0.0, 1.0), (0.125, 0.5)):
+        table = InputCard(POINTS, margin=margin).accuracy()
+        loops = table[table.condition == "4-20 mA"]
+        step = (loops.high - loops.low) * (1 + 2 * margin) / 1024
+        assert loops.step_low.to_numpy() == pytest.approx(step.to_numpy())
+        assert loops.largest_error.to_numpy() == pytest.approx(part * step.to_numpy())
+
+
+def test_without_margin_no_fault_of_an_analogue_sensor_is_told():
+    table = InputCard(POINTS).wire_faults()
+    assert not table.told.any()
+    assert table.legal.all()
+
+
+def test_with_margin_every_fault_of_an_analogue_sensor_is_told():
+    card = InputCard(POINTS, margin=0.125)
+    table = card.wire_faults()
+    analogue = table.condition != "switch"
+    assert table.told[analogue].all() and not table.legal[analogue].any()
+    assert not table.told[~analogue].any()
+    # No value within the range is taken for a fault, nor one that a transmitter still sends.
+    values = np.linspace(LOW, HIGH, 2001)
+    values[:, ~ANALOGUE] = values[:, ~ANALOGUE].round()
+    assert card.valid(card.code(card.signal(values))).all()
+    loops = np.array([point.condition == "4-20 mA" for point in POINTS])
+    for i, told in ((3.6e-3, True), (3.8e-3, False), (20.5e-3, False), (21e-3, True)):
+        codes = card.code(np.where(RTD, 110.0, np.where(loops, i, 1.0)))
+        assert (card.valid(codes)[loops] != told).all()
+
+
+def wire_codes(card, fault):
+    return card.code([WIRE_FAULTS[fault][point.condition] for point in card.points])
+
+
+def test_a_broken_wire_alarms_a_closed_contact_and_hides_an_open_one():
+    closed = Point("C", "B", "switch", "logic", signal="NC contact")
+    opens = Point("O", "B", "switch", "logic", signal="NO contact")
+    card = InputCard([closed, opens])
+    assert card.value(card.code(card.signal([[0, 0], [1, 1]]))).tolist() == [[0, 0], [1, 1]]
+    assert card.value(wire_codes(card, "open")).tolist() == [1, 0]
+    assert card.value(wire_codes(card, "short")).tolist() == [0, 1]
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.05, 0.125]), st.integers(6, 16))
+def test_a_value_comes_back_within_the_error_of_the_table(seed, margin, bits):
+    card = InputCard(POINTS, bits=bits, margin=margin)
+    values = LOW + (HIGH - LOW) * np.random.default_rng(seed).random((4, 99))
+    values[:, ~ANALOGUE] = values[:, ~ANALOGUE].round()
+    back = card.value(card.code(card.signal(values)))
+    assert (back[:, ~ANALOGUE] == values[:, ~ANALOGUE]).all()
+    span = HIGH - LOW
+    # A step of resistance is at most 1.25 times the mean step of temperature: the curve is flat.
+    step = 1.25 * span * (1 + 2 * margin) / 2**bits
+    assert (np.abs(back - values) <= step + 1e-9).all()
+
+
+def test_what_cannot_be_is_refused():
+    card = InputCard(POINTS)
+    nan = LOW.copy()
+    nan[21] = np.nan
+    half = LOW.copy()
+    half[-1] = 0.5
+    cold = LOW.copy()
+    cold[0] = -300
+    for action, message in (
+        (lambda: Adc(0), "bits is 0"),
+        (lambda: Adc(10, 0), "reference is 0 V"),
+        (lambda: Adc().code(np.nan), "voltage is nan"),
+        (lambda: InputCard([]), "points are empty"),
+        (lambda: InputCard(POINTS, bits=17), "bits is 17"),
+        (lambda: InputCard(POINTS, margin=-0.1), "margin is -0.1"),
+        (lambda: InputCard(POINTS, linearised=1), "linearised is 1"),
+        (lambda: card.signal(LOW[:-1]), r"values have shape \(98,\)"),
+        (lambda: card.signal(nan), "ME-JB1-022 is nan"),
+        (lambda: card.signal(half), "ME-JB3-099 is neither 0 nor 1"),
+        (lambda: card.signal(cold), "temperature is -300"),
+        (lambda: card.code(nan), "signal is nan"),
+        (lambda: card.value([0] * 98), r"code has shape \(98,\)"),
+        (lambda: card.value([0.5] * 99), "must be whole"),
+        (lambda: card.value([1024] * 99), "out of range"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            action()
+
+
+def test_time_may_be_empty_or_have_more_axes():
+    card = InputCard(POINTS)
+    assert card.code(card.signal(np.zeros((0, 99)))).shape == (0, 99)
+    assert card.value(np.zeros((2, 3, 99), int)).shape == (2, 3, 99)

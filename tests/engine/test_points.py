@@ -1,0 +1,145 @@
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shipnet import datasets
+from shipnet.engine.points import Point, PointList, read_points
+from shipnet.errors import ArgumentError, InputError
+from shipnet.papers.lee2012.points import printed_points
+
+CONDITIONS = {"RTD": "RTD", "4~20mA": "4-20 mA", "S/W": "switch"}
+
+
+def test_the_points_are_those_of_table_3_written_out():
+    table = pd.read_csv(datasets.path("lee2012_table3_sensors.csv"))
+    points = iter(read_points())
+    for row in table.itertuples():
+        own = [next(points) for _ in range(row.quantity_points)]
+        condition = CONDITIONS[row.condition]
+        assert {(p.box, p.condition) for p in own} == {(row.jb, condition)}
+        if condition == "switch":
+            assert {p.alarm for p in own} == {row.type}
+            continue
+        assert {(p.quantity, p.low, p.unit) for p in own} == {
+            (row.type, row.range_low, row.range_unit)
+        }
+        highs = (
+            [float(end) for end in row.range_high_options.split("/")]
+            if isinstance(row.range_high_options, str)
+            else [row.range_high]
+        )
+        assert {p.high for p in own} == set(highs)
+    assert next(points, None) is None
+
+
+def test_one_row_less_leaves_the_current_loops_of_the_exhaust_gas():
+    full, less = printed_points(), printed_points(double_row=False)
+    gone = [point for point in full if point not in less]
+    assert (len(full), len(less)) == (99, 89)
+    assert {(p.box, p.condition, p.low, p.high) for p in gone} == {("JB1", "RTD", -50.0, 600.0)}
+    assert len(less.by_box()["JB1"]) == 33
+
+
+def test_a_list_of_points_is_a_tuple_with_a_table():
+    points = read_points()
+    assert points[:2] == (points[0], points[1]) and isinstance(points[:2], PointList)
+    assert pickle.loads(pickle.dumps(points)) == points
+    assert PointList(points) is points
+    assert points.table().loc["ME-JB1-011", "service"] == "Exhaust gas outlet cyl 1 (RTD)"
+
+
+def test_the_inputs_of_each_box_fit_its_converters():
+    table = read_points().counts()
+    assert table["RTD"].drop("all").max() <= 32
+    assert table["4-20 mA"].drop("all").max() <= 18
+    assert table.loc["all"].tolist() == table.drop("all").sum().tolist() == [62, 18, 19, 80, 99]
+
+
+def test_conductors_are_counted_sensor_by_sensor():
+    points = read_points()
+    assert points.conductors().hardwired == 62 * 3 + 18 * 2 + 19 * 2
+    assert points.conductors().share == pytest.approx(10 / 260)
+    assert points.conductors(rtd=4, loop=3, switch=1).hardwired == 62 * 4 + 18 * 3 + 19
+    assert points.conductors(segments=2, segment_wires=3, channel_wires=4).bus == 14
+    assert points.conductors(segments=0, channels=0).bus == 0
+
+
+def test_conductors_grow_in_a_straight_line_with_the_cylinders():
+    points = read_points()
+    counts = [
+        PointList(p for p in points if (p.cylinder or 0) <= n).conductors().hardwired
+        for n in range(4, 9)
+    ]
+    assert np.ptp(np.diff(counts)) == 0
+    assert counts[-1] == 260 and counts[0] < 260
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tag": ""}, "tag is empty"),
+        ({"box": "a\nb"}, "printable"),
+        ({"tag": 3}, "printable"),
+        ({"condition": "TC"}, "condition is 'TC'; it must be one of 'RTD', '4-20 mA', 'switch'"),
+        ({"alarm": "H"}, "alarm is 'H'"),
+        ({"low": float("nan")}, "low is nan"),
+        ({"high": "200"}, "high is '200'"),
+        ({"high": True}, "high is True"),
+        ({"low": 5, "high": 5}, r"range is 5\.\.5"),
+        ({"condition": "switch", "high": 2}, r"that of a switch is 0\.\.1"),
+        ({"condition": "RTD", "low": -201}, "IEC 60751"),
+    ],
+)
+def test_a_point_that_cannot_be_says_why(change, message):
+    fields = {"tag": "T", "box": "B", "condition": "4-20 mA", "quantity": "q", "low": 0, "high": 9}
+    with pytest.raises(ArgumentError, match=message):
+        Point(**(fields | change))
+
+
+def test_a_list_of_points_must_be_one():
+    point = read_points()[0]
+    for bad, message in ((3, "sequence"), ([1], "class Point"), ([point, point], "same tag")):
+        with pytest.raises(ArgumentError, match=message):
+            PointList(bad)
+    for name, value in (("rtd", 0), ("loop", 2.0), ("segments", 101), ("channel_wires", 9)):
+        with pytest.raises(ArgumentError, match=name):
+            PointList([point]).conductors(**{name: value})
+
+
+def test_every_fault_of_a_file_is_named_at_once(tmp_path):
+    file = tmp_path / "points.csv"
+    file.write_text(
+        "tag,box,condition,quantity,low,high,unit,remark\n"
+        "A,B1,RTD,temperature,0,200,degC,good\n"
+        "A,B1,TC,temperature,0,200,degC,\n"
+        "C,B1,4-20 mA,pressure,,6,bar,\n"
+        "D,B1,4-20 mA,pressure,x,6,bar,\n"
+        "E,B1,switch,logic,,,,\n"
+    )
+    with pytest.raises(InputError) as caught:
+        read_points(file)
+    assert [fault.partition(":")[0] for fault in caught.value.faults] == [
+        "row 3", "row 3", "row 4", "row 5",
+    ]  # fmt: skip
+    file.write_text("tag,box,condition,quantity,low,high\nA,B1,RTD,temperature,0,200\n")
+    assert read_points(file) == (Point("A", "B1", "RTD", "temperature", 0, 200),)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "column tag, box, condition, quantity is missing"),
+        (b"tag,box,condition,quantity\n", "has no points"),
+        (b"\xff\xfe\x00", "not UTF-8"),
+        (b"tag,box,condition,quantity\nA,B\n", "condition is ''"),
+    ],
+)
+def test_a_file_that_is_none_is_refused(tmp_path, content, message):
+    file = tmp_path / "points.csv"
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_points(file)
+    with pytest.raises(InputError, match="cannot be read"):
+        read_points(tmp_path / "none.csv")

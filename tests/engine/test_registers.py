@@ -1,0 +1,272 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.engine.points import Point, read_points
+from shipnet.engine.registers import AGE_STEP, CODINGS, CORRECTED, Coding, RegisterMap
+from shipnet.errors import ArgumentError, FieldError, LengthError
+from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.slave import Slave
+from shipnet.modbus.uart import SerialLine
+
+POINTS = read_points()
+LOW, HIGH = (np.array([getattr(point, end) for point in POINTS]) for end in ("low", "high"))
+ANALOGUE = np.array([point.analogue for point in POINTS])
+CODING = pytest.mark.parametrize("coding", CODINGS.values(), ids=CODINGS)
+
+
+def readings(rng, rows):
+    values = LOW + (HIGH - LOW) * rng.random((rows, 99))
+    values[:, ~ANALOGUE] = values[:, ~ANALOGUE].round()
+    return values
+
+
+#: Codings that do not reach to the ends of all ranges: beyond, every reading is clipped.
+CLIPPED = {
+    coding.name: coding
+    for coding in (
+        Coding("8 bit of whole units", 1.0, 0xFF, bits=8, signed=False),
+        Coding("unsigned, 0 is the mark", 1.0, 0, signed=False),
+        Coding("7 bit and sign", 1.0, 0xFF80, bits=8),
+    )
+}
+
+
+@pytest.mark.parametrize("coding", [*CODINGS.values(), *CLIPPED.values()], ids=lambda c: c.name)
+def test_the_collisions_are_those_of_a_dense_grid(coding):
+    grid = np.linspace(LOW, HIGH, 20_001)
+    grid[:, ~ANALOGUE] = grid[:, ~ANALOGUE].round()
+    hit = coding.encode(POINTS, grid) == coding.error
+    table = coding.collisions(POINTS)
+    assert table.collides.tolist() == hit.any(axis=0).tolist()
+    assert table.percent.to_numpy() == pytest.approx(100 * hit.mean(axis=0), abs=0.02)
+    for k in np.flatnonzero(hit.any(axis=0) & ANALOGUE):
+        taken = grid[hit[:, k], k]
+        slack = 2 * (HIGH - LOW)[k] / 20_000
+        assert taken.min() == pytest.approx(table["from"][k], abs=slack)
+        assert taken.max() == pytest.approx(table["to"][k], abs=slack)
+
+
+def test_the_mended_coding_never_sends_its_mark_for_a_value():
+    wild = np.random.default_rng(3).normal(0, 1e6, (1000, 99))
+    assert (CORRECTED.encode(POINTS, wild) != CORRECTED.error).all()
+    assert not CORRECTED.collisions(POINTS).collides.any()
+
+
+def test_255_degrees_are_an_error_to_the_printed_coding():
+    table = CODINGS["whole units, 0x00FF"].collisions(POINTS)
+    found = table[table.collides]
+    assert {(row.low, row.high) for row in found.itertuples()} == {(-50.0, 600.0)}
+    assert (found.reads == 255).all()
+    assert found[["from", "to"]].drop_duplicates().to_numpy().tolist() == [[254.5, 255.5]]
+
+
+@CODING
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_value_comes_back_within_half_a_step_or_as_missing(coding, seed):
+    values = readings(np.random.default_rng(seed), 3)
+    registers = coding.encode(POINTS, values)
+    back = coding.decode(POINTS, registers)
+    step = np.array([coding.step_of(point) for point in POINTS])
+    marked = registers == coding.error
+    assert (np.isnan(back) == marked).all()
+    assert (np.abs(back - values) <= step / 2 + 1e-9)[~marked].all()
+
+
+def test_the_decimal_step_is_within_a_thousandth_of_the_span():
+    for point in POINTS:
+        if point.analogue:
+            step = CORRECTED.step_of(point)
+            assert point.span / 10_000 < step <= point.span / 1000 * (1 + 1e-12)
+            assert np.log10(step) == pytest.approx(round(np.log10(step)))
+    bar = Point("P", "B", "4-20 mA", "pressure", 0, 1000, "bar")
+    assert CORRECTED.step_of(bar) == 1.0
+
+
+@pytest.mark.parametrize("switches", ["single", "box", "all"])
+@pytest.mark.parametrize("coding", ["tenths, 0xFFFF", "corrected: decimal, 0x8000"])
+@pytest.mark.parametrize("status", [False, True])
+def test_what_the_map_encodes_it_decodes(switches, coding, status):
+    rng = np.random.default_rng(7)
+    values = readings(rng, 50)
+    failed = rng.random((50, 99)) < 0.1
+    layout = RegisterMap(POINTS, CODINGS[coding], switches, status)
+    ages, beats = rng.random((50, 3)) * 5, rng.integers(0, 10**6, (50, 3))
+    registers = layout.encode(values, failed, ages=ages, heartbeats=beats)
+    assert registers.shape == (50, len(layout))
+    read = layout.decode(registers)
+    gone = failed.copy()
+    if switches != "single" and not status:
+        # A marked word takes all its switches along.
+        for word in layout.words:
+            gone[:, word.places] |= failed[:, word.places].any(axis=1, keepdims=True)
+    near = np.abs(read.values - values)[~gone & ~np.isnan(read.values)]
+    assert near.max() <= 0.05 + 1e-9
+    assert np.isnan(read.values)[gone].all()
+    if coding.startswith("corrected"):
+        assert (np.isnan(read.values) == gone).all()
+    if status:
+        assert (read.ages >= ages - 1e-9).all() and (read.ages - ages < AGE_STEP).all()
+        assert (read.heartbeats == beats % 65536).all()
+    else:
+        assert np.isnan(read.ages).all() and np.isnan(read.heartbeats).all()
+
+
+def test_sizes_and_requests_of_the_maps():
+    sizes = {kind: len(RegisterMap(POINTS, switches=kind)) for kind in ("single", "box", "all")}
+    assert sizes == {"single": 99, "box": 83, "all": 82}
+    corrected = RegisterMap.corrected(POINTS)
+    # 99 values, and for each box age, heartbeat and a bit a point: 43, 18 and 38.
+    assert len(corrected) == 99 + 3 * 2 + 3 + 2 + 3
+    assert [len(m.requests()) for m in (RegisterMap(POINTS), corrected)] == [1, 1]
+    line = SerialLine(9600)
+    times = [Poll(m.requests()[0], line).answered for m in (RegisterMap(POINTS), corrected)]
+    assert times[0] == pytest.approx(249.79e-3, abs=5e-6)
+    assert times[1] == pytest.approx(times[0] + 14 * 2 * 11 / 9600)
+    many = [Point(f"P{k}", "B", "4-20 mA", "pressure", 0, 1) for k in range(251)]
+    asked = [
+        (r.starting_address, r.quantity) for r in RegisterMap(many, first_address=9).requests()
+    ]
+    assert asked == [(9, 125), (134, 125), (259, 1)]
+
+
+def test_the_table_names_every_point_once():
+    for layout in (RegisterMap(POINTS, switches="box", first_address=100), RegisterMap(POINTS)):
+        table = layout.table()
+        assert table.index.tolist() == list(
+            range(layout.first_address, layout.first_address + len(layout))
+        )
+        tags = ", ".join(table.tags).split(", ")
+        assert sorted(tags) == sorted(point.tag for point in POINTS)
+
+
+def test_an_old_value_is_never_called_younger():
+    layout = RegisterMap.corrected(POINTS)
+    for age, shown in ((0.3, 0.3), (0.30001, 0.4), (1e9, 6553.5), (np.inf, 6553.5)):
+        read = layout.decode(layout.encode(LOW, ages=age))
+        assert read.ages == pytest.approx(shown)
+
+
+def test_8_switches_in_alarm_are_no_error_to_a_packed_word():
+    # JB3 has 11 switches; the first eight of them make 0x00FF.
+    layout = RegisterMap(POINTS, switches="box")
+    values = LOW.copy()
+    jb3 = [k for k, point in enumerate(POINTS) if point.box == "JB3" and not point.analogue]
+    values[jb3[:8]] = 1
+    assert (layout.decode(layout.encode(values)).values[jb3] == values[jb3]).all()
+    failed = np.isin(np.arange(len(POINTS)), jb3[3])
+    marked = layout.decode(layout.encode(values, failed)).values
+    assert np.isnan(marked[jb3]).all() and not np.isnan(np.delete(marked, jb3)).any()
+    corrected = RegisterMap(POINTS, CORRECTED, "box", True)
+    assert (corrected.decode(corrected.encode(values)).values[jb3] == values[jb3]).all()
+
+
+SWITCHES = tuple(Point(f"S{k}", f"B{k % 3}", "switch", "level") for k in range(40))
+
+
+@pytest.mark.parametrize("coding", CODINGS)
+@pytest.mark.parametrize("status", [False, True])
+@given(
+    states=st.lists(st.booleans(), min_size=40, max_size=40),
+    packing=st.sampled_from(["box", "all"]),
+)
+def test_no_states_of_packed_switches_look_like_their_mark(coding, status, states, packing):
+    layout = RegisterMap(SWITCHES, CODINGS[coding], packing, status)
+    # Each switch alone, all but each, all, and any.
+    values = np.vstack([np.eye(40), 1 - np.eye(40), np.ones(40), states])
+    assert (layout.decode(layout.encode(values)).values == values).all()
+    assert not layout.collisions().collides.any()
+
+
+def test_a_map_judges_its_packed_switches_apart_from_its_values():
+    # With the mark 1, every switch in a register of its own collides, and a packed one does not.
+    ones = Coding("mark 1", 0.1, 1)
+    single, packed = (RegisterMap(POINTS, ones, way).collisions() for way in ("single", "box"))
+    switch = np.array([not point.analogue for point in POINTS])
+    assert single.collides[switch].all() and not packed.collides[switch].any()
+    assert single[~switch].equals(packed[~switch])
+    values = np.where(switch, 1.0, LOW)
+    layout = RegisterMap(POINTS, ones, "box")
+    assert (layout.decode(layout.encode(values)).values[switch] == 1).all()
+
+
+def answer(pdu, registers, first_address=0):
+    """Let a slave answer that knows function code 3 alone, as the junction box does."""
+    box = Slave(holding_registers=dict(enumerate(registers, first_address)))
+    return Slave(box, functions={3}).answer(pdu)
+
+
+def expected(pdu, registers, first):
+    """Say by the book, from our decoder of requests, what a server with code 3 alone answers."""
+    if not pdu or not 1 <= pdu[0] <= 127:
+        return b""
+    if pdu[0] != 3:
+        return bytes([pdu[0] + 128, 1])
+    try:
+        request = Request.parse(pdu)
+    except (LengthError, FieldError):
+        return bytes([0x83, 3])
+    start = request.starting_address - first
+    part = registers[start : start + request.quantity] if start >= 0 else []
+    if len(part) < request.quantity:
+        return bytes([0x83, 2])
+    return bytes([3, 2 * len(part)]) + b"".join(r.to_bytes(2, "big") for r in part)
+
+
+REQUEST = st.builds(
+    lambda start, n, rest: b"\x03" + start.to_bytes(2, "big") + n.to_bytes(2, "big") + rest,
+    st.integers(0, 300) | st.integers(0, 65535),
+    st.integers(0, 130) | st.integers(0, 65535),
+    st.sampled_from([b"", b"", b"", b"\0"]),
+)
+
+
+@given(st.binary(max_size=300) | REQUEST, st.sampled_from([0, 7, 65536 - 99]))
+def test_any_bytes_get_the_answer_of_the_standard(pdu, first):
+    registers = list(range(1000, 1099))
+    response = answer(pdu, registers, first_address=first)
+    assert response == expected(pdu, registers, first)
+    if response:
+        Response.parse(response)
+
+
+def test_the_answers_are_those_of_pymodbus():
+    pdu = pytest.importorskip("pymodbus.pdu")
+    decoder = pdu.DecodePDU(False)
+    for quantity in (1, 99):
+        request = pdu.register_message.ReadHoldingRegistersRequest(address=0, count=quantity)
+        asked = bytes([request.function_code]) + request.encode()
+        read = decoder.decode(answer(asked, range(99)))
+        assert read.registers == list(range(quantity))
+    refused = decoder.decode(answer(b"\x03\0\0\0\x64", range(99)))
+    assert (refused.function_code, refused.exception_code) == (0x83, 2)
+
+
+def test_what_no_box_has_is_refused():
+    layout = RegisterMap(POINTS)
+    for action, message in (
+        (lambda: Coding("x", 0.0, 255), "step is 0"),
+        (lambda: Coding("x", "half", 255), "step is 'half'"),
+        (lambda: Coding("x", 1, 65536), "error is 65536"),
+        (lambda: Coding("x", 1, 255, bits=17), "bits is 17"),
+        (lambda: Coding("x", 1, 255, signed=1), "signed is 1"),
+        (lambda: CORRECTED.encode(POINTS, LOW[1:]), r"shape \(98,\)"),
+        (lambda: CORRECTED.encode(POINTS, LOW, 1), "failed is 1"),
+        (lambda: CORRECTED.encode(POINTS, LOW, [True, False]), "failed has shape"),
+        (lambda: CORRECTED.decode(POINTS, [0] * 98), r"shape \(98,\)"),
+        (lambda: CORRECTED.decode(POINTS, [65536] * 99), "out of range"),
+        (lambda: RegisterMap([]), "points are empty"),
+        (lambda: RegisterMap(POINTS, "tenths"), "coding is 'tenths'"),
+        (lambda: RegisterMap(POINTS, switches="none"), "switches is 'none'"),
+        (lambda: RegisterMap(POINTS, status=1), "status is 1"),
+        (lambda: RegisterMap(POINTS, first_address=65438), "first_address is 65438"),
+        (lambda: layout.decode([0] * 98), r"shape \(98,\)"),
+        (lambda: layout.encode(LOW, ages=-1), "ages are -1"),
+        (lambda: layout.encode(LOW, ages=np.nan), "ages are nan"),
+        (lambda: layout.encode(LOW, ages=[1.0, 2.0]), "ages have shape"),
+        (lambda: layout.encode(LOW, heartbeats=0.5), "heartbeats are 0.5"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            action()

@@ -1,0 +1,146 @@
+import re
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from pymodbus.client import ModbusTcpClient
+
+from shipnet.__main__ import main
+from shipnet.engine.faults import (
+    BusOff,
+    CanBreak,
+    DeadBox,
+    DeadPort,
+    LostCanFrames,
+    ModbusBreak,
+    StuckSensor,
+)
+from shipnet.engine.points import read_points
+from shipnet.engine.registers import RegisterMap
+from shipnet.engine.screen import SyntheticValues
+from shipnet.engine.serving import JunctionBox, serve
+from shipnet.engine.system import System
+from shipnet.errors import ArgumentError
+
+POINTS = read_points()
+SENSORS = SyntheticValues(POINTS, 2024)
+BOX = np.array([point.box for point in POINTS])
+ALL = bytes.fromhex("03 0000 0063")
+
+
+def known(faults, time, box=0):
+    """Return which points a box knows at a time, and their values."""
+    values = JunctionBox(System(), faults, SENSORS, box).values(time)
+    return ~np.isnan(values), values
+
+
+def test_a_real_client_reads_what_the_sensors_measure():
+    registers = RegisterMap(POINTS)
+    with serve(speed=0) as server:
+        client = ModbusTcpClient("127.0.0.1", port=server.port)
+        found = {
+            unit: client.read_holding_registers(0, count=99, device_id=unit).registers
+            for unit in (2, 3)
+        }
+        refused = client.read_input_registers(0, count=1, device_id=2)
+        beyond = client.read_holding_registers(99, count=1, device_id=2)
+        client.close()
+    assert (refused.exception_code, beyond.exception_code) == (1, 2)
+    steps = registers.table().query("kind == 'value'")["step"].to_numpy()
+    for content in found.values():
+        values = registers.decode(content).values
+        good = ~np.isnan(values)
+        # In the printed coding a reading of 25.5 is taken for the mark.
+        assert good.sum() >= len(POINTS) - 1
+        error = np.abs(values - SENSORS.now(0.0))[good]
+        assert (error <= steps[good] / 2 + 1e-9).all()
+
+
+def test_all_values_at_a_time_are_those_of_the_points():
+    assert SENSORS.now(7.5).tolist() == [SENSORS.at(k, 7.5) for k in range(len(POINTS))]
+    assert known([], 7.5)[1].tolist() == SENSORS.now(7.5).tolist()
+
+
+@pytest.mark.parametrize(
+    ("fault", "silent"),
+    [
+        (DeadBox("JB1", start=5, stop=9), 2),
+        (ModbusBreak("2", start=5, stop=9), 3),
+        (DeadPort("1", start=5, stop=9), 2),
+    ],
+)
+def test_a_box_out_of_reach_is_silent_and_the_other_one_is_not(fault, silent):
+    slaves = serve(faults=fault, speed=0).slaves
+    for time, quiet in ((4.9, False), (5.0, True), (8.9, True), (9.0, False)):
+        answers = {unit: slave.answer(ALL, time) for unit, slave in slaves.items()}
+        assert (answers.pop(silent) == b"") == quiet
+        assert all(answers.values())
+
+
+@pytest.mark.parametrize(
+    ("fault", "lost"),
+    [
+        (DeadBox("JB2", start=5), {"JB2"}),
+        (BusOff("JB1", start=5), {"JB2", "JB3"}),
+        (CanBreak("JB2-JB3", start=5), {"JB3"}),
+    ],
+)
+def test_a_box_that_is_not_heard_keeps_its_last_values_for_four_seconds(fault, lost):
+    out = np.isin(BOX, list(lost))
+    good, values = known([fault], 8.9)
+    assert good.all()
+    assert values[out].tolist() == SENSORS.now(5.0)[out].tolist()
+    assert values[~out].tolist() == SENSORS.now(8.9)[~out].tolist()
+    assert known([fault], 9.1)[0].tolist() == (~out).tolist()
+
+
+def test_a_box_that_returns_is_heard_again_and_a_stuck_sensor_stands_still():
+    assert known([DeadBox("JB2", start=5, stop=12)], 12.5)[0].all()
+    stuck = known([StuckSensor(POINTS[0].tag, start=3, stop=6)], 5.0)[1]
+    assert stuck[0] == SENSORS.at(0, 3.0) != SENSORS.at(0, 5.0)
+    assert known([StuckSensor(POINTS[0].tag, start=3, stop=6)], 7.0)[1][0] == SENSORS.at(0, 7.0)
+
+
+def test_a_box_that_was_never_heard_has_no_values():
+    good, _ = known([DeadBox("JB2")], 0.5)
+    assert good.tolist() == (BOX != "JB2").tolist()
+
+
+def test_what_cannot_be_served_is_refused():
+    for action, message in (
+        (lambda: serve(System.corrected()), "coding is 'corrected'"),
+        (lambda: serve(faults=LostCanFrames("JB2")), "losses at random"),
+        (lambda: serve(faults=DeadBox("JB9")), "where is 'JB9'"),
+        (lambda: serve(speed=-1), "speed is -1"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            action()
+
+
+def test_the_program_serves_the_boxes_and_stops_upon_an_interrupt():
+    command = [sys.executable, "-m", "shipnet", "serve", "engine", "--port", "0", "--speed", "0"]
+    program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        said = program.stdout.readline()
+        port = int(re.search(r"port (\d+) \(TCP\): unit ids 2 and 3", said)[1])
+        client = ModbusTcpClient("127.0.0.1", port=port)
+        found = [
+            client.read_holding_registers(0, count=99, device_id=unit).registers for unit in (2, 3)
+        ]
+        client.close()
+        program.send_signal(signal.SIGINT)
+        out, error = program.communicate(timeout=20)
+        assert (program.returncode, out, error) == (0, "stopped\n", "")
+    finally:
+        program.kill()
+        program.wait()
+    sensors = SyntheticValues(POINTS, np.random.default_rng(2024))
+    assert found[0] == found[1] == RegisterMap(POINTS).encode(sensors.now(0.0)).tolist()
+
+
+def test_a_fault_of_a_valve_is_not_one_of_the_engine(capsys):
+    assert main(["serve", "engine", "--fault", "3:V1"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "box dead JB1" in error

@@ -1,0 +1,217 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet.engine.faults import (
+    BusOff,
+    CanBreak,
+    DeadBox,
+    DeadPort,
+    LostCanFrames,
+    LostModbusFrames,
+    ModbusBreak,
+    StuckSensor,
+)
+from shipnet.engine.simulation import simulate
+from shipnet.engine.system import System
+from shipnet.engine.traffic import islands
+from shipnet.errors import ArgumentError
+
+PRINTED, RING, CORRECTED = System(), System(topology="ring"), System.corrected()
+AT = 10.0
+LOSSES = [LostCanFrames, LostModbusFrames]
+
+
+def row(system, fault, **options):
+    return system.single_failures([fault], trials=3, **options).iloc[1]
+
+
+def test_every_part_fails_once():
+    found = PRINTED.single_faults()
+    assert len(set(found)) == len(found) == 2 + 4 + 9 + 2 + 3
+    assert len(RING.single_faults()) == 21
+    stuck = [f for f in PRINTED.single_faults(every_sensor=True) if isinstance(f, StuckSensor)]
+    assert [f.where for f in stuck] == [point.tag for point in PRINTED.points]
+
+
+@pytest.mark.parametrize(
+    ("fault", "lost", "noticed"),
+    [
+        (CanBreak("JB1-JB2", start=AT), 56, "mark"),
+        (CanBreak("JB2-JB3", start=AT), 38, "mark"),
+        (DeadBox("JB1", start=AT), 43, "link, mark"),
+        (DeadBox("JB2", start=AT), 18, "mark"),
+        (BusOff("JB1", start=AT), 56, "mark"),
+        (ModbusBreak("1", start=AT), 0, "link"),
+        (ModbusBreak("2", start=AT), 0, "no"),
+        (DeadPort("2", start=AT), 0, "no"),
+        (StuckSensor("ME-JB2-044", start=AT), 1, "no"),
+    ],
+)
+def test_what_the_printed_design_loses_and_notices(fault, lost, noticed):
+    found = row(PRINTED, fault)
+    assert (found["lost"], found["noticed"]) == (lost, noticed)
+    assert found["answer_ok"]
+    # Rule a holds throughout; rule b falls with every value that nobody marks in time.
+    assert found["age_ok"] == (lost == 0)
+    if noticed != "no" and lost:
+        assert 2 < found["marked_after_s"] <= PRINTED.staleness_flag().after
+        assert found["oldest_s"] <= PRINTED.staleness_flag().oldest
+
+
+def test_a_ring_outlives_any_cut_that_a_line_does_not():
+    for segment in RING.segments:
+        found = row(RING, CanBreak(segment, start=AT))
+        assert (found["lost"], found["old"], found["noticed"]) == (0, 0, "no")
+    both = [CanBreak("JB1-JB2", start=AT), CanBreak("JB3-JB1", start=AT)]
+    run = simulate(RING, until=20, faults=both)
+    assert set(run.alarms()["source"].str[3:6]) == {"JB2", "JB3"}
+
+
+def test_the_mended_design_shows_nothing_old_and_notices_all_but_a_stuck_sensor():
+    table = CORRECTED.single_failures(trials=2)
+    stuck = table.index.str.startswith("sensor")
+    healthy = table.index == "none"
+    assert table.loc[~stuck, "age_ok"].all()
+    # Frames that get lost now and then are made up for by the next ones: no need to tell.
+    passing = table.index.str.startswith("CAN frames lost")
+    assert (table.loc[~stuck & ~healthy & ~passing, "noticed"] != "no").all()
+    assert (table.loc[stuck | healthy, "noticed"] == "no").all()
+    assert not table.loc[stuck, "age_ok"].any()
+    cut = table.index.str.startswith("CAN cable")
+    assert (table.loc[cut, "lost"] == 0).all()
+
+
+@settings(max_examples=15)
+@given(
+    kinds=st.lists(
+        st.sampled_from([BusOff, CanBreak, ModbusBreak, DeadBox, DeadPort, *LOSSES]),
+        max_size=3,
+    ),
+    seed=st.integers(0, 10**6),
+)
+def test_no_mixture_of_faults_makes_the_mended_design_show_an_old_value(kinds, seed):
+    rng = np.random.default_rng(seed)
+    faults = []
+    for kind in kinds:
+        where = rng.choice(kind("").places(CORRECTED))
+        start = rng.uniform(0, 8)
+        faults.append(kind(str(where), start=start, stop=start + rng.uniform(0.01, 8)))
+    run = simulate(CORRECTED, until=15, faults=faults, rng=rng)
+    worst = run.table()["worst_s"]
+    assert (worst[worst.notna()] <= CORRECTED.age_limit).all()
+
+
+@pytest.mark.parametrize("system", [PRINTED, CORRECTED], ids=["printed", "corrected"])
+def test_an_age_that_grows_for_ever_is_infinite_and_one_that_ends_is_not(system):
+    tag = system.points[0].tag
+    table = system.single_failures(
+        [StuckSensor(tag, start=AT), StuckSensor(tag, start=AT, stop=14), DeadBox("JB2", start=AT)],
+        trials=2,
+    )
+    stuck, passing, dead = table["oldest_s"].iloc[1:]
+    assert stuck == np.inf
+    # It moves again after four seconds; then it takes the age of a healthy value to be seen.
+    assert 4 < passing < 4 + system.worst_age()["worst_s"].max()
+    assert dead <= system.staleness_flag().oldest
+    both = row(PRINTED, ModbusBreak("1", start=AT))
+    assert both["oldest_s"] < 2
+
+
+def test_bus_off_in_the_middle_is_a_box_that_nobody_hears():
+    phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.3, "AMS": 0.4}
+    off = simulate(PRINTED, until=20, faults=[BusOff("JB2", start=AT)], phases=phases)
+    dead = simulate(PRINTED, until=20, faults=[DeadBox("JB2", start=AT)], phases=phases)
+    assert off.alarms().equals(dead.alarms())
+    assert islands(PRINTED, off.faults, 11 * 10**9) == [[0, 2]]
+
+
+def test_one_timer_a_box_keeps_a_lost_frame_alive_for_longer_than_its_limit():
+    # Four of five frames of box 2 are lost. Any other one restarts the timer of them all.
+    run = simulate(
+        PRINTED,
+        until=600,
+        faults=[LostCanFrames("JB2", probability=0.8)],
+        rng=np.random.default_rng(3),
+    )
+    worst = run.table().loc[run.table()["box"] == "JB2", "worst_s"].max()
+    assert worst > PRINTED.staleness_flag().oldest
+    assert run.table().loc[run.table()["box"] != "JB2", "worst_s"].max() < 2
+
+
+def test_an_ams_that_returns_to_channel_1_pays_its_timeout_every_time():
+    cut = [ModbusBreak("1", start=4.5, stop=8.5)]
+    stays = simulate(PRINTED, until=12, faults=cut).requests()
+    returns = simulate(replace(PRINTED, switch_rule="return"), until=12, faults=cut).requests()
+    assert (stays["outcome"] == "no answer").sum() == 1
+    assert (returns["outcome"] == "no answer").sum() == 4
+    # Who stays never learns that channel 1 is whole again; who returns does.
+    assert stays["channel"].iloc[-1] == 2
+    assert returns["channel"].iloc[-1] == 1
+
+
+def test_the_alarm_of_a_channel_comes_and_goes():
+    system = replace(PRINTED, switch_rule="return", retries=2)
+    run = simulate(system, until=12, faults=[ModbusBreak("1", start=4.5, stop=8.5)])
+    assert run.alarms()[["source", "kind"]].values.tolist() == [
+        ["channel 1", "no answer"],
+        ["channel 1", "answers again"],
+    ]
+    three = 3 * (8 * 11 / 9600 + system.timeout)
+    assert run.alarms()["time_s"].iloc[0] == pytest.approx(5 + three)
+
+
+def test_a_box_that_comes_back_is_good_again():
+    run = simulate(PRINTED, until=30, faults=[DeadBox("JB2", start=10, stop=18)])
+    own = run.alarms()[run.alarms()["source"] == "ME-JB2-044"]
+    assert own["kind"].tolist() == ["0xFF", "good again"]
+    assert 18 < own["time_s"].iloc[1] < 18 + PRINTED.worst_age()["worst_s"].max()
+    marked = run.table().loc["ME-JB2-044", "marked_s"]
+    assert marked == pytest.approx(own["time_s"].diff().iloc[1])
+
+
+def test_without_any_channel_no_answer_comes_and_old_values_stay():
+    run = simulate(
+        PRINTED, until=20, faults=[ModbusBreak("1", start=10.5), ModbusBreak("2", start=10.5)]
+    )
+    assert np.isinf(run.answers()["answer_s"]).sum() == 9
+    assert run.table()["worst_s"].min() > 9
+    assert set(run.alarms()["source"]) == {"channel 1", "channel 2"}
+
+
+def test_a_share_of_requests_is_lost_as_the_probability_says():
+    lost = LostModbusFrames("1", request=0.2, response=0.1)
+    system = replace(PRINTED, switch_rule="return")
+    run = simulate(system, until=4000, faults=[lost], rng=np.random.default_rng(11))
+    first = run.requests()[run.requests()["channel"] == 1]
+    share = first["outcome"].value_counts(normalize=True)
+    # Four standard errors of 4000 draws.
+    assert share["no answer"] == pytest.approx(0.2, abs=4 * (0.2 * 0.8 / 4000) ** 0.5)
+    assert share["response damaged"] == pytest.approx(0.08, abs=4 * (0.08 * 0.92 / 4000) ** 0.5)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: CanBreak("JB1-JB2", start=-1), "start is -1"),
+        (lambda: CanBreak("JB1-JB2", start=2, stop=2), "stop is 2"),
+        (lambda: CanBreak("JB1-JB2", start=2, stop=float("nan")), "stop is nan"),
+        (lambda: ModbusBreak(1), "where is 1; it must be text"),
+        (lambda: LostCanFrames("JB1", probability=1.1), "probability is 1.1"),
+        (lambda: simulate(PRINTED, until=1, faults=[ModbusBreak("3")]), "where is '3'.*1, 2"),
+        (lambda: simulate(PRINTED, until=1, faults=[DeadBox("JB9")]), "JB1, JB2, JB3"),
+        (lambda: simulate(PRINTED, until=1, faults=["JB1"]), "one of faults is 'JB1'"),
+        (lambda: simulate(PRINTED, until=1, faults=[LostCanFrames("JB1")]), "rng is None"),
+        (lambda: DeadBox("JB2", start=10, stop=None), "stop is None"),
+        (lambda: DeadBox("JB2", start=10, stop="20"), "stop is '20'"),
+        (lambda: PRINTED.single_faults(every_sensor="x"), "every_sensor is 'x'"),
+        (lambda: PRINTED.single_failures(trials=0), "trials is 0"),
+        (lambda: PRINTED.single_failures(rule=0), "rule is 0"),
+    ],
+)
+def test_faults_that_cannot_be_are_refused(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

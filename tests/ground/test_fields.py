@@ -1,0 +1,163 @@
+"""Declared numbers: their checks, error texts and documentation."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from shipnet.clock import NEVER, Fault, as_faults, nanoseconds
+from shipnet.errors import ArgumentError
+from shipnet.fields import (
+    check_quantity,
+    check_scalar,
+    check_whole,
+    choice,
+    declared,
+    number,
+    record,
+    series,
+    switch,
+    text,
+    whole,
+)
+
+
+@record
+class Line:
+    """A line of slaves.
+
+    Examples
+    --------
+    >>> Line(100.0).slaves
+    31
+    """
+
+    length: float = number(0, 500, "m", "Length of the cable")
+    slaves: int = whole(1, 62, "", "Number of slaves", default=31)
+    far: int = whole(1, 62, "", "Farthest slave", default=1, at_most="slaves")
+    kind: str = choice(["line", "star"], "Topology", default="line")
+    closed: bool = switch("Whether the ends are joined", default=False)
+    name: str = text("Name", default="", most=5)
+    actions: tuple[str, ...] = series(["add", "drop"], default=(), most=2)
+    limit: float | None = number(0, 1, "", "Limit", default=None, optional=True)
+    noise: float = number(0, 10, "V", "Noise", default=0.0, missing=True)
+
+    def __post_init__(self):
+        if self.kind == "star" and self.closed:
+            raise ArgumentError("a star cannot be closed")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"length": -1}, "length is -1 m; it must be 0..500 m"),
+        ({"length": "x"}, "length is 'x'; it must be 0..500 m"),
+        ({"length": True}, "length is True; it must be 0..500 m"),
+        ({"length": float("nan")}, "length is nan m; it must be 0..500 m"),
+        ({"length": 10**400}, r"length is 10+; it must be 0..500 m"),
+        ({"slaves": 0}, "slaves is 0; it must be a whole number 1..62"),
+        ({"slaves": 2.0}, "slaves is 2.0; it must be a whole number 1..62"),
+        ({"slaves": 3, "far": 4}, "far is 4; it must be a whole number 1..3, for slaves is 3"),
+        ({"kind": "ring"}, "kind is 'ring'; it must be one of 'line', 'star'"),
+        ({"kind": ["line"]}, r"kind is \['line'\]; it must be one of"),
+        ({"closed": 1}, "closed is 1; it must be True or False"),
+        ({"name": 5}, "name is 5; it must be text"),
+        ({"name": "abcdef"}, "name has 6 characters; it may have 5"),
+        ({"actions": ["add"]}, r"actions is \['add'\]; it must be a tuple"),
+        ({"actions": ("move",)}, "one of actions is 'move'"),
+        ({"actions": ("add",) * 3}, "there are 3 actions; there may be 2"),
+        ({"limit": 2}, "limit is 2; it must be 0..1"),
+        ({"kind": "star", "closed": True}, "a star cannot be closed"),
+    ],
+)
+def test_a_record_refuses_what_is_not_legal(given, message):
+    with pytest.raises(ArgumentError, match=f"^{message}" if given != {} else message):
+        Line(**{"length": 1.0} | given)
+
+
+def test_a_record_stores_python_numbers():
+    line = Line(np.float32(2), np.int16(5), noise=np.float64("nan"))
+    assert (type(line.length), type(line.slaves), type(line.noise)) == (float, int, float)
+    assert line.limit is None
+
+
+def test_a_required_field_must_be_given():
+    with pytest.raises(TypeError, match="length"):
+        Line()
+
+
+def test_a_derived_record_checks_all_its_fields():
+    @record
+    class Long(Line):
+        """A long line."""
+
+        extra: float = number(0, 1, default=0.0)
+
+    with pytest.raises(ArgumentError, match="length"):
+        Long(-1.0)
+    with pytest.raises(ArgumentError, match="extra"):
+        Long(1.0, extra=2)
+    with pytest.raises(ArgumentError, match="star"):
+        Long(1.0, kind="star", closed=True)
+
+
+def test_the_docstring_lists_the_declared_fields():
+    assert "length : float\n    Length of the cable, 0..500 [m]." in Line.__doc__
+    assert "slaves : int, default 31\n    Number of slaves, 1..62." in Line.__doc__
+    assert Line.__doc__.index("Parameters") < Line.__doc__.index("Examples")
+    assert list(declared(Line)) == [
+        "length", "slaves", "far", "kind", "closed", "name", "actions", "limit", "noise",
+    ]  # fmt: skip
+
+
+def test_a_record_works_without_docstrings():
+    program = (
+        "from shipnet.fields import number, record\n"
+        "@record\n"
+        "class A:\n"
+        "    'An example.'\n"
+        "    x: float = number(0, 1)\n"
+        "print(A(1).x)"
+    )
+    out = subprocess.check_output([sys.executable, "-OO", "-c", program], text=True)
+    assert out == "1.0\n"
+
+
+def test_checks_of_arguments_name_value_and_range():
+    assert check_scalar("dt", 5, "s", 0, 10) == 5.0
+    assert check_whole("n", np.int64(3), 0, 10) == 3
+    for call in (
+        lambda: check_scalar("dt", [1.0, 2.0], "s", 0, 10),
+        lambda: check_scalar("dt", None, "s", 0, 10),
+        lambda: check_scalar("dt", float("inf"), "s", 0, 10),
+        lambda: check_quantity("r", [], "ohm", high=1),
+        lambda: check_quantity("r", [0.5, 2], "ohm", high=1),
+        lambda: check_whole("n", True, 0, 10),
+        lambda: check_whole("n", 11, 0, 10, ", for m is 10"),
+    ):
+        with pytest.raises(ArgumentError, match="it must be"):
+            call()
+
+
+@pytest.mark.parametrize("times", [(1, 1), (2, 1), (-1, 1), (float("nan"), 1), (float("inf"),)])
+def test_a_fault_must_end_after_it_begins(times):
+    with pytest.raises(ArgumentError):
+        Fault(**dict(zip(("start", "stop"), times, strict=False)))
+
+
+def test_a_fault_spans_whole_nanoseconds():
+    assert Fault(start=1.5).span == (1_500_000_000, NEVER)
+    assert nanoseconds(1e-9) == 1
+
+
+def test_one_fault_or_several_of_the_right_kind():
+    class Other(Fault):
+        """Another kind."""
+
+    assert as_faults(Fault()) == (Fault(),)
+    assert as_faults([]) == ()
+    with pytest.raises(ArgumentError, match="must be one of Other"):
+        as_faults([Fault()], Other)
+    with pytest.raises(ArgumentError, match="'x'"):
+        as_faults("x")

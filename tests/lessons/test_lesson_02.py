@@ -1,0 +1,87 @@
+"""The right answers of lesson 2, each found by a second route."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from shipnet.asi.modulation import SEND_CURRENT, as_bits, steps_of
+from shipnet.asi.receiver import receive, within_tolerance
+from shipnet.asi.segment import DEVICE, POWER_SUPPLY
+from shipnet.asi.telegram import RESPONSES
+from shipnet.exercises import given, student
+from shipnet.exercises.checking import exercise
+from shipnet.exercises.lesson_02 import _ECHOES, _ENDS, _echo
+from shipnet.line import Cable, CableRun, Driver, Network, simulate
+
+NAMES = ("Kim", "Jeong", "a student")
+
+
+def right(key, name):
+    """Return a student's numbers and right answer."""
+    numbers = given(key, student(name))
+    return numbers, exercise(key).answer(**numbers).value
+
+
+def at_both_ends(volts, resistor, z0):
+    """Return the echo from Ohm's and Kirchhoff's laws at the end of the cable."""
+    # out + back = resistor * current, out - back = z0 * current
+    current, back = np.linalg.solve([[resistor, -1], [z0, 1]], [volts, volts])
+    assert resistor * current == pytest.approx(volts + back)
+    return back
+
+
+@pytest.mark.parametrize(
+    ("volts", "resistor", "z0"), [(1, 300, 100), (2, 25, 100), (3, 120, 120), (5, 1e6, 60)]
+)
+def test_an_echo_obeys_ohm_and_kirchhoff(volts, resistor, z0):
+    assert _echo(volts, resistor, z0) == pytest.approx(at_both_ends(volts, resistor, z0), abs=1e-9)
+
+
+def test_every_echo_names_its_end():
+    for echo, end in _ECHOES.items():
+        resistor = 1e12 if _ENDS[end] is None else _ENDS[end]
+        assert echo == pytest.approx(at_both_ends(1, resistor, 100), abs=1e-3)
+        assert ("above" in end or "open" in end) == (echo > 0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_open_cable_is_a_short_at_a_quarter_wave(name):
+    """An echo that needs half a period of a wave comes back against it."""
+    numbers, echo = right("ex-02-2", name)
+    cable = Cable.lossless(100, numbers["delay"] * 1e-9)
+    network = Network([CableRun("near", "far", numbers["length"], cable)])
+    f = np.linspace(1e3, 1.2e6, 4000)
+    z = abs(network.transfer("near", 2j * np.pi * f)[network.index("near")])
+    first = f[np.flatnonzero((z[1:-1] < z[:-2]) & (z[1:-1] < z[2:]))[0] + 1]
+    assert 1 / (2 * first) * 1e6 == pytest.approx(echo, rel=5e-3)
+
+
+@pytest.mark.parametrize(("further", "kept"), [(0, True), (10, False)])
+def test_the_longest_cable_is_that_of_another_solver(further, kept):
+    """By the method of characteristics, in time, where the lesson adds up frequencies."""
+    delay = 6.0
+    length = exercise("ex-02-4").answer(delay=delay).value + further
+    cable, dt = Cable.lossless(100, delay * 1e-9), 10e-9
+    runs = [
+        CableRun(f"{near}", f"{far}", far - near, cable) for near, far in pairwise((0, 5, length))
+    ]
+    loads = {"0": POWER_SUPPLY + DEVICE, "5": DEVICE, f"{length}": DEVICE}
+    network = Network(runs, loads)
+    drivers = [[Driver(f"{place}", sender(word))] for place in (5, length) for word in RESPONSES]
+    u = simulate(network, drivers, 102.4e-6, dt, probes=["0"]).u[0]
+    heard = receive(u[:, :10240:25], 25 * dt, 7)
+    assert (heard.error == 0).all()
+    assert (heard.bits == np.tile(as_bits(RESPONSES), (2, 1))).all()
+    assert within_tolerance(heard).all() == kept
+
+
+def sender(word):
+    """Return the current that a slave draws, over time."""
+    steps = np.asarray(steps_of(word)).ravel()
+
+    def current(t):
+        x = np.clip(np.subtract.outer((t - 5e-6) / 3e-6, np.arange(len(steps))), 0, 1)
+        return SEND_CURRENT * ((x - np.sin(2 * np.pi * x) / (2 * np.pi)) @ steps)
+
+    return current

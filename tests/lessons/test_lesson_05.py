@@ -1,0 +1,70 @@
+"""The right answers of lesson 5, by another way."""
+
+from itertools import permutations, product
+from math import ceil
+from re import finditer
+
+import numpy as np
+import pytest
+
+from shipnet.can import Frame, MessageSet, simulate_batch
+from shipnet.exercises.checking import exercise
+
+
+def draws(key):
+    options = exercise(key).draws
+    return [dict(zip(options, values, strict=True)) for values in product(*options.values())]
+
+
+@pytest.mark.parametrize("numbers", draws("ex-05-1"), ids=str)
+def test_the_loser_stops_at_the_highest_bit_of_the_difference(numbers):
+    one, other = (int(number, 16) for number in numbers["ids"])
+    bit = exercise("ex-05-1").answer(**numbers).value
+    assert bit == 11 - ((one ^ other).bit_length() - 1)
+    # No stuff bit stands before it, so that bits of the id can be counted on the bus.
+    assert all(place > bit for n in (one, other) for place in Frame(n).stuff_positions)
+
+
+def test_stuffing_is_what_a_pattern_finds():
+    asked = exercise("ex-05-2").answer()
+    for (bits,) in asked.cases:
+        stuffed = asked.value(bits)
+        # A receiver takes a bit out behind each five equal ones, itself counted for the next.
+        taken, place = "", 0
+        while place < len(stuffed):
+            taken += stuffed[place]
+            run = stuffed[max(0, place - 4) : place + 1]
+            if len(run) == 5 and len(set(run)) == 1:
+                assert stuffed[place + 1] != stuffed[place]
+                place += 1
+            place += 1
+        assert taken == bits
+        assert not list(finditer("0{6}|1{6}", stuffed))
+
+
+@pytest.mark.parametrize("numbers", draws("ex-05-3"), ids=str)
+def test_the_response_is_that_of_counting_bit_by_bit(numbers):
+    # All that is more urgent comes as often as it can, the log began one bit earlier.
+    stop, own = numbers["stop_ms"], 55 + 10 * numbers["n_bytes"]
+    wait = next(
+        w
+        for w in range(135, 10_000)
+        if w == 135 + ceil((w + 1) / (125 * stop)) * 65 + ceil((w + 1) / 1250) * 95
+    )
+    answer = exercise("ex-05-3").answer(**numbers).value
+    assert answer == pytest.approx((wait + own) / 125)
+
+
+@pytest.mark.parametrize("numbers", draws("ex-05-4"), ids=range(6))
+def test_one_order_alone_is_never_seen_late(numbers):
+    messages = MessageSet.parse(numbers["messages"])
+    offsets = np.random.default_rng(1).integers(0, 3000, (600, 3)) / 1e6
+    offsets[0] = 0
+    late = {}
+    for names in permutations(messages.names):
+        ordered = messages.ordered(names)
+        longest = simulate_batch(ordered, 125_000, offsets=offsets, until=0.1).table()["max_ms"]
+        late[" ".join(names)] = bool((longest > ordered.table()["deadline_ms"]).any())
+    assert [order for order in late if not late[order]] == [
+        exercise("ex-05-4").answer(**numbers).value
+    ]

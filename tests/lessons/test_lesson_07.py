@@ -1,0 +1,66 @@
+"""The right answers of lesson 7, by another way."""
+
+from collections import deque
+from itertools import product
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.exercises.checking import exercise
+from shipnet.remote_control import MarkerFormat
+from shipnet.remote_control.ring_buffer import Ring
+
+
+def draws(key):
+    options = exercise(key).draws
+    return [dict(zip(options, values, strict=True)) for values in product(*options.values())]
+
+
+@pytest.mark.parametrize("numbers", draws("ex-07-1"), ids=str)
+def test_the_unread_bytes_lie_across_the_end(numbers):
+    ring = numbers["ring"]
+    assert ring["ring_f"] != ring["ring_get_f"] and ring["no"] < ring["get_no"]
+    across = [*range(ring["get_no"], 128), *range(ring["no"])]
+    assert exercise("ex-07-1").answer(**numbers).value == len(across)
+
+
+@pytest.mark.parametrize("numbers", draws("ex-07-2"), ids=str)
+def test_it_looks_empty_again_after_two_rounds(numbers):
+    two_rounds = 2 * numbers["places"] * 10 / numbers["rate"]
+    assert exercise("ex-07-2").answer(**numbers).value == pytest.approx(1e3 * two_rounds)
+
+
+@given(st.text("wr", max_size=60), st.integers(2, 9))
+def test_what_is_lost_is_what_a_deque_pushes_out(events, size):
+    waiting, lost = deque(maxlen=size), 0
+    for place, event in enumerate(events):
+        if event == "w":
+            lost += len(waiting) == size
+            waiting.append(place)
+        elif waiting:
+            waiting.popleft()
+    assert exercise("ex-07-3").answer().value(events, size) == lost
+
+
+@pytest.mark.parametrize("numbers", draws("ex-07-4"), ids=str)
+def test_half_the_ring_would_lose_bytes(numbers):
+    places = exercise("ex-07-4").answer(**numbers).value
+    came = numbers["waiting"] + numbers["rate"] * numbers["pause_ms"] / 10_000
+    assert places & (places - 1) == 0
+    assert places / 2 < came <= places
+
+
+def test_the_torn_packet_of_the_lesson_is_taken_by_the_real_reader():
+    first, later = MarkerFormat().encode({3: 0x1234}), MarkerFormat().encode({9: 0x0201})
+    # As in the lesson: later bytes stand where the rest of the first packet stood.
+    ring, parser, found = Ring(6, "intended"), MarkerFormat().parser(), []
+    for byte in first[:3]:
+        ring.store(byte)
+        found += parser.feed(bytes([ring.extract().byte]))
+    for byte in first[3:] + later + later:
+        ring.store(byte)
+    while ring.seems_unread:
+        found += parser.feed(bytes([ring.extract().byte]))
+    assert ring.lost == 12
+    assert [dict(items) for items in found] == [{3: 0x0201}]

@@ -1,0 +1,109 @@
+"""The right answers of lesson 8, by a second route: graphs, and simulations of the master."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shipnet.design.designs import example
+from shipnet.design.failures import lost
+from shipnet.engine.system import System
+from shipnet.exercises import given, student
+from shipnet.exercises.checking import exercise
+from shipnet.modbus.faults import Break
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.redundancy import DualChannel, Loop
+from shipnet.modbus.simulation import simulate
+from shipnet.modbus.uart import SerialLine
+from tests.modbus.sweeps import sweep
+
+NAMES = ("Kim", "Jeong", "a student")
+LINE = SerialLine(9600)
+STATUS = Request.read_input_registers(0, 4)
+
+
+def walked(n, cuts):
+    """Return how many valves are met from neither port, walking from section to section."""
+    met = set()
+    for sections, beyond in ((range(n), 1), (range(n, 0, -1), 0)):
+        for section in sections:
+            if section in cuts:
+                break
+            met.add(section + beyond)
+    return n - len(met)
+
+
+def numbers_and_answer(key, name):
+    numbers = given(key, student(name))
+    return numbers, exercise(key).answer(**numbers).value
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_lost_valves_are_those_that_a_walk_does_not_meet(name):
+    numbers, answer = numbers_and_answer("ex-08-1", name)
+    assert answer == walked(numbers["n"], {numbers["first"], numbers["second"]})
+
+
+def test_the_function_agrees_with_a_walk_for_random_cuts():
+    rng = np.random.default_rng(8)
+    lost_valves = exercise("ex-08-3").answer().value
+    for _ in range(50):
+        n = int(rng.integers(1, 60))
+        cuts = rng.integers(0, n + 1, rng.integers(0, 5)).tolist()
+        assert lost_valves(n, cuts) == walked(n, set(cuts))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_gap_of_the_channels_is_simulated(name):
+    numbers, answer = numbers_and_answer("ex-08-2", name)
+    poll = Poll(STATUS, LINE, timeout=numbers["timeout"] / 1e3, retries=numbers["retries"])
+    ams = DualChannel(poll, period=numbers["period"])
+    # Just behind the end of the third answer.
+    cut = 2 * ams.period + poll.time - LINE.t35 + 1e-6
+    run = simulate(ams, faults=Break(0, start=cut), until=8 * ams.period)
+    assert run.table()["longest_gap_s"].item() == pytest.approx(answer, abs=1e-6)
+
+
+@pytest.mark.parametrize("n", [20, 45])
+def test_the_time_out_is_the_longest_that_keeps_2_s(n):
+    timeout = exercise("ex-08-4").answer(n=n).value / 1e3
+
+    def worst(seconds):
+        poll = Poll(STATUS, LINE, timeout=seconds)
+        loop = Loop(n, poll, move="downstream")
+        return max(sweep(loop, [Break(k)]).max() for k in (0, n // 2))
+
+    assert worst(timeout) == pytest.approx(2.0, abs=1e-6)
+    assert worst(timeout + 1e-3) > 2.001
+
+
+def test_the_second_question_is_answered_right():
+    def worst(n):
+        loop = Loop(n, Poll(STATUS, LINE, timeout=0.1), move="downstream")
+        return sweep(loop, [Break(0)]).max()
+
+    assert worst(55) <= 2.0 < worst(56)
+
+
+def test_two_lines_on_one_tray_are_lost_with_it():
+    """The lesson takes both trays away instead: the same points are lost."""
+    apart = example(redundant=True)
+    ways = [("port",) if way else () for way in apart.runs["way"]]
+    together = replace(apart, runs=apart.runs.assign(way=ways))
+    assert lost(apart, trays=["port"]) == lost(apart, trays=["starboard"]) == ()
+    assert lost(together, trays=["port"]) == lost(apart, trays=["port", "starboard"])
+    assert len(lost(together, trays=["port"])) == len(apart.points)
+
+
+def test_what_the_age_is_made_of_adds_up():
+    late = System().staleness_flag()
+    stale, poll, half_a_second = 4.0, 1.25, 0.55
+    assert late.after == pytest.approx(stale + poll, abs=0.005)
+    assert late.oldest == pytest.approx(stale + poll + half_a_second, abs=0.005)
+
+
+def test_a_shorter_timer_alone_does_not_keep_the_2_s_of_question_4():
+    late = replace(System(), stale_limit=1.0).staleness_flag()
+    assert late.oldest == pytest.approx(1 + 1.25 + 0.55, abs=0.02)
+    assert late.oldest > System().age_limit

@@ -1,0 +1,180 @@
+"""Lesson 10: its right answers, and what its text says, by a second route."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from shipnet import datasets
+from shipnet.design.comparison import compare_networks
+from shipnet.design.costs import quantities
+from shipnet.design.failures import single_cuts
+from shipnet.design.iolist import from_table, load_iolist
+from shipnet.design.planning import mix, plan
+from shipnet.design.plant import Plant, cost_saving
+from shipnet.design.settings import AsiLimits, Settings
+from shipnet.design.site import Site
+from shipnet.design.uncertainty import tornado
+from shipnet.exercises import check, given, student
+from shipnet.exercises.checking import exercise
+
+NAMES = ("Kim", "Jeong", "a student")
+
+
+def right(key, name):
+    """Return what a student was given, and the right answer."""
+    numbers = given(key, student(name))
+    return numbers, exercise(key).answer(**numbers).value
+
+
+@cache
+def ballast():
+    points = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
+    return from_table(points[points["system"] == "Ballast valve"].reset_index(drop=True))
+
+
+@cache
+def network(option, repeaters=2, tree=True):
+    settings = Settings(asi=AsiLimits(repeaters=repeaters, tree=tree))
+    site = Site((20, -6, 14))
+    return mix(ballast(), site, {}, default=option, settings=settings, name=f"{option} {repeaters}")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_left_is_counted_wire_by_wire(name):
+    numbers, left = right("ex-10-1", name)
+    plant = Plant(modules=numbers["contacts"], contacts=1, lines=numbers["lines"])
+    wires = [
+        runs.loc[runs["at_cabinet"], "conductors"].sum()
+        for runs in (plant.on_asi.runs, plant.hardwired.runs)
+    ]
+    assert left == pytest.approx(100 * wires[0] / wires[1])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_saving_adds_up_from_its_parts(name):
+    numbers, saved = right("ex-10-2", name)
+    plant = Plant(contacts=2, spacing=4, **numbers)
+    parts = ["cable cost", "labour cost", "hardware cost"]
+    wired, bus = (
+        sum(quantities(each)[part] for part in parts) for each in (plant.hardwired, plant.on_asi)
+    )
+    assert saved == pytest.approx(100 * (wired - bus) / wired)
+
+
+@pytest.mark.parametrize(("modules", "spacing"), [(4, 1), (4, 2), (8, 1), (8, 2)])
+def test_at_the_break_even_distance_both_designs_cost_the_same(modules, spacing):
+    place = exercise("ex-10-3").answer(modules=modules, spacing=spacing).value
+    plant = Plant(modules=modules, contacts=2, distance=place, spacing=spacing)
+    wired, bus = (quantities(each)["total cost"] for each in (plant.hardwired, plant.on_asi))
+    assert bus == pytest.approx(wired, rel=1e-9)
+    assert 10 < place < 50
+    assert "repeater" not in set(plant.on_asi.devices["kind"])  # else the lines would jump
+
+
+def test_what_is_chosen_keeps_the_limit_and_nothing_that_does_is_cheaper():
+    function = exercise("ex-10-4").answer()
+    chosen = [function.value(*case) for case in function.cases]
+    assert chosen == ["home runs", "AS-i", "junction boxes", "none", "junction boxes"]
+    for (options, limit), name in zip(function.cases, chosen, strict=True):
+        ranked = sorted(options, key=lambda option: options[option][0])
+        kept = [o for o in ranked if options[o][1] <= limit and options[o][2] == 0]
+        assert name == (kept or ["none"])[0]
+
+
+def test_whoever_takes_the_cheapest_or_the_first_that_fits_is_told_so():
+    def cheapest(options, limit):
+        return min(options, key=options.get)
+
+    def first_that_fits(options, limit):
+        for name, (_, lost, faults) in options.items():
+            if lost <= limit and faults == 0:
+                return name
+        return "none"
+
+    assert "two things come before the cost" in str(check("ex-10-4", cheapest))
+    assert "which one is the cheapest" in str(check("ex-10-4", first_that_fits))
+
+
+def test_the_options_of_exercise_4_are_those_of_the_plans():
+    long, short = (function_case[0] for function_case in exercise("ex-10-4").answer().cases[-2:])
+    for row, planned in (
+        (long["AS-i"], network("AS-i")),
+        (long["home runs"], network("home runs")),
+        (short["AS-i without repeaters"], network("AS-i", 0)),
+    ):
+        assert row[0] == pytest.approx(quantities(planned)["total cost"], abs=51)
+        assert row[2] == len(ballast()) - planned.points["fits"].sum()
+
+
+def test_the_defended_choice_of_the_lesson_holds():
+    short, boxes = network("AS-i", 1, tree=False), network("junction boxes")
+    both = compare_networks([short, boxes])
+    table = both.table.loc[[short.name, boxes.name]]
+    assert table["points left out"].tolist() == [0, 0]
+    assert table["lost by one failure"].tolist() == [40, 60]
+    assert (table["total cost"] / 1e3).round().tolist() == [52, 72]
+    kept = table[["rules kept", "rules broken", "rules not verified"]].iloc[0]
+    assert kept.tolist() == [4, 0, 11]
+    # A line is lost with its master.
+    assert sorted(short.segments["points"]) == [10, 10, 20, 40, 40]
+    # 40 points are 8 whole valves, whichever of the worst failures it is.
+    cuts = both.cuts[short.name]
+    worst = cuts[(cuts["kind"] != "cabinet") & (cuts["points_lost"] == 40)]
+    assert len(worst) > 1
+    assert {len({tag.partition("-")[0] for tag in tags}) for tags in worst["tags"]} == {8}
+    assert not tornado(both.networks).table["order changes"].any()
+    # What speaks against it: single cables, and two rules that nobody read.
+    assert table["lost by one cable"].tolist() == [40, 10]
+    rules = both.rules[both.rules["option"] == short.name]
+    failing = rules["why"].str.startswith("would fail")
+    assert set(rules["rule"][failing]) == {"network", "supply changes over"}
+    assert table["labour"].round().tolist() == [461, 598]
+
+
+def test_two_assumptions_turn_as_i_and_can_round_and_none_home_runs():
+    networks = {name: plan(ballast(), Site((20, -6, 14)), name) for name in ("AS-i", "CAN")}
+    turns = tornado(networks).table["order changes"]
+    assert set(turns.index[turns]) == {"laying_time", "asi_analogue_module"}
+    far = tornado({"AS-i": networks["AS-i"], "home runs": network("home runs")})
+    assert not far.table["order changes"].any()
+
+
+def test_each_way_to_count_saves_70_percent_at_its_own_distance():
+    rng = np.random.default_rng(2026)
+    for counted, distance in (
+        ("cable", 15),
+        ("cable and labour", 70),
+        ("cable, labour and hardware", 165),
+    ):
+        doors = Plant(modules=10, contacts=2, distance=distance, spacing=4)
+        assert 100 * cost_saving(doors, rng=rng, draws=1)["nominal"][counted] == pytest.approx(
+            70, abs=0.5
+        )
+
+
+def test_the_conductors_of_as_i_are_three_ways_of_two_lines_and_seven_pairs_of_power():
+    planned = network("AS-i")
+    at_cabinet = planned.runs[planned.runs["at_cabinet"]]
+    assert (at_cabinet["conductors"] == 2).all()
+    assert at_cabinet["kind"].value_counts().to_dict() == {"feeder": 7, "trunk": 3}
+    assert len(planned.segments) == 2
+
+
+def test_the_best_design_changes_at_two_prices_of_a_point():
+    plans = {
+        "plain": network("AS-i"),
+        "short": network("AS-i", 1, tree=False),
+        "runs": network("home runs"),
+    }
+    cost = {name: quantities(each)["total cost"] for name, each in plans.items()}
+    lost = {
+        name: cuts[cuts["kind"] != "cabinet"]["points_lost"].max()
+        for name, cuts in ((name, single_cuts(each)) for name, each in plans.items())
+    }
+    assert lost == {"plain": 70, "short": 40, "runs": 1}
+    best = [
+        min(plans, key=lambda name: cost[name] + price * lost[name])
+        for price in (0, 365, 375, 1775, 1785, 2500)
+    ]
+    assert best == ["plain", "plain", "short", "short", "runs", "runs"]

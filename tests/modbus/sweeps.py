@@ -1,0 +1,55 @@
+"""Faults of redundant lines at many instants, and what the closed forms are compared with."""
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from shipnet.modbus.redundancy import line_faults
+from shipnet.modbus.simulation import Master, Run, simulate
+
+
+def sweep(system, faults, instants=None):
+    """Return the longest gaps, (n_instants, n_slaves), with faults that begin together for good.
+
+    The instants are the ends of the answers of the second scan if omitted, the worst of which is
+    the worst of all.
+    """
+    failed = line_faults(faults)
+    if instants is None:
+        begin, each = system.period, system.poll.time
+        whole = simulate(system, until=begin + (system.n_slaves - 0.5) * each)
+        instants = whole.answer_times[-system.n_slaves :]
+    # A lost slave takes one more scan's time until it is given up than one that is moved.
+    settled = (system.failures + 3) * (
+        system.period + 2 * system.n_slaves * system.poll.timeout_time
+    )
+    at = np.atleast_1d(np.asarray(instants, dtype=float))
+    gaps = np.empty((at.size, system.n_slaves))
+    for row, instant in enumerate(at):
+        begun = tuple(replace(fault, start=float(instant), stop=np.inf) for fault in failed)
+        master, end, quiet = Master(system, begun), float(instant) + settled, 0
+        while master.time < end and quiet < 2:
+            before, tried = master.time, len(master.tries)
+            master.scan(end)
+            quiet = quiet + 1 if before > instant and master.last_failure < before else 0
+            # All are lost.
+            quiet = 2 if before > instant and len(master.tries) == tried else quiet
+        gaps[row] = Run(system, begun, master.tries[-1][0], master.tries).gaps
+    gaps[:, [slave - 1 for slave in system.reach(failed).lost]] = np.inf
+    return gaps
+
+
+def pairs(system):
+    """Return every two different single faults."""
+    return list(combinations(system.single_faults(), 2))
+
+
+def longest_recovery(system):
+    """Return how long it takes at most after a repair until all is as before [s].
+
+    In the worst case a try through both ports has just begun; after its time-outs the rule waits,
+    then a scan may pass until the next slave to be tried has its turn, and one more until the
+    last has.
+    """
+    return system.recheck + 2 * system.period + 2 * system.poll.unanswered_time

@@ -1,0 +1,278 @@
+import csv
+from functools import reduce
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.errors import (
+    ArgumentError,
+    CrcError,
+    FieldError,
+    FormError,
+    FrameError,
+    LengthError,
+    MismatchError,
+    SymbolError,
+    UnknownCallError,
+)
+from shipnet.modbus.adu import Adu, decode, rtu_frame, tcp_frame
+from shipnet.modbus.pdu import Request, Response
+
+VECTORS = Path(__file__).parents[1] / "reference" / "modbus" / "modbus_crc_vectors.csv"
+WORD = st.integers(0, 0xFFFF)
+PDU = st.binary(min_size=1, max_size=253)
+
+
+def words(most):
+    return st.lists(WORD, min_size=1, max_size=most)
+
+
+def bits(most):
+    return st.lists(st.booleans(), min_size=1, max_size=most)
+
+
+REQUESTS = st.one_of(
+    st.builds(Request.read, st.integers(1, 2), WORD, st.integers(1, 2000)),
+    st.builds(Request.read, st.integers(3, 4), WORD, st.integers(1, 125)),
+    st.builds(Request.write_single_coil, WORD, st.booleans()),
+    st.builds(Request.write_single_register, WORD, WORD),
+    st.builds(Request.write_multiple_coils, WORD, bits(40)),
+    st.builds(Request.write_multiple_registers, WORD, words(123)),
+    st.builds(Request.read_write_multiple_registers, WORD, st.integers(1, 125), WORD, words(121)),
+)
+
+
+def answer(request):
+    """Return a normal response to a request, as a slave with nothing but zeros gives it."""
+    reads = request.function in (1, 2, 3, 4, 23)
+    return request.response([0] * request.quantity if reads else ())
+
+
+def crc_by_shifting(data):
+    """The generation procedure that the serial line guide spells out in section 6.2.2."""
+    register = 0xFFFF
+    for byte in data:
+        register ^= byte
+        for _ in range(8):
+            register = register >> 1 ^ (0xA001 if register & 1 else 0)
+    return register
+
+
+def test_the_reference_frames_come_out_and_go_in():
+    with VECTORS.open() as file:
+        frames = [row["adu_hex_lowbyte_first"] for row in csv.DictReader(file)]
+    frames = [bytes.fromhex(frame) for frame in frames if frame]
+    assert len(frames) == 10
+    for frame in frames:
+        adu = decode(frame)
+        assert rtu_frame(adu.unit_id, adu.pdu) == frame
+        assert adu == Adu(frame[0], frame[1:-2]) and adu.rtu == frame
+
+
+@given(unit=st.integers(0, 247), pdu=PDU, transaction=WORD)
+def test_every_frame_carries_what_was_put_in(unit, pdu, transaction):
+    rtu = rtu_frame(unit, pdu)
+    assert rtu[-2] | rtu[-1] << 8 == crc_by_shifting(bytes([unit]) + pdu)
+    assert decode(rtu) == Adu(unit, pdu)
+    text = Adu(unit, pdu).ascii
+    assert decode(text, "ascii") == decode(text.lower(), "ascii") == Adu(unit, pdu)
+    assert reduce(int.__add__, bytes.fromhex(text[1:-2].decode())) % 256 == 0
+    tcp = tcp_frame(unit, pdu, transaction)
+    assert decode(tcp, "tcp") == Adu(unit, pdu, transaction)
+    assert Adu(unit, pdu, transaction).tcp == tcp
+    assert (len(rtu), len(text), len(tcp)) == (len(pdu) + 3, 2 * len(pdu) + 7, len(pdu) + 7)
+
+
+@given(pdu=PDU, data=st.data())
+def test_up_to_two_wrong_bits_never_pass_the_crc(pdu, data):
+    frame = bytearray(rtu_frame(1, pdu))
+    place = st.integers(0, 8 * len(frame) - 1)
+    for bit in data.draw(st.sets(place, min_size=1, max_size=2)):
+        frame[bit // 8] ^= 1 << bit % 8
+    with pytest.raises(CrcError):
+        decode(frame)
+
+
+@given(data=st.binary(max_size=300))
+def test_decoders_survive_any_bytes(data):
+    for framing in ("rtu", "ascii", "tcp"):
+        try:
+            adu = decode(data, framing)
+        except FrameError:
+            continue
+        assert 1 <= len(adu.pdu) <= 253
+
+
+@given(function=st.sampled_from([*range(26), 0x80, 0x81, 0x90, 0xFF]), data=st.binary(max_size=260))
+def test_readers_survive_any_bytes_and_reread_what_they_read(function, data):
+    for parse in (Request.parse, Response.parse):
+        for pdu in (data, bytes([function]) + data):
+            try:
+                message = parse(pdu)
+            except FrameError:
+                continue
+            assert parse(message.pdu) == message
+            assert len(message.pdu) == len(pdu)
+
+
+@given(request=REQUESTS)
+def test_requests_come_back_and_their_answers_have_the_size_foretold(request):
+    assert Request.parse(request.pdu) == request
+    response = answer(request)
+    assert len(response.pdu) == request.response_size
+    assert Response.parse(response.pdu, request) == response
+    refused = request.exception(2)
+    assert Response.parse(refused.pdu, request) == refused
+
+
+def test_the_largest_of_each_kind_fits_the_longest_frame():
+    assert len(Request.write_multiple_coils(0, [1] * 1968).pdu) == 252
+    assert len(Request.write_multiple_registers(0, [0] * 123).pdu) == 252
+    assert len(Request.read_write_multiple_registers(0, 125, 0, [0] * 121).pdu) == 252
+    assert (
+        Request.read_holding_registers(0, 125).response_size
+        == Request.read_coils(0, 2000).response_size
+        == 252
+    )
+    assert len(rtu_frame(247, bytes(253))) == 256
+    assert len(tcp_frame(255, bytes(253), 0)) == 260
+    assert len(Adu(247, bytes(253)).ascii) == 513
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Request.read_coils(0, 2001), r"quantity is 2001.*1\.\.2000 for function code 1"),
+        (lambda: Request.read_holding_registers(0, 126), r"1\.\.125"),
+        (lambda: Request.read_input_registers(0, 0), "quantity is 0"),
+        (lambda: Request.read(5, 0, 1), "function is 5"),
+        (lambda: Request.read_holding_registers(65536, 1), "address is 65536"),
+        (lambda: Request.read_holding_registers(0, 1.0), r"quantity is 1\.0"),
+        (lambda: Request.write_single_coil(0, 2), r"coils\[0\] is 2"),
+        (lambda: Request.write_single_coil(0, float("nan")), "nan"),
+        (lambda: Request.write_single_register(0, -1), r"registers\[0\] is -1"),
+        (
+            lambda: Request.write_multiple_coils(0, [0] * 1969),
+            r"1969 values; it must have 1\.\.1968",
+        ),
+        (lambda: Request.write_multiple_coils(0, 1), "must be a sequence"),
+        (lambda: Request.write_multiple_registers(0, [0] * 124), r"1\.\.123"),
+        (lambda: Request.write_multiple_registers(0, []), "0 values"),
+        (lambda: Request.read_write_multiple_registers(0, 126, 0, [0]), "quantity is 126"),
+        (lambda: Request.read_write_multiple_registers(0, 1, 0, [0] * 122), r"1\.\.121"),
+        (lambda: Response(7, registers=[0]), "function is 7"),
+        (lambda: Response(16, address=0, quantity=124), r"1\.\.123"),
+        (lambda: Response(3, exception=7), "exception is 7"),
+        (lambda: Response(128, exception=1), "function is 128"),
+        (lambda: rtu_frame(248, b"\1"), r"unit_id is 248.*0\.\.247"),
+        (lambda: rtu_frame(1, b""), r"1\.\.253 bytes"),
+        (lambda: Adu(1, bytes(254)), r"1\.\.253 bytes"),
+        (lambda: tcp_frame(256, b"\1", 0), "unit_id is 256"),
+        (lambda: tcp_frame(1, b"\1", 65536), "transaction_id"),
+        (lambda: decode("11"), "must be bytes"),
+        (lambda: Request.parse([3]), "must be bytes"),
+        (lambda: Response.parse(bytes([3, 2, 0, 1]), 5), "request is 5; it must be a Request"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("pdu", "error", "message"),
+    [
+        ("", LengthError, "0 bytes"),
+        ("07", UnknownCallError, "function code is 7"),
+        ("83", UnknownCallError, "131"),
+        ("0300000001ff", LengthError, "6 bytes; it must have 5"),
+        ("0300000000", FieldError, "quantity is 0"),
+        ("050000ff01", FieldError, "coil value is 0xFF01"),
+        ("0f0000000901ff", FieldError, "byte count is 1, but 9 coils"),
+        ("0f0000000802ff", LengthError, "byte count is 2, but 1 bytes"),
+        ("100000000204000a", LengthError, "byte count is 4, but 2 bytes"),
+        ("100000000202000a", FieldError, "byte count is 2; it must be 2 x 2"),
+        ("17000000010000", LengthError, "10 or more"),
+    ],
+)
+def test_faulty_requests_are_refused_by_field(pdu, error, message):
+    with pytest.raises(error, match=message) as caught:
+        Request.parse(bytes.fromhex(pdu))
+    assert caught.type is error
+
+
+@pytest.mark.parametrize(
+    ("pdu", "request_", "error", "message"),
+    [
+        ("0303000000", None, FieldError, "an even number"),
+        ("0300", None, FieldError, "registers has 0 values"),
+        ("030200010002", None, LengthError, "byte count is 2, but 4 bytes"),
+        ("8307", None, FieldError, "exception is 7"),
+        ("8302ff", None, LengthError, "must have 2"),
+        ("80", None, UnknownCallError, "128"),
+        (
+            "04020000",
+            Request.read_holding_registers(0, 1),
+            MismatchError,
+            "function code is 4, but 3",
+        ),
+        ("8402", Request.read_holding_registers(0, 1), MismatchError, "function code is 4"),
+        (
+            "03020000",
+            Request.read_holding_registers(0, 2),
+            MismatchError,
+            "byte count is 2, .* makes 4",
+        ),
+        ("0101ff", Request.read_coils(0, 9), MismatchError, "byte count is 1"),
+        ("0600010003", Request.write_single_register(1, 4), MismatchError, "echo is 0600010003"),
+        (
+            "1000010003",
+            Request.write_multiple_registers(1, [0, 0]),
+            MismatchError,
+            "00010003.*00010002",
+        ),
+    ],
+)
+def test_faulty_responses_are_refused_by_field(pdu, request_, error, message):
+    with pytest.raises(error, match=message) as caught:
+        Response.parse(bytes.fromhex(pdu), request_)
+    assert caught.type is error
+
+
+@pytest.mark.parametrize(
+    ("framing", "frame", "error"),
+    [
+        ("rtu", "010300", LengthError),
+        ("rtu", rtu_frame(1, bytes(253)).hex() + "00", LengthError),
+        ("ascii", b"1103006B00037E\r\n".hex(), FormError),
+        ("ascii", b":1103006B00037E\n\n".hex(), FormError),
+        ("ascii", b":1103006B00037G\r\n".hex(), SymbolError),
+        ("ascii", b":1103006B00037\r\n".hex(), LengthError),
+        ("ascii", b":1103006B00037F\r\n".hex(), CrcError),
+        ("tcp", "000000010002ff03", FieldError),
+        ("tcp", "000000000003ff03", LengthError),
+        ("tcp", "000000000001ff", LengthError),
+    ],
+)
+def test_faulty_frames_are_refused(framing, frame, error):
+    with pytest.raises(error) as caught:
+        decode(bytes.fromhex(frame), framing)
+    assert caught.type is error
+
+
+def test_a_reserved_unit_id_with_a_right_crc_is_refused():
+    body = b"\xf8\x03\0\0\0\1"
+    with pytest.raises(FieldError, match="unit id is 248"):
+        decode(body + crc_by_shifting(body).to_bytes(2, "little"))
+    with pytest.raises(FieldError, match="unit id is 248"):
+        decode(b":F80305\r\n", "ascii")
+
+
+def test_numpy_values_are_numbers_too():
+    registers = np.array([1, 2], np.uint16)
+    assert Request.write_multiple_registers(np.int64(1), registers).registers == (1, 2)
+    assert Request.write_multiple_coils(0, np.array([True, False])).coils == (True, False)
+    assert Request.write_single_coil(0, 1) == Request.write_single_coil(0, True)

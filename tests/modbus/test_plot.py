@@ -1,0 +1,125 @@
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from shipnet import style
+from shipnet.errors import ArgumentError
+from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.redundancy import DualChannel, Loop
+from shipnet.modbus.simulation import simulate
+from shipnet.modbus.uart import SerialLine, _line_bits
+
+LINE = SerialLine(9600)
+POLL = Poll(Request.read_input_registers(0, 4), LINE, timeout=0.1)
+
+
+@pytest.fixture
+def ax():
+    with mpl.rc_context():
+        style.use()
+        figure = Figure()
+        FigureCanvasAgg(figure)
+        yield figure.subplots()
+
+
+@pytest.mark.parametrize(("differential", "low", "high"), [(None, 0, 1), (1.5, -1.5, 1.5)])
+def test_a_uart_picture_has_the_levels_and_the_bytes(ax, differential, low, high):
+    data = bytes.fromhex("0104402000") + b"\xff"
+    assert LINE.waveform(data, differential=differential).plot(ax=ax) is ax
+    (trace,) = ax.lines
+    middles = (LINE.t35 + (np.arange(66) + 0.5) / 9600) * 1e3
+    drawn = trace.get_ydata()[np.searchsorted(trace.get_xdata(), middles, side="right") - 1]
+    assert (drawn == np.where(_line_bits(data, LINE).ravel(), high, low)).all()
+    assert trace.get_drawstyle() == "steps-post"
+    assert [text.get_text() for text in ax.texts] == ["01", "04", "40", "20", "00", "FF"]
+    assert all(text.get_position()[1] > high for text in ax.texts)
+    character = LINE.character_time * 1e3
+    centres = [text.get_position()[0] for text in ax.texts]
+    assert centres == pytest.approx(LINE.t35 * 1e3 + (np.arange(6) + 0.5) * character)
+    starts = [patch.get_x() for patch in ax.patches]
+    assert starts == pytest.approx(LINE.t35 * 1e3 + np.arange(6) * character + 1e3 / 9600)
+    assert ax.get_xlabel() == "time [ms]"
+    assert ax.get_ylabel() == ("D1 - D0 [V]" if differential else "level")
+
+
+def test_a_loop_shows_who_is_served_from_where_and_what_failed(ax):
+    loop = Loop(12, POLL)
+    faults = [Break(4), Break(6), DeadSlave(9)]
+    assert loop.plot(faults, ax=ax) is ax
+    served = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert served == ["4 through A", "5 through B", "3 lost"]
+    groups = {line.get_label(): line for line in ax.lines}
+    places = {text.get_text(): np.array(text.get_position()) for text in ax.texts}
+    for label, slaves in zip(served, ([1, 2, 3, 4], [7, 8, 10, 11, 12], [5, 6, 9]), strict=True):
+        drawn = groups[label].get_xydata()
+        assert drawn == pytest.approx(np.array([places[str(s)] for s in slaves]))
+    red = [k for k in range(13) if groups[f"_section {k}"].get_color() == style.LIMIT["color"]]
+    assert red == [4, 6]
+    ends = groups["_section 4"].get_xydata()[[0, -1]]
+    assert ends == pytest.approx(np.array([places["4"], places["5"]]))
+    assert groups["_dead"].get_xydata()[0] == pytest.approx(places["9"])
+    assert {"break 4", "break 6", "master", "A", "B"} <= set(places)
+
+
+def test_a_large_loop_has_no_numbers_but_all_its_slaves(ax):
+    Loop(247, POLL).plot([Short(100), DeadPort("B")], ax=ax)
+    assert {text.get_text() for text in ax.texts} == {"short 100", "master", "A", "B"}
+    (lost,) = (line for line in ax.lines if line.get_label() == "247 lost")
+    assert len(lost.get_xdata()) == 247
+
+
+def test_a_line_that_is_not_closed_ends_at_its_last_slave(ax):
+    Loop(5, POLL, closed=False).plot(Break(3), ax=ax)
+    assert {"A", "break 3", "5"} <= {text.get_text() for text in ax.texts}
+    assert "B" not in {text.get_text() for text in ax.texts}
+    sections = [line for line in ax.lines if line.get_label().startswith("_section")]
+    assert len(sections) == 5
+    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["3 through A", "2 lost"]
+
+
+def bars(ax, label):
+    (found,) = (c for c in ax.collections if c.get_label() == label)
+    boxes = [path.get_extents() for path in found.get_paths()]
+    return [(box.x0, box.x1) for box in boxes]
+
+
+def test_a_switch_over_shows_requests_responses_and_the_silence_between(ax):
+    ams = DualChannel(POLL)
+    run = simulate(ams, faults=Break(0, start=2.5, stop=4.5), until=6)
+    assert run.plot(ax=ax) is ax
+    request, response = LINE.frame_time(8), LINE.frame_time(13)
+    on_a = [(t, t + request) for t in (0, 1, 2, 3)]
+    assert bars(ax, "request") == [pytest.approx(bar) for bar in on_a]
+    begins = [t + request + LINE.t35 for t in (0, 1, 2)]
+    assert bars(ax, "response") == [pytest.approx((t, t + response)) for t in begins]
+    assert bars(ax, "no response") == [pytest.approx((3 + request, 3 + request + 0.1))]
+    on_b = [t for t, _ in bars(ax, "_request")]
+    assert on_b == pytest.approx([3 + request + 0.1, 4, 5])
+    assert bars(ax, "_no response") == []
+    assert [text.get_text() for text in ax.texts] == [" break 0", " break 0 repaired"]
+    assert [line.get_xdata()[0] for line in ax.lines] == [2.5, 4.5]
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["port A", "port B"]
+    assert ax.get_xlabel() == "time [s]" and ax.get_xlim() == (0, 6)
+
+
+def test_a_part_of_a_run_has_only_what_happens_in_it(ax):
+    run = simulate(Loop(3, POLL), faults=[Break(1, start=1)], until=5)
+    run.plot(ax=ax, start=2, stop=2.1)
+    everything = [bar for label in ("request", "_request") for bar in bars(ax, label)]
+    assert 3 <= len(everything) <= 5 and ax.get_xlim() == (2, 2.1) and not ax.texts
+
+
+@pytest.mark.parametrize(
+    ("draw", "message"),
+    [
+        (lambda ax: Loop(3, POLL).plot([Break(9)], ax=ax), "section is 9"),
+        (lambda ax: simulate(Loop(3, POLL), until=1).plot(ax=ax, start=2), "stop is 1 s"),
+    ],
+)
+def test_what_cannot_be_drawn_is_named(ax, draw, message):
+    with pytest.raises(ArgumentError, match=message):
+        draw(ax)

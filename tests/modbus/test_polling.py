@@ -1,0 +1,140 @@
+import csv
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.errors import ArgumentError
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.uart import SerialLine
+
+STATUS = Request.read_input_registers(0, 4)
+TABLE = Path(__file__).parents[1] / "reference" / "modbus" / "modbus_rtu_timing.csv"
+with TABLE.open() as file:
+    ROWS = list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row["baud"])
+def test_the_reference_table_comes_out_to_its_last_digit(row):
+    line = SerialLine(int(row["baud"]))
+    read, write = (
+        Poll(Request.read_input_registers(0x4020, 4), line),
+        Poll(Request.write_single_register(0x4001, 1), line),
+    )
+    columns = list(row.values())[1:]
+    scan = read.time
+    ours = [
+        line.character_time * 1e6,
+        line.t15 * 1e6,
+        line.t35 * 1e6,
+        line.frame_time(8) * 1e3,
+        line.frame_time(81) * 1e3,
+        line.frame_time(13) * 1e3,
+        read.time * 1e3,
+        write.time * 1e3,
+        read.scan_time(247),
+        # 250 and 256 slaves are more than the standard has: the table counts transactions.
+        250 * scan,
+        256 * scan,
+        line.frame_time(256) * 1e3,
+    ]
+    for printed, value in zip(columns, ours, strict=True):
+        digit = 10.0 ** -len(printed.partition(".")[2])
+        assert value == pytest.approx(float(printed), abs=0.501 * digit)
+
+
+@pytest.mark.parametrize(
+    ("character", "bits"), [("8N1", 10), ("8E1", 11), ("8O1", 11), ("8N2", 11), ("8E2", 12)]
+)
+def test_the_parity_bit_counts(character, bits):
+    assert SerialLine(9600, character).character_bits == bits
+    assert SerialLine(9600, character).t35 == pytest.approx(3.5 * bits / 9600)
+
+
+def test_the_silences_are_fixed_above_19200_only():
+    assert SerialLine(19200).t35 == pytest.approx(3.5 * 11 / 19200)
+    for rate in (19200.1, 38400, 1e6):
+        assert (SerialLine(rate).t15, SerialLine(rate).t35) == (750e-6, 1.75e-3)
+
+
+def walk(poll, alive):
+    """Let a clock run through a scan event by event; return where it stands at the end."""
+    byte = poll.line.character_time
+    clock = 0.0
+    for answers in alive:
+        for _ in range(poll.retries + 1):
+            clock += poll.request_size * byte
+            if not answers():
+                clock += poll.timeout
+                continue
+            clock += poll.line.t35 + poll.processing + poll.response_size * byte
+            clock += poll.line.t35
+            break
+    return clock
+
+
+POLLS = st.builds(
+    Poll,
+    st.one_of(
+        st.builds(Request.read_holding_registers, st.just(0), st.integers(1, 125)),
+        st.builds(lambda n: Request.write_multiple_registers(0, [0] * n), st.integers(1, 123)),
+    ),
+    st.builds(
+        SerialLine, st.sampled_from([1200, 9600, 19200, 115200]), st.sampled_from(["8E1", "8N1"])
+    ),
+    st.floats(0, 0.5),
+    st.floats(3.5, 9),
+    st.integers(0, 3),
+)
+
+
+@given(poll=POLLS, n=st.integers(1, 247), data=st.data())
+def test_a_scan_takes_what_a_walk_through_it_takes(poll, n, data):
+    dead = data.draw(st.integers(0, n))
+    clock = walk(poll, [lambda k=k: k >= dead for k in range(n)])
+    assert poll.scan_time(n, dead=dead) == pytest.approx(clock, rel=1e-9)
+
+
+@given(poll=POLLS, n=st.integers(1, 247), data=st.data())
+def test_the_most_slaves_fit_and_one_more_does_not(poll, n, data):
+    dead = data.draw(st.integers(0, n))
+    assert poll.max_slaves(poll.scan_time(n, dead=dead), dead=dead) == n
+    period = data.draw(st.floats(0.01, 100))
+    most = poll.max_slaves(period, dead=dead)
+    if most >= max(dead, 1):
+        assert poll.scan_time(most, dead=dead) <= period * (1 + 1e-9)
+    if dead <= most < 247:
+        assert poll.scan_time(most + 1, dead=dead) > period * (1 - 1e-9)
+    if most == 0 and dead:
+        assert dead * poll.timeout_time > period
+
+
+def test_a_dead_slave_costs_its_timeouts_instead_of_its_transaction():
+    poll = Poll(STATUS, SerialLine(9600), timeout=1.0, retries=2)
+    extra = poll.scan_time(250 - 3, dead=1) - poll.scan_time(247)
+    assert extra == pytest.approx(3 * (8 * 11 / 9600 + 1) - poll.time)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: SerialLine(0), "bit_rate is 0"),
+        (lambda: SerialLine(float("nan")), "bit_rate is nan"),
+        (lambda: SerialLine("9600"), "bit_rate"),
+        (lambda: SerialLine(9600, "7E1"), "character is '7E1'"),
+        (lambda: SerialLine(9600, "8e1"), "character"),
+        (lambda: SerialLine(9600).frame_time(257), r"size is 257.*4\.\.256"),
+        (lambda: Poll(STATUS, SerialLine(9600), processing=-1), "processing is -1"),
+        (lambda: Poll(STATUS, SerialLine(9600), timeout=0.018), "timeout is 0.018 s"),
+        (lambda: Poll(STATUS, SerialLine(9600), retries=-1), "retries"),
+        (lambda: Poll(STATUS, SerialLine(9600)).scan_time(248), r"n_slaves is 248.*1\.\.247"),
+        (lambda: Poll(STATUS, SerialLine(9600)).scan_time(2, dead=3), r"dead is 3.*0\.\.2"),
+        (lambda: Poll(None, SerialLine(9600)), "request is None; it must be a Request"),
+        (lambda: Poll(STATUS, None), "line is None; it must be a SerialLine"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

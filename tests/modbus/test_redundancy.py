@@ -1,0 +1,362 @@
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet.errors import ArgumentError
+from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.redundancy import DualChannel, Loop
+from shipnet.modbus.simulation import simulate
+from shipnet.modbus.uart import SerialLine
+from tests.modbus.sweeps import longest_recovery, pairs, sweep
+
+LINE = SerialLine(9600)
+STATUS, ONE = Request.read_input_registers(0, 4), Request.read_holding_registers(0, 1)
+#: Rounding of sums of some hundred times of milliseconds to seconds [s].
+DUST = 1e-9
+
+
+def loop(
+    n=5,
+    *,
+    timeout=0.1,
+    retries=0,
+    failures=1,
+    move="slave",
+    isolators=False,
+    recheck=60,
+    closed=True,
+):
+    poll = Poll(STATUS, LINE, timeout=timeout, retries=retries)
+    return Loop(
+        n, poll, closed=closed, isolators=isolators, move=move, failures=failures, recheck=recheck
+    )
+
+
+def joined_in_a_graph(loop, faults):
+    """Return who each port reaches, walked along the cable: the ends of sections are nodes."""
+    n = loop.n_slaves
+    graph = nx.Graph()
+    graph.add_nodes_from(range(n + 2))
+    broken = {f.section for f in faults if isinstance(f, Break)}
+    shorted = {f.section for f in faults if isinstance(f, Short)}
+    if loop.isolators:
+        broken, shorted = broken | shorted, set()
+    graph.add_edges_from((k, k + 1) for k in range(n + 1) if k not in broken)
+    touched = {end for k in shorted for end in (k, k + 1)}
+    dead_slaves = {f.slave for f in faults if isinstance(f, DeadSlave)}
+    dead_ports = {f.port for f in faults if isinstance(f, DeadPort)}
+    reached = []
+    for name, node in (("A", 0), ("B", n + 1)):
+        group = nx.node_connected_component(graph, node)
+        alive = name not in dead_ports and not group & touched
+        reached.append([s for s in range(1, n + 1) if alive and s in group - dead_slaves])
+    return reached
+
+
+@pytest.mark.parametrize("isolators", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 6])
+def test_reach_is_what_a_walk_along_the_cable_finds(n, isolators):
+    system = loop(n, isolators=isolators)
+    faults = system.single_faults()
+    for count in range(4):
+        for case in combinations(faults, count):
+            reach = system.reach(case)
+            assert [reach.through_a, reach.through_b] == joined_in_a_graph(system, case)
+            union = {*reach.through_a, *reach.through_b, *reach.lost}
+            assert union == set(range(1, n + 1))
+
+
+def test_one_break_loses_nobody_and_two_lose_those_between():
+    system = loop(20)
+    for k in range(21):
+        reach = system.reach([Break(k)])
+        assert (reach.lost, len(reach.through_a), len(reach.through_b)) == ([], k, 20 - k)
+    assert system.reach([Break(3), Break(9)]).lost == [4, 5, 6, 7, 8, 9]
+    assert system.reach([Break(3), DeadPort("B")]).lost == list(range(4, 21))
+
+
+def test_a_short_takes_all_without_isolators_and_nobody_with_them():
+    assert loop(20).reach([Short(7)]).lost == list(range(1, 21))
+    assert loop(20).reach([Short(7), Break(5)]).served == ["A"] * 5 + ["-"] * 15
+    assert loop(20, isolators=True).reach([Short(7)]) == loop(20).reach([Break(7)])
+
+
+@pytest.mark.parametrize("isolators", [False, True])
+@pytest.mark.parametrize("move", ["slave", "downstream"])
+def test_the_table_of_all_cases_says_what_each_case_says(isolators, move):
+    system = loop(7, isolators=isolators, move=move, failures=2)
+    table = system.single_failures()
+    cases = system.single_faults()
+    assert len(table) == len(cases)
+    for row, case in zip(table.itertuples(), cases, strict=True):
+        assert row.Index == str(case) and row.kind == row.Index.split()[0]
+        served, gaps = system.reach(case).served, system.worst_gap(case)
+        counts = [served.count(port) for port in "AB-"]
+        assert [row.served_a, row.served_b, row.lost] == counts
+        finite = gaps[np.isfinite(gaps)]
+        longest = finite.max() if finite.size else np.nan
+        assert row.worst_gap_s == pytest.approx(longest, nan_ok=True)
+
+
+RULES = [
+    pytest.param(retries, timeout, failures, move, id=f"{retries}-{timeout}-{failures}-{move}")
+    for retries, timeout in ((0, 0.02), (1, 0.1), (0, 1.0))
+    for failures in (1, 2, 3)
+    for move in ("slave", "downstream")
+]
+
+
+@pytest.mark.parametrize(("retries", "timeout", "failures", "move"), RULES)
+def test_the_closed_form_is_what_a_simulation_finds_at_worst(retries, timeout, failures, move):
+    system = loop(4, retries=retries, timeout=timeout, failures=failures, move=move)
+    given_up = system.poll.timeout_time
+    for case in [*((f,) for f in system.single_faults()), *pairs(system)]:
+        bound, found = system.worst_gap(case), sweep(system, case).max(axis=0)
+        served = np.array(system.reach(case).served)
+        assert (np.isinf(found) == (served == "-")).all()
+        slack = bound[served != "-"] - found[served != "-"]
+        assert (slack >= -DUST).all(), case
+        # One form is a bound only: the slaves that stay, moved together after several failures.
+        loose = move == "downstream" and failures > 1
+        allowed = np.where(served == "A", given_up if loose else 0, 0)[served != "-"]
+        assert (slack <= allowed + DUST).all(), case
+
+
+@settings(max_examples=60)
+@given(data=st.data())
+def test_no_instant_of_a_fault_is_worse_than_the_closed_form(data):
+    failures, retries = data.draw(st.integers(1, 3)), data.draw(st.integers(0, 2))
+    move, n = data.draw(st.sampled_from(["slave", "downstream"])), data.draw(st.integers(1, 9))
+    timeout = data.draw(st.floats(0.02, 1.5))
+    isolators = data.draw(st.booleans())
+    system = loop(
+        n, timeout=timeout, retries=retries, failures=failures, move=move, isolators=isolators
+    )
+    faults = st.sampled_from(system.single_faults())
+    case = data.draw(st.lists(faults, min_size=1, max_size=4, unique=True))
+    instants = data.draw(st.lists(st.floats(system.period, 5 * system.period), min_size=1))
+    found = sweep(system, case, instants)
+    assert (found <= system.worst_gap(case) + DUST).all()
+
+
+@pytest.mark.parametrize("move", ["slave", "downstream"])
+def test_the_bound_is_attained_on_the_largest_loop(move):
+    system = loop(247, timeout=1.0, move=move)
+    case = [Break(100)]
+    instant = simulate(system, until=2 * system.period - 0.01).answer_times[247 + 149]
+    found = sweep(system, case, [instant])[0]
+    assert found[149] == pytest.approx(system.worst_gap(case)[149], abs=1e-6)
+    by_hand = 247 * system.poll.time + (147 if move == "slave" else 2) * system.poll.timeout_time
+    assert found[149] == pytest.approx(by_hand, abs=1e-6)
+
+
+@pytest.mark.parametrize("timeout", [0.05, 0.3, 1.7])
+@pytest.mark.parametrize("failures", [1, 2, 4])
+def test_channels_switch_within_the_closed_form_and_as_late_as_that(timeout, failures):
+    ams = DualChannel(Poll(ONE, LINE, timeout=timeout, retries=1), failures=failures)
+    for fault in (Break(0), Short(0), DeadSlave(1), DeadPort("A")):
+        assert sweep(ams, [fault]).max() == pytest.approx(ams.worst_gap([fault]).max())
+        found = sweep(ams, [fault], np.linspace(1, 2, 23))
+        assert (found <= ams.worst_gap([fault]) + DUST).all()
+    for fault in (Break(1), Short(1), DeadSlave(2), DeadPort("B")):
+        assert sweep(ams, [fault]).max() == pytest.approx(ams.worst_gap([fault]).max()) == 1.0
+    lost = [len(ams.reach(case).lost) for case in pairs(ams)]
+    assert len(lost) == 28 and sum(lost) == 16
+
+
+@pytest.mark.parametrize("failures", [1, 2, 3])
+def test_a_line_that_is_not_closed_has_one_port(failures):
+    system = loop(5, failures=failures, closed=False)
+    faults = system.single_faults()
+    assert {str(f) for f in loop(5).single_faults()} - {str(f) for f in faults} == {
+        "break 5", "short 5", "port B",
+    }  # fmt: skip
+    for case in [*((f,) for f in faults), *pairs(system)]:
+        reach = system.reach(case)
+        assert reach == loop(5).reach([*case, DeadPort("B")])
+        bound, found = system.worst_gap(case), sweep(system, case).max(axis=0)
+        assert found == pytest.approx(bound), case
+        run = simulate(system, faults=case, until=20)
+        assert set(run.events().port) <= {"A"} and run.table().port.tolist() == reach.served
+
+
+def test_the_printed_switching_time_is_a_request_and_a_time_out():
+    line = SerialLine(9600)
+    ams = DualChannel(Poll(ONE, line, timeout=0.133 - line.frame_time(8)))
+    polls = simulate(ams, faults=[Break(0, start=1.5)], until=2.5).events()
+    last, first = polls[polls.port == "A"].iloc[-1], polls[polls.port == "B"].iloc[0]
+    assert not last.answered and first.answered and first.kind == "switch"
+    assert first.start_s - last.start_s == pytest.approx(0.133)
+
+
+def test_polls_never_overlap_and_take_what_their_outcome_takes():
+    faults = [Break(2, start=1.0, stop=30), DeadSlave(4, start=5, stop=40), DeadPort("B", start=9)]
+    polls = simulate(loop(6, retries=1, failures=2, recheck=3), faults=faults, until=60).events()
+    assert (polls.start_s.to_numpy()[1:] >= polls.end_s.to_numpy()[:-1] - DUST).all()
+    length = (polls.end_s - polls.start_s).groupby(polls.answered).agg(["min", "max"])
+    poll = loop().poll
+    assert length.loc[True].tolist() == pytest.approx([poll.time] * 2)
+    assert length.loc[False].tolist() == pytest.approx([poll.unanswered_time] * 2)
+
+
+def test_a_try_is_answered_exactly_if_its_path_is_whole_all_the_while():
+    faults = [
+        Break(2, start=1.0, stop=9.015),
+        Short(4, start=5.01, stop=14),
+        DeadSlave(4, start=3, stop=20),
+    ]
+    system = loop(6, recheck=0.5)
+    for row in simulate(system, faults=faults, until=25).events().itertuples():
+        end = row.start_s + system.poll.time - LINE.t35
+        edges = [
+            row.start_s,
+            *(t for f in faults for t in (f.start, f.stop) if row.start_s < t < end),
+        ]
+        whole = all(
+            row.slave
+            in joined_in_a_graph(system, [f for f in faults if f.start <= t < f.stop])[
+                row.port == "B"
+            ]
+            for t in edges
+        )
+        assert row.answered == whole
+
+
+@pytest.mark.parametrize("move", ["slave", "downstream"])
+@pytest.mark.parametrize("fault", loop(6).single_faults(), ids=str)
+def test_all_is_as_before_soon_after_a_repair(fault, move):
+    system = loop(6, move=move, recheck=2.0)
+    late = 0.0
+    for stop in np.linspace(8, 10.5, 26):
+        run = simulate(system, faults=[replace(fault, start=1.0, stop=stop)], until=25)
+        assert (run.table().port == "A").all()
+        recovery = run.table().recovery_s.max()
+        assert not recovery > longest_recovery(system)
+        late = max(late, np.nan_to_num(recovery))
+        after = run.events().query("start_s > @stop + @longest_recovery(@system)")
+        assert after.answered.all() and len(after) > 100
+    if str(fault) not in ("break 6", "port B"):
+        # The bound is not idle: two scans and two time-outs above the wait at most.
+        assert late > system.recheck
+
+
+def test_lost_slaves_cost_one_try_on_each_port_now_and_then():
+    system = loop(6, recheck=5.0)
+    polls = simulate(system, faults=[DeadSlave(2, start=1)], until=60).events()
+    failed = polls[~polls.answered]
+    assert failed.slave.unique().tolist() == [2]
+    probes = failed[failed.kind == "probe"]
+    assert probes.port.tolist() == ["A", "B"] * (len(probes) // 2)
+    waits = np.diff(probes.start_s.to_numpy()[::2])
+    assert (waits >= 5.0).all() and (waits <= 5.0 + system.period + 2 * 0.11).all()
+
+
+def test_a_broken_loop_serves_its_slaves_from_both_sides():
+    run = simulate(loop(6), faults=[Break(2, start=1.0)], until=10)
+    table = run.table()
+    assert table.port.tolist() == ["A"] * 2 + ["B"] * 4
+    assert np.isnan(table.switch_s[:2]).all() and (table.switch_s[2:] > 0).all()
+    assert (table.switch_s[2:] <= loop(6).worst_gap([Break(2)])[2:]).all()
+    assert table.recovery_s.isna().all()
+    assert table.answers.sum() == run.events().answered.sum()
+    assert table.longest_gap_s.tolist() == pytest.approx(run.gaps)
+
+
+def test_a_loop_in_which_all_are_lost_waits_and_comes_back():
+    system = loop(3, recheck=1.0)
+    run = simulate(system, faults=[Short(1, start=2, stop=20.5)], until=40)
+    assert (run.table().port == "A").all()
+    assert run.table().recovery_s.between(0, longest_recovery(system)).all()
+
+
+@pytest.mark.parametrize("failures", [1, 2])
+def test_a_lost_response_alone_switches_only_an_impatient_master(failures):
+    system = loop(5, failures=failures)
+    run = simulate(system, faults=[DeadSlave(3, start=0.56, stop=0.57)], until=10)
+    moved = (run.events().kind == "switch").any()
+    assert (~run.events().answered).sum() == 1 and moved == (failures == 1)
+
+
+def test_failures_count_only_in_a_row():
+    system = loop(5, failures=2)
+    ends = simulate(system, until=5).answer_times[2::5]
+    # The time-out of the first failure delays what follows.
+    delay = system.poll.unanswered_time - system.poll.time
+    for scan, switches in ((4, True), (5, False)):
+        hits = (ends[3], ends[scan] + delay)
+        faults = [DeadSlave(3, start=at - 0.01, stop=at + 0.001) for at in hits]
+        polls = simulate(system, faults=faults, until=5).events()
+        assert (~polls.answered).sum() == 2
+        assert (polls.kind == "switch").any() == switches
+
+
+def test_slaves_given_up_are_tried_in_turn():
+    system = loop(6, recheck=1.0)
+    polls = simulate(
+        system, faults=[DeadSlave(2), DeadSlave(5), Break(5, start=4)], until=30
+    ).events()
+    probed = polls[(polls.kind == "probe") & (polls.port == "A") & (polls.start_s > 8)].slave
+    assert len(probed) > 9
+    assert {*pairwise(probed)} == {(2, 5), (5, 6), (6, 2)}
+
+
+def test_gaps_and_recovery_are_those_of_the_slaves_concerned():
+    system = loop(6, recheck=2.0)
+    run = simulate(system, faults=[Break(4, start=1, stop=6), DeadSlave(1, start=2)], until=12)
+    recovery = run.table().recovery_s
+    assert recovery.isna().tolist() == [True] * 4 + [False] * 2
+    assert run.table().port.tolist() == ["-"] + ["A"] * 5
+    ends = run.events().query("answered and slave == 1").start_s + system.poll.time - LINE.t35
+    assert run.gaps[0] == pytest.approx(12 - ends.max()) and run.gaps[0] > 9
+
+
+def test_no_time_is_no_polls():
+    run = simulate(loop(2), until=0)
+    assert len(run.events()) == 0 and run.table().port.tolist() == ["-", "-"]
+    assert run.gaps.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: loop(0), r"n_slaves is 0.*1\.\.247"),
+        (lambda: loop(248), "n_slaves is 248"),
+        (lambda: loop(247, recheck=5), "recheck is 5 s"),
+        (lambda: loop(isolators=1), "isolators is 1"),
+        (lambda: loop(failures=0), "failures is 0"),
+        (lambda: loop(recheck=float("nan")), "recheck is nan"),
+        (lambda: loop(move="all"), "move is 'all'"),
+        (lambda: Break(248), "section is 248"),
+        (lambda: Break(1, start=-1), "start is -1"),
+        (lambda: Break(1, start=2, stop=2), "stop is 2 s"),
+        (lambda: Break(1, stop=float("nan")), "stop is nan"),
+        (lambda: Short(1.5), "section is 1.5"),
+        (lambda: DeadSlave(0), "slave is 0"),
+        (lambda: DeadPort("C"), "port is 'C'"),
+        (lambda: loop(5).reach([Break(6)]), r"section is 6.*0\.\.5"),
+        (lambda: loop(5).reach([DeadSlave(6)]), r"slave is 6.*1\.\.5"),
+        (lambda: loop(5).reach(["break"]), "'break'; it must be one of Break, DeadPort"),
+        (lambda: DualChannel(loop().poll).reach([Break(2)]), r"section is 2.*0\.\.1"),
+        (lambda: DualChannel(loop().poll).reach([DeadSlave(3)]), r"slave is 3.*1\.\.2"),
+        (lambda: DualChannel(loop().poll).reach([None]), "None; it must be one of Break"),
+        (lambda: DualChannel(loop().poll, period=0.01), "period is 0.01 s"),
+        (lambda: DualChannel(loop().poll, recheck=0.5), "recheck is 0.5 s"),
+        (lambda: simulate(loop(), until=-1), "until is -1"),
+        (lambda: simulate(loop(), faults=[Break(9)], until=1), "section is 9"),
+        (lambda: sweep(loop(), [Break(1)], [-1.0]), "start is -1"),
+        (lambda: Break(1, start=10, stop=None), "stop is None"),
+        (lambda: DeadSlave(1, start=10, stop="20"), "stop is '20'"),
+        (lambda: Loop(5, None), "poll is None; it must be a Poll"),
+        (lambda: DualChannel(None), "poll is None; it must be a Poll"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

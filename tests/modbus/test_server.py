@@ -1,0 +1,498 @@
+"""The server on real sockets and pseudo-terminals, asked by clients that others wrote."""
+
+import asyncio
+import os
+import select
+import socket
+import subprocess
+import sys
+import threading
+from contextlib import ExitStack, contextmanager, suppress
+from time import monotonic, sleep
+
+import minimalmodbus
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymodbus.client import ModbusSerialClient, ModbusTcpClient, ModbusUdpClient
+from pymodbus.exceptions import ModbusIOException
+
+from shipnet.errors import ArgumentError
+from shipnet.modbus.adu import rtu_frame, tcp_frame
+from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.server import serve
+from shipnet.modbus.slave import Registers, Slave
+from shipnet.modbus.uart import SerialLine
+from tests.support import require
+
+READ = Request.read_holding_registers(0, 2).pdu
+LINE = SerialLine(115200, "8N1")
+
+
+def device(first=10):
+    return Registers(
+        coils=[1, 0, 1, 1],
+        discrete_inputs=[0, 1],
+        holding_registers=[first, first + 1, first + 2],
+        input_registers={0x4020: 42},
+    )
+
+
+def response(first=10):
+    return Response(3, registers=[first, first + 1]).pdu
+
+
+@contextmanager
+def raw(server, kind=socket.SOCK_STREAM, timeout=5.0):
+    with socket.socket(socket.AF_INET, kind) as client:
+        client.settimeout(timeout)
+        client.connect(("127.0.0.1", server.port))
+        yield client
+
+
+def receive(client, size):
+    data = b""
+    while len(data) < size:
+        part = client.recv(size - len(data))
+        if not part:
+            break
+        data += part
+    return data
+
+
+def is_silent(client, seconds=0.15):
+    return not select.select([client], [], [], seconds)[0]
+
+
+def wait_for(find, seconds=10.0):
+    end = monotonic() + seconds
+    while not (found := find()):
+        assert monotonic() < end, "waited in vain"
+        sleep(0.002)
+    return found
+
+
+def pump(first, second, stop):
+    while True:
+        ready = select.select([first, second, stop], [], [])[0]
+        if stop in ready:
+            return
+        for source in ready:
+            os.write(second if source == first else first, os.read(source, 1024))
+
+
+@pytest.fixture
+def line():
+    """Two serial ports whose bytes reach each other."""
+    require("pty", hasattr(os, "openpty"), "this system has no pseudo-terminals")
+    import tty
+
+    try:
+        pairs = [os.openpty(), os.openpty()]
+    except OSError as problem:
+        require("pty", False, str(problem))
+    for _, end in pairs:
+        tty.setraw(end)
+    stop, stopper = os.pipe()
+    thread = threading.Thread(target=pump, args=(pairs[0][0], pairs[1][0], stop))
+    thread.start()
+    yield [os.ttyname(end) for _, end in pairs]
+    os.close(stopper)
+    thread.join()
+    for number in (stop, *pairs[0], *pairs[1]):
+        os.close(number)
+
+
+@contextmanager
+def opened(client):
+    assert client.connect()
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+def ask_everything(client, unit=1):
+    """Use every function code through pymodbus's client."""
+    one = {"device_id": unit}
+    assert client.read_coils(0, count=4, **one).bits[:4] == [True, False, True, True]
+    assert client.read_discrete_inputs(0, count=2, **one).bits[:2] == [False, True]
+    assert client.read_holding_registers(0, count=3, **one).registers == [10, 11, 12]
+    assert client.read_input_registers(0x4020, **one).registers == [42]
+    assert not client.write_coil(1, True, **one).isError()
+    assert not client.write_register(0, 500, **one).isError()
+    assert not client.write_coils(2, [False, False], **one).isError()
+    assert not client.write_registers(1, [501, 502], **one).isError()
+    assert client.read_coils(0, count=4, **one).bits[:4] == [True, True, False, False]
+    both = client.readwrite_registers(
+        read_address=0, read_count=3, write_address=2, values=[9], **one
+    )
+    assert both.registers == [500, 501, 9]
+    assert client.read_holding_registers(2, count=2, **one).exception_code == 2
+    assert client.mask_write_register(address=0, **one).exception_code == 1
+    assert client.read_input_registers(0x4020, **one).registers == [42]
+
+
+@pytest.mark.parametrize(("kind", "client"), [("tcp", ModbusTcpClient), ("udp", ModbusUdpClient)])
+def test_a_client_of_another_make_reads_and_writes_everything_over_a_socket(kind, client):
+    with serve({1: device()}, kind) as server:
+        with opened(client("127.0.0.1", port=server.port, timeout=5)) as master:
+            ask_everything(master)
+            assert master.read_coils(0, device_id=2).exception_code == 0x0B
+
+
+def test_two_clients_of_other_makes_read_and_write_everything_over_a_serial_line(line):
+    ours, theirs = line
+    with serve({1: device(), 2: device(20)}, "rtu", serial_port=ours, line=LINE):
+        with opened(ModbusSerialClient(theirs, baudrate=115200, timeout=5)) as master:
+            ask_everything(master)
+        instrument = minimalmodbus.Instrument(theirs, 2)
+        instrument.serial.baudrate, instrument.serial.timeout = 115200, 2
+        try:
+            assert instrument.read_registers(0, 3) == [20, 21, 22]
+            assert instrument.read_bits(0, 4, functioncode=1) == [1, 0, 1, 1]
+            instrument.write_register(1, 77, functioncode=6)
+            instrument.write_registers(2, [78])
+            instrument.write_bit(1, 1)
+            assert instrument.read_registers(0, 3) == [20, 77, 78]
+            assert instrument.read_bit(1, functioncode=1) == 1
+            with pytest.raises(minimalmodbus.IllegalRequestError):
+                instrument.read_register(3)
+            instrument.address, instrument.serial.timeout = 3, 0.2
+            with pytest.raises(minimalmodbus.NoResponseError):
+                instrument.read_register(0)
+            instrument.address, instrument.serial.timeout = 0, 2
+            instrument.write_register(0, 5, functioncode=6)
+            for unit in (1, 2):
+                instrument.address = unit
+                assert instrument.read_register(0) == 5
+        finally:
+            instrument.serial.close()
+
+
+def test_the_bytes_on_the_line_are_those_of_our_encoders(line):
+    import serial
+
+    ours, theirs = line
+    devices = {k: Slave(device(10 * k)) for k in (1, 247)}
+    with serve(devices, "rtu", serial_port=ours, line=LINE, silence=0.02):
+        with serial.Serial(theirs, 115200, timeout=5) as port:
+
+            def ask(frame, size):
+                port.write(frame)
+                return port.read(size)
+
+            for unit in devices:
+                expected = rtu_frame(unit, response(10 * unit))
+                assert ask(rtu_frame(unit, READ), len(expected)) == expected
+            refused = rtu_frame(1, b"\xc1\x01")  # a function code that no library knows
+            assert ask(rtu_frame(1, b"\x41\x00"), len(refused)) == refused
+            # Noise, a frame cut short, a wrong CRC and 300 bytes: silence, and then on it goes.
+            for noise in (b"\xff", rtu_frame(1, READ)[:5], rtu_frame(1, READ)[:-1] + b"\0"):
+                port.write(noise)
+                sleep(0.1)
+                assert port.in_waiting == 0
+                expected = rtu_frame(1, response(10))
+                assert ask(rtu_frame(1, READ), len(expected)) == expected
+            port.write(bytes(300))
+            sleep(0.2)
+            port.write(rtu_frame(248 - 1, READ)[:3])
+            sleep(0.005)
+            port.write(rtu_frame(248 - 1, READ)[3:])
+            expected = rtu_frame(247, response(2470))
+            assert port.read(len(expected)) == expected
+
+
+def test_answers_in_tcp_and_udp_are_the_bytes_of_our_encoders():
+    devices = {k: device(k) for k in (0, 1, 200, 247)}
+    for kind, sort in (("tcp", socket.SOCK_STREAM), ("udp", socket.SOCK_DGRAM)):
+        with serve(devices, kind) as server, raw(server, sort) as client:
+            for number, unit in enumerate([0, 1, 200, 247]):
+                client.send(tcp_frame(unit, READ, 65535 - number))
+                expected = tcp_frame(unit, response(unit), 65535 - number)
+                assert receive(client, len(expected)) == expected
+            client.send(tcp_frame(255, READ, 0))
+            assert receive(client, 13) == tcp_frame(255, response(0), 0)
+            client.send(tcp_frame(248, b"\x41", 7))
+            assert receive(client, 9) == tcp_frame(248, b"\xc1\x0b", 7)
+
+
+def test_held_back_answers_keep_their_transaction_ids_and_their_addresses():
+    slow = {1: Slave(device(1), delay=0.2), 2: device(2)}
+    with serve(slow) as server, raw(server) as client:
+        start = monotonic()
+        client.send(tcp_frame(1, READ, 11) + tcp_frame(2, READ, 22) + b"\0\x21\0")
+        assert receive(client, 13) == tcp_frame(2, response(2), 22)
+        assert receive(client, 13) == tcp_frame(1, response(1), 11)
+        assert monotonic() - start >= 0.2
+        server.slaves[1].delay = 0.0
+        client.send(tcp_frame(1, READ, 0x21)[3:])
+        assert receive(client, 13) == tcp_frame(1, response(1), 0x21)
+    with serve(slow | {1: Slave(device(1), delay=0.2)}, "udp") as server:
+        with raw(server, socket.SOCK_DGRAM) as one, raw(server, socket.SOCK_DGRAM) as other:
+            one.send(tcp_frame(1, READ, 1))
+            other.send(tcp_frame(2, READ, 2))
+            assert other.recv(300) == tcp_frame(2, response(2), 2)
+            assert one.recv(300) == tcp_frame(1, response(1), 1)
+            assert is_silent(other)
+
+
+def test_a_slow_answer_with_id_0_is_taken_for_the_next_valves_and_dropped_with_counted_ids():
+    valves = {1: Slave(device(100), delay=0.5), 2: device(200)}
+    with serve(valves, "udp") as server:
+        with raw(server, socket.SOCK_DGRAM, timeout=0.1) as master:
+            # As a master that goes by the order of the answers, with the header of kim2014.
+            master.send(tcp_frame(1, READ, 0))
+            with pytest.raises(TimeoutError):
+                master.recv(300)
+            assert not is_silent(master, 10)
+            master.send(tcp_frame(2, READ, 0))
+            assert master.recv(300)[8:] == response(100)[1:]  # valve 1's registers, not valve 2's
+        client = ModbusUdpClient("127.0.0.1", port=server.port, timeout=0.1, retries=0)
+        with opened(client) as master:
+            with pytest.raises(ModbusIOException, match="No response"):
+                master.read_holding_registers(0, count=2, device_id=1)
+            assert not is_silent(master.socket, 10)
+            master.comm_params.timeout_connect = 10
+            master.socket.settimeout(10)
+            found = master.read_holding_registers(0, count=2, device_id=2)
+            assert found.registers == [200, 201]
+
+
+def test_a_broadcast_is_executed_and_not_answered():
+    devices = {1: device(), 2: Slave(device(), functions={3})}
+    with serve(devices) as server, raw(server) as client:
+        client.send(
+            tcp_frame(0, Request.write_single_register(0, 99).pdu, 1) + tcp_frame(1, READ, 2)
+        )
+        expected = tcp_frame(1, Response(3, registers=[99, 11]).pdu, 2)
+        assert receive(client, len(expected)) == expected
+    assert devices[2].device.holding_registers[0] == 10  # it serves no writes
+
+
+def test_a_hundred_clients_at_once_get_their_own_answers():
+    with serve({k: device(k) for k in range(1, 101)}) as server, ExitStack() as stack:
+        clients = [stack.enter_context(raw(server)) for _ in range(100)]
+        for turn in range(3):
+            for k, client in enumerate(clients, 1):
+                client.send(tcp_frame(k, READ, 100 * turn + k))
+            for k, client in enumerate(clients, 1):
+                assert receive(client, 13) == tcp_frame(k, response(k), 100 * turn + k)
+
+
+def test_a_client_that_hangs_within_a_frame_holds_nobody_up():
+    with serve({1: device()}) as server, raw(server) as hung, raw(server) as client:
+        hung.send(tcp_frame(1, READ, 1)[:9])
+        client.send(tcp_frame(1, READ, 2))
+        assert receive(client, 13) == tcp_frame(1, response(), 2)
+        assert is_silent(hung)
+        hung.send(tcp_frame(1, READ, 1)[9:])
+        assert receive(hung, 13) == tcp_frame(1, response(), 1)
+
+
+def test_frames_of_another_protocol_are_skipped_and_a_length_that_cannot_be_ends_the_connection():
+    with serve({1: device()}) as server:
+        with raw(server) as client:
+            client.send(bytes.fromhex("000100070003010300") + tcp_frame(1, READ, 2))
+            assert receive(client, 13) == tcp_frame(1, response(), 2)
+        for length in (0, 1, 255, 65535):
+            with raw(server) as client:
+                client.send(bytes(4) + length.to_bytes(2, "big") + b"\1\3\0\0\0\2")
+                try:
+                    assert client.recv(300) == b""
+                except ConnectionResetError:
+                    pass
+
+
+def test_a_client_that_never_reads_is_cut_off():
+    ask = tcp_frame(1, Request.read_holding_registers(0, 125).pdu, 1) * 1000
+    many = Slave(holding_registers=[0] * 125)
+    with serve({1: many}) as server, raw(server) as client, raw(server) as other:
+        with pytest.raises(ConnectionError):
+            for _ in range(1000):
+                client.sendall(ask)
+        other.send(tcp_frame(1, Request.read_holding_registers(0, 1).pdu, 2))
+        assert len(receive(other, 11)) == 11
+
+
+@pytest.fixture(scope="module")
+def hosts():
+    with serve({1: device()}) as tcp, serve({1: device()}, "udp") as udp:
+        yield tcp, udp
+
+
+FRAMES = st.one_of(
+    st.binary(min_size=1, max_size=600),
+    st.builds(tcp_frame, st.integers(0, 255), st.binary(min_size=1, max_size=20), st.just(5)),
+    st.builds(
+        lambda length, rest: b"\0\1\0\0" + length.to_bytes(2, "big") + rest,
+        st.integers(0, 65535),
+        st.binary(max_size=300),
+    ),
+)
+
+
+@settings(max_examples=40)
+@given(frames=st.lists(FRAMES, min_size=1, max_size=4))
+def test_whatever_one_client_sends_another_gets_its_answer(hosts, frames):
+    for server, kind in zip(hosts, (socket.SOCK_STREAM, socket.SOCK_DGRAM), strict=True):
+        with raw(server, kind) as hostile, raw(server, kind) as client:
+            try:
+                for frame in frames:
+                    hostile.send(frame)
+            except ConnectionError:
+                pass
+            client.send(tcp_frame(1, Request.read_input_registers(0x4020, 1).pdu, 9))
+            assert receive(client, 11) == tcp_frame(1, b"\x04\x02\x00\x2a", 9)
+
+
+def test_devices_get_the_time_of_the_clock_that_was_passed_in():
+    class Chronometer:
+        def read(self, table, address, quantity, time):
+            return [int(time)] * quantity
+
+        def write(self, table, address, values, time):
+            raise AssertionError
+
+    times = iter([5.0, 3600.0])
+    with serve({1: Chronometer()}, clock=lambda: next(times)) as server, raw(server) as client:
+        for shown in (5, 3600):
+            client.send(tcp_frame(1, Request.read_holding_registers(0, 1).pdu, 1))
+            assert receive(client, 11)[-2:] == shown.to_bytes(2, "big")
+
+
+def test_all_is_closed_at_the_end_even_with_answers_outstanding():
+    before = threading.active_count()
+    server = serve({1: Slave(device(), delay=60)})
+    with server:
+        assert threading.active_count() == before + 1
+        with raw(server) as client, raw(server) as idle:
+            client.send(tcp_frame(1, READ, 1))
+            port = server.port
+            assert is_silent(client, 0.05)
+            server.__exit__()
+            for connection in (client, idle):
+                try:
+                    assert connection.recv(1) == b""
+                except ConnectionResetError:
+                    pass
+            assert server.port == 0 and threading.active_count() == before
+            with pytest.raises(ConnectionRefusedError):
+                socket.create_connection(("127.0.0.1", port), 1)
+            server.__enter__()  # and it may listen again
+
+
+def test_unsent_answers_do_not_keep_the_server_from_stopping():
+    ask = tcp_frame(1, Request.read_holding_registers(0, 125).pdu, 1) * 20
+    before = threading.active_count()
+    with serve({1: Slave(holding_registers=[0] * 125)}) as server, raw(server) as client:
+        (connection,) = wait_for(lambda: list(server._listener.active_connections.values()))
+        transport = connection.transport
+        # The system shall hold little of what is unsent, so that the server has to.
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+
+        def unsent():
+            client.sendall(ask)
+            sleep(0.02)
+            return transport.get_write_buffer_size()
+
+        wait_for(unsent)
+        start = monotonic()
+        server.__exit__()
+        assert monotonic() - start < 5 and threading.active_count() == before
+        with suppress(ConnectionError):
+            while client.recv(1 << 16):  # what the system held; then comes the end
+                pass
+
+
+def test_an_event_loop_may_hold_the_server_itself():
+    async def main():
+        async with serve({1: device()}) as server:
+            reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+            writer.write(tcp_frame(1, READ, 3))
+            found = await reader.readexactly(13)
+            writer.close()
+            await writer.wait_closed()
+            with pytest.raises(RuntimeError, match="listens already"):
+                await server.__aenter__()
+        return found
+
+    assert asyncio.run(main()) == tcp_frame(1, response(), 3)
+
+
+def test_a_port_in_use_and_a_missing_serial_port_are_errors_on_entry(tmp_path):
+    before = threading.active_count()
+    with serve({1: device()}) as server:
+        with pytest.raises(OSError, match=f"cannot listen.*{server.port}"):
+            with serve({1: device()}, port=server.port):
+                pass
+    with pytest.raises(OSError, match=r"cannot listen.*missing"):
+        with serve({1: device()}, "rtu", serial_port=str(tmp_path / "missing")):
+            pass
+    assert threading.active_count() == before
+
+
+def test_a_serial_port_that_refuses_its_settings_is_an_error_on_entry(line):
+    # Whether it is refused is up to the system; a server that starts all the same must stop again.
+    before = threading.active_count()
+    try:
+        with serve({1: device()}, "rtu", serial_port=line[0], line=SerialLine(9600, "8E1")):
+            pass
+    except OSError as problem:
+        assert f"cannot listen on {line[0]}" in str(problem)
+    assert threading.active_count() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (({248: device()},), r"unit id is 248.*0\.\.247"),
+        (({-1: device()},), "unit id is -1"),
+        (({True: device()},), "unit id is True"),
+        (({0: device()}, "rtu"), r"unit id is 0.*1\.\.247 on a serial line"),
+        (({},), "devices is {}"),
+        (([device()],), "must be a mapping"),
+        (({1: 3},), "must have read and write"),
+        (({1: device()}, "tls"), "transport is 'tls'"),
+        (({1: device()}, "rtu"), "serial_port is ''"),
+    ],
+)
+def test_arguments_out_of_range_are_named(arguments, message):
+    with pytest.raises(ArgumentError, match=message):
+        serve(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"port": 65536}, "port is 65536"),
+        ({"host": ""}, "host is ''"),
+        ({"serial_port": "x"}, "nothing else does"),
+        ({"silence": 0.001}, "silence is 0.001 s"),
+        ({"silence": float("nan")}, "silence is nan"),
+    ],
+)
+def test_keywords_out_of_range_are_named(keywords, message):
+    with pytest.raises(ArgumentError, match=message):
+        serve({1: device()}, **keywords)
+
+
+@pytest.mark.parametrize(
+    ("module", "package", "transport"),
+    [("pymodbus", "pymodbus", "'tcp'"), ("serial", "pyserial", "'rtu', serial_port='x'")],
+)
+def test_a_missing_library_is_named_with_the_command_that_installs_it(module, package, transport):
+    program = f"""
+import sys
+sys.modules[{module!r}] = None
+from shipnet.modbus.server import serve
+from shipnet.modbus.slave import Slave
+try:
+    serve({{1: Slave()}}, {transport})
+except ImportError as problem:
+    print(problem)
+"""
+    printed = subprocess.check_output([sys.executable, "-c", program], text=True)
+    assert printed.startswith(f"{package} is not installed")
+    assert 'pip install "shipnet[bus]"' in printed

@@ -1,0 +1,234 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.errors import ArgumentError, FormError, ParityError
+from shipnet.modbus.adu import rtu_frame
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.uart import SerialLine, Waveform, _line_bits
+
+
+def corners(waveform):
+    return waveform.time, waveform.level
+
+
+def read(time, level, line, *, threshold=0.5, oversampling=None):
+    return Waveform(time, level, line, threshold).decode(oversampling=oversampling)
+
+
+FORMATS = ["8N1", "8N2", "8E1", "8E2", "8O1", "8O2"]
+LINES = st.builds(SerialLine, st.sampled_from([1200, 9600, 115200, 1e6]), st.sampled_from(FORMATS))
+EVERY_BYTE = bytes(range(256))
+
+
+@pytest.mark.parametrize(
+    ("character", "byte", "bits"),
+    [
+        # Written by hand: start, least significant bit first, parity, stop.
+        ("8N1", 0x53, "0 11001010 1"),
+        ("8N2", 0x53, "0 11001010 11"),
+        ("8E1", 0x53, "0 11001010 0 1"),
+        ("8O1", 0x53, "0 11001010 1 1"),
+        ("8E1", 0x01, "0 10000000 1 1"),
+        ("8O1", 0x01, "0 10000000 0 1"),
+        ("8E2", 0x80, "0 00000001 1 11"),
+        ("8E1", 0x00, "0 00000000 0 1"),
+        ("8O1", 0xFF, "0 11111111 1 1"),
+    ],
+)
+def test_known_characters_have_the_bits_written_by_hand(character, byte, bits):
+    row = _line_bits(bytes([byte]), SerialLine(9600, character))[0]
+    assert "".join(map(str, row)) == bits.replace(" ", "")
+
+
+def test_a_known_frame_is_on_the_line_as_written_by_hand():
+    # Read holding register 0 of slave 1: 01 03 00 00 00 01 84 0A, even parity.
+    by_hand = (
+        "01000000011 01100000001 00000000001 00000000001"
+        " 00000000001 01000000011 00010000101 00101000001"
+    )
+    frame = rtu_frame(1, Request.read_holding_registers(0, 1).pdu)
+    assert frame.hex() == "010300000001840a"
+    assert (
+        " ".join("".join(map(str, row)) for row in _line_bits(frame, SerialLine(9600))) == by_hand
+    )
+
+
+@given(data=st.binary(max_size=300))
+def test_without_parity_the_bits_are_those_of_numpy(data):
+    bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little").reshape(-1, 8)
+    ends = np.zeros((len(data), 1), np.uint8)
+    assert (_line_bits(data, SerialLine(9600, "8N1")) == np.hstack([ends, bits, ends + 1])).all()
+
+
+@given(data=st.binary(min_size=1, max_size=40), serial=LINES)
+def test_ones_and_parity_have_the_parity_of_the_format(data, serial):
+    ones = _line_bits(data, serial)[:, 1:10].sum(axis=1) % 2
+    if serial.character[1] != "N":
+        assert (ones == (serial.character[1] == "O")).all()
+
+
+@given(data=st.lists(st.binary(max_size=20), max_size=4), serial=LINES, differential=st.booleans())
+def test_a_waveform_is_read_back(data, serial, differential):
+    time, level = corners(serial.waveform(data, differential=2.0 if differential else None))
+    found = read(time, level, serial, threshold=0.0 if differential else 0.5)
+    assert found.data == b"".join(data) and not found.code.any()
+    assert set(np.abs(level)) <= ({2.0} if differential else {0.0, 1.0})
+
+
+@given(data=st.binary(min_size=1, max_size=20), serial=LINES)
+def test_a_waveform_lasts_as_long_as_frames_and_silences(data, serial):
+    time, level = corners(serial.waveform([data, data], gap=0.002, start=0.001))
+    frame = len(data) * serial.character_time
+    assert time[0] == 0 and time[-1] == pytest.approx(0.001 + 2 * frame + 2 * 0.002)
+    assert time[1] == pytest.approx(0.001)
+    assert (np.diff(time) > 0).all() and (np.diff(level)[:-1] != 0).all()
+    own = read(time, level, serial).time
+    places = np.arange(len(data)) * serial.character_time
+    expected = np.append(0.001 + places, 0.003 + frame + places)
+    assert own == pytest.approx(expected)
+
+
+def test_the_silence_is_that_of_the_standard_if_not_given():
+    line = SerialLine(9600)
+    time, _ = corners(line.waveform(b"\x00\x00"))
+    assert (time[1], time[-1]) == pytest.approx((line.t35, 2 * line.t35 + line.frame_time(4) / 2))
+
+
+def test_a_scope_trace_is_read_like_its_corners():
+    line = SerialLine(9600)
+    time, level = corners(line.waveform(EVERY_BYTE, differential=2.0))
+    samples = np.arange(0, time[-1], 1 / (9600 * 20))
+    volts = level[np.searchsorted(time, samples, side="right") - 1]
+    volts = volts + np.random.default_rng(2024).normal(0, 0.2, volts.size)
+    assert read(samples, volts, line, threshold=0).data == EVERY_BYTE
+
+
+@pytest.mark.parametrize("character", ["8E1", "8O1", "8E2"])
+def test_one_wrong_bit_in_a_character_is_a_parity_error(character):
+    line = SerialLine(9600, character)
+    for place in range(1, 10):
+        bits = _line_bits(b"\x5a", line)[0].astype(float)
+        bits[place] = 1 - bits[place]
+        time = np.arange(bits.size + 2) / 9600
+        found = read(time, np.concatenate([[1], bits, [1]]), line)
+        assert found.code.tolist() == [ParityError.code]
+        assert found.value[0] == (0x5A ^ (1 << place - 1) if place < 9 else 0x5A)
+
+
+@pytest.mark.parametrize("character", FORMATS)
+def test_a_stop_bit_of_0_is_a_framing_error_and_the_line_is_found_again(character):
+    line = SerialLine(9600, character)
+    bits = _line_bits(b"\x5a\xff", line).astype(float)
+    bits[0, -int(character[2])] = 0
+    row = np.concatenate([[1], bits[0], [1, 1], bits[1], [1]])
+    found = read(np.arange(row.size) / 9600, row, line)
+    assert found.code.tolist() == [FormError.code, 0]
+    assert found.value.tolist() == [0x5A, 0xFF]
+
+
+def test_a_break_is_one_character_of_zeros_with_a_framing_error():
+    found = read([0, 1, 2], [1, 0, 1], SerialLine(9600, "8N1"))
+    assert (found.value.tolist(), found.code.tolist()) == ([0], [FormError.code])
+    for_good = read([0, 1], [1, 0], SerialLine(9600, "8N1"))
+    assert (for_good.value.tolist(), for_good.code.tolist()) == ([0], [FormError.code])
+
+
+def test_a_spike_is_no_start_bit():
+    line = SerialLine(1000, "8N1")
+    time, level = corners(line.waveform(b"\x41", start=0.1))
+    assert read([0, 0.01, 0.0104, *time[1:]], [1, 0, 1, *level[1:]], line).data == b"\x41"
+
+
+@pytest.mark.parametrize("nothing", [([], []), ([0], [1]), ([0], [0]), ([0, 1, 2], [1, 1, 1])])
+def test_a_line_at_rest_says_nothing(nothing):
+    found = read(*nothing, SerialLine(9600))
+    assert found.data == b"" and found.time.size == found.code.size == 0
+
+
+@given(
+    steps=st.lists(st.tuples(st.floats(0, 5e-3), st.floats(-10, 10)), max_size=60),
+    serial=LINES,
+    oversampling=st.sampled_from([None, 4, 16]),
+    threshold=st.floats(-5, 5),
+)
+def test_nothing_on_a_line_makes_the_decoder_fail(steps, serial, oversampling, threshold):
+    time, level = np.cumsum([s[0] for s in steps]), [s[1] for s in steps]
+    found = read(time, level, serial, threshold=threshold, oversampling=oversampling)
+    assert set(found.code) <= {0, ParityError.code, FormError.code}
+    assert len(found.data) == found.time.size == found.code.size
+    bits = 10 + (serial.character[1] != "N")
+    # A stop bit of 1 that was seen keeps the next start bit half a bit away, less a tick.
+    least = (bits - 1) / serial.bit_rate
+    assert (np.diff(found.time) >= least).all()
+
+
+#: Before the stop bit 0 and 1, with either parity.
+WORST = [0x00, 0xFF, 0x80, 0x7F, 0x01, 0xFE, 0x81, 0x7E]
+
+
+def reads(deviation, line, oversampling, phase):
+    """Return whether a receiver reads bytes, back to back, from a sender of another rate."""
+    sender = SerialLine(line.bit_rate * (1 + deviation), line.character)
+    for first in WORST:
+        data = bytes([first, *WORST])
+        time, level = corners(sender.waveform(data, start=(20 + phase) / line.bit_rate))
+        found = read(time, level, line, oversampling=oversampling)
+        if found.data != data or found.code.any():
+            return False
+    return True
+
+
+@pytest.mark.parametrize("oversampling", [None, 8, 16])
+@pytest.mark.parametrize("character", FORMATS)
+def test_the_tolerance_is_where_a_simulated_receiver_begins_to_fail(character, oversampling):
+    line = SerialLine(9600, character)
+    tick = 1 / (oversampling or 16)
+    for limit in line.clock_tolerance(oversampling=oversampling):
+        for phase in np.linspace(0, tick, 9):
+            assert reads(limit * (1 - 1e-3), line, oversampling, phase)
+        # A fast sender does worst just behind a tick, a slow one on it.
+        worst = 1e-5 * tick if limit > 0 else 0.0
+        assert not reads(limit * (1 + 1e-3), line, oversampling, worst)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: _line_bits("text", SerialLine(9600)), "data is 'text'"),
+        (lambda: _line_bits(5, SerialLine(9600)), "data is 5"),
+        (lambda: SerialLine(9600).waveform(["text"]), "data is 'text'"),
+        (lambda: SerialLine(9600).waveform(b"", gap=-1), "gap is -1"),
+        (lambda: SerialLine(9600).waveform(b"", start=float("nan")), "start is nan"),
+        (lambda: SerialLine(9600).waveform(b"", differential=0), "differential is 0"),
+        (lambda: read([0, 1], [1], SerialLine(9600)), "shape"),
+        (lambda: read([[0]], [[1]], SerialLine(9600)), "shape"),
+        (lambda: read([1, 0], [1, 0], SerialLine(9600)), "time falls"),
+        (lambda: read([0, np.nan], [1, 0], SerialLine(9600)), "finite"),
+        (lambda: read([0, 1], [1, np.inf], SerialLine(9600)), "finite"),
+        (lambda: read(["a"], [1], SerialLine(9600)), "numbers"),
+        (lambda: read([0], [1], SerialLine(9600), oversampling=3), "oversampling is 3"),
+        (lambda: read([0], [1], SerialLine(9600), threshold=np.nan), "threshold is nan"),
+        (lambda: SerialLine(9600).clock_tolerance(oversampling=0), "oversampling is 0"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
+
+
+def test_every_frame_can_have_a_silence_of_its_own():
+    line = SerialLine(9600)
+    gaps = [0.5, 0.0, 0.25]
+    time, level = corners(line.waveform([b"a", b"bc", b"d"], gap=gaps, start=1.0))
+    ends = 1.0 + np.cumsum([0.5 + line.character_time, 2 * line.character_time])
+    parts = [line.waveform(b"a", start=1.0), line.waveform(b"bc", start=float(ends[0]))]
+    parts.append(line.waveform(b"d", start=float(ends[1])))
+    falls = [part.time[1] for part in parts]
+    assert np.isin(np.round(falls, 9), np.round(time[level == 0], 9)).all()
+    assert time[-1] == pytest.approx(ends[1] + line.character_time + 0.25)
+    with pytest.raises(ArgumentError, match="gap has 2 values; there are 3 frames"):
+        line.waveform([b"a", b"b", b"c"], gap=[0.0, 1.0])
+    with pytest.raises(ArgumentError, match=r"gap\[1\] is -1 s"):
+        line.waveform([b"a", b"b"], gap=[0.0, -1.0])

@@ -1,0 +1,165 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.errors import ArgumentError
+from shipnet.modbus.udp import LossyPath, compare, simulate
+
+
+class Scripted:
+    """A path on which one answer is late and everything else is in time."""
+
+    def __init__(self, late, delay, lateness):
+        self.late, self.delay, self.lateness = late, delay, lateness
+        self.answers = False  # the requests are drawn first
+
+    def transit(self, n, rng):
+        times = np.full((n, 2), [self.delay, np.inf])
+        if self.answers:
+            # A request has two copies, each with an answer; the second does not exist here.
+            times[2 * self.late, 0] += self.lateness
+        self.answers = True
+        return times
+
+
+@pytest.mark.parametrize("late", [0, 3, 40, 99])
+def test_one_late_answer_mixes_up_all_that_follow_with_id_0_and_none_with_counted_ids(late):
+    units = np.arange(100) + 1
+    # It comes 0.01 s after the timeout of 0.5 s, and so before the answer to the next request.
+    path = Scripted(late, delay=0.01, lateness=0.49)
+    zero = simulate(units, path, match="nothing", rng=0)
+    assert (zero.mismatched, zero.timeouts, zero.dropped) == (100 - 1 - late, 1, 0)
+    assert zero.events().reply_to.tolist() == [
+        *range(late),
+        -1,
+        *range(late, 99),
+    ]  # each has the answer to the one before it
+    counted = simulate(units, Scripted(late, 0.01, 0.49), rng=0)
+    assert (counted.mismatched, counted.timeouts) == (0, 1)
+    assert counted.dropped == (late < 99)
+    assert np.nanmax(
+        (counted.events().taken_s - counted.events().sent_s).to_numpy()
+    ) == pytest.approx(0.02)
+
+
+def test_a_master_that_empties_its_socket_is_mismatched_once_a_late_answer():
+    path, n = LossyPath(late=0.1, delay=0.1, lateness=0.95), 100_000
+    runs = {
+        ids: simulate(
+            np.ones(n, int),
+            path,
+            match=ids,
+            rng=2024,
+            timeout=0.9,
+            period=1.0,
+            flush=True,
+        )
+        for ids in ("nothing", "transaction id")
+    }
+    # In time is 0.2 s. Late one way is 0.15 s into the next slot, late both ways 0.1 s into the one
+    # after it: either comes first there, whatever becomes of the answer that belongs there.
+    once, both = 2 * 0.1 * 0.9, 0.1**2
+    spread = np.sqrt(n * 0.19 * 0.81)
+    mismatched = n * (1 - (1 - once) * (1 - both))
+    assert runs["nothing"].mismatched == pytest.approx(mismatched, abs=4 * spread)
+    assert runs["transaction id"].mismatched == 0
+    assert runs["transaction id"].timeouts == pytest.approx(n * (once + both), abs=4 * spread)
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    lost=st.floats(0, 1),
+    late=st.floats(0, 1),
+    duplicated=st.floats(0, 1),
+    period=st.sampled_from([0, 0.3, 0.7]),
+    flush=st.booleans(),
+)
+def test_counted_ids_are_never_mismatched_whatever_the_network_does(
+    seed, lost, late, duplicated, period, flush
+):
+    path = LossyPath(lost, late, duplicated, delay=0.01, lateness=0.6)
+    keywords = dict(period=period, flush=flush, timeout=0.5)
+    units = np.arange(60) % 5
+    runs = {
+        match: simulate(
+            units,
+            path,
+            match=match,
+            rng=seed,
+            **keywords,
+        )
+        for match in ("nothing", "unit id", "transaction id")
+    }
+    assert runs["transaction id"].mismatched == 0
+    assert runs["unit id"].wrong_unit == 0
+    for run in runs.values():
+        table = run.events()
+        taken = table[table.reply_to >= 0]
+        assert len(table) == 60 and len(taken) == 60 - run.timeouts
+        assert (taken.reply_to <= taken.index).all()  # nothing is answered before it is asked
+        assert ((taken.taken_s - taken.sent_s).between(0, 0.5 + 1e-12)).all()
+        assert (np.diff(table.sent_s) >= period - 1e-12).all()
+        assert run.wrong_unit <= run.mismatched
+
+
+def test_without_faults_all_ways_to_check_are_equal():
+    table = compare([1, 2, 3], LossyPath(), rng=1)
+    assert table.to_numpy().tolist() == [[0, 0, 0, 0]] * 3
+
+
+def test_an_id_comes_again_after_65536_requests():
+    # The answer to request 0 comes 0.1 ms into slot 65536, before the one that belongs there.
+    path = Scripted(0, delay=1e-4, lateness=65.536 - 1e-4)
+    units = np.ones(65538, int)
+    run = simulate(units, path, rng=1, timeout=1e-3, period=1e-3, flush=True)
+    assert run.events().reply_to[65536] == 0
+    assert (run.mismatched, run.timeouts) == (1, 1)
+
+
+def test_the_path_does_what_its_probabilities_say():
+    path, n = LossyPath(0.2, 0.3, 0.4, delay=1.0, lateness=2.0), 100_000
+    times = path.transit(n, np.random.default_rng(2024))
+    arrived, second = np.isfinite(times[:, 0]), np.isfinite(times[:, 1])
+    for share, expected in [
+        (arrived.mean(), 0.8),
+        (second.mean(), 0.4 * 0.8),
+        ((times[arrived, 0] == 3.0).mean(), 0.3),
+        ((times[second, 1] == 3.0).mean(), 0.3),
+    ]:
+        assert share == pytest.approx(expected, abs=4 * 0.5 / n**0.5 * 2)
+    assert set(times[arrived, 0]) == {1.0, 3.0}
+    again = path.transit(n, np.random.default_rng(2024))
+    assert np.array_equal(times, again)
+    assert path.transit(0, np.random.default_rng(1)).shape == (0, 2)
+
+
+def test_a_duplicated_request_is_answered_twice_and_the_second_answer_is_left_over():
+    run = simulate([1, 2], LossyPath(duplicated=1.0), match="nothing", rng=1)
+    # Two copies there, each answered, each answer duplicated: three too many for the next request.
+    assert run.events().reply_to.tolist() == [0, 0]
+    assert run.mismatched == run.wrong_unit == 1
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: LossyPath(lost=1.1), "lost is 1.1"),
+        (lambda: LossyPath(late=float("nan")), "late is nan"),
+        (lambda: LossyPath(delay=-1), "delay is -1 s"),
+        (lambda: LossyPath().transit(-1, np.random.default_rng(1)), "n is -1"),
+        (lambda: simulate([], LossyPath(), rng=1), "row of 1"),
+        (lambda: simulate([1.0], LossyPath(), rng=1), "whole numbers"),
+        (lambda: simulate([256], LossyPath(), rng=1), r"0\.\.255"),
+        (lambda: simulate([1], LossyPath(), rng=1, timeout=0), "timeout is 0"),
+        (lambda: simulate([1], LossyPath(), rng=1, flush="x"), "flush is 'x'"),
+        (
+            lambda: simulate([1], LossyPath(), rng=1, match="id"),
+            "match is 'id'; it must be one of nothing",
+        ),
+        (lambda: compare([1], LossyPath(), rng=1, flush="x"), "flush is 'x'"),
+    ],
+)
+def test_arguments_out_of_range_are_named(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

@@ -1,0 +1,400 @@
+import importlib
+import inspect
+import itertools
+import json
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet import datasets
+from shipnet.errors import ArgumentError
+from shipnet.papers import PAPERS, Claim, figure, ledger, show
+from shipnet.papers.judging import _LEANS_ON, STATUSES, VERDICTS, _status, as_number, match
+from shipnet.papers.registry import REGISTRY, check, numeric
+
+LEDGER = ledger().table().reset_index()
+CLAIMS = datasets.read("claims.csv")
+FIGURES = datasets.read("figures_tables.csv")
+ROOT = Path(__file__).resolve().parents[2]
+RECORDED = Path(__file__).with_name("expected_ledger.json")
+PRECISE = {"within precision"}
+NUMBERS = [claim for claim in REGISTRY if not REGISTRY[claim].counter]
+CHECKS = [claim for claim in REGISTRY if REGISTRY[claim].counter]
+
+
+def test_claims_are_well_formed():
+    assert CLAIMS["id"].is_unique
+    assert (CLAIMS["id"].str.rsplit("-", n=1).str[0] == CLAIMS["paper"]).all()
+    assert CLAIMS["id"].str.fullmatch(r"[a-z]+\d{4}-\d{3}").all()
+    assert set(CLAIMS["paper"]) == set(PAPERS)
+    assert set(CLAIMS["kind"]) == {"numeric", "qualitative", "context", "ours"}
+    assert (CLAIMS["claim"].str.len() > 5).all()
+    judged = CLAIMS["kind"].isin(["numeric", "qualitative"])
+    assert CLAIMS.loc[judged, "verdict"].isin(VERDICTS).all()
+    assert (CLAIMS.loc[~judged, "verdict"] == "").all()
+
+
+# An engine "class" of 13000 kW and a display of 65,000 colours: printed to the thousand.
+ROUND = {"lee2012-005", "kim2014-044"}
+
+
+def test_numbers_have_a_value_and_a_printed_precision():
+    for claim in CLAIMS[CLAIMS["kind"] == "numeric"].itertuples():
+        assert math.isfinite(as_number(claim.value)), claim.id
+        assert as_number(claim.precision) > 0, claim.id
+        _, _, decimals = claim.value.partition(".")
+        if claim.id not in ROUND:
+            assert as_number(claim.precision) == pytest.approx(10.0 ** -len(decimals)), claim.id
+    assert (CLAIMS.loc[CLAIMS["kind"] == "ours", "value"] == "").all()
+
+
+def test_open_means_that_nobody_computes_it():
+    for claim in CLAIMS.itertuples():
+        if claim.kind in ("numeric", "qualitative"):
+            uncomputed = claim.verdict in ("open", "not reproducible")
+            assert uncomputed == (claim.id not in REGISTRY), claim.id
+        if claim.verdict in ("open", "not reproducible"):
+            assert claim.note, f"{claim.id} does not say what is missing"
+
+
+def test_every_function_belongs_to_a_claim_of_its_kind():
+    kinds = CLAIMS.set_index("id")["kind"]
+    for claim in REGISTRY:
+        assert kinds[claim] in (("qualitative",) if claim in CHECKS else ("numeric", "ours")), claim
+
+
+def test_the_match_decides_between_agreement_and_fault():
+    for row in LEDGER[LEDGER["status"] == "recomputed"].itertuples():
+        assert (row.match == "within precision") == (row.verdict == "agrees"), row.id
+        if row.verdict == "unit":
+            assert re.fullmatch(r"factor (1e[+-]0\d|10+|0\.0*1|1e-0\d)", row.match), row.id
+    for row in LEDGER[LEDGER["status"] == "checked"].itertuples():
+        assert (row.match == "holds") == (row.verdict in ("agrees", "below rule")), row.id
+
+
+def test_a_verdict_against_a_paper_names_its_evidence():
+    ids = set(CLAIMS["id"])
+    for row in CLAIMS.itertuples():
+        if row.verdict in ("", "agrees", "open", "not reproducible"):
+            continue
+        sources = [source.strip() for source in row.evidence.split(";")]
+        assert sources != [""], row.id
+        for source in sources:
+            assert source in ids - {row.id} or names_a_test(source), f"{row.id}: {source}"
+
+
+def names_a_test(source):
+    file, _, name = source.partition("::")
+    return (ROOT / file).is_file() and f"def {name}(" in (ROOT / file).read_text(encoding="utf-8")
+
+
+def neighbours(value):
+    """Values near a default: enough of them that one is legal for the function."""
+    if isinstance(value, bool):
+        return [not value]
+    if isinstance(value, int):
+        return [value + 1, value - 1, value * 2]
+    if isinstance(value, float):
+        return [value * 1.1, value * 0.9]
+    if isinstance(value, str) and not set(value) <= {"0", "1"}:
+        return [value[1:], value[:-1], value[:1] + value[2:]]
+    if isinstance(value, str):
+        flipped = [
+            "".join("10"[int(bit)] if place in places else bit for place, bit in enumerate(value))
+            for places in itertools.combinations(range(len(value)), 2)
+        ]
+        return [*flipped, value[:-1]]
+    if isinstance(value, tuple):
+        return [value[:-1]]
+    raise TypeError(f"no neighbour of {value!r}")
+
+
+def moved(function, name, value):
+    """Results of a function while one input takes the values near its default."""
+    results = []
+    for neighbour in neighbours(value):
+        try:
+            results.append((neighbour, function(**{name: neighbour})))
+        except ValueError:
+            continue
+    return results
+
+
+@pytest.mark.parametrize("claim", NUMBERS)
+def test_every_input_of_a_number_moves_it(claim):
+    function = REGISTRY[claim].function
+    inputs = {name: p.default for name, p in inspect.signature(function).parameters.items()}
+    assert inputs, "a number without inputs is typed, not computed"
+    original = function()
+    for name, value in inputs.items():
+        results = moved(function, name, value)
+        assert any(result != original for _, result in results), f"{name} moves nothing"
+        assert any(result != neighbour for neighbour, result in results), f"{name} is handed back"
+
+
+@pytest.mark.parametrize("claim", CHECKS)
+def test_every_check_can_turn_round(claim):
+    recomputation = REGISTRY[claim]
+    answer = recomputation.function()
+    assert isinstance(answer, bool)
+    assert recomputation.function(**recomputation.counter) is (not answer)
+
+
+def test_the_perturbation_finds_a_typed_constant():
+    with pytest.raises(AssertionError, match="moves nothing"):
+        _guard(lambda *, slaves=62: 496)
+    with pytest.raises(AssertionError, match="handed back"):
+        _guard(lambda *, strands=496: strands)
+    _guard(lambda *, slaves=62: slaves * 8)
+
+
+def _guard(function):
+    numeric("test-000")(function)
+    try:
+        test_every_input_of_a_number_moves_it("test-000")
+    finally:
+        del REGISTRY["test-000"]
+
+
+def test_a_claim_has_one_function():
+    with pytest.raises(ValueError, match="kim2023-004 has two functions"):
+        check("kim2023-004", counter={"x": 1})(lambda *, x=0: True)
+
+
+@pytest.mark.parametrize(
+    ("published", "computed", "precision", "outcome"),
+    [
+        (0.4, 0.449, 0.1, "within precision"),
+        (0.4, 0.45, 0.1, "within precision"),
+        (0.4, 0.451, 0.1, "differs"),
+        (0.7, 7.368, 0.1, "factor 10"),
+        (6, 0.005988, 1, "factor 0.001"),
+        (0.104, 104.1667, 0.001, "factor 1000"),
+        (133, 133e-3, 1, "factor 0.001"),
+        (0, 0, 1, "within precision"),
+        (0, 5, 1, "differs"),
+        (5, 0, 1, "differs"),
+        (-7, -7.2, 1, "within precision"),
+        (7, math.nan, 1, "differs"),
+        (2, 2e9, 1, "factor 1e+09"),
+        (2, 2e10, 1, "differs"),
+        (0.4, 5, 1, "factor 10"),  # 100 would do as well: the smaller shift is the likelier
+        (0.15, 0.2, 0.1, "within precision"),  # 0.05000000000000002 in floating point
+    ],
+)
+def test_match(published, computed, precision, outcome):
+    assert match(published, computed, precision) == outcome
+
+
+@given(st.floats(1e-3, 1e6), st.integers(-6, 6).filter(bool))
+def test_a_shifted_decimal_point_is_recognised(value, power):
+    assert match(value, value * 10.0**power, value * 1e-3) == f"factor {10.0**power:g}"
+
+
+def test_counts_add_up_and_may_only_grow():
+    table = ledger().counts()
+    assert list(table.index) == list(PAPERS)
+    assert list(table.columns) == [*STATUSES, "claims"]
+    assert (table[list(STATUSES)].sum(axis=1) == table["claims"]).all()
+    assert table["claims"].sum() == len(CLAIMS)
+    done = table[["recomputed", "checked"]].to_dict("index")
+    recorded = json.loads(RECORDED.read_text())
+    for paper, statuses in recorded.items():
+        for status, number in statuses.items():
+            assert done[paper][status] >= number, f"{paper}: fewer {status} than recorded"
+    assert done == recorded, f"more is done than recorded: update {RECORDED.name}"
+
+
+def test_ledger_of_one_paper():
+    one = ledger("icn2007").table().reset_index()
+    assert set(one["paper"]) == {"icn2007"}
+    assert list(one["id"]) == sorted(one["id"])
+    with pytest.raises(ValueError, match="paper is 'kim'"):
+        ledger("kim")
+
+
+def test_the_difference_is_computed_over_published_minus_one():
+    row = LEDGER.set_index("id").loc["icn2007-025"]
+    assert row.relative_difference == pytest.approx((8 / 150e-3) / 53.5 - 1)
+    assert row.relative_difference < 0
+
+
+OURS = {
+    "kim2023-022": 3,
+    "kim2023-031": 24.5,
+    "kim2023-032": 26,
+    "kim2023-033": 24,
+    "kim2023-034": 4.992,
+    "kim2023-035": 9.984,
+    "kim2023-045": 13,
+    "kim2023-062": 7,
+    "kim2023-069": 95 / 7,
+    "kim2023-070": 1900,
+    "kim2023-071": 20 / 19,
+    "icn2007-030": 26,
+    "icn2007-035": 5 / 31,
+    "lee2012-013": 43,
+    "lee2012-014": 18,
+    "lee2012-015": 38,
+    "lee2012-016": 99,
+    "lee2012-017": 80,
+    "lee2012-018": 19,
+    "lee2012-019": 62 * 3 + 18 * 2 + 19 * 2,
+    "lee2012-020": 10,
+    "lee2012-033": 88 / 9.6,
+    "lee2012-034": 203 * 11 / 9.6,
+    "lee2012-035": (8 + 203 + 7) * 11 / 9.6,
+    "lee2012-036": 125,
+    "lee2012-043": 22,
+    "lee2012-044": 2850 / 125,
+    "lee2012-051": 5000 / 1024,
+    "lee2012-096": 11e3 / 9.6,
+    "lee2012-097": 38.5 / 9.6,
+    "lee2012-098": 8,
+    "lee2012-099": 5 + 100e-6 + 22 * 50e-6 + 2 * 5e-3 + (38.5 + 203 * 11) / 9600,
+    "lee2012-100": 2.28,
+    "lee2012-101": 43,
+    "kim2014-025": 7,
+    "kim2014-036": 2 * 3,
+    "kim2014-073": 12 - 2,
+    "kim2014-074": 42,
+    "kim2014-075": 247 * (21 + 7) * 11 / 2400,
+    "kim2014-076": 247 * (21 * 11 / 115200 + 3.5e-3),
+    "kim2014-077": 1.75e-3 * 115200 / 11,
+    "kim2014-078": 100 / 4095,
+    "kim2014-079": 90 / 100,
+    "kim2014-080": 1 + 2 + 2 * 4 + 2,
+    "kim2014-081": 2**8 - 1,
+    "kim2014-082": 120 - 2.5,
+    "kim2014-100": 3,
+    "chung1998-003": 4 * 33 * 10 / 9600,
+    "chung1998-004": 33,
+    "chung1998-018": 200 / 33,
+    "chung1998-020": 100 * (1 - (253 / 256) ** 20),
+    "chung1998-038": 42,
+    "chung1998-039": 60,
+    "chung1998-045": 11 * 4 * 0.1,
+    "chung1998-046": (2 * 33 + 2) * 10 / 600,
+    "chung1998-047": 4.4 + (33 + 2) * 10 / 9600,
+    "chung1998-056": (64 * 65 / 2 * 2) / 128,
+    "chung1998-060": 1280 / 9600,
+    "chung1998-061": 128 / 33,
+    "chung1998-067": 200 / 6,
+}
+
+
+def test_numbers_that_no_paper_prints():
+    ours = LEDGER[LEDGER["status"] == "ours"].set_index("id")["computed"]
+    assert ours.to_dict() == pytest.approx(OURS)
+
+
+def test_evidence_is_the_function_unless_the_claim_names_more():
+    evidence = LEDGER.set_index("id")["evidence"]
+    assert evidence["kim2023-004"] == "shipnet.papers.kim2023.strands.strands_left"
+    assert evidence["kim2023-074"] == "kim2023-072; kim2023-073"
+    assert evidence["kim2014-012"] == ""
+
+
+def test_status_follows_kind_and_function():
+    status = LEDGER.set_index("id")["status"]
+    expected = {"kim2023-004": "recomputed", "kim2023-040": "checked", "kim2023-010": "context"}
+    expected |= {"kim2023-045": "ours", "kim2023-063": "not reproducible"}
+    assert status[list(expected)].to_dict() == expected
+
+
+def test_a_claim_that_nobody_computes_is_open():
+    claim = {"id": "kim2014-000", "kind": "numeric", "verdict": "open"}
+    assert _status(claim) == "open"
+    assert _status(claim | {"verdict": "not reproducible"}) == "not reproducible"
+
+
+@pytest.mark.parametrize("paper", ["kim2023", "icn2007"])
+def test_the_papers_on_as_i_have_no_open_claim_left(paper):
+    assert ledger().counts().loc[paper, "open"] == 0
+
+
+def test_show_keeps_the_order_and_names_unknown_ids():
+    rows = show("kim2023-074", "kim2023-004")
+    assert list(rows.index) == ["kim2023-074", "kim2023-004"]
+    assert rows.loc["kim2023-074", "the paper says"] == "0.7 %"
+    with pytest.raises(ValueError, match="no claim kim2023-999"):
+        show("kim2023-999")
+
+
+def test_every_module_of_a_paper_is_found():
+    folder = Path(importlib.import_module("shipnet.papers").__file__).parent
+    modules = {file.stem for file in folder.iterdir() if re.fullmatch(r"[a-z]+\d{4}", file.stem)}
+    assert modules <= set(PAPERS)
+    functions = {entry.function.__module__.split(".")[2] for entry in REGISTRY.values()}
+    assert functions == modules
+
+
+#: Two figures named at once.
+SEVERAL = re.compile(r"Figs ([\w.()-]+) and ([\w.()-]+)")
+
+
+def test_figures_and_tables():
+    assert len(FIGURES) == 72
+    assert not FIGURES.duplicated(["paper", "item"]).any()
+    assert set(FIGURES["paper"]) == set(PAPERS)
+    assert set(FIGURES["treatment"]) == {"reproduced", "redrawn", "not reproducible"}
+    assert (FIGURES["reason"] != "").all()
+    for row in FIGURES[FIGURES["notebook"] != ""].itertuples():
+        assert row.treatment != "not reproducible"
+        text = (ROOT / "notebooks" / row.notebook).read_text(encoding="utf-8")
+        for item in row.item.replace("/", "/Fig ").split("/"):
+            named = SEVERAL.sub(r"Fig \1 and Fig \2", text)
+            assert re.search(rf"(?<!\w){re.escape(item)}(?!\w)", named), row.item
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_what_recomputes_a_paper_is_loaded_with_it(paper):
+    loaded = {paper, _LEANS_ON.get(paper)}
+    for claim in CLAIMS.loc[CLAIMS["paper"] == paper, "id"]:
+        if claim in REGISTRY:
+            assert REGISTRY[claim].evidence.split(".")[2] in loaded, claim
+
+
+def test_a_paper_alone_is_judged_as_among_all():
+    paper = "icn2007"  # the one which leans on another
+    program = f"""
+import shipnet.papers as papers
+alone = papers.ledger({paper!r}).table().reset_index()
+print(alone[["id", "status", "match"]].to_csv())
+"""
+    said = subprocess.check_output([sys.executable, "-c", program], text=True)
+    among = LEDGER[LEDGER["paper"] == paper].reset_index(drop=True)
+    assert said.strip() == among[["id", "status", "match"]].to_csv().strip()
+
+
+def test_a_claim_is_computed_anew_with_other_inputs():
+    claim = Claim("kim2023-074")
+    assert claim.recompute() == claim.computed
+    assert claim.recompute(slaves=100) == pytest.approx(100 * 28 / 200)
+    assert claim.verdict == "typo" and not hasattr(claim, "colour")
+    with pytest.raises(TypeError):
+        claim.recompute(sheep=1)
+    with pytest.raises(ArgumentError, match="not computed; its status is context"):
+        Claim("kim2014-012").recompute()
+    with pytest.raises(ArgumentError, match="no claim kim2023-999"):
+        Claim("kim2023-999")
+
+
+def test_the_ledger_of_a_paper_is_summed_up():
+    one = ledger("kim2023")
+    assert len(one.judged()) == 71 and str(one).startswith("95 claims, 71 judged, ")
+    assert "agrees" not in set(one.differing()["verdict"])
+    assert len(one.differing()) == (one.judged()["verdict"] != "agrees").sum()
+    assert set(one.items()["paper"]) == {"kim2023"} and set(ledger().items()["paper"]) == {*PAPERS}
+
+
+def test_a_figure_that_is_not_drawn_is_refused():
+    for paper, item in (("kim", "Fig 1"), ("kim2023", "Fig 99"), ("kim2023", "")):
+        with pytest.raises(ArgumentError, match=r"it must be one of|drawn are"):
+            figure(paper, item)

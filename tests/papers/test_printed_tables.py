@@ -1,0 +1,99 @@
+import pytest
+
+from shipnet import datasets
+from shipnet.asi import Call, Request
+from shipnet.errors import ArgumentError
+from shipnet.papers import PrintedTable, table
+
+GENERATED = [f"Table {number}" for number in (4, 5, 6, 7)]
+
+
+def printed(item):
+    return table("kim2023", item).printed
+
+
+def generated(item):
+    return table("kim2023", item).ours
+
+
+def test_every_difference_is_explained_and_no_reason_is_left_over():
+    reasons = datasets.read("kim2023_table_differences.csv")
+    found = [table("kim2023", item).differences() for item in GENERATED]
+    assert sum(map(len, found)) == len(reasons)
+    for cells in found:
+        assert not cells.isna().any(axis=None)
+    claims = set(datasets.read("claims.csv")["id"])
+    assert set(reasons["claim"]) <= claims
+    assert set(reasons["kind"]) == {"typo", "naming", "difference", "missing", "wording"}
+
+
+def test_a_changed_cell_would_be_seen(monkeypatch):
+    cells = printed("Table 7")
+    cells.loc["3", "D0"] = "OUT"
+    monkeypatch.setattr(PrintedTable, "printed", cells)
+    (found,) = table("kim2023", "Table 7").differences().to_dict("records")
+    assert (found["row"], found["column"], found["printed"], found["ours"]) == (
+        "3",
+        "D0",
+        "OUT",
+        "IN",
+    )
+    assert found["reason"] != found["reason"]  # nobody has explained it
+
+
+def test_table_5_is_what_the_encoder_sends():
+    cells = generated("Table 5").drop("HEADER")
+    assert list(cells.index) == [call.name for call in Call]
+    fixed = {"DATA_EXCHANGE": (21, 5), "WRITE_PARAMETER": (21, 5), "DELETE_ADDRESS": (21, 0)}
+    for call in Call:
+        names = list(cells.loc[call.name])
+        address, data = fixed.get(call.name, (21, 0))
+        if call.rule.pattern[1:6].isdigit():
+            address, data = int(call.rule.pattern[1:6], 2), int("d" in call.rule.pattern)
+        half = "B" if {"S", "~S"} & set(names) else None
+        bits = Request(call, address, data, half).bits
+        for name, bit in zip(names, bits, strict=True):
+            if name in "01":
+                assert bit == name, call
+            if name in ("S", "~S"):
+                assert bit == {"S": "1", "~S": "0"}[name], call
+
+
+def test_write_id1_with_an_address_would_be_delete_address():
+    information = f"1{21:05b}00000"
+    bits = f"0{information}{information.count('1') % 2}1"
+    assert Request.parse(bits) == Request.delete_address(21)
+    assert printed("Table 5").loc["WRITE_ID1", "A4":"A0"].tolist() == ["A4", "A3", "A2", "A1", "A0"]
+    assert generated("Table 5").loc["WRITE_ID1", "A4":"A0"].tolist() == ["0"] * 5
+
+
+def test_select_0_gives_the_requests_of_slaves_before_2_1():
+    # What a standard slave is sent as I4..I0; it knows of no select bit.
+    before = {"RESET": "11100", "READ_STATUS": "11110", "READ_IO_CONFIGURATION": "10000"}
+    before |= {"DELETE_ADDRESS": "00000", "READ_ID": "10001"}
+    for cells, agrees in ((generated("Table 5"), True), (printed("Table 5"), False)):
+        sent = {
+            call: "".join(cells.loc[call, "I4":"I0"]).replace("~S", "1").replace("S", "0")
+            for call in before
+        }
+        assert (sent == before) == agrees
+        differing = {call for call in before if sent[call] != before[call]}
+        assert differing == (set() if agrees else {"RESET", "DELETE_ADDRESS"})
+
+
+def test_parameter_bits_are_called_p():
+    assert generated("Table 5").loc["WRITE_PARAMETER", "I2":"I0"].tolist() == ["P2", "P1", "P0"]
+    assert printed("Table 5").loc["WRITE_PARAMETER", "I2":"I0"].tolist() == ["D2", "D1", "D0"]
+
+
+def test_a_table_that_is_only_transcribed_is_shown_as_text():
+    sensors = table("kim2023", "Table 1")
+    assert len(sensors.printed) > 3 and sensors.printed.map(type).eq(str).all(axis=None)
+    with pytest.raises(ArgumentError, match="transcribed, not generated"):
+        _ = sensors.ours
+
+
+@pytest.mark.parametrize(("paper", "item"), [("kim2023", "Table 99"), ("kim", "Table 1")])
+def test_an_unknown_table_is_refused(paper, item):
+    with pytest.raises(ArgumentError, match=r"transcribed are Table 1|paper is 'kim'"):
+        table(paper, item)

@@ -1,0 +1,133 @@
+"""Every tool over the limits of each of its controls."""
+
+import importlib
+import itertools
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+
+import ipywidgets as widgets
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shipnet.errors import ArgumentError, InputError
+from shipnet.fields import Choice, Number, Series, Switch, Text, Whole, declared
+from shipnet.tools import _valve_link
+from shipnet.tools._controls import Controls
+
+FOLDER = Path(__file__).resolve().parents[2] / "shipnet" / "tools"
+TOOLS = sorted({path.stem for path in FOLDER.glob("[a-z]*.py")} - {"step"})  # for the lessons
+CSV = "name,arbitration_id,dlc,period_ms\n"
+#: Where the example of a tool is large, a small one.
+SMALL = {
+    "ship_design": {
+        "points": "tag,signal,x,y,z\n"
+        + "".join(
+            f"LS-{n},contact,{9 * n},2,3\nTT-{n},Pt100 3-wire,{7 * n},1,5\n" for n in range(6)
+        ),
+        "cabinet": "20, 0, 9",
+        **dict.fromkeys(("junction_boxes", "asi", "modbus"), False),
+    }
+}
+TEXTS = ["", "\0", "oil", CSV, CSV + "oil,1,8,10\n", CSV + "oil,1,9,10\n", CSV + "oil,1,8,1e-9\n"]
+
+
+def module(tool):
+    return importlib.import_module(f"shipnet.tools.{tool}")
+
+
+def limits(kind):
+    """Return the ends of what is legal, and what lies in the middle."""
+    if isinstance(kind, Number):
+        return [kind.low, kind.high, (kind.low + kind.high) / 2, *([nan] if kind.missing else [])]
+    if isinstance(kind, Whole):
+        return [kind.low, kind.high, (kind.low + kind.high) // 2]
+    if isinstance(kind, Choice):
+        return list(kind.options)
+    if isinstance(kind, Switch):
+        return [False, True]
+    if isinstance(kind, Text):
+        return TEXTS
+    assert isinstance(kind, Series), "a new kind of field"
+    return [(), *((one,) for one in kind.known), 3 * kind.known]
+
+
+def ask(tool):
+    """Return a function of inputs: what a page computes and draws of them."""
+    found = module(tool)
+    if tool == "valve_client":
+        return lambda inputs: found.view(found.update(inputs, _valve_link.ModelValves(3)))
+    return lambda inputs: found.view(found.update(inputs))
+
+
+def computes(tool, values, figure=False):
+    """Compute; whatever goes wrong must be an error that a page can show. Return whether it did."""
+    try:
+        view = ask(tool)(module(tool).Inputs(**(SMALL.get(tool, {}) | values)))
+        assert view.text
+        if figure:
+            assert "data:image/png" in view.figure
+    except (ArgumentError, InputError) as error:
+        assert str(error) and "\n" not in str(error)
+        return False
+    return True
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_each_control_at_each_limit(tool):
+    kinds = declared(module(tool).Inputs)
+    assert kinds
+    done = [computes(tool, {name: value}) for name, kind in kinds.items() for value in limits(kind)]
+    assert sum(done) > len(done) / 3
+
+
+@settings(max_examples=10)
+@pytest.mark.parametrize("tool", TOOLS)
+@given(data=st.data())
+def test_any_limits_together(tool, data):
+    kinds = declared(module(tool).Inputs)
+    values = {name: data.draw(st.sampled_from(limits(kind))) for name, kind in kinds.items()}
+    computes(tool, values)
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_the_figure_at_the_lowest_and_the_highest_of_all(tool):
+    for end in (0, 1):
+        kinds = declared(module(tool).Inputs).items()
+        numbers = {n: limits(kind)[end] for n, kind in kinds if isinstance(kind, Number | Whole)}
+        computes(tool, numbers, figure=True)
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_what_is_not_legal_is_named(tool):
+    for name, kind in declared(module(tool).Inputs).items():
+        wrong = [None, [], object(), {}]
+        if isinstance(kind, Number | Whole):
+            wrong += [kind.low - 1, kind.high + 1, inf, -inf, "1", True, 1j]
+        for value in wrong:
+            with pytest.raises(ArgumentError, match=name):
+                module(tool).Inputs(**{name: value})
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_sliders_stay_within_what_is_legal_and_start_where_the_inputs_do(tool):
+    start = module(tool).Inputs()
+    controls = Controls(start)
+    for name, kind in declared(type(start)).items():
+        assert kind.label and kind.help.endswith("."), name
+        if isinstance(kind, Series):
+            continue
+        control = controls.widgets[name]
+        assert control.value == getattr(start, name)
+        if isinstance(control, widgets.FloatSlider | widgets.IntSlider | widgets.BoundedIntText):
+            assert kind.low <= control.min < control.max <= kind.high
+            # Each end of the slider is legal by itself, or beside the field that bounds it.
+            for end in (control.min, control.max):
+                replace(start, **{name: end})
+    assert controls.inputs == start
+
+
+def test_the_tools_are_found():
+    assert len(TOOLS) >= 8
+    assert [name for name in itertools.chain(TOOLS) if not callable(module(name).explorer)] == []

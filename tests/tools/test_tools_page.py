@@ -1,0 +1,307 @@
+"""The page that all tools share, on a tool of three fields."""
+
+import asyncio
+import json
+import re
+from base64 import b64decode
+from dataclasses import dataclass, replace
+
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet.errors import ArgumentError, InputError
+from shipnet.fields import check, choice, number, series, switch, text, whole
+from shipnet.tools._page import Button, Page, Preset, Upload
+from shipnet.tools._state import read_state, write_state
+from shipnet.tools._view import View
+from tests.support import load
+
+
+@dataclass(frozen=True)
+class Toy:
+    slaves: int = whole(1, 30, default=5, label="slaves", help="How <many>.")
+    dead: int = whole(0, 30, default=0, at_most="slaves", label="dead", help="Of them.")
+    length: float = number(
+        0, 500, default=10.0, slider=(0, 100), unit="m", label="length", help="Cable."
+    )
+    bus: str = choice(["CAN", "AS-i"], default="CAN", label="bus", help="Which.")
+    ring: bool = switch(default=False, label="ring", help="Closed.")
+    name: str = text(default="", most=9, label="name", help="Any.")
+    done: tuple[str, ...] = series(["a", "b"], default=(), most=3, label="done", help="So far.")
+
+    def __post_init__(self):
+        check(self)
+        if self.ring and self.bus == "AS-i":
+            raise ArgumentError("ring is True; AS-i has none")
+
+
+class Seen(list):
+    def __call__(self, toy):
+        self.append(toy)
+        if toy.name == "crash":
+            raise ZeroDivisionError("<b>1/0</b>")
+        if toy.name == "file":
+            raise InputError("a.csv", "row 1 is empty")
+        return View(
+            text=f"{toy.slaves} slaves <on> {toy.bus}",
+            good=not toy.dead,
+            numbers={"dead": str(toy.dead)},
+            draw=lambda ax: ax.plot([0, toy.slaves]),
+            height=1,
+            about="A line",
+            files={"report.html": "<p>fine</p>"},
+        )
+
+
+@pytest.fixture
+def seen():
+    return Seen()
+
+
+@pytest.fixture
+def page(seen):
+    return Page("toy", Toy(), seen)
+
+
+def test_every_control_shows_its_value_within_its_limits_and_has_its_help(page):
+    assert list(page.controls) == ["slaves", "dead", "length", "bus", "ring", "name"]
+    length = page.controls["length"]
+    assert (length.value, length.min, length.max) == (10, 0, 100)
+    assert (length.description, length.tooltip) == ("length [m]", "Cable.")
+    helps = re.findall('shipnet-help">(.*?)</div>', repr(page._controls.box.children))
+    assert helps == ["How &lt;many&gt;.", "Of them.", "Cable.", "Which.", "Closed.", "Any."]
+
+
+def test_a_control_that_must_not_exceed_another_follows_it(page, seen):
+    page.controls["dead"].value = 4
+    page.controls["slaves"].value = 2
+    assert (page.controls["dead"].max, page.controls["dead"].value) == (2, 2)
+    assert seen[-1] == Toy(slaves=2, dead=2)
+    page.controls["slaves"].value = 30
+    assert page.controls["dead"].max == 30
+
+
+def test_text_becomes_no_html_and_the_picture_has_words(page):
+    assert page.text == "5 slaves <on> CAN\ndead: 0"
+    assert "5 slaves &lt;on&gt; CAN" in page._said.value
+    assert 'alt="A line: 5 slaves &lt;on&gt; CAN"' in page.figure.value
+
+
+def test_what_is_wrong_is_a_sentence_and_the_old_picture_pales(page):
+    page.controls["bus"].value = "AS-i"
+    old = page.figure.value
+    assert "A line: 5 slaves" in old and "shipnet-stale" not in page._dom_classes
+    page.controls["ring"].value = True
+    assert page.text == "ring is True; AS-i has none"
+    assert page.figure.value == old and "shipnet-stale" in page._dom_classes
+    assert 'aria-disabled="true">save state' in page.links.value
+    page.controls["ring"].value = False
+    assert "shipnet-stale" not in page._dom_classes
+    page.controls["name"].value = "file"
+    assert page.text == "a.csv: row 1 is empty"
+    page.controls["name"].value = "crash"
+    assert page.text.startswith(
+        "This should not happen: ZeroDivisionError: <b>1/0</b>. Please report"
+    )
+    assert "&lt;b&gt;1/0" in page._said.value
+    assert "shipnet_toy.json" in page.links.value
+    assert "shipnet-busy" not in page._dom_classes
+
+
+def test_a_file_with_several_faults_is_told_fault_by_fault(seen):
+    faults = [f"row {n} is <empty>" for n in range(60)]
+
+    def take(toy, name, content):
+        raise InputError(name, *faults, more=5)
+
+    def see(toy):
+        raise InputError("a.csv", *faults[:2])
+
+    page = Page("toy", Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
+    load(page.uploads["own"], b"x", "x.txt")
+    assert page.note.startswith("x.txt: row 0 is <empty>; row 1") and "\n" not in page.note
+    assert page._noted.value.count("<br>") == 52 and "and 15 more" in page._noted.value
+    assert "<empty>" not in page._noted.value
+    assert Page("toy", Toy(), see).text == "a.csv:\nrow 0 is <empty>\nrow 1 is <empty>"
+
+
+def test_a_table_stands_between_verdict_and_numbers():
+    table = pd.DataFrame({"cost <EUR>": ["<1", "2"]}, index=["a & b", "c"])
+    view = View(text="two", good=True, numbers={"n": "2"}, table=table, caption="made <up>")
+    assert str(view).splitlines()[-2:] == ["made <up>", "n: 2"] and "cost <EUR>" in str(view)
+    said = view.verdict
+    order = ["two", "cost &lt;EUR&gt;", "a &amp; b", "<td>&lt;1</td>", "made &lt;up&gt;", "<dt>n"]
+    assert sorted(map(said.index, order)) == [said.index(part) for part in order]
+    assert "<table" not in View(text="none", good=True).verdict
+
+
+def test_the_page_is_busy_while_it_computes():
+    found = []
+
+    def see(toy):
+        found.append("shipnet-busy" in page._dom_classes)
+        return View(text="", good=True)
+
+    page = Page("toy", Toy(), lambda toy: View(text="", good=True))
+    page._see = see
+    page.controls["slaves"].value = 6
+    assert found == [True]
+    assert "shipnet-busy" not in page._dom_classes
+
+
+def test_changes_in_quick_succession_are_computed_once(page, seen):
+    async def drag():
+        for slaves in range(10, 20):
+            page.controls["slaves"].value = slaves
+            await asyncio.sleep(0)
+        before = len(seen)
+        await asyncio.sleep(0.2)
+        return before
+
+    assert asyncio.run(drag()) == 1
+    assert [toy.slaves for toy in seen] == [5, 19]
+
+
+def test_a_preset_sets_all_controls_and_is_computed_once(seen):
+    preset = Preset(Toy(name="all"), lambda two, toy: replace(toy, slaves=2 * two.slaves))
+    page = Page("toy", Toy(), seen, preset=preset)
+    page.presets["slaves"].value = 7
+    assert [toy.slaves for toy in seen] == [5, 14]
+    page.presets["slaves"].value = 30
+    assert page.note == "slaves is 60; it must be a whole number 1..30"
+    assert page.controls["slaves"].value == 14
+
+
+def test_a_button_changes_what_no_control_shows_and_failure_is_said(seen):
+    buttons = [
+        Button("a", "Adds a.", lambda toy: replace(toy, done=(*toy.done, "a"))),
+        Button("crash", "Fails.", lambda toy: 1 / 0),
+        Button("again", "Once more.", lambda toy: None),
+    ]
+    page = Page("toy", Toy(), seen, buttons=buttons)
+    for _ in range(4):
+        page.buttons["a"].click()
+    assert page.inputs.done == ("a", "a", "a")
+    assert page.note == "there are 4 done; there may be 3"
+    page.buttons["again"].click()
+    assert page.note == "" and len(seen) == 5
+    page.buttons["crash"].click()
+    assert "This should not happen: ZeroDivisionError" in page.note
+
+
+def test_an_upload_changes_inputs_or_says_why_not_and_takes_the_same_file_twice(seen):
+    def take(toy, name, content):
+        if not content:
+            raise InputError(name, "it is empty")
+        return replace(toy, name=content.decode())
+
+    page = Page("toy", Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
+    load(page.uploads["own"], b"", "x.txt")
+    assert page.note == "x.txt: it is empty" and page.inputs == Toy()
+    assert "those from before" in page._noted.value and "shipnet-before" in page._dom_classes
+    load(page.uploads["own"], b"mine", "x.txt")
+    assert page.note == "" and page.inputs == Toy(name="mine")
+    assert "x.txt is loaded" in page._noted.value and "shipnet-before" not in page._dom_classes
+    page.controls["name"].value = ""
+    load(page.uploads["own"], b"mine", "x.txt")
+    assert page.inputs == Toy(name="mine")
+
+
+TOYS = st.builds(
+    Toy,
+    slaves=st.just(30),
+    dead=st.integers(0, 30),
+    length=st.floats(0, 100),
+    bus=st.just("CAN"),
+    ring=st.booleans(),
+    name=st.text(max_size=9),
+    done=st.lists(st.sampled_from("ab"), max_size=3).map(tuple),
+)
+
+
+@given(toy=TOYS)
+def test_a_saved_state_comes_back_as_it_was(toy):
+    assert read_state(write_state("toy", toy).encode(), "toy", Toy) == toy
+
+
+def state(**changes):
+    whole = json.loads(write_state("toy", Toy(dead=3, done=("b",))))
+    inputs = whole["inputs"] | changes.pop("inputs", {})
+    return json.dumps({**whole, "inputs": inputs, **changes}).encode()
+
+
+def test_the_link_saves_what_load_takes_back(page):
+    page.controls["slaves"].value = 9
+    page.controls["name"].value = "caf\xe9"
+    kept = b64decode(re.search('shipnet_toy.json" href="data:[^,]*,([^"]*)"', page.links.value)[1])
+    other = Page("toy", Toy(), Seen())
+    load(other.uploads["load state"], kept, "kept.json")
+    assert other.inputs == Toy(slaves=9, name="caf\xe9") and other.text.startswith("9 slaves")
+    report = re.search('report.html" href="data:[^,]*,([^"]*)"', page.links.value)[1]
+    assert b64decode(report) == b"<p>fine</p>"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "it is no JSON"),
+        (b"\xff\xfe", "it is no JSON"),
+        (b"[" * 100_000, "it is no JSON"),
+        (b"[1]", "lacks the format"),
+        (b'{"tool": "toy"}', "lacks the format"),
+        (state(tool="other"), "it is a state of the tool 'other', not of 'toy'"),
+        (state(version=2), "its version is 2; this tool reads version 1"),
+        (state(version=None), "its version is None"),
+        (state(inputs={"more": 1}), "unknown input 'more'"),
+        (state(inputs={"slaves": 31, "bus": "LIN"}), "slaves is 31.*; bus is 'LIN'"),
+        (state(inputs={"slaves": "5"}), "slaves is '5'"),
+        (state(inputs={"slaves": 2}), "dead is 3; .*0..2, for slaves is 2"),
+        (state(inputs={"dead": 1.5}), r"dead is 1\.5"),
+        (state(inputs={"length": 400}), "length is 400 m; its slider shows 0..100 m"),
+        (state(inputs={"length": 10**400}), "length is 10+; it must"),
+        (state(inputs={"length": float("nan")}), "length is nan m"),
+        (state(inputs={"length": True}), "length is True"),
+        (state(inputs={"bus": ["CAN"]}), r"bus is \('CAN',\)"),
+        (state(inputs={"ring": 1}), "ring is 1; it must be True or False"),
+        (state(inputs={"name": "x" * 10}), "name has 10 characters"),
+        (state(inputs={"name": None}), "name is None"),
+        (state(inputs={"done": "a"}), "done is 'a'"),
+        (state(inputs={"done": ["c"]}), "one of done is 'c'"),
+        (state(inputs={"done": [["a"]]}), r"one of done is \['a'\]"),
+        (state(inputs={"ring": True, "bus": "AS-i"}), "AS-i has none"),
+        (b" " * 2_000_001, "it has 2000001 bytes"),
+    ],
+    ids=range(26),
+)
+def test_a_state_that_cannot_be_is_refused_and_nothing_changes(page, content, message):
+    page.controls["length"].value = 77.0
+    before, calls = page.inputs, len(page._see)
+    load(page.uploads["load state"], content, "bad.json")
+    assert re.search("^bad.json: .*" + message, page.note), page.note
+    assert "Traceback" not in page._noted.value and "should not happen" not in page.note
+    assert page.inputs == before and len(page._see) == calls
+    assert page.text.startswith("5 slaves")
+
+
+def test_missing_inputs_are_named_all_at_once():
+    short = json.dumps({"format": "shipnet tool", "version": 1, "tool": "toy", "inputs": {}})
+    with pytest.raises(InputError, match=r"'slaves' is missing; .*'done' is missing"):
+        read_state(short.encode(), "toy", Toy)
+
+
+def test_a_slider_holds_the_nearest_step_and_what_the_browser_sends_back_is_no_change(page, seen):
+    page._controls.put(Toy(length=10.4))
+    assert page.inputs.length == 10.0
+    page.note = "kept"
+    page.controls["length"].value = 10.000000000000002
+    assert (page.inputs.length, len(seen), page.note) == (10.0, 1, "kept")
+    page.controls["length"].value = 11.0
+    assert len(seen) == 2
+
+
+def test_a_slider_that_reaches_what_is_not_legal_is_no_field():
+    for make, slider in ((number, (0, 2)), (whole, (-1, 1)), (whole, (1, 1))):
+        with pytest.raises(ArgumentError, match="slider of 'x'"):
+            make(0, 0, 1, slider=slider, label="x", help="")
