@@ -1,4 +1,5 @@
 from . import emc as emc
+from .batch import Requests as Requests
 from .calls import Call as Call
 from .capture import Capture as Capture
 from .capture import decode as decode
