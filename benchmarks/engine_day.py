@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from tests.engine_reference import run_reference
-
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
+from tests.engine.reference import run_reference
 
 PHASES = {"JB1": 0.11, "JB2": 0.23, "JB3": 0.37, "AMS": 0.05}
 DAY, SHORT = 86_400, 30

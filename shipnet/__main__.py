@@ -143,8 +143,9 @@ def _parser() -> argparse.ArgumentParser:
         "--character", metavar="C", default="8E1", help="of the serial port: 8E1, 8O1, 8N2 or 8N1"
     )
     serving.add_argument(
-        "--fault", metavar="V:CODE:SEVERITY", action="append", default=[],
-        help="a fault of valve V, such as 3:P2:0.5; may be repeated",
+        "--fault", metavar="FAULT", action="append", default=[],
+        help="a fault of valve V as V:CODE:SEVERITY, such as 3:P2:0.5, or of the engine, such as "
+        "'box dead JB2'; may be repeated",
     )  # fmt: skip
     serving.add_argument(
         "--speed", metavar="FACTOR", type=float, default=1.0, help="model seconds a second: 1"

@@ -3,9 +3,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet.asi.cycle import cycle_time
-from shipnet.asi.simulation.faults import TelegramErrors
+from shipnet.asi.elements import Slave
+from shipnet.asi.faults import TelegramErrors
 from shipnet.asi.simulation.run import simulate
-from shipnet.asi.simulation.slave import Slave
 from shipnet.errors import ArgumentError
 from shipnet.tools.asi_network import STRUCTURES, Inputs, draw, explorer, update
 
@@ -48,10 +48,10 @@ def test_too_much_cable_and_too_much_current_are_named():
 def test_repetitions_are_those_of_the_simulated_line():
     rate = 0.1
     result = update(Inputs(error_rate=rate))
-    slaves = [Slave("S-0.F.F", address) for address in range(1, 32)]
+    slaves = [Slave(f"{address}") for address in range(1, 32)]
     faults = [TelegramErrors(str(address), response=rate) for address in range(1, 32)]
     run = simulate(slaves, cycles=500, faults=faults, rng=np.random.default_rng(2024))
-    summary = run.summary()
+    summary = run.summary
     seconds = run.cycle_times.sum()
     # 1550 expected: four standard deviations are a tenth; the cycles grow by a tenth as well.
     assert summary.repetitions / seconds == pytest.approx(result.repetitions, rel=0.2)

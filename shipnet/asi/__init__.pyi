@@ -1,4 +1,6 @@
+from . import commands as commands
 from . import emc as emc
+from . import faults as faults
 from .batch import Requests as Requests
 from .calls import Call as Call
 from .capture import Capture as Capture
@@ -6,7 +8,9 @@ from .capture import decode as decode
 from .cycle import Cycle as Cycle
 from .cycle import cycle_time as cycle_time
 from .elements import CableRun as CableRun
+from .elements import Master as Master
 from .elements import Repeater as Repeater
+from .elements import Slave as Slave
 from .elements import Supply as Supply
 from .elements import Terminator as Terminator
 from .modulation import Modulation as Modulation
@@ -21,9 +25,9 @@ from .receiver import Receiver as Receiver
 from .receiver import Reception as Reception
 from .receiver import Waveform as Waveform
 from .rules import rule_limits as rule_limits
-from .simulation.master import Master as Master
+from .simulation.run import Run as Run
+from .simulation.run import Standby as Standby
 from .simulation.run import simulate as simulate
-from .simulation.slave import Slave as Slave
 from .telegram import Request as Request
 from .telegram import Response as Response
 from .timing import BIT_TIME as BIT_TIME

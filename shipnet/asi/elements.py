@@ -7,11 +7,11 @@ master and slaves do while they run is kept by a simulation (`shipnet.asi.simula
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import field
 from functools import cache
 from math import inf
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from shipnet.asi.cycle import ADDRESSES
 from shipnet.asi.profile import Profile
@@ -21,6 +21,10 @@ from shipnet.fields import check_whole, number, record, switch, whole
 from shipnet.line.network import CableRun as CableRun
 from shipnet.line.network import Load as Load
 from shipnet.line.network import check_node
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
 Half = Literal["A", "B"]
 
@@ -254,6 +258,16 @@ class Slave:
     slave 12B at hatch 3
     >>> Slave("5").profile, Slave("5A").profile
     (Profile(io=0, id=15, id2=15), Profile(io=0, id=10, id2=15))
+
+    What it makes of each telegram that it hears; an empty one is a pause:
+
+    >>> from shipnet.asi.telegram import Request
+    >>> request = Request.read_id(21).bits
+    >>> heard = Slave("21", "S-3.F.F").listen([request, "", request])
+    >>> heard["state"].tolist()
+    ['asynchronous', 'receive', 'synchronous']
+    >>> heard["answer"].tolist()
+    ['silence', '', 'answer to read ID code: 1111 (F)']
     """
 
     label: str
@@ -293,6 +307,33 @@ class Slave:
     def half(self) -> Half | None:
         """Which half of the address is its own; None for a standard slave."""
         return slave_key(self.label)[1]
+
+    def listen(self, telegrams: Iterable[str]) -> pd.DataFrame:
+        """Return what the slave makes of telegrams that it hears one after the other.
+
+        One row per telegram: `telegram`, the receive `state` after it, and the `answer` in words.
+        An empty telegram is a pause, as it follows a response.
+        """
+        import pandas as pd
+
+        from shipnet.asi.simulation.slave import RunningSlave
+
+        running, rows = RunningSlave(self), []
+        for bits in telegrams:
+            if bits:
+                answer = str(running.hear(bits) or "silence")
+            else:
+                running.pause()
+                answer = ""
+            rows.append((bits, running.state.value, answer))
+        return pd.DataFrame(rows, columns=["telegram", "state", "answer"])
+
+    @staticmethod
+    def plot_states(ax: Axes | None = None) -> Axes:
+        """Draw the receive states of any slave, and what leads from one to another."""
+        from shipnet.asi.plot import plot_states
+
+        return plot_states(ax=ax)
 
     def __str__(self) -> str:
         """Name the slave by address and node."""

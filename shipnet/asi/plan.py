@@ -550,7 +550,7 @@ class Plan:
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the plan to scale along the cable; `findings` colour what breaks a rule red."""
-        from shipnet.asi.simulation.plot import plot_plan
+        from shipnet.asi.plot import plot_plan
 
         return plot_plan(self, findings, ax=ax)
 

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
+from shipnet import style
 from shipnet.engine.faults import EngineFault, check_faults
 from shipnet.errors import ArgumentError
 from shipnet.style import LIMIT, bare
@@ -39,18 +40,9 @@ _SENDERS = ("0.25", "0.55", "0.8")
 _MOST_BARS, _TILES = 5000, 11
 
 
-def _axes(ax: Axes | None) -> Axes:
-    """Return the axes given, or new ones."""
-    if ax is None:
-        import matplotlib.pyplot as plt
-
-        ax = plt.subplots()[1]
-    return ax
-
-
 def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
     """Draw who works when as rows of bars; a bar of CAN has the grey of its sender."""
-    ax = _axes(ax)
+    ax = style.axes(ax)
     if not 1 <= len(table) <= _MOST_BARS:
         raise ArgumentError(f"table has {len(table)} rows; it must be 1..{_MOST_BARS}")
     names = [str(name) for name in table["row"].unique()]
@@ -88,7 +80,7 @@ def plot_ages(
     label: str,
 ) -> Axes:
     """Draw the age of a point over time, with crosses at the top edge where it is marked."""
-    ax = _axes(ax)
+    ax = style.axes(ax)
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
     x = np.column_stack([ages["seen_s"], ages["good_until_s"], ages["good_until_s"]])
@@ -119,7 +111,7 @@ def plot_ages(
 
 def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
     """Draw the screen of the AMS as tiles, one per point, with its value or its mark."""
-    ax = _axes(ax)
+    ax = style.axes(ax)
     table = table.reset_index()
     columns = [table[name].tolist() for name in ("tag", "value", "unit", "age_s", "mark")]
     for place, (tag, value, unit, age, mark) in enumerate(zip(*columns, strict=True)):
@@ -153,7 +145,7 @@ def plot_system(
     system: System, faults: EngineFault | Iterable[EngineFault], *, ax: Axes | None
 ) -> Axes:
     """Draw the outline of the system, with a cross and its name where something fails."""
-    ax = _axes(ax)
+    ax = style.axes(ax)
     broken = check_faults(system, faults)
     last = len(system.boxes) - 1
     spots: dict[str, tuple[float, float]] = {}

@@ -13,8 +13,9 @@ from shipnet.asi.modulation import (
     collide,
     pulses_of,
 )
-from shipnet.asi.simulation.disturbance import MISSED, REQUEST_LOST, VARIANTS, draw_disturbances
+from shipnet.asi.simulation.channel import MISSED, REQUEST_LOST, VARIANTS
 from shipnet.errors import ArgumentError, FrameError, explain
+from tests.asi.lines import draw
 
 ANSWERS = [Response(data).bits for data in range(16)]
 
@@ -86,7 +87,7 @@ def test_nothing_and_other_lengths_are_refused(telegrams, n_bits, message):
 
 def test_disturbances_are_as_frequent_as_asked_and_independent():
     rng = np.random.default_rng(3)
-    drawn = draw_disturbances(rng, 4000, [0.1, 0.0, 1.0], [0.2, 0.0, 1.0], attempts=3, n_runs=2)
+    drawn = draw(rng, 4000, [0.1, 0.0, 1.0], [0.2, 0.0, 1.0], attempts=3, n_runs=2)
     assert drawn.shape == (2, 4000, 3, 3, 3)
     assert not drawn[..., 1, :].any()
     lost, missed, variant = drawn & REQUEST_LOST > 0, drawn & MISSED > 0, drawn >> 2
@@ -97,18 +98,3 @@ def test_disturbances_are_as_frequent_as_asked_and_independent():
     counts = np.bincount(variant[..., 2, :].ravel(), minlength=VARIANTS + 1)
     assert counts[0] == 0 and counts.size == VARIANTS + 1
     assert (np.abs(counts[1:] / n - 1 / VARIANTS) < 5 * np.sqrt(1 / VARIANTS / n)).all()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((1, [1.1], [0.0]), r"request is \[1.1\]"),
-        ((1, [0.0], [np.nan]), "response is"),
-        ((1, [0.0], [0.0, 0.0]), "request has 1 probabilities and response 2"),
-        ((1, [[0.0]], [0.0]), "one probability"),
-        ((-1, [0.0], [0.0]), "n_cycles is -1"),
-    ],
-)
-def test_bad_probabilities_are_refused(arguments, message):
-    with pytest.raises(ArgumentError, match=message):
-        draw_disturbances(np.random.default_rng(0), *arguments)

@@ -122,13 +122,11 @@ def test_sizes_and_requests_of_the_maps():
     assert len(corrected) == 99 + 3 * 2 + 3 + 2 + 3
     assert [len(m.requests()) for m in (RegisterMap(POINTS), corrected)] == [1, 1]
     line = SerialLine(9600)
-    times = [Poll(m.requests()[0], line).answered for m in (RegisterMap(POINTS), corrected)]
+    times = [Poll(m.requests()[0], line).time for m in (RegisterMap(POINTS), corrected)]
     assert times[0] == pytest.approx(249.79e-3, abs=5e-6)
     assert times[1] == pytest.approx(times[0] + 14 * 2 * 11 / 9600)
     many = [Point(f"P{k}", "B", "4-20 mA", "pressure", 0, 1) for k in range(251)]
-    asked = [
-        (r.starting_address, r.quantity) for r in RegisterMap(many, first_address=9).requests()
-    ]
+    asked = [(r.address, r.quantity) for r in RegisterMap(many, first_address=9).requests()]
     assert asked == [(9, 125), (134, 125), (259, 1)]
 
 
@@ -194,8 +192,8 @@ def test_a_map_judges_its_packed_switches_apart_from_its_values():
 
 def answer(pdu, registers, first_address=0):
     """Let a slave answer that knows function code 3 alone, as the junction box does."""
-    box = Slave(holding_registers=dict(enumerate(registers, first_address)))
-    return Slave(box, functions={3}).answer(pdu)
+    content = dict(enumerate(registers, first_address))
+    return Slave(holding_registers=content, functions={3}).answer(pdu)
 
 
 def expected(pdu, registers, first):
@@ -208,7 +206,7 @@ def expected(pdu, registers, first):
         request = Request.parse(pdu)
     except (LengthError, FieldError):
         return bytes([0x83, 3])
-    start = request.starting_address - first
+    start = request.address - first
     part = registers[start : start + request.quantity] if start >= 0 else []
     if len(part) < request.quantity:
         return bytes([0x83, 2])

@@ -5,7 +5,7 @@ import pytest
 
 from shipnet.asi import Slave, simulate
 from shipnet.asi.cycle import cycle_time, response_time
-from shipnet.asi.simulation.faults import LostReply
+from shipnet.asi.faults import LostReply
 from shipnet.asi.timing import BIT_TIME, Timing
 from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
@@ -21,14 +21,14 @@ def right(key, name):
 
 
 def line(n):
-    return [Slave("S-0.F.F", address) for address in range(1, n + 1)]
+    return [Slave(f"{address}") for address in range(1, n + 1)]
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_two_requests_follow_each_other_as_computed(name):
     numbers, exchange = right("ex-04-1", name)
     run = simulate(line(2), cycles=10, timing=Timing(**numbers))
-    rows = run.transactions.query("phase == 'data_exchange' and cycle == 8")
+    rows = run.events().query("phase == 'data_exchange' and cycle == 8")
     assert np.diff(rows["time_s"]) * 1e6 == pytest.approx(exchange)
 
 
@@ -46,7 +46,7 @@ def test_the_cycle_is_that_of_a_simulated_line(name):
 @pytest.mark.parametrize("pauses", [(2, 2), (3, 2), (10, 2)])
 def test_the_efficiency_is_counted_on_a_simulated_line(pauses):
     run = simulate(line(4), cycles=5, timing=Timing(master_pause=pauses[0], slave_pause=pauses[1]))
-    rows = run.transactions.query("phase == 'data_exchange' and cycle == 3")
+    rows = run.events().query("phase == 'data_exchange' and cycle == 3")
     span = rows["time_s"].iloc[-1] - rows["time_s"].iloc[0]
     assert 100 * 8 * 3 * BIT_TIME / span == pytest.approx(_efficiency(8, *pauses))
 
@@ -62,7 +62,7 @@ def test_one_slave_more_breaks_the_limit(name):
 
 def test_a_simulated_repetition_costs_no_more_than_the_formula_says():
     n = exercise("ex-04-4").answer(limit=4.0, repetitions=1).value
-    run = simulate(line(n), duration=0.4, faults=[LostReply("5", start=0.3, count=1)])
+    run = simulate(line(n), until=0.4, faults=[LostReply("5", start=0.3, count=1)])
     longest = run.response_times()["longest_s"].max()
     bound = response_time(cycle_time(n), repetitions=1).worst
     # Of the formula's answered exchanges, one has no answer here, nor has the repeated one.

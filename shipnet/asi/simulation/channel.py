@@ -1,41 +1,227 @@
-"""The line between a master and its slaves: takes a request, brings a reply, and keeps the time.
-
-Only the slaves at the address of a request are looked at, as all others let it pass. What the
-others hear is made up for when their turn comes: a slave is out of step if the request just before
-its own was lost on it. A test lets every slave hear every telegram and finds no difference.
-"""
+"""The line between a master and its slaves, what disturbs it, and the record of what was sent."""
 
 from __future__ import annotations
 
 import heapq
+from array import array
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+from functools import cached_property
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.asi.batch import encode_requests
+from shipnet.asi.calls import Call
+from shipnet.asi.elements import Slave, slave_key
 from shipnet.asi.modulation import ONE_PULSE_CODES, collide
-from shipnet.asi.simulation.disturbance import MISSED, PLANES, REQUEST_LOST, draw_disturbances
-from shipnet.asi.simulation.master import Phase
-from shipnet.asi.simulation.orders import Order
-from shipnet.asi.simulation.record import (
-    ATTEMPT,
-    EXECUTED,
-    NO_RESPONSE,
-    OUTCOME,
-    PHASE,
-    RESPONSE,
-    STANDBY,
-    Record,
-)
-from shipnet.asi.simulation.slave import OBEY, Slave
-from shipnet.asi.simulation.station import Station
-from shipnet.asi.simulation.tasks import FAULTY, SILENT
+from shipnet.asi.simulation.master import FAULTY, SILENT, Phase
+from shipnet.asi.simulation.slave import OBEY, PreparedRequest, RunningSlave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Response
 from shipnet.asi.timing import Timing
-from shipnet.errors import SilenceError
+from shipnet.errors import ArgumentError, SilenceError, explain
+from shipnet.fields import check_whole
 
-__all__ = ["Channel", "MasterStops"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+# The record: one row per transaction, packed while a simulation runs, unpacked afterwards. A row
+# is three numbers: when it began, how long the master waited for the response, and everything
+# else in the bits of one integer. Writing them costs a simulation little.
+
+#: Where each field stands above the 16 bits of `PreparedRequest.code`.
+ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
+
+#: Stands in the field of the response where there is none.
+NO_RESPONSE = 16
+
+_OUTCOMES = [explain(code) for code in range(SilenceError.code + 1)]
+
+Integers = npt.NDArray[np.int64]
+
+
+class Record:
+    """Columns that grow with the simulation."""
+
+    def __init__(self, timing: Timing) -> None:
+        self.timing = timing
+        self.start = array("d")
+        self.pause = array("d")
+        self.code = array("q")
+        self.cycles: list[tuple[int, int]] = []
+
+    def put(self, start: float, pause: float, code: int) -> None:
+        """Add a row."""
+        self.start.append(start)
+        self.pause.append(pause)
+        self.code.append(code)
+
+    def field(self, shift: int, bits: int) -> Integers:
+        """Return one packed field of all rows."""
+        return np.frombuffer(self.code, dtype=np.int64) >> shift & (1 << bits) - 1
+
+    @cached_property
+    def starts(self) -> npt.NDArray[np.float64]:
+        """When each request began [bit]."""
+        return np.frombuffer(self.start, dtype=np.float64)
+
+    @cached_property
+    def pauses(self) -> npt.NDArray[np.float64]:
+        """Pause before each response [bit]; NaN where there was none."""
+        return np.frombuffer(self.pause, dtype=np.float64)
+
+    @cached_property
+    def cycle(self) -> Integers:
+        """Number of the cycle of each row; -1 before the first."""
+        cycle = np.full(self.starts.size, -1, dtype=np.int64)
+        for row, number in self.cycles[:1]:
+            cycle[row:] = number
+        if len(self.cycles) > 1:
+            rows, numbers = np.array(self.cycles).T
+            ends = np.append(rows[1:], self.starts.size)
+            cycle[rows[0] :] = np.repeat(numbers, ends - rows)
+        return cycle
+
+    def table(self) -> pd.DataFrame:
+        """Return all rows with the columns that people read."""
+        import pandas as pd
+
+        call, address, half = self.field(0, 4), self.field(4, 5), self.field(9, 2)
+        data, outcome, response = self.field(11, 5), self.field(OUTCOME, 4), self.field(RESPONSE, 5)
+        executed = self.field(EXECUTED, 1).astype(bool)
+        words, _ = encode_requests(call, address, data, half=half - 1)
+        texts = np.array([f"{word:014b}" for word in range(1 << 14)])
+        labels = np.array([[f"{a}{h}" for h in ("", "A", "B")] for a in range(32)])
+
+        def named(codes: Integers, names: Sequence[str]) -> pd.Categorical[str]:
+            whole = pd.Categorical.from_codes(codes, pd.Index(names))
+            return whole.remove_unused_categories()
+
+        return pd.DataFrame(
+            {
+                "time_s": self.starts * self.timing.bit_time,
+                "cycle": self.cycle,
+                "phase": named(self.field(PHASE, 3), [phase.name.lower() for phase in Phase]),
+                "call": named(call, [call.name for call in Call]),
+                "address": address,
+                "half": named(half, ["", "A", "B"]),
+                "slave": labels[address, half],
+                "request": texts[words],
+                "request_data": data,
+                "response_data": np.where(response == NO_RESPONSE, -1, response),
+                "master_pause_bit": self.pauses,
+                "slave_pause_bit": np.where(np.isnan(self.pauses), np.nan, self.timing.slave_pause),
+                "attempt": self.field(ATTEMPT, 3),
+                "outcome": named(outcome, _OUTCOMES),
+                "executed": executed,
+                "executed_but_lost": executed & (outcome > 0),
+                "standby": self.field(STANDBY, 1).astype(bool),
+            }
+        )
+
+
+# Disturbances: drawn ahead, one byte per slave, request of a cycle and attempt at it.
+#     bit 0       the slave does not understand the request
+#     bit 1       it did not understand the request before, which went to another slave
+#     bits 2..7   0, or 1..32: which of the 32 disturbances of one pulse hits the response
+
+#: The slave does not understand the request.
+REQUEST_LOST = 1
+
+#: The slave did not understand the request before this one, which went to another slave.
+MISSED = 2
+
+#: Disturbances of one pulse of a response; they are counted from 1 in bits 2..7.
+VARIANTS = len(ONE_PULSE_CODES[0])
+
+#: The requests of a cycle: data exchange, management, inclusion.
+PLANES = 3
+
+Bytes = npt.NDArray[np.uint8]
+
+
+def draw_disturbances(
+    rng: np.random.Generator, n_cycles: int, rates: Sequence[tuple[float, float]], attempts: int
+) -> Bytes:
+    """Return bytes of shape (n_cycles, 3, n_slaves, attempts) for independent disturbances.
+
+    `rates` are the probabilities for each slave that it does not understand a request, and that
+    the master does not understand its response.
+    """
+    drawn = np.zeros((n_cycles, PLANES, len(rates), attempts), dtype=np.uint8)
+    plane = (n_cycles, PLANES, attempts)
+    for slave, (lost, garbled) in enumerate(rates):
+        if lost > 0:
+            drawn[..., slave, :] |= (rng.random(plane) < lost) * np.uint8(REQUEST_LOST)
+            drawn[..., slave, :] |= (rng.random(plane) < lost) * np.uint8(MISSED)
+        if garbled > 0:
+            variant = rng.integers(1, VARIANTS + 1, plane, dtype=np.uint8) << 2
+            drawn[..., slave, :] |= np.where(rng.random(plane) < garbled, variant, 0)
+    return drawn
+
+
+# Slaves at their places ------------------------------------------------------------------------
+
+
+class Station:
+    """A slave at its place on the line."""
+
+    __slots__ = (
+        "cuts", "heard", "lost_replies", "name", "offset", "pause", "position", "quiet", "rates",
+        "since", "slave",
+    )  # fmt: skip
+
+    def __init__(self, slave: RunningSlave, position: float = 0.0, pause: float = 3.0) -> None:
+        self.slave, self.position, self.pause = slave, position, pause
+        #: Its label at the start.
+        self.name = slave.label
+        #: Probabilities that a request, and a response, is lost.
+        self.rates = (0.0, 0.0)
+        #: Whether disturbances that were drawn do not count now.
+        self.quiet = False
+        #: Replies that will be lost, by the call that they answer.
+        self.lost_replies: dict[Call, int] = {}
+        #: For how many reasons it is without supply.
+        self.cuts = 0
+        #: Numbers of the last request to it, and of the first since it was switched on.
+        self.heard, self.since = -1, 1
+        #: Where its disturbances begin in those of a request.
+        self.offset = 0
+
+    def check_pause(self, timing: Timing, late: float = 0.0) -> None:
+        """Raise if an answer could come so late that it falls behind the next request."""
+        pause = self.pause + timing.unsynchronised + late
+        most = timing.timeout + REQUEST_BITS
+        if not (late >= 0 and pause < most):
+            raise ArgumentError(
+                f"slave {self.name} would answer {pause:g} bit times after a request; it must "
+                f"not be early, and less than {most:g}, before the next request has ended"
+            )
+
+
+class Stations(dict[str, list[Station]]):
+    """The slaves of a line by their labels at the start; two slaves may share one."""
+
+    def __init__(self, placed: Sequence[tuple[Slave, float, float]], timing: Timing) -> None:
+        """Place slaves: each with its distance from the master [m] and its delay one way [s]."""
+        super().__init__()
+        check_whole("number of slaves", len(placed), 0, 1000)
+        self.all = []
+        for slave, position, delay in placed:
+            pause = timing.master_pause + 2 * delay / timing.bit_time
+            station = Station(RunningSlave(slave), position, pause)
+            station.check_pause(timing)
+            self.all.append(station)
+            self.setdefault(station.name, []).append(station)
+
+    def __missing__(self, label: str) -> list[Station]:
+        slave_key(label)
+        raise ArgumentError(
+            f"slave {label} is not on the line; there are {', '.join(self) or 'none'}"
+        )
+
+
+# The line --------------------------------------------------------------------------------------
 
 _NEVER = float("inf")
 _NAN = float("nan")
@@ -45,8 +231,7 @@ _ANSWERS = [Response(data).bits for data in range(16)]
 #: Cycles for which disturbances are drawn at a time.
 _CHUNK = 256
 
-Bytes = npt.NDArray[np.uint8]
-_Way: TypeAlias = tuple[Station, Slave, Callable[[Slave, int, float], int], int]
+_Route: TypeAlias = tuple[Station, RunningSlave, Callable[[RunningSlave, int, float], int], int]
 
 
 class MasterStops(Exception):
@@ -58,43 +243,12 @@ class MasterStops(Exception):
 
 
 class Channel:
-    """A line with its slaves.
+    """The line between a master and its slaves: takes a request, brings a reply, keeps the time.
 
-    Parameters
-    ----------
-    stations : sequence of Station
-        The slaves.
-    timing : Timing
-        The pauses.
-    attempts : int
-        How often the master sends a request at most.
-    rng : numpy.random.Generator
-        Draws the disturbances that are not given.
-    drawn : ndarray of uint8, shape (n_cycles, 3, n_stations, attempts), optional
-        The disturbances by cycle; behind its last cycle there are none.
-
-    Attributes
-    ----------
-    time : float
-        Now [bit].
-    record : Record
-        What was sent.
-    standby : bool
-        Whether it is the standby master who sends.
-    begun : int
-        How many cycles have begun.
-
-    Examples
-    --------
-    >>> from shipnet.asi import Call
-    >>> from shipnet.asi.simulation.orders import order
-    >>> from shipnet.asi.simulation.slave import Slave
-    >>> slave = Slave("S-0.F", 5, inputs=6)
-    >>> channel = Channel([Station(slave)], Timing(), 2, np.random.default_rng(2024))
-    >>> channel.transact(order(Call.READ_ID, 5), 0), channel.time
-    (15, 28.0)
-    >>> channel.transact(order(Call.READ_ID, 5), 0), channel.time
-    (15, 54.0)
+    Only the slaves at the address of a request are looked at, as all others let it pass. What the
+    others hear is made up for when their turn comes: a slave is out of step if the request just
+    before its own was lost on it. A test lets every slave hear every telegram and finds no
+    difference.
     """
 
     def __init__(
@@ -103,7 +257,6 @@ class Channel:
         timing: Timing,
         attempts: int,
         rng: np.random.Generator,
-        drawn: Bytes | None = None,
     ) -> None:
         self.stations, self.timing, self.record = list(stations), timing, Record(timing)
         self._tail = RESPONSE_BITS + timing.slave_pause
@@ -113,7 +266,7 @@ class Channel:
         self.time = 0.0
         self.standby = False
         self.begun = 0
-        self._attempts, self._rng, self._drawn = attempts, rng, drawn
+        self._attempts, self._rng = attempts, rng
         self._plane = len(self.stations) * attempts
         self._bytes, self._chunk, self._base, self._fields = b"", 0, -1, 0
         for number, station in enumerate(self.stations):
@@ -156,9 +309,9 @@ class Channel:
         there = [s for s in there if not s.slave.programming]
         self._at = [[s for s in there if s.slave.address == address] for address in range(32)]
         self._at.append(there)
-        self._routes: dict[Order, list[_Way]] = {}
+        self._routes: dict[PreparedRequest, list[_Route]] = {}
 
-    def _route(self, order: Order) -> list[_Way]:
+    def _route(self, order: PreparedRequest) -> list[_Route]:
         """Return who takes a request for its own, and what each does with it."""
         route = []
         for station in self._at[order.station]:
@@ -195,44 +348,21 @@ class Channel:
     def _in_chunk(self, cycle: int) -> int:
         """Have the disturbances of a cycle ready, and return its number among them."""
         if cycle % _CHUNK == 0 or not self._bytes:
-            shape = (_CHUNK, PLANES, len(self.stations), self._attempts)
-            if self._drawn is None:
-                drawn = self._draw(_CHUNK)
-            else:
-                drawn = np.zeros(shape, dtype=np.uint8)
-                given = self._drawn[cycle : cycle + _CHUNK]
-                drawn[: len(given)] = given
-            self._bytes = drawn.tobytes()
+            self._bytes = self._draw(_CHUNK).tobytes()
         return cycle % _CHUNK
 
     def _draw(self, n_cycles: int) -> Bytes:
-        rates = np.array([station.rates for station in self.stations]).reshape(-1, 2)
-        return draw_disturbances(
-            self._rng, n_cycles, rates[:, 0], rates[:, 1], attempts=self._attempts
-        )
+        rates = [station.rates for station in self.stations]
+        return draw_disturbances(self._rng, n_cycles, rates, self._attempts)
 
     def _draw_one(self, station: Station) -> int:
         """Draw for a request outside the cycles."""
         if station.rates == (0.0, 0.0):
             return 0
-        rates: list[npt.NDArray[Any]] = [np.array([rate]) for rate in station.rates]
-        return int(draw_disturbances(self._rng, 1, *rates, attempts=1)[0, 0, 0, 0])
+        return int(draw_disturbances(self._rng, 1, [station.rates], 1)[0, 0, 0, 0])
 
-    def transact(self, order: Order, attempt: int) -> int:
-        """Send a request and return the reply.
-
-        Parameters
-        ----------
-        order : Order
-            The request.
-        attempt : int
-            0, or the number of the repetition.
-
-        Returns
-        -------
-        int
-            Four bits, 0..15, or `SILENT` or `FAULTY`.
-        """
+    def transact(self, order: PreparedRequest, attempt: int) -> int:
+        """Send a request and return the reply."""
         start, timing = self.time, self.timing
         end = start + REQUEST_BITS
         if end >= self._next:
@@ -252,6 +382,8 @@ class Channel:
                 if base >= 0
                 else self._draw_one(station)
             )
+            if what and station.quiet:
+                what = 0
             if what or spoilt == before or not slave.synchronised:
                 if station.heard != before:
                     missed = what & MISSED or spoilt == before
@@ -294,7 +426,7 @@ class Channel:
         self.time = end + wait
         return reply
 
-    def _readable(self, order: Order, start: float) -> bool:
+    def _readable(self, order: PreparedRequest, start: float) -> bool:
         """Whether a request can be read although a late answer falls upon it."""
         assert self._ghost is not None
         bits, begin = self._ghost
@@ -305,7 +437,7 @@ class Channel:
         return read == order.bits
 
     def _resolve(
-        self, order: Order, end: float, replies: list[tuple[int, float, int, Station]]
+        self, order: PreparedRequest, end: float, replies: list[tuple[int, float, int, Station]]
     ) -> tuple[int, float, float, int]:
         """Return what the master makes of replies: the reply, first and last pause, error."""
         heard = []

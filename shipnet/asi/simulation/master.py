@@ -1,40 +1,263 @@
-"""A master: the phases it goes through, and what it does when an answer fails.
+"""A master at work: its lists, the tasks that take it several requests, and its phases.
 
-A master is a generator. It yields the request that it sends and is sent the reply. Nothing here
-knows of slaves or of a line, so a master can be led by a simulation, by a test, or by hand.
+Inside, a slave has a key, twice its address plus 1 for a B slave; the host sees labels. A task
+yields requests, one after the other, and is sent each reply: four bits, or `SILENT` or `FAULTY`.
+Who leads it decides about repetitions, and whether it takes one cycle or many.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Mapping
 from enum import IntEnum
-from typing import Protocol
+from typing import NamedTuple, Protocol, TypeAlias, TypeVar, cast
 
 from shipnet.asi.calls import Call
+from shipnet.asi.elements import Half, Master, check_bits, label_of, slave_key
 from shipnet.asi.profile import Profile
-from shipnet.asi.simulation.lists import Identity, Lists, Poll
-from shipnet.asi.simulation.orders import Order, key_of, order
-from shipnet.asi.simulation.tasks import FAULTY, SILENT, T, Task, activate, identify, move
+from shipnet.asi.simulation.slave import PreparedRequest, prepared
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
 
-__all__ = ["Command", "CommandFailed", "Master", "Observer", "Phase"]
+# Lists -----------------------------------------------------------------------------------------
+
+
+class Identity(NamedTuple):
+    """What a slave says of itself: its profile, and extended ID code 1, or -1 without one."""
+
+    profile: Profile
+    id1: int
+
+
+class Change(NamedTuple):
+    """A slave enters or leaves one of the lists LDS, LAS and LPF at a time [s]."""
+
+    time: float
+    list: str
+    slave: str
+    present: bool
+
+
+def half_of(key: int, profile: Profile) -> Half | None:
+    """Return the half of a slave."""
+    if not profile.extended or key < 2:
+        return None
+    return "B" if key & 1 else "A"
+
+
+class Poll:
+    """An active slave, with the order that carries its outputs."""
+
+    __slots__ = ("_most", "half", "key", "order")
+
+    def __init__(self, key: int, profile: Profile, outputs: int) -> None:
+        self.key, self.half = key, half_of(key, profile)
+        self._most = (1 << profile.output_bits) - 1
+        self.set(outputs)
+
+    def set(self, outputs: int) -> None:
+        """Send other outputs from now on; an A/B slave takes the lower three bits."""
+        self.order = prepared(Call.DATA_EXCHANGE, self.key >> 1, outputs & self._most, self.half)
+
+
+class Lists:
+    """LPS, LDS, LAS and LPF, and the data of the host."""
+
+    def __init__(self, settings: Master) -> None:
+        self.protected = settings.protected
+        self.projected = cast("dict[str, Profile]", dict(settings.projected or {}))
+        self.clock: Callable[[], float] = lambda: 0.0
+        self.changes: list[Change] = []
+        self._outputs, self._parameters = dict(settings.outputs), dict(settings.parameters)
+        self.clear()
+
+    def clear(self) -> None:
+        """Empty all lists but the LPS."""
+        self.detected: dict[int, Identity] = {}
+        self.polls: dict[int, Poll] = {}
+        self.inputs: dict[int, int] = {}
+        self.left: set[int] = set()
+        self._periphery: set[int] = set()
+        self._plan()
+
+    @property
+    def lps(self) -> list[str]:
+        """Labels of the projected slaves."""
+        return sorted(self.projected, key=lambda label: slave_key(label)[0])
+
+    @property
+    def lds(self) -> list[str]:
+        """Labels of the detected slaves."""
+        return [self.label(key) for key in sorted(self.detected)]
+
+    @property
+    def las(self) -> list[str]:
+        """Labels of the active slaves."""
+        return [self.label(key) for key in sorted(self.polls)]
+
+    @property
+    def lpf(self) -> list[str]:
+        """Labels of the slaves that report a periphery fault."""
+        return [self.label(key) for key in sorted(self._periphery)]
+
+    @property
+    def config_ok(self) -> bool:
+        """Whether exactly the projected slaves are there, with the projected profiles."""
+        found = {self.label(key): identity.profile for key, identity in self.detected.items()}
+        return found == self.projected and self.las == self.lps
+
+    @property
+    def input_image(self) -> dict[str, int]:
+        """What the host reads: the last inputs of the active slaves, 0..15."""
+        return {self.label(key): self.inputs[key] for key in sorted(self.polls)}
+
+    def label(self, key: int) -> str:
+        """Return the label of a slave by its key."""
+        known = self.detected.get(key)
+        return label_of(key, extended=known is not None and known.profile.extended)
+
+    def set_output(self, slave: str, value: int) -> None:
+        """Set what a slave is sent from now on."""
+        key = slave_key(slave)[0]
+        self._outputs[slave] = check_bits("output", slave, value)
+        if key in self.polls and self.label(key) == slave:
+            self.polls[key].set(value)
+
+    def set_parameter(self, slave: str, value: int) -> None:
+        """Set the parameter that a slave gets when it is next activated; values as for outputs."""
+        self._parameters[slave] = check_bits("parameter", slave, value)
+
+    def parameter(self, key: int) -> int:
+        """Return the parameter of a detected slave: as set, or all bits set."""
+        all_set = (1 << self.detected[key].profile.output_bits) - 1
+        return self._parameters.get(self.label(key), all_set) & all_set
+
+    def wanted(self, key: int) -> bool:
+        """Whether a detected slave is meant to be active."""
+        profile = self.detected[key].profile
+        return key > 1 and (not self.protected or self.projected.get(self.label(key)) == profile)
+
+    def note(self, key: int, identity: Identity) -> None:
+        """Enter a slave into the LDS."""
+        if self.detected.get(key) != identity:
+            if key in self.detected:
+                self._change("LDS", key, False)
+            self.detected[key] = identity
+            self._change("LDS", key, True)
+
+    def join(self, key: int, inputs: int) -> None:
+        """Enter a detected slave into the LAS."""
+        if key not in self.polls:
+            self._change("LAS", key, True)
+        outputs = self._outputs.get(self.label(key), 0xF)
+        self.polls[key] = Poll(key, self.detected[key].profile, outputs)
+        self.inputs[key] = inputs
+        self.left.discard(key)
+        self._plan()
+
+    def periphery(self, key: int, faulty: bool) -> None:
+        """Enter a slave into the LPF, or strike it off."""
+        if faulty != (key in self._periphery):
+            (self._periphery.add if faulty else self._periphery.discard)(key)
+            self._change("LPF", key, faulty)
+
+    def forget(self, key: int) -> None:
+        """Strike a slave off LDS, LAS and LPF; the host reads nothing from it."""
+        self.periphery(key, False)
+        self.inputs.pop(key, None)
+        if self.polls.pop(key, None):
+            self._plan()
+            self._change("LAS", key, False)
+        if key in self.detected:
+            self._change("LDS", key, False)
+            del self.detected[key]
+
+    def _plan(self) -> None:
+        # Where both halves of an address are active, they take turns.
+        both = {key >> 1 for key in self.polls if key & 1 and key - 1 in self.polls}
+        self.schedule = (
+            [p for k, p in sorted(self.polls.items()) if k >> 1 not in both or not k & 1],
+            [p for k, p in sorted(self.polls.items()) if k >> 1 not in both or k & 1],
+        )
+
+    def _change(self, which: str, key: int, present: bool) -> None:
+        self.changes.append(Change(self.clock(), which, self.label(key), present))
+
+
+# Tasks -----------------------------------------------------------------------------------------
+
+#: Replies that are no data: nothing came in time, and something came that breaks a rule.
+SILENT, FAULTY = -1, -2
+
+T = TypeVar("T")
+Task: TypeAlias = Generator[PreparedRequest, int, T]
+
+#: Questions whether a slave has stored its address: enough for 15 ms with the shortest cycle,
+#: which has one management and one inclusion request, 26 and 24 bit times.
+_PATIENCE = 100
+
+
+def identify(key: int) -> Task[Identity | None]:
+    """Read the four codes of a slave."""
+    half: Half | None = "B" if key & 1 else None
+    io = yield prepared(Call.READ_IO_CONFIGURATION, key >> 1, half=half)
+    if io < 0:
+        return None
+    code = yield prepared(Call.READ_ID, key >> 1, half=half)
+    if code < 0:
+        return None
+    id1 = yield prepared(Call.READ_ID1, key >> 1, half=half)
+    id2 = yield prepared(Call.READ_ID2, key >> 1, half=half)
+    return Identity(Profile(io, code, id2 if id2 >= 0 else None), max(id1, -1))
+
+
+def activate(lists: Lists, key: int) -> Task[bool]:
+    """Send a detected slave its parameters and first outputs, if it is meant to be active."""
+    if not lists.wanted(key):
+        return False
+    profile = lists.detected[key].profile
+    half = half_of(key, profile)
+    reply = yield prepared(Call.WRITE_PARAMETER, key >> 1, lists.parameter(key), half)
+    if reply < 0:
+        return False
+    # The first outputs are all set: the ports stay off.
+    inputs = yield prepared(Call.DATA_EXCHANGE, key >> 1, (1 << profile.output_bits) - 1, half)
+    if inputs < 0:
+        return False
+    lists.join(key, inputs)
+    return True
+
+
+def move(lists: Lists, label: str) -> Task[bool]:
+    """Give the slave at address 0 a label: its half first, if it has one, then its address."""
+    identity = lists.detected[0]
+    key, half = slave_key(label)
+    wanted = identity.id1 & 7 | (8 if half == "B" else 0)
+    if half and wanted != identity.id1:
+        yield prepared(Call.WRITE_ID1, 0, wanted)
+        yield from wait_for_storing(0, None)
+    yield prepared(Call.ASSIGN_ADDRESS, 0, key >> 1)
+    yield from wait_for_storing(key >> 1, half)
+    found = yield from identify(key)
+    if found is None or found.profile != identity.profile:
+        return False
+    lists.forget(0)
+    lists.note(key, found)
+    return True
+
+
+def wait_for_storing(address: int, half: Half | None) -> Task[None]:
+    """Ask a slave for its status until it says that it has stored its address or ID code 1."""
+    for _ in range(_PATIENCE):
+        status = yield prepared(Call.READ_STATUS, address, half=half)
+        if status >= 0 and not status & 1:
+            return
+
+
+# Phases ----------------------------------------------------------------------------------------
 
 
 class Phase(IntEnum):
-    """The phases of a master, in the order in which it goes through them.
-
-    References
-    ----------
-    .. [1] Beckhoff, "EL6201 AS-Interface master terminal", operating phases.
-    .. [2] OMRON, "CQM1-ARM21", manual W357, 1999, p. 5.
-
-    Examples
-    --------
-    >>> [phase.name.lower() for phase in Phase][3:]
-    ['data_exchange', 'management', 'inclusion']
-    """
+    """The phases of a master, in the order in which it goes through them."""
 
     OFFLINE = 0
     DETECTION = 1
@@ -66,107 +289,21 @@ class CommandFailed(Exception):
     """A command of the host cannot be carried out; the message says why."""
 
 
-class Master:
-    """A master with its lists and its ways of dealing with failures.
+class RunningMaster:
+    """A master at work: a generator that yields each request it sends and is sent the reply.
 
-    Parameters
-    ----------
-    projected : mapping of str to (Profile or str), optional
-        The slaves that should be there: label and profile. Given, the master works in protected
-        mode and activates these only; omitted, in configuration mode, and activates all.
-    outputs : mapping of str to int, optional
-        What each slave is sent, 0..15, or 0..7 for an A/B slave; all bits set if not named.
-    parameters : mapping of str to int, optional
-        Parameter bits of each slave, likewise.
-    repetitions : int, default 1
-        How often a failed request is sent again at once, 0..7.
-    drop_after : int, default 3
-        After so many failed data exchanges in a row, one a cycle, a slave is dropped, 1..1000.
-    automatic_addressing : bool, default False
-        Whether a new slave at address 0 takes the place of the only one missing, if its profile
-        is the same; in protected mode only.
-    status_poll : bool, default True
-        Whether the management phase asks one slave after the other for its status while the
-        host has no commands; it finds the periphery faults (LPF).
-    readmit : bool, default True
-        Whether the inclusion phase asks at the addresses of slaves that were dropped.
-    monitors_supply : bool, default True
-        Whether the master sees that the supply fails, stops, and begins anew behind it.
-
-    Attributes
-    ----------
-    lists : Lists
-        LPS, LDS, LAS and LPF, and the data of the host.
-    phase : Phase
-        Where it is.
-    cycle : int
-        Number of the cycle, from 0; -1 before the first.
-    attempt : int
-        Which attempt at a request is on its way; 0 is the first.
-    dropped : list of (float, str)
-        When which slave was dropped for its failures [s].
-    finished : list of (float, Command, bool, str)
-        When each command ended [s], whether it succeeded, and what came of it.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
-
-    Notes
-    -----
-    Two tries in each of three cycles are the six tries after which an analyser counts a slave
-    as lost [1]_. *Read I/O configuration* asks whether anybody is there: silence is not repeated,
-    a faulty answer is.
-
-    References
-    ----------
-    .. [1] Siemens, "AS-Interface Analyser 3RK1904-3AB01", manual.
-    .. [2] Beckhoff, "EL6201 AS-Interface master terminal", operating phases.
-
-    Examples
-    --------
-    Led by hand: the first request goes to address 0, where a new slave would be.
-
-    >>> class Nobody:
-    ...     seconds = 0.0
-    ...     def begin(self, phase, cycle): pass
-    >>> requests = Master().run(Nobody())
-    >>> print(next(requests).request)
-    read the I/O configuration of slave 0
-    >>> print(requests.send(SILENT).request)
-    read the I/O configuration of slave 1
+    Nothing here knows of slaves or of a line, so it can be led by a simulation or by a test.
     """
 
-    def __init__(
-        self,
-        projected: Mapping[str, Profile | str] | None = None,
-        *,
-        outputs: Mapping[str, int] | None = None,
-        parameters: Mapping[str, int] | None = None,
-        repetitions: int = 1,
-        drop_after: int = 3,
-        automatic_addressing: bool = False,
-        status_poll: bool = True,
-        readmit: bool = True,
-        monitors_supply: bool = True,
-    ) -> None:
-        self.lists = Lists(projected, outputs, parameters)
-        self.repetitions = check_whole("repetitions", repetitions, 0, 7)
-        self.drop_after = check_whole("drop_after", drop_after, 1, 1000)
-        if automatic_addressing and not self.lists.protected:
-            raise ArgumentError(
-                "automatic_addressing is True, but without projected slaves none is missing"
-            )
-        self.automatic_addressing = automatic_addressing
-        self.status_poll, self.readmit = status_poll, readmit
-        self.monitors_supply = monitors_supply
+    def __init__(self, settings: Master) -> None:
+        self.settings, self.lists = settings, Lists(settings)
+        self.repetitions, self.drop_after = settings.repetitions, settings.drop_after
         self.phase = Phase.OFFLINE
         self.cycle, self.attempt = -1, 0
         self.dropped: list[tuple[float, str]] = []
         self.finished: list[tuple[float, Command, bool, str]] = []
         self._queue: deque[Command] = deque()
-        self._command: tuple[Command, Task[str], Order] | None = None
+        self._command: tuple[Command, Task[str], PreparedRequest] | None = None
         self._observer: Observer
 
     def submit(self, command: Command) -> None:
@@ -174,21 +311,7 @@ class Master:
         self._queue.append(command)
 
     def run(self, observer: Observer, active: Mapping[str, int] | None = None) -> Task[None]:
-        """Yield one request after the other and take the replies.
-
-        Parameters
-        ----------
-        observer : Observer
-            Is told each phase and knows the time.
-        active : mapping of str to int, optional
-            Slaves in data exchange with their outputs, of which a standby master knows from
-            listening: it goes on with them, without a start-up. They must be projected.
-
-        Yields
-        ------
-        Order
-            The next request; it must be sent the reply 0..15, `SILENT` or `FAULTY`.
-        """
+        """Yield one request after the other and take the replies."""
         lists = self.lists
         self._observer = observer
         lists.clock = lambda: observer.seconds
@@ -198,7 +321,7 @@ class Master:
         self.attempt = 0
         self._failing: dict[int, int] = {}
         self._probe = self._turn = -1
-        self._admission: tuple[Task[bool], Order] | None = None
+        self._admission: tuple[Task[bool], PreparedRequest] | None = None
         if active is None:
             self._begin(Phase.OFFLINE)
             while not lists.detected:
@@ -233,12 +356,12 @@ class Master:
         for label, outputs in active.items():
             if label not in self.lists.projected:
                 raise ArgumentError(f"slave {label} is active, but not projected")
-            key = key_of(label)[0]
+            key = slave_key(label)[0]
             self.lists.note(key, Identity(self.lists.projected[label], -1))
             self.lists.join(key, 0)
             self.lists.set_output(label, outputs)
 
-    def _again(self, what: Order, reply: int) -> Task[int]:
+    def _again(self, what: PreparedRequest, reply: int) -> Task[int]:
         """Repeat a request whose reply failed."""
         for attempt in range(1, self.repetitions + 1):
             self.attempt = attempt
@@ -248,7 +371,7 @@ class Master:
         self.attempt = 0
         return reply
 
-    def _send(self, what: Order) -> Task[int]:
+    def _send(self, what: PreparedRequest) -> Task[int]:
         """Send a request, and again if need be."""
         reply = yield what
         probing = what.request.call is Call.READ_IO_CONFIGURATION and reply == SILENT
@@ -306,10 +429,10 @@ class Master:
             command, task, what = self._command
             reply = yield from self._send(what)
             self._advance(command, task, reply)
-        elif self.status_poll and polls:
+        elif self.settings.status_poll and polls:
             keys = sorted(polls)
             self._turn = next((key for key in keys if key > self._turn), keys[0])
-            asked = order(Call.READ_STATUS, self._turn >> 1, half=polls[self._turn].half)
+            asked = prepared(Call.READ_STATUS, self._turn >> 1, half=polls[self._turn].half)
             status = yield from self._send(asked)
             if status >= 0:
                 self.lists.periphery(self._turn, bool(status & 2))
@@ -345,7 +468,7 @@ class Master:
             self._probe = (self._probe + 1) % 64
             if self._probe in lists.polls or not self._can_be(self._probe):
                 continue
-            if self.readmit or self._probe not in lists.left:
+            if self.settings.readmit or self._probe not in lists.left:
                 return self._probe
 
     def _admit(self, key: int) -> Task[bool]:
@@ -360,8 +483,8 @@ class Master:
         lists.note(key, identity)
         missing = [label for label in lists.projected if label not in lists.las]
         alone = len(missing) == 1 and self._command is None
-        if key == 0 and self.automatic_addressing and alone:
+        if key == 0 and self.settings.automatic_addressing and alone:
             if lists.projected[missing[0]] == identity.profile:
                 if (yield from move(lists, missing[0])):
-                    key = key_of(missing[0])[0]
+                    key = slave_key(missing[0])[0]
         return (yield from activate(lists, key))

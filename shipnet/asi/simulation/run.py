@@ -1,95 +1,449 @@
-"""Simulate a master, its slaves and a line, telegram by telegram."""
+"""Simulate a master, its slaves and a line, telegram by telegram, and evaluate what was sent."""
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.simulation.channel import Channel, MasterStops
-from shipnet.asi.simulation.disturbance import PLANES
-from shipnet.asi.simulation.faults import Fault, TelegramErrors
-from shipnet.asi.simulation.lists import Lists
-from shipnet.asi.simulation.master import Command, Master
-from shipnet.asi.simulation.result import InputChange, Simulation
-from shipnet.asi.simulation.slave import Slave
-from shipnet.asi.simulation.standby import Standby
-from shipnet.asi.simulation.station import Stations
+from shipnet.asi.calls import Call
+from shipnet.asi.elements import Master, Slave, check_bits
+from shipnet.asi.faults import LineFault
+from shipnet.asi.plan import Plan
+from shipnet.asi.simulation.channel import (
+    ATTEMPT,
+    EXECUTED,
+    OUTCOME,
+    PHASE,
+    Channel,
+    MasterStops,
+    Record,
+    Stations,
+)
+from shipnet.asi.simulation.master import Command, Phase, RunningMaster
+from shipnet.asi.simulation.slave import KINDS, RunningSlave
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.timing import Timing
+from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 
-__all__ = ["simulate"]
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+# A standby master ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Standby:
+    """A second master that listens, and goes on where the first one falls silent.
+
+    Parameters
+    ----------
+    master : Master
+        What it becomes. It must know the projected slaves: from the bits alone four outputs of a
+        standard slave look like three of an A/B slave.
+    silence : float, default 1e-3
+        After this silence it takes over [s]; it must exceed the longest that a working master
+        leaves, a time-out or a pause of up to 500 us. Our assumption: no source gives a value.
+
+    Raises
+    ------
+    ArgumentError
+        If no slave is projected, or the silence is not above 500 us.
+
+    References
+    ----------
+    .. [1] "AS-Interface communication system for field networks (2)", ICN, July 2007,
+       data link layer, section 1.
+
+    Examples
+    --------
+    >>> Standby(Master({"5": "S-0.F"})).silence
+    0.001
+    """
+
+    master: Master
+    silence: float = 1e-3
+
+    def __post_init__(self) -> None:
+        """Check the silence, and that slaves are projected."""
+        if not 500e-6 < self.silence < float("inf"):
+            raise ArgumentError(f"silence is {self.silence} s; it must be above 500 us, and finite")
+        if not self.master.projected:
+            raise ArgumentError("master has no projected slaves; a standby master must know them")
+
+    def listen(self, record: Record) -> dict[str, int]:
+        """Return what it knows from the traffic of the last three cycles."""
+        begins = [row for row, number in record.cycles if number >= 0]
+        first = begins[max(0, len(begins) - 3)] if begins else len(record.code)
+        rows = np.array(record.code[first:], dtype=np.int64)
+        fine = (rows >> OUTCOME & 15 == 0) & (rows >> EXECUTED & 1 == 1)
+        known = {}
+        for code in rows[fine & (rows & 15 == Call.DATA_EXCHANGE)].tolist():
+            label = f"{code >> 4 & 31}{KINDS[code >> 9 & 3] or ''}"
+            if label in (self.master.projected or {}):
+                known[label] = code >> 11 & 31
+        return known
+
+
+# What came of it -------------------------------------------------------------------------------
+
+Floats = npt.NDArray[np.float64]
+
+
+class InputChange(NamedTuple):
+    """The input ports of a slave change to a value at a time [s]."""
+
+    time: float
+    slave: str
+    value: int
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The numbers of a simulation that are looked at first."""
+
+    cycles: int
+    cycle_time: tuple[float, float, float]
+    requests: int
+    repetitions: int
+    dropped: int
+    lost_replies: int
+
+    def __str__(self) -> str:
+        """Say it in two lines."""
+        least, mean, most = (1e3 * time for time in self.cycle_time)
+        return (
+            f"{self.cycles} cycles of {mean:.2f} ms ({least:.2f} to {most:.2f} ms), "
+            f"{self.requests} requests in them\n"
+            f"{self.repetitions} repetitions, {self.dropped} slaves dropped, "
+            f"{self.lost_replies} replies to executed requests lost"
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Run:
+    """A finished simulation: what was sent, and what an analyser makes of it.
+
+    `simulate` returns it.
+
+    Examples
+    --------
+    >>> run = simulate([Slave("5"), Slave("7")], cycles=50)
+    >>> run
+    <Run: 50 cycles of 0.61 ms, 0 slaves dropped>
+    >>> run.events().query("cycle == 0")["call"].tolist()
+    ['DATA_EXCHANGE', 'DATA_EXCHANGE', 'READ_STATUS', 'READ_IO_CONFIGURATION']
+    >>> run.table()[["exchanges", "failed"]].T.to_dict()
+    {'5': {'exchanges': 51, 'failed': 0}, '7': {'exchanges': 51, 'failed': 0}}
+    """
+
+    #: What was sent, packed.
+    record: Record
+    #: When the simulation ended [bit].
+    end: float
+    #: The master, and the standby master behind it if that took over.
+    masters: list[RunningMaster]
+    #: The slaves as they are at the end.
+    slaves: list[RunningSlave]
+    #: What happened at the inputs.
+    changes: list[InputChange]
+
+    def __repr__(self) -> str:
+        """Say how long it was, and how it ended."""
+        found = self.summary
+        return (
+            f"<Run: {found.cycles} cycles of {1e3 * found.cycle_time[1]:.2f} ms, "
+            f"{found.dropped} slaves dropped>"
+        )
+
+    @property
+    def master(self) -> RunningMaster:
+        """Who leads at the end."""
+        return self.masters[-1]
+
+    @property
+    def duration(self) -> float:
+        """When the simulation ended [s]."""
+        return self.end * self.record.timing.bit_time
+
+    @cached_property
+    def _events(self) -> pd.DataFrame:
+        return self.record.table()
+
+    def events(self) -> pd.DataFrame:
+        """Return all transactions, one row each.
+
+        The columns are ``time_s``, ``cycle`` (-1 before the first), ``phase``, ``call``,
+        ``address``, ``half``, ``slave``, ``request`` (14 bits), ``request_data``,
+        ``response_data`` (-1 without one), ``master_pause_bit``, ``slave_pause_bit``, ``attempt``
+        (0 is the first), ``outcome`` (ok, or an error class of `shipnet.errors`; silence where an
+        answer was due is ``SilenceError``), ``executed``, ``executed_but_lost`` and ``standby``.
+        """
+        return self._events.copy()
+
+    def table(self) -> pd.DataFrame:
+        """Return a row per slave: its data exchanges, how many failed, and its response times."""
+        import pandas as pd
+
+        rows, slave = self._exchanges()
+        failed = self.record.field(OUTCOME, 4)[rows] > 0
+        frame = pd.DataFrame({"slave": _labels(slave), "failed": failed})
+        grouped = frame.groupby("slave", sort=False)["failed"]
+        counts = pd.DataFrame({"exchanges": grouped.size(), "failed": grouped.sum()})
+        return counts.join(self.response_times())
+
+    def plot(
+        self,
+        where: str | None = None,
+        start: float | None = None,
+        stop: float | None = None,
+        *,
+        ax: Axes | None = None,
+    ) -> Axes:
+        """Draw requests and responses as blocks in time, one row for the master and per slave.
+
+        `where` is a condition on the events, such as ``"phase == 'data_exchange'"``, `start` and
+        `stop` are times from the start of the simulation [s]; at most 500 requests are drawn. A
+        response with an error is red, and so is the place where one is missing; a repeated
+        request is hatched, with its number on it.
+        """
+        from shipnet.asi.plot import plot_events
+
+        events = self._events if where is None else self._events.query(where)
+        return plot_events(events, start, stop, self.record.timing.bit_time, ax=ax)
+
+    @cached_property
+    def cycle_times(self) -> Floats:
+        """Length of each complete cycle, shape (n_cycles,) [s]."""
+        if not self.record.cycles:
+            return np.zeros(0)
+        rows, numbers = np.array([*self.record.cycles, (len(self.record.start), -2)]).T
+        starts = np.append(self.record.starts, self.end)[rows]
+        complete = (numbers[:-1] >= 0) & (numbers[1:] == numbers[:-1] + 1)
+        return np.asarray(np.diff(starts)[complete] * self.record.timing.bit_time)
+
+    @cached_property
+    def summary(self) -> Summary:
+        """The numbers that are looked at first; they count the cycles, start-up is left out."""
+        times = self.cycle_times
+        nan = float("nan")
+        span = (times.min(), times.mean(), times.max()) if times.size else (nan, nan, nan)
+        record = self.record
+        cyclic = record.cycle >= 0
+        lost = (record.field(OUTCOME, 4) > 0) & (record.field(EXECUTED, 1) == 1)
+        return Summary(
+            cycles=times.size,
+            cycle_time=(float(span[0]), float(span[1]), float(span[2])),
+            requests=int(cyclic.sum()),
+            repetitions=int((cyclic & (record.field(ATTEMPT, 3) > 0)).sum()),
+            dropped=sum(len(master.dropped) for master in self.masters),
+            lost_replies=int((cyclic & lost).sum()),
+        )
+
+    @cached_property
+    def lists(self) -> pd.DataFrame:
+        """What entered and left the lists: ``time_s``, ``list``, ``slave``, ``present``."""
+        import pandas as pd
+
+        rows = [change for master in self.masters for change in master.lists.changes]
+        return pd.DataFrame(rows, columns=["time_s", "list", "slave", "present"])
+
+    @cached_property
+    def commands(self) -> pd.DataFrame:
+        """What became of the host's commands: ``time_s``, ``command``, ``done``, ``outcome``."""
+        import pandas as pd
+
+        rows = [
+            (time, str(command), done, outcome)
+            for master in self.masters
+            for time, command, done, outcome in master.finished
+        ]
+        return pd.DataFrame(rows, columns=["time_s", "command", "done", "outcome"])
+
+    @cached_property
+    def watchdogs(self) -> pd.DataFrame:
+        """When the watchdog of which slave reset it: ``time_s``, ``slave``."""
+        import pandas as pd
+
+        trips = [(time, slave.label) for slave in self.slaves for time in slave.trips]
+        return pd.DataFrame(sorted(trips), columns=["time_s", "slave"])
+
+    def _exchanges(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Return the rows with data exchanges, sorted by slave and time, and their slaves."""
+        record = self.record
+        slave = record.field(4, 7)
+        rows = np.flatnonzero(record.field(0, 4) == Call.DATA_EXCHANGE)
+        rows = rows[np.argsort(slave[rows], kind="stable")]
+        return rows, slave[rows]
+
+    def failure_classes(self) -> pd.DataFrame:
+        """Count the failures in a row, as Siemens' analyser 3RK1904-3AB01 does.
+
+        Indexed by slave; column n counts how often n data exchanges failed in a row, from 1 to
+        the number after which the master drops the slave, or more: 6 by default.
+        """
+        import pandas as pd
+
+        leading = self.masters[0]
+        worst = (1 + leading.repetitions) * leading.drop_after
+        rows, slave = self._exchanges()
+        failed = self.record.field(OUTCOME, 4)[rows] > 0
+        # A run of failures ends with a success, with another slave, or with the record.
+        border = np.ones(rows.size, dtype=bool)
+        border[1:] = (failed[1:] != failed[:-1]) | (slave[1:] != slave[:-1])
+        begins = np.flatnonzero(border)
+        length = np.diff(np.append(begins, rows.size))
+        runs = failed[begins]
+        table = pd.crosstab(
+            pd.Index(_labels(slave[begins][runs]), name="slave"),
+            pd.Index(np.minimum(length[runs], worst), name="class"),
+        )
+        everybody = _labels(np.unique(slave))
+        whole = table.reindex(index=everybody, columns=range(1, worst + 1), fill_value=0)
+        return whole.rename_axis(index="slave", columns="class")
+
+    def response_times(self) -> pd.DataFrame:
+        """Return how old inputs are when they reach the master, one row per slave.
+
+        ``least_s``, ``mean_s`` and ``longest_s`` are the time from a change of an input to the
+        end of the response that reports it, for a change at a random time between the first
+        cyclic exchange that succeeds and the last. A slave that was dropped meanwhile has a long
+        time.
+        """
+        import pandas as pd
+
+        rows, slave = self._exchanges()
+        cyclic = self.record.field(PHASE, 3)[rows] == Phase.DATA_EXCHANGE
+        keep = cyclic & (self.record.field(OUTCOME, 4)[rows] == 0)
+        rows, slave = rows[keep], slave[keep]
+        sampled, known = self._sampled(rows)
+        same = slave[1:] == slave[:-1]
+        waited = (sampled[1:] - sampled[:-1])[same]
+        longest, least = (known[1:] - sampled[:-1])[same], (known[1:] - sampled[1:])[same]
+        area = (longest**2 - least**2) / 2
+        frame = pd.DataFrame(
+            {
+                "slave": _labels(slave[1:][same]),
+                "least_s": least,
+                "longest_s": longest,
+                "area": area,
+                "waited": waited,
+            }
+        )
+        grouped = frame.groupby("slave", sort=False)
+        totals = grouped[["area", "waited"]].sum()
+        return pd.DataFrame(
+            {
+                "least_s": grouped["least_s"].min(),
+                "mean_s": totals["area"] / totals["waited"],
+                "longest_s": grouped["longest_s"].max(),
+            }
+        )
+
+    def _sampled(self, rows: npt.NDArray[np.int64]) -> tuple[Floats, Floats]:
+        """Return when the slave took its inputs, and when the master had them [s]."""
+        record = self.record
+        sampled = record.starts[rows] + REQUEST_BITS
+        known = sampled + record.pauses[rows] + RESPONSE_BITS
+        return sampled * record.timing.bit_time, known * record.timing.bit_time
+
+    def input_changes(self) -> pd.DataFrame:
+        """Return when the master learnt of each change of inputs: one row per change.
+
+        ``response_time_s`` is NaN where the simulation ended before, or the input had changed
+        again.
+        """
+        import pandas as pd
+
+        rows, slave = self._exchanges()
+        keep = self.record.field(OUTCOME, 4)[rows] == 0
+        rows, labels = rows[keep], np.array(_labels(slave[keep]))
+        sampled, known = self._sampled(rows)
+        answers = []
+        for change in self.changes:
+            later = [
+                c.time for c in self.changes if c.slave == change.slave and c.time > change.time
+            ]
+            own = labels == change.slave
+            place = np.searchsorted(sampled[own], change.time)
+            seen = place < own.sum() and sampled[own][place] < min(later, default=np.inf)
+            answers.append(known[own][place] - change.time if seen else np.nan)
+        frame = pd.DataFrame(self.changes, columns=["time_s", "slave", "value"])
+        return frame.assign(response_time_s=np.array(answers, dtype=float))
+
+
+def _labels(slave: npt.NDArray[np.int64]) -> list[str]:
+    """Return the labels of packed slaves: five bits of address, two of half."""
+    return [f"{code & 31}{('', 'A', 'B')[code >> 5]}" for code in slave.tolist()]
+
+
+# The simulation --------------------------------------------------------------------------------
 
 _NEVER = float("inf")
 
-#: Without a duration, a simulation in which no cycle begins for so long is given up [s].
+#: Without an end, a simulation in which no cycle begins for so long is given up [s].
 _PATIENCE = 10.0
 
 
 def simulate(
-    slaves: Sequence[Slave],
+    system: Plan | Sequence[Slave],
     master: Master | None = None,
     *,
+    until: float | None = None,
     cycles: int | None = None,
-    duration: float | None = None,
-    faults: Iterable[Fault] = (),
+    faults: Fault | Iterable[Fault] = (),
     inputs: Iterable[tuple[float, str, int]] = (),
     outputs: Iterable[tuple[float, str, int]] = (),
     commands: Iterable[tuple[float, Command]] = (),
     timing: Timing | None = None,
-    positions: Mapping[str, float] | None = None,
-    delays: Mapping[str, float] | None = None,
     standby: Standby | None = None,
-    rng: np.random.Generator | None = None,
-    disturbances: npt.NDArray[np.uint8] | None = None,
-) -> Simulation:
-    """Simulate a line from switching it on.
+    rng: np.random.Generator | int | None = None,
+) -> Run:
+    """Simulate a line from switching it on, telegram by telegram.
 
     Parameters
     ----------
-    slaves : sequence of Slave
-        The slaves, up to 1000; several may have the same address. They are left as they are.
+    system : Plan or sequence of Slave
+        The slaves, up to 1000; several may have the same address. A plan of one line gives their
+        distances and the delays of repeaters, too.
     master : Master, optional
-        The master, which is left as it is; a `Master` in configuration mode if omitted.
+        The master; by default that of the plan, or one in configuration mode.
+    until : float, optional
+        Stop at this time [s].
     cycles : int, optional
-        Stop after so many cycles, 0..1e9.
-    duration : float, optional
-        Stop at this time [s]; the first of the two if both are given. One is needed.
-    faults : iterable of Fault, optional
-        What goes wrong.
+        Stop after so many cycles, 0..1e9; the first of the two if both are given. One is needed.
+    faults : Fault or iterable of Fault, optional
+        What goes wrong, from `shipnet.asi.faults`.
     inputs : iterable of (float, str, int), optional
         Time [s], slave and value 0..15: its input ports change.
     outputs : iterable of (float, str, int), optional
         Time [s], slave and value: the host sets its outputs.
-    commands : iterable of (float, Command), optional
-        Time [s] and what the host asks of the master.
+    commands : iterable of (float, command), optional
+        Time [s] and what the host asks of the master, from `shipnet.asi.commands`.
     timing : Timing, optional
         The pauses.
-    positions : mapping of str to float, optional
-        Distance of each slave from the master [m]; 0 if not named.
-    delays : mapping of str to float, optional
-        Delay of the repeaters on the way to each slave, one way [s]; 0 if not named.
     standby : Standby, optional
         A second master that takes over.
-    rng : numpy.random.Generator, optional
-        Draws the disturbances; needed if there are `TelegramErrors`.
-    disturbances : ndarray of uint8, shape (n_cycles, 3, n_slaves, 1 + repetitions), optional
-        Disturbances of the cycles as `draw_disturbances` returns them, instead of drawn ones.
+    rng : numpy.random.Generator or int, optional
+        Draws the disturbances; as `numpy.random.default_rng` takes it.
 
     Returns
     -------
-    Simulation
+    Run
         The transactions and what follows from them.
 
     Raises
     ------
     ArgumentError
-        If an argument is out of its range, or names a slave that is not there; or if without a
-        duration no cycle begins for 10 s, because no slave answers.
+        If an argument is out of its range, or names a slave that is not there; or if without an
+        end no cycle begins for 10 s, because no slave answers.
 
     Notes
     -----
@@ -101,38 +455,32 @@ def simulate(
     --------
     One slave among 31 loses every tenth response:
 
-    >>> slaves = [Slave("S-0.F", address, inputs=1) for address in range(1, 32)]
-    >>> run = simulate(slaves, cycles=100, faults=[TelegramErrors("7", response=0.1)],
-    ...                rng=np.random.default_rng(2024))
-    >>> print(run.summary())
-    100 cycles of 5.14 ms (5.14 to 5.29 ms), 3305 requests in them
-    5 repetitions, 0 slaves dropped, 5 replies to executed requests lost
-    >>> failed = run.transactions.query("phase == 'data_exchange' and outcome != 'ok'")
-    >>> failed.slave.unique().tolist(), failed.outcome.unique().tolist()
-    (['7'], ['AlternationError', 'InformationError'])
+    >>> from shipnet.asi import faults
+    >>> slaves = [Slave(f"{address}", inputs=1) for address in range(1, 32)]
+    >>> spoil = faults.TelegramErrors("7", response=0.1)
+    >>> run = simulate(slaves, cycles=100, faults=spoil, rng=2024)
+    >>> print(run.summary)
+    100 cycles of 5.15 ms (5.14 to 5.29 ms), 3310 requests in them
+    10 repetitions, 0 slaves dropped, 11 replies to executed requests lost
+    >>> run.events().query("phase == 'data_exchange' and outcome != 'ok'")["slave"].eq("7").all()
+    np.True_
     """
-    if cycles is None and duration is None:
-        raise ArgumentError("cycles and duration are both None; one of them is needed")
+    if cycles is None and until is None:
+        raise ArgumentError("cycles and until are both None; one of them is needed")
     most = None if cycles is None else check_whole("cycles", cycles, 0, 10**9)
-    end = _NEVER if duration is None else _time("duration", duration)
+    end = _NEVER if until is None else _time("until", until)
     timing = timing or Timing()
-    master = copy.deepcopy(master) if master is not None else Master()
-    stations = Stations(slaves, timing, positions or {}, delays or {})
-    attempts = 1 + max(m.repetitions for m in (master, standby.master if standby else master))
-    shape = (PLANES, len(stations.all), attempts)
-    if disturbances is not None and disturbances.shape[1:] != shape:
-        raise ArgumentError(
-            f"disturbances have the shape {disturbances.shape}; it must be (n_cycles, "
-            f"{', '.join(map(str, shape))})"
-        )
-    faults = list(faults)
-    if rng is None and any(isinstance(fault, TelegramErrors) for fault in faults):
-        raise ArgumentError("rng is None, but TelegramErrors need one")
-    rng = rng or np.random.default_rng(0)
-    channel = Channel(stations.all, timing, attempts, rng, disturbances)
-    leading = [master]
+    if isinstance(system, Plan):
+        master = _master_of(system) if master is None else master
+        stations = Stations(_places_of(system), timing)
+    else:
+        stations = Stations([(slave, 0.0, 0.0) for slave in system], timing)
+    leading = [RunningMaster(master or Master())]
+    repetitions = [one.repetitions for one in (leading[0], standby and standby.master) if one]
+    channel = Channel(stations.all, timing, 1 + max(repetitions), np.random.default_rng(rng))
 
-    for fault in faults:
+    for fault in as_faults(faults, LineFault):
+        assert isinstance(fault, LineFault)
         fault.apply(channel, stations)
     changes = [InputChange(_time("time", time), slave, value) for time, slave, value in inputs]
     for change in changes:
@@ -141,41 +489,58 @@ def simulate(
             action = partial(setattr, station.slave, "inputs", change.value)
             channel.schedule(change.time, action)
     for time, slave, value in outputs:
-        Lists(outputs={slave: value})  # refuses what a master would refuse, but now
+        check_bits("output", slave, value)
         channel.schedule(_time("time", time), partial(_set_output, leading, slave, value))
     for time, command in commands:
         channel.schedule(_time("time", time), partial(_submit, leading, command))
 
-    if duration is None:
+    if until is None:
         channel.schedule(_PATIENCE, partial(_check_progress, channel, 0))
     _lead(channel, leading, standby, most, end / timing.bit_time)
     for station in stations.all:
         station.slave.rest(channel.seconds)
     slaves = [station.slave for station in stations.all]
-    return Simulation(channel.record, channel.time, leading, slaves, changes)
+    return Run(channel.record, channel.time, leading, slaves, changes)
 
 
 def _check_progress(channel: Channel, begun: int) -> None:
     """Raise if no cycle has begun since the last check: a master without slaves never stops."""
     if channel.begun == begun:
         raise ArgumentError(
-            f"duration is None, but no slave answers and no cycle begins for {_PATIENCE:g} s"
+            f"until is None, but no slave answers and no cycle begins for {_PATIENCE:g} s"
         )
     again = partial(_check_progress, channel, channel.begun)
     channel.schedule(channel.seconds + _PATIENCE, again)
 
 
-def _set_output(leading: list[Master], slave: str, value: int) -> None:
+def _master_of(plan: Plan) -> Master | None:
+    line = plan.only_line("simulation")
+    masters = [master for segment in line for master in segment.masters]
+    return masters[0] if masters else None
+
+
+def _places_of(plan: Plan) -> list[tuple[Slave, float, float]]:
+    """Return each slave with its distance from the master [m] and the delay to it [s]."""
+    placed = {}
+    for segment in plan.only_line("simulation"):
+        delay = sum(repeater.delay for repeater in segment.path)
+        for slave in segment.slaves:
+            away = segment.lead + segment.distances.get(slave.node, 0.0)
+            placed[id(slave)] = slave, away, delay
+    return [placed[id(slave)] for slave in plan.slaves]
+
+
+def _set_output(leading: list[RunningMaster], slave: str, value: int) -> None:
     leading[-1].lists.set_output(slave, value)
 
 
-def _submit(leading: list[Master], command: Command) -> None:
+def _submit(leading: list[RunningMaster], command: Command) -> None:
     leading[-1].submit(command)
 
 
 def _lead(
     channel: Channel,
-    leading: list[Master],
+    leading: list[RunningMaster],
     standby: Standby | None,
     cycles: int | None,
     end: float,
@@ -185,15 +550,15 @@ def _lead(
     master = leading[-1]
     program = master.run(channel)
     transact = channel.transact
-    order = next(program)
+    request = next(program)
     send = program.send
     while channel.begun <= most and channel.time < end:
         try:
             while channel.begun <= most and channel.time < end:
-                order = send(transact(order, master.attempt))
+                request = send(transact(request, master.attempt))
         except MasterStops as stop:
             if stop.until < _NEVER:
-                if not master.monitors_supply:
+                if not master.settings.monitors_supply:
                     continue
                 wait = min(stop.until / channel.timing.bit_time, end)
                 channel.time = max(channel.time, wait)
@@ -203,14 +568,14 @@ def _lead(
                 silence = standby.silence / channel.timing.bit_time
                 channel.time = min(channel.time + silence, end)
                 channel.standby = True
-                master = copy.deepcopy(standby.master)
+                master = RunningMaster(standby.master)
                 leading.append(master)
                 program = master.run(channel, active)
             else:
                 if end < _NEVER:
                     channel.time = end
                 return
-            order = next(program)
+            request = next(program)
             send = program.send
 
 

@@ -1,31 +1,146 @@
-"""A slave: what it remembers, what it answers, and when it stays silent.
+"""A slave at work: what it reads, what it remembers, what it answers, and when it stays silent.
 
-Times are the simulated time [s] and must not run backwards.
+What a request means depends on who reads it: the bits that carry four outputs to a standard slave
+carry three outputs and a select bit to an A/B slave. A `PreparedRequest` is read once by each of
+the three kinds of slave, and then knows what each of them makes of its bits.
+
+The receive states are a table: state and event -> next state and action. A slave reads requests
+only in the state RECEIVE. What it reads decides whether it keeps step with the master (SYNCHRONOUS)
+or has to look for the next pause (ASYNCHRONOUS). icn2007, data link layer, section 3, tells the
+table in words and refers to a Fig 3.19 that it does not print.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import cast
+from enum import Enum
+from functools import cache
+from typing import Literal, NamedTuple, cast
 
 from shipnet.asi.batch import NONE
 from shipnet.asi.calls import Answer, Call
-from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
-from shipnet.asi.simulation.orders import KINDS, Kind, label_of
-from shipnet.asi.simulation.states import TRANSITIONS, Action, Event, State
-from shipnet.asi.telegram import Half, Request, Response
+from shipnet.asi.elements import Half, Slave, label_of
+from shipnet.asi.profile import IO_CONFIGURATIONS
+from shipnet.asi.telegram import Request, Response
 from shipnet.errors import ArgumentError, FrameError, UnknownCallError
-from shipnet.fields import check_whole
 
-__all__ = ["DEFAULT", "OBEY", "WATCHDOG", "WRITE_TIME", "Slave"]
+# Requests as slaves read them ------------------------------------------------------------------
 
-#: After this time without data or parameters a slave resets itself [s]: SAP5S/SAP51 data sheet
-#: rev. 3.1, 2012, p. 47. The AS2702 (rev. C, 2001, p. 13) does it after 50 ms to 100 ms.
-WATCHDOG = 94.2e-3
+Kind = Literal[0, 1, 2]
 
-#: Longest time that a slave takes to store its address [s]: Siemens, "IE/AS-INTERFACE LINK PN IO",
-#: manual, p. 169.
-WRITE_TIME = 15e-3
+#: The kinds of slave by what they make of the select bit: a standard slave, an A and a B slave.
+KINDS: tuple[Half | None, ...] = (None, "A", "B")
+
+_MOVING = (
+    Call.ASSIGN_ADDRESS,
+    Call.WRITE_ID1,
+    Call.DELETE_ADDRESS,
+    Call.RESET,
+    Call.BROADCAST_RESET,
+    Call.ENTER_PROGRAM_MODE,
+)
+
+
+class PreparedRequest:
+    """A request with all that is needed to send it again and again."""
+
+    __slots__ = ("bits", "code", "expects", "moves", "reads", "request", "station")
+
+    #: Who is asked: the address in it, and 32 for the broadcast, which goes to all.
+    station: int
+    #: Call, address, half and data in 16 bits: 4, 5, 2 and 5 of them from the lowest up.
+    code: int
+    #: What a standard slave, an A and a B slave at this address read; None where the bits are not
+    #: a request to it.
+    reads: tuple[Request | None, ...]
+    #: Whether the call has an answer at all, and whether it can change who is at which address.
+    expects: bool
+    moves: bool
+
+    def __init__(self, request: Request) -> None:
+        call, half = request.call, KINDS.index(request.half)
+        self.request = request
+        self.bits = request.bits
+        self.station = 32 if call is Call.BROADCAST_RESET else request.address
+        self.code = call | request.address << 4 | half << 9 | request.data << 11
+        self.reads = tuple(_read(self.bits, kind) for kind in range(len(KINDS)))
+        self.expects = call.rule.answer is not None
+        self.moves = call in _MOVING
+
+
+def _read(bits: str, kind: int) -> Request | None:
+    try:
+        request = Request.parse(bits, extended=kind > 0)
+    except UnknownCallError:
+        return None
+    # A slave without an address is of no half yet, as a master does not know what it meets there;
+    # the calls without a select bit go to it, or to everybody.
+    meant = request.address == 0 or request.half is None or request.half == KINDS[kind]
+    return request if meant else None
+
+
+@cache
+def prepared(call: Call, address: int, data: int = 0, half: Half | None = None) -> PreparedRequest:
+    """Return a request made ready; the same one whenever it is asked for."""
+    return PreparedRequest(Request(call, address, data, half))
+
+
+# Receive states --------------------------------------------------------------------------------
+
+
+class State(Enum):
+    """Where a slave stands in the traffic on the line."""
+
+    ASYNCHRONOUS = "asynchronous"
+    RECEIVE = "receive"
+    SYNCHRONOUS = "synchronous"
+
+
+class Event(Enum):
+    """What a slave hears."""
+
+    PAUSE = "any pause"
+    SLAVE_PAUSE = "pause after the response"
+    ERROR = "error in the telegram"
+    FOREIGN = "request to another address"
+    UNKNOWN = "unknown call"
+    OWN = "own request"
+    SILENT = "call without answer"
+
+
+class Action(Enum):
+    """What a slave does on the way to its next state."""
+
+    NONE = ""
+    ANSWER = "answer"
+    OBEY = "obey"
+
+
+class Step(NamedTuple):
+    """One arrow of the figure: the state that follows, and what the slave does on the way."""
+
+    state: State
+    action: Action
+
+
+#: The arrows. Whoever is not named here stays where it is: an asynchronous slave reads nothing,
+#: and a synchronous one lets the pause before a response and the response itself pass.
+#: ERROR, FOREIGN, UNKNOWN and OWN are told by icn2007; so is the way out of ASYNCHRONOUS. The way
+#: out of SYNCHRONOUS is our reading: taken at the pause *before* a response, it would make every
+#: slave read the response as a faulty request, and none would ever answer in step.
+TRANSITIONS: dict[tuple[State, Event], Step] = {
+    (State.ASYNCHRONOUS, Event.PAUSE): Step(State.RECEIVE, Action.NONE),
+    (State.ASYNCHRONOUS, Event.SLAVE_PAUSE): Step(State.RECEIVE, Action.NONE),
+    (State.RECEIVE, Event.ERROR): Step(State.ASYNCHRONOUS, Action.NONE),
+    (State.RECEIVE, Event.FOREIGN): Step(State.SYNCHRONOUS, Action.NONE),
+    (State.RECEIVE, Event.UNKNOWN): Step(State.SYNCHRONOUS, Action.NONE),
+    (State.RECEIVE, Event.OWN): Step(State.SYNCHRONOUS, Action.ANSWER),
+    (State.RECEIVE, Event.SILENT): Step(State.SYNCHRONOUS, Action.OBEY),
+    (State.SYNCHRONOUS, Event.SLAVE_PAUSE): Step(State.RECEIVE, Action.NONE),
+}
+
+
+# The slave -------------------------------------------------------------------------------------
 
 #: Output and parameter bits after a reset: all set, the ports switched off (AS2702, p. 13).
 DEFAULT = 0xF
@@ -33,89 +148,30 @@ DEFAULT = 0xF
 _NEVER = float("inf")
 
 
-class Slave:
-    """A slave of the line.
+class RunningSlave:
+    """What a slave remembers while it runs; times are simulated [s] and must not run backwards.
 
-    Parameters
-    ----------
-    profile : Profile or str
-        What it is: ``"S-7.A.E"``. ID code A makes it an A/B slave; without an ID code 2 it is one
-        from before specification 2.1, which answers neither request for an extended ID code.
-    address : int, default 0
-        Its address, 0..31; 0 is a new slave's.
-    half : {"A", "B"}, optional
-        For an A/B slave with an address; A if omitted. It is bit 3 of the extended ID code 1.
-    id1 : int, optional
-        Extended ID code 1, 0..15, or 0..7 for an A/B slave; all bits set if omitted.
-    inputs : int, default 0
-        What its input ports read, 0..15.
-    watchdog : float, default 94.2e-3
-        Time without data or parameters after which it resets itself [s]; ``inf`` for none.
-    write_time : float, default 15e-3
-        How long it takes to store an address or an ID code 1 [s].
-    locked : bool, default True
-        Whether its maker closed the program mode.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
-
-    Notes
-    -----
     After a reset a slave keeps its outputs off and does not answer *data exchange* until a
-    *write parameter* has come: the flag Data_Exchange_Disable of [1]_. While it stores, it is
-    silent to calls that would store something else. If it loses its supply meanwhile, it comes
-    back at address 0 with its memory error flag set: our reading of the warning in [2]_.
-
-    Ports that are outputs are echoed in the response, as in [1]_, p. 39.
-
-    References
-    ----------
-    .. [1] ZMD AG, "SAP5S/SAP51", data sheet rev. 3.1, 2012, pp. 39, 46, 47.
-    .. [2] Siemens, "IE/AS-INTERFACE LINK PN IO", manual, p. 169.
-
-    Examples
-    --------
-    A new slave hears nothing until there was a pause, and then answers its own address only:
-
-    >>> slave = Slave("S-3.F.F", address=21, inputs=0b0010)
-    >>> request = Request.read_io_configuration(21).bits
-    >>> slave.hear(request)
-    >>> slave.pause()
-    >>> print(slave.hear(request))
-    answer to read I/O configuration: 3, ports D0..D3 IN IN OUT OUT
+    *write parameter* has come: the flag Data_Exchange_Disable of ZMD AG, "SAP5S/SAP51", data
+    sheet rev. 3.1, 2012, pp. 39, 46, 47. Ports that are outputs are echoed in the response, p. 39.
+    While it stores, it is silent to calls that would store something else. If it loses its supply
+    meanwhile, it comes back at address 0 with its memory error flag set: our reading of the
+    warning in Siemens, "IE/AS-INTERFACE LINK PN IO", manual, p. 169.
     """
 
-    def __init__(
-        self,
-        profile: Profile | str,
-        address: int = 0,
-        half: Half | None = None,
-        *,
-        id1: int | None = None,
-        inputs: int = 0,
-        watchdog: float = WATCHDOG,
-        write_time: float = WRITE_TIME,
-        locked: bool = True,
-    ) -> None:
-        self.profile = profile if isinstance(profile, Profile) else Profile.parse(profile)
+    def __init__(self, settings: Slave) -> None:
+        self.settings, self.profile = settings, settings.kind
         self.extended = self.profile.extended
-        if half not in KINDS or (half and (not self.extended or not address)):
+        if settings.half and not self.extended:
             raise ArgumentError(
-                f"half is {half!r}; it must be 'A' or 'B' for an A/B slave with an address, "
-                f"else None, and this is {self.profile} at {address!r}"
+                f"{settings} has the profile {self.profile}; one with a half must be an A/B slave"
             )
-        most = 7 if self.extended else 15
-        self.id1 = most if id1 is None else check_whole("id1", id1, 0, most)
-        if half == "B":
+        self.id1 = (7 if self.extended else 15) if settings.id1 is None else settings.id1
+        if settings.half == "B":
             self.id1 |= 8
-        self.address = check_whole("address", address, 0, 31)
-        self.inputs = check_whole("inputs", inputs, 0, 15)
-        for name, value in (("watchdog", watchdog), ("write_time", write_time)):
-            if not 0 <= value:
-                raise ArgumentError(f"{name} is {value} s; it must be 0 or more")
-        self.watchdog, self.write_time, self.locked = watchdog, write_time, locked
+        self.address, self.inputs = settings.address, settings.inputs
+        self.watchdog, self.write_time = settings.watchdog, settings.write_time
+        self.locked = settings.locked
 
         ports = IO_CONFIGURATIONS[self.profile.io]
         self._in_mask = sum(1 << bit for bit, port in enumerate(ports) if port in ("IN", "I/O"))
@@ -156,13 +212,7 @@ class Slave:
         return label_of(2 * self.address + (self.kind == 2), extended=self.extended)
 
     def status(self, time: float = 0.0) -> int:
-        """Return the status bits S3..S0 of a slave of specification 2.1, 0..15.
-
-        Parameters
-        ----------
-        time : float, default 0
-            When [s].
-        """
+        """Return the status bits S3..S0 of a slave of specification 2.1, 0..15."""
         volatile = self._stores(time) or self._stored != (self.address, self.id1)
         return volatile | self.periphery_fault << 1 | self.memory_error << 3
 
@@ -181,14 +231,7 @@ class Slave:
         self._start()
 
     def pause(self, event: Event = Event.SLAVE_PAUSE) -> None:
-        """Hear a pause.
-
-        Parameters
-        ----------
-        event : Event
-            `Event.SLAVE_PAUSE`, behind a response or where none came, or any other
-            `Event.PAUSE`, as before a response.
-        """
+        """Hear a pause."""
         if event not in (Event.PAUSE, Event.SLAVE_PAUSE):
             raise ArgumentError(f"event is {event}; it must be Event.PAUSE or Event.SLAVE_PAUSE")
         self._step(event)
@@ -203,26 +246,7 @@ class Slave:
         return step.action
 
     def hear(self, bits: str, time: float = 0.0) -> Response | None:
-        """Hear one telegram.
-
-        Parameters
-        ----------
-        bits : str
-            The bits that its receiver makes of the line: a request, a response of another slave,
-            or what a disturbance left of them.
-        time : float, default 0
-            When the telegram ends [s].
-
-        Returns
-        -------
-        Response or None
-            The answer; None while it stays silent, because the telegram is not for it, is
-            faulty, or has no answer.
-
-        Notes
-        -----
-        If `synchronised` was False before, the answer comes 2 bit times later than usual.
-        """
+        """Hear one telegram."""
         if not self.powered or self.state is not State.RECEIVE:
             return None
         try:
@@ -251,21 +275,7 @@ class Slave:
             self._settle()
 
     def exchange(self, outputs: int, time: float) -> int:
-        """Carry out *data exchange*.
-
-        Parameters
-        ----------
-        outputs : int
-            What the request carries, 0..15.
-        time : float
-            When [s].
-
-        Returns
-        -------
-        int
-            Inputs, and the outputs where the ports are such; -1 while the slave waits for
-            parameters after a reset.
-        """
+        """Carry out *data exchange*."""
         if time > self._expires:
             self.rest(time)
         if not self.active:
@@ -275,20 +285,7 @@ class Slave:
         return self.inputs & self._in_mask | outputs & self._echo_mask
 
     def obey(self, request: Request, time: float) -> int:
-        """Carry out a request that is meant for this slave.
-
-        Parameters
-        ----------
-        request : Request
-            The request as this slave reads it.
-        time : float
-            When [s].
-
-        Returns
-        -------
-        int
-            The four bits of the answer, 0..15, or -1 where it gives none.
-        """
+        """Carry out a request that is meant for this slave."""
         if self.programming:
             return NONE
         return OBEY[request.call](self, request.data, time)
@@ -350,18 +347,18 @@ class Slave:
 
 
 #: What each call does, in the order of `Call`; the data and the time are its arguments.
-OBEY: tuple[Callable[[Slave, int, float], int], ...] = (
-    Slave.exchange,
-    Slave._write_parameter,
-    Slave._assign,
-    Slave._write_id1,
-    Slave._delete,
-    Slave._reset,
+OBEY: tuple[Callable[[RunningSlave, int, float], int], ...] = (
+    RunningSlave.exchange,
+    RunningSlave._write_parameter,
+    RunningSlave._assign,
+    RunningSlave._write_id1,
+    RunningSlave._delete,
+    RunningSlave._reset,
     lambda slave, data, time: slave.profile.io,
     lambda slave, data, time: slave.profile.id,
     lambda slave, data, time: NONE if slave.profile.id2 is None else slave.id1,
     lambda slave, data, time: NONE if slave.profile.id2 is None else slave.profile.id2,
     lambda slave, data, time: slave.status(time),
-    Slave._broadcast,
-    Slave._program,
+    RunningSlave._broadcast,
+    RunningSlave._program,
 )

@@ -5,7 +5,6 @@ field-bus for ship engine", Journal of IEEK 49-SC(2), 2012.
 """
 
 from shipnet.papers.lee2012 import can, engine, operation, points  # noqa: F401 - they register
-from shipnet.papers.lee2012.readings import response_readings
-from shipnet.papers.lee2012.scope import response_scope, switch_over_scope
+from shipnet.papers.lee2012.scope import response_readings, response_scope, switch_over_scope
 
 __all__ = ["response_readings", "response_scope", "switch_over_scope"]

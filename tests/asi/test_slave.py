@@ -5,18 +5,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.asi import Call, Profile, Request, Response
-from shipnet.asi.simulation.slave import WATCHDOG, WRITE_TIME, Slave
-from shipnet.asi.simulation.states import TRANSITIONS, Action, Event, State
+from shipnet.asi.elements import WATCHDOG, WRITE_TIME, Slave
+from shipnet.asi.simulation.slave import TRANSITIONS, Action, Event, RunningSlave, State
 from shipnet.errors import ArgumentError
+from tests.asi.lines import slave
 
 GARBLED = "00101010111011"  # data exchange with slave 21 with a wrong parity bit
 FOREIGN = Request.data_exchange(3, 0).bits
 
 
 def listening(profile="S-7.F.F", address=21, half=None, **options):
-    slave = Slave(profile, address, half, **options)
-    slave.pause()
-    return slave
+    running = RunningSlave(slave(profile, address, half, **options))
+    running.pause()
+    return running
 
 
 def say(slave, request, time=0.0):
@@ -43,7 +44,7 @@ def test_every_state_is_reached_and_left():
 
 
 def test_a_new_slave_reads_nothing_before_a_pause():
-    slave = Slave("S-7.F.F", 21)
+    slave = RunningSlave(Slave("21", "S-7.F.F"))
     assert slave.state is State.ASYNCHRONOUS
     assert slave.hear(Request.read_id(21).bits) is None
     assert slave.state is State.ASYNCHRONOUS
@@ -51,7 +52,7 @@ def test_a_new_slave_reads_nothing_before_a_pause():
 
 @pytest.mark.parametrize("event", [Event.PAUSE, Event.SLAVE_PAUSE])
 def test_any_pause_takes_an_asynchronous_slave_to_receive(event):
-    slave = Slave("S-7.F.F", 21)
+    slave = RunningSlave(Slave("21", "S-7.F.F"))
     slave.pause(event)
     assert slave.state is State.RECEIVE
     assert not slave.synchronised
@@ -117,7 +118,7 @@ def test_a_slave_out_of_step_takes_the_response_for_a_faulty_request():
 
 def test_only_pauses_are_pauses():
     with pytest.raises(ArgumentError, match=r"event is Event\.ERROR"):
-        Slave("S-7.F.F").pause(Event.ERROR)
+        RunningSlave(Slave("0")).pause(Event.ERROR)
 
 
 @given(st.lists(st.text("01", max_size=16) | st.sampled_from([FOREIGN, GARBLED]), max_size=30))
@@ -131,6 +132,20 @@ def test_whatever_it_hears_it_stays_in_a_state_of_the_table_and_answers_only_its
             assert slave.state is State.SYNCHRONOUS
         slave.pause()
         assert slave.state is State.RECEIVE
+
+
+def test_a_slave_says_in_a_table_what_it_makes_of_telegrams():
+    asked = Request.read_id(21).bits
+    heard = Slave("21", "S-7.F.F").listen([asked, "", GARBLED, asked, "", asked])
+    assert heard["state"].tolist() == [
+        "asynchronous",
+        "receive",
+        "asynchronous",
+        "asynchronous",
+        "receive",
+        "synchronous",
+    ]
+    assert [answer != "silence" for answer in heard["answer"][[0, 2, 3, 5]]] == [0, 0, 0, 1]
 
 
 # The 13 calls.
@@ -314,17 +329,17 @@ def test_without_watchdog_outputs_stay():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"address": 32}, "address is 32"),
-        ({"half": "B"}, "half is 'B'"),
-        ({"profile": "S-7.A.E", "half": "C"}, "half is 'C'"),
-        ({"profile": "S-7.A.E", "address": 0, "half": "B"}, "half is 'B'"),
+        ({"address": 32}, "slave is '32'"),
+        ({"half": "B"}, "one with a half must be an A/B slave"),
+        ({"profile": "S-7.A.E", "half": "C"}, "slave is '1C'"),
+        ({"profile": "S-7.A.E", "address": 0, "half": "B"}, "slave is '0B'"),
         ({"profile": "S-7.A.E", "id1": 8}, r"id1 is 8; .* 0\.\.7"),
         ({"inputs": 16}, "inputs is 16"),
-        ({"watchdog": -1.0}, "watchdog is -1.0 s"),
+        ({"watchdog": -1.0}, "watchdog is -1 s"),
         ({"write_time": float("nan")}, "write_time is nan s"),
         ({"profile": "7.A"}, "profile is '7.A'"),
     ],
 )
 def test_bad_arguments_are_refused(options, message):
     with pytest.raises(ArgumentError, match=message):
-        Slave(**{"profile": Profile(7, 0xF), "address": 1} | options)
+        RunningSlave(slave(**{"profile": Profile(7, 0xF), "address": 1} | options))

@@ -7,11 +7,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from shipnet import style
-from shipnet.asi.simulation.plot import plot_exchange, plot_states
-from shipnet.asi.simulation.run import simulate
-from shipnet.asi.simulation.slave import Slave
-from shipnet.asi.simulation.states import TRANSITIONS, State
+from shipnet.asi.elements import Slave
+from shipnet.asi.plot import plot_events
+from shipnet.asi.simulation.slave import TRANSITIONS, State
 from shipnet.errors import ArgumentError
+from tests.asi.lines import simulate_drawn
 
 
 @pytest.fixture
@@ -25,13 +25,13 @@ def traffic():
     drawn = np.zeros((4, 3, 2, 2), dtype=np.uint8)
     drawn[1, 0, 1, 0] = 1
     drawn[2, 0, 1, 0] = 5 << 2
-    slaves = [Slave("S-7.F.F", 1), Slave("S-7.F.F", 2)]
-    return simulate(slaves, cycles=4, disturbances=drawn).transactions.query("cycle >= 0")
+    return simulate_drawn(drawn, [Slave("1", "S-7.F.F"), Slave("2", "S-7.F.F")], cycles=4)
 
 
 def test_each_request_and_each_answer_is_a_block_at_its_time(ax):
-    table = traffic()
-    assert plot_exchange(table, ax=ax) is ax
+    run = traffic()
+    table = run.events().query("cycle >= 0")
+    assert run.plot("cycle >= 0", ax=ax) is ax
     blocks = [patch for patch in ax.patches if isinstance(patch, Rectangle)]
     requests = [block for block in blocks if block.get_y() == -0.4]
     assert [block.get_x() for block in requests] == pytest.approx((1e3 * table["time_s"]).to_list())
@@ -48,23 +48,24 @@ def test_each_request_and_each_answer_is_a_block_at_its_time(ax):
 
 
 def test_a_window_shows_what_begins_in_it(ax):
-    table = traffic()
-    start, stop = table["time_s"].iloc[3], table["time_s"].iloc[5]
-    plot_exchange(table, ax=ax, start=start, stop=stop)
+    run = traffic()
+    start, stop = run.events().query("cycle >= 0")["time_s"].iloc[[3, 5]]
+    run.plot(start=start, stop=stop, ax=ax)
     requests = [patch for patch in ax.patches if patch.get_y() == -0.4]
     assert len(requests) == 2
 
 
 def test_nothing_and_too_much_are_refused(ax):
-    table = traffic()
+    run = traffic()
     with pytest.raises(ArgumentError, match="show 0 requests"):
-        plot_exchange(table, ax=ax, start=1.0)
+        run.plot(start=1.0, ax=ax)
+    many = run.events().sample(600, replace=True, random_state=1)
     with pytest.raises(ArgumentError, match="show 600 requests"):
-        plot_exchange(table.sample(600, replace=True, random_state=1), ax=ax)
+        plot_events(many, None, None, 6e-6, ax=ax)
 
 
 def test_the_states_are_drawn_from_their_table(ax):
-    plot_states(ax=ax)
+    Slave.plot_states(ax=ax)
     said = "\n".join(text.get_text() for text in ax.texts).split("\n")
     assert [name for name in said if name.isupper()] == [state.value.upper() for state in State]
     pairs = {(state, step.state) for (state, _), step in TRANSITIONS.items()}
@@ -76,13 +77,13 @@ def test_the_states_are_drawn_from_their_table(ax):
 
 
 def test_an_arrow_names_no_pause_twice(ax):
-    plot_states(ax=ax)
+    Slave.plot_states(ax=ax)
     said = [text.get_text() for text in ax.texts]
     assert {"any pause", "pause after the response"} <= set(said)
 
 
 def test_no_words_overlap_and_none_leaves_the_figure(ax):
-    plot_states(ax=ax)
+    Slave.plot_states(ax=ax)
     ax.figure.draw_without_rendering()
     boxes = [text.get_window_extent() for text in ax.texts]
     for one, other in itertools.combinations(boxes, 2):

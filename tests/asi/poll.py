@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.simulation.disturbance import MISSED, PLANES, REQUEST_LOST
-from shipnet.asi.simulation.orders import key_of
+from shipnet.asi.elements import slave_key
+from shipnet.asi.simulation.channel import MISSED, PLANES, REQUEST_LOST
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.timing import Timing
 from shipnet.errors import ArgumentError
@@ -103,23 +103,10 @@ def poll(
     -----
     The counterpart is `simulate` with ``Master(readmit=False)``, whose inclusion phase does not
     ask at the addresses of dropped slaves.
-
-    Examples
-    --------
-    A thousand runs of 31 slaves, of whose responses 1 % are disturbed:
-
-    >>> from shipnet.asi.simulation.disturbance import draw_disturbances
-    >>> rng = np.random.default_rng(2024)
-    >>> drawn = draw_disturbances(rng, 20, np.zeros(31), np.full(31, 0.01), n_runs=1000)
-    >>> many = poll([str(address) for address in range(1, 32)], drawn)
-    >>> f"{1e3 * many.cycle_time.min():.3f} to {1e3 * many.cycle_time.max():.3f} ms"
-    '5.136 to 5.760 ms'
-    >>> f"{many.repetitions.sum() / many.requests.sum():.4f}"
-    '0.0093'
     """
     timing = timing or Timing()
     check_whole("drop_after", drop_after, 1, 1000)
-    given = [key_of(label) for label in slaves]
+    given = [slave_key(label) for label in slaves]
     _check_labels(slaves, given)
     if disturbances.ndim != 5 or disturbances.shape[2:4] != (PLANES, len(given)):
         raise ArgumentError(

@@ -1,17 +1,26 @@
-"""What a host may ask of a master beside the data: one request a cycle, in the management phase."""
+"""What a host may ask of a master besides the data: one request per cycle, in its management phase.
+
+A command is given to `simulate` with its time; what became of it is in `Run.commands`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from shipnet.asi.calls import Call
+from shipnet.asi.elements import check_bits, slave_key
 from shipnet.asi.profile import describe_status
-from shipnet.asi.simulation.lists import Lists, half_of
-from shipnet.asi.simulation.master import CommandFailed
-from shipnet.asi.simulation.orders import key_of, order
-from shipnet.asi.simulation.tasks import Task, activate, identify, move
+from shipnet.asi.simulation.master import (
+    CommandFailed,
+    Lists,
+    Task,
+    activate,
+    half_of,
+    identify,
+    move,
+)
+from shipnet.asi.simulation.slave import prepared
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
 
 __all__ = [
     "BroadcastReset",
@@ -27,7 +36,7 @@ def _detected(lists: Lists, slave: str) -> int:
     """Return the key of a slave that must be in the LDS."""
     if slave not in lists.lds:
         raise CommandFailed(f"slave {slave} is not in the LDS")
-    return key_of(slave)[0]
+    return slave_key(slave)[0]
 
 
 @dataclass(frozen=True)
@@ -67,15 +76,15 @@ class ChangeAddress:
 
     def __post_init__(self) -> None:
         """Check the labels."""
-        key_of(self.old)
-        if key_of(self.new)[0] < 2 or self.new == self.old:
+        slave_key(self.old)
+        if slave_key(self.new)[0] < 2 or self.new == self.old:
             raise ArgumentError(f"new is {self.new!r}; it must be another label than {self.old!r}")
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield the orders."""
-        old, new = _detected(lists, self.old), key_of(self.new)[0]
+        """Yield the requests."""
+        old, new = _detected(lists, self.old), slave_key(self.new)[0]
         identity = lists.detected[old]
-        if identity.profile.extended != (key_of(self.new)[1] is not None):
+        if identity.profile.extended != (slave_key(self.new)[1] is not None):
             raise CommandFailed(f"slave {self.old} is {identity.profile}, not fit for {self.new}")
         neighbour = lists.detected.get(new ^ 1)
         alone = neighbour is None or (neighbour.profile.extended and identity.profile.extended)
@@ -87,7 +96,7 @@ class ChangeAddress:
             # Nobody polls the slave on its way; if it stays, the inclusion phase finds it.
             lists.forget(old)
             half = half_of(old, identity.profile)
-            yield order(Call.DELETE_ADDRESS, old >> 1, half=half)
+            yield prepared(Call.DELETE_ADDRESS, old >> 1, half=half)
             # The reply may be lost although the address is deleted: ask at address 0.
             found = yield from identify(0)
             if found is None or found.profile != identity.profile:
@@ -107,7 +116,7 @@ class _OfSlave:
 
     def __post_init__(self) -> None:
         """Check the label."""
-        key_of(self.slave)
+        slave_key(self.slave)
 
 
 @dataclass(frozen=True)
@@ -126,8 +135,8 @@ class ReadCodes(_OfSlave):
     """
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield the orders."""
-        found = yield from identify(key_of(self.slave)[0])
+        """Yield the requests."""
+        found = yield from identify(slave_key(self.slave)[0])
         if found is None:
             raise CommandFailed(f"slave {self.slave} does not answer with its codes")
         id1 = f"ID1 {found.id1:X}" if found.id1 >= 0 else "no ID1"
@@ -150,9 +159,9 @@ class ReadStatus(_OfSlave):
     """
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield the order."""
-        key, half = key_of(self.slave)
-        status = yield order(Call.READ_STATUS, key >> 1, half=half)
+        """Yield the request."""
+        key, half = slave_key(self.slave)
+        status = yield prepared(Call.READ_STATUS, key >> 1, half=half)
         if status < 0:
             raise CommandFailed(f"slave {self.slave} does not answer with its status")
         return f"slave {self.slave}: {describe_status(status)}"
@@ -180,14 +189,13 @@ class WriteParameter:
 
     def __post_init__(self) -> None:
         """Check label and value."""
-        half = key_of(self.slave)[1]
-        check_whole(f"parameter of slave {self.slave}", self.value, 0, 7 if half else 15)
+        check_bits("parameter", self.slave, self.value)
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield the order."""
+        """Yield the request."""
         key = _detected(lists, self.slave)
         lists.set_parameter(self.slave, self.value)
-        echo = yield order(Call.WRITE_PARAMETER, key >> 1, self.value, key_of(self.slave)[1])
+        echo = yield prepared(Call.WRITE_PARAMETER, key >> 1, self.value, slave_key(self.slave)[1])
         if echo < 0:
             raise CommandFailed(f"slave {self.slave} does not answer")
         return f"slave {self.slave} echoes {echo:X}"
@@ -209,9 +217,9 @@ class ResetSlave(_OfSlave):
     """
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield the orders."""
+        """Yield the requests."""
         key = _detected(lists, self.slave)
-        reply = yield order(Call.RESET, key >> 1, half=half_of(key, lists.detected[key].profile))
+        reply = yield prepared(Call.RESET, key >> 1, half=half_of(key, lists.detected[key].profile))
         if reply < 0:
             raise CommandFailed(f"slave {self.slave} does not answer")
         active = key in lists.detected and (yield from activate(lists, key))
@@ -234,6 +242,6 @@ class BroadcastReset:
     """
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield the order."""
-        yield order(Call.BROADCAST_RESET, 31)
+        """Yield the request."""
+        yield prepared(Call.BROADCAST_RESET, 31)
         return "broadcast reset was sent"

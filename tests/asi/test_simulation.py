@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from shipnet.asi import BIT_TIME, Call, Request, Response
-from shipnet.asi.modulation import check_slots, pulses_of
-from shipnet.asi.simulation.commands import (
+from shipnet.asi.commands import (
     BroadcastReset,
     ChangeAddress,
     ReadCodes,
@@ -15,8 +14,8 @@ from shipnet.asi.simulation.commands import (
     ResetSlave,
     WriteParameter,
 )
-from shipnet.asi.simulation.disturbance import MISSED, REQUEST_LOST, draw_disturbances
-from shipnet.asi.simulation.faults import (
+from shipnet.asi.elements import Master
+from shipnet.asi.faults import (
     BrokenCable,
     DeadSlave,
     LateAnswer,
@@ -26,22 +25,29 @@ from shipnet.asi.simulation.faults import (
     SupplyDip,
     TelegramErrors,
 )
-from shipnet.asi.simulation.master import Master, Phase
-from shipnet.asi.simulation.orders import order
-from shipnet.asi.simulation.record import EXECUTED, NO_RESPONSE, OUTCOME, PHASE, RESPONSE, Record
-from shipnet.asi.simulation.result import Simulation
-from shipnet.asi.simulation.run import simulate
-from shipnet.asi.simulation.slave import Slave
-from shipnet.asi.simulation.standby import Standby
-from shipnet.asi.simulation.states import Event
-from shipnet.asi.simulation.tasks import FAULTY, SILENT
+from shipnet.asi.modulation import check_slots, pulses_of
+from shipnet.asi.simulation.channel import (
+    EXECUTED,
+    MISSED,
+    NO_RESPONSE,
+    OUTCOME,
+    PHASE,
+    REQUEST_LOST,
+    RESPONSE,
+    Record,
+)
+from shipnet.asi.simulation.master import FAULTY, SILENT, Phase, RunningMaster
+from shipnet.asi.simulation.run import Run, Standby, simulate
+from shipnet.asi.simulation.slave import Event, RunningSlave, prepared
 from shipnet.asi.timing import Timing
+from shipnet.clock import Fault
 from shipnet.errors import ArgumentError, SilenceError
+from tests.asi.lines import draw, placed, simulate_drawn, slave
 
-FULL = [Slave("S-7.A.E", a, half, inputs=a % 16) for a in range(1, 32) for half in "AB"]
-STANDARD = [Slave("S-7.F.F", address, inputs=address % 16) for address in range(1, 32)]
+FULL = [slave("S-7.A.E", a, half, inputs=a % 16) for a in range(1, 32) for half in "AB"]
+STANDARD = [slave("S-7.F.F", address, inputs=address % 16) for address in range(1, 32)]
 THREE = STANDARD[:3]
-PROJECTED = {slave.label: slave.profile for slave in THREE}
+PROJECTED = {one.label: one.profile for one in THREE}
 
 
 # A second model: every slave hears every telegram as bits, through its table of states.
@@ -56,8 +62,8 @@ class EverySlaveHears:
         self.drawn = np.zeros((n_cycles + 1, 3, len(slaves), 2), dtype=np.uint8)
         self.missed = np.zeros(len(slaves), dtype=bool)
         self.asked = np.zeros(len(slaves), dtype=bool)
-        for slave in slaves:
-            slave.pause()
+        for one in slaves:
+            one.pause()
 
     @property
     def seconds(self):
@@ -73,17 +79,17 @@ class EverySlaveHears:
         end = self.time + 14
         answers, missed, asked = [], np.zeros_like(self.missed), np.zeros_like(self.asked)
         note = self.drawn[self.begun - 1, self.phase - 3, :, attempt] if cyclic else None
-        for i, slave in enumerate(self.slaves):
+        for i, one in enumerate(self.slaves):
             lost = cyclic and self.rng.random() < self.rates[i][0]
-            own = order.station == slave.address and order.reads[slave.kind] is not None
-            in_step = slave.synchronised
+            own = order.station == one.address and order.reads[one.kind] is not None
+            in_step = one.synchronised
             if own and cyclic:
                 asked[i] = True
                 note[i] |= MISSED if self.missed[i] and not self.asked[i] else 0
                 note[i] |= REQUEST_LOST if lost else 0
             missed[i] = lost
             bits = order.bits[:-2] + str(1 - int(order.bits[-2])) + "1" if lost else order.bits
-            answer = slave.hear(bits, end * BIT_TIME)
+            answer = one.hear(bits, end * BIT_TIME)
             if answer is not None:
                 answers.append((i, answer, 3.0 if in_step else 5.0))
         self.missed, self.asked = missed, asked
@@ -100,13 +106,13 @@ class EverySlaveHears:
             bits, code = check_slots(slots, 7)
             error = int(code)
             reply = FAULTY if error else int("".join(map(str, bits[1:5])), 2)
-            for slave in self.slaves:
-                slave.pause(Event.PAUSE)
-            for j, slave in enumerate(self.slaves):
+            for one in self.slaves:
+                one.pause(Event.PAUSE)
+            for j, one in enumerate(self.slaves):
                 if j != i:
-                    slave.hear(answer.bits, end * BIT_TIME)
-        for slave in self.slaves:
-            slave.pause(Event.SLAVE_PAUSE)
+                    one.hear(answer.bits, end * BIT_TIME)
+        for one in self.slaves:
+            one.pause(Event.SLAVE_PAUSE)
         code = order.code | attempt << 16 | self.phase << PHASE | error << OUTCOME
         code |= (reply if reply >= 0 else NO_RESPONSE) << RESPONSE | bool(answers) << EXECUTED
         self.record.put(self.time, pause, code)
@@ -115,7 +121,7 @@ class EverySlaveHears:
 
 
 def copies(slaves):
-    return [Slave(s.profile, s.address, s.half, inputs=s.inputs) for s in slaves]
+    return [RunningSlave(one) for one in slaves]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -126,12 +132,12 @@ def test_looking_at_the_addressed_slaves_only_changes_nothing(seed, rate):
     rates = rng.uniform(0, 2 * rate, (len(slaves), 2))
     n_cycles = 60
     line = EverySlaveHears(copies(slaves), rates, rng, n_cycles)
-    master = Master()
+    master = RunningMaster(Master())
     program = master.run(line)
     order = next(program)
     while line.begun <= n_cycles:
         order = program.send(line.transact(order, master.attempt))
-    run = simulate(slaves, cycles=n_cycles, disturbances=line.drawn)
+    run = simulate_drawn(line.drawn, slaves, cycles=n_cycles)
     # The first request ever finds everybody out of step; only slaves at address 0 could tell.
     assert list(run.record.start) == list(line.record.start)
     assert list(run.record.code) == list(line.record.code)
@@ -146,12 +152,12 @@ def test_the_cycle_is_the_sum_of_its_transactions():
     for slaves, exchanges in ((FULL, 31), (STANDARD, 31), (THREE, 3)):
         run = simulate(slaves, cycles=20)
         assert run.cycle_times == pytest.approx(((exchanges + 1) * 26 + 24) * BIT_TIME)
-        assert run.summary().cycles == 20
+        assert run.summary.cycles == 20
     assert simulate(FULL, cycles=20).cycle_times.max() < 5.148e-3  # OMRON W357: 33 x 26 bit
 
 
 def test_two_slaves_of_one_address_take_turns_and_others_do_not():
-    table = simulate([*FULL[:2], STANDARD[4]], cycles=10).transactions
+    table = simulate([*FULL[:2], STANDARD[4]], cycles=10).events()
     table = table.query("phase == 'data_exchange'")
     assert table.groupby("slave").size().to_dict() == {"1A": 5, "1B": 5, "5": 10}
     turns = table.query("slave != '5'")["slave"].to_list()
@@ -161,7 +167,7 @@ def test_two_slaves_of_one_address_take_turns_and_others_do_not():
 @pytest.mark.parametrize(("pauses", "bits"), [((2, 1.5), 24.5), ((3, 2), 26), ((3, 80), 104)])
 def test_a_transaction_has_the_length_of_its_parts(pauses, bits):
     timing = Timing(master_pause=pauses[0], slave_pause=pauses[1])
-    table = simulate(THREE, cycles=2, timing=timing).transactions
+    table = simulate(THREE, cycles=2, timing=timing).events()
     length = table["time_s"].diff().shift(-1) / BIT_TIME
     answered = table["outcome"] == "ok"
     assert length[answered].dropna().to_numpy() == pytest.approx(bits)
@@ -171,20 +177,20 @@ def test_a_transaction_has_the_length_of_its_parts(pauses, bits):
 def test_a_slave_that_missed_the_request_before_answers_two_bit_times_later():
     drawn = np.zeros((3, 3, 3, 2), dtype=np.uint8)
     drawn[1, 0, 1, 0] = MISSED
-    table = simulate(THREE, cycles=3, disturbances=drawn).transactions
+    table = simulate_drawn(drawn, THREE, cycles=3).events()
     late = table[table["master_pause_bit"] == 5]
     assert late[["cycle", "slave", "outcome"]].to_numpy().tolist() == [[1, "2", "ok"]]
 
 
 def test_a_slave_that_heard_nothing_yet_answers_late():
     # The first request of all goes to address 0.
-    table = simulate([Slave("S-7.F.F", 0)], duration=1e-3).transactions
+    table = simulate([slave("S-7.F.F", 0)], until=1e-3).events()
     assert table["master_pause_bit"].to_list()[:4] == [5, 3, 3, 3]
 
 
 def test_an_unanswered_request_is_followed_by_the_next_after_ten_bit_times():
-    run = simulate(THREE, cycles=5, faults=[DeadSlave("2", 12e-3)])
-    table = run.transactions
+    run = simulate(THREE, cycles=5, faults=[DeadSlave("2", start=12e-3)])
+    table = run.events()
     silent = table.index[(table["slave"] == "2") & (table["outcome"] == "SilenceError")]
     assert len(silent) > 2
     gaps = [(table["time_s"][i + 1] - table["time_s"][i]) / BIT_TIME for i in silent[:-1]]
@@ -203,16 +209,16 @@ def test_repeaters_delay_until_the_time_out_and_no_longer(timeout):
     timing = Timing(timeout=timeout)
     heard = []
     for delay in delays:
-        run = simulate(THREE, duration=0.05, timing=timing, delays={"2": delay})
+        run = simulate(placed(THREE, delays={"2": delay}), until=0.05, timing=timing)
         heard.append("2" in run.master.lists.las)
     assert heard == [bool(3 + 2 * delay / BIT_TIME <= timeout) for delay in delays]
-    pauses = simulate(THREE, cycles=3, delays={"2": 6e-6}).transactions.query("slave == '2'")
+    pauses = simulate(placed(THREE, delays={"2": 6e-6}), cycles=3).events().query("slave == '2'")
     assert (pauses.query("outcome == 'ok'")["master_pause_bit"] == 5).all()
 
 
 def test_a_line_on_which_nobody_answers_needs_a_duration():
-    dead = [DeadSlave(slave.label, 0.15) for slave in THREE]
-    for slaves, faults in (([], []), (THREE, [SupplyDip(0.1, 0.2), *dead])):
+    dead = [DeadSlave(one.label, start=0.15) for one in THREE]
+    for slaves, faults in (([], []), (THREE, [SupplyDip(start=0.1, stop=0.2), *dead])):
         with pytest.raises(ArgumentError, match="no slave answers and no cycle begins for 10 s"):
             simulate(slaves, cycles=10**5, faults=faults)
 
@@ -221,7 +227,7 @@ def test_a_line_on_which_nobody_answers_needs_a_duration():
 
 
 def test_the_phases_follow_each_other():
-    table = simulate(THREE, cycles=3).transactions
+    table = simulate(THREE, cycles=3).events()
     order = table["phase"].astype(str)
     changed = order[order != order.shift()].to_list()
     cycle = ["data_exchange", "management", "inclusion"]
@@ -232,15 +238,15 @@ def test_the_phases_follow_each_other():
 
 
 def test_without_slaves_the_master_goes_on_detecting():
-    run = simulate([], duration=0.03)
-    assert (run.transactions["phase"] == "detection").all()
-    assert run.summary().cycles == 0
-    assert np.isnan(run.summary().cycle_time).all()
+    run = simulate([], until=0.03)
+    assert (run.events()["phase"] == "detection").all()
+    assert run.summary.cycles == 0
+    assert np.isnan(run.summary.cycle_time).all()
     assert run.failure_classes().empty and run.response_times().empty
 
 
 def test_a_slave_takes_outputs_and_gives_inputs():
-    slaves = [Slave("S-0.F.F", 1, inputs=6), Slave("S-8.F.F", 2), Slave("S-7.A.E", 3, "B")]
+    slaves = [slave("S-0.F.F", 1, inputs=6), slave("S-8.F.F", 2), slave("S-7.A.E", 3, "B")]
     run = simulate(slaves, Master(outputs={"2": 5, "3B": 2}), cycles=3)
     assert run.master.lists.input_image == {"1": 6, "2": 5, "3B": 0}
     assert [slave.outputs for slave in run.slaves] == [0xF, 5, 2]
@@ -248,7 +254,7 @@ def test_a_slave_takes_outputs_and_gives_inputs():
 
 def test_the_host_sets_outputs_while_it_runs():
     run = simulate(THREE, cycles=20, outputs=[(13e-3, "2", 9)])
-    sent = run.transactions.query("slave == '2' and phase == 'data_exchange'")
+    sent = run.events().query("slave == '2' and phase == 'data_exchange'")
     before = sent["request_data"][sent["time_s"] < 13e-3]
     assert set(before) == {0xF}
     assert sent["request_data"].iloc[-1] == 9
@@ -267,7 +273,7 @@ def test_a_failed_request_is_repeated_once_at_once():
     drawn = np.zeros((5, 3, 3, 2), dtype=np.uint8)
     drawn[2, 0, 1, 0] = REQUEST_LOST
     drawn[3, 0, 1, 0] = 9 << 2
-    table = simulate(THREE, cycles=5, disturbances=drawn).transactions
+    table = simulate_drawn(drawn, THREE, cycles=5).events()
     bad = table.query("phase == 'data_exchange' and outcome != 'ok'")
     assert bad["slave"].to_list() == ["2", "2"]
     assert bad["executed"].to_list() == [False, True]
@@ -282,8 +288,8 @@ def test_a_failed_request_is_repeated_once_at_once():
 @pytest.mark.parametrize(("repetitions", "drop_after"), [(1, 3), (0, 3), (2, 5), (1, 1)])
 def test_a_silent_slave_is_dropped_after_its_tries(repetitions, drop_after):
     master = Master(repetitions=repetitions, drop_after=drop_after)
-    run = simulate(THREE, master, cycles=20, faults=[DeadSlave("2", 12e-3)])
-    tries = run.transactions.query("slave == '2' and phase == 'data_exchange' and outcome != 'ok'")
+    run = simulate(THREE, master, cycles=20, faults=[DeadSlave("2", start=12e-3)])
+    tries = run.events().query("slave == '2' and phase == 'data_exchange' and outcome != 'ok'")
     worst = (1 + repetitions) * drop_after
     assert len(tries) == worst
     assert run.master.lists.las == ["1", "3"]
@@ -292,11 +298,11 @@ def test_a_silent_slave_is_dropped_after_its_tries(repetitions, drop_after):
     assert classes.shape == (3, worst)
     assert classes.loc["2"].to_dict() == {**dict.fromkeys(range(1, worst), 0), worst: 1}
     left = run.lists.query("slave == '2' and list == 'LAS' and not present")
-    assert len(left) == run.summary().dropped == 1
+    assert len(left) == run.summary.dropped == 1
 
 
 def test_a_slave_that_comes_back_is_taken_in_again():
-    run = simulate(THREE, duration=0.3, faults=[DeadSlave("2", 0.05, 0.1)])
+    run = simulate(THREE, until=0.3, faults=[DeadSlave("2", start=0.05, stop=0.1)])
     events = run.lists.query("slave == '2' and list == 'LAS'")
     assert events["present"].to_list() == [True, False, True]
     assert events["time_s"].iloc[2] > 0.1
@@ -304,23 +310,25 @@ def test_a_slave_that_comes_back_is_taken_in_again():
 
 
 def test_dropped_slaves_can_be_left_out():
-    run = simulate(THREE, Master(readmit=False), duration=0.3, faults=[DeadSlave("2", 0.05, 0.1)])
+    run = simulate(
+        THREE, Master(readmit=False), until=0.3, faults=[DeadSlave("2", start=0.05, stop=0.1)]
+    )
     assert run.master.lists.las == ["1", "3"]
 
 
 def test_a_new_slave_takes_the_place_of_the_only_one_missing():
-    slaves = [*THREE[:2], Slave("S-7.F.F", 0)]
+    slaves = [*THREE[:2], slave("S-7.F.F", 0)]
     master = Master(PROJECTED, automatic_addressing=True)
-    run = simulate(slaves, master, duration=0.3)
+    run = simulate(slaves, master, until=0.3)
     assert run.master.lists.config_ok
     assert run.slaves[2].address == 3
     assert run.slaves[2].status(0.3) == 0
 
 
 def test_an_ab_slave_gets_its_half_first():
-    slaves = [Slave("S-7.A.E", 1, "A"), Slave("S-7.A.E", 0, id1=2)]
+    slaves = [slave("S-7.A.E", 1, "A"), slave("S-7.A.E", 0, id1=2)]
     master = Master({"1A": "S-7.A.E", "1B": "S-7.A.E"}, automatic_addressing=True)
-    run = simulate(slaves, master, duration=0.3)
+    run = simulate(slaves, master, until=0.3)
     assert run.master.lists.config_ok
     assert (run.slaves[1].label, run.slaves[1].id1) == ("1B", 0b1010)
 
@@ -332,13 +340,13 @@ def test_an_ab_slave_gets_its_half_first():
 )
 def test_else_a_new_slave_keeps_address_0(present, new, automatic):
     master = Master(PROJECTED, automatic_addressing=automatic)
-    run = simulate([*present, Slave(new, 0)], master, duration=0.3)
+    run = simulate([*present, slave(new, 0)], master, until=0.3)
     assert run.slaves[-1].address == 0
     assert "0" in run.master.lists.lds
 
 
 def test_periphery_faults_are_found_and_go():
-    run = simulate(THREE, duration=0.1, faults=[PeripheryFault("3", 0.03, 0.06)])
+    run = simulate(THREE, until=0.1, faults=[PeripheryFault("3", start=0.03, stop=0.06)])
     seen = run.lists.query("list == 'LPF'")
     assert seen["present"].to_list() == [True, False]
     assert seen["slave"].to_list() == ["3", "3"]
@@ -355,13 +363,11 @@ def test_delete_then_assign_changes_the_address_of_a_slave_in_operation():
     assert run.commands["done"].to_list() == [True]
     assert run.master.lists.las == ["1", "3", "9"]
     assert (run.slaves[1].address, run.slaves[1].active) == (9, True)
-    sent = run.transactions.query(
-        "phase == 'management' and call != 'READ_STATUS' and time_s > .02"
-    )
+    sent = run.events().query("phase == 'management' and call != 'READ_STATUS' and time_s > .02")
     assert sent["call"].to_list()[:2] == ["DELETE_ADDRESS", "READ_IO_CONFIGURATION"]
     assert "ASSIGN_ADDRESS" in sent["call"].to_list()
     # Nobody lost data, and nobody was dropped for it.
-    assert run.summary().dropped == 0
+    assert run.summary.dropped == 0
     assert run.failure_classes().to_numpy().sum() == 0
     reset = simulate(THREE, cycles=100, commands=[(0.02, ChangeAddress("2", "9")),
                                                   (0.06, ResetSlave("9"))])  # fmt: skip
@@ -378,13 +384,13 @@ def test_the_address_changes_even_if_the_reply_is_lost(call):
     )
     assert run.commands["done"].to_list() == [True]
     assert run.master.lists.las == ["1", "3", "9"]
-    lost = run.transactions[run.transactions["executed_but_lost"]]
+    lost = run.events()[run.events()["executed_but_lost"]]
     assert lost["call"].to_list() == [call.name]
-    assert run.summary().lost_replies == 1
+    assert run.summary.lost_replies == 1
 
 
 def test_a_change_of_half_works():
-    run = simulate(FULL[:1], duration=0.1, commands=[(0.02, ChangeAddress("1A", "1B"))])
+    run = simulate(FULL[:1], until=0.1, commands=[(0.02, ChangeAddress("1A", "1B"))])
     assert run.master.lists.las == ["1B"]
     assert run.slaves[0].label == "1B"
 
@@ -427,59 +433,59 @@ def test_a_command_says_what_came_of_it(command, says):
 
 def test_a_broadcast_reset_is_silent_and_costs_every_slave_its_place_for_a_while():
     run = simulate(THREE, cycles=300, commands=[(0.02, BroadcastReset())])
-    sent = run.transactions.query("call == 'BROADCAST_RESET'")
+    sent = run.events().query("call == 'BROADCAST_RESET'")
     assert sent["outcome"].to_list() == ["ok"]
     assert sent["attempt"].to_list() == [0]
-    assert run.summary().dropped == 3
+    assert run.summary.dropped == 3
 
 
 # Faults.
 
 
 def test_a_lost_reply_is_counted_as_carried_out():
-    faults = [LostReply("2", Call.DATA_EXCHANGE, 12e-3, count=1)]
+    faults = [LostReply("2", Call.DATA_EXCHANGE, start=12e-3, count=1)]
     master = Master(outputs={"2": 3})
     run = simulate(THREE, master, cycles=5, faults=faults)
-    lost = run.transactions[run.transactions["executed_but_lost"]]
+    lost = run.events()[run.events()["executed_but_lost"]]
     assert lost[["slave", "call", "outcome"]].to_numpy().tolist() == [
         ["2", "DATA_EXCHANGE", "SilenceError"]
     ]
-    assert run.summary().lost_replies == run.summary().repetitions == 1
+    assert run.summary.lost_replies == run.summary.repetitions == 1
 
 
 def test_equal_answers_of_two_slaves_are_one_and_different_ones_an_error():
-    twins = [*THREE, Slave("S-7.F.F", 2, inputs=2, id1=0xF)]
+    twins = [*THREE, slave("S-7.F.F", 2, inputs=2, id1=0xF)]
     fine = simulate(twins, cycles=20)
-    assert fine.summary().repetitions == 0
-    twins[3].inputs = 3
+    assert fine.summary.repetitions == 0
+    twins[3] = slave("S-7.F.F", 2, inputs=3, id1=0xF)
     bad = simulate(twins, cycles=20)
     assert bad.master.lists.las == ["1", "3"]
-    table = bad.transactions.query("slave == '2' and call == 'DATA_EXCHANGE'")
+    table = bad.events().query("slave == '2' and call == 'DATA_EXCHANGE'")
     assert len(table) >= 2
     assert set(table["outcome"]) <= {"AlternationError", "PauseError", "InformationError"}
 
 
 def test_id_code_1_tells_no_two_slaves_of_one_address_apart():
     for id1 in range(15):
-        twins = [*THREE, Slave("S-7.F.F", 2, inputs=2, id1=id1)]
+        twins = [*THREE, slave("S-7.F.F", 2, inputs=2, id1=id1)]
         run = simulate(twins, cycles=30, commands=[(0.02, ReadCodes("2"))])
-        outcome = run.transactions.query("call == 'READ_ID1' and slave == '2'")["outcome"]
+        outcome = run.events().query("call == 'READ_ID1' and slave == '2'")["outcome"]
         assert "ok" not in set(outcome)
         assert "no ID1" in run.commands["outcome"].iloc[0]
 
 
 def test_two_slaves_at_one_address_out_of_step_are_an_error_even_with_equal_data():
-    twins = [*THREE, Slave("S-7.F.F", 2, inputs=2)]
+    twins = [*THREE, slave("S-7.F.F", 2, inputs=2)]
     drawn = np.zeros((4, 3, 4, 2), dtype=np.uint8)
     drawn[2, 0, 3, 0] = MISSED
-    table = simulate(twins, cycles=4, disturbances=drawn).transactions
+    table = simulate_drawn(drawn, twins, cycles=4).events()
     bad = table.query("phase == 'data_exchange' and outcome != 'ok'")
     assert bad[["cycle", "slave"]].to_numpy().tolist() == [[2, "2"]]
 
 
 def test_an_answer_behind_the_time_out_spoils_the_next_request():
-    run = simulate(THREE, cycles=10, faults=[LateAnswer("2", 8, 12e-3)])
-    table = run.transactions.query("phase == 'data_exchange'")
+    run = simulate(THREE, cycles=10, faults=[LateAnswer("2", 8, start=12e-3)])
+    table = run.events().query("phase == 'data_exchange'")
     first = table.query("slave == '2' and outcome != 'ok'").iloc[:2]
     # The repetition falls under the late answer to the first request, and is not even heard.
     assert first["outcome"].to_list() == ["SilenceError", "SilenceError"]
@@ -491,19 +497,15 @@ def test_an_answer_behind_the_time_out_spoils_the_next_request():
 
 
 def test_an_answer_just_in_time_is_heard():
-    run = simulate(THREE, cycles=10, faults=[LateAnswer("2", 7, 12e-3)])
-    table = run.transactions.query("slave == '2' and time_s > 0.013")
+    run = simulate(THREE, cycles=10, faults=[LateAnswer("2", 7, start=12e-3)])
+    table = run.events().query("slave == '2' and time_s > 0.013")
     assert (table["outcome"] == "ok").all()
     assert set(table["master_pause_bit"]) == {10}
 
 
 def test_a_broken_cable_takes_all_slaves_behind_it():
-    run = simulate(
-        STANDARD,
-        duration=0.3,
-        positions={slave.label: 3.0 * slave.address for slave in STANDARD},
-        faults=[BrokenCable(60, 0.1)],
-    )
+    plan = placed(STANDARD, positions={one.label: 3.0 * one.address for one in STANDARD})
+    run = simulate(plan, until=0.3, faults=BrokenCable(60, start=0.1))
     assert run.master.lists.las == [str(address) for address in range(1, 21)]
     gone = run.lists.query("list == 'LAS' and not present")
     assert set(gone["slave"]) == {str(address) for address in range(21, 32)}
@@ -515,42 +517,44 @@ def test_a_broken_cable_takes_all_slaves_behind_it():
 @pytest.mark.parametrize(
     "faults",
     [
-        [DeadSlave("2", 0.02, 0.05), BrokenCable(5, 0.03, 0.2)],
-        [BrokenCable(5, 0.02, 0.2), DeadSlave("2", 0.03, 0.05)],
+        [DeadSlave("2", start=0.02, stop=0.05), BrokenCable(5, start=0.03, stop=0.2)],
+        [BrokenCable(5, start=0.02, stop=0.2), DeadSlave("2", start=0.03, stop=0.05)],
     ],
 )
 def test_a_slave_comes_back_when_the_last_reason_is_gone(faults):
     for duration, las in ((0.15, ["1", "3"]), (0.4, ["1", "2", "3"])):
-        run = simulate(THREE, duration=duration, positions={"2": 10.0}, faults=faults)
+        run = simulate(placed(THREE, positions={"2": 10.0}), until=duration, faults=faults)
         assert run.master.lists.las == las
 
 
 def test_a_supply_dip_resets_everything_and_the_master_begins_anew():
-    run = simulate(THREE, Master(outputs={"1": 0}), duration=0.1, faults=[SupplyDip(0.04, 0.06)])
-    table = run.transactions
+    run = simulate(
+        THREE, Master(outputs={"1": 0}), until=0.1, faults=[SupplyDip(start=0.04, stop=0.06)]
+    )
+    table = run.events()
     assert table.query("time_s > 0.0402 and time_s < 0.06").empty
     after = table.query("time_s >= 0.06")["phase"].astype(str)
     assert after.iloc[0] == "detection" and after.iloc[-1] != "detection"
     assert run.master.lists.las == ["1", "2", "3"]
     # The cycle cut short by the dip is no cycle.
     assert run.cycle_times.max() < 1e-3
-    assert run.summary().dropped == 0
+    assert run.summary.dropped == 0
 
 
 def test_a_master_that_does_not_see_the_dip_takes_slaves_in_one_by_one():
-    faults = [SupplyDip(0.04, 0.045)]
-    run = simulate(THREE, Master(monitors_supply=False), duration=0.5, faults=faults)
-    assert run.summary().dropped == 3
+    faults = [SupplyDip(start=0.04, stop=0.045)]
+    run = simulate(THREE, Master(monitors_supply=False), until=0.5, faults=faults)
+    assert run.summary.dropped == 3
     assert run.master.lists.las == ["1", "2", "3"]
-    assert (run.transactions.query("time_s > 0.04")["cycle"] >= 0).all()
+    assert (run.events().query("time_s > 0.04")["cycle"] >= 0).all()
 
 
 def test_a_standby_master_takes_over_before_a_watchdog_trips():
-    slaves = [Slave("S-7.F.F", address, watchdog=50e-3) for address in (1, 2, 3)]
+    slaves = [slave("S-7.F.F", address, watchdog=50e-3) for address in (1, 2, 3)]
     first = Master(PROJECTED, outputs={"1": 1, "2": 2, "3": 3})
     standby = Standby(Master(PROJECTED))
-    run = simulate(slaves, first, duration=0.3, faults=[MasterFailure(0.1)], standby=standby)
-    table = run.transactions
+    run = simulate(slaves, first, until=0.3, faults=[MasterFailure(start=0.1)], standby=standby)
+    table = run.events()
     taken = table["standby"]
     assert taken.iloc[-1] and not taken.iloc[0]
     gap = table["time_s"][taken].iloc[0] - table["time_s"][~taken].iloc[-1]
@@ -559,26 +563,26 @@ def test_a_standby_master_takes_over_before_a_watchdog_trips():
     assert table["phase"][taken].iloc[0] == "data_exchange"
     assert [slave.outputs for slave in run.slaves] == [1, 2, 3]
     assert [slave.trips for slave in run.slaves] == [[], [], []]
-    alone = simulate(slaves, first, duration=0.3, faults=[MasterFailure(0.1)])
+    alone = simulate(slaves, first, until=0.3, faults=[MasterFailure(start=0.1)])
     assert [slave.outputs for slave in alone.slaves] == [0xF] * 3
     assert all(0.1 < slave.trips[0] < 0.152 for slave in alone.slaves)
     slow = Standby(Master(PROJECTED), silence=60e-3)
-    late = simulate(slaves, first, duration=0.3, faults=[MasterFailure(0.1)], standby=slow)
+    late = simulate(slaves, first, until=0.3, faults=[MasterFailure(start=0.1)], standby=slow)
     assert all(len(slave.trips) == 1 for slave in late.slaves)
 
 
 def test_a_standby_master_hears_both_halves():
     slaves = FULL[:4]
-    projected = {slave.label: slave.profile for slave in slaves}
+    projected = {one.label: one.profile for one in slaves}
     run = simulate(
         slaves,
         Master(projected),
-        duration=0.1,
-        faults=[MasterFailure(0.05)],
+        until=0.1,
+        faults=[MasterFailure(start=0.05)],
         standby=Standby(Master(projected)),
     )
     assert run.master.lists.las == ["1A", "1B", "2A", "2B"]
-    assert run.summary().dropped == 0
+    assert run.summary.dropped == 0
     # It knew them all at once, and did not have to find them.
     assert len({change.time for change in run.master.lists.changes}) == 1
 
@@ -588,13 +592,9 @@ def test_a_standby_master_hears_both_halves():
 
 def test_repetitions_are_as_many_as_the_probability_says():
     p, q = 0.05, 0.03
-    run = simulate(
-        THREE,
-        Master(drop_after=1000),
-        cycles=20_000,
-        disturbances=draw_disturbances(np.random.default_rng(7), 20_000, [0, p, 0], [0, q, 0]),
-    )
-    table = run.transactions.query("slave == '2' and phase == 'data_exchange'")
+    drawn = draw(np.random.default_rng(7), 20_000, [0, p, 0], [0, q, 0])
+    run = simulate_drawn(drawn, THREE, Master(drop_after=1000), cycles=20_000)
+    table = run.events().query("slave == '2' and phase == 'data_exchange'")
     first, again = table.query("attempt == 0"), table.query("attempt == 1")
     failing = 1 - (1 - p) * (1 - q)
     # Five standard deviations of a binomial of 20000.
@@ -609,7 +609,7 @@ def test_repetitions_are_as_many_as_the_probability_says():
 
 def test_a_change_of_an_input_is_known_after_the_next_exchange():
     changes = [(0.02 + 1.234e-3 * k, "2", k % 16) for k in range(40)]
-    run = simulate(THREE, duration=0.1, inputs=changes)
+    run = simulate(THREE, until=0.1, inputs=changes)
     seen = run.input_changes()["response_time_s"].to_numpy()
     bounds = run.response_times().loc["2"]
     assert not np.isnan(seen).any()
@@ -617,19 +617,19 @@ def test_a_change_of_an_input_is_known_after_the_next_exchange():
     # At rest: a cycle of 4 x 26 + 24 bit times, and pause and response behind the request.
     cycle, fresh = 128 * BIT_TIME, 10 * BIT_TIME
     assert bounds.to_numpy() == pytest.approx([fresh, cycle / 2 + fresh, cycle + fresh])
-    got = run.transactions.query("slave == '2' and phase == 'data_exchange'")
+    got = run.events().query("slave == '2' and phase == 'data_exchange'")
     for (time, _, value), delay in zip(changes, seen, strict=True):
         told = got[got["time_s"] + (14 + 3 + 7) * BIT_TIME >= time + delay - 1e-9].iloc[0]
         assert told["response_data"] == value
 
 
 def test_a_change_that_is_gone_before_the_next_exchange_is_never_seen():
-    run = simulate(THREE, duration=0.1, inputs=[(0.05, "2", 9), (0.05 + 1e-6, "2", 0)])
+    run = simulate(THREE, until=0.1, inputs=[(0.05, "2", 9), (0.05 + 1e-6, "2", 0)])
     assert np.isnan(run.input_changes()["response_time_s"]).to_list() == [True, False]
 
 
 def test_the_table_spells_the_requests():
-    table = simulate([*THREE, FULL[20]], cycles=3).transactions
+    table = simulate([*THREE, FULL[20]], cycles=3).events()
     for row in table.to_dict("records"):
         call, half = Call[row["call"]], row["half"] or None
         request = Request(call, row["address"], row["request_data"], half)
@@ -641,9 +641,9 @@ def test_the_table_spells_the_requests():
 def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
     record = Record(Timing())
     for number, (address, outcome) in enumerate([(1, 0), (1, 5), (1, 5), (2, 5), (2, 0)]):
-        code = order(Call.DATA_EXCHANGE, address, 1).code | outcome << OUTCOME
+        code = prepared(Call.DATA_EXCHANGE, address, 1).code | outcome << OUTCOME
         record.put(26.0 * number, 3.0, code)
-    classes = Simulation(record, 130.0, [Master()], [], []).failure_classes()
+    classes = Run(record, 130.0, [RunningMaster(Master())], [], []).failure_classes()
     assert classes.loc["1"].to_list() == [0, 1, 0, 0, 0, 0]
     assert classes.loc["2"].to_list() == [1, 0, 0, 0, 0, 0]
 
@@ -654,22 +654,19 @@ def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "cycles and duration are both None"),
+        ({}, "cycles and until are both None"),
         ({"cycles": -1}, "cycles is -1"),
-        ({"duration": float("nan")}, "duration is nan s"),
+        ({"until": float("nan")}, "until is nan s"),
         (
             {"cycles": 1, "faults": [DeadSlave("9")]},
             "slave 9 is not on the line; there are 1, 2, 3",
         ),
-        ({"cycles": 1, "faults": [TelegramErrors("1", 0.1)]}, "rng is None"),
+        ({"cycles": 1, "faults": [TelegramErrors("1", 0.1)] * 2}, "telegram errors twice"),
         ({"cycles": 1, "faults": [LateAnswer("1", 20)]}, "would answer 25 bit times"),
-        ({"cycles": 1, "delays": {"1": 60e-6}}, "would answer 25 bit times"),
-        ({"cycles": 1, "delays": {"1": -1e-6}}, "delays of slave 1 is -1e-06"),
-        ({"cycles": 1, "positions": {"4": 1.0}}, "slave 4 is not on the line"),
         ({"cycles": 1, "inputs": [(0.0, "1", 16)]}, "input of slave 1 is 16"),
         ({"cycles": 1, "inputs": [(-1.0, "1", 1)]}, "time is -1.0 s"),
         ({"cycles": 1, "outputs": [(0.0, "1A", 8)]}, "output of slave 1A is 8"),
-        ({"cycles": 1, "disturbances": np.zeros((1, 3, 2, 2), np.uint8)}, "n_cycles, 3, 3, 2"),
+        ({"cycles": 1, "faults": [Fault()]}, "one of faults is Fault"),
     ],
 )
 def test_bad_arguments_are_refused(options, message):
@@ -683,9 +680,11 @@ def test_bad_arguments_are_refused(options, message):
         (lambda: TelegramErrors("1", request=-0.1), "request is -0.1"),
         (lambda: TelegramErrors("1", response=float("nan")), "response is nan"),
         (lambda: DeadSlave("32"), "slave is '32'"),
-        (lambda: DeadSlave("1", 2.0, 1.0), "start is 2.0 s and stop is 1.0 s"),
+        (lambda: DeadSlave("1", start=2.0, stop=1.0), "stop is 1 s; it must be after start, 2 s"),
         (lambda: LostReply("1", count=0), "count is 0"),
-        (lambda: MasterFailure(-1.0), "start is -1.0 s"),
+        (lambda: MasterFailure(start=-1.0), "start is -1 s"),
+        (lambda: MasterFailure(stop=1.0), "stop is 1 s"),
+        (lambda: SupplyDip(start=1.0), "stop is inf s"),
         (lambda: Standby(Master()), "no projected slaves"),
         (lambda: Standby(Master(PROJECTED), 1e-4), "silence is 0.0001 s"),
         (lambda: Master({"1A": "S-7.F"}), "slave 1A is projected as S-7.F"),

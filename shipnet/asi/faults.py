@@ -1,0 +1,249 @@
+"""What can go wrong on a line.
+
+Every fault has a `start`, 0 by default, and a `stop`, never by default: seconds from the start of
+the simulation. Slaves are named by the label that they have then, such as ``"5A"``. Two slaves at
+one address need no fault: give the simulation both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from math import inf
+
+from shipnet.asi.calls import Call
+from shipnet.asi.elements import slave_key
+from shipnet.asi.simulation.channel import Channel, Station, Stations
+from shipnet.clock import Fault
+from shipnet.errors import ArgumentError
+from shipnet.fields import number, record, text, whole
+
+__all__ = [
+    "BrokenCable",
+    "DeadSlave",
+    "LateAnswer",
+    "LostReply",
+    "MasterFailure",
+    "PeripheryFault",
+    "SupplyDip",
+    "TelegramErrors",
+]
+
+
+@record
+class LineFault(Fault):
+    """What all faults of a line share: that they can be put upon it."""
+
+    def apply(self, channel: Channel, stations: Stations) -> None:
+        """Have the fault begin, and end, on a line."""
+        raise NotImplementedError
+
+
+@record
+class _OfSlave(LineFault):
+    """A fault of one slave."""
+
+    slave: str = text("Label of the slave")
+
+    def __post_init__(self) -> None:
+        """Check the label, too."""
+        super().__post_init__()
+        slave_key(self.slave)
+
+
+@record
+class TelegramErrors(_OfSlave):
+    """Telegrams to and from a slave are disturbed at random.
+
+    A request may be its own or another's. Of a response one pulse, chosen at random, is disturbed;
+    the error class follows.
+
+    Examples
+    --------
+    >>> TelegramErrors("5A", request=1.5)
+    Traceback (most recent call last):
+        ...
+    shipnet.errors.ArgumentError: request is 1.5; it must be 0..1
+    """
+
+    request: float = number(
+        0, 1, "", "Probability that the slave does not understand a request", default=0.0
+    )
+    response: float = number(
+        0, 1, "", "Probability that the master does not understand its response", default=0.0
+    )
+
+    def apply(self, channel: Channel, stations: Stations) -> None:
+        """Set the probabilities; the disturbances are drawn by the channel."""
+        for station in stations[self.slave]:
+            if station.rates != (0.0, 0.0):
+                raise ArgumentError(f"slave {self.slave} has telegram errors twice; give one")
+            station.rates = (self.request, self.response)
+            station.quiet = self.start > 0
+            if station.quiet or self.stop < inf:
+                _set(channel, station, "quiet", (False, True), self.start, self.stop)
+
+
+@record
+class DeadSlave(_OfSlave):
+    """A slave has no supply.
+
+    Examples
+    --------
+    >>> DeadSlave("5", start=0.1)
+    DeadSlave(start=0.1, stop=inf, slave='5')
+    """
+
+    def apply(self, channel: Channel, stations: Stations) -> None:
+        """Switch the slave off, and on again."""
+        _switch(channel, stations[self.slave], self.start, self.stop)
+
+
+@record
+class BrokenCable(LineFault):
+    """All slaves farther away than a place lose supply and signal.
+
+    Examples
+    --------
+    >>> BrokenCable(40).place
+    40.0
+    """
+
+    place: float = number(0, 1e6, "m", "Distance of the break from the master")
+
+    def apply(self, channel: Channel, stations: Stations) -> None:
+        """Switch everything behind the break off, and on again."""
+        behind = [station for station in stations.all if station.position > self.place]
+        _switch(channel, behind, self.start, self.stop)
+
+
+@record
+class SupplyDip(LineFault):
+    """The supply of all segments fails until `stop`, which must be given: all slaves reset.
+
+    Examples
+    --------
+    >>> SupplyDip(start=0.1, stop=0.12).stop
+    0.12
+    """
+
+    def __post_init__(self) -> None:
+        """Check that the supply comes back."""
+        super().__post_init__()
+        if self.stop == inf:
+            raise ArgumentError("stop is inf s; it must be finite, when the supply comes back")
+
+    def apply(self, channel: Channel, stations: Stations) -> None:
+        """Switch all slaves off, and on again; tell the master."""
+        _switch(channel, stations.all, self.start, self.stop)
+        channel.schedule(self.start, partial(channel.stop_master, self.stop))
+
+
+@record
+class LateAnswer(_OfSlave):
+    """A slave answers later than it should.
+
+    An answer that starts behind the master's time-out is not heard as an answer. It falls upon
+    the next request instead, and nobody understands that, but for one case in 360 in which all
+    its pulses coincide with those of the request.
+
+    Examples
+    --------
+    >>> LateAnswer("5", 8).bits
+    8.0
+    """
+
+    bits: float = number(0, 100, "bit", "How much later")
+
+    def apply(self, channel: Channel, stations: Stations) -> None:
+        """Delay the answers."""
+        for station in stations[self.slave]:
+            station.check_pause(channel.timing, self.bits)
+            pauses = (station.pause + self.bits, station.pause)
+            _set(channel, station, "pause", pauses, self.start, self.stop)
+
+
+@record
+class LostReply(_OfSlave):
+    """A slave carries out requests of one kind, but its replies are lost.
+
+    Parameters
+    ----------
+    slave : str
+        Label of the slave.
+    call : Call, default Call.DATA_EXCHANGE
+        The kind of request.
+    count : int, default 1
+        How many replies are lost from `start` on, 1 or more.
+    start, stop : float
+        When the fault begins and ends [s]; 0 and never if omitted.
+
+    Examples
+    --------
+    >>> LostReply("5", Call.DELETE_ADDRESS).count
+    1
+    """
+
+    call: Call = Call.DATA_EXCHANGE
+    count: int = whole(1, 10**9, "", "How many replies are lost", default=1)
+
+    def apply(self, channel: Channel, stations: Stations) -> None:
+        """Have the replies lost, beginning with the first after `start`."""
+        for station in stations[self.slave]:
+            for time, count in ((self.start, self.count), (self.stop, 0)):
+                if time < inf:
+                    lose = partial(station.lost_replies.__setitem__, self.call, count)
+                    channel.schedule(time, lose)
+
+
+@record
+class PeripheryFault(_OfSlave):
+    """A slave reports a fault of what is connected to it: status bit S1.
+
+    Examples
+    --------
+    >>> PeripheryFault("5").slave
+    '5'
+    """
+
+    def apply(self, channel: Channel, stations: Stations) -> None:
+        """Set the flag, and clear it."""
+        for station in stations[self.slave]:
+            flags = (True, False)
+            _set(channel, station.slave, "periphery_fault", flags, self.start, self.stop)
+
+
+@record
+class MasterFailure(LineFault):
+    """The master falls silent for good; it has no `stop`.
+
+    Examples
+    --------
+    >>> MasterFailure(start=0.5).start
+    0.5
+    """
+
+    def __post_init__(self) -> None:
+        """Refuse an end."""
+        super().__post_init__()
+        if self.stop < inf:
+            raise ArgumentError(f"stop is {self.stop:g} s; a master that fails does not come back")
+
+    def apply(self, channel: Channel, stations: Stations) -> None:
+        """Stop the master for good."""
+        channel.schedule(self.start, partial(channel.stop_master, inf))
+
+
+def _switch(channel: Channel, stations: Sequence[Station], start: float, stop: float) -> None:
+    for time, on in ((start, False), (stop, True)):
+        if time < inf:
+            for station in stations:
+                channel.schedule(time, partial(channel.switch, station, on, time))
+
+
+def _set(
+    channel: Channel, what: object, name: str, values: tuple[object, object], *times: float
+) -> None:
+    for time, value in zip(times, values, strict=True):
+        if time < inf:
+            channel.schedule(time, partial(setattr, what, name, value))

@@ -1,0 +1,52 @@
+"""Helpers of tests: slaves by address, lines with given disturbances, slaves at their places."""
+
+from unittest.mock import patch
+
+import numpy as np
+
+from shipnet.asi.elements import CableRun, Master, Repeater, Slave
+from shipnet.asi.plan import Plan
+from shipnet.asi.simulation import channel
+from shipnet.asi.simulation.run import simulate
+
+
+def slave(profile, address=0, half=None, **options):
+    return Slave(f"{address}{half or ''}", profile, **options)
+
+
+def draw(rng, n_cycles, request, response, *, attempts=2, n_runs=None):
+    """Draw disturbances by the rates of each slave, shape (n_runs, n_cycles, 3, n, attempts)."""
+    rates = list(zip(request, response, strict=True))
+    runs = [channel.draw_disturbances(rng, n_cycles, rates, attempts) for _ in range(n_runs or 1)]
+    shape = (0, n_cycles, channel.PLANES, len(rates), attempts)
+    return runs[0] if n_runs is None else np.array(runs).reshape(-1, *shape[1:])
+
+
+def simulate_drawn(drawn, system, *given, **options):
+    """Simulate with disturbances of shape (n_cycles, 3, n_slaves, attempts) that are given."""
+    begun = 0
+
+    def hand_out(rng, n_cycles, rates, attempts):
+        nonlocal begun
+        rows = np.zeros((n_cycles, channel.PLANES, len(rates), attempts), dtype=np.uint8)
+        own = drawn[begun : begun + n_cycles]
+        rows[: len(own)] = own
+        begun += n_cycles
+        return rows
+
+    with patch.object(channel, "draw_disturbances", hand_out):
+        return simulate(system, *given, **options)
+
+
+def placed(slaves, positions=None, delays=None):
+    """Return a plan of slaves, each on a leg of its own, some of them behind a repeater."""
+    runs, elements, repeaters = [CableRun("m", "end", 1)], [], []
+    for number, one in enumerate(slaves):
+        near, node = "m", f"s{number}"
+        if delays and one.label in delays:
+            near = f"r{number}"
+            repeaters.append(Repeater("m", near, delays[one.label]))
+        runs.append(CableRun(near, node, (positions or {}).get(one.label, 0.01)))
+        settings = {name: getattr(one, name) for name in ("inputs", "id1", "watchdog")}
+        elements.append(Slave(one.label, one.profile, node=node, **settings))
+    return Plan(runs, [Master(node="m")], slaves=elements, repeaters=repeaters)
