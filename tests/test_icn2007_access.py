@@ -2,7 +2,7 @@ from shipnet.asi.commands import ChangeAddress
 from shipnet.asi.faults import DeadSlave
 from shipnet.asi.simulation.run import simulate
 from shipnet.asi.telegram import Request
-from shipnet.asi.timing import Timing
+from shipnet.asi.timing import Transaction
 from shipnet.papers.icn2007 import access
 from shipnet.papers.icn2007.structures import allowed, keeps_all_rules, trunk_and_star
 from shipnet.papers.kim2023.addressing import moves
@@ -10,7 +10,7 @@ from shipnet.papers.kim2023.addressing import moves
 
 def test_the_wait_is_that_of_the_timing():
     run = simulate(access.line(), cycles=20, faults=[DeadSlave("3", start=0.02)])
-    assert round(access.gap_after_silence(run, "3"), 6) == Timing().timeout == 10
+    assert round(access.gap_after_silence(run, "3"), 6) == Transaction().timeout == 10
 
 
 def test_only_own_and_sound_requests_are_answered():

@@ -27,7 +27,7 @@ def test_each_dead_slave_costs_its_timeouts():
 
 @pytest.mark.parametrize("dead", [0, 1])
 def test_one_slave_more_than_fit_is_too_slow(dead):
-    most = update(Inputs(dead=dead)).most_slaves
+    most = update(Inputs(dead=dead)).max_slaves
     assert update(Inputs(slaves=most, dead=dead)).in_time
     assert not update(Inputs(slaves=most + 1, dead=dead)).in_time
 

@@ -211,9 +211,9 @@ class Cycle:
             value_bit=value_bit, extra_rounds=extra_rounds,
         )  # fmt: skip
 
-    def efficiency(self, user_bits: int = 8) -> float | Floats:
-        """Return the share of the cycle in which user bits pass, so many per exchange, 0..1."""
-        bits = check_whole("user_bits", user_bits, 0, 8)
+    def efficiency(self, user_bits: int = 4) -> float | Floats:
+        """Return the share of the cycle in which user bits pass, so many each way, 0..1."""
+        bits = 2 * check_whole("user_bits", user_bits, 0, 4)
         return _plain(np.asarray(self.addresses) * bits * self.transaction.bit_time / self.time)
 
 

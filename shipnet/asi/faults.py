@@ -158,7 +158,7 @@ class LateAnswer(_OfSlave):
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Delay the answers."""
         for station in stations[self.slave]:
-            station.check_pause(channel.timing, self.bits)
+            station.check_pause(channel.transaction, self.bits)
             pauses = (station.pause + self.bits, station.pause)
             _set(channel, station, "pause", pauses, self.start, self.stop)
 

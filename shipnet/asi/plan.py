@@ -51,34 +51,23 @@ PROBES = ("01010101010101", "01111111111111", "00011111111111")
 
 @dataclass(frozen=True)
 class PlanSegment:
-    """One electrical network of a plan.
+    """One electrical network of a plan, with the elements in it."""
 
-    Attributes
-    ----------
-    line : int
-        Number of the line that it belongs to, from 0.
-    cables, masters, supplies, slaves, terminators : tuple
-        Elements in it.
-    ports : tuple of tuple of (Repeater, str)
-        Repeaters at it, each with its node in this segment.
-    head : str or None
-        Node through which telegrams come from the master: the master's own or that of a repeater;
-        None if the line has no master.
-    path : tuple of Repeater
-        Repeaters between the master and this segment.
-    lead : float
-        Cable between the master and `head` [m].
-    """
-
+    #: Number of the line that it belongs to, from 0.
     line: int
     cables: tuple[CableRun, ...]
     masters: tuple[Master, ...]
     supplies: tuple[Supply, ...]
     slaves: tuple[Slave, ...]
     terminators: tuple[Terminator, ...]
+    #: Repeaters at it, each with its node in this segment.
     ports: tuple[tuple[Repeater, str], ...]
+    #: Node through which telegrams come from the master: the master's own or that of a repeater;
+    #: None if the line has no master.
     head: str | None
+    #: Repeaters between the master and this segment.
     path: tuple[Repeater, ...]
+    #: Cable between the master and `head` [m].
     lead: float
 
     def __str__(self) -> str:

@@ -6,7 +6,7 @@ telegram's first bit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -61,6 +61,11 @@ class Transaction:
         Pause after the response [bit], 0 or more; 1.5 to 2 in undisturbed operation.
     bit_time : float, default 6e-6
         Length of a bit [s].
+    unsynchronised : float, default 2
+        How much later a slave answers that is not synchronised, 0..10 bit times [2]_.
+    timeout : float, default 10
+        How long the master waits for the start of a response before it goes on, 2..24 bit
+        times [1]_.
 
     Raises
     ------
@@ -89,14 +94,19 @@ class Transaction:
     master_pause: float = 3.0
     slave_pause: float = 2.0
     bit_time: float = BIT_TIME
+    unsynchronised: float = field(default=2.0, kw_only=True)
+    timeout: float = field(default=10.0, kw_only=True)
 
     def __post_init__(self) -> None:
         """Check the pauses."""
-        low, high = MASTER_PAUSE_BITS
-        if not low <= self.master_pause <= high:
-            raise ArgumentError(
-                f"master_pause is {self.master_pause} bit times; it must be {low:g}..{high:g}"
-            )
+        for name, low, high in (
+            ("master_pause", *MASTER_PAUSE_BITS),
+            ("unsynchronised", 0.0, 10.0),
+            ("timeout", 2.0, 24.0),
+        ):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ArgumentError(f"{name} is {value} bit times; it must be {low:g}..{high:g}")
         if not 0 <= self.slave_pause < float("inf"):
             raise ArgumentError(f"slave_pause is {self.slave_pause} bit times; it must be 0..")
         if not 0 < self.bit_time < float("inf"):
@@ -124,6 +134,19 @@ class Transaction:
         return self.bits * self.bit_time
 
     @property
+    def unanswered(self) -> float:
+        """Length of a request that nobody answers, up to the next one [bit]."""
+        return REQUEST_BITS + self.timeout
+
+    def check_line(self) -> None:
+        """Raise unless a master may leave such a pause before its next request, 1 bit to 500 us."""
+        longest = LONGEST_SLAVE_PAUSE / self.bit_time
+        if not 1 <= self.slave_pause <= longest:
+            raise ArgumentError(
+                f"slave_pause is {self.slave_pause} bit times; it must be 1..{longest:.4g}"
+            )
+
+    @property
     def net_rate(self) -> float:
         """User bits of one exchange, four each way, over its length [bit/s]."""
         return 2 * USER_BITS / self.duration
@@ -149,39 +172,3 @@ class Transaction:
         from shipnet.asi.plot import plot_transaction
 
         return plot_transaction(request, response, self, ax=ax)
-
-
-@dataclass(frozen=True, slots=True)
-class Timing:
-    """The pauses by which a line with all its slaves runs; lengths in bit times."""
-
-    master_pause: float = 3.0
-    unsynchronised: float = 2.0
-    slave_pause: float = 2.0
-    timeout: float = 10.0
-    bit_time: float = BIT_TIME
-
-    def __post_init__(self) -> None:
-        """Check every value."""
-        if not 0 < self.bit_time < float("inf"):
-            raise ArgumentError(f"bit_time is {self.bit_time} s; it must be positive")
-        longest = LONGEST_SLAVE_PAUSE / self.bit_time
-        for name, low, high in (
-            ("master_pause", *MASTER_PAUSE_BITS),
-            ("unsynchronised", 0.0, 10.0),
-            ("slave_pause", 1.0, longest),
-            ("timeout", 2.0, 24.0),
-        ):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ArgumentError(f"{name} is {value} bit times; it must be {low:g}..{high:.4g}")
-
-    def answered(self, pause: float | None = None) -> float:
-        """Return how long an answered request takes, up to the next one [bit]."""
-        pause = self.master_pause if pause is None else pause
-        return REQUEST_BITS + pause + RESPONSE_BITS + self.slave_pause
-
-    @property
-    def unanswered(self) -> float:
-        """How long a request takes that nobody answers, up to the next one [bit]."""
-        return REQUEST_BITS + self.timeout

@@ -443,7 +443,7 @@ def valve_server(
         never if omitted.
     **options
         As `shipnet.modbus.server.serve` takes them: transport, host, port, and for a serial line
-        serial_port and serial.
+        serial_port and line.
 
     Returns
     -------

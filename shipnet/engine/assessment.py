@@ -189,7 +189,7 @@ class Redundancy:
         """Return the boxes that do not work without some parts."""
         gone = set(dead)
         if not gone <= set(self.parts):
-            raise ArgumentError(f"dead has {sorted(gone - set(self.parts))}, which are no parts")
+            raise ArgumentError(f"dead has {sorted(gone - set(self.parts))}, which are not parts")
         boxes = []
         for box in self.points.boxes:
             for kind in ("supply", "cpu"):

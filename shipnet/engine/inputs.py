@@ -190,7 +190,7 @@ class InputCard:
     >>> code = card.code(card.signal([[-50.0], [275.0], [600.0]]))
     >>> code.ravel().tolist(), card.value(code).ravel().round(2).tolist()
     ([0, 512, 1023], [-50.0, 275.0, 599.37])
-    >>> card.wire_faults()[["fault", "code", "reads", "told"]].values.tolist()
+    >>> card.wire_faults()[["fault", "code", "reads", "detected"]].values.tolist()
     [['open', 0, -50.0, False], ['short', 1023, 599.365234375, False]]
     """
 
@@ -365,9 +365,9 @@ class InputCard:
         """Return what the box makes of a broken wire and a short circuit, two rows per kind.
 
         ``reads`` is the value of the ``code``; ``legal`` says whether a healthy sensor gives this
-        code too, and ``told`` whether the limits of the card distinguish it from a value. Without
-        margin 4 mA and a broken wire are both 0 V. A switch that opens on alarm shows a broken
-        wire as an alarm, which is safe, and hides every later alarm if its wires touch.
+        code too, and ``detected`` whether the limits of the card distinguish it from a value.
+        Without margin 4 mA and a broken wire are both 0 V. A switch that opens on alarm shows a
+        broken wire as an alarm, which is safe, and hides every later alarm if its wires touch.
         """
         import pandas as pd
 
@@ -381,7 +381,7 @@ class InputCard:
             for fault, signals in WIRE_FAULTS.items()
         }
         values = {fault: self.value(code) for fault, code in codes.items()}
-        told = {fault: ~self.valid(code) for fault, code in codes.items()}
+        detected = {fault: ~self.valid(code) for fault, code in codes.items()}
         for k, count in self.points.kinds():
             point = self.points[k]
             for fault in WIRE_FAULTS:
@@ -389,10 +389,10 @@ class InputCard:
                 legal = min(low[k], high[k]) <= code <= max(low[k], high[k])
                 rows.append(
                     (point.condition, point.low, point.high, point.unit, count, fault, code,
-                     float(values[fault][k]), bool(legal), bool(told[fault][k]))
+                     float(values[fault][k]), bool(legal), bool(detected[fault][k]))
                 )  # fmt: skip
         columns = ["condition", "low", "high", "unit", "points", "fault", "code", "reads", "legal",
-                   "told"]  # fmt: skip
+                   "detected"]  # fmt: skip
         return pd.DataFrame(rows, columns=columns)
 
     @cached_property

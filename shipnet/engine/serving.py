@@ -68,7 +68,7 @@ def serve(
         Draws the waves of the synthetic values; whatever `numpy.random.default_rng` takes.
     **options
         As `shipnet.modbus.serve` takes them: transport, host, port, and for a serial line
-        serial_port and serial.
+        serial_port and line.
 
     Returns
     -------

@@ -366,30 +366,10 @@ class Timeline:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A finished simulation; `simulate` makes one.
+    """A finished simulation of a `system` with some `faults`; `simulate` makes one.
 
-    Parameters
-    ----------
-    system : System
-        The system.
-    faults : tuple of faults
-        What went wrong.
-    until : float
-        The last poll began before this time [s].
-    end : int
-        When it ended [ns].
-    attempts : Attempts
-        Requests of the AMS.
-    cpus : tuple of Cpu
-        The Modbus interrupts of each box.
-    loops : tuple of Rounds
-        The loop of each box.
-    sent : Frames
-        What went over the CAN bus.
-    views : Views
-        What the AMS knew.
-    paths : tuple of Views
-        In the corrected coding, what it knew by each channel that it always polls.
+    A table has one row per point, alarm, request or poll. Times are in seconds from the start of
+    the AMS; the attributes after `until` are arrays of the simulator, in nanoseconds.
 
     Examples
     --------
@@ -600,9 +580,9 @@ class Run:
             _, count = np.unique(poll, return_counts=True)
             final = np.repeat(count, count) == tries
             ends = np.append(poll[1:] != poll[:-1], True) if poll.size else fine
-            told = ends & (fine | final)
+            known = ends & (fine | final)
             wait = np.where(outcome == 1, silent, nanoseconds(self.system.poll.time))
-            for when, good in _changes((start + wait)[told], fine[told]):
+            for when, good in _changes((start + wait)[known], fine[known]):
                 word = "answers again" if good else "no answer"
                 rows.append((when / 1e9, f"channel {channel + 1}", word))
         return rows

@@ -202,7 +202,7 @@ class System:
         default="one",
     )
     coding: Literal["printed", "corrected"] = choice(
-        ("printed", "corrected"), "How the boxes tell old values", default="printed"
+        ("printed", "corrected"), "How old values are marked", default="printed"
     )
     stale_limit: float = number(
         0.01, LONGEST, "s", "Silence after which a box is marked in the printed coding",

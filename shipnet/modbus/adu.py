@@ -69,9 +69,11 @@ class Adu:
 
     def __post_init__(self) -> None:
         """Check every field."""
-        put = object.__setattr__
-        put(self, "unit_id", check_whole("unit_id", self.unit_id, 0, 255))
-        put(self, "pdu", _checked_pdu(getattr(self.pdu, "pdu", self.pdu)))
+        put, unit, pdu = object.__setattr__, self.unit_id, self.pdu
+        if not (type(unit) is int and 0 <= unit <= 255):
+            put(self, "unit_id", check_whole("unit_id", unit, 0, 255))
+        if not (type(pdu) is bytes and 1 <= len(pdu) <= MAX_PDU):
+            put(self, "pdu", _checked_pdu(getattr(pdu, "pdu", pdu)))
         if self.transaction_id is not None:
             number = check_whole("transaction_id", self.transaction_id, 0, 0xFFFF)
             put(self, "transaction_id", number)
@@ -186,7 +188,10 @@ def decode(data: bytes, framing: Literal["rtu", "tcp", "ascii"] = "rtu") -> Adu:
 
 def rtu_frame(unit_id: int, pdu: bytes) -> bytes:
     """Return the RTU frame of a PDU."""
-    body = bytes([check_whole("unit_id", unit_id, 0, MAX_UNIT)]) + _checked_pdu(pdu)
+    unit = unit_id if type(unit_id) is int and 0 <= unit_id <= MAX_UNIT else None
+    if unit is None:
+        unit = check_whole("unit_id", unit_id, 0, MAX_UNIT)
+    body = bytes((unit,)) + _checked_pdu(pdu)
     return body + crc("CRC-16/MODBUS", body).to_bytes(2, "little")
 
 
@@ -255,13 +260,15 @@ def _serial_unit(unit: int) -> int:
 
 
 def _checked_pdu(pdu: bytes) -> bytes:
+    if type(pdu) is bytes and 1 <= len(pdu) <= MAX_PDU:
+        return pdu
     if not isinstance(pdu, bytes | bytearray | memoryview) or not 1 <= len(pdu) <= MAX_PDU:
         raise ArgumentError(f"pdu is {pdu!r}; it must be 1..{MAX_PDU} bytes")
     return bytes(pdu)
 
 
 def _checked_frame(frame: bytes, kind: str, low: int, high: int) -> bytes:
-    if not isinstance(frame, bytes | bytearray | memoryview):
+    if not isinstance(frame, (bytes, bytearray, memoryview)):
         raise ArgumentError(f"frame is {frame!r}; it must be bytes")
     if not low <= len(frame) <= high:
         raise LengthError(f"the {kind} frame has {len(frame)} bytes; it must have {low}..{high}")

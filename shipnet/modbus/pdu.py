@@ -80,6 +80,9 @@ class ExceptionCode(IntEnum):
 def check_registers(registers: Iterable[int], most: int) -> tuple[int, ...]:
     """Return registers as a tuple, or raise unless there are 1..most of 0..65535."""
     values = _sequence("registers", registers, most)
+    # 125 plain integers are checked at once; only what is odd is looked at one by one.
+    if {type(value) for value in values} == {int} and 0 <= min(values) and max(values) <= 0xFFFF:
+        return values
     return tuple(check_whole(f"registers[{k}]", v, 0, 0xFFFF) for k, v in enumerate(values))
 
 
@@ -214,22 +217,22 @@ class Request(_Framed):
     def __post_init__(self) -> None:
         """Check every field."""
         put = object.__setattr__
-        function = self.function
-        if type(function) is not FunctionCode:
-            function = _function(function)
-            put(self, "function", function)
-        put(self, "address", check_whole("address", self.address, 0, 0xFFFF))
-        if function in (5, 15):
-            put(self, "coils", check_coils(self.coils, WRITE_LIMITS[function]))
-        elif function in WRITE_LIMITS:
-            put(self, "registers", check_registers(self.registers, WRITE_LIMITS[function]))
-        if function in READ_LIMITS:
-            why = f" for function code {function:d}"
-            limit = READ_LIMITS[function]
-            put(self, "quantity", check_whole("quantity", self.quantity, 1, limit, why))
-        else:
+        if type(self.function) is not FunctionCode:
+            put(self, "function", _function(self.function))
+        # A plain int: the hash of an enum is slow.
+        code, address, quantity = int(self.function), self.address, self.quantity
+        if not (type(address) is int and 0 <= address <= 0xFFFF):
+            put(self, "address", check_whole("address", address, 0, 0xFFFF))
+        if code in (5, 15):
+            put(self, "coils", check_coils(self.coils, WRITE_LIMITS[code]))
+        elif code in WRITE_LIMITS:
+            put(self, "registers", check_registers(self.registers, WRITE_LIMITS[code]))
+        if code not in READ_LIMITS:
             put(self, "quantity", len(self.coils or self.registers))
-        if function == 23:
+        elif not (type(quantity) is int and 1 <= quantity <= READ_LIMITS[code]):
+            why = f" for function code {code}"
+            put(self, "quantity", check_whole("quantity", quantity, 1, READ_LIMITS[code], why))
+        if code == 23:
             start: Any = self.write_address
             put(self, "write_address", check_whole("write_address", start, 0, 0xFFFF))
 
@@ -300,7 +303,7 @@ class Request(_Framed):
     @property
     def pdu(self) -> bytes:
         """The bytes, function code first."""
-        code, address = self.function, self.address
+        code, address = int(self.function), self.address
         if code <= 4:
             return pack(">BHH", code, address, self.quantity)
         if code == 5:
@@ -319,13 +322,14 @@ class Request(_Framed):
     @property
     def response_size(self) -> int:
         """Length of the normal response's PDU [byte]."""
-        if self.function in _REGISTERS_READ:
+        code = int(self.function)
+        if code in _REGISTERS_READ:
             return 2 + 2 * self.quantity
-        return 2 + -(-self.quantity // 8) if self.function <= 2 else 5
+        return 2 + -(-self.quantity // 8) if code <= 2 else 5
 
     def response(self, values: Iterable[int] = ()) -> Response:
         """Return the normal response with the coils or registers that were asked for."""
-        code = self.function
+        code = int(self.function)
         if code not in READ_LIMITS:
             if code in (5, 6):
                 return Response(
@@ -406,8 +410,9 @@ class Response(_Framed):
             put(self, "function", check_whole("function", self.function, 1, 127))
             put(self, "exception", exception_code(self.exception))
             return
-        code = _function(self.function)
-        put(self, "function", code)
+        function = _function(self.function)
+        put(self, "function", function)
+        code = int(function)
         if code in (1, 2, 5):
             put(self, "coils", check_coils(self.coils, READ_LIMITS.get(code, 1)))
         elif code in (3, 4, 6, 23):
@@ -416,7 +421,7 @@ class Response(_Framed):
             address: Any = self.address
             put(self, "address", check_whole("address", address, 0, 0xFFFF))
         if code in (15, 16):
-            why, quantity = f" for function code {code:d}", self.quantity
+            why, quantity = f" for function code {code}", self.quantity
             whole = check_whole("quantity", quantity, 1, WRITE_LIMITS[code], why)  # type: ignore[arg-type]
             put(self, "quantity", whole)
 
@@ -439,7 +444,7 @@ class Response(_Framed):
     @property
     def pdu(self) -> bytes:
         """The bytes, function code first."""
-        code = self.function
+        code = int(self.function)
         if self.exception is not None:
             return bytes([code | 0x80, self.exception])
         if code in _REGISTERS_READ:
@@ -514,9 +519,9 @@ def _response(function: int, data: bytes) -> Response:
 
 def _compared(request: Request, response: Response, data: bytes) -> Response:
     """Return the response, or raise if it answers something else."""
-    code = request.function
+    code = int(request.function)
     if response.function != code:
-        raise MismatchError(f"function code is {response.function:d}, but {code:d} was asked")
+        raise MismatchError(f"function code is {response.function:d}, but {code} was asked")
     if response.exception is not None:
         return response
     if code in READ_LIMITS:

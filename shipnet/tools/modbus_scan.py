@@ -92,7 +92,7 @@ class Result:
         The poll of one slave.
     healthy, scan : float
         Scan with all slaves alive, and with the dead ones among them [s].
-    most_slaves : int
+    max_slaves : int
         Slaves, the dead ones included, that a scan within the limit can have.
     by_bit_rate : dict of int to float
         Scan time [s] at every bit rate at which the timeout is long enough for the response.
@@ -102,7 +102,7 @@ class Result:
     poll: Poll
     healthy: float
     scan: float
-    most_slaves: int
+    max_slaves: int
     by_bit_rate: dict[int, float]
 
     @property
@@ -123,7 +123,7 @@ class Result:
             "a dead slave costs": f"{1e3 * self.poll.timeout_time:.0f} ms",
             "scan with all alive": f"{self.healthy:.3f} s",
             "scan": f"{self.scan:.3f} s",
-            "slaves that fit": f"{self.most_slaves}",
+            "slaves that fit": f"{self.max_slaves}",
         }
 
 
@@ -148,7 +148,7 @@ def update(inputs: Inputs) -> Result:
     Examples
     --------
     >>> result = update(Inputs())
-    >>> round(result.scan, 3), result.in_time, result.most_slaves
+    >>> round(result.scan, 3), result.in_time, result.max_slaves
     (1.576, True, 39)
     >>> update(Inputs(dead=1)).in_time
     False

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from shipnet.asi.elements import slave_key
 from shipnet.asi.simulation.channel import MISSED, PLANES, REQUEST_LOST
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
-from shipnet.asi.timing import Timing
+from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 
@@ -65,7 +65,7 @@ def poll(
     slaves: Sequence[str],
     disturbances: Bytes,
     *,
-    timing: Timing | None = None,
+    transaction: Transaction | None = None,
     delays: Mapping[str, float] | None = None,
     drop_after: int = 3,
     status_poll: bool = True,
@@ -79,7 +79,7 @@ def poll(
         slave.
     disturbances : ndarray of uint8, shape (n_runs, n_cycles, 3, n_slaves, 1 + repetitions)
         As `draw_disturbances` returns them.
-    timing : Timing, optional
+    transaction : Transaction, optional
         The pauses.
     delays : mapping of str to float, optional
         Delay of the repeaters on the way to each slave, one way [s]. All answers must come
@@ -104,7 +104,7 @@ def poll(
     The counterpart is `simulate` with ``Master(readmit=False)``, whose inclusion phase does not
     ask at the addresses of dropped slaves.
     """
-    timing = timing or Timing()
+    transaction = transaction or Transaction()
     check_whole("drop_after", drop_after, 1, 1000)
     given = [slave_key(label) for label in slaves]
     _check_labels(slaves, given)
@@ -119,13 +119,13 @@ def poll(
     keys = np.array([key for key, _ in given], dtype=np.int64)
     order = np.argsort(keys)
     one_way = np.array([(delays or {}).get(label, 0.0) for label in slaves], dtype=float)
-    pause = timing.master_pause + 2 * one_way / timing.bit_time
-    if (one_way < 0).any() or (pause + timing.unsynchronised > timing.timeout).any():
+    pause = transaction.master_pause + 2 * one_way / transaction.bit_time
+    if (one_way < 0).any() or (pause + transaction.unsynchronised > transaction.timeout).any():
         raise ArgumentError(
-            f"delays are {delays}; with them every answer must begin within {timing.timeout:g} "
-            "bit times"
+            f"delays are {delays}; with them every answer must begin "
+            f"within {transaction.timeout:g} bit times"
         )
-    runs = _Runs(keys[order], pause[order], disturbances, timing, drop_after)
+    runs = _Runs(keys[order], pause[order], disturbances, transaction, drop_after)
     columns = _rows(order)
     for cycle in range(disturbances.shape[1]):
         runs.exchange(cycle, disturbances[:, cycle, 0, columns])
@@ -149,11 +149,16 @@ class _Runs:
     """The state of all runs: slaves by rising key along the first axis, runs along the second."""
 
     def __init__(
-        self, keys: Integers, pause: Floats, drawn: Bytes, timing: Timing, drop_after: int
+        self, keys: Integers, pause: Floats, drawn: Bytes, transaction: Transaction, drop_after: int
     ) -> None:
         n_runs, n_cycles, _, n, self.attempts = drawn.shape
-        self.keys, self.pause, self.timing, self.drop_after = keys, pause, timing, drop_after
-        self.answered = REQUEST_BITS + pause + RESPONSE_BITS + timing.slave_pause
+        self.keys, self.pause, self.transaction, self.drop_after = (
+            keys,
+            pause,
+            transaction,
+            drop_after,
+        )
+        self.answered = REQUEST_BITS + pause + RESPONSE_BITS + transaction.slave_pause
         self.time, self.begin = np.zeros(n_runs), np.zeros(n_runs)
         self.requests = np.zeros(n_runs, dtype=np.int64)
         self.repetitions = np.zeros(n_runs, dtype=np.int64)
@@ -254,9 +259,9 @@ class _Runs:
 
     def finish(self, cycle: int) -> None:
         """Ask at a vacant address, and end the cycle."""
-        self.time += self.timing.unanswered
+        self.time += self.transaction.unanswered
         self.requests += 1
-        self.cycle_time[:, cycle] = (self.time - self.begin) * self.timing.bit_time
+        self.cycle_time[:, cycle] = (self.time - self.begin) * self.transaction.bit_time
         self.begin = self.time.copy()
 
     def _try(self, what: Bytes, slave: Integers, in_step: Bools) -> _Tried:
@@ -269,9 +274,9 @@ class _Runs:
         for attempt in range(self.attempts):
             lost = what[:, attempt] & REQUEST_LOST > 0
             garbled = what[:, attempt] >> 2 > 0
-            late = np.where(in_step, 0.0, self.timing.unsynchronised)
+            late = np.where(in_step, 0.0, self.transaction.unsynchronised)
             waits[pending], pause[pending] = length[pending], (self.pause[slave] + late)[pending]
-            took = np.where(lost, self.timing.unanswered, self.answered[slave] + late)
+            took = np.where(lost, self.transaction.unanswered, self.answered[slave] + late)
             length += np.where(pending, took, 0.0)
             in_step = np.where(pending, ~lost, in_step)
             pending = pending & (lost | garbled)
@@ -331,7 +336,7 @@ class _Runs:
     def statistics(self, slaves: tuple[str, ...], back: Integers) -> PollStatistics:
         """Return the results with the slaves in the order given."""
         self._close(self.streak > 0)
-        bit = self.timing.bit_time
+        bit = self.transaction.bit_time
         waited = self.last - self.first
         known = waited > 0
         mean = np.divide(self.area, waited, out=np.full(known.shape, np.nan), where=known)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from shipnet.asi import BIT_TIME
 from shipnet.asi.elements import Master, Slave
 from shipnet.asi.simulation.channel import MISSED
-from shipnet.asi.timing import Timing
+from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from tests.asi.lines import draw, placed, simulate_drawn
 from tests.asi.poll import poll
@@ -88,8 +88,10 @@ def test_both_models_agree_whatever_the_line(
     if n == 1:
         # The request before the first cycle went to this slave: it cannot be another's.
         drawn[:, 0] &= 0xFF - MISSED
-    timing = Timing(master_pause=pauses[0], unsynchronised=pauses[1], slave_pause=1.5)
-    assert_equal(labels, drawn, drop_after=drop_after, status_poll=status_poll, timing=timing)
+    transaction = Transaction(master_pause=pauses[0], unsynchronised=pauses[1], slave_pause=1.5)
+    assert_equal(
+        labels, drawn, drop_after=drop_after, status_poll=status_poll, transaction=transaction
+    )
 
 
 def test_undisturbed_runs_are_all_alike():

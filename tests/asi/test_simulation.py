@@ -39,7 +39,7 @@ from shipnet.asi.simulation.channel import (
 from shipnet.asi.simulation.master import FAULTY, SILENT, Phase, RunningMaster
 from shipnet.asi.simulation.run import Run, Standby, simulate
 from shipnet.asi.simulation.slave import Event, RunningSlave, prepared
-from shipnet.asi.timing import Timing
+from shipnet.asi.timing import Transaction
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError, SilenceError
 from tests.asi.lines import draw, placed, simulate_drawn, slave
@@ -58,7 +58,7 @@ class EverySlaveHears:
 
     def __init__(self, slaves, rates, rng, n_cycles):
         self.slaves, self.rates, self.rng = slaves, rates, rng
-        self.time, self.record, self.begun = 0.0, Record(Timing()), 0
+        self.time, self.record, self.begun = 0.0, Record(Transaction()), 0
         self.drawn = np.zeros((n_cycles + 1, 3, len(slaves), 2), dtype=np.uint8)
         self.missed = np.zeros(len(slaves), dtype=bool)
         self.asked = np.zeros(len(slaves), dtype=bool)
@@ -166,8 +166,8 @@ def test_two_slaves_of_one_address_take_turns_and_others_do_not():
 
 @pytest.mark.parametrize(("pauses", "bits"), [((2, 1.5), 24.5), ((3, 2), 26), ((3, 80), 104)])
 def test_a_transaction_has_the_length_of_its_parts(pauses, bits):
-    timing = Timing(master_pause=pauses[0], slave_pause=pauses[1])
-    table = simulate(THREE, cycles=2, timing=timing).events()
+    transaction = Transaction(master_pause=pauses[0], slave_pause=pauses[1])
+    table = simulate(THREE, cycles=2, transaction=transaction).events()
     length = table["time_s"].diff().shift(-1) / BIT_TIME
     answered = table["outcome"] == "ok"
     assert length[answered].dropna().to_numpy() == pytest.approx(bits)
@@ -206,10 +206,10 @@ def test_repeaters_delay_until_the_time_out_and_no_longer(timeout):
     # A slave in step is heard while 3 bit times and twice the delay stay within the time-out; one
     # out of step needs two more. The sweep is of one-way delays.
     delays = np.arange(0.0, 4.0, 0.25) * BIT_TIME
-    timing = Timing(timeout=timeout)
+    transaction = Transaction(timeout=timeout)
     heard = []
     for delay in delays:
-        run = simulate(placed(THREE, delays={"2": delay}), until=0.05, timing=timing)
+        run = simulate(placed(THREE, delays={"2": delay}), until=0.05, transaction=transaction)
         heard.append("2" in run.master.lists.las)
     assert heard == [bool(3 + 2 * delay / BIT_TIME <= timeout) for delay in delays]
     pauses = simulate(placed(THREE, delays={"2": 6e-6}), cycles=3).events().query("slave == '2'")
@@ -639,7 +639,7 @@ def test_the_table_spells_the_requests():
 
 
 def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
-    record = Record(Timing())
+    record = Record(Transaction())
     for number, (address, outcome) in enumerate([(1, 0), (1, 5), (1, 5), (2, 5), (2, 0)]):
         code = prepared(Call.DATA_EXCHANGE, address, 1).code | outcome << OUTCOME
         record.put(26.0 * number, 3.0, code)
@@ -697,9 +697,12 @@ def test_bad_arguments_are_refused(options, message):
         (lambda: ChangeAddress("1", "0"), "new is '0'"),
         (lambda: ChangeAddress("1", "1"), "new is '1'"),
         (lambda: WriteParameter("1A", 8), "parameter of slave 1A is 8"),
-        (lambda: Timing(timeout=1), "timeout is 1 bit times"),
-        (lambda: Timing(slave_pause=84), r"slave_pause is 84 bit times; it must be 1\.\.83"),
-        (lambda: Timing(bit_time=0), "bit_time is 0 s"),
+        (lambda: Transaction(timeout=1), "timeout is 1 bit times"),
+        (
+            lambda: Transaction(slave_pause=84).check_line(),
+            r"slave_pause is 84 bit times; it must be 1\.\.83",
+        ),
+        (lambda: Transaction(bit_time=0), "bit_time is 0 s"),
     ],
 )
 def test_bad_descriptions_are_refused(make, message):

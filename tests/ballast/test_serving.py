@@ -85,7 +85,7 @@ def test_a_serial_line_has_the_valves_too():
     ours, theirs = os.openpty()
     name, line = os.ttyname(theirs), SerialLine(115200, "8N1")
     try:
-        server = valve_server(2, speed=1000, transport="rtu", serial_port=name, serial=line)
+        server = valve_server(2, speed=1000, transport="rtu", serial_port=name, line=line)
         with server, os.fdopen(os.dup(ours), "r+b", buffering=0) as port:
             port.write(bytes.fromhex("02 06 40 01 00 08 cc 3f"))
             assert read(port, 8).hex(" ") == "02 06 40 01 00 08 cc 3f"

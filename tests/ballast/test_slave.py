@@ -218,7 +218,7 @@ def test_the_watchdog_is_reached_through_slaves_station_and_server():
     assert status(slaves[1].device, 12.0).readings[4, 0] == 22
     # Cut off from both ends, the first valve hears nothing more.
     loop = Loop(2, status_poll(SerialLine(9600)))
-    lost = [Break(0, 3.0), Break(1, 3.0)]
+    lost = [Break(0, start=3.0), Break(1, start=3.0)]
     ends = []
     for watchdog in (None, 5.0):
         plant = Plant(n_valves=2)

@@ -8,7 +8,7 @@ from shipnet.engine.simulation import simulate
 from shipnet.engine.system import Firmware, System
 from shipnet.errors import ArgumentError
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.lee2012.scope import response_readings
+from shipnet.papers.lee2012.operation import response_readings
 
 SYSTEMS = {
     "printed": System(),

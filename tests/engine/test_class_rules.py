@@ -196,7 +196,7 @@ def test_what_is_no_description_is_refused():
         (lambda: Description(POINTS, routes={"1": ("a",)}), "routes must name"),
         (lambda: Redundancy(POINTS, supplies=5), "supplies is 5"),
         (lambda: Redundancy(POINTS, shared_supply=1), "shared_supply is 1"),
-        (lambda: Redundancy(POINTS).lost([Part("cpu", "JB9", 1)]), "are no parts"),
+        (lambda: Redundancy(POINTS).lost([Part("cpu", "JB9", 1)]), "are not parts"),
         (lambda: Redundancy(POINTS).worst(5), "failures is 5"),
         (lambda: Redundancy.compare(POINTS, failures=0), "failures is 0"),
         (lambda: Description(POINTS, protocols=["CAN", ""]), "protocols hold ''"),

@@ -114,7 +114,7 @@ def test_the_error_of_a_loop_is_a_step_at_the_top_or_half_of_one():
 
 def test_without_margin_no_fault_of_an_analogue_sensor_is_told():
     table = InputCard(POINTS).wire_faults()
-    assert not table.told.any()
+    assert not table.detected.any()
     assert table.legal.all()
 
 
@@ -122,8 +122,8 @@ def test_with_margin_every_fault_of_an_analogue_sensor_is_told():
     card = InputCard(POINTS, margin=0.125)
     table = card.wire_faults()
     analogue = table.condition != "switch"
-    assert table.told[analogue].all() and not table.legal[analogue].any()
-    assert not table.told[~analogue].any()
+    assert table.detected[analogue].all() and not table.legal[analogue].any()
+    assert not table.detected[~analogue].any()
     # No value within the range is taken for a fault, nor one that a transmitter still sends.
     values = np.linspace(LOW, HIGH, 2001)
     values[:, ~ANALOGUE] = values[:, ~ANALOGUE].round()

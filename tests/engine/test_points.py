@@ -7,7 +7,7 @@ import pytest
 from shipnet import datasets
 from shipnet.engine.points import Point, PointList, read_points
 from shipnet.errors import ArgumentError, InputError
-from shipnet.papers.lee2012.points import printed_points
+from shipnet.papers.lee2012.engine import printed_points
 
 CONDITIONS = {"RTD": "RTD", "4~20mA": "4-20 mA", "S/W": "switch"}
 

@@ -6,7 +6,7 @@ import pytest
 from shipnet.asi import Slave, simulate
 from shipnet.asi.cycle import cycle_time, response_time
 from shipnet.asi.faults import LostReply
-from shipnet.asi.timing import BIT_TIME, Timing
+from shipnet.asi.timing import BIT_TIME, Transaction
 from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_04 import _efficiency
@@ -27,7 +27,7 @@ def line(n):
 @pytest.mark.parametrize("name", NAMES)
 def test_two_requests_follow_each_other_as_computed(name):
     numbers, exchange = right("ex-04-1", name)
-    run = simulate(line(2), cycles=10, timing=Timing(**numbers))
+    run = simulate(line(2), cycles=10, transaction=Transaction(**numbers))
     rows = run.events().query("phase == 'data_exchange' and cycle == 8")
     assert np.diff(rows["time_s"]) * 1e6 == pytest.approx(exchange)
 
@@ -35,17 +35,19 @@ def test_two_requests_follow_each_other_as_computed(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_the_cycle_is_that_of_a_simulated_line(name):
     numbers, cycle = right("ex-04-2", name)
-    timing = Timing(master_pause=numbers["bits"] - 23)
-    run = simulate(line(numbers["slaves"]), cycles=10, timing=timing)
+    transaction = Transaction(master_pause=numbers["bits"] - 23)
+    run = simulate(line(numbers["slaves"]), cycles=10, transaction=transaction)
     # The request for a new slave has no answer: it waits for 10 bit times and is over.
-    silent = numbers["bits"] - timing.unanswered
+    silent = numbers["bits"] - transaction.unanswered
     simulated = run.cycle_times[-1] + silent * BIT_TIME
     assert simulated * 1e3 == pytest.approx(cycle)
 
 
 @pytest.mark.parametrize("pauses", [(2, 2), (3, 2), (10, 2)])
 def test_the_efficiency_is_counted_on_a_simulated_line(pauses):
-    run = simulate(line(4), cycles=5, timing=Timing(master_pause=pauses[0], slave_pause=pauses[1]))
+    run = simulate(
+        line(4), cycles=5, transaction=Transaction(master_pause=pauses[0], slave_pause=pauses[1])
+    )
     rows = run.events().query("phase == 'data_exchange' and cycle == 3")
     span = rows["time_s"].iloc[-1] - rows["time_s"].iloc[0]
     assert 100 * 8 * 3 * BIT_TIME / span == pytest.approx(_efficiency(8, *pauses))

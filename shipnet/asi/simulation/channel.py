@@ -18,7 +18,7 @@ from shipnet.asi.modulation import ONE_PULSE_CODES, collide
 from shipnet.asi.simulation.master import FAULTY, SILENT, Phase
 from shipnet.asi.simulation.slave import OBEY, PreparedRequest, RunningSlave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Response
-from shipnet.asi.timing import Timing
+from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError, SilenceError, explain
 from shipnet.fields import check_whole
 
@@ -43,8 +43,8 @@ Integers = npt.NDArray[np.int64]
 class Record:
     """Columns that grow with the simulation."""
 
-    def __init__(self, timing: Timing) -> None:
-        self.timing = timing
+    def __init__(self, transaction: Transaction) -> None:
+        self.transaction = transaction
         self.start = array("d")
         self.pause = array("d")
         self.code = array("q")
@@ -99,7 +99,7 @@ class Record:
 
         return pd.DataFrame(
             {
-                "time_s": self.starts * self.timing.bit_time,
+                "time_s": self.starts * self.transaction.bit_time,
                 "cycle": self.cycle,
                 "phase": named(self.field(PHASE, 3), [phase.name.lower() for phase in Phase]),
                 "call": named(call, [call.name for call in Call]),
@@ -110,7 +110,9 @@ class Record:
                 "request_data": data,
                 "response_data": np.where(response == NO_RESPONSE, -1, response),
                 "master_pause_bit": self.pauses,
-                "slave_pause_bit": np.where(np.isnan(self.pauses), np.nan, self.timing.slave_pause),
+                "slave_pause_bit": np.where(
+                    np.isnan(self.pauses), np.nan, self.transaction.slave_pause
+                ),
                 "attempt": self.field(ATTEMPT, 3),
                 "outcome": named(outcome, _OUTCOMES),
                 "executed": executed,
@@ -188,10 +190,10 @@ class Station:
         #: Where its disturbances begin in those of a request.
         self.offset = 0
 
-    def check_pause(self, timing: Timing, late: float = 0.0) -> None:
+    def check_pause(self, transaction: Transaction, late: float = 0.0) -> None:
         """Raise if an answer could come so late that it falls behind the next request."""
-        pause = self.pause + timing.unsynchronised + late
-        most = timing.timeout + REQUEST_BITS
+        pause = self.pause + transaction.unsynchronised + late
+        most = transaction.timeout + REQUEST_BITS
         if not (late >= 0 and pause < most):
             raise ArgumentError(
                 f"slave {self.name} would answer {pause:g} bit times after a request; it must "
@@ -202,15 +204,17 @@ class Station:
 class Stations(dict[str, list[Station]]):
     """The slaves of a line by their labels at the start; two slaves may share one."""
 
-    def __init__(self, placed: Sequence[tuple[Slave, float, float]], timing: Timing) -> None:
+    def __init__(
+        self, placed: Sequence[tuple[Slave, float, float]], transaction: Transaction
+    ) -> None:
         """Place slaves: each with its distance from the master [m] and its delay one way [s]."""
         super().__init__()
         check_whole("number of slaves", len(placed), 0, 1000)
         self.all = []
         for slave, position, delay in placed:
-            pause = timing.master_pause + 2 * delay / timing.bit_time
+            pause = transaction.master_pause + 2 * delay / transaction.bit_time
             station = Station(RunningSlave(slave), position, pause)
-            station.check_pause(timing)
+            station.check_pause(transaction)
             self.all.append(station)
             self.setdefault(station.name, []).append(station)
 
@@ -254,12 +258,16 @@ class Channel:
     def __init__(
         self,
         stations: Sequence[Station],
-        timing: Timing,
+        transaction: Transaction,
         attempts: int,
         rng: np.random.Generator,
     ) -> None:
-        self.stations, self.timing, self.record = list(stations), timing, Record(timing)
-        self._tail = RESPONSE_BITS + timing.slave_pause
+        self.stations, self.transaction, self.record = (
+            list(stations),
+            transaction,
+            Record(transaction),
+        )
+        self._tail = RESPONSE_BITS + transaction.slave_pause
         self._put_start = self.record.start.append
         self._put_pause = self.record.pause.append
         self._put_code = self.record.code.append
@@ -283,12 +291,12 @@ class Channel:
     @property
     def seconds(self) -> float:
         """Now [s]."""
-        return self.time * self.timing.bit_time
+        return self.time * self.transaction.bit_time
 
     def schedule(self, seconds: float, action: Callable[[], None]) -> None:
         """Have something happen at a time [s]; what is scheduled first happens first."""
         self._scheduled += 1
-        entry = (seconds / self.timing.bit_time, self._scheduled, action)
+        entry = (seconds / self.transaction.bit_time, self._scheduled, action)
         heapq.heappush(self._events, entry)
         self._next = self._events[0][0]
 
@@ -363,13 +371,13 @@ class Channel:
 
     def transact(self, order: PreparedRequest, attempt: int) -> int:
         """Send a request and return the reply."""
-        start, timing = self.time, self.timing
+        start, transaction = self.time, self.transaction
         end = start + REQUEST_BITS
         if end >= self._next:
             self.happen(end)
         before = self._number
         self._number = number = before + 1
-        seconds, base, spoilt = end * timing.bit_time, self._base, self._spoilt
+        seconds, base, spoilt = end * transaction.bit_time, self._base, self._spoilt
         route = self._routes.get(order)
         if route is None:
             route = self._route(order)
@@ -396,7 +404,7 @@ class Channel:
             pause = station.pause
             if not slave.synchronised:
                 slave.synchronised = True
-                pause += timing.unsynchronised
+                pause += transaction.unsynchronised
             data = obey(slave, carried, seconds)
             if data >= 0:
                 replies.append((data, pause, what, station))
@@ -407,7 +415,7 @@ class Channel:
         self._put_start(start)
         if len(replies) == 1:
             data, pause, what, station = replies[0]
-            if not what and pause <= timing.timeout and not station.lost_replies:
+            if not what and pause <= transaction.timeout and not station.lost_replies:
                 self._put_pause(pause)
                 self._put_code(fields | data << RESPONSE | _EXECUTED)
                 self.time = end + pause + self._tail
@@ -422,7 +430,7 @@ class Channel:
         self._put_code(
             fields | response | (error if order.expects else 0) << OUTCOME | executed << EXECUTED
         )
-        wait = timing.timeout if last != last else last + self._tail
+        wait = transaction.timeout if last != last else last + self._tail
         self.time = end + wait
         return reply
 
@@ -445,7 +453,7 @@ class Channel:
             left = station.lost_replies.get(order.request.call, 0)
             if left:
                 station.lost_replies[order.request.call] = left - 1
-            elif pause > self.timing.timeout:
+            elif pause > self.transaction.timeout:
                 self._ghost = (_ANSWERS[data], end + pause)
             else:
                 heard.append((data, pause, what))

@@ -27,7 +27,7 @@ from shipnet.asi.simulation.channel import (
 from shipnet.asi.simulation.master import Command, Phase, RunningMaster
 from shipnet.asi.simulation.slave import KINDS, RunningSlave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
-from shipnet.asi.timing import Timing
+from shipnet.asi.timing import Transaction
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
@@ -171,7 +171,7 @@ class Run:
     @property
     def duration(self) -> float:
         """When the simulation ended [s]."""
-        return self.end * self.record.timing.bit_time
+        return self.end * self.record.transaction.bit_time
 
     @cached_property
     def _events(self) -> pd.DataFrame:
@@ -217,7 +217,7 @@ class Run:
         from shipnet.asi.plot import plot_events
 
         events = self._events if where is None else self._events.query(where)
-        return plot_events(events, start, stop, self.record.timing.bit_time, ax=ax)
+        return plot_events(events, start, stop, self.record.transaction.bit_time, ax=ax)
 
     @cached_property
     def cycle_times(self) -> Floats:
@@ -227,7 +227,7 @@ class Run:
         rows, numbers = np.array([*self.record.cycles, (len(self.record.start), -2)]).T
         starts = np.append(self.record.starts, self.end)[rows]
         complete = (numbers[:-1] >= 0) & (numbers[1:] == numbers[:-1] + 1)
-        return np.asarray(np.diff(starts)[complete] * self.record.timing.bit_time)
+        return np.asarray(np.diff(starts)[complete] * self.record.transaction.bit_time)
 
     @cached_property
     def summary(self) -> Summary:
@@ -352,7 +352,7 @@ class Run:
         record = self.record
         sampled = record.starts[rows] + REQUEST_BITS
         known = sampled + record.pauses[rows] + RESPONSE_BITS
-        return sampled * record.timing.bit_time, known * record.timing.bit_time
+        return sampled * record.transaction.bit_time, known * record.transaction.bit_time
 
     def input_changes(self) -> pd.DataFrame:
         """Return when the master learnt of each change of inputs: one row per change.
@@ -388,6 +388,8 @@ def _labels(slave: npt.NDArray[np.int64]) -> list[str]:
 
 _NEVER = float("inf")
 
+_USUAL = Transaction()
+
 #: Without an end, a simulation in which no cycle begins for so long is given up [s].
 _PATIENCE = 10.0
 
@@ -402,7 +404,7 @@ def simulate(
     inputs: Iterable[tuple[float, str, int]] = (),
     outputs: Iterable[tuple[float, str, int]] = (),
     commands: Iterable[tuple[float, Command]] = (),
-    timing: Timing | None = None,
+    transaction: Transaction = _USUAL,
     standby: Standby | None = None,
     rng: np.random.Generator | int | None = None,
 ) -> Run:
@@ -427,8 +429,8 @@ def simulate(
         Time [s], slave and value: the host sets its outputs.
     commands : iterable of (float, command), optional
         Time [s] and what the host asks of the master, from `shipnet.asi.commands`.
-    timing : Timing, optional
-        The pauses.
+    transaction : Transaction, default Transaction()
+        The pauses and the time-out; the pause of slaves is 1 bit time to 500 us.
     standby : Standby, optional
         A second master that takes over.
     rng : numpy.random.Generator or int, optional
@@ -469,15 +471,15 @@ def simulate(
         raise ArgumentError("cycles and until are both None; one of them is needed")
     most = None if cycles is None else check_whole("cycles", cycles, 0, 10**9)
     end = _NEVER if until is None else _time("until", until)
-    timing = timing or Timing()
+    transaction.check_line()
     if isinstance(system, Plan):
         master = _master_of(system) if master is None else master
-        stations = Stations(_places_of(system), timing)
+        stations = Stations(_places_of(system), transaction)
     else:
-        stations = Stations([(slave, 0.0, 0.0) for slave in system], timing)
+        stations = Stations([(slave, 0.0, 0.0) for slave in system], transaction)
     leading = [RunningMaster(master or Master())]
     repetitions = [one.repetitions for one in (leading[0], standby and standby.master) if one]
-    channel = Channel(stations.all, timing, 1 + max(repetitions), np.random.default_rng(rng))
+    channel = Channel(stations.all, transaction, 1 + max(repetitions), np.random.default_rng(rng))
 
     for fault in as_faults(faults, LineFault):
         assert isinstance(fault, LineFault)
@@ -496,7 +498,7 @@ def simulate(
 
     if until is None:
         channel.schedule(_PATIENCE, partial(_check_progress, channel, 0))
-    _lead(channel, leading, standby, most, end / timing.bit_time)
+    _lead(channel, leading, standby, most, end / transaction.bit_time)
     for station in stations.all:
         station.slave.rest(channel.seconds)
     slaves = [station.slave for station in stations.all]
@@ -560,12 +562,12 @@ def _lead(
             if stop.until < _NEVER:
                 if not master.settings.monitors_supply:
                     continue
-                wait = min(stop.until / channel.timing.bit_time, end)
+                wait = min(stop.until / channel.transaction.bit_time, end)
                 channel.time = max(channel.time, wait)
                 program = master.run(channel)
             elif standby is not None and not channel.standby:
                 active = standby.listen(channel.record)
-                silence = standby.silence / channel.timing.bit_time
+                silence = standby.silence / channel.transaction.bit_time
                 channel.time = min(channel.time + silence, end)
                 channel.standby = True
                 master = RunningMaster(standby.master)

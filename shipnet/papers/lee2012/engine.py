@@ -1,4 +1,4 @@
-"""Table 1 and section III.1: the engine whose points are monitored.
+"""Tables 1 and 3, sections III.1 and IV.1.b: the engine, its points, their wires and converters.
 
 The paper prints neither bore nor stroke; they and the figures in horsepower are from the maker's
 project guide.
@@ -9,11 +9,14 @@ from __future__ import annotations
 import re
 from typing import Literal
 
-from shipnet import datasets
-from shipnet.engine.power import DieselEngine
-from shipnet.papers.registry import check, numeric
+import numpy as np
 
-__all__ = ["CYLINDERS", "PRESSURE", "SPEED"]
+from shipnet import datasets
+from shipnet.engine.inputs import Adc
+from shipnet.engine.points import CONDITIONS, PointList, read_points
+from shipnet.engine.power import DieselEngine
+from shipnet.modbus.electrical import INTERFACES
+from shipnet.papers.registry import check, numeric
 
 _TABLE_1 = datasets.read("lee2012_table1_engine.csv").set_index("quantity")
 
@@ -96,3 +99,173 @@ def called_after_its_strokes(*, called: str = "two-stage") -> bool:
     }
     fits = min(powers, key=lambda strokes: abs(powers[strokes] - 13e6))
     return called == _NAMES[fits]
+
+
+# Points, wires and converters ------------------------------------------------------------------
+
+
+#: Table 3 as printed, with the numbers as numbers.
+TABLE_3 = datasets.read("lee2012_table3_sensors.csv").astype({"quantity_points": int})
+
+
+#: The row of Table 3 that may be the row behind it printed twice.
+_DOUBLE_ROW = "2"
+
+
+def printed_points(*, double_row: bool = True) -> PointList:
+    """Return the points of Table 3: 99, or 89 if the row "temperature, 10, -50..600" counts once.
+
+    Of both rows of JB1 the current loops stay: section IV.1.b brings the exhaust gas in over the
+    I/V converter.
+    """
+    rows = datasets.read("synthetic_iolist_engine.csv")["printed_row"].astype(str)
+    points = zip(read_points(), rows, strict=True)
+    return PointList(point for point, row in points if double_row or row != _DOUBLE_ROW)
+
+
+def _printed(column: str, value: str) -> int:
+    return int(TABLE_3.loc[TABLE_3[column] == value, "quantity_points"].sum())
+
+
+@numeric("lee2012-013")
+def points_of_jb1(*, box: str = "JB1") -> int:
+    """Points of junction box 1, as Table 3 lists them."""
+    return _printed("jb", box)
+
+
+@numeric("lee2012-014")
+def points_of_jb2(*, box: str = "JB2") -> int:
+    """Points of junction box 2."""
+    return _printed("jb", box)
+
+
+@numeric("lee2012-015")
+def points_of_jb3(*, box: str = "JB3") -> int:
+    """Points of junction box 3."""
+    return _printed("jb", box)
+
+
+@numeric("lee2012-016")
+def points_of_engine(*, double_row: bool = True) -> int:
+    """Points of all boxes, the row counted twice that stands there twice."""
+    return len(printed_points(double_row=double_row))
+
+
+@numeric("lee2012-017")
+def analogue_points(*, double_row: bool = True) -> int:
+    """Points that have a value."""
+    return sum(point.analogue for point in printed_points(double_row=double_row))
+
+
+@numeric("lee2012-018")
+def switch_points(*, condition: str = "S/W") -> int:
+    """Points that have two states."""
+    return _printed("condition", condition)
+
+
+@numeric("lee2012-012")
+def junction_boxes(*, with_current_loops: bool = False) -> int:
+    """Junction boxes that Table 3 lists, or those of them with 4-20 mA inputs."""
+    boxes = read_points().by_box().values()
+    return sum(
+        any(p.condition == CONDITIONS[1] for p in own) or not with_current_loops for own in boxes
+    )
+
+
+@numeric("lee2012-086")
+def modes(*, boxes: tuple[str, ...] = ("JB1", "JB2", "JB3")) -> int:
+    """Different sets of inputs, for each of which the common box needs a mode."""
+    own = read_points().by_box()
+    return len({tuple((p.condition, p.low, p.high) for p in own[box]) for box in boxes})
+
+
+@numeric("lee2012-087")
+def converter_kinds(*, analogue_only: bool = False) -> int:
+    """Kinds of signals, for each of which a box needs a converter."""
+    return len({p.condition for p in read_points() if p.analogue or not analogue_only})
+
+
+@numeric("lee2012-019")
+def hardwired_conductors(*, rtd: int = 3, loop: int = 2, switch: int = 2) -> int:
+    """Conductors from the boxes to the AMS with every sensor wired through."""
+    return read_points().conductors(rtd=rtd, loop=loop, switch=switch).hardwired
+
+
+@numeric("lee2012-020")
+def bus_conductors(*, segments: int = 3, channels: int = 2) -> int:
+    """Conductors of the CAN ring and of both Modbus channels, a pair each."""
+    return read_points().conductors(segments=segments, channels=channels).bus
+
+
+@check("lee2012-065", counter={"segments": 100, "segment_wires": 8})
+def buses_need_less(*, segments: int = 3, segment_wires: int = 2) -> bool:
+    """Whether the two buses need fewer conductors than sensors wired through one by one."""
+    found = read_points().conductors(segments=segments, segment_wires=segment_wires)
+    return found.bus < found.hardwired
+
+
+def conductors_by_cylinders(cylinders: range = range(4, 9)) -> list[int]:
+    """Return the conductors of a hardwired engine for each number of cylinders."""
+    points = read_points()
+    return [
+        PointList(p for p in points if p.cylinder is None or p.cylinder <= n).conductors().hardwired
+        for n in cylinders
+    ]
+
+
+@check("lee2012-063", counter={"wiring": (100, 200, 400, 800)})
+def grows_geometrically(*, wiring: tuple[int, ...] = ()) -> bool:
+    """Whether each cylinder more adds more wires than the one before it did."""
+    steps = np.diff(wiring or conductors_by_cylinders())
+    return bool((steps[1:] > steps[:-1]).all())
+
+
+@check("lee2012-048", counter={"inputs": 26})
+def enough_resistance_inputs(*, inputs: int = 32) -> bool:
+    """Whether so many R/V inputs are enough for the thermometers of any box."""
+    return _most("RTD") <= inputs
+
+
+@check("lee2012-049", counter={"inputs": 16})
+def enough_current_inputs(*, inputs: int = 18) -> bool:
+    """Whether so many I/V inputs are enough for the current loops of any box."""
+    return _most("4-20 mA") <= inputs
+
+
+def _most(condition: str) -> int:
+    boxes = read_points().by_box().values()
+    return max(sum(point.condition == condition for point in own) for own in boxes)
+
+
+@check("lee2012-050", counter={"volts": (0.0, 5.0)})
+def one_resistor_does(*, volts: tuple[float, float] = (1.0, 5.0)) -> bool:
+    """Whether one and the same resistor turns 4 and 20 mA into these voltages [V]."""
+    return bool(np.isclose(volts[0] / 4e-3, volts[1] / 20e-3))
+
+
+@check("lee2012-088", counter={"low": 0.0})
+def gain_alone_fills_the_range(*, low: float = 1.0, high: float = 5.0) -> bool:
+    """Whether an amplifier with a gain and no offset turns `low` to `high` [V] into 0 to 5 V."""
+    gain = 5.0 / high
+    return bool(np.allclose(gain * np.array([low, high]), [0, 5]))
+
+
+@numeric("lee2012-051")
+def adc_step(*, bits: int = 10, reference: float = 5.0) -> float:
+    """Millivolts from one code to the next."""
+    return 1e3 * Adc(bits, reference).step
+
+
+@check("lee2012-093", counter={"printed": "High"})
+def is_a_kind_of_switch(*, printed: str = "") -> bool:
+    """Whether a type that JB3 has printed for a switch is one that another box has too."""
+    switches = TABLE_3[TABLE_3["condition"] == "S/W"]
+    last = switches.iloc[-1]
+    others = switches.loc[switches["jb"] != last["jb"], "type_printed"]
+    return (printed or last["type_printed"]) in set(others)
+
+
+@check("lee2012-042", counter={"printed": "RS-485"})
+def is_an_interface(*, printed: str = "RS-482") -> bool:
+    """Whether the name is that of one of the interfaces that a box can be set to."""
+    return printed in INTERFACES

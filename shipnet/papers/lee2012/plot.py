@@ -14,9 +14,9 @@ from matplotlib.patches import Rectangle
 
 from shipnet import style
 from shipnet.engine.inputs import InputCard
+from shipnet.engine.points import read_points
 from shipnet.errors import ArgumentError
-
-__all__ = ["plot_blocks", "plot_flow", "plot_inputs", "plot_outline"]
+from shipnet.papers.registry import figure
 
 #: Fill of a block by its kind; light enough to write on.
 _FILL = {"field": "#8cc4e8", "box": "#f5c56b", "bus": "#7fcfb4", "": "white"}
@@ -61,36 +61,24 @@ _FLOWS: Mapping[str, Sequence[str]] = {
 }
 
 
-def plot_outline(boxes: Mapping[str, int], *, cylinders: int = 8, ax: Axes) -> Axes:
-    """Draw the engine from its side, simplified, with a junction box on each floor: Fig 2.
-
-    Parameters
-    ----------
-    boxes : mapping of str to int
-        Boxes with the number of their points, from the top floor down.
-    cylinders : int, default 8
-        Cylinders in a row.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given, without scale: the dimensions of the maker's drawing are not in the text.
-    """
+@figure("lee2012", "Fig 2")
+def plot_outline(*, cylinders: int = 8, ax: Axes) -> Axes:
+    """Draw the engine from its side, simplified, with a junction box on each floor: Fig 2."""
     ax.add_patch(Rectangle((0, 0), cylinders, 1, facecolor="0.92", edgecolor="0.4"))
     ax.add_patch(Rectangle((0, 1), cylinders, 1, facecolor="0.96", edgecolor="0.4"))
     for number in range(cylinders):
         ax.add_patch(Rectangle((number + 0.15, 2), 0.7, 0.9, facecolor="#cfe3f3", edgecolor="0.4"))
         ax.text(number + 0.5, 2.45, f"{number + 1}", ha="center", va="center", fontsize=8)
-    for floor, (box, points) in enumerate(boxes.items()):
+    listed = read_points()
+    counted = listed.counts()["points"]
+    for floor, box in enumerate(listed.boxes):
         y = 2.1 - floor
         ax.plot([-0.9, cylinders + 0.4], [y - 0.1, y - 0.1], color="0.3", lw=1)
         ax.add_patch(
             Rectangle((cylinders + 0.55, y), 1.35, 0.6, facecolor=_FILL["box"], edgecolor="0.2")
         )
         ax.text(
-            cylinders + 1.22, y + 0.3, f"{box}\n{points} points",
+            cylinders + 1.22, y + 0.3, f"{box}\n{counted[box]} points",
             ha="center", va="center", fontsize=8,
         )  # fmt: skip
         ax.text(-0.95, y, f"floor {3 - floor}", ha="right", fontsize=8)
@@ -99,19 +87,9 @@ def plot_outline(boxes: Mapping[str, int], *, cylinders: int = 8, ax: Axes) -> A
     return style.bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
 
 
+@figure("lee2012", "Fig 7")
 def plot_blocks(*, ax: Axes) -> Axes:
-    """Draw the blocks of a junction box from the inputs to the buses: Fig 7.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-    """
+    """Draw the blocks of a junction box from the inputs to the buses: Fig 7."""
     for first, second in _JOINED:
         (*_, x, y), (*_, u, v) = _BLOCKS[first], _BLOCKS[second]
         ax.plot([2 * x, 2 * u], [y, v], color="0.45", lw=1, zorder=1)
@@ -120,19 +98,9 @@ def plot_blocks(*, ax: Axes) -> Axes:
     return style.bare(ax, (-0.95, 8.95), (0.55, 3.45))
 
 
+@figure("lee2012", "Fig 6")
 def plot_flow(*, ax: Axes) -> Axes:
-    """Draw the main loop of a junction box and its three interrupts: Fig 6.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; the interrupts stand in the order of the figure, the Modbus one first.
-    """
+    """Draw the main loop of a junction box and its three interrupts: Fig 6."""
     for column, (title, steps) in enumerate(_FLOWS.items()):
         x = 2.2 * column
         ax.text(x, 4.0, title, ha="center", va="center", fontsize=9, weight="bold")
@@ -146,20 +114,11 @@ def plot_flow(*, ax: Axes) -> Axes:
     return style.bare(ax, (-1.3, 7.6), (-0.1, 4.25))
 
 
-def plot_inputs(card: InputCard, mended: InputCard, *, axes: Sequence[Axes]) -> None:
-    """Draw what the converter sees of a current loop and of a thermometer: Fig 8.
-
-    Parameters
-    ----------
-    card, mended : InputCard
-        As printed, and with room at both ends of the range; each with one current loop and one
-        thermometer, in this order.
-    axes : sequence of matplotlib.axes.Axes
-        Two axes.
-    """
+def plot_inputs(card: InputCard, corrected: InputCard, *, axes: Sequence[Axes]) -> None:
+    """Draw what the converter sees of a current loop and of a thermometer: Fig 8."""
     current = np.linspace(0, 24e-3, 400)
     resistance = np.linspace(70, 190, 400)
-    for inputs, label, line in ((card, "as printed", "-"), (mended, "mended", "--")):
+    for inputs, label, line in ((card, "as printed", "-"), (corrected, "corrected", "--")):
         for place, (ax, signal, scale) in enumerate(
             zip(axes, (current, resistance), (1e3, 1), strict=True)
         ):

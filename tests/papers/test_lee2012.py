@@ -25,12 +25,12 @@ from shipnet.modbus.adu import decode, rtu_frame
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.pdu import Request, Response
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.lee2012 import can, engine, operation, points, serial
+from shipnet.papers.lee2012 import buses, engine, operation
 from shipnet.papers.lee2012.plot import plot_channels
 
 
 def test_times_fit_the_line_only_in_milliseconds():
-    line = serial.LINE
+    line = buses.LINE
     assert line == SerialLine(9600, "8E1")
     # Read in microseconds, each of the three would be a line that Table 2 does not have.
     assert 1 / 0.104e-6 == pytest.approx(9.6e6, rel=0.01)
@@ -39,24 +39,24 @@ def test_times_fit_the_line_only_in_milliseconds():
 
 
 def test_a_character_has_eleven_bits_on_the_line():
-    assert serial.character_bits() == 1 + 8 + 1 + 1
-    assert serial.character_bits(parity=False) == 10
+    assert buses.character_bits() == 1 + 8 + 1 + 1
+    assert buses.character_bits(parity=False) == 10
 
 
 def test_31_is_a_count_of_stations():
     master = 1
-    assert INTERFACES["RS-485"].receivers - master == 31 < serial.highest_address() == 247
+    assert INTERFACES["RS-485"].receivers - master == 31 < buses.highest_address() == 247
     with pytest.raises(ArgumentError, match=r"0\.\.247"):
         rtu_frame(248, b"\x03")
 
 
 def test_no_frame_carries_the_master():
-    request = rtu_frame(serial.JB1, Request.read_holding_registers(0, 1).pdu)
-    assert serial.AMS not in (request[0], decode(request).unit_id)
+    request = rtu_frame(buses.JB1, Request.read_holding_registers(0, 1).pdu)
+    assert buses.AMS not in (request[0], decode(request).unit_id)
 
 
 def test_the_byte_count_is_one_byte():
-    for n in (1, serial.POINTS, 125):
+    for n in (1, buses.POINTS, 125):
         ours = Response(3, registers=range(n)).pdu
         assert (ours[1], len(ours)) == (2 * n, 2 + 2 * n)
         theirs = DecodePDU(False).decode(ours)
@@ -64,8 +64,8 @@ def test_the_byte_count_is_one_byte():
 
 
 def test_the_data_have_two_bytes_a_register():
-    for n in (1, 43, serial.POINTS):
-        assert serial.data_width(registers=n) == 2 * n
+    for n in (1, 43, buses.POINTS):
+        assert buses.data_width(registers=n) == 2 * n
 
 
 def test_an_exception_has_one_byte_of_data():
@@ -98,30 +98,30 @@ class Port(serial_port.Serial):
         return self.answer[:size]
 
 
-@pytest.mark.parametrize(("unit", "accepted"), [(serial.JB1, True), (serial.AMS, False)])
+@pytest.mark.parametrize(("unit", "accepted"), [(buses.JB1, True), (buses.AMS, False)])
 def test_clients_reject_a_response_from_the_master(unit, accepted):
     answer = rtu_frame(unit, Response(3, registers=[7]).pdu)
     port = Port(answer)
-    instrument = minimalmodbus.Instrument(port, serial.JB1)
+    instrument = minimalmodbus.Instrument(port, buses.JB1)
     if accepted:
         assert instrument.read_register(0) == 7
     else:
         with pytest.raises(minimalmodbus.InvalidResponseError):
             instrument.read_register(0)
     # pymodbus drops it in its framer, as an answer of another slave.
-    _, pdu = FramerRTU(DecodePDU(False)).handleFrame(answer, serial.JB1, 0)
+    _, pdu = FramerRTU(DecodePDU(False)).handleFrame(answer, buses.JB1, 0)
     assert (pdu is not None) == accepted
 
 
 def test_the_winner_of_an_arbitration_goes_on_unharmed():
-    run = simulate(can.TOGETHER, 125e3, until=0.5)
+    run = simulate(buses.TOGETHER, 125e3, until=0.5)
     winner, loser = run.events().sort_values("start_ms").itertuples()
     assert (winner.start_ms, winner.retries, loser.retries) == (0, 0, 0)
     assert loser.start_ms >= winner.end_ms
 
 
 def test_only_can_repeats_by_itself():
-    run = simulate(can.TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6))
+    run = simulate(buses.TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6))
     assert run.events()["retries"].sum() == 1
     assert set(run.events()["outcome"]) == {"sent"}
     for retries in (0, 1, 3):
@@ -129,7 +129,7 @@ def test_only_can_repeats_by_itself():
         system, rng = System(retries=retries), np.random.default_rng(0)
         asked = simulate_engine(system, until=0.9, faults=lost, rng=rng).requests()
         assert (asked["channel"] == 1).sum() == 1 + retries
-        assert can.both_repeat(retries=retries) == (retries > 0)
+        assert buses.both_repeat(retries=retries) == (retries > 0)
 
 
 def test_the_amplifier_needs_an_offset():
@@ -137,18 +137,18 @@ def test_the_amplifier_needs_an_offset():
         [[-50.0]]
     )
     assert loop.item() == 4e-3  # 1 V at 250 ohm, which is to become 0 V
-    assert not points.gain_alone_fills_the_range()
+    assert not engine.gain_alone_fills_the_range()
 
 
 def test_wiring_grows_by_the_same_number_with_each_cylinder():
-    wiring = points.conductors_by_cylinders()
+    wiring = engine.conductors_by_cylinders()
     assert wiring[-1] == 260
     # A thermometer has three wires, a switch two: each cylinder has the same set of both.
     assert {b - a for a, b in itertools.pairwise(wiring)} == {16}
 
 
 def test_hugh_stands_where_jb1_has_high():
-    switches = points.TABLE_3[points.TABLE_3["condition"] == "S/W"]
+    switches = engine.TABLE_3[engine.TABLE_3["condition"] == "S/W"]
     assert list(switches.query("jb == 'JB1'")["type_printed"]) == ["Low", "High"]
     assert list(switches.query("jb == 'JB3'")["type_printed"]) == ["Low", "Hugh"]
 
@@ -203,12 +203,12 @@ def test_one_processor_a_box_is_less_than_two():
 
 def test_rs_482_stands_for_rs_422():
     assert set(INTERFACES) == {"RS-232", "RS-422", "RS-485"}
-    assert not points.is_an_interface() and points.is_an_interface(printed="RS-422")
+    assert not engine.is_an_interface() and engine.is_an_interface(printed="RS-422")
 
 
 def test_channels_lie_below_each_other_with_their_own_scales():
     ax = Figure().subplots()
-    waves = serial.LINE.waveform(b"\x01"), serial.LINE.waveform(b"\x02", differential=2.0)
+    waves = buses.LINE.waveform(b"\x01"), buses.LINE.waveform(b"\x02", differential=2.0)
     one, two = ((wave.time, wave.level) for wave in waves)
     assert plot_channels({"JB1": one, "JB3": two, "idle": ([0, 1], [1, 1])}, ax=ax) is ax
     for place, (line, (time, level)) in enumerate(zip(ax.lines, (one, two), strict=False)):

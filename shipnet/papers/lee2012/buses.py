@@ -1,4 +1,4 @@
-"""Section III.2.a: the serial line of Table 2, its characters, silences and frames."""
+"""Section III.2: the Modbus lines of Table 2, and the CAN bus between the junction boxes."""
 
 from __future__ import annotations
 
@@ -7,14 +7,20 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from shipnet import datasets
+from shipnet.can.faults import ErrorAt
+from shipnet.can.messages import Message, MessageSet, bus_load
+from shipnet.can.simulation import simulate
+from shipnet.engine.can_layout import CanLayout
+from shipnet.engine.faults import LostModbusFrames
+from shipnet.engine.points import read_points
+from shipnet.engine.simulation import simulate as simulate_engine
+from shipnet.engine.system import System
 from shipnet.errors import ArgumentError, CrcError, FrameError
 from shipnet.modbus.adu import decode
 from shipnet.modbus.pdu import ExceptionCode, FunctionCode, Request, Response
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.registry import check, numeric
-
-__all__ = ["AMS", "BIT_RATE", "JB1", "JB3", "LINE", "POINTS", "answer", "read", "whole_poll"]
 
 _TABLE_2 = datasets.read("lee2012_table2_modbus.csv")
 _PRINTED = dict(zip(_TABLE_2["parameter"], _TABLE_2["value_printed"], strict=True))
@@ -28,7 +34,7 @@ AMS, JB1, JB3 = (int(_STATIONS[station]) for station in ("AMS", "JB1", "JB3"))
 #: Rows of Table 3 counted: what one request for everything reads, a register a point.
 POINTS = int(datasets.read("lee2012_table3_sensors.csv")["quantity_points"].astype(int).sum())
 
-#: Fig 4: widths of the fields behind the silence [byte].
+#: Fig 4: widths of the fields after the silence [byte].
 _FIG_4 = datasets.read("lee2012_fig4_frames.csv").query("width_byte != ''")
 _WIDTHS = {
     frame: tuple(int(width) for width in fields)
@@ -40,46 +46,12 @@ _FC03 = FunctionCode.READ_HOLDING_REGISTERS
 
 
 def read(registers: int, start: int = 0) -> Request:
-    """Return the request for holding registers.
-
-    Parameters
-    ----------
-    registers : int
-        How many, 1..125.
-    start : int, default 0
-        Address on the wire of the first, 0..65535.
-
-    Returns
-    -------
-    Request
-        Request of function code 3.
-
-    Examples
-    --------
-    >>> read(99).pdu.hex(" ")
-    '03 00 00 00 63'
-    """
+    """Return the request for holding registers."""
     return Request.read(_FC03, start, registers)
 
 
 def answer(registers: int) -> Response:
-    """Return a response with so many registers, all 0.
-
-    Parameters
-    ----------
-    registers : int
-        How many, 1..125.
-
-    Returns
-    -------
-    Response
-        Response of function code 3.
-
-    Examples
-    --------
-    >>> answer(1).pdu.hex(" ")
-    '03 02 00 00'
-    """
+    """Return a response with so many registers, all 0."""
     return Response(_FC03, registers=(0,) * registers)
 
 
@@ -87,7 +59,7 @@ def _serial(rate: float, parity: bool = True) -> SerialLine:
     return SerialLine(rate, f"8{LINE.character[1] if parity else 'N'}1")
 
 
-def _legal(unit_id: int) -> bool:
+def _legal_unit(unit_id: int) -> bool:
     try:
         read(1).rtu(unit_id)
     except ArgumentError:
@@ -141,13 +113,13 @@ def setting_is_standard(*, stop_bits: int = 1) -> bool:
 @numeric("lee2012-075")
 def lowest_address(*, broadcast: int = 0) -> int:
     """Lowest unit id of a single slave."""
-    return min(unit for unit in range(256) if unit != broadcast and _legal(unit))
+    return min(unit for unit in range(256) if unit != broadcast and _legal_unit(unit))
 
 
 @numeric("lee2012-025")
 def highest_address(*, bits: int = 8) -> int:
     """Highest unit id that a frame may carry, of those that a byte can hold."""
-    return max(unit for unit in range(2**bits) if _legal(unit))
+    return max(unit for unit in range(2**bits) if _legal_unit(unit))
 
 
 @check("lee2012-026", counter={"master": JB1})
@@ -167,7 +139,7 @@ def response_names_the_receiver(*, drawn: int = AMS) -> bool:
 @check("lee2012-027", counter={"slaves": (JB1, JB1)})
 def slaves_are_distinct(*, slaves: tuple[int, ...] = (JB1, JB3)) -> bool:
     """Whether the slaves have addresses of their own, as the standard allows them."""
-    return len(set(slaves)) == len(slaves) and all(_legal(unit) and unit for unit in slaves)
+    return len(set(slaves)) == len(slaves) and all(_legal_unit(unit) and unit for unit in slaves)
 
 
 @check("lee2012-028", counter={"widths": (1, 1, 2, 1, 2)})
@@ -265,25 +237,7 @@ def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
 
 
 def whole_poll(registers: int = POINTS, rate: float = BIT_RATE) -> Poll:
-    """Return the poll of one junction box for the points of all, a register a point.
-
-    Parameters
-    ----------
-    registers : int, optional
-        How many, 1..125; the points of Table 3 if omitted.
-    rate : float, default 9600
-        Bit rate [bit/s].
-
-    Returns
-    -------
-    Poll
-        The poll; no time to think, and a time-out longer than any response.
-
-    Examples
-    --------
-    >>> round(1e3 * whole_poll().time, 1)
-    249.8
-    """
+    """Return the poll of one junction box for the points of all, a register a point."""
     return Poll(read(registers), _serial(rate), timeout=60)
 
 
@@ -311,3 +265,82 @@ def time_to_response(*, request: int = 8, response: int = 8, rate: float = BIT_R
     """Microseconds from the request to the end of a response as drawn, no time to think."""
     line = _serial(rate)
     return 1e6 * (line.frame_time(request) + line.t35 + line.frame_time(response))
+
+
+# CAN -------------------------------------------------------------------------------------------
+
+
+#: Two messages that are released at once.
+TOGETHER = MessageSet([Message("first", 0x100, 8, 1.0), Message("second", 0x200, 8, 1.0)])
+
+
+@numeric("lee2012-038")
+def standard_identifier_bits(*, extended: bool = False) -> int:
+    """Bits of the highest arbitration id that a frame can carry."""
+    bits = 0
+    while _legal_identifier(2 ** (bits + 1) - 1, extended):
+        bits += 1
+    return bits
+
+
+@numeric("lee2012-080")
+def extended_identifier_bits(*, extended: bool = True) -> int:
+    """Bits of the highest arbitration id of a frame in extended format."""
+    return standard_identifier_bits(extended=extended)
+
+
+def _legal_identifier(arbitration_id: int, extended: bool) -> bool:
+    try:
+        Message("highest", arbitration_id, 8, 1.0, extended=extended)
+    except ArgumentError:
+        return False
+    return True
+
+
+@check("lee2012-037", counter={"disturbed": (100e-6,)})
+def destroys_both(*, disturbed: tuple[float, ...] = ()) -> bool:
+    """Whether frames that begin together are destroyed and sent again, as on CSMA/CD."""
+    run = simulate(TOGETHER, 125e3, until=0.5, faults=[ErrorAt(time) for time in disturbed])
+    return bool((run.events()["retries"] > 0).any())
+
+
+@check("lee2012-068", counter={"retries": 1})
+def both_repeat(*, retries: int = 0) -> bool:
+    """Whether what was damaged on CAN and on Modbus is sent again, with so many retries of the AMS.
+
+    A CAN controller repeats by itself; how often a Modbus master asks again is its own affair.
+    """
+    sent = simulate(TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6)).events()
+    lost = [LostModbusFrames("1", request=1.0)]
+    rng = np.random.default_rng(0)
+    asked = simulate_engine(System(retries=retries), faults=lost, until=0.5, rng=rng).requests()
+    on_can = sent["retries"].max() > 0 and (sent["outcome"] == "sent").all()
+    return bool(on_can and (asked["channel"] == 1).sum() > 1)
+
+
+@numeric("lee2012-043")
+def frames_per_update(*, bits: int = 16) -> int:
+    """CAN frames that carry all points once."""
+    return len(CanLayout(read_points(), bits).messages())
+
+
+@numeric("lee2012-044")
+def time_per_update(*, bits: int = 16, bit_rate: float = 125e3) -> float:
+    """Milliseconds of the bus for all points once, with the most stuff bits."""
+    return 1e3 * float(CanLayout(read_points(), bits).volume()["worst_bits"]["all"]) / bit_rate
+
+
+@numeric("lee2012-100")
+def can_load(*, period: float = 1.0, bit_rate: float = 125e3) -> float:
+    """Percent of the bus for an update each period."""
+    messages = CanLayout(read_points()).messages(period)
+    return 100 * bus_load(messages, bit_rate)
+
+
+@check("lee2012-081", counter={"within": 5e-3})
+def all_arrive(*, within: float = 0.1) -> bool:
+    """Whether all frames that are released at once arrive intact within some time [s]."""
+    messages = CanLayout(read_points()).messages()
+    sent = simulate(messages, 125e3, until=0.5).events()
+    in_time = (sent["outcome"] == "sent") & (sent["end_ms"] <= 1e3 * within)
+    return bool(in_time.all()) and len(sent) == len(messages) and not sent["retries"].any()
