@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
+from functools import cache
 from inspect import cleandoc
 from math import inf, isnan
 from numbers import Real
@@ -172,6 +173,8 @@ class Number(Kind):
     def _check(self, name: str, value: Any, record: Any) -> Any:
         if self.many:
             return check_quantity(name, value, self.unit, low=self.low, high=self.high)
+        if type(value) is float and self.low <= value <= self.high:
+            return value  # most are in order, and sets have thousands of them
         plain = isinstance(value, Real) and not isinstance(value, bool)
         if self.missing and plain and isnan(value):
             return float(value)
@@ -422,9 +425,15 @@ def declared(kind: type) -> dict[str, Kind]:
     return {one.name: one.metadata["kind"] for one in fields(kind) if "kind" in one.metadata}
 
 
+@cache
+def _declared(kind: type) -> tuple[tuple[str, Kind], ...]:
+    """Return the same as pairs, looked up once per class."""
+    return tuple(declared(kind).items())
+
+
 def check(made: Any) -> None:
     """Check the declared fields of a dataclass instance, and store the values as checked."""
-    for name, kind in declared(type(made)).items():
+    for name, kind in _declared(type(made)):  # type: ignore[arg-type] # a class is hashable
         given = getattr(made, name)
         value = kind.check(name, given, made)
         if value is not given:

@@ -1,5 +1,6 @@
 from . import faults as faults
 from .bit_timing import bit_timings as bit_timings
+from .bit_timing import longest_bus as longest_bus
 from .bitwise import Arbitration as Arbitration
 from .bitwise import arbitrate as arbitrate
 from .frame import Frame as Frame

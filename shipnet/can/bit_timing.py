@@ -6,11 +6,13 @@ the bus is read between the phase segments.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import datasets
 from shipnet.can.frame import check_bit_rate
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
@@ -153,6 +155,41 @@ def bit_timings(
         }
     )
     return table.iloc[order].reset_index(drop=True)
+
+
+@cache
+def longest_bus(bit_rate: float) -> float:
+    """Return the longest bus that a maker of controllers allows at a bit rate.
+
+    Parameters
+    ----------
+    bit_rate : float
+        Bit rate, 1e3..1e6 [bit/s].
+
+    Returns
+    -------
+    float
+        Length of the trunk at the next higher of the published bit rates [m].
+
+    Raises
+    ------
+    ArgumentError
+        If the bit rate is out of range.
+
+    Notes
+    -----
+    20 m at 1 Mbit/s to 5000 m at 10 kbit/s, from the documentation of the Beckhoff BX5100; 1 Mbit/s
+    is with optocouplers. What a setting of your own controller allows is in `bit_timings`.
+
+    Examples
+    --------
+    >>> longest_bus(125e3), longest_bus(100e3)
+    (500.0, 500.0)
+    """
+    rate = check_bit_rate(bit_rate)
+    table = datasets.read("can_bus_lengths.csv").astype({"length_m": float})
+    rates = table["bit_rate_kbit_per_s"].astype(float) * 1e3
+    return float(table.loc[rates >= rate, "length_m"].max())
 
 
 def oscillator_tolerance(

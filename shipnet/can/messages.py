@@ -76,8 +76,7 @@ class Message:
 
     def __post_init__(self) -> None:
         """Check what depends on several fields, and round the times to nanoseconds."""
-        for field in ("name", "sender"):
-            value = getattr(self, field)
+        for field, value in (("name", self.name), ("sender", self.sender)):
             if not value.isprintable() or value != value.strip():
                 raise ArgumentError(f"{field} is {value!r}; it must be printable text")
         if not self.name:
@@ -87,7 +86,9 @@ class Message:
         if self.deadline is None:
             object.__setattr__(self, "deadline", self.period)
         for field in TIMES:
-            object.__setattr__(self, field, nanoseconds(getattr(self, field)) / 1e9)
+            given = getattr(self, field)
+            if given and (rounded := nanoseconds(given) / 1e9) != given:
+                object.__setattr__(self, field, rounded)
 
     @property
     def priority(self) -> tuple[int, bool, int]:

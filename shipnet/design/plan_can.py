@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from math import ceil, inf
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import datasets
+from shipnet.can.bit_timing import longest_bus
 from shipnet.can.lengths import frame_length
 from shipnet.can.messages import Message, MessageSet
 from shipnet.can.response import response_times
@@ -148,22 +147,14 @@ def plan_can(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
 
 def bit_rate_for(length: float, bit_rates: Sequence[int]) -> int | None:
     """Return the highest bit rate that a trunk is short enough for."""
-    reaching = [rate for rate in bit_rates if _reach(rate) >= length]
+    reaching = [rate for rate in bit_rates if longest_bus(rate) >= length]
     return max(reaching, default=None)
-
-
-@cache
-def _reach(bit_rate: int) -> float:
-    """Return the longest trunk at a bit rate [m]."""
-    table = datasets.read("can_bus_lengths.csv")
-    rates = table["bit_rate_kbit_per_s"].astype(float) * 1e3
-    return float(table.loc[rates >= bit_rate, "length_m"].astype(float).max())
 
 
 def _longest(draft: Draft) -> float:
     """Return the longest trunk that any of the bit rates, and the cable, allow [m]."""
     limits = draft.settings.can
-    return min(max(map(_reach, limits.bit_rates)), cables()[limits.cable].longest_m)
+    return min(max(map(longest_bus, limits.bit_rates)), cables()[limits.cable].longest_m)
 
 
 def _judge(draft: Draft, group: Sequence[Box]) -> tuple[_Segment, float]:

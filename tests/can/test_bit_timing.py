@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from shipnet import datasets
-from shipnet.can.bit_timing import bit_timings, oscillator_tolerance
+from shipnet.can.bit_timing import bit_timings, longest_bus, oscillator_tolerance
 from shipnet.errors import ArgumentError
 
 #: Clock [MHz], rate [kbit/s], sample point printed [%], prs, phs1, phs2, registers: data sheets
@@ -158,6 +158,11 @@ def test_published_lengths_fall_with_the_bit_rate():
     slow = table[table["bit_rate_kbit_per_s"] <= 500]
     bits = 2 * slow["length_m"] * 5e-9 * slow["bit_rate_kbit_per_s"] * 1e3
     assert bits.between(0.49, 0.7).all()
+    assert [longest_bus(1e3 * rate) for rate in slow["bit_rate_kbit_per_s"]] == [
+        *slow["length_m"].astype(float)
+    ]
+    with pytest.raises(ArgumentError, match="bit_rate is 0"):
+        longest_bus(0)
 
 
 @pytest.mark.parametrize(
