@@ -1,0 +1,143 @@
+"""What a newcomer types first, and the one-line answers."""
+
+import pytest
+
+from shipnet import modbus
+from shipnet.errors import ArgumentError
+from shipnet.modbus.faults import Break, DeadSlave
+
+STATUS = modbus.Request.read_input_registers(0x4020, 4)
+LINE = modbus.SerialLine(9600)
+
+
+def test_a_frame_is_made_and_read_in_one_line_each():
+    frame = modbus.Request.read_holding_registers(0, 10).rtu(17)
+    assert frame.hex(" ") == "11 03 00 00 00 0a c7 5d"
+    assert modbus.decode(frame).request() == modbus.Request.read_holding_registers(0, 10)
+    response = STATUS.response([5672, 5, 5170, 23052])
+    for framing, data in (
+        ("rtu", response.rtu(1)),
+        ("ascii", response.ascii(1)),
+        ("tcp", response.tcp(1, 7)),
+    ):
+        adu = modbus.decode(data, framing)
+        assert adu.unit_id == 1 and adu.response(STATUS).registers == (5672, 5, 5170, 23052)
+
+
+@pytest.mark.parametrize(
+    ("pdu", "fields"),
+    [
+        (STATUS, "unit id, function code, starting address, quantity, CRC"),
+        (STATUS.response([0] * 4), "unit id, function code, byte count, values, CRC"),
+        (STATUS.exception(2), "unit id, function code, exception code, CRC"),
+        (
+            modbus.Request.write_single_register(1, 2),
+            "unit id, function code, address, value, CRC",
+        ),
+        (
+            modbus.Request.write_multiple_registers(1, [2]),
+            "unit id, function code, starting address, quantity, byte count, values, CRC",
+        ),
+        (
+            modbus.Request.write_multiple_registers(1, [2]).response(),
+            "unit id, function code, starting address, quantity, CRC",
+        ),
+        (
+            modbus.Request.read_write_multiple_registers(1, 2, 3, [4]),
+            "unit id, function code, starting address, quantity, write starting address, "
+            "write quantity, byte count, values, CRC",
+        ),
+        (bytes.fromhex("2b0e"), "unit id, function code, data, CRC"),
+    ],
+)
+def test_a_table_names_each_field_and_holds_every_byte(pdu, fields):
+    adu = modbus.Adu(1, pdu)
+    table = adu.table()
+    assert ", ".join(table.index) == fields
+    assert bytes.fromhex("".join(table["bytes"])) == adu.rtu
+    tcp = modbus.Adu(1, pdu, 5).table()
+    assert bytes.fromhex("".join(tcp["bytes"])) == modbus.Adu(1, pdu, 5).tcp
+    assert list(tcp.index[:4]) == ["transaction id", "protocol id", "length", "unit id"]
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        STATUS,
+        modbus.Request.write_single_coil(3, True),
+        modbus.Request.write_single_register(3, 4),
+        modbus.Request.write_multiple_coils(3, [1, 0]),
+        modbus.Request.write_multiple_registers(3, [1, 2]),
+        modbus.Request.read_write_multiple_registers(1, 2, 3, [4, 5]),
+    ],
+)
+def test_a_request_shows_the_call_that_makes_it(request_):
+    assert eval(repr(request_), {"Request": modbus.Request}) == request_
+
+
+def test_a_response_has_as_many_values_as_were_asked_for():
+    with pytest.raises(ArgumentError, match="values has 3 values; 4 were asked for"):
+        STATUS.response([1, 2, 3])
+    with pytest.raises(ArgumentError, match="framing is 'RTU'"):
+        modbus.decode(b"", "RTU")
+
+
+def test_a_scan_in_one_line_is_that_of_its_poll():
+    assert modbus.scan_time(31, registers=4, bit_rate=9600) == pytest.approx(0.995, abs=5e-4)
+    poll = modbus.Poll(STATUS, LINE, timeout=0.5, retries=1)
+    of_one_line = modbus.scan_time(24, registers=4, dead=2, timeout=0.5, retries=1)
+    assert of_one_line == poll.scan_time(24, dead=2)
+
+
+def test_runs_say_in_one_line_what_came_of_them():
+    loop = modbus.Loop(6, modbus.Poll(STATUS, LINE, timeout=0.1))
+    run = modbus.simulate(loop, faults=[Break(3, start=0.3), DeadSlave(1)], until=1.0)
+    assert repr(run).startswith("Run(6 slaves, break 3, slave 1, ")
+    assert run.faults == (Break(3, start=0.3), DeadSlave(1)) and run.until == 1.0
+    lost = modbus.udp.simulate([1, 2, 1, 2], modbus.udp.LossyPath(lost=1.0), rng=1)
+    assert repr(lost) == "Run(4 requests, 4 time-outs, 0 mismatched replies)"
+    table = lost.table()
+    assert table.loc[2].to_dict() == {"requests": 2, "timeouts": 2, "mismatched": 0}
+    assert table["requests"].sum() == len(lost.events())
+    with pytest.raises(ArgumentError, match="system is None; it must be a Loop"):
+        modbus.simulate(None, until=1)
+    with pytest.raises(ArgumentError, match="must be one of Break, DeadPort, DeadSlave, Short"):
+        modbus.simulate(loop, faults=[3], until=1)
+
+
+def test_a_slave_has_a_device_or_tables():
+    with pytest.raises(ArgumentError, match="input_registers is given beside a device"):
+        modbus.Slave(modbus.Slave(coils=[1]).device, input_registers=[1])
+    slave = modbus.Slave(input_registers=[7, 8])
+    slave.device.input_registers[0] = 9
+    found = modbus.answer({1: slave}, modbus.Adu(1, modbus.Request.read_input_registers(0, 2)))
+    assert modbus.Response.parse(found.pdu).registers == (9, 8)
+
+
+def test_a_server_runs_at_a_multiple_of_real_time():
+    times = []
+
+    class Clock:
+        def read(self, table, address, quantity, time):
+            times.append(time)
+            return [0] * quantity
+
+        def write(self, table, address, values, time): ...
+
+    with modbus.serve({1: Clock()}, speed=1e5) as server:
+        import socket
+
+        with socket.create_connection(("127.0.0.1", server.port), timeout=10) as client:
+            for _ in range(2):
+                client.sendall(modbus.Request.read_coils(0, 1).tcp(1, 5))
+                assert client.recv(260)
+    assert times[1] > times[0] > 0
+    with pytest.raises(ArgumentError, match="speed is -1"):
+        modbus.serve({1: Clock()}, speed=-1)
+
+
+def test_the_longest_legal_frames_are_read():
+    for framing in ("rtu", "ascii", "tcp"):
+        adu = modbus.Adu(247, bytes([3, *range(252)]), 9 if framing == "tcp" else None)
+        assert modbus.decode(getattr(adu, framing), framing) == adu
+    assert modbus.Adu.MAX_PDU == 253 and modbus.Adu.MAX_UNIT == 247
