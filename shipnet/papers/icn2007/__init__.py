@@ -4,10 +4,15 @@
 kim2023 repeats are registered beside it, in `shipnet.papers.kim2023`.
 """
 
-from shipnet.papers.icn2007 import access, telegrams  # noqa: F401 - they register
-from shipnet.papers.icn2007.rates import bus_efficiencies, rate_table, rates
-from shipnet.papers.icn2007.signals import arriving_share, consumer_drop, pulse_height, share_above
-from shipnet.papers.icn2007.structures import allowed
+from shipnet.papers.icn2007 import access  # noqa: F401 - it registers
+from shipnet.papers.icn2007.signals import (
+    allowed_plans,
+    arriving_share,
+    consumer_drop,
+    pulse_height,
+    share_above,
+)
+from shipnet.papers.icn2007.telegrams import bus_efficiencies, rate_table, rates
 
-__all__ = ["allowed", "arriving_share", "bus_efficiencies", "consumer_drop", "pulse_height"]
+__all__ = ["allowed_plans", "arriving_share", "bus_efficiencies", "consumer_drop", "pulse_height"]
 __all__ += ["rate_table", "rates", "share_above"]

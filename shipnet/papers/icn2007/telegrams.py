@@ -1,14 +1,23 @@
-"""Sections 4 and 5 and the data link layer: cable of a star, bits, rates and telegrams."""
+"""Sections 4 and 5 and the data link layer: cable of a star, bits, telegrams, rates."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
 from shipnet.asi.calls import Call
+from shipnet.asi.cycle import cycle_time
 from shipnet.asi.telegram import Half, Request
 from shipnet.asi.timing import Transaction
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 from shipnet.papers.kim2023.timing import CHIP_EDGES, master_pause_of_chip
 from shipnet.papers.registry import check, numeric
 
-__all__: list[str] = []
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @numeric("icn2007-035")
@@ -87,3 +96,162 @@ def efficiency(*, user_bits: int = 8, master_pause: float = 2, slave_pause: floa
 def broadcast_is_silent(*, call: Call = Call.BROADCAST_RESET) -> bool:
     """Whether no slave answers this call."""
     return call.rule.answer is None
+
+
+# Rates under every assumption ------------------------------------------------------------------
+
+
+#: User bits of one exchange: four in the request, four in the response.
+USER_BITS = 8
+
+#: A CAN data frame with an 11-bit identifier around its data, the three bits of intermission
+#: included and stuff bits left out, ISO 11898-1: 1 + 11 + 3 + 4 + 15 + 1 + 2 + 7 + 3 [bit].
+CAN_FRAME, CAN_BYTES = 47, 8
+
+#: Modbus function 23, which writes and reads registers at once: bytes around the data of request
+#: and response, silence before either [character], bits of a character, most bytes of data one
+#: way. Modbus Application Protocol V1.1b3, section 6.17, and Modbus over Serial Line V1.02.
+MODBUS_BYTES, MODBUS_SILENCE, MODBUS_CHARACTER, MODBUS_MOST = 13 + 5, 2 * 3.5, 11, 242
+
+
+class Rates(NamedTuple):
+    """What a line carries."""
+
+    gross: float
+    net: float
+    efficiency: float
+
+
+def rates(
+    transaction: Transaction | None = None,
+    *,
+    addresses: int | None = None,
+    user_bits: int = USER_BITS,
+    management: int = 1,
+    inclusion: int = 1,
+) -> Rates:
+    """Return gross rate, net rate and efficiency over one transaction, or over a whole cycle.
+
+    Parameters
+    ----------
+    transaction : asi.Transaction, optional
+        The transaction; with pauses of 2 and 2 bit times if omitted.
+    addresses : int, optional
+        Slaves in the cycle, 1..31; a single transaction if omitted.
+    user_bits : int, default 8
+        User bits of a transaction in both directions, 0..8.
+    management, inclusion : int, default 1
+        Transactions of a cycle beside those for data.
+
+    Returns
+    -------
+    Rates
+        `gross` and `net` [bit/s], `efficiency` 0..1.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> rates().efficiency
+    0.32
+    """
+    transaction = Transaction(2, 2) if transaction is None else transaction
+    bits = check_whole("user_bits", user_bits, 0, USER_BITS)
+    gross = 1 / transaction.bit_time
+    if addresses is None:
+        net = bits / transaction.duration
+    else:
+        asked = check_whole("addresses", addresses, 1, 31)
+        time = cycle_time(
+            asked, transaction=transaction, management=management, inclusion=inclusion
+        )
+        net = asked * bits / float(time)
+    return Rates(gross, net, net / gross)
+
+
+def rate_table() -> pd.DataFrame:
+    """Return the rates under each assumption about the length of a transaction.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per assumption: ``transaction_bit``, ``net_kbit_per_s``, ``efficiency_percent`` and
+        the ``assumption`` in words.
+
+    Examples
+    --------
+    >>> rate_table()["efficiency_percent"].round(1).head(2).tolist()
+    [32.7, 32.0]
+    """
+    import pandas as pd
+
+    pauses = {
+        "24.5 bit": (2.0, 1.5, "shortest pauses of the papers, 2 and 1.5 bit"),
+        "25 bit": (2.0, 2.0, "pauses of 2 and 2 bit: 150 us (Siemens)"),
+        "153 us": (2.5, 2.0, "25.5 bit (Bihl+Wiedemann)"),
+        "154 us": (3.0, 154 / 6 - 24, "25.7 bit (OMRON, p. 21)"),
+        "26 bit": (3.0, 2.0, "pauses of 3 and 2 bit: 156 us (OMRON, p. 5; Schneider)"),
+    }
+    rows = {}
+    for name, (master_pause, slave_pause, says) in pauses.items():
+        transaction = Transaction(master_pause, slave_pause)
+        rows[name] = (transaction.bits, *rates(transaction)[1:], says)
+    for name in ("25 bit", "26 bit"):
+        transaction = Transaction(*pauses[name][:2])
+        whole = rates(transaction, addresses=31)
+        rows[f"{name}, whole cycle"] = (
+            transaction.bits,
+            *whole[1:],
+            "31 of 33 transactions carry user data",
+        )
+    columns = ["transaction_bit", "net_kbit_per_s", "efficiency_percent", "assumption"]
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+    table["net_kbit_per_s"] *= 1e-3
+    table["efficiency_percent"] *= 100
+    return table
+
+
+def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
+    r"""Return the efficiencies of three buses that exchange the same data with one station.
+
+    .. math:: \eta = \frac{2 n}{\text{bit times of all frames and silences}}
+
+    Parameters
+    ----------
+    user_bits : array_like of int
+        User bits n in each direction, 1..1936.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per number of bits, a column each for ``as_i``, ``can`` and ``modbus_rtu``.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> bus_efficiencies(4).round(2).values.tolist()
+    [[0.32, 0.07, 0.03]]
+    """
+    import pandas as pd
+
+    n = np.atleast_1d(user_bits)
+    if n.dtype.kind not in "iu" or not ((n >= 1) & (n <= 8 * MODBUS_MOST)).all():
+        raise ArgumentError(
+            f"user_bits is {user_bits!r}; it must be whole numbers 1..{8 * MODBUS_MOST}"
+        )
+    octets = -(-n // 8)
+    registers = -(-n // 16)
+    line = {
+        "as_i": Transaction(2, 2).bits * -(-n // 4),
+        "can": 2 * (CAN_FRAME * -(-octets // CAN_BYTES) + 8 * octets),
+        "modbus_rtu": MODBUS_CHARACTER * (MODBUS_BYTES + MODBUS_SILENCE + 4 * registers),
+    }
+    index = pd.Index(n, name="user_bits")
+    return pd.DataFrame({bus: 2 * n / bits for bus, bits in line.items()}, index=index)

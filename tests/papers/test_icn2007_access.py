@@ -4,7 +4,7 @@ from shipnet.asi.simulation.run import simulate
 from shipnet.asi.telegram import Request
 from shipnet.asi.timing import Transaction
 from shipnet.papers.icn2007 import access
-from shipnet.papers.icn2007.structures import allowed, keeps_all_rules, trunk_and_star
+from shipnet.papers.icn2007.signals import allowed_plans, keeps_all_rules, trunk_and_star
 from shipnet.papers.kim2023.addressing import moves
 
 
@@ -28,7 +28,7 @@ def test_a_move_to_a_taken_address_is_refused():
 
 
 def test_each_allowed_structure_has_100_m_and_62_slaves_at_most():
-    plans = allowed()
+    plans = allowed_plans()
     assert all(sum(run.length for run in plan.cables) <= 100 + 1e-9 for plan in plans.values())
     assert [len(plan.slaves) for plan in plans.values()] == [1] + [62] * 7
     assert not keeps_all_rules(trunk_and_star(leg=2.0))
