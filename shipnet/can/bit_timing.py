@@ -96,7 +96,7 @@ def bit_timings(
 
     Examples
     --------
-    From [2]_: 125 kbit/s from 16 MHz with 16 quanta a bit, CANBT1 to 3 = 0E 0C 37:
+    From [2]_: 125 kbit/s from 16 MHz with 16 quanta per bit, CANBT1 to 3 = 0E 0C 37:
 
     >>> table = bit_timings(16e6, 125e3)
     >>> row = table.query("quanta == 16 and prs == 7 and phs1 == 4 and sjw == 1").iloc[0]

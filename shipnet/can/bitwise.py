@@ -74,7 +74,7 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     Raises
     ------
     ArgumentError
-        If there is no frame, something else is among them, or two cannot be told apart before
+        If there is no frame, something else is among them, or two do not differ before
         their data.
 
     Notes
@@ -89,7 +89,7 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     Examples
     --------
     0x200 sends its first 1 in bit 2, where the others send 0; 0x101 differs from 0x100 in the
-    last bit of the id, which is bit 12 on the bus, as a stuff bit stands before it:
+    last bit of the id, which is bit 12 on the bus, because a stuff bit is sent before it:
 
     >>> contest = arbitrate([Frame(0x200), Frame(0x101), Frame(0x100)])
     >>> contest.stopped, contest.bus

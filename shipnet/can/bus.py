@@ -19,7 +19,7 @@ from shipnet.clock import NEVER, nanoseconds
 
 Integers = npt.NDArray[np.int64]
 
-#: What stands for the start of a frame that never began.
+#: In place of the start of a frame that never began.
 WAITING, OVERWRITTEN = -1, -2
 
 #: Counts from which a node is error passive, and off the bus; Bosch CAN specification 2.0,
@@ -45,7 +45,7 @@ class Unpacked(NamedTuple):
     """Releases as lists, which a loop reads faster than arrays."""
 
     due: list[int]
-    """times of release, `NEVER` behind the last [ns]"""
+    """times of release, then `NEVER` [ns]"""
     rank: list[int]
     duration: list[int]
     item: list[int]

@@ -39,7 +39,7 @@ CRC, CRC_BITS = "CRC-15/CAN", 15
 #: Recessive bits between the end of a frame and the start of the next, at least.
 INTERMISSION = 3
 
-#: Fields behind the CRC sequence and their bits on a bus where a receiver acknowledges.
+#: Fields after the CRC sequence, and their bits on a bus where a receiver acknowledges.
 TAIL = (("CRC delimiter", "1"), ("ACK slot", "0"), ("ACK delimiter", "1"), ("EOF", "1111111"))
 
 #: Bound on the bits of a frame, stuff bits and intermission included: 8 bytes, 29-bit identifier.
@@ -95,7 +95,7 @@ def check_bit_rate(bit_rate: float, low: float = 1000.0) -> float:
 
 # Bit stuffing ----------------------------------------------------------------------------------
 
-#: Equal bits in a row behind which a stuff bit is sent.
+#: Equal bits in a row after which a stuff bit is sent.
 RUN = 5
 
 
@@ -123,7 +123,7 @@ def stuff(bits: str) -> str:
     Returns
     -------
     str
-        The bits and the stuff bits; one behind the last bit is included.
+        The bits and the stuff bits; one after the last bit is included.
 
     Examples
     --------
@@ -265,7 +265,7 @@ class Frame:
 
     @property
     def length(self) -> int:
-        """Bits that the frame takes of the bus, the 3 bits of intermission behind it included."""
+        """Bits that the frame takes of the bus, with the 3 bits of intermission after it."""
         return len(self.bits) + INTERMISSION
 
     def frame_time(self, bit_rate: float) -> float:
@@ -292,9 +292,9 @@ class Frame:
         start = 0
         for name, bits in parts.items():
             end = start + len(bits)
-            on_line, behind = (at + bisect_right(places, at) for at in (start, end))
+            on_line, after = (at + bisect_right(places, at) for at in (start, end))
             fields.append(
-                Field(name, int(bits, 2), start, len(bits), on_line, behind - on_line),
+                Field(name, int(bits, 2), start, len(bits), on_line, after - on_line),
             )
             start = end
         return tuple(fields)
@@ -440,7 +440,7 @@ def decode(bits: str) -> Frame:
     extended = line.take("IDE", 1) == "1"
     if extended:
         if remote == "0":
-            raise line.fault(FormError, "IDE", "recessive behind a dominant SRR")
+            raise line.fault(FormError, "IDE", "recessive after a dominant SRR")
         number += line.take("identifier extension", 18)
         remote = line.take("RTR", 1)
         line.reserved("r1")

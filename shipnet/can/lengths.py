@@ -34,7 +34,7 @@ Flags = npt.NDArray[np.bool_]
 Codes = npt.NDArray[np.uint8]
 Words = npt.NDArray[np.uint64]
 
-#: Bits behind the CRC sequence, intermission included.
+#: Bits after the CRC sequence, intermission included.
 _TAIL_BITS = sum(len(bits) for _, bits in TAIL) + INTERMISSION
 
 #: Mean stuff bits by data bytes, 11-bit and 29-bit identifiers, if identifier and data are
@@ -88,7 +88,7 @@ def frame_length(
 def frame_length(
     dlc: npt.ArrayLike, *, stuffing: Stuffing = "worst", extended: npt.ArrayLike = False
 ) -> float | Floats:
-    r"""Return the length of data frames, the intermission behind them included.
+    r"""Return the length of data frames, with the intermission after them.
 
     With :math:`g` = 34 stuffed bits without data (54 for a 29-bit identifier) and :math:`s` bytes:
 
@@ -169,7 +169,7 @@ class Measures(NamedTuple):
 
 
 class _Fields(NamedTuple):
-    """Checked arguments, one row a frame."""
+    """Checked arguments, one row per frame."""
 
     error: Codes
     number: Integers
@@ -321,7 +321,7 @@ def _chunks(fields: _Fields) -> list[_Fields]:
 
 
 def _pack(fields: _Fields) -> tuple[Words, Words, npt.NDArray[np.uint16]]:
-    """Return the bits subject to stuffing behind a mark, and the check values."""
+    """Return the bits subject to stuffing, after a mark, and the check values."""
     number, extended, remote = fields.number, fields.extended, fields.remote
     base = number << 7
     # SRR and IDE are the bits 26 and 25 of an extended frame's head.

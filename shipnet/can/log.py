@@ -283,7 +283,7 @@ def _read_candump(file: Path) -> tuple[Log, list[str]]:
             if len(good) < len(lines) or any(len(g[4]) % 2 or (g[3] and g[4]) for g in good):
                 matches = [_LINE.match(line) for line in lines]
                 faults += [
-                    f"line {before + row + 1}: {_shown(lines[row])} is no frame; expected "
+                    f"line {before + row + 1}: {_shown(lines[row])} is not a frame; expected "
                     "(seconds) channel identifier#data"
                     for row, match in enumerate(matches)
                     if match is None and lines[row].strip()
@@ -357,7 +357,7 @@ def _read_foreign(file: Path, kind: str, can: Any) -> tuple[Log, list[str]]:
                     messages.append(message)
         # The readers raise whatever their parsing meets.
         except Exception as problem:
-            place = f"line {stream.line}" if stream else f"behind frame {len(messages)}"
+            place = f"line {stream.line}" if stream else f"after frame {len(messages)}"
             faults.append(f"{place}: {problem or type(problem).__name__}")
     data = np.zeros((len(messages), 8), dtype=np.uint8)
     for row, message in enumerate(messages):
@@ -376,7 +376,7 @@ def _read_foreign(file: Path, kind: str, can: Any) -> tuple[Log, list[str]]:
 
 
 def _impossible(message: Any) -> str:
-    """Return why there is no such classic frame, or nothing."""
+    """Return what a classic frame cannot have, or nothing."""
     highest = highest_id(message.is_extended_id)
     if not 0 <= message.arbitration_id <= highest:
         return f"the identifier is {message.arbitration_id}; it must be 0..{highest:#x}"
@@ -418,7 +418,7 @@ def _load(log: Log, bit_rate: float, window: float) -> LogLoad:
         place = int(order[np.argmax(measured.error != 0)])
         raise ArgumentError(
             f"frame {place + 1} of the log has the identifier {log.arbitration_id[place]:#x} and "
-            f"the data length code {log.dlc[place]}; there is no such frame"
+            f"the data length code {log.dlc[place]}; no frame has these"
         )
     bits = np.asarray(measured.length, dtype=np.int64)
     windows, messages, totals = [], [], []

@@ -213,7 +213,7 @@ class MessageSet(Sequence[Message]):
         known = Message.__dataclass_fields__
         unknown = [field for field in new if field not in known]
         if unknown:
-            raise ArgumentError(f"{unknown[0]!r} is no field; a message has {', '.join(known)}")
+            raise ArgumentError(f"{unknown[0]!r} is not a field; a message has {', '.join(known)}")
         if "period" in new and "deadline" not in new and self[name].deadline == self[name].period:
             new["deadline"] = None
         changed = replace(self[name], **new)

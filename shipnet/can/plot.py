@@ -200,7 +200,7 @@ def plot_response_times(responses: ResponseTimes, ax: Axes | None) -> Axes:
 
 
 def plot_run(run: Run, start: float, stop: float | None, ax: Axes | None) -> Axes:
-    """Draw who was on the bus when: a lane a message, the highest priority on top."""
+    """Draw who was on the bus when: one lane per message, the highest priority on top."""
     frames, errors = run.events(), run.errors()
     names = run.system.names
     last = np.nanmax([0.0, *frames["end_ms"], *errors["free_ms"]])

@@ -51,7 +51,7 @@ class Assumptions:
     )  # fmt: skip
     intermission: Literal["everywhere", "between", "nowhere"] = choice(
         ("everywhere", "between", "nowhere"),
-        "Whether the 3 bits behind a frame count: also behind the message itself, only between "
+        "Whether the 3 bits after a frame count: also after the message itself, only between "
         "frames, or never", default="everywhere",
     )  # fmt: skip
     own_jitter: bool = switch(
@@ -382,7 +382,7 @@ class ResponseTimes(Sequence[ResponseTime]):
             }
         )
         table.index = pd.Index([message.name for message in messages], name="name", dtype=object)
-        # Times are whole nanoseconds and bits; what 1e3 adds behind them is no part of the answer.
+        # Times are whole nanoseconds and bits; what 1e3 adds to them is not part of the answer.
         return table.round(9)
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -3,7 +3,7 @@
     name,arbitration_id,extended,dlc,period_ms,deadline_ms,jitter_ms,offset_ms,sender,bits
     oil pressure,0x120,no,8,100,50,0.5,,JB1,
 
-An identifier is decimal, or hexadecimal behind 0x. `deadline_ms` left empty is the period,
+An identifier is decimal, or hexadecimal after 0x. `deadline_ms` left empty is the period,
 `jitter_ms` and `offset_ms` are 0, `extended` is no, `bits` follows from the data bytes. Columns
 may come in any order; those with a default may be left out. `note` is for remarks, which are not
 kept.

@@ -27,7 +27,7 @@ class Inputs:
 
     text: str = text(
         default=EXAMPLE, most=200_000, rows=12, label="message set",
-        help="One message a line: name, arbitration_id, dlc and period_ms; more columns are free. "
+        help="One message per line: name, arbitration_id, dlc, period_ms; others are optional. "
         "It is read when you leave the editor.",
     )  # fmt: skip
     bit_rate: int = choice(

@@ -242,7 +242,7 @@ def test_stuff_crc_and_reserved_bits_name_bit_and_field():
         decode(flipped(frame.bits, 14))
     extended = Frame(0x15555555, b"\x55", extended=True)
     starts = {field.name: field.line_start for field in extended.fields}
-    with pytest.raises(FormError, match="IDE: recessive behind a dominant SRR"):
+    with pytest.raises(FormError, match="IDE: recessive after a dominant SRR"):
         decode(flipped(extended.bits, starts["SRR"]))
     with pytest.raises(FormError, match="r1: recessive"):
         decode(flipped(extended.bits, starts["r1"]))

@@ -125,7 +125,7 @@ def test_a_damaged_other_format_names_its_line_or_frame(tmp_path):
     assert len(kept.faults) == 1
     blf = tmp_path / "bus.blf"
     blf.write_bytes(b"LOGGnothing")
-    with pytest.raises(InputError, match=r"bus\.blf: behind frame 0: "):
+    with pytest.raises(InputError, match=r"bus\.blf: after frame 0: "):
         read_log(blf)
 
 
@@ -135,7 +135,7 @@ GOOD = "(1.000000) can0 123#0102\n"
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("nonsense", "line 2: 'nonsense' is no frame; expected"),
+        ("nonsense", "line 2: 'nonsense' is not a frame; expected"),
         ("(2.0) can0 123##0112", "line 2: "),
         ("(2.0) can0 1234#00", "line 2: "),
         ("(2.0) can0 123#012", "line 2: "),
@@ -165,7 +165,7 @@ def test_all_faults_are_told_in_the_order_of_the_file(tmp_path):
     with pytest.raises(InputError) as caught:
         read_log(path)
     assert [int(fault.split()[1][:-1]) for fault in caught.value.faults[:6]] == [1, 2, 3, 4, 5, 6]
-    assert "lines 6 to 1000: 'y' is no frame" in str(caught.value)
+    assert "lines 6 to 1000: 'y' is not a frame" in str(caught.value)
     assert str(caught.value).endswith("and 1005 more")
     assert len(read_log(path, keep=True).faults) == 1000
 
@@ -208,6 +208,7 @@ def test_a_file_without_frames_and_one_that_is_not_there(tmp_path):
 
 
 def test_a_missing_library_is_named_with_the_line_that_installs_it(tmp_path, monkeypatch):
+    (tmp_path / "ship.dbc").write_text('VERSION ""')
     for module, call in (
         ("can", lambda: read_log(tmp_path / "bus.asc")),
         ("cantools", lambda: read_messages(tmp_path / "ship.dbc")),
@@ -287,7 +288,7 @@ def test_a_load_needs_sensible_arguments(change, message):
 def test_a_frame_that_cannot_be_has_no_length():
     log = random_log(5, np.random.default_rng(6), channels=("can0",))
     wrong = replace(log, arbitration_id=np.full(5, 0x800), extended=np.zeros(5, dtype=bool))
-    with pytest.raises(ArgumentError, match=r"identifier 0x800 and .*; there is no such frame"):
+    with pytest.raises(ArgumentError, match=r"identifier 0x800 and .*; no frame has these"):
         wrong.load(125e3)
     with pytest.raises(ArgumentError, match="log has columns of"):
         replace(log, time=log.time[:3])

@@ -334,7 +334,7 @@ def test_a_message_is_replaced_by_name():
         example().replace("alarm", deadline=0.1).replace("alarm", period=0.2)["alarm"].deadline
         == 0.2
     )
-    with pytest.raises(ArgumentError, match="'id' is no field; a message has name, arb"):
+    with pytest.raises(ArgumentError, match="'id' is not a field; a message has name, arb"):
         messages.replace("speed", id=3)
     with pytest.raises(ArgumentError, match="name is 'sped'; the messages are shutdown"):
         messages.replace("sped", dlc=3)
