@@ -100,7 +100,7 @@ def test_scan_times_are_those_of_the_table(ax):
 def test_the_cost_of_a_break_is_what_a_simulation_finds():
     table = break_table(6, timeouts=[0.1, 1.0])
     for timeout, row in table.iterrows():
-        for column, move in (("one_by_one_s", "slave"), ("with_those_beyond_s", "downstream")):
+        for column, move in (("one_by_one_s", "slave"), ("with_downstream_s", "downstream")):
             ring = Loop(6, status_poll(timeout=timeout), move=move)
             assert sweep(ring, [Break(3)]).max() == pytest.approx(row[column], rel=1e-9)
 

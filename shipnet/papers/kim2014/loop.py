@@ -153,8 +153,8 @@ def break_table(
     -------
     pandas.DataFrame
         Indexed by ``timeout_s``: longest time between two answers of a slave [s], where the master
-        moves each slave by itself to the other port (``one_by_one_s``), or with it all beyond it
-        (``with_those_beyond_s``).
+        moves each slave by itself to the other port (``one_by_one_s``), or with it all downstream
+        (``with_downstream_s``).
 
     Examples
     --------
@@ -169,5 +169,5 @@ def break_table(
         poll = status_poll(timeout=timeout)
         loops = [Loop(n_slaves, poll, move=move) for move in _MOVES]
         rows.append([float(loop.worst_gap(middle).max()) for loop in loops])
-    columns = ["one_by_one_s", "with_those_beyond_s"]
+    columns = ["one_by_one_s", "with_downstream_s"]
     return pd.DataFrame(rows, columns=columns, index=pd.Index(timeouts, name="timeout_s"))
