@@ -32,6 +32,10 @@ def loaded(statement):
         ("from shipnet.modbus import Request, Poll, serve, udp", ["numpy"]),
         ("import shipnet.engine", []),
         ("import shipnet.engine.serving, shipnet.engine.class_rules", ["numpy"]),
+        (
+            "from shipnet import engine; engine.simulate(engine.System(), until=2)",
+            ["numpy"],
+        ),
         ("import shipnet.remote_control", []),
         ("from shipnet.remote_control import faults", []),
         ("from shipnet.remote_control import simulate, recommend", ["numpy"]),

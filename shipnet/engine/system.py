@@ -5,7 +5,7 @@ Boxes with one firmware, CAN between them, two Modbus channels, and the AMS that
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -17,7 +17,7 @@ from shipnet.clock import nanoseconds
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.points import PointList, read_points
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, choice, number, record, switch, whole
+from shipnet.fields import Kind, check_scalar, check_whole, choice, number, record, switch, whole
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
@@ -131,12 +131,21 @@ class StalenessFlag(NamedTuple):
     oldest: float
 
 
+class _Part(Kind):
+    """A part of a system that checks itself when it is made."""
+
+    def _check(self, name: str, value: Any, record: Any) -> Any:
+        return value
+
+
+def _part(factory: Callable[[], Any], help: str) -> Any:
+    """Declare a part, which `factory` makes if it is not given."""
+    return field(default_factory=factory, metadata={"kind": _Part(help=help)})
+
+
 @record
 class System:
     """An engine monitoring system; without arguments, the one of lee2012.
-
-    `points` lie in 2..7 boxes; the first box answers on Modbus channel 1, the last on channel 2.
-    `firmware` has the times within a box, `serial` is the line of both channels.
 
     Raises
     ------
@@ -170,8 +179,12 @@ class System:
     {'JB1': 1.781, 'JB2': 1.771, 'JB3': 1.789}
     """
 
-    points: PointList = field(default_factory=read_points)
-    firmware: Firmware = field(default_factory=Firmware)
+    points: PointList = _part(
+        read_points,
+        "What is measured, in 2..7 boxes; the first box answers on Modbus channel 1, the last on "
+        "channel 2. The 99 points of lee2012 if not given",
+    )
+    firmware: Firmware = _part(Firmware, "Times within a box; all assumed if not given")
     can_bit_rate: int = whole(
         10_000, 10**6, "bit/s", "Bit rate of CAN; not printed, assumed", default=125_000
     )
@@ -181,7 +194,9 @@ class System:
         "longer begins again at once, so 0 is a loop that never rests", default=0.5,
     )  # fmt: skip
     topology: Literal["line", "ring"] = choice(("line", "ring"), "Course of CAN", default="line")
-    serial: SerialLine = field(default_factory=lambda: SerialLine(9600))
+    serial: SerialLine = _part(
+        lambda: SerialLine(9600), "Both Modbus lines; 9600 bit/s, 8E1 if not given"
+    )
     poll_period: float = number(0.01, LONGEST, "s", "From poll to poll", default=1.0)
     timeout: float = number(
         0, LONGEST, "s", "Time-out of the AMS from the end of a request; not printed",

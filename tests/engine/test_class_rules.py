@@ -1,11 +1,10 @@
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 import pytest
 
 from shipnet.can import Frame, decode
-from shipnet.crc import ALGORITHMS, crc, undetected
+from shipnet.crc import undetected
 from shipnet.engine.assessment import Part, Redundancy
 from shipnet.engine.class_rules import RULES, Description, check
 from shipnet.engine.points import read_points
@@ -103,21 +102,6 @@ def test_the_answer_is_judged_at_the_limit():
         assert verdicts(replace(GOOD, poll=late))["answer"] == verdict
 
 
-@pytest.mark.parametrize("name", ALGORITHMS)
-@pytest.mark.parametrize("flips", [1, 2])
-def test_no_one_or_two_wrong_bits_pass_a_crc(name, flips):
-    assert undetected(name, flips=flips) == 0
-    # The second route: bit by bit, over two bytes.
-    width, data = ALGORITHMS[name].width, b"\x01\x02"
-    good = crc(name, data)
-    missed = 0
-    for wrong in combinations(range(16 + width), flips):
-        pattern = sum(1 << bit for bit in wrong)
-        received = (int.from_bytes(data, "big") ^ (pattern & 0xFFFF)).to_bytes(2, "big")
-        missed += crc(name, received) == good ^ (pattern >> 16)
-    assert missed == undetected(name, 2, flips)
-
-
 #: Two wrong bits in it remove one stuff bit and make another.
 STUFFED = Frame(0x1F3, bytes.fromhex("00F0FFFF00647B0F"))
 
@@ -213,9 +197,6 @@ def test_what_is_no_description_is_refused():
             "routes of '1' is 'port'",
         ),
         (lambda: Description(POINTS, routes=5), "routes is 5"),
-        (lambda: undetected("CRC-8"), "name is 'CRC-8'"),
-        (lambda: undetected("CRC-16/MODBUS", 17), "payload is 17"),
-        (lambda: undetected("CRC-16/MODBUS", 6, 3), "flips is 3"),
     ):
         with pytest.raises(ArgumentError, match=message):
             action()

@@ -16,6 +16,7 @@ from shipnet.engine.faults import (
     LostCanFrames,
     ModbusBreak,
     StuckSensor,
+    parse_fault,
 )
 from shipnet.engine.points import read_points
 from shipnet.engine.registers import RegisterMap
@@ -144,3 +145,11 @@ def test_a_fault_of_a_valve_is_not_one_of_the_engine(capsys):
     assert main(["serve", "engine", "--fault", "3:V1"]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "box dead JB1" in error
+
+
+def test_a_fault_is_named_as_the_table_of_failures_names_it():
+    system = System()
+    for fault in system.single_faults(0.0):
+        assert parse_fault(system, str(fault)) == fault
+    with pytest.raises(ArgumentError, match="fault is 'fire'; it must be one of CAN cable cut JB1"):
+        parse_fault(system, "fire")

@@ -1,12 +1,13 @@
 import binascii
 import zlib
+from itertools import combinations
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.crc import ALGORITHMS, Algorithm, crc, crc_batch
+from shipnet.crc import ALGORITHMS, Algorithm, crc, crc_batch, undetected
 from shipnet.errors import ArgumentError, SymbolError
 
 # Two that the standard library computes too: one of each direction, one with a final addition.
@@ -117,3 +118,31 @@ def test_other_arguments_are_refused():
     ]:
         with pytest.raises(ArgumentError, match=message):
             crc_batch("CRC-16/MODBUS", rows, lengths)
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+@pytest.mark.parametrize("flips", [1, 2])
+def test_no_one_or_two_wrong_bits_pass_a_crc(name, flips):
+    assert undetected(name, flips=flips) == 0
+    # The second route: bit by bit, over two bytes.
+    width, data = ALGORITHMS[name].width, b"\x01\x02"
+    good = crc(name, data)
+    missed = 0
+    for wrong in combinations(range(16 + width), flips):
+        pattern = sum(1 << bit for bit in wrong)
+        received = (int.from_bytes(data, "big") ^ (pattern & 0xFFFF)).to_bytes(2, "big")
+        missed += crc(name, received) == good ^ (pattern >> 16)
+    assert missed == undetected(name, 2, flips)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("CRC-8",), "name is 'CRC-8'"),
+        (("CRC-16/MODBUS", 17), "payload is 17"),
+        (("CRC-16/MODBUS", 6, 3), "flips is 3"),
+    ],
+)
+def test_errors_that_cannot_be_tried_are_refused(arguments, message):
+    with pytest.raises(ArgumentError, match=message):
+        undetected(*arguments)
