@@ -1,3 +1,5 @@
-"""Interactive tools: for each a pure `update`, which computes, and a thin view of widgets."""
+"""Interactive tools: each is a record whose fields are its controls, with an answer and a page."""
 
-__all__: list[str] = []
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -32,11 +32,11 @@ class Controls:
 
     Examples
     --------
-    >>> from shipnet.tools.asi_line import Inputs
-    >>> controls, seen = Controls(Inputs()), []
+    >>> from shipnet.tools.asi_line import AsiLine
+    >>> controls, seen = Controls(AsiLine()), []
     >>> controls.observe(lambda: seen.append(controls.inputs.length))
     >>> controls.widgets["length"].value = 200
-    >>> controls.put(Inputs())
+    >>> controls.put(AsiLine())
     >>> seen, controls.widgets["length"].value
     ([200.0], 100.0)
     """

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from html import escape
 from importlib.resources import files
@@ -16,9 +15,8 @@ import ipywidgets as widgets
 from shipnet.errors import ArgumentError, InputError
 from shipnet.tools._controls import Controls, with_help
 from shipnet.tools._state import download_link, read_state, write_state
+from shipnet.tools._tool import Button, Preset, Upload
 from shipnet.tools._view import View
-
-__all__ = ["Button", "Page", "Preset", "Upload"]
 
 #: Changes that follow each other within this time are computed once [s].
 PAUSE = 0.05
@@ -28,60 +26,6 @@ _FAULTS = 50
 
 #: Said where a file or a button changed nothing.
 _BEFORE = "The results above are still those from before."
-
-
-@dataclass(frozen=True)
-class Button:
-    """A button.
-
-    Attributes
-    ----------
-    label, help : str
-        What stands on it, and one sentence on what it does.
-    act : callable
-        Takes the inputs and returns them changed, or None to compute once more.
-    """
-
-    label: str
-    help: str
-    act: Callable[[Any], Any]
-
-
-@dataclass(frozen=True)
-class Upload:
-    """A button that takes a file of the user's.
-
-    Attributes
-    ----------
-    label, help : str
-        As for `Button`.
-    accept : str
-        Endings of the names, as ``".csv,.txt"``.
-    take : callable
-        Takes the inputs, the name and the content of the file, and returns the inputs changed.
-        Its ArgumentError or InputError becomes a sentence in the page, and nothing changes.
-    """
-
-    label: str
-    help: str
-    accept: str
-    take: Callable[[Any, str, bytes], Any]
-
-
-@dataclass(frozen=True)
-class Preset:
-    """Controls that set the others.
-
-    Attributes
-    ----------
-    start : object
-        Inputs of their own, made as those of the tool.
-    make : callable
-        Takes them and the inputs of the tool, and returns new inputs of the tool.
-    """
-
-    start: Any
-    make: Callable[[Any, Any], Any]
 
 
 class Page(widgets.VBox):  # type: ignore[misc]
@@ -128,8 +72,8 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
     Examples
     --------
-    >>> from shipnet.tools.modbus_scan import explorer
-    >>> page = explorer()
+    >>> from shipnet.tools.modbus_scan import ModbusScan
+    >>> page = ModbusScan().explore()
     >>> page.text.splitlines()[0]
     'in time: 1.576 s'
     >>> page.controls["dead"].value = 1

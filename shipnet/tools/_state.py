@@ -39,8 +39,8 @@ def write_state(tool: str, inputs: Any) -> str:
 
     Examples
     --------
-    >>> from shipnet.tools.engine_faults import Inputs
-    >>> print(write_state("engine_faults", Inputs(time=14)))
+    >>> from shipnet.tools.engine_faults import EngineFaults
+    >>> print(write_state("engine_faults", EngineFaults(time=14)))
     {
       "format": "shipnet tool",
       "version": 1,
@@ -48,7 +48,7 @@ def write_state(tool: str, inputs: Any) -> str:
       "inputs": {
         "fault": "box dead JB2",
         "design": "as printed, CAN as a line",
-        "time": 14
+        "time": 14.0
       }
     }
     """
@@ -83,11 +83,11 @@ def read_state(content: bytes, tool: str, kind: type, file: str = "state") -> An
 
     Examples
     --------
-    >>> from shipnet.tools.engine_faults import Inputs
-    >>> state = write_state("engine_faults", Inputs(time=14)).encode()
-    >>> read_state(state, "engine_faults", Inputs).time
-    14
-    >>> read_state(state.replace(b"14", b"140"), "engine_faults", Inputs)
+    >>> from shipnet.tools.engine_faults import EngineFaults
+    >>> state = write_state("engine_faults", EngineFaults(time=14)).encode()
+    >>> read_state(state, "engine_faults", EngineFaults).time
+    14.0
+    >>> read_state(state.replace(b"14.0", b"140"), "engine_faults", EngineFaults)
     Traceback (most recent call last):
         ...
     shipnet.errors.InputError: state: time is 140 s; it must be 2..25 s

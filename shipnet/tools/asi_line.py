@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -23,10 +24,8 @@ from shipnet.asi.topology import straight_line
 from shipnet.errors import FrameError, SilenceError
 from shipnet.fields import choice, number, record, switch, whole
 from shipnet.line.cable import CABLES, Cable
-from shipnet.tools._page import Page
+from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
-
-__all__ = ["CABLE_CHOICES", "Inputs", "Result", "draw", "explorer", "update", "view"]
 
 #: Cables to choose from. The corners combine the limits of a data sheet, 0.5 to 0.75 uH/m and at
 #: most 80 pF/m (Lapp, UNITRONIC BUS ASI); their resistance is that of the nominal cable.
@@ -50,8 +49,23 @@ Floats = npt.NDArray[np.floating]
 
 
 @record
-class Inputs:
-    """What the sliders say."""
+class AsiLine(Tool):
+    """A slave that answers over a cable, and what the master reads.
+
+    `result` has the voltage at the master, the bits sent and read, and the error.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> AsiLine().verdict
+    'read 0011001: response: 0110 (6)'
+    >>> AsiLine(length=200).verdict
+    'InformationError: slot 3 is empty; it is the middle of bit 1'
+    """
 
     length: float = number(
         1, 500, default=100.0, unit="m", slider=(10, 300), step=5, label="length",
@@ -78,6 +92,54 @@ class Inputs:
     seed: int = whole(
         0, 999, default=0, slider=(0, 99), label="try", help="Another try draws other noise."
     )
+
+    @cached_property
+    def result(self) -> Result:
+        """Send an answer over the line and receive it."""
+        sent = Response(self.data).bits
+        segment = straight_line(
+            self.length,
+            slaves=(min(self.place, self.length),),
+            cable=CABLE_CHOICES[self.cable],
+            terminator=100.0 if self.terminator else None,
+        )
+        t, (((u,),)) = segment.signals(sent, dt=STEP, duration=DURATION, start=START)
+        u = u + np.random.default_rng(self.seed).normal(0, self.noise, u.size)
+        # Four standard deviations keep the noise before the answer from looking like a pulse.
+        minimum = max(MINIMUM, 4 * FILTERED * self.noise)
+        found = receive(u, STEP, len(sent), minimum=minimum)
+        return Result(t - START, u, matched_filter(u, STEP), sent, found, _error_of(found))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the voltage with what the receiver sees in it."""
+        result, ax = self.result, style.axes(ax)
+        found = result.reception
+        ax.plot(result.t * 1e6, result.u, color="0.6", linewidth=1, label="on the line")
+        ax.plot(result.t * 1e6, result.filtered, color="C0", label="behind the filter")
+        if np.isfinite(found.start):
+            middles = found.start - START + HALF_BIT * (np.arange(found.slots.size) + 0.5)
+            heights = np.interp(middles, result.t, result.filtered)
+            filled = found.slots != 0
+            ax.plot(middles[filled] * 1e6, heights[filled], "o", color="C1", label="pulse")
+            ax.plot(middles[~filled][1:] * 1e6, heights[~filled][1:], "x", color="C1", label="none")
+            threshold = abs(heights[1]) / 2
+            for level in (threshold, -threshold):
+                ax.axhline(level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+            ax.text(62, threshold, "threshold", color=style.LIMIT["color"], ha="right", va="bottom")
+        ax.set(xlim=(-5, 63), xlabel="time [us]", ylabel="voltage at the master [V]")
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
+        return ax
+
+    def _view(self) -> View:
+        """Return what the page shows."""
+        result = self.result
+        return View(
+            text=result.verdict,
+            good=result.read == result.sent,
+            numbers=result.numbers,
+            draw=self.plot,
+            about="Voltage at the master over time, and the pulses that the receiver finds",
+        )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -137,41 +199,6 @@ class Result:
         return texts
 
 
-def update(inputs: Inputs) -> Result:
-    """Send an answer over the line and receive it.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        What the sliders say.
-
-    Returns
-    -------
-    Result
-        Waveform, bits and the error, if there is one.
-
-    Examples
-    --------
-    >>> update(Inputs()).verdict
-    'read 0011001: response: 0110 (6)'
-    >>> update(Inputs(length=200)).verdict
-    'InformationError: slot 3 is empty; it is the middle of bit 1'
-    """
-    sent = Response(inputs.data).bits
-    segment = straight_line(
-        inputs.length,
-        slaves=(min(inputs.place, inputs.length),),
-        cable=CABLE_CHOICES[inputs.cable],
-        terminator=100.0 if inputs.terminator else None,
-    )
-    t, (((u,),)) = segment.signals(sent, dt=STEP, duration=DURATION, start=START)
-    u = u + np.random.default_rng(inputs.seed).normal(0, inputs.noise, u.size)
-    # Four standard deviations keep the noise before the answer from looking like its first pulse.
-    minimum = max(MINIMUM, 4 * FILTERED * inputs.noise)
-    found = receive(u, STEP, len(sent), minimum=minimum)
-    return Result(t - START, u, matched_filter(u, STEP), sent, found, _error_of(found))
-
-
 def _error_of(found: Reception) -> FrameError | None:
     if found.error == SilenceError.code:
         return SilenceError("the line holds no pulse that stands out of the noise")
@@ -180,86 +207,3 @@ def _error_of(found: Reception) -> FrameError | None:
     except FrameError as error:
         return error
     return None
-
-
-def draw(result: Result, *, ax: Axes) -> Axes:
-    """Draw the voltage with what the receiver sees in it.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; x is in microseconds from the start of the answer.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(Inputs()), ax=Figure().subplots())
-    >>> [line.get_label() for line in ax.lines[:4]]
-    ['on the line', 'behind the filter', 'pulse', 'none']
-    """
-    found = result.reception
-    ax.plot(result.t * 1e6, result.u, color="0.6", linewidth=1, label="on the line")
-    ax.plot(result.t * 1e6, result.filtered, color="C0", label="behind the filter")
-    if np.isfinite(found.start):
-        middles = found.start - START + HALF_BIT * (np.arange(found.slots.size) + 0.5)
-        heights = np.interp(middles, result.t, result.filtered)
-        filled = found.slots != 0
-        ax.plot(middles[filled] * 1e6, heights[filled], "o", color="C1", label="pulse")
-        ax.plot(middles[~filled][1:] * 1e6, heights[~filled][1:], "x", color="C1", label="none")
-        threshold = abs(heights[1]) / 2
-        for level in (threshold, -threshold):
-            ax.axhline(level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
-        ax.text(62, threshold, "threshold", color=style.LIMIT["color"], ha="right", va="bottom")
-    ax.set(xlim=(-5, 63), xlabel="time [us]", ylabel="voltage at the master [V]")
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
-    return ax
-
-
-def view(result: Result) -> View:
-    """Return what the page shows of a result.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-
-    Returns
-    -------
-    View
-        Verdict, numbers and figure.
-
-    Examples
-    --------
-    >>> view(update(Inputs())).good
-    True
-    """
-    return View(
-        text=result.verdict,
-        good=result.read == result.sent,
-        numbers=result.numbers,
-        draw=lambda ax: draw(result, ax=ax),
-        about="Voltage at the master over time, and the pulses that the receiver finds",
-    )
-
-
-def explorer() -> Page:
-    """Return the page: sliders, what the master reads, and the voltage that it sees.
-
-    Returns
-    -------
-    Page
-        To be shown as the last value of a notebook's cell.
-
-    Examples
-    --------
-    >>> "read 0011001" in explorer().text
-    True
-    """
-    return Page("asi_line", Inputs(), lambda inputs: view(update(inputs)))

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from shipnet import style
 from shipnet.asi.cycle import ResponseTime
 from shipnet.asi.emc.failures import cycle_effect
 from shipnet.asi.plan import Plan
 from shipnet.asi.rules import PlanFindings
 from shipnet.asi.topologies import line, ring, star
 from shipnet.fields import choice, number, record, whole
-from shipnet.tools._page import Page
+from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
-
-__all__ = ["STRUCTURES", "Inputs", "Result", "draw", "explorer", "update", "view"]
 
 #: Structures to choose from, and what each does with the cable.
 STRUCTURES = MappingProxyType(
@@ -33,8 +33,21 @@ ADDRESSES = 31
 
 
 @record
-class Inputs:
-    """What the sliders say."""
+class AsiNetwork(Tool):
+    """An AS-i line with its slaves: cycle, response, signals and rules.
+
+    `result` has the plan, its findings and the times.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> AsiNetwork(slaves=31).ok
+    True
+    """
 
     slaves: int = whole(
         1, 2 * ADDRESSES, default=31, label="slaves", help="Slaves; above 31 they share addresses."
@@ -89,6 +102,41 @@ class Inputs:
         supply = self.supply * self.length
         return line(self.length, self.slaves, supply=supply, pairs=self.shared, current=current)
 
+    @cached_property
+    def result(self) -> Result:
+        """Plan the network, check its rules and compute its times."""
+        plan = self.plan
+        cycle, asked = plan.cycle, self.slaves - self.shared
+        # A slave is asked twice at most in a cycle; the second time counts in the worst case.
+        response = cycle.response_time(repetitions=int(self.error_rate > 0))
+        effect = cycle_effect(self.error_rate, slaves=asked, cycle_time=float(cycle.time)).iloc[0]
+        return Result(
+            plan,
+            plan.check(),
+            float(cycle.time),
+            float(cycle.update_time),
+            response,
+            float(effect["repetitions_per_s"]),
+            float(effect["drops_per_h"]),
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the plan, with what breaks a rule in red."""
+        result, ax = self.result, style.axes(ax)
+        return result.rules.plot(ax=ax)
+
+    def _view(self) -> View:
+        """Return what the page shows."""
+        result = self.result
+        return View(
+            text="\n".join(result.broken) or f"all rules kept: {len(result.rules)} checks",
+            good=not result.broken,
+            numbers=result.numbers,
+            draw=self.plot,
+            height=3.2,
+            about="Plan of master, supply, cables and slaves; what breaks a rule is red",
+        )
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Result:
@@ -136,108 +184,3 @@ class Result:
             "repetitions": f"{self.repetitions:.3g} a second",
             "slaves dropped": f"{self.drops:.3g} an hour, if failures are independent",
         }
-
-
-def update(inputs: Inputs) -> Result:
-    """Plan the network, check its rules and compute its times.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        What the sliders say.
-
-    Returns
-    -------
-    Result
-        Plan, rules, times and rates.
-
-    Examples
-    --------
-    >>> update(Inputs()).broken
-    []
-    >>> print(*update(Inputs(slaves=62, supply=0)).broken)
-    slave voltage: 24.47 V at slave 31B at 100 m, at least 26.5 V (38 violated)
-    """
-    plan = inputs.plan
-    cycle, asked = plan.cycle, inputs.slaves - inputs.shared
-    # A slave is asked twice at most in a cycle; the second time counts in the worst case.
-    response = cycle.response_time(repetitions=int(inputs.error_rate > 0))
-    effect = cycle_effect(inputs.error_rate, slaves=asked, cycle_time=float(cycle.time)).iloc[0]
-    return Result(
-        plan,
-        plan.check(),
-        float(cycle.time),
-        float(cycle.update_time),
-        response,
-        float(effect["repetitions_per_s"]),
-        float(effect["drops_per_h"]),
-    )
-
-
-def draw(result: Result, *, ax: Axes) -> Axes:
-    """Draw the plan, with what breaks a rule in red.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; x is the distance from the master.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(Inputs(slaves=3)), ax=Figure().subplots())
-    >>> [text.get_text() for text in ax.texts]
-    ['1', '2', '3']
-    """
-    return result.rules.plot(ax=ax)
-
-
-def view(result: Result) -> View:
-    """Return what the page shows of a result.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-
-    Returns
-    -------
-    View
-        Verdict, numbers and figure.
-
-    Examples
-    --------
-    >>> view(update(Inputs())).text.split(":")[0]
-    'all rules kept'
-    """
-    return View(
-        text="\n".join(result.broken) or f"all rules kept: {len(result.rules)} checks",
-        good=not result.broken,
-        numbers=result.numbers,
-        draw=lambda ax: draw(result, ax=ax),
-        height=3.2,
-        about="Plan of master, supply, cables and slaves; what breaks a rule is red",
-    )
-
-
-def explorer() -> Page:
-    """Return the page: sliders, the rules that are broken, and the plan.
-
-    Returns
-    -------
-    Page
-        To be shown as the last value of a notebook's cell.
-
-    Examples
-    --------
-    >>> "all rules kept" in explorer().text
-    True
-    """
-    return Page("asi_network", Inputs(), lambda inputs: view(update(inputs)))

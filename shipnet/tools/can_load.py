@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf
+from typing import Any
 
 from matplotlib.axes import Axes
 
+from shipnet import style
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Stuffing
 from shipnet.can.messages import BIT_RATES, MessageSet, bus_load
@@ -14,16 +17,31 @@ from shipnet.can.priorities import lowest_bit_rate
 from shipnet.can.response import ResponseTimes, response_times
 from shipnet.can.tables import EXAMPLE, parse_dbc
 from shipnet.fields import choice, record, text, whole
-from shipnet.tools._page import Page, Upload
 from shipnet.tools._state import decode_text
+from shipnet.tools._tool import Tool, Upload
 from shipnet.tools._view import View
-
-__all__ = ["EXAMPLE", "Inputs", "Result", "draw", "explorer", "update", "view"]
 
 
 @record
-class Inputs:
-    """What the widgets say."""
+class CanLoad(Tool):
+    """Load and response times of a CAN message set at a bit rate.
+
+    `result` has the messages, their loads, their response times and the lowest bit rate.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+    InputError
+        From `result`, if the text is not a message set.
+
+    Examples
+    --------
+    >>> CanLoad().verdict
+    'all 10 messages meet their deadlines'
+    >>> CanLoad(bit_rate=50_000).result.late
+    ['speed']
+    """
 
     text: str = text(
         default=EXAMPLE, most=200_000, rows=12, label="message set",
@@ -39,6 +57,50 @@ class Inputs:
         0, 1000, default=0, slider=(0, 100), unit="1/s", label="errors",
         help="Errors on the bus, evenly spread; each costs an error frame and a repetition.",
     )  # fmt: skip
+
+    @cached_property
+    def result(self) -> Result:
+        """Compute load and response times of the messages."""
+        messages = MessageSet.parse(self.text)
+        faults = [ErrorBound(interval=1 / self.errors_per_s)] if self.errors_per_s else []
+        counted: dict[str, Stuffing] = {
+            "no stuff bits": "none", "random data": "mean", "most stuff bits": "worst",
+        }  # fmt: skip
+        return Result(
+            messages,
+            {name: bus_load(messages, self.bit_rate, way) for name, way in counted.items()},
+            response_times(messages, self.bit_rate, faults=faults),
+            lowest_bit_rate(messages, faults=faults),
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the longest response of each message against its deadline."""
+        result, ax = self.result, style.axes(ax)
+        return result.responses.plot(ax)
+
+    def _view(self) -> View:
+        """Return what the page shows."""
+        result = self.result
+        return View(
+            text=result.verdict,
+            good=not result.late,
+            numbers=result.numbers,
+            draw=self.plot,
+            height=1.2 + 0.28 * len(result.responses),
+            about="Longest response time of each message, as a bar, against its deadline",
+        )
+
+    def _options(self) -> dict[str, Any]:
+        """Return what the page has beside controls and figure."""
+
+        def take(inputs: CanLoad, name: str, content: bytes) -> CanLoad:
+            given = decode_text(name, content)
+            dbc = name.lower().endswith(".dbc")
+            return replace(inputs, text=parse_dbc(given, name).text if dbc else given)
+
+        tip = "A CSV or DBC file; it replaces the text above."
+        own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
+        return {"uploads": [own]}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -68,48 +130,3 @@ class Result:
         load = {f"load, {name}": f"{share:.1%}" for name, share in self.load.items()}
         rate = "none" if self.lowest == inf else f"{self.lowest / 1e3:g} kbit/s"
         return {**load, "lowest standard bit rate that works": rate}
-
-
-def update(inputs: Inputs) -> Result:
-    """Compute load and response times of the messages."""
-    messages = MessageSet.parse(inputs.text)
-    faults = [ErrorBound(interval=1 / inputs.errors_per_s)] if inputs.errors_per_s else []
-    counted: dict[str, Stuffing] = {
-        "no stuff bits": "none", "random data": "mean", "most stuff bits": "worst",
-    }  # fmt: skip
-    return Result(
-        messages,
-        {name: bus_load(messages, inputs.bit_rate, way) for name, way in counted.items()},
-        response_times(messages, inputs.bit_rate, faults=faults),
-        lowest_bit_rate(messages, faults=faults),
-    )
-
-
-def draw(result: Result, *, ax: Axes) -> Axes:
-    """Draw the longest response of each message against its deadline."""
-    return result.responses.plot(ax)
-
-
-def view(result: Result) -> View:
-    """Return what the page shows of a result."""
-    return View(
-        text=result.verdict,
-        good=not result.late,
-        numbers=result.numbers,
-        draw=lambda ax: draw(result, ax=ax),
-        height=1.2 + 0.28 * len(result.responses),
-        about="Longest response time of each message, as a bar, against its deadline",
-    )
-
-
-def explorer() -> Page:
-    """Return the page: an editor and an upload for messages, a bit rate, and the response times."""
-
-    def take(inputs: Inputs, name: str, content: bytes) -> Inputs:
-        given = decode_text(name, content)
-        dbc = name.lower().endswith(".dbc")
-        return replace(inputs, text=parse_dbc(given, name).text if dbc else given)
-
-    tip = "A CSV or DBC file; it replaces the text above."
-    own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
-    return Page("can_load", Inputs(), lambda inputs: view(update(inputs)), uploads=[own])

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import ClassVar
 
 from matplotlib.axes import Axes
 
+from shipnet import style
 from shipnet.engine.faults import EngineFault
 from shipnet.engine.screen import Screen
 from shipnet.engine.simulation import Run, simulate
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record
-from shipnet.tools._page import Page
+from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
-
-__all__ = ["DESIGNS", "FAULTS", "START", "Inputs", "Result"]
-__all__ += ["draw", "explorer", "update", "view"]
 
 #: When the fault begins, and the last time that can be looked at [s].
 START, _END = 10.0, 25.0
@@ -40,8 +40,25 @@ _SEED = 2024
 
 
 @record
-class Inputs:
-    """What the controls say."""
+class EngineFaults(Tool):
+    """What the alarm screen of lee2012 shows after a fault.
+
+    `result` has the screen and the counts of points that are marked, or old but shown as good.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range, or the design lacks the cable of the fault.
+
+    Examples
+    --------
+    >>> seen = EngineFaults(fault="box dead JB2", time=13)
+    >>> seen.result.marked, seen.result.old
+    (0, 18)
+    """
+
+    #: The designs to choose from, by name.
+    DESIGNS: ClassVar[Mapping[str, System]] = DESIGNS
 
     fault: str = choice(
         list(FAULTS), default="box dead JB2", label="fault",
@@ -62,6 +79,30 @@ class Inputs:
         if chosen is not None and chosen.where not in chosen.places(DESIGNS[self.design]):
             raise ArgumentError(f"fault is {self.fault!r}; {self.design!r} has no such cable")
 
+    @cached_property
+    def result(self) -> Result:
+        """Simulate the fault and look at the screen."""
+        run = _run(self.fault, self.design)
+        return Result(self, run, run.screen(self.time))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the screen of the AMS."""
+        result, ax = self.result, style.axes(ax)
+        return result.screen.plot(ax)
+
+    def _view(self) -> View:
+        """Return what the page shows."""
+        result = self.result
+        healthy = not (result.old or result.marked or result.raised)
+        return View(
+            text="all values fresh" if healthy else f"{result.old} old values shown as good",
+            good=not result.old,
+            numbers=result.numbers,
+            draw=self.plot,
+            height=4.6,
+            about="Screen of the alarm monitoring system, a field for each value",
+        )
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Result:
@@ -69,7 +110,7 @@ class Result:
 
     Attributes
     ----------
-    inputs : Inputs
+    inputs : EngineFaults
         What was asked.
     run : Run
         The simulation.
@@ -77,7 +118,7 @@ class Result:
         The screen at the time asked for.
     """
 
-    inputs: Inputs
+    inputs: EngineFaults
     run: Run
     screen: Screen
 
@@ -120,101 +161,3 @@ def _run(fault: str, design: str) -> Run:
     chosen = FAULTS[fault]
     faults = [] if chosen is None else [chosen]
     return simulate(DESIGNS[design], faults=faults, until=_END + 1, rng=_SEED)
-
-
-def update(inputs: Inputs) -> Result:
-    """Simulate the fault and look at the screen.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        What the controls say.
-
-    Returns
-    -------
-    Result
-        The run and the screen.
-
-    Examples
-    --------
-    A dead box, three seconds later: its 18 values look as good as ever, but are not.
-
-    >>> result = update(Inputs())
-    >>> result.marked, result.old
-    (0, 18)
-    >>> later = update(Inputs(time=20))
-    >>> later.marked, later.old
-    (18, 0)
-    """
-    run = _run(inputs.fault, inputs.design)
-    return Result(inputs, run, run.screen(inputs.time))
-
-
-def draw(result: Result, *, ax: Axes) -> Axes:
-    """Draw the screen of the AMS.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; the values are synthetic.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(Inputs()), ax=Figure().subplots())
-    >>> len(ax.patches)
-    99
-    """
-    return result.screen.plot(ax)
-
-
-def view(result: Result) -> View:
-    """Return what the page shows of a result.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-
-    Returns
-    -------
-    View
-        Verdict, numbers and figure.
-
-    Examples
-    --------
-    >>> view(update(Inputs())).text
-    '18 old values shown as good'
-    """
-    healthy = not (result.old or result.marked or result.raised)
-    return View(
-        text="all values fresh" if healthy else f"{result.old} old values shown as good",
-        good=not result.old,
-        numbers=result.numbers,
-        draw=lambda ax: draw(result, ax=ax),
-        height=4.6,
-        about="Screen of the alarm monitoring system, a field for each value",
-    )
-
-
-def explorer() -> Page:
-    """Return the page: a fault, a design and a time, and what the screen shows.
-
-    Returns
-    -------
-    Page
-        To be shown as the last value of a notebook's cell.
-
-    Examples
-    --------
-    >>> "18 points" in explorer().text
-    True
-    """
-    return Page("engine_faults", Inputs(), lambda inputs: view(update(inputs)))

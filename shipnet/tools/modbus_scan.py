@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
@@ -14,11 +15,8 @@ from shipnet.modbus.adu import MAX_UNIT
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
-from shipnet.tools._page import Page
+from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
-
-__all__ = ["BIT_RATES", "CHARACTERS", "Inputs", "Result"]
-__all__ += ["draw", "explorer", "update", "view"]
 
 #: Bit rates to choose from [bit/s].
 BIT_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
@@ -28,8 +26,21 @@ CHARACTERS = ("8E1", "8O1", "8N2", "8N1")
 
 
 @record
-class Inputs:
-    """What the sliders say."""
+class ModbusScan(Tool):
+    """How long a Modbus master takes to ask all its slaves, against a limit.
+
+    `result` has the scan times, the slaves that fit, and the scan at every bit rate.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range, or the timeout is shorter than a whole response.
+
+    Examples
+    --------
+    >>> ModbusScan().verdict, ModbusScan(dead=1).verdict
+    ('in time: 1.576 s', 'too slow: 2.543 s')
+    """
 
     bit_rate: int = choice(
         BIT_RATES, default=9600, unit="bit/s", label="bit rate", help="Bit rate of the line."
@@ -79,6 +90,57 @@ class Inputs:
             retries=self.retries,
         )
 
+    @cached_property
+    def result(self) -> Result:
+        """Compute the scan."""
+        poll = self.poll
+        by_bit_rate = {}
+        for rate in BIT_RATES:
+            try:
+                other = replace(self, bit_rate=rate).poll
+            except ArgumentError:
+                continue
+            by_bit_rate[rate] = other.scan_time(self.slaves, dead=self.dead)
+        return Result(
+            self,
+            poll,
+            poll.scan_time(self.slaves),
+            poll.scan_time(self.slaves, dead=self.dead),
+            poll.max_slaves(self.limit, dead=self.dead),
+            by_bit_rate,
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the scan time at every bit rate, and the limit."""
+        result, ax = self.result, style.axes(ax)
+        inputs = result.inputs
+        rates, times = list(result.by_bit_rate), list(result.by_bit_rate.values())
+        ax.plot(rates, times, "o-", color="C0", mfc="white", label="other bit rates")
+        ax.plot(inputs.bit_rate, result.scan, "o", color="C0", ms=9, label="chosen")
+        colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
+        ax.axhline(inputs.limit, color=colour, linestyle=dashes, label=f"limit, {inputs.limit:g} s")
+        ax.set(xscale="log", yscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
+        ax.set_xticks(BIT_RATES, [str(rate) for rate in BIT_RATES], fontsize="small")
+        ax.set_xticks([], minor=True)
+        ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        ax.yaxis.set_major_formatter("{x:g}")
+        ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.set_xlim(0.85 * BIT_RATES[0], 1.2 * BIT_RATES[-1])
+        ax.legend(loc="upper right")
+        return ax
+
+    def _view(self) -> View:
+        """Return what the page shows."""
+        result = self.result
+        return View(
+            text=f"{'in time' if result.in_time else 'too slow'}: {result.scan:.3f} s",
+            good=result.in_time,
+            numbers=result.numbers,
+            draw=self.plot,
+            height=3.0,
+            about="Scan time over bit rate, both logarithmic, with the limit",
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Result:
@@ -86,7 +148,7 @@ class Result:
 
     Attributes
     ----------
-    inputs : Inputs
+    inputs : ModbusScan
         What was asked.
     poll : Poll
         The poll of one slave.
@@ -98,7 +160,7 @@ class Result:
         Scan time [s] at every bit rate at which the timeout is long enough for the response.
     """
 
-    inputs: Inputs
+    inputs: ModbusScan
     poll: Poll
     healthy: float
     scan: float
@@ -125,130 +187,3 @@ class Result:
             "scan": f"{self.scan:.3f} s",
             "slaves that fit": f"{self.max_slaves}",
         }
-
-
-def update(inputs: Inputs) -> Result:
-    """Compute the scan.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        What the sliders say.
-
-    Returns
-    -------
-    Result
-        Times of the poll and the scan.
-
-    Raises
-    ------
-    ArgumentError
-        If the timeout is shorter than the slave takes for its whole response.
-
-    Examples
-    --------
-    >>> result = update(Inputs())
-    >>> round(result.scan, 3), result.in_time, result.max_slaves
-    (1.576, True, 39)
-    >>> update(Inputs(dead=1)).in_time
-    False
-    """
-    poll = inputs.poll
-    by_bit_rate = {}
-    for rate in BIT_RATES:
-        try:
-            other = replace(inputs, bit_rate=rate).poll
-        except ArgumentError:
-            continue
-        by_bit_rate[rate] = other.scan_time(inputs.slaves, dead=inputs.dead)
-    return Result(
-        inputs,
-        poll,
-        poll.scan_time(inputs.slaves),
-        poll.scan_time(inputs.slaves, dead=inputs.dead),
-        poll.max_slaves(inputs.limit, dead=inputs.dead),
-        by_bit_rate,
-    )
-
-
-def draw(result: Result, *, ax: Axes) -> Axes:
-    """Draw the scan time at every bit rate, and the limit.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; both scales are logarithmic.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(Inputs()), ax=Figure().subplots())
-    >>> ax.get_ylabel()
-    'scan time [s]'
-    """
-    inputs = result.inputs
-    rates, times = list(result.by_bit_rate), list(result.by_bit_rate.values())
-    ax.plot(rates, times, "o-", color="C0", mfc="white", label="other bit rates")
-    ax.plot(inputs.bit_rate, result.scan, "o", color="C0", ms=9, label="chosen")
-    colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
-    ax.axhline(inputs.limit, color=colour, linestyle=dashes, label=f"limit, {inputs.limit:g} s")
-    ax.set(xscale="log", yscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
-    ax.set_xticks(BIT_RATES, [str(rate) for rate in BIT_RATES], fontsize="small")
-    ax.set_xticks([], minor=True)
-    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    ax.yaxis.set_major_formatter("{x:g}")
-    ax.yaxis.set_minor_formatter(NullFormatter())
-    ax.set_xlim(0.85 * BIT_RATES[0], 1.2 * BIT_RATES[-1])
-    ax.legend(loc="upper right")
-    return ax
-
-
-def view(result: Result) -> View:
-    """Return what the page shows of a result.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-
-    Returns
-    -------
-    View
-        Verdict, numbers and figure.
-
-    Examples
-    --------
-    >>> view(update(Inputs())).text
-    'in time: 1.576 s'
-    """
-    return View(
-        text=f"{'in time' if result.in_time else 'too slow'}: {result.scan:.3f} s",
-        good=result.in_time,
-        numbers=result.numbers,
-        draw=lambda ax: draw(result, ax=ax),
-        height=3.0,
-        about="Scan time over bit rate, both logarithmic, with the limit",
-    )
-
-
-def explorer() -> Page:
-    """Return the page: sliders, whether the scan is in time, and its time at every bit rate.
-
-    Returns
-    -------
-    Page
-        To be shown as the last value of a notebook's cell.
-
-    Examples
-    --------
-    >>> "in time" in explorer().text
-    True
-    """
-    return Page("modbus_scan", Inputs(), lambda inputs: view(update(inputs)))

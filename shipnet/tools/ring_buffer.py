@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
+from typing import Any, ClassVar
 
 from matplotlib.axes import Axes
 
+from shipnet import style
 from shipnet.fields import choice, record, series
 from shipnet.remote_control.packet import MarkerFormat, MarkerParser
 from shipnet.remote_control.ring_buffer import Ring, Rule, Step
-from shipnet.tools._page import Button, Page
+from shipnet.tools._tool import Button, Tool
 from shipnet.tools._view import View
-
-__all__ = ["ACTIONS", "CASES", "RULES", "SIZES", "Inputs", "Result"]
-__all__ += ["draw", "explorer", "update", "view"]
 
 #: Sizes to choose from; 128 is that of chung1998.
 SIZES = (8, 16, 32, 64, 128)
@@ -64,8 +65,24 @@ _FORM = MarkerFormat(n_numbers=_ITEMS)
 
 
 @record
-class Inputs:
-    """What has been chosen and done."""
+class ReceiveRing(Tool):
+    """A receive ring that is filled and read by hand, step by step.
+
+    `result` has the ring, what the last action did, and what was lost or found.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> ReceiveRing(16, "intended", ("packet", "extract")).verdict
+    '0xCC taken from 0'
+    """
+
+    #: The rules of the reader to choose from, and what each does.
+    RULES: ClassVar[Mapping[Rule, str]] = RULES
 
     size: int = choice(
         SIZES, default=16, label="places", help="Places of the ring; that of the paper has 128."
@@ -81,15 +98,56 @@ class Inputs:
         help="What has been done, from an empty ring on.",
     )
 
-    def then(self, action: str) -> Inputs:
-        """Return the same with one action more.
-
-        Parameters
-        ----------
-        action : str
-            Key of `ACTIONS`.
-        """
+    def then(self, action: str) -> ReceiveRing:
+        """Return the same ring after one more action, such as ``"byte"`` or ``"repair"``."""
         return replace(self, actions=(*self.actions, action))
+
+    @cached_property
+    def result(self) -> Result:
+        """Do all actions from an empty ring on."""
+        game = _Game(self)
+        sent = {_value(number) for number in range(game.ring.written // _FORM.size(_ITEMS))}
+        due, wrong = 0, 0
+        for value in game.found:
+            wrong += value < due or value not in sent
+            due = max(due, value + 1)
+        return Result(game.ring, game.said, len(game.found), wrong, game.parser.discarded)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the ring with its writer and its reader."""
+        result, ax = self.result, style.axes(ax)
+        return result.ring.plot(ax)
+
+    def _view(self) -> View:
+        """Return what the page shows."""
+        result = self.result
+        return View(
+            text=result.said,
+            good=result.sound,
+            numbers=result.numbers,
+            draw=self.plot,
+            height=4.2,
+            about="The ring with its bytes, its writer and its reader",
+        )
+
+    def _options(self) -> dict[str, Any]:
+        """Return what the page has beside controls and figure."""
+
+        def does(action: str) -> Button:
+            return Button(ACTIONS[action], _HELP[action], lambda inputs: inputs.then(action))
+
+        def back(inputs: ReceiveRing) -> ReceiveRing:
+            return replace(inputs, actions=inputs.actions[:-1])
+
+        def restart(inputs: ReceiveRing) -> ReceiveRing:
+            return replace(inputs, actions=())
+
+        buttons = [
+            *map(does, ACTIONS),
+            Button("one back", "Takes back the last action.", back),
+            Button("start again", "Empties the ring.", restart),
+        ]
+        return {"buttons": buttons}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -141,7 +199,7 @@ class Result:
 class _Game:
     """A ring with somebody who writes packets and somebody who reads them."""
 
-    def __init__(self, inputs: Inputs) -> None:
+    def __init__(self, inputs: ReceiveRing) -> None:
         self.ring = Ring(inputs.size, inputs.rule)
         self.parser: MarkerParser = _FORM.parser()
         self.said = "nothing done yet"
@@ -206,123 +264,3 @@ def _in_words(step: Step, where: int, ring: Ring) -> str:
     what = ", which was not due" if step.stale else ""
     skipped = f", {step.lost} bytes lost unnoticed" if step.lost else ""
     return f"0x{step.byte:02X} taken from {where}{what}{skipped}"
-
-
-def update(inputs: Inputs) -> Result:
-    """Do all actions from an empty ring on.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        What has been chosen and done.
-
-    Returns
-    -------
-    Result
-        The ring, and what its reader found.
-
-    Examples
-    --------
-    Three packets into a ring of 16, of which two fit:
-
-    >>> result = update(Inputs(actions=3 * ("packet",)))
-    >>> result.numbers["unread"]
-    '18 bytes, of which 2 are overwritten; the variables show 18'
-    >>> update(Inputs(actions=(*3 * ("packet",), "repair"))).said
-    'repaired: reader moved from 0 to 12, 12 bytes lost'
-    """
-    game = _Game(inputs)
-    sent = {_value(number) for number in range(game.ring.written // _FORM.size(_ITEMS))}
-    due, wrong = 0, 0
-    for value in game.found:
-        wrong += value < due or value not in sent
-        due = max(due, value + 1)
-    return Result(game.ring, game.said, len(game.found), wrong, game.parser.discarded)
-
-
-def draw(result: Result, *, ax: Axes) -> Axes:
-    """Draw the ring with its writer and its reader.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(Inputs(actions=("packet",))), ax=Figure().subplots())
-    >>> print(ax.texts[-1].get_text())
-    ring_f = 0, ring_get_f = 0
-    case b, 6 unread
-    """
-    return result.ring.plot(ax)
-
-
-def view(result: Result) -> View:
-    """Return what the page shows of a result.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-
-    Returns
-    -------
-    View
-        Verdict, numbers and figure.
-
-    Examples
-    --------
-    >>> view(update(Inputs())).text
-    'nothing done yet'
-    """
-    return View(
-        text=result.said,
-        good=result.sound,
-        numbers=result.numbers,
-        draw=lambda ax: draw(result, ax=ax),
-        height=4.2,
-        about="The ring with its bytes, its writer and its reader",
-    )
-
-
-def explorer() -> Page:
-    """Return the page: buttons that store and extract, and the ring that follows them.
-
-    Returns
-    -------
-    Page
-        To be shown as the last value of a notebook's cell. Another size or rule does the same
-        actions again with it.
-
-    Examples
-    --------
-    >>> page = explorer()
-    >>> page.buttons["store a packet"].click()
-    >>> "6 bytes stored" in page.text
-    True
-    """
-
-    def does(action: str) -> Button:
-        return Button(ACTIONS[action], _HELP[action], lambda inputs: inputs.then(action))
-
-    def back(inputs: Inputs) -> Inputs:
-        return replace(inputs, actions=inputs.actions[:-1])
-
-    def restart(inputs: Inputs) -> Inputs:
-        return replace(inputs, actions=())
-
-    buttons = [
-        *map(does, ACTIONS),
-        Button("one back", "Takes back the last action.", back),
-        Button("start again", "Empties the ring.", restart),
-    ]
-    return Page("ring_buffer", Inputs(), lambda inputs: view(update(inputs)), buttons=buttons)

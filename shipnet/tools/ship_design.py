@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import pandas as pd
 from matplotlib.axes import Axes
 
+from shipnet import style
 from shipnet.design.comparison import RESPONSE, not_beaten
 from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado
 from shipnet.design.report import BANNER, report_html
@@ -17,21 +21,11 @@ from shipnet.fields import choice, number, record, switch, text
 from shipnet.tools._design_files import from_file, settings_from_file
 from shipnet.tools._design_result import Result
 from shipnet.tools._design_steps import EXAMPLES, MIXES, basis_of, compared, place, planned, points
-from shipnet.tools._page import Button, Page, Upload
+from shipnet.tools._tool import Button, Tool, Upload
 from shipnet.tools._view import View
 
-__all__ = [
-    "EXAMPLES",
-    "PICTURES",
-    "Inputs",
-    "Result",
-    "draw",
-    "explorer",
-    "from_file",
-    "settings_from_file",
-    "update",
-    "view",
-]
+if TYPE_CHECKING:
+    from shipnet.tools._page import Page
 
 #: What the figure can show; against cost, the column of the comparison that it is.
 PICTURES = {
@@ -56,8 +50,26 @@ _MIND = (
 
 
 @record
-class Inputs:
-    """What the controls say."""
+class ShipDesign(Tool):
+    """Ways to connect the points of a ship's I/O list, side by side.
+
+    `result` has the comparison of the designs, its table and what is said of them.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+    InputError
+        From `result`, if the list or the settings are faulty.
+
+    Examples
+    --------
+    >>> ShipDesign().ok
+    True
+    """
+
+    #: The example lists, by name.
+    EXAMPLES: ClassVar[Mapping[str, str]] = EXAMPLES
 
     points: str = text(
         default=EXAMPLES["main engine"], most=_LONGEST, rows=6, label="I/O list",
@@ -155,172 +167,100 @@ class Inputs:
         }  # fmt: skip
         return tuple(option for option, wanted in chosen.items() if wanted)
 
-
-def update(inputs: Inputs) -> Result:
-    """Plan the options and compare them; what is not changed is not planned anew.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        What the controls say.
-
-    Returns
-    -------
-    Result
-        The comparison.
-
-    Raises
-    ------
-    ArgumentError
-        If no option is on, or the cabinet is neither typed nor to be found.
-    InputError
-        If the text is no I/O list, or the lines of one's own no settings; all faults at once.
-
-    Examples
-    --------
-    >>> found = update(Inputs(junction_boxes=False, modbus=False, asi=False))
-    >>> found.comparison.table["conductors at the cabinet"].to_dict()
-    {'home runs': 260.0, 'CAN': 4.0}
-    """
-    if not inputs.options:
-        raise ArgumentError("no option is on; switch on one or more of home runs to Modbus RTU")
-    printed = "".join(one if one.isprintable() else " " for one in inputs.name)
-    iolist = points(inputs.points, " ".join(printed.split()) or "list", inputs.update_ms)
-    cabinet, known = place(iolist, inputs.cabinet)
-    basis = basis_of(
-        inputs.spare, inputs.redundant, inputs.list_lengths, inputs.detour, inputs.labour,
-        inputs.parts, inputs.own,
-    )  # fmt: skip
-    networks = planned(iolist, cabinet, basis, inputs.options)
-    comparison = compared(networks, inputs.rules, basis)
-    return Result(comparison, known, inputs.picture)
-
-
-def draw(result: Result, *, ax: Axes) -> Axes:
-    """Draw what `Inputs.picture` asks for.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(Inputs(picture="conductors at the cabinet")), ax=Figure().subplots())
-    >>> ax.get_xlabel(), ax.get_ylabel()
-    ('total cost [EUR]', 'conductors at the cabinet')
-    """
-    comparison, picture = result.comparison, result.picture
-    if picture == "cost":
-        plot_quantities(comparison.quantities, ax=ax, likely=comparison.likely)
-        ax.set_yticks(ax.get_yticks(), list(result.names.values()))
-        return ax
-    if picture == "assumptions":
-        return plot_tornado(comparison.tornado, ax=ax)
-    table = comparison.table
-    whole = table[table["points left out"] == 0]
-    best = not_beaten(whole[["total cost", picture]].to_numpy(float))
-    front = pd.Series(best, whole.index).rename(result.names)
-    plot_pareto(table.rename(result.names), y=picture, pareto=front, ax=ax)
-    if picture == "lost by one failure":
-        ax.set_ylabel("points lost by one failure")
-    return ax
-
-
-def view(result: Result, report: bool = False) -> View:
-    """Return what the page shows of a result.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    report : bool, default False
-        Whether the report is made, which takes a second or two.
-
-    Returns
-    -------
-    View
-        Verdict, table, what stands behind it, and figure.
-
-    Examples
-    --------
-    >>> print(view(update(Inputs())).text.splitlines()[1])
-    cheapest of them: Modbus RTU, 26,500 EUR (10,900 to 60,700)
-    """
-    comparison, options = result.comparison, len(result.comparison.networks)
-    heights = {"cost": 1.2 + 0.4 * options, "assumptions": 3.4}
-    files, ready = {"settings.toml": format_basis(comparison.basis)}, {}
-    if report:
-        files |= {"report.html": report_html(comparison, remarks=[result.cabinet])}
-        ready = {"report": "made; the button to download it is below the figure"}
-    return View(
-        text=result.verdict,
-        good=bool(result.kept),
-        table=result.table,
-        caption=_MIND,
-        numbers=ready | result.numbers,
-        draw=lambda ax: draw(result, ax=ax),
-        height=heights.get(result.picture, 3.6),
-        about=PICTURES[result.picture],
-        files=files,
-    )
-
-
-def explorer() -> Page:
-    """Return the page: a list, the options and the limits, their comparison, and its report.
-
-    Returns
-    -------
-    Page
-        To be shown as the last value of a notebook's cell.
-
-    Examples
-    --------
-    >>> "cheapest of them: Modbus RTU" in explorer().text
-    True
-    """
-    # The inputs that the report is asked for; it goes when they change.
-    asked: list[Inputs] = []
-
-    def see(inputs: Inputs) -> View:
-        if asked != [inputs]:
-            asked.clear()
-        return view(update(inputs), report=bool(asked))
-
-    def ask(inputs: Inputs) -> None:
-        asked[:] = [inputs]
-
-    def example(name: str, cabinet: str) -> Button:
-        points = EXAMPLES[name]
-        said = f"{points.count(chr(10)) - 1} points, synthetic; they replace the list above."
-        return Button(
-            f"example: {name}", said,
-            lambda inputs: replace(
-                inputs, points=points, name=f"{name} (synthetic)", cabinet=cabinet
-            ),
+    @cached_property
+    def result(self) -> Result:
+        """Plan the options and compare them; what is not changed is not planned anew."""
+        if not self.options:
+            raise ArgumentError("no option is on; switch on one or more of home runs to Modbus RTU")
+        printed = "".join(one if one.isprintable() else " " for one in self.name)
+        iolist = points(self.points, " ".join(printed.split()) or "list", self.update_ms)
+        cabinet, known = place(iolist, self.cabinet)
+        basis = basis_of(
+            self.spare, self.redundant, self.list_lengths, self.detour, self.labour,
+            self.parts, self.own,
         )  # fmt: skip
+        networks = planned(iolist, cabinet, basis, self.options)
+        comparison = compared(networks, self.rules, basis)
+        return Result(comparison, known, self.picture)
 
-    return Page(
-        "ship_design",
-        Inputs(),
-        see,
-        buttons=[
-            example("main engine", _CABINET),
-            example("ship", ""),
-            Button("make the report", "One file to read offline and print: tables, figures, rules "
-                   "and every assumption. The button to download it appears below the figure.",
-                   ask),
-        ],
-        uploads=[Upload("load a list", "CSV or Excel; it replaces the list above.",
-                        ".csv,.txt,.xlsx", from_file),
-                 Upload("load settings", "Limits and prices, as TOML; they replace those above.",
-                        ".toml,.txt", settings_from_file)],
-    )  # fmt: skip
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw what `ShipDesign.picture` asks for."""
+        result, ax = self.result, style.axes(ax)
+        comparison, picture = result.comparison, result.picture
+        if picture == "cost":
+            plot_quantities(comparison.quantities, ax=ax, likely=comparison.likely)
+            ax.set_yticks(ax.get_yticks(), list(result.names.values()))
+            return ax
+        if picture == "assumptions":
+            return plot_tornado(comparison.tornado, ax=ax)
+        table = comparison.table
+        whole = table[table["points left out"] == 0]
+        best = not_beaten(whole[["total cost", picture]].to_numpy(float))
+        front = pd.Series(best, whole.index).rename(result.names)
+        plot_pareto(table.rename(result.names), y=picture, pareto=front, ax=ax)
+        if picture == "lost by one failure":
+            ax.set_ylabel("points lost by one failure")
+        return ax
+
+    def _view(self, report: bool = False) -> View:
+        """Return what the page shows; with `report`, a file to download."""
+        result = self.result
+        comparison, options = result.comparison, len(result.comparison.networks)
+        heights = {"cost": 1.2 + 0.4 * options, "assumptions": 3.4}
+        files, ready = {"settings.toml": format_basis(comparison.basis)}, {}
+        if report:
+            files |= {"report.html": report_html(comparison, remarks=[result.cabinet])}
+            ready = {"report": "made; the button to download it is below the figure"}
+        return View(
+            text=result.verdict,
+            good=bool(result.kept),
+            table=result.table,
+            caption=_MIND,
+            numbers=ready | result.numbers,
+            draw=self.plot,
+            height=heights.get(result.picture, 3.6),
+            about=PICTURES[result.picture],
+            files=files,
+        )
+
+    def explore(self) -> Page:
+        """Return the page with controls, examples, uploads, and a report to download."""
+        from shipnet.tools._page import Page
+
+        # The inputs that the report is asked for; it goes when they change.
+        asked: list[ShipDesign] = []
+
+        def see(inputs: ShipDesign) -> View:
+            if asked != [inputs]:
+                asked.clear()
+            return inputs._view(report=bool(asked))
+
+        def ask(inputs: ShipDesign) -> None:
+            asked[:] = [inputs]
+
+        def example(name: str, cabinet: str) -> Button:
+            points = EXAMPLES[name]
+            said = f"{points.count(chr(10)) - 1} points, synthetic; they replace the list above."
+            return Button(
+                f"example: {name}", said,
+                lambda inputs: replace(
+                    inputs, points=points, name=f"{name} (synthetic)", cabinet=cabinet
+                ),
+            )  # fmt: skip
+
+        return Page(
+            "ship_design",
+            self,
+            see,
+            buttons=[
+                example("main engine", _CABINET),
+                example("ship", ""),
+                Button("make the report", "One file to read offline and print: tables, figures, "
+                       "rules and every assumption. The button to download it appears below the "
+                       "figure.", ask),
+            ],
+            uploads=[Upload("load a list", "CSV or Excel; it replaces the list above.",
+                            ".csv,.txt,.xlsx", from_file),
+                     Upload("load settings", "Limits and prices, as TOML; they replace those "
+                            "above.", ".toml,.txt", settings_from_file)],
+        )  # fmt: skip

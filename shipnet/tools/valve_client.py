@@ -7,6 +7,7 @@ machine, or to one whose address is typed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import finalize
 
 import ipywidgets as widgets
@@ -14,6 +15,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from shipnet import style
 from shipnet.ballast.live import valve_server
 from shipnet.ballast.master import valve_states
 from shipnet.ballast.plot import plot_screen
@@ -23,20 +25,31 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, record, text, whole
 from shipnet.modbus.adu import MAX_UNIT
 from shipnet.modbus.pdu import ExceptionCode, Request
-from shipnet.tools._page import Button, Page
+from shipnet.tools._page import Page
+from shipnet.tools._tool import Button, Tool
 from shipnet.tools._valve_link import Ask, Link, ModelValves
 from shipnet.tools._view import View
-
-__all__ = ["Explorer", "Inputs", "Link", "ModelValves", "Result"]
-__all__ += ["draw", "explorer", "send", "update", "view"]
 
 #: Valves of the server that the explorer starts, and how it reads their registers.
 _OWN, _MAP = 16, RegisterMap()
 
 
 @record
-class Inputs:
-    """What is typed."""
+class ValveClient(Tool):
+    """Ballast valves over Modbus/TCP: open, close and set them, and see what they answer.
+
+    `result` has the answers of model valves in model time; the page talks to a server.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> ValveClient(valves=3).verdict
+    'valve 1: closed, 0 %'
+    """
 
     address: str = text(
         default="", hint="own server", label="address",
@@ -75,6 +88,23 @@ class Inputs:
         help="Where the button of this name sends the valve.",
     )
 
+    @cached_property
+    def result(self) -> Result:
+        """What model valves answer that nobody has commanded yet."""
+        return update(self, ModelValves(self.valves))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the openings of all valves."""
+        return draw(self.result, ax=style.axes(ax))
+
+    def explore(self) -> Explorer:
+        """Return the page, with a server of its own that listens on this machine only."""
+        return Explorer(self)
+
+    def _view(self) -> View:
+        """Return what the page shows of model valves."""
+        return view(self.result)
+
 
 @dataclass(frozen=True, eq=False)
 class Result:
@@ -82,7 +112,7 @@ class Result:
 
     Attributes
     ----------
-    inputs : Inputs
+    inputs : ValveClient
         What was asked.
     status : Status
         Of all valves that answered, in order.
@@ -90,7 +120,7 @@ class Result:
         Their unit ids.
     """
 
-    inputs: Inputs
+    inputs: ValveClient
     status: Status
     units: np.ndarray[tuple[int], np.dtype[np.int64]]
 
@@ -194,12 +224,12 @@ def send(ask: Ask, valve: int, action: str, position: int | None = None) -> str:
     return f"valve {unit}: {action}{where}"
 
 
-def update(inputs: Inputs, ask: Ask) -> Result:
+def update(inputs: ValveClient, ask: Ask) -> Result:
     """Read all valves.
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : ValveClient
         How many valves, and which is chosen.
     ask : callable
         A `Link`, or `ModelValves`.
@@ -216,7 +246,7 @@ def update(inputs: Inputs, ask: Ask) -> Result:
 
     Examples
     --------
-    >>> result = update(Inputs(valves=3), ModelValves(2))
+    >>> result = update(ValveClient(valves=3), ModelValves(2))
     >>> result.units.tolist(), result.verdict
     ([1, 2], 'valve 1: closed, 0 %')
     """
@@ -248,7 +278,7 @@ def draw(result: Result, *, ax: Axes) -> Axes:
     Examples
     --------
     >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(Inputs(valves=3), ModelValves(3)), ax=Figure().subplots())
+    >>> ax = draw(update(ValveClient(valves=3), ModelValves(3)), ax=Figure().subplots())
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['closed']
     """
@@ -274,7 +304,7 @@ def view(result: Result, said: str = "", *, refused: bool = False) -> View:
 
     Examples
     --------
-    >>> view(update(Inputs(valves=3, valve=3), ModelValves(2))).good
+    >>> view(update(ValveClient(valves=3, valve=3), ModelValves(2))).good
     False
     """
     return View(
@@ -296,7 +326,7 @@ class Explorer(Page):
         The explorer's own, of 16 valves in real time.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, start: ValveClient) -> None:
         self.server = valve_server(_OWN, rng=np.random.default_rng()).__enter__()
         self._end = finalize(self, self.server.__exit__)
         self._link: Link | None = None
@@ -308,7 +338,7 @@ class Explorer(Page):
         clock.observe(lambda _: self.refresh(), "value")
         super().__init__(
             "valve_client",
-            Inputs(),
+            start,
             self._look,
             buttons=[
                 Button("open", "Opens the valve.", lambda given: self._tell(given, "open")),
@@ -330,7 +360,7 @@ class Explorer(Page):
             self._link.close()
         self._link = self._place = None
 
-    def _connected(self, inputs: Inputs) -> Link:
+    def _connected(self, inputs: ValveClient) -> Link:
         address = inputs.address.strip()
         place = (address, inputs.port) if address else ("127.0.0.1", self.server.port)
         if self._link is None or self._place != place:
@@ -338,7 +368,7 @@ class Explorer(Page):
             self._link, self._place = Link(*place), place
         return self._link
 
-    def _tell(self, inputs: Inputs, action: str) -> None:
+    def _tell(self, inputs: ValveClient, action: str) -> None:
         target = inputs.target if action == "position" else None
         try:
             self._answer = send(self._connected(inputs), inputs.valve, action, target)
@@ -347,7 +377,7 @@ class Explorer(Page):
             self._answer = str(problem)
         self._refused = inputs.valve if "refuses" in self._answer else 0
 
-    def _look(self, inputs: Inputs) -> View:
+    def _look(self, inputs: ValveClient) -> View:
         try:
             result = update(inputs, self._connected(inputs))
         except OSError as problem:
@@ -355,24 +385,6 @@ class Explorer(Page):
             return View(text=str(problem), good=False)
         # The refusal stays said, but it is bad news of one valve only.
         return view(result, self._answer, refused=self._refused == inputs.valve)
-
-
-def explorer() -> Explorer:
-    """Return the client, with a server of its own that listens on this machine only.
-
-    Returns
-    -------
-    Explorer
-        To be shown as the last value of a notebook's cell.
-
-    Examples
-    --------
-    >>> client = explorer()
-    >>> client.text.splitlines()[0]
-    'valve 1: closed, 0 %'
-    >>> client.close()
-    """
-    return Explorer()
 
 
 def _said(value: float, digits: int, unit: str) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import nan
-from typing import Any
+from typing import Any, ClassVar
 
 from matplotlib.axes import Axes
 
@@ -19,11 +20,8 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, switch
 from shipnet.fuzzy.decision import Decision
 from shipnet.fuzzy.rules import NORMAL, RuleBase
-from shipnet.tools._page import Page, Preset
+from shipnet.tools._tool import Preset, Tool
 from shipnet.tools._view import View
-
-__all__ = ["STATES", "Inputs", "Result"]
-__all__ += ["draw", "explorer", "from_plant", "update", "view"]
 
 #: What a valve may be doing: where it starts, 0..1, what it is told, and when it is read [s].
 STATES: dict[str, tuple[float, str | None, float]] = {
@@ -46,8 +44,27 @@ def _sensor(name: str, default: float, label: str, help: str) -> Any:
 
 
 @record
-class Inputs:
-    """What the sensors say."""
+class ValveDiagnosis(Tool):
+    """What the rules of kim2014 say of a valve's readings.
+
+    `result` has the firing strength of each rule, the active ones, and those that fire as printed.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> ValveDiagnosis().verdict
+    'normal'
+    >>> stuck = ValveDiagnosis.from_plant("V1")
+    >>> round(stuck.FP), round(stuck.OP), stuck.DVPos
+    (128, 10, 0.0)
+    """
+
+    #: The states of a valve that the plant model can be read in.
+    STATES: ClassVar[Mapping[str, Any]] = STATES
 
     FP: float = _sensor("FP", 90.0, "pump pressure FP", "What the pump builds up; 90 is normal.")
     OP: float = _sensor("OP", 2.0, "operating press. OP", "What moves the valve; 2 is normal.")
@@ -68,6 +85,95 @@ class Inputs:
         label="cut",
         help="Strength from which on a rule is active.",
     )
+
+    @cached_property
+    def result(self) -> Result:
+        """Let the rules fire."""
+        base = _BASE
+        given = {name: [getattr(self, name)] for name in base.names}
+        if not self.commanded:
+            given["DVPos"] = [nan]
+        decision = base.decide(given, threshold=self.cut)
+        printed = base.decide(given, "crisp").codes(0)
+        return Result(self, decision, printed)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the firing strength of every rule as a bar."""
+        result, ax = self.result, style.axes(ax)
+        codes, heights = list(result.strength), list(result.strength.values())
+        base = result.decision.firing.base
+        colours = ["C1" if code in result.active else "C0" for code in codes]
+        ax.barh(range(len(codes)), heights, color=colours, height=0.7)
+        labels = [f"{code}  {base.rule(code).english}" for code in codes]
+        ax.set_yticks(range(len(codes)), labels, fontsize=8)
+        ax.axvline(
+            result.inputs.cut, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"],
+            label="cut: active from here on",
+        )  # fmt: skip
+        places = [codes.index(code) for code in result.printed]
+        ax.plot(
+            [1.03] * len(places), places, "x", color="0.2", markersize=6, clip_on=False,
+            label="fires as printed",
+        )  # fmt: skip
+        ax.set_ylim(len(codes) - 0.4, -0.6)
+        ax.set_xlim(0, 1.06)
+        ax.set_xticks([0, 0.25, 0.5, 0.75, 1])
+        ax.set_xlabel("firing strength")
+        ax.grid(visible=False, axis="y")
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, fontsize=8)
+        return ax
+
+    @classmethod
+    def from_plant(
+        cls, fault: str = NORMAL, severity: float = 1.0, state: str = "opening", *, cut: float = 0.5
+    ) -> ValveDiagnosis:
+        """Return the readings of a valve by the plant model, without noise.
+
+        `fault` is a code of the rule table or ``"normal"``, `severity` 0..1, and `state` one of
+        `STATES`; a valve that moves starts half open and is read after 4 s.
+        """
+        if state not in STATES:
+            raise ArgumentError(f"state is {state!r}; it must be one of {', '.join(STATES)}")
+        start, order, duration = STATES[state]
+        faults = [] if fault == NORMAL else [Fault(fault, severity)]
+        orders = [] if order is None else [Command(order)]
+        quiet = Sensors(noise=(0.0,) * 5, bits=None)
+        run = simulate(
+            commands=orders,
+            duration=duration,
+            faults=faults,
+            sensors=quiet,
+            opening=start,
+            step=0.5,
+        )
+        last = {name: round(float(values[-1, 0]), 6) for name, values in run.samples.items()}
+        commanded = bool(run.active[-1, 0])
+        return cls(
+            **{**last, "DVPos": last["DVPos"] if commanded else 0.0}, commanded=commanded, cut=cut
+        )
+
+    def _view(self) -> View:
+        """Return what the page shows."""
+        result = self.result
+        text = result.headline
+        base = result.decision.firing.base
+        return View(
+            text=f"{text}: {base.rule(text).english}" if text in base.codes else text,
+            good=text == NORMAL,
+            numbers=result.numbers,
+            draw=self.plot,
+            about="Firing strength of each rule, as a bar, against the cut",
+        )
+
+    def _options(self) -> dict[str, Any]:
+        """Return what the page has beside controls and figure."""
+
+        def make(plant: _Plant, inputs: ValveDiagnosis) -> ValveDiagnosis:
+            return ValveDiagnosis.from_plant(
+                plant.fault, plant.severity, plant.state, cut=inputs.cut
+            )
+
+        return {"preset": Preset(_Plant(), make)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +204,7 @@ class Result:
 
     Attributes
     ----------
-    inputs : Inputs
+    inputs : ValveDiagnosis
         What was asked.
     decision : Decision
         By firing strengths, of a single sample.
@@ -106,7 +212,7 @@ class Result:
         Codes that fire by the comparisons as printed, the highest priority first.
     """
 
-    inputs: Inputs
+    inputs: ValveDiagnosis
     decision: Decision
     printed: tuple[str, ...]
 
@@ -134,179 +240,3 @@ class Result:
             "active codes": " ".join(self.active) or "none",
             "as printed, without ramps": " ".join(self.printed) or "none",
         }
-
-
-def from_plant(
-    fault: str = NORMAL, severity: float = 1.0, state: str = "opening", *, cut: float = 0.5
-) -> Inputs:
-    """Return what the sensors of a valve would say, by the plant model and without noise.
-
-    Parameters
-    ----------
-    fault : str, default "normal"
-        A code of the rule table, or ``normal``.
-    severity : float, default 1
-        0..1.
-    state : str, default "opening"
-        One of `STATES`; a valve that moves starts half open and is read after 4 s.
-    cut : float, default 0.5
-        As for `Inputs`.
-
-    Returns
-    -------
-    Inputs
-        Readings of the plant.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such fault or state, or a number is out of its range.
-
-    Examples
-    --------
-    >>> stuck = from_plant("V1")
-    >>> round(stuck.FP), round(stuck.OP), round(stuck.MC, 2), stuck.DVPos
-    (128, 10, 1.55, 0.0)
-    """
-    if state not in STATES:
-        raise ArgumentError(f"state is {state!r}; it must be one of {', '.join(STATES)}")
-    start, order, duration = STATES[state]
-    faults = [] if fault == NORMAL else [Fault(fault, severity)]
-    orders = [] if order is None else [Command(order)]
-    quiet = Sensors(noise=(0.0,) * 5, bits=None)
-    run = simulate(
-        commands=orders, duration=duration, faults=faults, sensors=quiet, opening=start, step=0.5
-    )
-    last = {name: round(float(values[-1, 0]), 6) for name, values in run.samples.items()}
-    commanded = bool(run.active[-1, 0])
-    return Inputs(
-        **{**last, "DVPos": last["DVPos"] if commanded else 0.0}, commanded=commanded, cut=cut
-    )
-
-
-def update(inputs: Inputs) -> Result:
-    """Let the rules fire.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        What the sensors say.
-
-    Returns
-    -------
-    Result
-        Strengths, active codes, reason.
-
-    Examples
-    --------
-    >>> result = update(from_plant("P2"))
-    >>> result.headline, result.active
-    ('P2', ('P2', 'V2'))
-    >>> update(Inputs()).headline
-    'normal'
-    """
-    base = _BASE
-    given = {name: [getattr(inputs, name)] for name in base.names}
-    if not inputs.commanded:
-        given["DVPos"] = [nan]
-    decision = base.decide(given, threshold=inputs.cut)
-    printed = base.decide(given, "crisp").codes(0)
-    return Result(inputs, decision, printed)
-
-
-def draw(result: Result, *, ax: Axes) -> Axes:
-    """Draw the firing strength of every rule as a bar.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given: active codes in orange; a cross beside a rule that fires as printed.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(Inputs()), ax=Figure().subplots())
-    >>> ax.get_xlabel()
-    'firing strength'
-    """
-    codes, heights = list(result.strength), list(result.strength.values())
-    base = result.decision.firing.base
-    colours = ["C1" if code in result.active else "C0" for code in codes]
-    ax.barh(range(len(codes)), heights, color=colours, height=0.7)
-    labels = [f"{code}  {base.rule(code).english}" for code in codes]
-    ax.set_yticks(range(len(codes)), labels, fontsize=8)
-    ax.axvline(
-        result.inputs.cut, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"],
-        label="cut: active from here on",
-    )  # fmt: skip
-    places = [codes.index(code) for code in result.printed]
-    ax.plot(
-        [1.03] * len(places), places, "x", color="0.2", markersize=6, clip_on=False,
-        label="fires as printed",
-    )  # fmt: skip
-    ax.set_ylim(len(codes) - 0.4, -0.6)
-    ax.set_xlim(0, 1.06)
-    ax.set_xticks([0, 0.25, 0.5, 0.75, 1])
-    ax.set_xlabel("firing strength")
-    ax.grid(visible=False, axis="y")
-    ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, fontsize=8)
-    return ax
-
-
-def view(result: Result) -> View:
-    """Return what the page shows of a result.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-
-    Returns
-    -------
-    View
-        Verdict, numbers and figure.
-
-    Examples
-    --------
-    >>> view(update(from_plant("V1"))).text
-    'V1: valve stuck'
-    """
-    text = result.headline
-    base = result.decision.firing.base
-    return View(
-        text=f"{text}: {base.rule(text).english}" if text in base.codes else text,
-        good=text == NORMAL,
-        numbers=result.numbers,
-        draw=lambda ax: draw(result, ax=ax),
-        about="Firing strength of each rule, as a bar, against the cut",
-    )
-
-
-def explorer() -> Page:
-    """Return the page: sensors as sliders, faults of a plant that set them, and the diagnosis.
-
-    Returns
-    -------
-    Page
-        To be shown as the last value of a notebook's cell.
-
-    Examples
-    --------
-    >>> explorer().text.startswith("normal")
-    True
-    """
-
-    def make(plant: _Plant, inputs: Inputs) -> Inputs:
-        return from_plant(plant.fault, plant.severity, plant.state, cut=inputs.cut)
-
-    return Page(
-        "valve_diagnosis", Inputs(), lambda inputs: view(update(inputs)),
-        preset=Preset(_Plant(), make),
-    )  # fmt: skip

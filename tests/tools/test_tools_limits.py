@@ -1,7 +1,6 @@
 """Every tool over the limits of each of its controls."""
 
 import importlib
-import itertools
 from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
@@ -11,10 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shipnet import tools
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Choice, Number, Series, Switch, Text, Whole, declared
-from shipnet.tools import _valve_link
 from shipnet.tools._controls import Controls
+from shipnet.tools._tool import Tool
 
 FOLDER = Path(__file__).resolve().parents[2] / "shipnet" / "tools"
 TOOLS = sorted({path.stem for path in FOLDER.glob("[a-z]*.py")} - {"step"})  # for the lessons
@@ -33,8 +33,17 @@ SMALL = {
 TEXTS = ["", "\0", "oil", CSV, CSV + "oil,1,8,10\n", CSV + "oil,1,9,10\n", CSV + "oil,1,8,1e-9\n"]
 
 
-def module(tool):
-    return importlib.import_module(f"shipnet.tools.{tool}")
+def kind_of(tool):
+    """Return the class of a tool, by the name of its module."""
+    module = importlib.import_module(f"shipnet.tools.{tool}")
+    (kind,) = (value for value in vars(module).values() if is_tool(value, module))
+    return kind
+
+
+def is_tool(value, module):
+    return (
+        isinstance(value, type) and issubclass(value, Tool) and value.__module__ == module.__name__
+    )
 
 
 def limits(kind):
@@ -53,18 +62,10 @@ def limits(kind):
     return [(), *((one,) for one in kind.known), 3 * kind.known]
 
 
-def ask(tool):
-    """Return a function of inputs: what a page computes and draws of them."""
-    found = module(tool)
-    if tool == "valve_client":
-        return lambda inputs: found.view(found.update(inputs, _valve_link.ModelValves(3)))
-    return lambda inputs: found.view(found.update(inputs))
-
-
 def computes(tool, values, figure=False):
     """Compute; whatever goes wrong must be an error that a page can show. Return whether it did."""
     try:
-        view = ask(tool)(module(tool).Inputs(**(SMALL.get(tool, {}) | values)))
+        view = kind_of(tool)(**(SMALL.get(tool, {}) | values))._view()
         assert view.text
         if figure:
             assert "data:image/png" in view.figure
@@ -76,7 +77,7 @@ def computes(tool, values, figure=False):
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_each_control_at_each_limit(tool):
-    kinds = declared(module(tool).Inputs)
+    kinds = declared(kind_of(tool))
     assert kinds
     done = [computes(tool, {name: value}) for name, kind in kinds.items() for value in limits(kind)]
     assert sum(done) > len(done) / 3
@@ -86,7 +87,7 @@ def test_each_control_at_each_limit(tool):
 @pytest.mark.parametrize("tool", TOOLS)
 @given(data=st.data())
 def test_any_limits_together(tool, data):
-    kinds = declared(module(tool).Inputs)
+    kinds = declared(kind_of(tool))
     values = {name: data.draw(st.sampled_from(limits(kind))) for name, kind in kinds.items()}
     computes(tool, values)
 
@@ -94,25 +95,25 @@ def test_any_limits_together(tool, data):
 @pytest.mark.parametrize("tool", TOOLS)
 def test_the_figure_at_the_lowest_and_the_highest_of_all(tool):
     for end in (0, 1):
-        kinds = declared(module(tool).Inputs).items()
+        kinds = declared(kind_of(tool)).items()
         numbers = {n: limits(kind)[end] for n, kind in kinds if isinstance(kind, Number | Whole)}
         computes(tool, numbers, figure=True)
 
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_what_is_not_legal_is_named(tool):
-    for name, kind in declared(module(tool).Inputs).items():
+    for name, kind in declared(kind_of(tool)).items():
         wrong = [None, [], object(), {}]
         if isinstance(kind, Number | Whole):
             wrong += [kind.low - 1, kind.high + 1, inf, -inf, "1", True, 1j]
         for value in wrong:
             with pytest.raises(ArgumentError, match=name):
-                module(tool).Inputs(**{name: value})
+                kind_of(tool)(**{name: value})
 
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_sliders_stay_within_what_is_legal_and_start_where_the_inputs_do(tool):
-    start = module(tool).Inputs()
+    start = kind_of(tool)()
     controls = Controls(start)
     for name, kind in declared(type(start)).items():
         assert kind.label and kind.help.endswith("."), name
@@ -130,4 +131,4 @@ def test_sliders_stay_within_what_is_legal_and_start_where_the_inputs_do(tool):
 
 def test_the_tools_are_found():
     assert len(TOOLS) >= 8
-    assert [name for name in itertools.chain(TOOLS) if not callable(module(name).explorer)] == []
+    assert {kind_of(name).__name__ for name in TOOLS} == set(dir(tools)) - {"draw_steps", "stepper"}

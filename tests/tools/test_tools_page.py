@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check, choice, number, series, switch, text, whole
-from shipnet.tools._page import Button, Page, Preset, Upload
+from shipnet.tools._page import Page
 from shipnet.tools._state import read_state, write_state
+from shipnet.tools._tool import Button, Preset, Upload
 from shipnet.tools._view import View
 from tests.support import load
 

@@ -4,31 +4,31 @@ from matplotlib.figure import Figure
 
 from shipnet.asi.receiver import matched_filter
 from shipnet.errors import ArgumentError, SilenceError
-from shipnet.tools.asi_line import CABLE_CHOICES, FILTERED, STEP, Inputs, draw, explorer, update
+from shipnet.tools.asi_line import CABLE_CHOICES, FILTERED, STEP, AsiLine
 
 
 @pytest.mark.parametrize("data", range(16))
 @pytest.mark.parametrize("cable", CABLE_CHOICES)
 def test_every_answer_is_read_on_every_cable(data, cable):
-    result = update(Inputs(data=data, cable=cable, place=100))
+    result = AsiLine(data=data, cable=cable, place=100).result
     assert result.read == result.sent
     assert result.verdict.startswith(f"read {result.sent}")
 
 
 def test_too_long_a_cable_gives_a_named_error_and_a_terminator_mends_it():
-    long = update(Inputs(length=250))
+    long = AsiLine(length=250).result
     assert long.read == "" and type(long.error).__name__ in long.verdict
-    assert update(Inputs(length=250, terminator=True)).read == long.sent
+    assert AsiLine(length=250, terminator=True).result.read == long.sent
 
 
 def test_noise_hides_the_answer_and_another_try_may_pass():
-    assert isinstance(update(Inputs(noise=10)).error, SilenceError)
-    tries = {update(Inputs(noise=0.9, seed=seed)).read != "" for seed in range(30)}
+    assert isinstance(AsiLine(noise=10).result.error, SilenceError)
+    tries = {AsiLine(noise=0.9, seed=seed).result.read != "" for seed in range(30)}
     assert tries == {True, False}
 
 
 def test_an_undetected_fault_is_said_to_be_one():
-    result = update(Inputs())
+    result = AsiLine().result
     fooled = type(result)(
         result.t, result.u, result.filtered, "0000001", result.reception, result.error
     )
@@ -41,8 +41,8 @@ def test_the_filter_leaves_so_much_of_the_noise():
 
 
 def test_a_slave_beyond_the_end_is_at_the_end():
-    assert update(Inputs(length=50, place=300)).u == pytest.approx(
-        update(Inputs(length=50, place=50)).u
+    assert AsiLine(length=50, place=300).result.u == pytest.approx(
+        AsiLine(length=50, place=50).result.u
     )
 
 
@@ -59,13 +59,14 @@ def test_a_slave_beyond_the_end_is_at_the_end():
 )
 def test_a_value_out_of_range_is_named(field, value, message):
     with pytest.raises(ArgumentError, match=message):
-        update(Inputs(**{field: value}))
+        _ = AsiLine(**{field: value}).result
 
 
 def test_the_figure_shows_line_filter_and_slots():
     ax = Figure().subplots()
-    result = update(Inputs(length=150))
-    draw(result, ax=ax)
+    tool = AsiLine(length=150)
+    assert tool.plot(ax=ax) is ax
+    result = tool.result
     raw, filtered, pulses, gaps = ax.lines[:4]
     assert raw.get_ydata() == pytest.approx(result.u)
     assert filtered.get_ydata() == pytest.approx(result.filtered)
@@ -74,13 +75,13 @@ def test_the_figure_shows_line_filter_and_slots():
     assert len(gaps.get_xdata()) == (slots == 0).sum() - 1
     assert np.abs(pulses.get_ydata()).min() > ax.lines[4].get_ydata()[0]
     assert ax.get_xlabel() == "time [us]"
-    draw(update(Inputs(noise=10)), ax=ax)
+    AsiLine(noise=10).plot(ax=ax)
 
 
 def test_the_sliders_start_where_the_inputs_do():
-    page = explorer()
+    page = AsiLine().explore()
     values = [control.value for control in page.controls.values()]
-    assert values == [getattr(Inputs(), name) for name in page.controls]
+    assert values == [getattr(AsiLine(), name) for name in page.controls]
     assert "read 0011001" in page.text
     before = page.figure.value
     assert "data:image/png" in before and 'alt="Voltage at the master over time' in before

@@ -20,7 +20,7 @@ from shipnet.ballast.wear import (
     synthetic_wear,
 )
 from shipnet.errors import ArgumentError
-from shipnet.tools.valve_diagnosis import STATES, Inputs, draw, explorer, from_plant, update
+from shipnet.tools.valve_diagnosis import STATES, ValveDiagnosis
 
 
 def axes():
@@ -31,7 +31,7 @@ def axes():
 def test_the_plant_sets_the_sensors_to_its_operating_point(code):
     sick, _ = faulty(Actuator(), [] if code == "normal" else [Fault(code)], 1)
     point = operating_point(sick)
-    read = from_plant(code)
+    read = ValveDiagnosis.from_plant(code)
     # Readings are near the open end, the point is half open: the flow's torque is gone.
     assert read.FP == pytest.approx(np.ravel(point.FP)[0], abs=0.5)
     assert read.OP == pytest.approx(np.ravel(point.OP)[0], abs=0.5)
@@ -40,10 +40,12 @@ def test_the_plant_sets_the_sensors_to_its_operating_point(code):
 
 @pytest.mark.parametrize("code", FAULTS)
 def test_every_fault_is_active_in_some_state_and_health_in_all_is_normal(code):
-    found = {state: update(from_plant(code, state=state)) for state in STATES}
+    found = {state: ValveDiagnosis.from_plant(code, state=state).result for state in STATES}
     assert any(code in result.active for result in found.values())
-    assert all(update(from_plant(state=state)).headline == "normal" for state in STATES)
-    mild = [update(from_plant(code, 0.0, state)).headline for state in STATES]
+    assert all(
+        ValveDiagnosis.from_plant(state=state).result.headline == "normal" for state in STATES
+    )
+    mild = [ValveDiagnosis.from_plant(code, 0.0, state).result.headline for state in STATES]
     assert mild == ["normal"] * 4
 
 
@@ -52,24 +54,24 @@ def test_the_vectors_of_the_paper_are_diagnosed_as_it_says():
     for code, row in table.iterrows():
         commanded = bool(row["DVPos"] == row["DVPos"])
         values = {name: float(x) for name, x in row.items()}
-        assert update(Inputs(**values, commanded=commanded)).headline == code
+        assert ValveDiagnosis(**values, commanded=commanded).result.headline == code
 
 
 def test_standstill_without_a_command_and_a_missing_sensor_fire_nothing():
-    assert update(Inputs(DVPos=0.0)).headline == "V2"
-    assert update(Inputs(DVPos=0.0, commanded=False)).headline == "normal"
-    lost = update(Inputs(FP=nan, MC=4.0))
+    assert ValveDiagnosis(DVPos=0.0).result.headline == "V2"
+    assert ValveDiagnosis(DVPos=0.0, commanded=False).result.headline == "normal"
+    lost = ValveDiagnosis(FP=nan, MC=4.0).result
     assert lost.headline == "normal"
     assert "missing FP" in lost.decision.explain(0)
 
 
 def test_the_cut_decides_what_is_active_and_print_does_not_heed_it():
-    half = Inputs(FP=119.0, OP=4.0)
-    assert update(half).active == update(half).printed == ()
-    low = update(Inputs(FP=119.0, OP=4.0, cut=0.4))
+    half = ValveDiagnosis(FP=119.0, OP=4.0)
+    assert half.result.active == half.result.printed == ()
+    low = ValveDiagnosis(FP=119.0, OP=4.0, cut=0.4).result
     assert low.active == ("V1",)
     assert low.strength["V1"] == pytest.approx(0.4)
-    noise = update(Inputs(FP=0.0, MC=0.0, VPos=100.1))
+    noise = ValveDiagnosis(FP=0.0, MC=0.0, VPos=100.1).result
     assert noise.printed == ("Pos1", "S1", "Pos3")
     assert noise.active == ()
 
@@ -87,21 +89,21 @@ def test_the_cut_decides_what_is_active_and_print_does_not_heed_it():
 )
 def test_a_value_out_of_range_is_named(field, value, message):
     with pytest.raises(ArgumentError, match=message):
-        Inputs(**{field: value})
+        ValveDiagnosis(**{field: value})
 
 
 def test_a_fault_or_state_that_there_is_not_is_named():
     with pytest.raises(ArgumentError, match="code is 'V9'"):
-        from_plant("V9")
+        ValveDiagnosis.from_plant("V9")
     with pytest.raises(ArgumentError, match="state is 'flying'"):
-        from_plant("V1", state="flying")
+        ValveDiagnosis.from_plant("V1", state="flying")
     with pytest.raises(ArgumentError, match=r"severity of V1 is 1\.5"):
-        from_plant("V1", 1.5)
+        ValveDiagnosis.from_plant("V1", 1.5)
 
 
 def test_the_bars_are_the_strengths_and_crosses_mark_what_is_printed():
-    result = update(from_plant("P2", 0.96))
-    ax = draw(result, ax=axes())
+    tool = ValveDiagnosis.from_plant("P2", 0.96)
+    result, ax = tool.result, tool.plot(ax=axes())
     assert [bar.get_width() for bar in ax.patches] == list(result.strength.values())
     active = [bar.get_facecolor() for bar in ax.patches]
     assert len(set(active)) == 2
@@ -112,16 +114,16 @@ def test_the_bars_are_the_strengths_and_crosses_mark_what_is_printed():
 
 
 def test_the_sliders_start_where_the_inputs_do_and_a_fault_sets_them():
-    page = explorer()
+    page = ValveDiagnosis().explore()
     values = [control.value for control in page.controls.values()]
-    assert values == [getattr(Inputs(), name) for name in page.controls]
+    assert values == [getattr(ValveDiagnosis(), name) for name in page.controls]
     assert "normal" in page.text
     picture = page.figure.value
     controls, plant = page.controls, page.presets
     plant["fault"].value = "V1"
     assert "V1: valve stuck" in page.text
     assert page.figure.value != picture
-    assert controls["FP"].value == pytest.approx(from_plant("V1").FP, abs=0.025)
+    assert controls["FP"].value == pytest.approx(ValveDiagnosis.from_plant("V1").FP, abs=0.025)
     plant["severity"].value = 0.0
     assert "normal" in page.text
     plant["severity"].value, plant["state"].value = 1.0, "at rest, closed"

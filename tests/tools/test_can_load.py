@@ -3,12 +3,12 @@ from matplotlib.figure import Figure
 
 from shipnet.can import MessageSet, response_times
 from shipnet.errors import ArgumentError, InputError
-from shipnet.tools.can_load import EXAMPLE, Inputs, draw, explorer, update
+from shipnet.tools.can_load import EXAMPLE, CanLoad
 from tests.support import load
 
 
 def test_the_example_is_read_and_in_time():
-    result = update(Inputs())
+    result = CanLoad().result
     assert len(result.messages) == 10
     assert result.late == []
     assert result.load["no stuff bits"] < result.load["random data"]
@@ -18,20 +18,20 @@ def test_the_example_is_read_and_in_time():
 
 
 def test_the_responses_are_those_of_the_analysis():
-    result = update(Inputs(bit_rate=50_000))
+    result = CanLoad(bit_rate=50_000).result
     expected = [one.response * 1e3 for one in response_times(MessageSet.parse(EXAMPLE), 50_000)]
     assert [1e3 * one.response for one in result.responses] == pytest.approx(expected)
     assert result.verdict == "1 of 10 may be late: speed"
 
 
 def test_too_slow_a_bus_and_errors_make_messages_late():
-    assert update(Inputs(bit_rate=10_000)).lowest == 125_000
-    assert len(update(Inputs(bit_rate=10_000)).late) == 10
-    calm, disturbed = update(Inputs()), update(Inputs(errors_per_s=50))
+    assert CanLoad(bit_rate=10_000).result.lowest == 125_000
+    assert len(CanLoad(bit_rate=10_000).result.late) == 10
+    calm, disturbed = CanLoad().result, CanLoad(errors_per_s=50).result
     pairs = zip(disturbed.responses, calm.responses, strict=True)
     assert all(more.response > less.response for more, less in pairs)
     hopeless = EXAMPLE.replace("shutdown,0x010,1,50,5", "shutdown,0x010,1,50,0.1")
-    assert update(Inputs(hopeless)).numbers["lowest standard bit rate that works"] == "none"
+    assert CanLoad(hopeless).result.numbers["lowest standard bit rate that works"] == "none"
 
 
 @pytest.mark.parametrize("separator", [";", "\t"])
@@ -59,17 +59,17 @@ def test_every_fault_of_a_text_is_named_and_nothing_else_is_raised(text, message
 @pytest.mark.parametrize(("field", "value"), [("bit_rate", 0), ("errors_per_s", -1)])
 def test_numbers_out_of_range_are_named(field, value):
     with pytest.raises(ArgumentError, match=field):
-        Inputs(**{field: value})
+        CanLoad(**{field: value})
 
 
 def test_late_messages_are_red_bars():
-    ax = draw(update(Inputs(bit_rate=50_000)), ax=Figure().subplots())
+    ax = CanLoad(bit_rate=50_000).plot(ax=Figure().subplots())
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
     assert "response, missed" in labels
 
 
 def test_the_editor_says_what_is_wrong_and_keeps_the_text():
-    page = explorer()
+    page = CanLoad().explore()
     before = page.figure.value
     page.controls["bit_rate"].value = 50_000
     assert "speed" in page.text and page.figure.value != before
@@ -81,7 +81,7 @@ def test_the_editor_says_what_is_wrong_and_keeps_the_text():
 
 def test_a_dbc_is_loaded_as_text():
     pytest.importorskip("cantools")
-    page = explorer()
+    page = CanLoad().explore()
     head = b'VERSION ""\n\nBU_: JB1\n\nBO_ 256 Speed: 8 JB1\n\n'
     cycle = b'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;\nBA_DEF_DEF_ "GenMsgCycleTime" 0;\n'
     upload = page.uploads["load a message set"]
@@ -93,7 +93,7 @@ def test_a_dbc_is_loaded_as_text():
 
 
 def test_a_file_that_is_no_text_changes_nothing_and_what_windows_writes_is_text():
-    page = explorer()
+    page = CanLoad().explore()
     load(page.uploads["load a message set"], b"\x89PNG\0", "a.png")
     assert page.note == "a.png: this is no text file"
     assert page.controls["text"].value == EXAMPLE and "meet their deadlines" in page.text

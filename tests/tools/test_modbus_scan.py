@@ -4,40 +4,40 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError
-from shipnet.tools.modbus_scan import BIT_RATES, CHARACTERS, Inputs, draw, explorer, update
+from shipnet.tools.modbus_scan import BIT_RATES, CHARACTERS, ModbusScan
 
 
 @pytest.mark.parametrize("character", CHARACTERS)
 @pytest.mark.parametrize("slaves", [1, 31, 247])
 @pytest.mark.parametrize("registers", [1, 125])
 def test_a_scan_is_counted_in_characters(character, slaves, registers):
-    inputs = Inputs(9600, character, slaves, registers, processing_ms=3, timeout_ms=1000)
+    inputs = ModbusScan(9600, character, slaves, registers, processing_ms=3, timeout_ms=1000)
     bits = {"8E1": 11, "8O1": 11, "8N2": 11, "8N1": 10}[character]
     characters = 8 + (5 + 2 * registers) + 2 * 3.5
-    assert isclose(update(inputs).scan, slaves * (characters * bits / 9600 + 3e-3))
+    assert isclose(inputs.result.scan, slaves * (characters * bits / 9600 + 3e-3))
 
 
 def test_each_dead_slave_costs_its_timeouts():
-    alive, dead = update(Inputs(retries=2)), update(Inputs(retries=2, dead=3))
+    alive, dead = ModbusScan(retries=2).result, ModbusScan(retries=2, dead=3).result
     tries = 3 * 3 * (8 * 11 / 9600 + 0.5)
     assert isclose(dead.scan, alive.scan * 28 / 31 + tries)
     assert dead.healthy == alive.scan
-    assert isclose(update(Inputs(dead=31)).scan, 31 * 2 * (8 * 11 / 9600 + 0.5))
+    assert isclose(ModbusScan(dead=31).result.scan, 31 * 2 * (8 * 11 / 9600 + 0.5))
 
 
 @pytest.mark.parametrize("dead", [0, 1])
 def test_one_slave_more_than_fit_is_too_slow(dead):
-    most = update(Inputs(dead=dead)).max_slaves
-    assert update(Inputs(slaves=most, dead=dead)).in_time
-    assert not update(Inputs(slaves=most + 1, dead=dead)).in_time
+    most = ModbusScan(dead=dead).result.max_slaves
+    assert ModbusScan(slaves=most, dead=dead).result.in_time
+    assert not ModbusScan(slaves=most + 1, dead=dead).result.in_time
 
 
 def test_the_curve_holds_the_chosen_scan_and_leaves_out_what_cannot_be():
-    result = update(Inputs())
+    result = ModbusScan().result
     assert result.by_bit_rate[9600] == result.scan
     assert list(result.by_bit_rate) == list(BIT_RATES)
     # 255 bytes of 11 bits take 2.3 s at 1200 bit/s, and 0.6 s at 4800.
-    slow = update(Inputs(registers=125, timeout_ms=500))
+    slow = ModbusScan(registers=125, timeout_ms=500).result
     assert list(slow.by_bit_rate) == [9600, 19200, 38400, 57600, 115200]
 
 
@@ -59,11 +59,11 @@ def test_the_curve_holds_the_chosen_scan_and_leaves_out_what_cannot_be():
 )
 def test_a_value_out_of_range_is_named(field, value, message):
     with pytest.raises(ArgumentError, match=message):
-        Inputs(**{field: value})
+        ModbusScan(**{field: value})
 
 
 def test_the_figure_shows_the_limit_and_the_choice():
-    ax = draw(update(Inputs(dead=1)), ax=Figure().subplots())
+    ax = ModbusScan(dead=1).plot(ax=Figure().subplots())
     curve, chosen, limit = ax.lines
     assert list(curve.get_xdata()) == list(BIT_RATES)
     assert (chosen.get_xdata()[0], round(chosen.get_ydata()[0], 3)) == (9600, 2.543)
@@ -72,9 +72,9 @@ def test_the_figure_shows_the_limit_and_the_choice():
 
 
 def test_the_sliders_start_where_the_inputs_do_and_errors_are_sentences():
-    page = explorer()
+    page = ModbusScan().explore()
     values = [control.value for control in page.controls.values()]
-    assert values == [getattr(Inputs(), name) for name in page.controls]
+    assert values == [getattr(ModbusScan(), name) for name in page.controls]
     picture = page.figure.value
     page.controls["dead"].value = 5
     assert "too slow: 6.4" in page.text

@@ -11,7 +11,7 @@ from shipnet.ballast.live import valve_server
 from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.adu import decode, tcp_frame
-from shipnet.tools.valve_client import Inputs, Link, ModelValves, draw, explorer, send, update
+from shipnet.tools.valve_client import Link, ModelValves, ValveClient, draw, send, update
 
 
 @contextmanager
@@ -29,7 +29,7 @@ def test_a_valve_travels_in_model_time():
     assert send(valves, 5, "position", 40) == "valve 5: position 40 %"
     places = []
     for valves.time in (0.0, 3.0, 12.0):
-        result = update(Inputs(valves=8, valve=3), valves)
+        result = update(ValveClient(valves=8, valve=3), valves)
         places.append(result.positions[[0, 2, 4]].tolist())
     assert places == [[0, 0, 0], [0, 33, 33], [0, 100, 40]]
     assert result.verdict == "valve 3: open, 100 %"
@@ -42,7 +42,7 @@ def test_the_numbers_have_their_units_while_it_moves():
     valves = ModelValves(2)
     send(valves, 2, "open")
     valves.time = 4.5
-    assert update(Inputs(valves=2, valve=2), valves).numbers == {
+    assert update(ValveClient(valves=2, valve=2), valves).numbers == {
         "position": "50 %", "pump pressure": "90 bar", "operating pressure": "2.1 bar",
         "motor current": "1.2 A", "motor temperature": "50 degC", "motor ran": "4.5 s",
         "mode": "auto, last command open", "fault reported": "none",
@@ -54,15 +54,15 @@ def test_refusals_are_sentences():
     assert send(valves, 1, "manual") == "valve 1: manual"
     assert send(valves, 1, "open") == "valve 1 refuses: server device failure"
     assert send(valves, 3, "open") == "valve 3 refuses: gateway target failed to respond"
-    assert update(Inputs(valves=3, valve=3), valves).verdict == "valve 3 does not answer"
-    assert update(Inputs(valves=3, valve=3), valves).numbers == {}
+    assert update(ValveClient(valves=3, valve=3), valves).verdict == "valve 3 does not answer"
+    assert update(ValveClient(valves=3, valve=3), valves).numbers == {}
 
 
 def test_over_a_socket_it_is_the_same_as_in_model_time():
     with valve_server(4, speed=0, faults=[Fault("Pos3", valves=1)]) as server:
         with linked(server.port) as link:
             assert send(link, 3, "open") == "valve 3: open"
-            result = update(Inputs(valves=5, valve=3), link)
+            result = update(ValveClient(valves=5, valve=3), link)
     assert result.positions.tolist()[:4] == [0, 15, 0, 0]
     assert result.units.tolist() == [1, 2, 3, 4]
     assert result.verdict == "valve 3: moving, 0 %"
@@ -99,17 +99,17 @@ def test_a_server_that_answers_nonsense_is_told_in_a_sentence(reply):
         thread.start()
         with linked(listener.getsockname()[1], 0.3) as link:
             with pytest.raises(OSError, match="does not answer for valve 1"):
-                update(Inputs(valves=1), link)
+                update(ValveClient(valves=1), link)
         thread.join()
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Inputs(port=0), "port is 0"),
-        (lambda: Inputs(valves=248), "valves is 248"),
-        (lambda: Inputs(valves=4, valve=5), "valve is 5"),
-        (lambda: Inputs(address=7), "address is 7"),
+        (lambda: ValveClient(port=0), "port is 0"),
+        (lambda: ValveClient(valves=248), "valves is 248"),
+        (lambda: ValveClient(valves=4, valve=5), "valve is 5"),
+        (lambda: ValveClient(address=7), "address is 7"),
         (lambda: send(ModelValves(), 0, "open"), "valve is 0"),
         (lambda: send(ModelValves(), 1, "stop"), "action is 'stop'"),
         (lambda: send(ModelValves(), 1, "position", 101), "position is 101"),
@@ -126,7 +126,7 @@ def test_the_picture_has_a_bar_for_every_valve_and_frames_the_chosen_one():
     valves = ModelValves(6)
     send(valves, 4, "open")
     valves.time = 3.0
-    ax = draw(update(Inputs(valves=7, valve=4), valves), ax=Figure().subplots())
+    ax = draw(update(ValveClient(valves=7, valve=4), valves), ax=Figure().subplots())
     said = [text.get_text() for text in ax.texts]
     assert said[:14:2] == ["0", "0", "0", "33", "0", "0", "-"]
     assert said[1:14:2] == [str(unit) for unit in range(1, 8)]
@@ -138,7 +138,7 @@ def test_the_picture_has_a_bar_for_every_valve_and_frames_the_chosen_one():
 
 def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it():
     before = threading.active_count()
-    box = explorer()
+    box = ValveClient().explore()
     fields, buttons = box.controls, box.buttons
     device = box.server.slaves[3].device
     picture = box.figure.value
@@ -164,14 +164,14 @@ def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it():
 def test_a_reading_that_is_missing_is_said_and_is_no_silence():
     valves = ModelValves(2)
     valves._slaves[1].device.plant._offsets[:] = np.nan
-    result = update(Inputs(valves=3), valves)
+    result = update(ValveClient(valves=3), valves)
     assert result.numbers["position"] == result.numbers["pump pressure"] == "missing"
     assert result.verdict == "valve 1: not seen, missing"
     assert result.screen.state.tolist() == ["not seen", "not seen", "silent"]
 
 
 def test_a_refusal_colours_its_valve_only_until_that_obeys():
-    box = explorer()
+    box = ValveClient().explore()
     try:
         fields, buttons = box.controls, box.buttons
         device = box.server.slaves[2].device
@@ -195,14 +195,14 @@ def test_a_refusal_colours_its_valve_only_until_that_obeys():
 
 
 def test_what_is_typed_counts_when_it_is_finished():
-    box = explorer()
+    box = ValveClient().explore()
     fields = box.controls
     box.close()
     assert not any(fields[name].continuous_update for name in ("address", "port", "valves"))
 
 
 def test_the_explorer_goes_to_a_server_that_is_typed_and_says_where_none_is():
-    box = explorer()
+    box = ValveClient().explore()
     try:
         fields, buttons = box.controls, box.buttons
         with valve_server(2, speed=0, faults=[Fault("Pos3", valves=0)]) as other:
@@ -221,7 +221,7 @@ def test_the_explorer_goes_to_a_server_that_is_typed_and_says_where_none_is():
 
 def test_a_client_that_nobody_holds_any_more_closes_its_server():
     before = threading.active_count()
-    box = explorer()
+    box = ValveClient().explore()
     assert threading.active_count() == before + 1
     box._end()
     assert threading.active_count() == before

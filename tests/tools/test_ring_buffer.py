@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError
-from shipnet.tools.ring_buffer import ACTIONS, CASES, RULES, SIZES, Inputs, draw, explorer, update
+from shipnet.tools.ring_buffer import ACTIONS, CASES, RULES, SIZES, ReceiveRing
 
 PACKET = ("packet",)
 ALL = ("empty",)
@@ -16,7 +16,7 @@ ALL = ("empty",)
     actions=st.lists(st.sampled_from(list(ACTIONS)), max_size=40).map(tuple),
 )
 def test_any_order_of_buttons_leaves_a_ring_that_is_accounted_for(size, rule, actions):
-    result = update(Inputs(size, rule, actions))
+    result = ReceiveRing(size, rule, actions).result
     ring = result.ring
     assert ring.case in CASES and f"case {ring.case}" in result.numbers
     # Every byte stored is read once, lost, or still unread.
@@ -30,13 +30,13 @@ def test_any_order_of_buttons_leaves_a_ring_that_is_accounted_for(size, rule, ac
 @pytest.mark.parametrize("rule", ["intended", "corrected"])
 @pytest.mark.parametrize("size", SIZES)
 def test_a_reader_that_keeps_up_finds_every_packet(size, rule):
-    result = update(Inputs(size, rule, 60 * (*PACKET, *ALL)))
+    result = ReceiveRing(size, rule, 60 * (*PACKET, *ALL)).result
     assert (result.packets, result.wrong, result.given_up) == (60, 0, 0)
     assert result.sound and result.ring.lost == 0
 
 
 def test_by_the_letter_even_a_reader_that_keeps_up_reads_what_is_not_due():
-    result = update(Inputs(16, "printed", 60 * (*PACKET, *ALL)))
+    result = ReceiveRing(16, "printed", 60 * (*PACKET, *ALL)).result
     assert result.ring.stale > 0 and not result.sound
     assert result.packets != 60 or result.wrong
 
@@ -44,41 +44,41 @@ def test_by_the_letter_even_a_reader_that_keeps_up_reads_what_is_not_due():
 def test_the_printed_repair_gives_up_what_the_corrected_ring_still_has():
     late = 3 * PACKET
     rules = ("intended", "corrected")
-    printed, corrected = (update(Inputs(16, rule, (*late, "repair"))) for rule in rules)
+    printed, corrected = (ReceiveRing(16, rule, (*late, "repair")).result for rule in rules)
     # Of 18 bytes in a ring of 16, two are overwritten. Place 8 is the middle, 12 a packet's start.
     assert (printed.ring.lost, corrected.ring.lost) == (12, 2)
-    found = [update(Inputs(16, rule, (*late, *ALL))).packets for rule in rules]
+    found = [ReceiveRing(16, rule, (*late, *ALL)).result.packets for rule in rules]
     assert found == [1, 2]
 
 
 def test_two_rounds_late_the_printed_ring_takes_itself_for_empty():
     actions = (*(5 * PACKET), "byte", "byte")
-    late = update(Inputs(16, "intended", (*actions, "extract")))
+    late = ReceiveRing(16, "intended", (*actions, "extract")).result
     assert late.ring.unread == 32 and "known to be empty" in late.said
-    assert update(Inputs(16, "corrected", (*actions, *ALL))).packets == 2
+    assert ReceiveRing(16, "corrected", (*actions, *ALL)).result.packets == 2
 
 
 def test_a_repair_is_refused_where_none_is_due():
-    result = update(Inputs(actions=(*PACKET, "repair")))
+    result = ReceiveRing(actions=(*PACKET, "repair")).result
     assert "nothing to repair" in result.said and result.ring.unread == 6
 
 
 def test_reading_on_without_end_is_cut_off():
     # The reader stands behind the writer's last place, and comes back to it for ever.
-    result = update(Inputs(8, "printed", (*7 * ("byte",), *ALL)))
+    result = ReceiveRing(8, "printed", (*7 * ("byte",), *ALL)).result
     assert "for ever" in result.said
     # The packet in the ring is found once, and then again: that one is old.
     assert (result.packets, result.wrong) == (2, 1)
 
 
 def test_more_packets_than_a_byte_can_number_are_told_apart():
-    result = update(Inputs(8, "intended", 450 * (*PACKET, *ALL)))
+    result = ReceiveRing(8, "intended", 450 * (*PACKET, *ALL)).result
     assert (result.packets, result.wrong) == (450, 0)
 
 
 def test_a_packet_that_is_begun_is_stored_to_its_end():
-    assert update(Inputs(actions=("byte", "packet"))).ring.unread == 6
-    assert update(Inputs(actions=("packet", "packet"))).ring.unread == 12
+    assert ReceiveRing(actions=("byte", "packet")).result.ring.unread == 6
+    assert ReceiveRing(actions=("packet", "packet")).result.ring.unread == 12
 
 
 @pytest.mark.parametrize(
@@ -93,21 +93,21 @@ def test_a_packet_that_is_begun_is_stored_to_its_end():
 )
 def test_a_value_that_is_no_choice_is_named(fields, message):
     with pytest.raises(ArgumentError, match=message):
-        Inputs(**fields)
+        ReceiveRing(**fields)
 
 
 def test_the_figure_shows_the_ring():
-    result = update(Inputs().then("packet").then("extract"))
-    ax = draw(result, ax=Figure().subplots())
+    inputs = ReceiveRing().then("packet").then("extract")
+    ax = inputs.plot(ax=Figure().subplots())
     assert len(ax.patches) == 16
     assert "case b, 5 unread" in ax.texts[-1].get_text()
 
 
 def test_the_buttons_do_what_they_say():
-    page = explorer()
+    page = ReceiveRing().explore()
     assert list(page.buttons) == [*ACTIONS.values(), "one back", "start again"]
     size, rule = page.controls["size"], page.controls["rule"]
-    assert (size.value, rule.value) == (Inputs().size, Inputs().rule)
+    assert (size.value, rule.value) == (ReceiveRing().size, ReceiveRing().rule)
     empty = page.figure.value
     for _ in range(3):
         page.buttons["store a packet"].click()
@@ -126,8 +126,8 @@ def test_the_buttons_do_what_they_say():
 
 
 def test_an_action_too_many_is_refused_in_a_sentence():
-    page = explorer()
-    page._controls.put(Inputs(actions=2000 * ("byte",)))
+    page = ReceiveRing().explore()
+    page._controls.put(ReceiveRing(actions=2000 * ("byte",)))
     page.buttons["store a byte"].click()
     assert page.note == "there are 2001 actions; there may be 2000"
     assert len(page.inputs.actions) == 2000

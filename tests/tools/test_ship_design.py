@@ -21,7 +21,7 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.tools import _design_steps
 from shipnet.tools._design_steps import EXAMPLES, MIXES
 from shipnet.tools._state import read_state, write_state
-from shipnet.tools.ship_design import PICTURES, Inputs, draw, explorer, from_file, update, view
+from shipnet.tools.ship_design import PICTURES, ShipDesign, from_file
 from tests.support import load
 
 FEW = "tag,system,type,x,y,z,update,category\n" + "".join(
@@ -29,13 +29,13 @@ FEW = "tag,system,type,x,y,z,update,category\n" + "".join(
     f"500,{'III' if n < 2 else 'II'}\n"
     for n in range(8)
 )
-SMALL = Inputs(FEW, "few.csv", "10, 0, 8")
+SMALL = ShipDesign(FEW, "few.csv", "10, 0, 8")
 HOSTILE = "<img src=x onerror=y>"
 
 
 @pytest.fixture(scope="module")
 def small():
-    return update(SMALL)
+    return SMALL.result
 
 
 def test_it_says_what_compare_says(small):
@@ -54,17 +54,17 @@ def test_a_price_plans_nothing_anew_and_a_limit_does(monkeypatch, small):
 
     monkeypatch.setattr(_design_steps, "plan", planner)
     monkeypatch.setattr(_design_steps, "find_cabinet", planner)
-    dear = update(replace(SMALL, labour=110.0, parts=2.0, rules="BV", picture="assumptions"))
+    dear = replace(SMALL, labour=110.0, parts=2.0, rules="BV", picture="assumptions").result
     assert dear.comparison.networks == small.comparison.networks
-    assert update(replace(SMALL, can=False)).comparison.networks.keys() == set(OPTIONS) - {"CAN"}
+    assert replace(SMALL, can=False).result.comparison.networks.keys() == set(OPTIONS) - {"CAN"}
     with pytest.raises(AssertionError, match="planned anew"):
-        update(replace(SMALL, redundant=True))
+        _ = replace(SMALL, redundant=True).result
 
 
 def test_lengths_of_the_list_can_be_left_aside():
-    listed = Inputs(junction_boxes=False, asi=False, modbus=False)
+    listed = ShipDesign(junction_boxes=False, asi=False, modbus=False)
     kept, reckoned = (
-        update(replace(listed, list_lengths=keeps)).comparison for keeps in (True, False)
+        replace(listed, list_lengths=keeps).result.comparison for keeps in (True, False)
     )
     lengths = kept.table["cable length"] / reckoned.table["cable length"]
     assert lengths["home runs"] != 1
@@ -74,7 +74,7 @@ def test_lengths_of_the_list_can_be_left_aside():
 
 def test_lines_of_settings_win_over_the_controls_and_reach_plan_price_and_rules():
     own = "detour = 1.5\ntails = 9\nhost_time = 0.1\n[can]\nbit_rates = [50000]\n"
-    found = update(replace(SMALL, own=f"{own}[assumptions]\nlabour_rate = 99", detour=1.1))
+    found = replace(SMALL, own=f"{own}[assumptions]\nlabour_rate = 99", detour=1.1).result
     comparison, site = found.comparison, Site((10, 0, 8), detour=1.5, tails=9)
     assert (comparison.site.detour, comparison.site.tails) == (1.5, 9)
     expected = compare(
@@ -84,12 +84,12 @@ def test_lines_of_settings_win_over_the_controls_and_reach_plan_price_and_rules(
     )  # fmt: skip
     pd.testing.assert_frame_equal(comparison.table, expected.table)
     with pytest.raises(InputError) as caught:
-        update(replace(SMALL, own="detour = 9000\n[asi]\nlenght = 3"))
+        _ = replace(SMALL, own="detour = 9000\n[asi]\nlenght = 3").result
     assert len(caught.value.faults) == 2 and "asi.length" in str(caught.value)
 
 
 def test_settings_are_loaded_from_a_file_and_given_as_one():
-    page = explorer()
+    page = ShipDesign().explore()
     load(page.uploads["load settings"], b"[asi]\nlength = 200\n", "own.toml")
     assert page.inputs.own == "[asi]\nlength = 200\n"
     given = re.search('settings.toml" href="data:[^,]*,([^"]*)"', page.links.value)[1]
@@ -100,31 +100,31 @@ def test_settings_are_loaded_from_a_file_and_given_as_one():
 
 def test_the_labour_rate_is_paid_by_the_hour_and_the_price_of_parts_by_the_part(small):
     base, takes = small.comparison.table, small.comparison.quantities
-    dear = update(replace(SMALL, labour=75.0)).comparison.table
+    dear = replace(SMALL, labour=75.0).result.comparison.table
     assert (dear["total cost"] - base["total cost"]).tolist() == pytest.approx(
         [20 * one["labour"] for one in takes.values()]
     )
-    parts = update(replace(SMALL, parts=2.0)).comparison.table["total cost"] - base["total cost"]
+    parts = replace(SMALL, parts=2.0).result.comparison.table["total cost"] - base["total cost"]
     assert parts[["home runs", "junction boxes"]].tolist() == pytest.approx([0, 0])
     assert (parts[["AS-i", "CAN", "Modbus RTU"]] > 1000).all()
-    assumed = update(replace(SMALL, labour=75.0)).comparison.quantities["CAN"].assumptions
+    assumed = replace(SMALL, labour=75.0).result.comparison.quantities["CAN"].assumptions
     assert dict(zip(assumed["name"], assumed["status"], strict=True))["labour_rate"] == "given"
 
 
 def test_a_tight_need_leaves_points_out_and_says_why_once_a_reason():
-    found = update(replace(SMALL, update_ms=20))
+    found = replace(SMALL, update_ms=20).result
     left = found.comparison.table["points left out"]
     assert left["home runs"] == 0 and left["Modbus RTU"] > 1
     assert "Modbus RTU" not in found.kept and "Modbus RTU" not in found.comparison.tornado.between
     why = found.numbers["Modbus RTU does not fit"]
     assert "needs an update every 20 ms" in why and f"({left['Modbus RTU']} such)" in why
     assert found.names["Modbus RTU"] == f"Modbus RTU, {left['Modbus RTU']} left out"
-    only = update(replace(SMALL, update_ms=20, **dict.fromkeys(
-        ("home_runs", "junction_boxes", "asi", "can"), False)))  # fmt: skip
-    assert only.verdict == "no option connects all 8 points"
-    assert not view(only).good
+    only = replace(SMALL, update_ms=20, **dict.fromkeys(
+        ("home_runs", "junction_boxes", "asi", "can"), False))  # fmt: skip
+    assert only.result.verdict == "no option connects all 8 points"
+    assert not only.ok
     for picture in PICTURES:
-        draw(replace(only, picture=picture), ax=Figure().subplots())
+        replace(only, picture=picture).plot(ax=Figure().subplots())
 
 
 def test_the_verdict_names_what_breaks_no_rule_the_cheapest_first(small):
@@ -134,12 +134,12 @@ def test_the_verdict_names_what_breaks_no_rule_the_cheapest_first(small):
     assert f"cheapest of them: {small.kept[0]}, " in small.verdict
     broken = table.index[table["rules broken"] > 0]
     assert len(broken) and all(f"{option} breaks" in small.numbers for option in broken)
-    bad = update(replace(SMALL, home_runs=False, junction_boxes=False, asi=False, modbus=False))
+    bad = replace(SMALL, home_runs=False, junction_boxes=False, asi=False, modbus=False).result
     assert bad.verdict == "every option that connects all 8 points breaks a rule of DNV and IMO"
 
 
 def test_the_table_and_the_page_say_what_it_is(small):
-    shown = view(small)
+    shown = SMALL._view()
     assert shown.table.index.tolist() == list(OPTIONS)
     assert shown.table.loc["home runs", "points lost by one failure"] == "1"
     assert BANNER in shown.caption and "assumptions" in shown.caption
@@ -150,44 +150,44 @@ def test_the_table_and_the_page_say_what_it_is(small):
 
 @pytest.mark.parametrize("mixed", MIXES)
 def test_every_mix_is_one_option_more_and_mixes_what_there_is(mixed):
-    found = update(replace(SMALL, mixed=mixed)).comparison
+    found = replace(SMALL, mixed=mixed).result.comparison
     assert list(found.networks) == [*OPTIONS, mixed]
     plain = "tag,type,home run\na,AI,20\nb,AI,30\n".replace("AI", "AO")
-    alone = update(replace(SMALL, points=plain, mixed=mixed)).comparison
+    alone = replace(SMALL, points=plain, mixed=mixed).result.comparison
     assert set(alone.networks[mixed].points["bus"]) <= {"CAN", "Modbus RTU", "hardwired", ""}
 
 
 def test_the_cabinet_is_typed_or_found_or_asked_for():
     ship = replace(SMALL, points=EXAMPLES["ship"], cabinet=" ", **dict.fromkeys(
         ("junction_boxes", "asi", "can", "modbus"), False))  # fmt: skip
-    found = update(ship)
+    found = ship.result
     assert found.comparison.site.cabinet == (26, 6, 14)
     assert "26, 6, 14 m" in found.cabinet and "type its place" in found.cabinet
-    assert "as typed" in update(SMALL).cabinet
+    assert "as typed" in SMALL.result.cabinet
     with pytest.raises(ArgumentError, match="type its place, such as 26, 6, 14"):
-        update(replace(SMALL, cabinet=""))
+        _ = replace(SMALL, cabinet="").result
     for wrong in ("1, 2", "1, 2, x", "1, 2, nan", "1, 2, inf", "1 2 3", ",,", "1,2,3,4"):
         with pytest.raises(ArgumentError, match=r"cabinet is .* three numbers in m"):
-            update(replace(SMALL, cabinet=wrong))
+            _ = replace(SMALL, cabinet=wrong).result
     lengths = replace(SMALL, points="tag,type,home run\na,DI,20\nb,DI,30\n", cabinet="")
-    assert "given by the list" in update(lengths).cabinet
+    assert "given by the list" in lengths.result.cabinet
 
 
 @pytest.mark.parametrize(("name", "source"), [("a\n b\0c", "a b c"), (" \t", "list"), ("", "list")])
 def test_the_name_of_a_list_is_one_line(name, source):
-    assert update(replace(SMALL, name=name)).comparison.iolist.source == source
+    assert replace(SMALL, name=name).result.comparison.iolist.source == source
 
 
 def test_no_option_at_all_is_a_sentence():
     off = dict.fromkeys(("home_runs", "junction_boxes", "asi", "can", "modbus"), False)
     with pytest.raises(ArgumentError, match="no option is on"):
-        update(replace(SMALL, **off))
-    assert len(update(replace(SMALL, **off, mixed=next(iter(MIXES)))).comparison.networks) == 1
+        _ = replace(SMALL, **off).result
+    assert len(replace(SMALL, **off, mixed=next(iter(MIXES))).result.comparison.networks) == 1
 
 
 @pytest.mark.parametrize("picture", PICTURES)
 def test_every_picture_has_every_option_or_assumption(picture):
-    ax = draw(update(replace(SMALL, picture=picture)), ax=Figure().subplots())
+    ax = replace(SMALL, picture=picture).plot(ax=Figure().subplots())
     words = " ".join(t.get_text() for t in [*ax.texts, *ax.get_yticklabels()])
     if picture == "assumptions":
         assert "laying time" in words and "less that of" in ax.get_xlabel()
@@ -202,7 +202,7 @@ def test_every_picture_has_every_option_or_assumption(picture):
 
 
 def test_against_response_the_front_is_that_of_the_picture():
-    ax = draw(update(replace(SMALL, picture=RESPONSE)), ax=Figure().subplots())
+    ax = replace(SMALL, picture=RESPONSE).plot(ax=Figure().subplots())
     front = np.column_stack(ax.lines[0].get_data())
     assert (np.diff(front[:, 0]) > 0).all() and (np.diff(front[:, 1]) < 0).all()
 
@@ -238,11 +238,11 @@ def test_a_list_that_no_state_can_hold_is_refused():
     most = replace(SMALL, points="\u8239" * 310_000 + "\n")
     state = write_state("ship_design", most).encode()
     assert len(state) < 2_000_000
-    assert read_state(state, "ship_design", Inputs) == most
+    assert read_state(state, "ship_design", ShipDesign) == most
 
 
 def test_the_page_refuses_a_bad_list_fault_by_fault_and_takes_a_good_one():
-    page = explorer()
+    page = ShipDesign().explore()
     before = page.inputs
     upload = page.uploads["load a list"]
     load(upload, f"tag,type,x,y,z\nA,DI,1,2,3\nA,DI,1,2,x\n{HOSTILE},XX,1,2,3\n".encode(), "l.csv")
@@ -259,16 +259,16 @@ def test_the_page_refuses_a_bad_list_fault_by_fault_and_takes_a_good_one():
 
 
 def test_the_examples_are_a_click_away():
-    page = explorer()
+    page = ShipDesign().explore()
     assert "all 99 points" in page.text
     page.buttons["example: ship"].click()
     assert "all 353 points" in page.text and page.controls["cabinet"].value == ""
     page.buttons["example: main engine"].click()
-    assert page.inputs == Inputs()
+    assert page.inputs == ShipDesign()
 
 
 def test_the_report_is_made_when_asked_for_and_goes_when_something_changes():
-    page = explorer()
+    page = ShipDesign().explore()
     assert "report.html" not in page.links.value
     page.buttons["make the report"].click()
     made = re.search('report.html" href="data:[^,]*,([^"]*)"', page.links.value)[1]

@@ -3,7 +3,7 @@ from matplotlib.figure import Figure
 
 from shipnet.engine.system import RULE
 from shipnet.errors import ArgumentError
-from shipnet.tools.engine_faults import DESIGNS, FAULTS, START, Inputs, draw, explorer, update
+from shipnet.tools.engine_faults import DESIGNS, FAULTS, START, EngineFaults
 
 PRINTED, RING, CORRECTED = DESIGNS
 
@@ -17,10 +17,10 @@ CLOSING = "CAN cable cut JB3-JB1"
 def test_every_fault_can_be_looked_at_in_every_design(fault, design):
     if fault == CLOSING and design != RING:
         with pytest.raises(ArgumentError, match="has no such cable"):
-            Inputs(fault, design)
+            EngineFaults(fault, design)
         return
     for time in (2, START, 25):
-        result = update(Inputs(fault, design, time))
+        result = EngineFaults(fault, design, time).result
         assert len(result.screen.table()) == 99
         assert result.old == 0 or (fault != "none" and time > START)
     # The corrected design shows nothing old as good, but for a sensor that does not move.
@@ -29,17 +29,17 @@ def test_every_fault_can_be_looked_at_in_every_design(fault, design):
 
 def test_a_dead_box_looks_alive_until_it_is_marked():
     after = START + DESIGNS[PRINTED].staleness_flag().after
-    assert update(Inputs("box dead JB2", PRINTED, START + RULE + 1)).old == 18
-    late = update(Inputs("box dead JB2", PRINTED, round(after + 0.5)))
+    assert EngineFaults("box dead JB2", PRINTED, START + RULE + 1).result.old == 18
+    late = EngineFaults("box dead JB2", PRINTED, round(after + 0.5)).result
     assert (late.marked, late.old) == (18, 0)
     assert late.raised == ["14.47 s: JB2 points, 0xFF (18)"]
 
 
 def test_alarms_of_a_box_are_counted_together_and_only_so_far():
-    before = update(Inputs("box dead JB1", PRINTED, 12))
+    before = EngineFaults("box dead JB1", PRINTED, 12).result
     assert before.raised == ["10.35 s: channel 1, no answer"]
-    assert "alarms" in before.numbers and "none" in update(Inputs("none")).numbers["alarms"]
-    assert update(Inputs("box dead JB1", PRINTED, 20)).raised[1:] == [
+    assert "alarms" in before.numbers and "none" in EngineFaults("none").result.numbers["alarms"]
+    assert EngineFaults("box dead JB1", PRINTED, 20).result.raised[1:] == [
         "14.47 s: JB1 points, 0xFF (43)"
     ]
 
@@ -59,19 +59,19 @@ def test_alarms_of_a_box_are_counted_together_and_only_so_far():
 )
 def test_a_value_out_of_range_is_named(field, value, message):
     with pytest.raises(ArgumentError, match=message):
-        Inputs(**{field: value})
+        EngineFaults(**{field: value})
 
 
 def test_old_values_have_a_colour_and_a_star_of_their_own():
-    ax = draw(update(Inputs()), ax=Figure().subplots())
+    ax = EngineFaults().plot(ax=Figure().subplots())
     stars = [text.get_text() for text in ax.texts if "*" in text.get_text()]
     assert len(stars) == 18
 
 
 def test_a_cable_that_only_the_ring_has_can_be_cut_there():
-    result = update(Inputs(CLOSING, RING, 20))
+    result = EngineFaults(CLOSING, RING, 20).result
     assert (result.old, result.marked, result.raised) == (0, 0, [])
-    page = explorer()
+    page = EngineFaults().explore()
     page.controls["fault"].value = CLOSING
     assert "has no such cable" in page.text
     page.controls["design"].value = RING
@@ -79,9 +79,9 @@ def test_a_cable_that_only_the_ring_has_can_be_cut_there():
 
 
 def test_the_controls_start_where_the_inputs_do():
-    page = explorer()
+    page = EngineFaults().explore()
     values = [control.value for control in page.controls.values()]
-    assert values == [getattr(Inputs(), name) for name in page.controls]
+    assert values == [getattr(EngineFaults(), name) for name in page.controls]
     picture = page.figure.value
     page.controls["design"].value = CORRECTED
     assert "0 old values" in page.text and "18 points" in page.text
