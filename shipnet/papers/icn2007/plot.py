@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from shipnet import style
 from shipnet.asi.modulation import HALF_BIT, levels_of, send_current
-from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE
+from shipnet.asi.receiver import TOLERANCE
 
 __all__ = ["plot_bits_and_pulses", "plot_heights", "plot_margins"]
 
@@ -63,8 +63,8 @@ def plot_margins(
             ax.plot(lengths, 100 * values, colour + line, label=f"{what}, {end}")
     limit = style.LIMIT["color"]
     for level, text in [
-        (AMPLITUDE_TOLERANCE, "pulses at least"),
-        (RINGING_TOLERANCE, "ringing at most"),
+        (TOLERANCE.evenness, "pulses at least"),
+        (TOLERANCE.ringing, "ringing at most"),
     ]:
         ax.axhline(100 * level, color=limit, linestyle=style.LIMIT["linestyle"])
         ax.text(lengths[-1], 100 * level - 9, f"{text} {level:.0%}", color=limit, ha="right")
