@@ -1,5 +1,7 @@
 from . import commands as commands
+from . import emc as emc
 from . import faults as faults
+from .batch import Requests as Requests
 from .calls import Call as Call
 from .capture import Capture as Capture
 from .capture import decode as decode
@@ -11,9 +13,17 @@ from .elements import Repeater as Repeater
 from .elements import Slave as Slave
 from .elements import Supply as Supply
 from .elements import Terminator as Terminator
+from .modulation import Modulation as Modulation
+from .modulation import Pulses as Pulses
 from .plan import Plan as Plan
 from .plan_file import read_plan as read_plan
 from .profile import Profile as Profile
+from .quality import Quality as Quality
+from .quality import compare as compare
+from .receiver import TOLERANCE as TOLERANCE
+from .receiver import Receiver as Receiver
+from .receiver import Reception as Reception
+from .receiver import Waveform as Waveform
 from .rules import rule_limits as rule_limits
 from .simulation.run import Run as Run
 from .simulation.run import Standby as Standby

@@ -8,7 +8,7 @@ why. They agree with `shipnet.asi.telegram` on every one of the 2**14 and 2**7 w
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +22,12 @@ from shipnet.errors import (
     ParityError,
     StartBitError,
     UnknownCallError,
+    explain,
 )
 from shipnet.fields import check_whole
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Stands in a field that has no value: no half, or a telegram that could not be read.
 NONE = -1
@@ -33,13 +37,66 @@ Codes = npt.NDArray[np.uint8]
 
 
 class Requests(NamedTuple):
-    """A batch of parsed requests, one array a field, all of the shape of the words."""
+    """A batch of requests, one array per field, all of the shape of the words.
+
+    Attributes
+    ----------
+    error : ndarray of uint8
+        0, or a code of `shipnet.errors`; the other fields are then -1.
+    call : ndarray of int8
+        Value of `Call`.
+    address : ndarray of int8
+        Address, 0..31.
+    data : ndarray of int8
+        Data as in `Request.data`.
+    half : ndarray of int8
+        0 for A, 1 for B, -1 for a standard slave.
+
+    Examples
+    --------
+    >>> batch = Requests.parse([0b00101010111001, 0b00101010111011])
+    >>> batch.table()[["error", "address", "data"]].values.tolist()
+    [['ok', 21, 14], ['ParityError', -1, -1]]
+    >>> [f"{word:014b}" for word in batch.words]
+    ['00101010111001', '00000000000000']
+    """
 
     error: Codes
     call: npt.NDArray[np.int8]
     address: npt.NDArray[np.int8]
     data: npt.NDArray[np.int8]
     half: npt.NDArray[np.int8]
+
+    @classmethod
+    def parse(cls, words: npt.ArrayLike, *, extended: npt.ArrayLike = False) -> Requests:
+        """Parse words of 14 bits, the first bit on the line the highest; raise for none.
+
+        `extended` says, for all or for each word, whether the addressed slave works in extended
+        addressing; see `Request.parse`.
+        """
+        return parse_requests(words, extended=extended)
+
+    @property
+    def words(self) -> npt.NDArray[np.uint16]:
+        """The telegrams; 0, which is none, where the fields make no request."""
+        return encode_requests(self.call, self.address, self.data, self.half)[0]
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per telegram, with its error and its call by name."""
+        import pandas as pd
+
+        title = np.array([call.rule.title for call in Call] + [""], dtype=object)
+        codes, which = np.unique(self.error.ravel(), return_inverse=True)
+        errors = np.array([explain(code) for code in codes.tolist()], dtype=object)
+        return pd.DataFrame(
+            {
+                "error": errors[which],
+                "call": title[self.call.ravel()],
+                "address": self.address.ravel(),
+                "half": np.array(["A", "B", ""], dtype=object)[self.half.ravel()],
+                "data": self.data.ravel(),
+            }
+        )
 
 
 class _Layouts(NamedTuple):

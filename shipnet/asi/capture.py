@@ -14,7 +14,7 @@ from shipnet.asi.batch import NONE, parse_requests, parse_responses, words_of
 from shipnet.asi.bursts import Bursts, Piece, find_bursts, pieces, smallest_pulses
 from shipnet.asi.calls import Call
 from shipnet.asi.modulation import HALF_BIT
-from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE, Reception, receive
+from shipnet.asi.receiver import TOLERANCE, Reception, receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
 from shipnet.errors import ArgumentError, explain
@@ -359,8 +359,8 @@ def _slaves(transactions: pd.DataFrame) -> pd.DataFrame:
             "ringing": good["ringing"].max(),
         }
     )
-    table["amplitude_margin"] = table["weakest_pulse"] - AMPLITUDE_TOLERANCE
-    table["ringing_margin"] = RINGING_TOLERANCE - table["ringing"]
+    table["amplitude_margin"] = table["weakest_pulse"] - TOLERANCE.evenness
+    table["ringing_margin"] = TOLERANCE.ringing - table["ringing"]
     order = pd.DataFrame({"place": place.groupby(label).first(), "name": by.size().index})
     table = table.loc[order.sort_values(["place", "name"]).index]
     return table.rename_axis("slave")

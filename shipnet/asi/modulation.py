@@ -14,8 +14,10 @@ the currents of their senders add up, and pulses of opposite sign cancel.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +36,11 @@ from shipnet.errors import (
     PauseError,
     StartBitError,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from shipnet.asi.receiver import Waveform
 
 #: Length of a half-bit [s].
 HALF_BIT = BIT_TIME / 2
@@ -325,3 +332,200 @@ def _one_pulse_codes() -> tuple[tuple[int, ...], ...]:
 #: For each answer 0..15 the error codes of its 32 disturbances of one slot: a pulse lost, turned
 #: round or added, in any of the 16 half-bits that its receiver looks at. None of them is 0.
 ONE_PULSE_CODES = _one_pulse_codes()
+
+
+# Objects ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Modulation:
+    r"""Alternating pulse modulation of bits: levels, send current, its spectrum, and the pulses.
+
+    .. math:: i(t) = I_0 \sum_j d_j \, \rho\left(\frac{t}{T_h} - j\right), \qquad
+              \rho(x) = x - \frac{\sin 2 \pi x}{2 \pi}
+
+    Parameters
+    ----------
+    bits : str, sequence of str, or array_like of int, shape (..., n)
+        Zeros and ones, the first on the line first: one telegram, or several of one length.
+
+    Raises
+    ------
+    ArgumentError
+        If something other than 0 and 1 is among the bits, or telegrams differ in length.
+
+    References
+    ----------
+    .. [1] ZMD AG, "ASI4U Universal AS-Interface IC", data sheet rev. 1.4, 2006, p. 21.
+
+    Examples
+    --------
+    >>> code = Modulation("0011001")
+    >>> code.pulses
+    0-+-0+-+0-+-0+
+    >>> code.current([0, 4.5e-6, 6e-6, 9e-6]).round(3).tolist()
+    [0.0, 0.03, 0.06, 0.0]
+    """
+
+    bits: Signs
+
+    def __init__(self, bits: str | Sequence[str] | npt.ArrayLike) -> None:
+        object.__setattr__(self, "bits", as_bits(bits))
+
+    def __repr__(self) -> str:
+        """Show the bits of one telegram, or count several."""
+        if self.bits.ndim > 1:
+            return f"<Modulation: {' x '.join(map(str, self.bits.shape))} bits>"
+        return f"Modulation('{self.text}')"
+
+    @property
+    def text(self) -> str:
+        """The bits of one telegram as characters."""
+        return "".join(map(str, self.bits.ravel().tolist()))
+
+    @property
+    def levels(self) -> Signs:
+        """Manchester level of each half-bit, 1 for high: a 0 is high then low, a 1 the opposite."""
+        return levels_of(self.bits)
+
+    @property
+    def steps(self) -> Signs:
+        """Change of the send current at each half-bit: +1 where it rises, -1 where it falls."""
+        return steps_of(self.bits)
+
+    @property
+    def pulses(self) -> Pulses:
+        """Sign of the voltage pulse in each half-bit."""
+        return Pulses(pulses_of(self.bits))
+
+    def current(self, t: npt.ArrayLike, *, start: float = 0.0) -> Floats:
+        """Return the current that the sender draws at times t [s], of a telegram from `start` [A].
+
+        It swings by 60 mA; data sheets say 55 to 68 mA.
+        """
+        return send_current(t, self.bits, start=start)
+
+    def spectrum(self, f: npt.ArrayLike) -> Floats:
+        """Return the spectrum of the slope of the current at frequencies f [Hz], above 0 [A].
+
+        The voltage of a telegram is proportional to the slope, on which its pulses rest.
+        """
+        s = 2j * np.pi * np.asarray(f, dtype=float)
+        return np.abs(s * send_spectrum(s, self.bits))
+
+    @staticmethod
+    def pulse_spectrum(f: npt.ArrayLike) -> Floats:
+        """Return the spectrum of one pulse at frequencies f [Hz], over that at 0; 667 kHz is 0."""
+        return np.abs(ramp_spectrum(2j * np.pi * np.asarray(f, dtype=float)))
+
+    def plot(self, wave: Waveform, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+        """Draw one telegram and its voltage on the line, and return the axes.
+
+        Three axes show levels, current and voltage, as icn2007's Figs 7a and 7b; six, also made
+        if none are given, show all steps from bits to pulses and back, as kim2023's Table 3.
+        """
+        from shipnet.asi.plot import plot_modulation
+
+        return plot_modulation(self.text, wave, axes=axes)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Pulses:
+    """The signs of pulses, one per half-bit from the start of a telegram.
+
+    Parameters
+    ----------
+    signs : str or array_like of int, shape (..., n)
+        -1, 0 or +1; as text, the characters ``-``, ``0`` and ``+``. To be decoded, a telegram of
+        n bits has 2 n of them, and two more for the silence after it, which may be left out.
+
+    Raises
+    ------
+    ArgumentError
+        If another value is among the signs.
+
+    References
+    ----------
+    .. [1] ZMD AG, "SAP5S/SAP51 Universal AS-Interface IC", data sheet rev. 3.1, 2012, p. 45.
+
+    Examples
+    --------
+    A lost pulse rarely breaks one rule alone:
+
+    >>> Pulses("0-+-0+-+0-+-0+").decode()
+    '0011001'
+    >>> Pulses("0-+-0+-00-+-0+00").broken
+    ('alternation', 'pause', 'information', 'parity')
+
+    The answers 6 and 5 at once: where they differ, pulses cancel.
+
+    >>> Modulation("0011001").pulses + Modulation("0010101").pulses
+    0-+-0+-000+-0+
+    """
+
+    signs: Signs
+
+    def __init__(self, signs: str | npt.ArrayLike) -> None:
+        if isinstance(signs, str):
+            if set(signs) - set("-0+") or not signs:
+                raise ArgumentError(f"signs are {signs!r}; they must be -, 0 and +")
+            signs = ["-0+".index(sign) - 1 for sign in signs]
+        array = np.asarray(signs)
+        if array.ndim == 0 or array.dtype.kind not in "iu" or (array.size and abs(array).max() > 1):
+            raise ArgumentError(f"signs are {signs!r}; they must be -1, 0 or +1")
+        object.__setattr__(self, "signs", array.astype(np.int8))
+
+    def __repr__(self) -> str:
+        """Show the signs of one telegram, or count several."""
+        if self.signs.ndim > 1:
+            return f"<Pulses: {' x '.join(map(str, self.signs.shape))} half-bits>"
+        return "".join("0+-"[sign] for sign in self.signs)
+
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[Any]:
+        """Return the signs, so that numpy takes pulses for an array."""
+        return np.array(self.signs, dtype=dtype, copy=bool(copy) or None)
+
+    @property
+    def count(self) -> int:
+        """Number of half-bits with a pulse."""
+        return int(np.count_nonzero(self.signs))
+
+    @property
+    def _whole(self) -> Signs:
+        """The signs with the silence after the telegram."""
+        if self.signs.shape[-1] not in (2 * RESPONSE_BITS, 2 * REQUEST_BITS):
+            return self.signs
+        return np.pad(self.signs, [(0, 0)] * (self.signs.ndim - 1) + [(0, 2)])
+
+    def decode(self) -> str:
+        """Return the bits of one telegram, or raise the FrameError of the first broken rule."""
+        return bits_of_slots(self._whole)
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Names of all the rules that one telegram breaks, in the order of the checks."""
+        whole = self._whole
+        if whole.ndim != 1:
+            raise ArgumentError(f"there are {whole.shape} pulses; `broken` is of one telegram")
+        failed = violations(whole, (len(whole) - 2) // 2)
+        return tuple(name for name, fails in zip(CLASSES, failed, strict=True) if fails)
+
+    @property
+    def error(self) -> str:
+        """Class of the first error of one telegram, such as ``"ParityError"``, or ``"ok"``."""
+        broken = self.broken
+        return CLASSES[broken[0]].__name__ if broken else "ok"
+
+    def __add__(self, other: Pulses) -> Pulses:
+        """Return what a receiver finds where two telegrams overlap: opposite signs cancel."""
+        if not isinstance(other, Pulses) or other.signs.shape != self.signs.shape:
+            return NotImplemented
+        return Pulses(np.sign(self.signs + other.signs))
+
+    def plot(self, ax: Axes | None = None, *, faults: Sequence[int] = ()) -> Axes:
+        """Draw the pulses of one telegram half-bit by half-bit, those numbered in `faults` red."""
+        from shipnet.asi.plot import plot_slots
+
+        return plot_slots(self.signs, ax=ax, faults=faults)

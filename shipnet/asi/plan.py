@@ -27,7 +27,7 @@ from shipnet.asi.elements import (
     Supply,
     Terminator,
 )
-from shipnet.asi.quality import SignalQuality, signal_quality
+from shipnet.asi.quality import Quality, signal_quality
 from shipnet.asi.segment import DEVICE, Segment
 from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.timing import Transaction
@@ -38,7 +38,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
+    from shipnet.asi.receiver import Waveform
     from shipnet.asi.rules import PlanFindings
+    from shipnet.asi.telegram import Request, Response
 
 _E = TypeVar("_E", bound=Element)
 
@@ -140,26 +142,22 @@ class PlanSegment:
         point = self.network.operating_point(supply.node, supply.voltage, drawn)
         return {node: float(volts) for node, volts in point.voltage.items()}
 
-    def signals(self) -> SignalQuality:
+    def signals(self) -> Quality:
         """Return the worst of all 16 responses and of the requests `PROBES` for each listener."""
         if self.head is None:
             raise ArgumentError(f"{self} has no head; its line needs a master")
         nodes = tuple(node for _, node in self.listeners)
         if not nodes:
-            return SignalQuality(*[np.empty(0)] * 5)
+            none = np.empty(0)
+            return Quality(none, none, none, none, none)
         places = tuple(dict.fromkeys(nodes))
         line = Segment(self.network, self.head, places)
         responses, requests = (signal_quality(line, words) for words in (RESPONSES, PROBES))
         share = len(RESPONSES) / (len(RESPONSES) + len(PROBES))
-        worst = SignalQuality(
-            np.minimum(responses.level_least, requests.level_least),
-            np.maximum(responses.level_most, requests.level_most),
-            np.minimum(responses.evenness, requests.evenness),
-            np.maximum(responses.ringing, requests.ringing),
-            share * responses.received + (1 - share) * requests.received,
+        worst = responses.worst(requests)._replace(
+            received=share * responses.received + (1 - share) * requests.received
         )
-        each = [places.index(node) for node in nodes]
-        return SignalQuality(*(values[each] for values in worst))
+        return worst.of([places.index(node) for node in nodes], nodes)
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -445,6 +443,53 @@ class Plan:
     def network(self) -> Network:
         """The cables and loads of a plan of one segment, as the signal meets them."""
         return self.only("network").network
+
+    def waveform(
+        self,
+        telegrams: Request | Response | str | Sequence[str] | None = None,
+        node: str | None = None,
+        *,
+        dt: float = 250e-9,
+        before: float = 6.5e-6,
+        after: float = 18.5e-6,
+    ) -> Waveform:
+        """Return the voltages of telegrams between the master and each slave, or one node.
+
+        By default all 16 responses are sent; `telegrams` may also be one telegram, or the bits of
+        several of one length. By reciprocity the voltage is what the master hears of a slave and
+        what the slave hears of the master. It is the signal alone, without the 30 V of the
+        supply, sampled every `dt` [s], a whole fraction of 3 us, from `before` the telegram to
+        `after` its end [s]. The plan must have one segment with a master.
+        """
+        from shipnet.asi.segment import telegram_waveform
+
+        segment = self.only("waveform")
+        if segment.head is None:
+            raise ArgumentError(f"{segment} has no head; its line needs a master")
+        nodes = tuple(node for _, node in segment.listeners) if node is None else (node,)
+        if not nodes:
+            raise ArgumentError(f"{segment} has no slave; one must send or hear")
+        wave = telegram_waveform(
+            self.network, segment.head, nodes, RESPONSES if telegrams is None else telegrams,
+            dt=dt, before=before, after=after,
+        )  # fmt: skip
+        return wave if node is None else replace(wave, u=wave.u[0], names=())
+
+    def quality(self) -> Quality:
+        """Return how the 16 responses come over from each slave of a plan of one segment.
+
+        `check` judges three requests as well, and is stricter.
+        """
+        segment = self.only("quality")
+        if segment.head is None:
+            raise ArgumentError(f"{segment} has no head; its line needs a master")
+        nodes = tuple(slave.node for slave in segment.slaves)
+        places = tuple(dict.fromkeys(nodes))
+        if not places:
+            raise ArgumentError(f"{segment} has no slave; one must send or hear")
+        found = signal_quality(Segment(self.network, segment.head, places))
+        rows = [places.index(node) for node in nodes]
+        return found.of(rows, tuple(slave.label for slave in segment.slaves))
 
     @property
     def voltages(self) -> dict[str, float]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
@@ -18,12 +19,13 @@ from shipnet import style
 from shipnet.asi.capture import Capture
 from shipnet.asi.modulation import HALF_BIT, bits_of_slots, levels_of, pulses_of, send_current
 from shipnet.asi.profile import IO_CONFIGURATIONS
-from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE, Eye
+from shipnet.asi.receiver import TOLERANCE, Eye, Receiver, Reception, Waveform, matched_filter
 from shipnet.asi.simulation.slave import TRANSITIONS, Action, Event, State
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response
 from shipnet.asi.timing import BIT_TIME, Transaction
 from shipnet.errors import ArgumentError, LengthError
-from shipnet.line.plot import axes, layout
+from shipnet.line.plot import axes as axes_of
+from shipnet.line.plot import layout
 from shipnet.style import LIMIT
 
 if TYPE_CHECKING:
@@ -60,7 +62,7 @@ def plot_telegram(
     parts: Sequence[tuple[str, int, str]] | None = None,
 ) -> Axes:
     """Draw a telegram as a row of coloured bits with its level line above."""
-    ax = axes(ax)
+    ax = axes_of(ax)
     lengths = {sum(part[1] for part in own) for own in (REQUEST_PARTS, RESPONSE_PARTS)}
     if parts is None and len(bits) not in lengths:
         raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
@@ -91,7 +93,7 @@ def plot_transaction(
     ax: Axes | None = None,
 ) -> Axes:
     """Draw request, master pause, response and slave pause on one time axis: kim2023's Fig 5."""
-    ax = axes(ax, figsize=(8, 2.6))
+    ax = axes_of(ax, figsize=(8, 2.6))
     transaction = transaction or Transaction()
     spans = transaction.spans
     telegrams = {
@@ -129,7 +131,7 @@ def plot_transaction(
 
 def plot_io_codes(*, ax: Axes | None = None) -> Axes:
     """Draw the ports of the 16 I/O configuration codes as a grid: kim2023's Table 7."""
-    ax = axes(ax, figsize=(8, 2))
+    ax = axes_of(ax, figsize=(8, 2))
     colours = {
         "IN": style.FIELD["address"],
         "OUT": style.FIELD["information"],
@@ -161,7 +163,7 @@ def plot_capture(
     stop: float | None = None,
 ) -> Axes:
     """Draw a recorded line voltage with the telegrams that were found in it."""
-    ax = axes(ax, figsize=(10, 3.2))
+    ax = axes_of(ax, figsize=(10, 3.2))
     u = np.asarray(u)
     stop = len(u) * dt if stop is None else stop
     low, high = max(0, int(start / dt)), min(len(u), int(stop / dt) + 1)
@@ -219,9 +221,20 @@ def save_capture(
         figure.savefig(file, dpi=150)
 
 
-def plot_modulation(bits: str, *, axes: Sequence[Axes], voltage: tuple[Floats, Floats]) -> None:
+def plot_modulation(
+    bits: str, wave: Waveform, *, axes: Sequence[Axes] | None = None
+) -> Sequence[Axes]:
     """Draw the six steps from bits to pulses and back: kim2023's Table 3."""
-    t, u = voltage
+    if axes is None:
+        axes = plt.subplots(6, 1, figsize=(7, 9), sharex=True)[1]
+    u = wave.u.reshape(-1, wave.u.shape[-1])
+    if len(axes) not in (3, 6) or len(u) != 1:
+        raise ArgumentError(
+            f"there are {len(axes)} axes and {len(u)} voltages; there must be 3 or 6, and one"
+        )
+    t, u = wave.t, u[0]
+    if len(axes) == 3:
+        return _plot_levels_to_voltage(bits, t, u, axes)
     edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6
     levels = levels_of(bits)
     received = bits_of_slots(np.pad(pulses_of(bits), (0, 2)))
@@ -244,11 +257,75 @@ def plot_modulation(bits: str, *, axes: Sequence[Axes], voltage: tuple[Floats, F
     axes[4].stem((slots + 0.5) * HALF_BIT * 1e6, pulses[slots], basefmt="0.7")
     axes[4].set(ylabel="pulse [1]", ylim=(-1.4, 1.4), title="5 pulses that the receiver takes")
     axes[5].set_xlabel("time [us]")
+    return axes
+
+
+def _plot_levels_to_voltage(
+    bits: str, t: Floats, u: Floats, axes: Sequence[Axes]
+) -> Sequence[Axes]:
+    """Draw bits with their levels, the send current and the voltage."""
+    levels = levels_of(bits)
+    edges = np.arange(levels.size + 1) * HALF_BIT * 1e6
+    axes[0].step(edges, [*levels, 1], where="post")
+    for place, bit in enumerate(bits):
+        middle = (2 * place + 1) * HALF_BIT * 1e6
+        axes[0].text(middle, 1.25, bit, ha="center", family="monospace")
+    axes[0].set(ylabel="level [1]", ylim=(-0.2, 1.7))
+    axes[1].plot(t * 1e6, 1e3 * send_current(t, bits), color="C1")
+    axes[1].set(ylabel="current [mA]")
+    axes[2].plot(t * 1e6, u, color="C2")
+    axes[2].set(ylabel="voltage [V]", xlabel="time [us]")
+    return axes
+
+
+def plot_reception(
+    found: Reception, wave: Waveform, receiver: Receiver, *, ax: Axes | None = None
+) -> Axes:
+    """Draw one telegram as its receiver sees it; x is in microseconds from its start."""
+    ax = axes_of(ax)
+    if wave.u.ndim != 1:
+        raise ArgumentError(f"wave holds {wave.u.shape[:-1]} telegrams; one can be drawn")
+    t = wave.t * 1e6
+    seen = matched_filter(wave.u, wave.dt) if receiver.matched else wave.u
+    ax.plot(t, wave.u, color="0.6", linewidth=1, label="on the line")
+    if receiver.matched:
+        ax.plot(t, seen, color="C0", label="behind the filter")
+    end = wave.span[1] * 1e6 + 21
+    if np.isfinite(found.start):
+        middles = wave.start + found.start + HALF_BIT * (np.arange(found.slots.size) + 0.5)
+        heights = np.interp(middles, wave.t, seen)
+        filled = found.slots != 0
+        ax.plot(middles[filled] * 1e6, heights[filled], "o", color="C1", label="pulse")
+        ax.plot(middles[~filled][1:] * 1e6, heights[~filled][1:], "x", color="C1", label="none")
+        threshold = abs(heights[1]) * receiver.threshold
+        for level in (threshold, -threshold):
+            ax.axhline(level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+        ax.text(
+            end - 1, threshold, "threshold", color=style.LIMIT["color"], ha="right", va="bottom"
+        )
+    ax.set(xlim=(-5, end), xlabel="time [us]", ylabel="voltage at the master [V]")
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
+    return ax
+
+
+def plot_comparison(
+    x: Sequence[float], table: pd.DataFrame, *, ax: Axes | None = None, label: str = "", **line: Any
+) -> Axes:
+    """Draw weakest pulse and ringing over the compared plans, with both tolerances."""
+    ax = axes_of(ax)
+    name = f", {label}" if label else ""
+    for column, colour, what in (("evenness", "C0", "weakest pulse"), ("ringing", "C1", "ringing")):
+        ax.plot(x, 100 * table[column], color=colour, label=what + name, **line)
+    for level in TOLERANCE:
+        ax.axhline(100 * level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+    ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))
+    ax.legend()
+    return ax
 
 
 def plot_slots(slots: npt.ArrayLike, *, ax: Axes | None = None, faults: Sequence[int] = ()) -> Axes:
     """Draw the pulses of a telegram slot by slot, faulty slots in red."""
-    ax = axes(ax)
+    ax = axes_of(ax)
     slots = np.asarray(slots)
     for slot, pulse in enumerate(slots):
         colour = style.LIMIT["color"] if slot in faults else "C0"
@@ -262,13 +339,13 @@ def plot_slots(slots: npt.ArrayLike, *, ax: Axes | None = None, faults: Sequence
 
 def plot_eye(opened: Eye, *, ax: Axes | None = None) -> Axes:
     """Draw all half-bits over each other with the tolerances: icn2007's Fig 8."""
-    ax = axes(ax)
+    ax = axes_of(ax)
     t = opened.t * 1e6
     for rows, colour, label in [(opened.pulses, "C0", "pulse"), (opened.gaps, "C1", "no pulse")]:
         lines = ax.plot(t, rows.T, color=colour, alpha=0.15, linewidth=0.8)
         if lines:
             ax.plot([], [], color=colour, label=label)
-    for level in (AMPLITUDE_TOLERANCE, RINGING_TOLERANCE, -RINGING_TOLERANCE):
+    for level in (TOLERANCE.evenness, TOLERANCE.ringing, -TOLERANCE.ringing):
         ax.axhline(level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
     ax.set(xlim=(t[0], t[-1]), ylim=(-1.05, 1.05))
     ax.set(xlabel="time from the middle [us]", ylabel="voltage / largest [1]")
@@ -290,7 +367,7 @@ def plot_events(
     ax: Axes | None = None,
 ) -> Axes:
     """Draw the events of a run as blocks in time; x is in milliseconds."""
-    ax = axes(ax)
+    ax = axes_of(ax)
     keep = events["time_s"] >= (0.0 if start is None else start)
     if stop is not None:
         keep &= events["time_s"] < stop
@@ -350,7 +427,7 @@ def plot_states(*, ax: Axes | None = None) -> Axes:
     A box per state, an arrow from state to state with the events that lead along it, and after a
     slash what the slave does.
     """
-    ax = axes(ax)
+    ax = axes_of(ax)
     for state, x in _X.items():
         ax.add_patch(
             Rectangle(
@@ -408,7 +485,7 @@ def plot_plan(plan: Plan, findings: Findings | None = None, *, ax: Axes | None =
     A slave with a rule not met is red, a segment with one has red cable. A cable that closes a
     ring is dashed, a repeater is joined to both of its nodes. Few slaves are named.
     """
-    ax = axes(ax)
+    ax = axes_of(ax)
     table = None if findings is None else findings.table()
     failed = set() if table is None else set(table.loc[table["verdict"] != "met", "object"])
     points: dict[str, list[Floats]] = {kind: [] for kind in _MARKS}

@@ -200,5 +200,5 @@ def _signal_rows(segment: PlanSegment) -> Iterator[_Row]:
     if why:
         yield from ((rule, name, np.nan, None, why) for rule in rules for name in names)
         return
-    for rule, values in zip(rules, segment.signals(), strict=True):
+    for rule, values in zip(rules, segment.signals()[:5], strict=True):
         yield from ((rule, name, float(v), None, "") for name, v in zip(names, values, strict=True))

@@ -28,6 +28,7 @@ from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 #: Columns of the bits between start bit and parity bit.
 _PLACES = ["CB", "A4", "A3", "A2", "A1", "A0", "I4", "I3", "I2", "I1", "I0"]
@@ -111,6 +112,12 @@ class Response:
         """Whether the data are what the standard fixes for the call; True where it fixes none."""
         answer = self.call.rule.answer if self.call is not None else None
         return not isinstance(answer, Answer) or self.data == answer
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the response as coloured bits, with its level line above; x is in bit times."""
+        from shipnet.asi.plot import plot_telegram
+
+        return plot_telegram(self.bits, ax=ax)
 
     def __str__(self) -> str:
         """Say in one line what the response means."""
@@ -258,6 +265,12 @@ class Request:
     def slave(self) -> str:
         """The slave as its label on board says it: ``"21"``, ``"21A"``, ``"21B"``."""
         return f"{self.address}{self.half or ''}"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the request as coloured bits, with its level line above; x is in bit times."""
+        from shipnet.asi.plot import plot_telegram
+
+        return plot_telegram(self.bits, ax=ax)
 
     def __str__(self) -> str:
         """Say in one line what the request asks for."""

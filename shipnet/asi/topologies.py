@@ -181,8 +181,8 @@ def ring(
     Returns
     -------
     Plan
-        Its nodes are named by their places; the last two cables meet halfway between the last
-        place and the master.
+        Its nodes are named by their places; if one place is taken apart from the master's, the
+        last two cables meet halfway between it and the master.
 
     Raises
     ------
@@ -202,6 +202,9 @@ def ring(
             f"the last place on the ring is {last} m; it must lie between 0 and {length} m"
         )
     there = line(last, slaves, pairs=pairs, supply=supply, cable=cable, current=current)
+    if len(there.cables) > 1:
+        closing = [CableRun(_node(last), _node(0), length - last, cable)]
+        return Plan([*there.cables, *closing], there.masters, there.supplies, there.slaves)
     # Two cables, since two nodes have at most one between them.
     half = (length - last) / 2
     back = _node(last + half)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from shipnet.asi.quality import SignalQuality, signal_quality
-from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE
+from shipnet.asi.quality import Quality, signal_quality
+from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.topology import straight_line
 from shipnet.exercises.answers import Choice, Number, Whole
 from shipnet.exercises.exercise import Exercise
@@ -35,15 +35,15 @@ def _echo(volts: float, resistor: float, z0: float) -> float:
 
 
 @cache
-def _quality(length: int, delay: float) -> SignalQuality:
+def _quality(length: int, delay: float) -> Quality:
     cable = Cable.lossless(100, delay * 1e-9)
     return signal_quality(straight_line(length, slaves=(5, length), cable=cable))
 
 
 def _in_tolerance(length: int, delay: float) -> bool:
     quality = _quality(length, delay)
-    even = quality.evenness.min() >= AMPLITUDE_TOLERANCE
-    return bool(even and quality.ringing.max() <= RINGING_TOLERANCE)
+    even = quality.evenness.min() >= TOLERANCE.evenness
+    return bool(even and quality.ringing.max() <= TOLERANCE.ringing)
 
 
 def _longest(delay: float) -> int:

@@ -179,7 +179,7 @@ class Run:
     >>> from shipnet.modbus import Loop, Poll, Request, SerialLine, simulate
     >>> poll = Poll(Request.read_input_registers(0, 4), SerialLine(9600), timeout=0.1)
     >>> simulate(Loop(3, poll), until=1.0)
-    Run(3 slaves, no faults, 32 tries in 1 s, longest gap 0.096 s)
+    Run(3 slaves, no faults, 32 tries in 1 s, longest gap 0.0963 s)
     """
 
     system: System

@@ -13,9 +13,8 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.asi.modulation import HALF_BIT, bits_of_slots
 from shipnet.asi.receiver import (
-    AMPLITUDE_TOLERANCE,
     MINIMUM,
-    RINGING_TOLERANCE,
+    TOLERANCE,
     Reception,
     matched_filter,
     receive,
@@ -192,10 +191,10 @@ class Result:
         if np.isfinite(found.amplitude):
             texts["first pulse"] = f"{found.amplitude:.2f} V"
             texts["weakest pulse"] = (
-                f"{found.weakest:.0%} of the largest, {AMPLITUDE_TOLERANCE:.0%} needed"
+                f"{found.weakest:.0%} of the largest, {TOLERANCE.evenness:.0%} needed"
             )
             texts["ringing"] = (
-                f"{found.ringing:.0%} of the largest, {RINGING_TOLERANCE:.0%} allowed"
+                f"{found.ringing:.0%} of the largest, {TOLERANCE.ringing:.0%} allowed"
             )
         return texts
 

@@ -10,7 +10,7 @@ from shipnet.asi.emc.monte_carlo import (
     Telegrams,
     all_telegrams,
     monte_carlo,
-    noise_error_rate,
+    noise_theory,
     telegram_error_rate,
 )
 from shipnet.asi.modulation import CLASSES, HALF_BIT, pulses_of
@@ -90,7 +90,7 @@ def test_a_receiver_that_keeps_time_fails_as_often_as_theory_says():
     telegrams = ideal(-3.5e-6, 2.4, 400e-6)
     raw = {"matched": False, "minimum": 1.2}
     sigma = [0.35, 0.45, 0.6]
-    theory = noise_error_rate(telegrams, sigma, **raw)
+    theory = noise_theory(telegrams, sigma, **raw)
     table = telegram_error_rate(telegrams, noise, sigma, 30_000, rng(), window=0, **raw)
     assert 0.005 < theory[0] < 0.02 < 0.3 < theory[2] < 0.5
     error = np.sqrt(theory * (1 - theory) / 30_000)
@@ -101,7 +101,7 @@ def test_noise_ahead_of_a_telegram_is_taken_for_its_start_as_often_as_theory_say
     # Pulses of 6 V are not missed, but 302 samples ahead are silent. Four sigma.
     telegrams = ideal(300.5e-6, 6.0, 500e-6)
     raw = {"matched": False, "minimum": 1.6}
-    theory = noise_error_rate(telegrams, 0.45, **raw)[0]
+    theory = noise_theory(telegrams, 0.45, **raw)[0]
     assert theory == pytest.approx(1 - (1 - 2 * stats.norm.sf(1.6 / 0.45)) ** 302, rel=1e-6)
     row = telegram_error_rate(telegrams, noise, 0.45, 20_000, rng(), window=0, **raw)
     assert row["rate"][0] == pytest.approx(theory, abs=4 * np.sqrt(theory / 20_000))
@@ -110,7 +110,7 @@ def test_noise_ahead_of_a_telegram_is_taken_for_its_start_as_often_as_theory_say
 @pytest.mark.parametrize("minimum", [0.45, 0.9, 1.2])
 def test_the_filtered_receiver_comes_near_to_theory(minimum):
     sigma = {0.45: [0.3, 0.4, 0.5], 0.9: [0.6, 0.8, 1.0], 1.2: [0.8, 1.0]}[minimum]
-    theory = noise_error_rate(NEAR, sigma, minimum=minimum)
+    theory = noise_theory(NEAR, sigma, minimum=minimum)
     rates = telegram_error_rate(NEAR, noise, sigma, 8000, rng(), minimum=minimum)["rate"]
     assert (np.abs(rates / theory - 1) < 1 / 3).all()
 
@@ -125,10 +125,10 @@ def test_the_filter_leaves_what_theory_takes_for_the_noise():
 def test_small_rates_do_not_drown_in_rounding():
     # A pulse of 2.4 V fails below half of the first one, which is as noisy: the difference has
     # 1.2 V and sqrt(1 + 1/4) of the noise, ten over sqrt(5/4) sigma.
-    theory = noise_error_rate(ideal(-3.5e-6, 2.4, 64e-6), 0.12, matched=False, minimum=1.0)
+    theory = noise_theory(ideal(-3.5e-6, 2.4, 64e-6), 0.12, matched=False, minimum=1.0)
     others = np.count_nonzero(pulses_of(RESPONSES), axis=1).mean() - 1
     assert theory[0] == pytest.approx(others * stats.norm.sf(10 / np.sqrt(1.25)), rel=0.01)
-    assert (noise_error_rate(NEAR, [1.0], minimum=0.05) > 0.99).all()
+    assert (noise_theory(NEAR, [1.0], minimum=0.05) > 0.99).all()
 
 
 def test_a_table_counts_every_telegram_and_every_check():
@@ -237,12 +237,12 @@ def test_bad_arguments_are_named_before_the_first_row(change, message):
         (lambda: Telegrams(RESPONSES, NEAR.t, NEAR.u[:3], (0, 1)), r"\(16, 7\), .* \(3, 268\)"),
         (lambda: Telegrams(RESPONSES[:0], NEAR.t, NEAR.u[:0], (0, 1)), "a word at least"),
         (lambda: Telegrams(RESPONSES[:, :5], NEAR.t, NEAR.u, (0, 1)), "n_bits is 5"),
-        (lambda: noise_error_rate(NEAR, 0.0), "must be above 0"),
-        (lambda: noise_error_rate(NEAR, [0.1, np.nan]), "must be above 0"),
-        (lambda: noise_error_rate(NEAR, "1"), "must be above 0"),
-        (lambda: noise_error_rate(NEAR, 0.1, minimum=0.0), "received without an error"),
-        (lambda: noise_error_rate(NEAR, 0.1, minimum=5.0), "received without an error"),
-        (lambda: noise_error_rate(NEAR, 0.1, threshold=1.0), "threshold is 1.0"),
+        (lambda: noise_theory(NEAR, 0.0), "must be above 0"),
+        (lambda: noise_theory(NEAR, [0.1, np.nan]), "must be above 0"),
+        (lambda: noise_theory(NEAR, "1"), "must be above 0"),
+        (lambda: noise_theory(NEAR, 0.1, minimum=0.0), "received without an error"),
+        (lambda: noise_theory(NEAR, 0.1, minimum=5.0), "received without an error"),
+        (lambda: noise_theory(NEAR, 0.1, threshold=1.0), "threshold is 1.0"),
         (
             lambda: telegram_error_rate(NEAR, lambda *_: np.zeros(3), 1.0, 5, rng()),
             r"disturbance returned the shape \(3,\); it must be \(5, 268\)",

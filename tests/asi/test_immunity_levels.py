@@ -3,10 +3,10 @@ import pytest
 
 from shipnet import datasets
 from shipnet.asi.emc.disturbances import PULSE_RATE
-from shipnet.asi.emc.immunity import CRITERIA, STANDARDS, gap, levels
+from shipnet.asi.emc.immunity import CRITERIA, STANDARDS, immunity_margin, levels_table
 from shipnet.errors import ArgumentError
 
-TABLE = levels()
+TABLE = levels_table()
 PRINTED = datasets.read("kim2023_table2_emc.csv")
 
 
@@ -81,12 +81,15 @@ def test_the_gaps_are_those_that_the_numbers_have():
     ],
 )
 def test_a_gap_depends_on_which_side_is_stricter(asi, marine, better, expected):
-    assert gap(asi, marine, better) == expected
+    assert immunity_margin(asi, marine, better) == expected
 
 
 def test_gaps_broadcast():
-    assert gap([[1.0], [3.0]], [2.0, 4.0]).tolist() == [["below"] * 2, ["covers", "below"]]
-    assert gap([], []).shape == (0,)
+    assert immunity_margin([[1.0], [3.0]], [2.0, 4.0]).tolist() == [
+        ["below"] * 2,
+        ["covers", "below"],
+    ]
+    assert immunity_margin([], []).shape == (0,)
 
 
 @pytest.mark.parametrize(
@@ -100,7 +103,7 @@ def test_gaps_broadcast():
 )
 def test_bad_levels_are_named(arguments, message):
     with pytest.raises(ArgumentError, match=message):
-        gap(*arguments)
+        immunity_margin(*arguments)
 
 
 def test_criteria_and_standards_have_their_words():

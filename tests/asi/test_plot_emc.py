@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet import style
-from shipnet.asi.emc.immunity import levels
+from shipnet.asi.emc.immunity import levels_table
 from shipnet.asi.emc.plot import plot_error_rate, plot_levels
 
 
@@ -21,7 +21,7 @@ def names(ax):
 
 def test_every_test_that_a_ship_asks_for_has_its_row(ax):
     assert plot_levels(ax=ax) is ax
-    table = levels()
+    table = levels_table()
     asked = table.loc[table["gap"] != "not asked", "test"].unique()
     shown = {name.removesuffix(", highest frequency") for name in names(ax)}
     assert shown == set(asked) - {"burst"}
@@ -53,7 +53,7 @@ def test_dots_stand_at_the_ratio_and_show_what_is_wrong_or_unsure(ax):
 
 
 def test_another_table_moves_the_dots(ax):
-    table = levels()
+    table = levels_table()
     table.loc[0, "ratio"], table.loc[0, "gap"] = 1.5, "covers"
     plot_levels(table=table, ax=ax)
     dot = next(line for line in ax.lines if line.get_marker() == "o")

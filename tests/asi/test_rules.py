@@ -7,7 +7,7 @@ from shipnet import datasets
 from shipnet.asi.cycle import Cycle
 from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply, Terminator
 from shipnet.asi.plan import Plan
-from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE
+from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.rules import rule_limits
 from shipnet.asi.timing import MASTER_PAUSE_BITS, Transaction
 from shipnet.asi.topologies import line, ring, star
@@ -242,8 +242,8 @@ def test_a_line_of_150_m_is_too_long_and_at_200_m_slaves_are_lost():
 
 def test_the_limits_are_those_that_other_parts_use():
     limits = rule_limits()
-    assert limits.loc["signal_evenness", "low"] == AMPLITUDE_TOLERANCE
-    assert limits.loc["ringing", "high"] == RINGING_TOLERANCE
+    assert limits.loc["signal_evenness", "low"] == TOLERANCE.evenness
+    assert limits.loc["ringing", "high"] == TOLERANCE.ringing
     assert limits.loc["answer_delay", "high"] == MASTER_PAUSE_BITS[1]
     total = float(NUMBERS["total cable length of a network, taps included"])
     assert limits.loc["cable_length", "high"] == total

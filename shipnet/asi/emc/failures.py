@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from shipnet.asi.cycle import Cycle
 from shipnet.asi.emc.disturbances import PACKET_LENGTH, PACKET_PERIOD
+from shipnet.asi.receiver import RNGLike
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
@@ -106,3 +108,96 @@ def error_series(
             "per_h": per_packet * 3600 / packet_period,
         }
     )
+
+
+def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.DataFrame:
+    r"""Return what exchanges that fail independently of each other do to a network.
+
+    .. math:: q = p^2, \qquad T = T_c \left(\frac{1}{q} + \frac{1}{q^2} + \frac{1}{q^3}\right)
+
+    Parameters
+    ----------
+    p : float or array_like of float, shape (n,)
+        Probability that an exchange fails, 0..1.
+    cycle : Cycle, default ``Cycle(31)``
+        The cycle, of 1 to 31 slaves.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per probability: ``rate``; ``repetitions_per_s``; ``cycle_failure`` q, both tries
+        of a slave fail; ``three_cycles``, in three cycles in a row; ``between_drops_s`` T, mean
+        time until a slave is dropped; ``drops_per_h`` of all slaves.
+
+    Raises
+    ------
+    ArgumentError
+        If a probability is not 0..1, or the cycle does not have 1 to 31 slaves.
+
+    Examples
+    --------
+    >>> effect = independent_failures(1 / 60).iloc[0]
+    >>> f"{1 / effect['drops_per_h'] / 24:.0f} days"
+    '90 days'
+    """
+    cycle = cycle or Cycle(31)
+    return cycle_effect(p, slaves=int(np.asarray(cycle.slaves)), cycle_time=float(cycle.time))
+
+
+def burst_failures(
+    inside: float,
+    rng: RNGLike | None = None,
+    packets: int = 1000,
+    *,
+    slaves: int = 31,
+    transaction: Transaction | None = None,
+    packet_length: float = PACKET_LENGTH,
+    packet_period: float = PACKET_PERIOD,
+) -> pd.DataFrame:
+    """Lay packets of a burst over the cycles of a network and count failures in a row.
+
+    Parameters
+    ----------
+    inside : float
+        Probability that an exchange fails while a packet lasts, 0..1; outside none fails.
+    rng : numpy.random.Generator or int, optional
+        Source of the random numbers, as `numpy.random.default_rng` takes it.
+    packets : int, default 1000
+        Packets to lay, each at another moment of a cycle, 1 or more.
+    slaves : int, default 31
+        Slaves asked in a cycle, 1..31.
+    transaction : Transaction, optional
+        Length of an exchange; 156 us if omitted.
+    packet_length, packet_period : float, default 15e-3 and 300e-3
+        Length of a packet, 0..10, and time from one to the next, longer than that [s].
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per length of series, ``failures`` 1..6: ``series``, how many were seen;
+        ``per_packet``; ``per_h``. The sixth failure in a row drops the slave.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Notes
+    -----
+    Inside a packet exchanges fail independently of each other, which takes the pulses of a packet
+    for more random than they are. A slave that was dropped is taken to be back in its next cycle.
+
+    Examples
+    --------
+    A third of the exchanges of a packet fail, which over the whole test is one in 60. If these
+    failed independently, a slave would be dropped every 90 days. Packets do it twice a minute:
+
+    >>> table = burst_failures(1 / 3, 2024, 40_000).set_index("failures")
+    >>> f"{table.loc[6, 'per_h'] / 60:.1f} a minute"
+    '1.7 a minute'
+    """
+    return error_series(
+        inside, np.random.default_rng(rng), packets,
+        slaves=slaves, transaction=transaction,
+        packet_length=packet_length, packet_period=packet_period,
+    )  # fmt: skip

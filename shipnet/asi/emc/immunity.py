@@ -6,12 +6,17 @@ of them arrive between the wires is not in any of these standards; `disturbance`
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: Performance criteria of a test, in short, after IEC 61000-6-2, clause 4.
 CRITERIA: dict[str, str] = {
@@ -35,10 +40,35 @@ STANDARDS: dict[str, str] = {
 }
 
 
-def gap(
+def immunity_margin(
     asi: npt.ArrayLike, marine: npt.ArrayLike, better: str | npt.ArrayLike = "higher"
 ) -> npt.NDArray[np.str_]:
-    """Compare what AS-i is tested against with what a ship asks for."""
+    """Compare what AS-i is tested against with what a ship asks for.
+
+    Parameters
+    ----------
+    asi, marine : array_like of float
+        Levels in the same unit, above 0; NaN where there is none.
+    better : str or array_like of str, default "higher"
+        Which level is the stricter: ``"higher"``, ``"lower"`` (as where a range begins), or
+        ``"equal"``, where the values only have to agree.
+
+    Returns
+    -------
+    ndarray of str, of the shape of the arguments broadcast
+        ``"covers"``, ``"below"``, ``"test missing"`` (AS-i has none) or ``"not asked"`` (the ship
+        asks for none).
+
+    Raises
+    ------
+    ArgumentError
+        If a level is not above 0 and finite, or `better` is another word.
+
+    Examples
+    --------
+    >>> immunity_margin([4, 8, np.nan], [6, 8, 1]).tolist()
+    ['below', 'covers', 'test missing']
+    """
     ours, theirs = np.asarray(asi, dtype=float), np.asarray(marine, dtype=float)
     for name, value in (("asi", ours), ("marine", theirs)):
         if np.any((value <= 0) | np.isinf(value)):
@@ -61,11 +91,64 @@ def gap(
     )
 
 
-def levels() -> pd.DataFrame:
+def levels_table() -> pd.DataFrame:
     """Return the immunity tests of AS-i and of ships, and the gap between them."""
     table = datasets.read("emc_levels.csv")
     table[["asi", "marine"]] = table[["asi", "marine"]].apply(pd.to_numeric)
     table["ratio"] = table["asi"] / table["marine"]
-    table["gap"] = gap(table["asi"], table["marine"], table["better"].to_numpy(dtype=str))
+    table["gap"] = immunity_margin(
+        table["asi"], table["marine"], table["better"].to_numpy(dtype=str)
+    )
     first = "test parameter unit asi_printed asi criterion marine ratio gap better".split()
     return table[[*first, "printed_name", "standard", "source", "confirmed", "note"]]
+
+
+class Levels:
+    """The immunity tests of AS-i beside those of ships."""
+
+    def __init__(self) -> None:
+        self._table = levels_table()
+
+    def __repr__(self) -> str:
+        """Count the verdicts."""
+        counts = self._table["gap"].value_counts()
+        return f"<Levels: {', '.join(f'{n} {what}' for what, n in counts.items())}>"
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per parameter of a test: both levels, their ratio, gap and sources.
+
+        ``asi_printed`` is as kim2023 prints it in Table 2, ``asi`` as it is meant. Where
+        ``confirmed`` is "yes", the marine value is on a public page of a product that was
+        type-tested for ships, or of a test house; where it is "no", it is general knowledge of
+        IACS UR E10 or of the basic standard: confirm it before using it.
+        """
+        return self._table.copy()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the test levels of AS-i over those that a ship asks for, one row per test."""
+        from shipnet.asi.emc.plot import plot_levels
+
+        return plot_levels(ax=ax, table=self._table)
+
+
+def levels() -> Levels:
+    """Return the immunity tests of AS-i and of ships, and the gap between them.
+
+    Returns
+    -------
+    Levels
+        It has ``table()`` and ``plot(ax)``. A kilovolt of the test is not a kilovolt between the
+        wires: the coupling depends on cable, earthing and symmetry.
+
+    References
+    ----------
+    .. [1] R. G. Kim, Y. H. Cho, K. H. Hyun, "AS-Interface protocol utilization for smart ships",
+       J. Soc. Nav. Archit. Korea 60(6), 2023, Table 2.
+
+    Examples
+    --------
+    >>> table = levels().table()
+    >>> table.loc[table["gap"] == "below", ["test", "asi", "marine", "unit"]].values.tolist()
+    [['electrostatic discharge, contact', 4.0, 6.0, 'kV'], ['radio-frequency field', 1000.0, 2000.0, 'MHz']]
+    """  # noqa: E501 - the output is one line
+    return Levels()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,8 @@ from scipy import special
 from shipnet.asi.batch import bits_of
 from shipnet.asi.emc.disturbances import Disturbance, time_step
 from shipnet.asi.modulation import CLASSES, HALF_BIT, check_bit_count, violations
-from shipnet.asi.receiver import MINIMUM, matched_filter, receive
+from shipnet.asi.receiver import MINIMUM, Receiver, RNGLike, Waveform, matched_filter, receive
+from shipnet.asi.receiver import Disturbance as WaveDisturbance
 from shipnet.asi.segment import Segment
 from shipnet.asi.telegram import RESPONSE_BITS
 from shipnet.asi.timing import BIT_TIME
@@ -21,7 +23,10 @@ from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.intervals import share_interval
 
-Floats = npt.NDArray[np.floating]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Floats = npt.NDArray[np.float64]
 
 #: Samples worked on at a time: an array of them is 2 MB.
 _SAMPLES = 2**18
@@ -199,7 +204,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _ALMOST_ONE = 1 - 1e-15
 
 
-def noise_error_rate(
+def noise_theory(
     telegrams: Telegrams,
     amplitudes: npt.ArrayLike,
     *,
@@ -303,3 +308,151 @@ def _missed(
         lost = -np.expm1(np.log1p(-np.minimum(wrong, _ALMOST_ONE)).sum(axis=-1))
         missed = missed + (lost * weight).sum(axis=-1)
     return np.asarray(missed)
+
+
+# Public ----------------------------------------------------------------------------------------
+
+
+def telegrams_of(wave: Waveform) -> Telegrams:
+    """Return the telegrams of a waveform, in the time of its record."""
+    bits, u = wave.records
+    begin, end = wave.span
+    return Telegrams(
+        bits, wave.t - wave.start, u, (begin - wave.start, round(end - wave.start, 12))
+    )
+
+
+class ErrorRates:
+    """How many telegrams were lost at each amplitude of a disturbance."""
+
+    def __init__(self, rows: Iterable[dict[str, float]]) -> None:
+        self._table = pd.DataFrame(rows)
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per amplitude: counts, rate with its 95 % interval, and causes.
+
+        ``failed`` are those not received as they were sent, ``undetected`` those of them that no
+        check found; ``rate_low`` and ``rate_high`` are the interval after Clopper and Pearson,
+        ``undetected_high`` is the upper end of that of the undetected. The columns of the checks,
+        and ``silence``, hold the share of the failed in which each fails; most failures break
+        several checks. They are NaN where none failed.
+        """
+        return self._table.copy()
+
+    def plot(self, ax: Axes | None = None, *, label: str | None = None, marker: str = "o") -> Axes:
+        """Draw the rates over the amplitude, with their intervals as bars."""
+        from shipnet.asi.emc.plot import plot_error_rate
+
+        return plot_error_rate(self._table, ax=ax, label=label, marker=marker)
+
+    def __repr__(self) -> str:
+        """Return the rates in one line."""
+        t = self._table
+        volts = ", ".join(f"{volt:g}" for volt in t["amplitude_V"])
+        share = ", ".join(f"{100 * rate:.3g}" for rate in t["rate"])
+        count, missed = int(t["telegrams"].iloc[0]), int(t["undetected"].sum())
+        return f"<ErrorRates: {volts} V, {share} % of {count} telegrams lost, {missed} undetected>"
+
+
+def error_rate(
+    wave: Waveform,
+    disturbance: WaveDisturbance,
+    amplitudes: npt.ArrayLike,
+    n_telegrams: int,
+    rng: RNGLike | None = None,
+    *,
+    receiver: Receiver | None = None,
+) -> ErrorRates:
+    """Count how many telegrams a disturbance costs, by Monte Carlo.
+
+    Parameters
+    ----------
+    wave : Waveform
+        What is heard without disturbance; for each trial one of its telegrams is drawn.
+    disturbance : Noise, Impulses, ConductedRF or Burst
+        What is added, at the receiver.
+    amplitudes : float or array_like of float, shape (n_amplitudes,)
+        Its amplitudes, 0..1e9 [V].
+    n_telegrams : int
+        Trials at each amplitude, 1 or more.
+    rng : numpy.random.Generator or int, optional
+        Source of the random numbers, as `numpy.random.default_rng` takes it.
+    receiver : Receiver, optional
+        The receiver. Its `minimum` should be four times the standard deviation of a noise behind
+        its filter; else the noise ahead of a telegram is taken for its first pulse.
+
+    Returns
+    -------
+    ErrorRates
+        It has ``table()`` and ``plot(ax)``.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Examples
+    --------
+    >>> from shipnet.asi.emc.disturbances import Impulses
+    >>> from shipnet.asi.topologies import line
+    >>> answers = line(100, slaves=(5,)).waveform()
+    >>> error_rate(answers, Impulses(count=4), [0, 2], 2000, 2024)
+    <ErrorRates: 0, 2 V, 0, 60 % of 2000 telegrams lost, 0 undetected>
+    """
+    telegrams = telegrams_of(wave)
+
+    def added(t: Floats, amplitude: float, rng: np.random.Generator, size: int) -> Floats:
+        return disturbance.voltage(t, amplitude, rng, size, span=telegrams.span)
+
+    settings = (receiver or Receiver()).settings
+    source = np.random.default_rng(rng)
+    return ErrorRates(monte_carlo(telegrams, added, amplitudes, n_telegrams, source, **settings))
+
+
+def noise_error_rate(
+    wave: Waveform, amplitudes: npt.ArrayLike, *, receiver: Receiver | None = None
+) -> Floats:
+    r"""Return the error rate in white noise that theory expects.
+
+    .. math:: P = 1 - (1 - P_0) \int_{u_{min}}^\infty \varphi\left(\frac{r - h_1}{\sigma}\right)
+              \prod_j \left(1 - p_j(r)\right) \frac{dr}{\sigma}
+
+    Parameters
+    ----------
+    wave : Waveform
+        What is heard without noise, all telegrams as likely.
+    amplitudes : float or array_like of float, shape (n_amplitudes,)
+        Standard deviation of a sample of the waveform, above 0 [V].
+    receiver : Receiver, optional
+        The receiver; its `window` does not count.
+
+    Returns
+    -------
+    ndarray of float, shape (n_amplitudes,)
+        Probability that a telegram is not received as it was sent.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range, or a telegram is not received in silence.
+
+    Notes
+    -----
+    :math:`p_j` is the chance that slot j is decided wrongly, :math:`h_1` and :math:`r` are the
+    undisturbed and the disturbed height of the first pulse, and :math:`P_0` is the chance that
+    the noise ahead of the telegram is taken for a first pulse. The receiver of the formula keeps
+    perfect time and looks at one sample per slot. Behind a matched filter both agree within a
+    third, from rates of 1e-3 up; without it, `error_rate` loses up to a few times as many or as
+    few telegrams. Each record also loses its mean, 1.6 % of the noise, which the formula leaves
+    out: at 1e-9 it is 1.8 times too high.
+
+    Examples
+    --------
+    >>> from shipnet.asi.topologies import line
+    >>> answers = line(100, slaves=(5,)).waveform()
+    >>> noise_error_rate(answers, [0.4, 0.7], receiver=Receiver(minimum=0.9)).round(6).tolist()
+    [3e-05, 0.069185]
+    """
+    settings = (receiver or Receiver()).settings
+    del settings["window"]
+    return noise_theory(telegrams_of(wave), amplitudes, **settings)

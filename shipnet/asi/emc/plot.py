@@ -7,7 +7,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.asi.emc.immunity import levels
+from shipnet.asi.emc.immunity import levels_table
+from shipnet.line.plot import axes as axes_of
 
 #: Parameters of `levels` that say how severe a test is; the others say what kind of test it is.
 _SEVERITY = [
@@ -19,9 +20,11 @@ _SEVERITY = [
 _NONE = 0.4
 
 
-def plot_levels(*, ax: Axes, table: pd.DataFrame | None = None) -> Axes:
+def plot_levels(*, ax: Axes | None = None, table: pd.DataFrame | None = None) -> Axes:
     """Draw the test levels of AS-i over those that a ship asks for."""
-    table = levels() if table is None else table
+    table = levels_table() if table is None else table
+    if ax is None:
+        ax = axes_of(ax, figsize=(6.4, 4))
     asked = table["parameter"].isin(_SEVERITY) & (table["gap"] != "not asked")
     rows = table[asked].to_dict("records")
     for y, row in enumerate(rows):
@@ -61,12 +64,15 @@ def plot_levels(*, ax: Axes, table: pd.DataFrame | None = None) -> Axes:
     return ax
 
 
-def plot_error_rate(table: pd.DataFrame, *, ax: Axes, label: str | None = None) -> Axes:
+def plot_error_rate(
+    table: pd.DataFrame, *, ax: Axes | None = None, label: str | None = None, marker: str = "o"
+) -> Axes:
     """Draw error rates over the amplitude of a disturbance."""
+    ax = axes_of(ax)
     seen = table[table["failed"] > 0]
     bars = np.stack([seen["rate"] - seen["rate_low"], seen["rate_high"] - seen["rate"]])
     points = ax.errorbar(
-        seen["amplitude_V"], seen["rate"], bars, fmt="o", markersize=4, capsize=2, label=label
+        seen["amplitude_V"], seen["rate"], bars, fmt=marker, markersize=4, capsize=2, label=label
     )
     none = table[table["failed"] == 0]
     ax.errorbar(

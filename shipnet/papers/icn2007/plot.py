@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from shipnet import style
 from shipnet.asi.modulation import HALF_BIT, levels_of, send_current
-from shipnet.asi.receiver import AMPLITUDE_TOLERANCE, RINGING_TOLERANCE
+from shipnet.asi.receiver import TOLERANCE
 
 __all__ = ["plot_bits_and_pulses", "plot_heights", "plot_margins"]
 
@@ -18,17 +18,7 @@ Floats = npt.NDArray[np.floating]
 
 
 def plot_bits_and_pulses(bits: str, t: Floats, u: Floats, *, axes: Sequence[Axes]) -> None:
-    """Draw bits with their levels, the send current and the voltage: Figs 7a and 7b.
-
-    Parameters
-    ----------
-    bits : str
-        The telegram.
-    t, u : ndarray of float, shape (n_t,)
-        Time from its start [s], and the voltage on the line [V].
-    axes : sequence of matplotlib.axes.Axes
-        Three axes with a common x.
-    """
+    """Draw bits with their levels, the send current and the voltage: Figs 7a and 7b."""
     levels = levels_of(bits)
     edges = np.arange(levels.size + 1) * HALF_BIT * 1e6
     axes[0].step(edges, [*levels, 1], where="post")
@@ -45,22 +35,7 @@ def plot_bits_and_pulses(bits: str, t: Floats, u: Floats, *, axes: Sequence[Axes
 def plot_heights(
     lengths: npt.ArrayLike, height: Mapping[tuple[str, str], Sequence[float]], *, ax: Axes
 ) -> Axes:
-    """Draw the height of pulses over the length of the cable.
-
-    Parameters
-    ----------
-    lengths : array_like of float, shape (n,)
-        Lengths [m].
-    height : mapping of (spacing, end) to sequence of float
-        Heights for each length [V]; the end ``"open"`` is drawn with a solid line.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; every line has its name at its right end.
-    """
+    """Draw the height of pulses over the length of the cable."""
     lengths = np.asarray(lengths)
     spacings = list(dict.fromkeys(spacing for spacing, _ in height))
     for (spacing, end), volts in height.items():
@@ -79,22 +54,7 @@ def plot_heights(
 def plot_margins(
     lengths: npt.ArrayLike, margin: Mapping[str, tuple[Floats, Floats]], *, ax: Axes
 ) -> Axes:
-    """Draw weakest pulse and ringing over the length of the cable, with their tolerances.
-
-    Parameters
-    ----------
-    lengths : array_like of float, shape (n,)
-        Lengths [m].
-    margin : mapping of str to tuple of ndarray
-        Name of the end, and for it the smallest pulse and the ringing over the largest pulse.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; y is in percent.
-    """
+    """Draw weakest pulse and ringing over the length of the cable, with their tolerances."""
     lengths = np.asarray(lengths)
     for (end, rows), line in zip(margin.items(), ("-", "--", ":"), strict=False):
         for values, colour, what in zip(
@@ -103,8 +63,8 @@ def plot_margins(
             ax.plot(lengths, 100 * values, colour + line, label=f"{what}, {end}")
     limit = style.LIMIT["color"]
     for level, text in [
-        (AMPLITUDE_TOLERANCE, "pulses at least"),
-        (RINGING_TOLERANCE, "ringing at most"),
+        (TOLERANCE.evenness, "pulses at least"),
+        (TOLERANCE.ringing, "ringing at most"),
     ]:
         ax.axhline(100 * level, color=limit, linestyle=style.LIMIT["linestyle"])
         ax.text(lengths[-1], 100 * level - 9, f"{text} {level:.0%}", color=limit, ha="right")

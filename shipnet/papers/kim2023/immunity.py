@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from shipnet.asi.emc.disturbances import noise
-from shipnet.asi.emc.immunity import STANDARDS, gap, levels
+from shipnet.asi.emc.immunity import STANDARDS, immunity_margin, levels_table
 from shipnet.asi.emc.monte_carlo import Telegrams, all_telegrams, telegram_error_rate
 from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError
@@ -21,10 +21,12 @@ LINES = ("supply", "signal")
 
 def level(test: str, parameter: str) -> pd.Series:
     """Return the row of a parameter of a test, from `levels`."""
-    table = levels()
+    table = levels_table()
     rows = table[(table["test"] == test) & (table["parameter"] == parameter)]
     if len(rows) != 1:
-        raise ArgumentError(f"test and parameter are {test!r} and {parameter!r}; see levels()")
+        raise ArgumentError(
+            f"test and parameter are {test!r} and {parameter!r}; see levels_table()"
+        )
     return rows.iloc[0]
 
 
@@ -73,10 +75,12 @@ def radiated_field(
 @check("kim2023-016", counter={"peak": 0.5})
 def bursts(*, peak: float = 2.0) -> bool:
     """Whether bursts of this height [kV] and Table 2's form cover what a ship asks for."""
-    table = levels()
+    table = levels_table()
     form = table[table["test"] == "burst"]
     heights = [level(f"burst, {lines} lines", "peak voltage")["marine"] for lines in LINES]
-    return bool((form["gap"] == "covers").all() and (gap(peak, heights) == "covers").all())
+    return bool(
+        (form["gap"] == "covers").all() and (immunity_margin(peak, heights) == "covers").all()
+    )
 
 
 @check("kim2023-017", counter={"printed": "0.15~80"})
@@ -94,13 +98,13 @@ def reads_as_range(*, printed: str = "") -> bool:
 def source_impedance(*, ohm: float = 150.0) -> bool:
     """Whether the generator's impedance is that of the standard."""
     row = level("conducted radio frequency", "source impedance")
-    return bool(gap(ohm, row["marine"], "equal") == "covers")
+    return bool(immunity_margin(ohm, row["marine"], "equal") == "covers")
 
 
 @check("kim2023-019", counter={"standards": ("IEC 61000-4-4", "IEC 61000-4-6")})
 def covers_a_ship(*, standards: tuple[str, ...] = tuple(STANDARDS)) -> bool:
     """Whether the levels for these standards cover all that a ship asks for."""
-    table = levels()
+    table = levels_table()
     asked = table[table["standard"].isin(standards)]
     return bool(asked["gap"].isin(["covers", "not asked"]).all())
 
@@ -110,7 +114,7 @@ def pulsed_field(
     *, strength: float = 10.0, frequency: float = 900.0, duty: float = 50.0, rate: float = 200.0
 ) -> bool:
     """Whether Table 2 prints these values [V/m, MHz, %, Hz], as the older standard has them."""
-    table = levels()
+    table = levels_table()
     rows = table[table["test"] == "pulsed field"]
     return rows["asi"].tolist() == [strength, frequency, duty, rate] and set(rows["standard"]) == {
         "ENV 50204"
