@@ -10,7 +10,6 @@ import numpy.typing as npt
 from shipnet.design.catalogue import cables, smallest
 from shipnet.design.drafting import Box, Draft, Laid, boxes, without_place
 
-
 Rows = npt.NDArray[np.intp]
 
 

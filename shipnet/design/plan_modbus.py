@@ -14,7 +14,6 @@ from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 
-
 #: States in a register, and most registers of a read and of a write ("MODBUS application protocol"
 #: V1.1b3, sections 6.4 and 6.12).
 _STATES, _READ, _WRITE = 16, 125, 123
