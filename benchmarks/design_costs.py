@@ -56,11 +56,13 @@ def main():
     for points in POINTS:
         plant = Plant(modules=points // 4, contacts=4, lines=max(1, points // 248))
         options = {"hardwired": plant.hardwired, "AS-i": plant.on_asi}
-        models = {name: Model(network) for name, network in options.items()}
+        models = {name: Model(design) for name, design in options.items()}
         some = np.random.default_rng(2024).random((len(names), SAMPLE))
         levels = dict(zip(names, some, strict=True))
         for model in models.values():
-            assert np.allclose(loop(model, levels), model.figures(levels)["total cost"], rtol=1e-12)
+            assert np.allclose(
+                loop(model, levels), model.figures(levels)["total_cost_eur"], rtol=1e-12
+            )
 
         at_once = seconds(lambda o=options: draw(o, rng=np.random.default_rng(1), draws=DRAWS))
         one_by_one = seconds(lambda m=models, u=levels: [loop(one, u) for one in m.values()])

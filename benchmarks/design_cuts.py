@@ -17,8 +17,8 @@ import networkx as nx
 import numpy as np
 import pandas as pd
 
-from shipnet.design.failures import single_cuts
-from shipnet.design.iolist import from_table
+from shipnet.design.failures import single_failures
+from shipnet.design.iolist import IoList
 from shipnet.design.planning import plan
 from shipnet.design.site import Site
 
@@ -38,31 +38,31 @@ def ship(n):
     places = rng.uniform([0, -12, 0], [180, 12, 20], (n, 3)).round(1)
     signals = rng.choice(["contact", "rtd_3wire", "solenoid"], n)
     columns = dict(zip(("x_m", "y_m", "z_m"), places.T, strict=True))
-    return from_table(
+    return IoList.from_table(
         pd.DataFrame({"tag": [f"P{k}" for k in range(n)], "signal": signals} | columns)
     )
 
 
-def graph_of(network):
+def graph_of(design):
     """Return cables and housings as edges; feeders bring power, and hold nothing together."""
     graph = nx.MultiGraph()
-    graph.add_nodes_from(network.devices["device"])
-    feeders = set(network.runs.loc[network.runs["kind"] == "feeder", "run"])
-    for link in network.links.itertuples():
+    graph.add_nodes_from(design.devices["device"])
+    feeders = set(design.cables.loc[design.cables["kind"] == "feeder", "run"])
+    for link in design.links.itertuples():
         if link.run not in feeders:
             graph.add_edge(link.a, link.b, key=link.run or f"inside {link.b}")
-    graph.ends = {link.run: (link.a, link.b) for link in network.links.itertuples()}
+    graph.ends = {link.run: (link.a, link.b) for link in design.links.itertuples()}
     return graph
 
 
-def lost_by(network, graph, points, failure):
+def lost_by(design, graph, points, failure):
     """Return how many points a failure takes along, by asking the graph without it."""
     if failure.failure == "device":
         gone = list(graph.edges(failure.failed, keys=True))
     else:
         gone = [(*graph.ends[failure.failed], failure.failed)]
     graph.remove_edges_from(gone)
-    left = nx.node_connected_component(graph, network.cabinet)
+    left = nx.node_connected_component(graph, design.cabinet)
     graph.add_edges_from(gone)
     return len(points - left)
 
@@ -71,20 +71,20 @@ def main():
     iolist = ship(POINTS)
     print(f"every single failure of {POINTS} points, networkx scaled up")
     for option in OPTIONS:
-        network = plan(iolist, Site((26, 6, 14)), option)
-        cuts = single_cuts(network)
-        graph = graph_of(network)
-        points = set(network.points["tag"]) & nx.node_connected_component(graph, network.cabinet)
+        design = plan(iolist, Site((26, 6, 14)), option)
+        cuts = single_failures(design)
+        graph = graph_of(design)
+        points = set(design.points["tag"]) & nx.node_connected_component(graph, design.cabinet)
         cables = (cuts["failure"] == "cut") & (cuts["kind"] != "feeder")
         known = cuts[cables | (cuts["kind"] == "box")]
         sample = list(known.sample(SAMPLE, random_state=2026).itertuples())
-        theirs = [lost_by(network, graph, points, failure) for failure in sample]
+        theirs = [lost_by(design, graph, points, failure) for failure in sample]
         ours = [failure.points_lost for failure in sample]
         assert ours == theirs, [pair for pair in zip(sample, theirs, strict=True)
                                 if pair[0].points_lost != pair[1]][:3]  # fmt: skip
-        all_of_ours = seconds(lambda n=network: single_cuts(n), 2)
+        all_of_ours = seconds(lambda n=design: single_failures(n), 2)
         loop = seconds(
-            lambda n=network, g=graph, p=points, s=sample: [lost_by(n, g, p, f) for f in s], 1
+            lambda n=design, g=graph, p=points, s=sample: [lost_by(n, g, p, f) for f in s], 1
         )
         loop *= len(cuts) / SAMPLE
         print(f"  {option:<16}{len(cuts):>6} failures{all_of_ours:>8.2f} s"

@@ -12,8 +12,8 @@ import numpy as np
 from openpyxl import load_workbook
 
 from shipnet import datasets
-from shipnet.design.iolist import RANGES, load_iolist, save_iolist
-from shipnet.design.site import Site, load_trays
+from shipnet.design.iolist import RANGES, read_iolist
+from shipnet.design.site import Site, Trays
 from shipnet.signals import KINDS, SIGNALS
 
 POINTS = 20_000
@@ -27,7 +27,7 @@ def seconds(function, repeats=3):
 
 def enlarged(folder):
     """Write the example ship over and over, up to the number of points, as CSV and workbook."""
-    points = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
+    points = read_iolist(datasets.path("synthetic_iolist_ship.csv")).points
     rows = np.arange(POINTS) % len(points)
     large = points.iloc[rows].reset_index(drop=True)
     large["tag"] += [f"/{number}" for number in np.arange(POINTS) // len(points)]
@@ -82,24 +82,24 @@ def by_openpyxl(path):
 
 
 def main():
-    trays = load_trays(datasets.path("synthetic_trays_ship.csv"))
+    trays = Trays.read(datasets.path("synthetic_trays_ship.csv"))
     site = Site(trays.cabinets["engine control room"], trays)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         large = enlarged(folder)
         assert row_by_row(folder / "list.csv") == []
-        iolist = load_iolist(folder / "list.csv")
+        iolist = read_iolist(folder / "list.csv")
         assert iolist.points.equals(large)
-        assert load_iolist(folder / "list.xlsx").points.equals(large)
+        assert read_iolist(folder / "list.xlsx").points.equals(large)
         assert len(by_openpyxl(folder / "list.xlsx")) == POINTS + 1
         times = {
-            "CSV, ours": seconds(lambda: load_iolist(folder / "list.csv")),
+            "CSV, ours": seconds(lambda: read_iolist(folder / "list.csv")),
             "CSV, csv.DictReader": seconds(lambda: row_by_row(folder / "list.csv")),
-            "workbook, ours": seconds(lambda: load_iolist(folder / "list.xlsx")),
+            "workbook, ours": seconds(lambda: read_iolist(folder / "list.xlsx")),
             "workbook, openpyxl, not checked": seconds(
                 lambda: by_openpyxl(folder / "list.xlsx"), 1
             ),
-            "CSV, saved": seconds(lambda: save_iolist(iolist, folder / "again.csv")),
+            "CSV, saved": seconds(lambda: iolist.save(folder / "again.csv")),
         }
         print(f"{f'{POINTS} points loaded and checked':<32}{'seconds':>10}")
         for what, time in times.items():

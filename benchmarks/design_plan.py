@@ -13,7 +13,7 @@ import pandas as pd
 
 from shipnet import datasets
 from shipnet.design.drafting import balanced, chain, zones
-from shipnet.design.iolist import from_table, load_iolist
+from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.site import Site
 
@@ -34,7 +34,7 @@ def ship(n):
     columns = dict(zip(("x_m", "y_m", "z_m"), places.T.round(1), strict=True))
     signals = rng.choice(["contact", "solenoid", "rtd_3wire", "current_loop"], n)
     tags = [f"P{number:05d}" for number in range(n)]
-    return from_table(pd.DataFrame({"tag": tags, "signal": signals, **columns}))
+    return IoList.from_table(pd.DataFrame({"tag": tags, "signal": signals, **columns}))
 
 
 def by_clusters(places):
@@ -84,7 +84,7 @@ def metres(places, labels):
 
 
 def main():
-    example = load_iolist(datasets.path("synthetic_iolist_ship.csv"))
+    example = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     print("plans, seconds (the example ship, and one of 2000 points)")
     for iolist in (example, ship(2000)):
         times = {option: seconds(lambda o=option, i=iolist: plan(i, Site(CABINET), o), 1)

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from shipnet import datasets
-from shipnet.design.comparison import compare_networks, study
-from shipnet.design.failures import single_cuts
-from shipnet.design.iolist import load_iolist
+from shipnet.design.comparison import compare
+from shipnet.design.failures import single_failures
+from shipnet.design.iolist import read_iolist
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.rules import check
 from shipnet.design.site import Site
@@ -26,18 +26,18 @@ def timed(function):
 
 
 def main():
-    iolist = load_iolist(datasets.path("synthetic_iolist_ship.csv"))
+    iolist = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     site = Site((26.0, 6.0, 14.0))
-    networks, times = {}, {}
+    designs, times = {}, {}
     for option in OPTIONS:
-        networks[option], times[f"plan {option}"] = timed(lambda o=option: plan(iolist, site, o))
-    made = list(networks.values())
-    _, times["cuts of all"] = timed(lambda: [single_cuts(network) for network in made])
-    _, times["rules of all"] = timed(lambda: [check(network) for network in made])
-    _, times["tornado"] = timed(lambda: tornado(networks))
+        designs[option], times[f"plan {option}"] = timed(lambda o=option: plan(iolist, site, o))
+    made = list(designs.values())
+    _, times["failures of all"] = timed(lambda: [single_failures(design) for design in made])
+    _, times["rules of all"] = timed(lambda: [check(design) for design in made])
+    _, times["tornado"] = timed(lambda: tornado(designs))
     rng = np.random.default_rng(2024)
-    _, times["draws"] = timed(lambda: likely(draw(networks, rng=rng)))
-    _, times["all but the plans"] = timed(lambda: compare_networks(made, rng=rng).table)
+    _, times["draws"] = timed(lambda: likely(draw(designs, rng=rng)))
+    _, times["all but the plans"] = timed(lambda: str(compare(made, rng=rng)))
     print(f"{f'{len(iolist)} points, {len(made)} options':<32}{'seconds':>10}")
     for what, time in times.items():
         print(f"{what:<32}{time:>10.3f}")
@@ -45,9 +45,9 @@ def main():
     # The first use of worker processes also starts them.
     workers = joblib.cpu_count()
     runs = {
-        "one by one": lambda: study(iolist, site, GRID, parallel=False, progress=False),
-        f"{workers} processes, started": lambda: study(iolist, site, GRID, progress=False),
-        f"{workers} processes": lambda: study(iolist, site, GRID, progress=False),
+        "one by one": lambda: iolist.study(GRID, site, parallel=False, progress=False),
+        f"{workers} processes, started": lambda: iolist.study(GRID, site, progress=False),
+        f"{workers} processes": lambda: iolist.study(GRID, site, progress=False),
     }
     print(f"{f'a study of {N} comparisons':<32}{'seconds':>10}{'faster by':>12}")
     tables, first = [], 0.0

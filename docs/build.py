@@ -9,13 +9,14 @@ Any warning is an error. What did not change is not built again.
 
 from __future__ import annotations
 
-import ast
 import html
+import importlib
 import json
 import math
 import re
 import shutil
 import sys
+import types
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -75,28 +76,56 @@ def _caption(folder: str) -> str:
 
 
 def api_pages(root: Path) -> Iterator[tuple[str, str]]:
-    """Yield (name, text) of a page for each public module of the package."""
-    modules: dict[str, Path] = {}
-    for path in sorted((root / "shipnet").rglob("*.py")):
-        parts = path.relative_to(root).with_suffix("").parts
-        parts = parts[:-1] if parts[-1] == "__init__" else parts
-        if not any(part.startswith("_") for part in parts):
-            modules[".".join(parts)] = path
-    for module, path in modules.items():
-        inner = [name for name in modules if name.rpartition(".")[0] == module]
-        title = module if "." in module else f"The package {module}"
-        lines = [title, "=" * len(title), "", f".. automodule:: {module}", "   :members:"]
-        if path.name == "__init__.py":
-            # What a package passes on is documented where it is defined.
-            lines += ["   :ignore-module-all:", ""]
-            lines += [f":mod:`{name}`\n   {_summary(modules[name])}" for name in inner]
-            lines += ["", ".. toctree::", "   :hidden:", "", *(f"   {name}" for name in inner)]
-        yield f"api/{module}.rst", "\n".join(lines) + "\n"
+    """Yield (name, text) of a page for the package, and one for each front that it shows."""
+    package = importlib.import_module("shipnet")
+    shown = sorted(dir(package))
+    title = "The package shipnet"
+    lines = [title, "=" * len(title), "", ".. automodule:: shipnet", "   :ignore-module-all:", ""]
+    for name in shown:
+        module = importlib.import_module(f"shipnet.{name}")
+        summary = (module.__doc__ or "").partition("\n\n")[0].replace("\n", " ")
+        lines += [f":mod:`shipnet.{name}`", f"   {summary}"]
+    lines += ["", ".. toctree::", "   :hidden:", "", *(f"   shipnet.{name}" for name in shown)]
+    yield "api/shipnet.rst", "\n".join(lines) + "\n"
+    seen: set[int] = set()
+    for name in shown:
+        yield f"api/shipnet.{name}.rst", "\n".join(_front_page(f"shipnet.{name}", seen)) + "\n"
 
 
-def _summary(path: Path) -> str:
-    docstring = ast.get_docstring(ast.parse(path.read_bytes())) or ""
-    return docstring.partition("\n\n")[0].replace("\n", " ")
+def _front_page(name: str, seen: set[int]) -> Iterator[str]:
+    """Yield the lines of a front's page: its docstring, then every name that it exports.
+
+    An object that two fronts export, `seen` before, is indexed once.
+    """
+    module = importlib.import_module(name)
+    yield from (name, "=" * len(name), "", f".. automodule:: {name}", "   :ignore-module-all:", "")
+    later = []
+    for public in sorted(getattr(module, "__all__", [])):
+        value = getattr(module, public)
+        if isinstance(value, types.ModuleType):
+            later.append(public)
+        else:
+            yield from _entry(f"{name}.{public}", value, seen)
+    for namespace in later:
+        inner = f"{name}.{namespace}"
+        yield from ("", inner, "-" * len(inner), "", f".. automodule:: {inner}")
+        yield from ("   :ignore-module-all:", "")
+        module = importlib.import_module(inner)
+        for public in sorted(getattr(module, "__all__", [])):
+            yield from _entry(f"{inner}.{public}", getattr(module, public), seen)
+
+
+def _entry(name: str, value: object, seen: set[int]) -> Iterator[str]:
+    """Yield the directive that documents one public name."""
+    known = ["   :no-index:"] if id(value) in seen else []
+    if isinstance(value, type):
+        yield from (f".. autoclass:: {name}", *known, "   :members:", "")
+    elif callable(value):
+        yield from (f".. autofunction:: {name}", *known, "")
+    else:
+        yield from (f".. py:data:: {name}", "")
+    if callable(value):
+        seen.add(id(value))
 
 
 def glossary_page() -> str:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from shipnet import datasets, style
 from shipnet.asi import Request, Transaction
 from shipnet.asi.plot import plot_transaction
-from shipnet.design.plot import plot_asi, plot_hardwired
+from shipnet.design import read_iolist
 
 FOLDER = Path(__file__).parent / "_static"
 
@@ -21,11 +21,11 @@ def main() -> None:
     plot_transaction(request, request.answer(0x6), Transaction(3, 2), ax=figure.subplots())
     figure.savefig(FOLDER / "telegram.png", dpi=120, metadata={"Software": None})
 
-    iolist = datasets.read("synthetic_iolist_valves.csv")
+    iolist = read_iolist(datasets.path("synthetic_iolist_valves.csv"))
     figure = Figure(figsize=(9, 6.6))
     above, below = figure.subplots(2)
-    plot_hardwired(iolist, ax=above)
-    plot_asi(iolist, ax=below)
+    iolist.plot("home runs", above)
+    iolist.plot("AS-i", below)
     figure.savefig(FOLDER / "strands.png", dpi=100, metadata={"Software": None})
 
 

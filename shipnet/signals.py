@@ -9,8 +9,7 @@ from difflib import get_close_matches
 from typing import Literal, get_args
 
 from shipnet.errors import ArgumentError
-
-__all__ = ["KINDS", "SIGNALS", "Kind", "Signal", "find_signal", "plain"]
+from shipnet.fields import check_whole, record, whole
 
 Kind = Literal["DI", "DO", "AI", "AO"]
 
@@ -138,3 +137,53 @@ def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str
         )
         raise ArgumentError(f"signal is {text!r}; {legal}")
     return found[0]
+
+
+#: Conductors of an AS-i line, which carry data and supply at once.
+ASI_PAIR = 2
+
+
+def hardwired_conductors(points: Mapping[str, int], *, groups: int = 1) -> int:
+    """Count the conductors when every point has its own wires to the control panel."""
+    groups = check_whole("groups", groups, 1, 10**9)
+    total = 0
+    for kind, number in points.items():
+        if kind not in SIGNALS:
+            raise ArgumentError(
+                f"kind of point is {kind!r}; it must be one of {', '.join(SIGNALS)}"
+            )
+        number = check_whole(f"number of {kind}", number, 0, 10**9)
+        signal = SIGNALS[kind]
+        total += number * signal.conductors + signal.common * min(groups, number)
+    return total
+
+
+@record(slots=True)
+class Saving:
+    """The conductors of the same points, hardwired and on a bus.
+
+    Examples
+    --------
+    >>> print(Saving(496, 2))
+    496 -> 2 conductors: 0.40 % left, 99.60 % saved
+    """
+
+    hardwired: int = whole(1, 10**12, help="Conductors where each point is wired on its own")
+    bus: int = whole(0, 10**12, help="Conductors of the bus in their place")
+
+    @property
+    def left(self) -> float:
+        """Conductors on the bus per conductor hardwired."""
+        return self.bus / self.hardwired
+
+    @property
+    def saved(self) -> float:
+        """Part of the hardwired conductors that is no longer needed."""
+        return 1 - self.left
+
+    def __str__(self) -> str:
+        """Say both, in percent."""
+        return (
+            f"{self.hardwired} -> {self.bus} conductors: "
+            f"{self.left:.2%} left, {self.saved:.2%} saved".replace("%", " %")
+        )

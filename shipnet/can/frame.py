@@ -42,9 +42,6 @@ INTERMISSION = 3
 #: Fields after the CRC sequence, and their bits on a bus where a receiver acknowledges.
 TAIL = (("CRC delimiter", "1"), ("ACK slot", "0"), ("ACK delimiter", "1"), ("EOF", "1111111"))
 
-#: Bound on the bits of a frame, stuff bits and intermission included: 8 bytes, 29-bit identifier.
-LONGEST = 160
-
 # Bits that a transmitter may choose are "x"; reserved bits are dominant.
 _BASE = {
     "SOF": "0",

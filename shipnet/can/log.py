@@ -47,6 +47,9 @@ _LONGEST, _SHORTEST = 0x1FFFFFFF, 0x7FF
 #: Formats of python-can that are read, and whether they consist of lines.
 _FORMATS = {".asc": True, ".blf": False, ".csv": True, ".trc": True}
 
+#: More frames than any file has per byte, even a compressed one; damaged ones can be endless.
+_PER_BYTE = 100
+
 #: About how much of a file is worked on at once [byte], and how many faults are kept.
 _BLOCK, _FAULTS = 1 << 22, 1000
 
@@ -345,10 +348,13 @@ def _read_foreign(file: Path, kind: str, can: Any) -> tuple[Log, list[str]]:
     readers = {".asc": "ASCReader", ".blf": "BLFReader", ".csv": "CSVReader", ".trc": "TRCReader"}
     messages: list[Any] = []
     faults: list[str] = []
+    most = _PER_BYTE * file.stat().st_size
     with open(file, "rb") as binary:
         stream = _Lines(binary, "utf-8", errors="replace") if _FORMATS[kind] else None
         try:
             for number, message in enumerate(getattr(can, readers[kind])(stream or binary), 1):
+                if number > most:
+                    raise ValueError(f"more than {most} frames in {most // _PER_BYTE} bytes")
                 if message.is_fd:
                     raise ValueError("a CAN FD frame")
                 if fault := _impossible(message):

@@ -1,1 +1,10 @@
-"""From the points on board to a design: an I/O list planned in several ways, compared."""
+"""From the points on board to a design: an I/O list planned in several ways, compared.
+
+review = design.read_iolist("list.xlsx").compare(cabinet=(26, 6, 14))
+print(review)
+review.report("report.html")
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

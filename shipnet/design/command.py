@@ -6,35 +6,26 @@ import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from shipnet.design.comparison import compare
-from shipnet.design.designs import Network
-from shipnet.design.iolist import IoList, load_iolist
-from shipnet.design.planning import OPTIONS, mix
-from shipnet.design.report import write_report
-from shipnet.design.rules import rules_of
-from shipnet.design.settings import Basis, format_basis, load_basis
-from shipnet.design.site import Site, find_cabinet, load_trays
+from shipnet.design.comparison import compare_options
+from shipnet.design.iolist import read_iolist
+from shipnet.design.planning import OPTIONS
+from shipnet.design.rules import RuleSet
+from shipnet.design.settings import Settings
+from shipnet.design.site import Trays
 from shipnet.errors import ArgumentError
-
-__all__ = ["run"]
-
-#: Seed of the draws of what is assumed: the same list gives the same report.
-_SEED = 2024
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Compare the options that a command line asks for, print the table and write the report."""
-    basis = Basis() if arguments.settings is None else load_basis(arguments.settings)
+    settings = Settings() if arguments.settings is None else Settings.read(arguments.settings)
     if arguments.redundant:
-        basis = basis.with_({"redundant": True})
+        settings = settings.replace({"redundant": True})
     if arguments.show_settings:
-        print(format_basis(basis), end="")
+        print(settings.text(), end="")
         return
     if arguments.list is None:
         raise ArgumentError("no LIST is given; see shipnet design --help")
-    rules = rules_of(arguments.rules)
+    rules = RuleSet.of(arguments.rules)
     options = OPTIONS
     if arguments.options is not None:
         options = tuple(_option(name, "--options") for name in arguments.options.split(","))
@@ -43,37 +34,26 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.output is not None and not Path(arguments.output).absolute().parent.is_dir():
         raise ArgumentError(f"--output is {arguments.output!r}; there is no such folder")
     choose = _choices(arguments.mix)
-    trays = None if arguments.trays is None else load_trays(arguments.trays)
+    trays = None if arguments.trays is None else Trays.read(arguments.trays)
     known = {} if trays is None else trays.cabinets
-    given = None if arguments.cabinet is None else _place(arguments.cabinet, known)
-    iolist = load_iolist(arguments.list, arguments.sheet)
-    remarks = []
-    if given is None and (iolist.located.any() or np.isfinite(iolist.box_places).any()):
-        try:
-            found = find_cabinet(iolist)
-        except ArgumentError as mistake:
-            names = f" or one of {', '.join(map(repr, known))}" if known else ""
-            raise ArgumentError(f"{mistake}; give --cabinet X,Y,Z in m{names}") from None
-        given, remarks = found.place, [str(found)]
-    site = basis.site((0.0, 0.0, 0.0) if given is None else given, trays)
-    mixed = _mixed(iolist, site, choose, basis)
-    compared = compare(
-        iolist, site, options,
-        rule_set=rules, assumptions=basis.assumptions, settings=basis.settings, more=mixed,
-        host_time=basis.host_time, rng=np.random.default_rng(_SEED),
-    )  # fmt: skip
+    cabinet = None if arguments.cabinet is None else _place(arguments.cabinet, known)
+    iolist = read_iolist(arguments.list, sheet=arguments.sheet)
+    try:
+        compared = compare_options(
+            iolist, cabinet, options, trays=trays, settings=settings, mix=choose, rules=rules
+        )
+    except ArgumentError as mistake:
+        said = str(mistake)
+        for own, option in (
+            ("mix names", "--mix names"),
+            ("give its place x, y, z", "give --cabinet X,Y,Z"),
+        ):
+            said = said.replace(own, option, 1)
+        raise ArgumentError(said) from None
     # The file comes first: whoever reads the output may stop reading.
     if arguments.output is not None:
-        write_report(
-            compared, arguments.output,
-            title=arguments.title, date=arguments.date, remarks=remarks,
-        )  # fmt: skip
-    print(iolist)
-    for remark in (*iolist.remarks, *remarks, *(f"not the default: {one}" for one in basis.told)):
-        print(remark)
-    print(f"\n{compared.short.to_string()}\n")
-    print("\n".join(compared.sentences))
-    print("A design aid, not class approval.")
+        compared.report(arguments.output, title=arguments.title, date=arguments.date)
+    print(compared)
     if arguments.output is not None:
         print(f"\nreport written to {arguments.output}")
 
@@ -98,15 +78,6 @@ def _option(text: str, what: str) -> str:
             f"{what} names {text.strip()!r}; it must be one of {', '.join(OPTIONS)}"
         )
     return found
-
-
-def _mixed(iolist: IoList, site: Site, choose: Mapping[str, str], basis: Basis) -> list[Network]:
-    if not choose:
-        return []
-    try:
-        return [mix(iolist, site, choose, settings=basis.settings)]
-    except ArgumentError as mistake:
-        raise ArgumentError(f"--mix {str(mistake).removeprefix('choose ')}") from None
 
 
 def _place(

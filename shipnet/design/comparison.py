@@ -4,40 +4,62 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.design.costs import FIGURES, Quantities, number, quantities
-from shipnet.design.designs import Network
-from shipnet.design.failures import single_cuts, worst
-from shipnet.design.planning import OPTIONS, plan
-from shipnet.design.rules import RuleSet, check, rules_of
-from shipnet.design.settings import HOST_TIME, Assumptions, Basis, Settings, changed
+from shipnet.answers import Findings
+from shipnet.design.costs import Quantities, label, number
+from shipnet.design.designs import Design
+from shipnet.design.failures import worst
+from shipnet.design.iolist import Given, IoList, Rng, Where
+from shipnet.design.planning import OPTIONS, as_settings, plan, site_of
+from shipnet.design.rules import RuleSet
+from shipnet.design.settings import Settings, meaning, names, shown, unit
+from shipnet.design.site import Site, Trays
 from shipnet.design.uncertainty import Tornado, draw, likely, tornado
 from shipnet.errors import ArgumentError
 from shipnet.parallel import points_of, sweep
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
-    from shipnet.design.iolist import IoList
-    from shipnet.design.site import Site
+RESPONSE = "worst_response_ms"
+
+#: Columns of a comparison in which less is better, and by which designs are weighed.
+CRITERIA = ("total_cost_eur", RESPONSE, "lost_by_failure")
+
+#: What the first page of a report and the end of a text say.
+BANNER = "A design aid, not class approval."
+
+#: Lengths given by the list and our own may differ by this much per metre, unsaid; assumed.
+_ALIKE = 0.1
+
+#: Columns whose lowest value is named, with words and unit.
+_TOLD = (
+    ("total_cost_eur", "Lowest cost", "EUR"),
+    ("conductors_at_cabinet", "Fewest conductors at the cabinet", ""),
+    (RESPONSE, "Shortest response at worst", "ms"),
+    ("lost_by_failure", "Fewest points lost by one cable or device", ""),
+)
+
+#: Rows of a comparison that a text shows; that of the trays only where there are some.
+_SHORT = (
+    "points_left_out", "conductors_at_cabinet", "cable_length_km", "cable_mass_kg", "labour_h",
+    "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", RESPONSE, "lost_by_cable",
+    "lost_by_tray", "lost_by_device", "rules_met", "rules_violated", "rules_not_verified",
+)  # fmt: skip
 
 
-# Which of several options are worth a look: whole ones, and those that no other beats
-
-RESPONSE = "worst response [ms]"
-
-#: Columns of a comparison in which less is better, and by which options are weighed.
-CRITERIA = ("total cost", RESPONSE, "lost by one failure")
-
-
-def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Return which rows no other row beats: the Pareto front, where less is better."""
+def pareto_optimal(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Return which rows are Pareto-optimal, where less is better; NaN is the worst."""
     rows = np.asarray(values, float)
     if rows.ndim != 2:
         raise ArgumentError(f"values have shape {rows.shape}; it must be (n, k)")
@@ -46,56 +68,439 @@ def not_beaten(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
     return np.asarray(~(as_low & ~as_low.T).any(axis=0))
 
 
-def complete(networks: Mapping[str, Network]) -> dict[str, Network]:
-    """Return the networks that connect every point; all of them if none does."""
-    return {name: network for name, network in networks.items() if network.fits} or dict(networks)
+def complete(designs: Mapping[str, Design]) -> dict[str, Design]:
+    """Return the designs that connect every point; all of them if none does."""
+    return {name: design for name, design in designs.items() if design.fits} or dict(designs)
 
 
-# What a comparison comes to, in words -----------------------------------------------------------
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    r"""Several ways to connect the points of one list, side by side.
 
-#: Share of the lengths given by which those of our own may be off, one by one, and unsaid; assumed.
-_ALIKE = 0.1
+    `IoList.compare` plans and compares, `compare` takes designs that there are. All share the
+    cabinet, the trays, the prices, and the detour and tails of cables.
 
-#: Columns of which the lowest value is told, with words and unit.
-_TOLD = (
-    ("total cost", "Lowest cost", "EUR"),
-    ("conductors at the cabinet", "Fewest conductors at the cabinet", ""),
-    (RESPONSE, "Shortest response at worst", "ms"),
-    ("lost by one failure", "Fewest points lost by one cable or device", ""),
-)
+    Parameters
+    ----------
+    designs : dict of str to Design
+        The designs by name.
+    rules : RuleSet
+        What they are checked against.
+    criteria : tuple of str
+        Columns of `table` that decide which designs are Pareto-optimal; less is better.
+    rng : numpy.random.Generator
+        Draws the assumptions from their ranges.
+    remarks : tuple of str, optional
+        What was found out on the way, such as the place of the cabinet.
+
+    Examples
+    --------
+    >>> from shipnet.design import IoList
+    >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3")
+    >>> found = points.compare((0, 0, 0), ["home runs", "AS-i", "CAN"])
+    >>> found
+    <Comparison: home runs, AS-i meet every rule that a plan can show; cheapest: home runs, 585 EUR>
+    >>> found.table()["conductors_at_cabinet"].to_dict()
+    {'home runs': 4.0, 'AS-i': 2.0, 'CAN': 4.0}
+    >>> more = found.add(found.plan("AS-i", settings={"asi.tree": False}, name="chain"))
+    >>> more.pareto("total_cost_eur", "lost_by_failure"), more.changes()["name"].tolist()
+    (['home runs'], ['asi.tree'])
+    """
+
+    designs: dict[str, Design]
+    rules: RuleSet
+    criteria: tuple[str, ...]
+    rng: np.random.Generator
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def iolist(self) -> IoList:
+        """The points, which all designs share."""
+        return self._first.iolist
+
+    @property
+    def site(self) -> Site:
+        """Cabinet and trays, which all designs share."""
+        return self._first.site
+
+    @property
+    def settings(self) -> Settings:
+        """Settings of the first design; `changes` says where others differ."""
+        return self._first.settings
+
+    @property
+    def _first(self) -> Design:
+        return next(iter(self.designs.values()))
+
+    @cached_property
+    def quantities(self) -> dict[str, Quantities]:
+        """Conductors, cable, hours and money of each design."""
+        return {name: design.quantities() for name, design in self.designs.items()}
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per design: what it leaves out, takes, loses and meets."""
+        return self._table.copy()
+
+    @cached_property
+    def _table(self) -> pd.DataFrame:
+        import pandas as pd
+
+        rows = {name: self._row(name) for name in self.designs}
+        table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("design")
+        best = self._optimal(table, self.criteria)
+        return table.assign(pareto=best)
+
+    def _row(self, name: str) -> dict[str, float]:
+        design, figures = self.designs[name], self.quantities[name].figures
+        verdicts = self._checked[name].table()["verdict"].value_counts()
+        most = worst(design._failures).set_index("failure")["points_lost"]
+        cable = max(most.get("cut", 0), most.get("short", 0))
+        return {
+            "points_left_out": int((~design.points["fits"]).sum()),
+            **figures["nominal"],
+            "total_cost_low_eur": figures.loc["total_cost_eur", "low"],
+            "total_cost_high_eur": figures.loc["total_cost_eur", "high"],
+            RESPONSE: design.worst_response_ms,
+            "lost_by_cable": cable,
+            "lost_by_tray": most.get("tray", float("nan")),
+            "lost_by_device": most.get("device", 0),
+            "lost_by_failure": max(cable, most.get("device", 0)),
+            "rules_met": int(verdicts.get("met", 0)),
+            "rules_violated": int(verdicts.get("violated", 0)),
+            "rules_not_verified": int(verdicts.get("not verified", 0)),
+        }
+
+    @staticmethod
+    def _optimal(table: pd.DataFrame, columns: Sequence[str]) -> npt.NDArray[np.bool_]:
+        """Return which designs with all points are Pareto-optimal in some columns."""
+        whole = table["points_left_out"].to_numpy() == 0
+        best = np.zeros(len(table), bool)
+        best[whole] = pareto_optimal(table[list(columns)].to_numpy(float)[whole])
+        return best
+
+    def pareto(self, *columns: str) -> list[str]:
+        """Return the Pareto-optimal designs in some columns, by default in the criteria."""
+        self._known(*columns)
+        best = self._optimal(self._table, columns or self.criteria)
+        return [str(name) for name in self._table.index[best]]
+
+    def _known(self, *columns: str) -> None:
+        unknown = [column for column in columns if column not in self._table]
+        if unknown:
+            known = ", ".join(map(str, self._table))
+            raise ArgumentError(f"there is no column {unknown[0]!r}; it must be one of {known}")
+
+    @property
+    def meeting(self) -> list[str]:
+        """Designs that connect every point and violate no rule, the cheapest first."""
+        table = self._table
+        table = table[(table["points_left_out"] == 0) & (table["rules_violated"] == 0)]
+        return [str(name) for name in table.sort_values("total_cost_eur", kind="stable").index]
+
+    @property
+    def best(self) -> Design | None:
+        """The cheapest design that connects every point and violates no rule, else None."""
+        return self.designs[self.meeting[0]] if self.meeting else None
+
+    @property
+    def ok(self) -> bool:
+        """Whether a design connects every point and violates no rule."""
+        return bool(self.meeting)
+
+    @property
+    def verdict(self) -> str:
+        """What the comparison comes to, in one line."""
+        if self.meeting:
+            verb = "meets" if len(self.meeting) == 1 else "meet"
+            cost = number(self._table["total_cost_eur"][self.meeting[0]])
+            cheapest = f"cheapest: {self.meeting[0]}, " if len(self.meeting) > 1 else ""
+            named = ", ".join(self.meeting)
+            return f"{named} {verb} every rule that a plan can show; {cheapest}{cost} EUR"
+        if (self._table["points_left_out"] == 0).any():
+            return "every design that connects all points violates a rule"
+        return "no design connects all points"
+
+    @cached_property
+    def _checked(self) -> dict[str, Findings]:
+        return {name: design.check(self.rules) for name, design in self.designs.items()}
+
+    def findings(self) -> Findings:
+        """Return every rule checked against every design, named in the column ``design``."""
+        return Findings(_by_design({name: found.table() for name, found in self._checked.items()}))
+
+    def failures(self) -> pd.DataFrame:
+        """Return what each single failure costs in each design, the worst of a design first."""
+        return _by_design({name: design.failures() for name, design in self.designs.items()})
+
+    def reasons(self) -> pd.DataFrame:
+        """Return why something does not fit, in each design."""
+        return _by_design({name: design.reasons for name, design in self.designs.items()})
+
+    def changes(self) -> pd.DataFrame:
+        """Return the settings that are not the defaults, and in which designs."""
+        import pandas as pd
+
+        default, rows = Settings(), []
+        for name in names():
+            having: dict[str, list[str]] = {}
+            for design in self.designs.values():
+                if design.settings[name] != default[name]:
+                    having.setdefault(shown(design.settings[name]), []).append(design.name)
+            for own in having.values():
+                value = self.designs[own[0]].settings[name]
+                which = "all" if len(own) == len(self.designs) else ", ".join(own)
+                rows.append((name, value, default[name], unit(name), meaning(name), which))
+        columns = ["name", "value", "default", "unit", "meaning", "designs"]
+        return pd.DataFrame(rows, columns=columns)
+
+    def likely(self) -> pd.DataFrame:
+        """Return the interval of 9 in 10 draws: design, figure, low, median, high, unit."""
+        return self._likely.copy()
+
+    @cached_property
+    def _likely(self) -> pd.DataFrame:
+        # A copy, so that each comparison that begins with this generator draws the same.
+        return likely(draw(self.designs, rng=deepcopy(self.rng)))
+
+    def tornado(
+        self, a: str | None = None, b: str | None = None, *, figure: str = "total_cost_eur"
+    ) -> Tornado:
+        """Return which assumption matters for a figure of `a` less that of `b`.
+
+        Without names, the cheapest design with all points is set against the first one.
+        """
+        if a is None and b is None:
+            return tornado(complete(self.designs), figure)
+        known = [name for name in (a, b) if name is not None]
+        for name in known:
+            if name not in self.designs:
+                raise ArgumentError(
+                    f"there is no design {name!r}; it must be one of {', '.join(self.designs)}"
+                )
+        between = (known[0], known[1]) if len(known) == 2 else None
+        return tornado({name: self.designs[name] for name in known}, figure, between=between)
+
+    def plot(self, x: str = "total_cost_eur", y: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw a figure of each design with its range, or two columns against each other."""
+        from shipnet.design.plot import plot_pareto, plot_quantities
+
+        if y is None:
+            return plot_quantities(self.quantities, x, ax=ax, likely=self._likely)
+        best = self.pareto(x, y)
+        return plot_pareto(self._table[self._table["points_left_out"] == 0], x, y, best, ax=ax)
+
+    def plan(
+        self,
+        option: str,
+        *,
+        settings: Mapping[str, object] | None = None,
+        mix: Mapping[str, str] | None = None,
+        name: str | None = None,
+    ) -> Design:
+        """Plan the same points at the same place in one way more, as `IoList.plan`."""
+        values = self.settings.replace(settings or {})
+        return plan(self.iolist, self.site, option, settings=values, mix=mix, name=name)
+
+    def add(self, *designs: Design) -> Comparison:
+        """Return a comparison with further designs of the same points."""
+        return _compared(
+            [*self.designs.values(), *designs], self.rules, self.criteria, self.rng, self.remarks
+        )
+
+    def conclusions(self) -> list[str]:
+        """Return what the comparison comes to, in sentences."""
+        said, table = [], self._table
+        for name, design in self.designs.items():
+            if left := int(table["points_left_out"][name]):
+                said.append(
+                    f"{name} leaves {left} of {len(design.points)} points out{_why(design)}."
+                )
+        said += _lengths(self.designs)
+        whole = table[table["points_left_out"] == 0]
+        if whole.empty:
+            return [*said, "No design connects every point."]
+        for column, words, in_ in _TOLD:
+            values = whole[column].dropna()
+            if len(values) > 1:
+                same = ", ".join(map(str, values.index[values == values.min()]))
+                least = number(values.min())
+                said.append(f"{words}: {same} ({least}{f' {in_}' if in_ else ''}).")
+        if others := [str(name) for name in whole.index[~whole["pareto"]]]:
+            weighed = ", ".join(label(name).partition(" [")[0] for name in self.criteria)
+            said.append(f"Not Pareto-optimal in {weighed}: {', '.join(others)}.")
+        last = str(self.tornado())
+        return [*said, f"{last[:1].upper()}{last[1:]}."]
+
+    def short(self) -> pd.DataFrame:
+        """Return the rows that are asked for first, as text, one column per design."""
+        table = self._table
+        rows = [row for row in _SHORT if row != "lost_by_tray" or table[row].notna().any()]
+        shown = table[rows].astype(object)
+        for row in rows:
+            shown[row] = [number(value) for value in shown[row]]
+        shown["pareto"] = table["pareto"].map({True: "yes", False: "no"})
+        return shown.T.rename(label)
+
+    def __str__(self) -> str:
+        """Return the table and the conclusions as the command prints them."""
+        changed = [
+            f"not the default: {row['name']} {shown(row['value'])} ({shown(row['default'])})"
+            + ("" if row["designs"] == "all" else f", {row['designs']}")
+            for row in self.changes().to_dict("records")
+        ]
+        top = [str(self.iolist), *self.iolist.remarks, *self.remarks, *changed]
+        return "\n".join([*top, f"\n{self.short().to_string()}\n", *self.conclusions(), BANNER])
+
+    def __repr__(self) -> str:
+        """Return the verdict."""
+        return f"<Comparison: {self.verdict}>"
+
+    def html(self, *, title: str | None = None, date: str | None = None) -> str:
+        """Return the report as one HTML page that stands alone."""
+        from shipnet.design.report import report_html
+
+        return report_html(self, title=title, date=date)
+
+    def report(
+        self, path: str | PathLike[str], *, title: str | None = None, date: str | None = None
+    ) -> None:
+        """Write the report as one HTML file that opens offline and prints."""
+        page = self.html(title=title, date=date)
+        Path(path).write_text(page, encoding="utf-8", newline="\n")
+
+    def save(self, folder: str | PathLike[str]) -> None:
+        """Write the comparison, its findings and failures, and every design into a folder."""
+        to = Path(folder)
+        to.mkdir(parents=True, exist_ok=True)
+        for name, table in (
+            ("comparison", self.table().reset_index()),
+            ("findings", self.findings().table()),
+            ("failures", self.failures()),
+        ):
+            table.to_csv(to / f"{name}.csv", index=False, lineterminator="\n")
+        for name, design in self.designs.items():
+            design.save(to / name.replace("/", "-"))
 
 
-def conclusions(
-    networks: Mapping[str, Network], table: pd.DataFrame, tornado: Tornado, criteria: Sequence[str]
-) -> list[str]:
-    """Return what a comparison comes to, in words."""
-    said = []
-    for name, network in networks.items():
-        if left := int(table["points left out"][name]):
-            said.append(f"{name} leaves {left} of {len(network.points)} points out{_why(network)}.")
-    said += _lengths(networks)
-    whole = table[table["points left out"] == 0]
-    if whole.empty:
-        return [*said, "No option connects every point."]
-    for column, words, unit in _TOLD:
-        values = whole[column].dropna()
-        if len(values) > 1:
-            same = ", ".join(map(str, values.index[values == values.min()]))
-            least = number(values.min())
-            said.append(f"{words}: {same} ({least}{f' {unit}' if unit else ''}).")
-    if beaten := [str(name) for name in whole.index[~whole["not beaten"]]]:
-        said.append(f"Beaten in {', '.join(criteria)} at once: {', '.join(beaten)}.")
-    return [*said, f"{str(tornado)[:1].upper()}{str(tornado)[1:]}."]
+def compare(
+    designs: Iterable[Design],
+    *,
+    rules: RuleSet | str | PathLike[str] = "DNV",
+    criteria: Sequence[str] = CRITERIA,
+    rng: Rng = 2024,
+) -> Comparison:
+    """Compare designs of the same points at the same place.
+
+    Parameters
+    ----------
+    designs : iterable of Design
+        One or more, each with a name of its own; the same cabinet, trays, prices, detour and
+        tails.
+    rules : RuleSet, str or path, default "DNV"
+        A rule set, the name of a published one, or a file.
+    criteria : sequence of str
+        Columns of `Comparison.table` that decide which designs are Pareto-optimal; by default
+        cost, response, and points lost by one failure.
+    rng : numpy.random.Generator or int, default 2024
+        Draws the assumptions from their ranges; what `numpy.random.default_rng` takes.
+
+    Returns
+    -------
+    Comparison
+        The designs side by side.
+
+    Raises
+    ------
+    ArgumentError
+        If the designs have other points or another place, or a criterion is not a column.
+
+    Examples
+    --------
+    >>> from shipnet.design import Plant
+    >>> plant = Plant(10, contacts=2, distance=20, spacing=4)
+    >>> compare([plant.hardwired, plant.on_asi]).table()["total_cost_eur"].round().to_dict()
+    {'hardwired': 8454.0, 'AS-i': 7440.0}
+    """
+    return _compared(list(designs), RuleSet.of(rules), tuple(criteria), np.random.default_rng(rng))
 
 
-def _lengths(networks: Mapping[str, Network]) -> Iterator[str]:
+def _compared(
+    given: Sequence[Design],
+    rules: RuleSet,
+    criteria: tuple[str, ...],
+    rng: np.random.Generator,
+    remarks: tuple[str, ...] = (),
+) -> Comparison:
+    named = {design.name: design for design in given}
+    if not given or len(named) < len(given):
+        said = ", ".join(repr(design.name) for design in given) or "none"
+        raise ArgumentError(f"designs are {said}; it must be one or more, each of its own name")
+    first = given[0]
+    tags = first.points["tag"].tolist()
+    for design in given[1:]:
+        if design.points["tag"].tolist() != tags:
+            raise ArgumentError(f"design {design.name!r} has not the points of {first.name!r}")
+        if other := _differing(design, first):
+            raise ArgumentError(
+                f"design {design.name!r} has not the {other} of {first.name!r}; their costs cannot "
+                "be compared"
+            )
+    made = Comparison(named, rules, criteria, rng, remarks)
+    known = [*made._row(first.name)]
+    if not criteria or not set(criteria) <= set(known):
+        raise ArgumentError(f"criteria are {criteria}; they must be of {', '.join(known)}")
+    return made
+
+
+def _differing(a: Design, b: Design) -> str:
+    """Return in what two designs differ that must be the same, or nothing."""
+    if a.site is not b.site and a.site is not None and b.site is not None:
+        if a.site.cabinet != b.site.cabinet:
+            return "cabinet"
+        if not _same_trays(a.site.trays, b.site.trays):
+            return "trays"
+    for name in Settings.SHARED:
+        if getattr(a.settings, name) != getattr(b.settings, name):
+            return name
+    return ""
+
+
+def _same_trays(a: Trays | None, b: Trays | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    return a is b or (dict(a.nodes) == dict(b.nodes) and a.trays == b.trays)
+
+
+def compare_options(
+    iolist: IoList,
+    cabinet: Where,
+    options: Sequence[str] | None,
+    *,
+    trays: Trays | str | PathLike[str] | None = None,
+    settings: Given = None,
+    mix: Mapping[str, str] | None = None,
+    rules: RuleSet | str | PathLike[str] = "DNV",
+    rng: Rng = 2024,
+) -> Comparison:
+    """Plan the points of a list in several ways and compare them."""
+    values, rules = as_settings(settings), RuleSet.of(rules)
+    site, said = site_of(iolist, cabinet, trays, values)
+    ways = OPTIONS if options is None else options
+    designs = [plan(iolist, site, option, settings=values) for option in ways]
+    if mix:
+        designs.append(plan(iolist, site, "home runs", settings=values, mix=mix))
+    generator = np.random.default_rng(rng)
+    return _compared(designs, rules, CRITERIA, generator, (said,) if said else ())
+
+
+def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
     """Say that home runs of given lengths are not weighed alike, if it makes a difference."""
-    first = next(iter(networks.values()))
+    first = next(iter(designs.values()))
     iolist, site = first.iolist, first.site
     kept = {
         tag
-        for network in networks.values()
-        for tag in network.runs.query("kind == 'home run' and route_m != route_m")["b"]
+        for design in designs.values()
+        for tag in design.cables.query("kind == 'home run' and route_m != route_m")["b"]
     }
     mine = iolist.points["tag"].isin(kept).to_numpy() & iolist.located
     if not mine.any():
@@ -109,14 +514,14 @@ def _lengths(networks: Mapping[str, Network]) -> Iterator[str]:
             f"Home runs keep the lengths of the list, {number(given.sum() / 1e3)} km for "
             f"{len(given)} points; from the cabinet at {cabinet} m{over}, as all other cables are "
             f"reckoned, they would be {number(own.sum() / 1e3)} km. With list_lengths false, all "
-            "are reckoned alike."
+            "are computed alike."
         )
 
 
-def _why(network: Network) -> str:
+def _why(design: Design) -> str:
     """Return the first reason of each limit that an option runs into."""
-    counts = network.reasons["limit"].value_counts()
-    first = network.reasons.drop_duplicates("limit")
+    counts = design.reasons["limit"].value_counts()
+    first = design.reasons.drop_duplicates("limit")
     said = [
         f"{text} (and {more} more)" if (more := counts[limit] - 1) else text
         for limit, text in zip(first["limit"], first["text"], strict=True)
@@ -124,190 +529,15 @@ def _why(network: Network) -> str:
     return f": {'; '.join(said)}" if said else ""
 
 
-# The same points connected in several ways, side by side: what each takes, loses and keeps
-
-_VERDICTS = {"pass": "rules kept", "fail": "rules broken", "not verified": "rules not verified"}
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """Several ways to connect the points of one I/O list."""
-
-    networks: dict[str, Network]
-    quantities: dict[str, Quantities]
-    cuts: dict[str, pd.DataFrame]
-    rules: pd.DataFrame
-    tornado: Tornado
-    likely: pd.DataFrame | None
-    criteria: tuple[str, ...]
-    basis: Basis
-
-    @property
-    def changes(self) -> pd.DataFrame:
-        """Values that are not the defaults: name, value, default, legal, meaning."""
-        return self.basis.changes
-
-    @property
-    def iolist(self) -> IoList:
-        """The points, which all options share."""
-        return next(iter(self.networks.values())).iolist
-
-    @property
-    def site(self) -> Site:
-        """The place, which all options share."""
-        return next(iter(self.networks.values())).site
-
-    @cached_property
-    def table(self) -> pd.DataFrame:
-        """One row an option: what it leaves out, takes, loses and keeps."""
-        import pandas as pd
-
-        rows = {name: self._row(name) for name in self.networks}
-        table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("option")
-        complete = table["points left out"].to_numpy() == 0
-        best = not_beaten(table[list(self.criteria)].to_numpy(float)[complete])
-        return table.assign(**{"not beaten": _spread(complete, best)})
-
-    @property
-    def short(self) -> pd.DataFrame:
-        """The rows of `table` that are asked for first, one column an option."""
-        trays = ["lost by one tray"] if self.table["lost by one tray"].notna().any() else []
-        rows = [
-            "points left out", "conductors at the cabinet", "cable length", "cable mass", "labour",
-            "total cost, low", "total cost", "total cost, high", RESPONSE, "lost by one cable",
-            *trays, "lost by one device", "rules kept", "rules broken", "rules not verified",
-        ]  # fmt: skip
-        units = {row: FIGURES.get(row.split(",")[0], "1") for row in rows}
-        named = {row: f"{row} [{unit}]" for row, unit in units.items() if unit != "1"}
-        shown = self.table[rows].astype(object)
-        for row in rows:
-            shown[row] = [number(value) for value in shown[row]]
-        shown["not beaten"] = self.pareto.map({True: "yes", False: "no"})
-        return shown.T.rename(named)
-
-    def _row(self, name: str) -> dict[str, float]:
-        network, takes, cuts = self.networks[name], self.quantities[name], self.cuts[name]
-        verdicts = self.rules.loc[self.rules["option"] == name, "verdict"].value_counts()
-        most = worst(cuts).set_index("failure")["points_lost"]
-        cable = max(most.get("cut", 0), most.get("short", 0))
-        cost = takes.table.loc["total cost"]
-        return {
-            "points left out": int((~network.points["fits"]).sum()),
-            **takes.table["nominal"],
-            "total cost, low": cost["low"],
-            "total cost, high": cost["high"],
-            RESPONSE: network.worst_response_ms,
-            "lost by one cable": cable,
-            "lost by one tray": most.get("tray", float("nan")),
-            "lost by one device": most.get("device", 0),
-            "lost by one failure": max(cable, most.get("device", 0)),
-            **{title: int(verdicts.get(verdict, 0)) for verdict, title in _VERDICTS.items()},
-        }
-
-    @property
-    def pareto(self) -> pd.Series[bool]:
-        """Which options no other beats: as good in every criterion, and better in one."""
-        return self.table["not beaten"]
-
-    @cached_property
-    def reasons(self) -> pd.DataFrame:
-        """Why something does not fit: the reasons of each network, behind a column ``option``."""
-        return _by_option({name: network.reasons for name, network in self.networks.items()})
-
-    @property
-    def sentences(self) -> list[str]:
-        """What the comparison comes to, in words."""
-        return conclusions(self.networks, self.table, self.tornado, self.criteria)
-
-
-def compare(
-    iolist: IoList,
-    site: Site,
-    options: Sequence[str] = OPTIONS,
-    *,
-    rule_set: RuleSet = "DNV",
-    assumptions: Assumptions | None = None,
-    settings: Settings | None = None,
-    more: Iterable[Network] = (),
-    criteria: Sequence[str] = CRITERIA,
-    host_time: float = HOST_TIME,
-    rng: np.random.Generator | None = None,
-) -> Comparison:
-    """Plan the points of a list in several ways and compare them."""
-    planned = [plan(iolist, site, option, settings=settings) for option in options]
-    return compare_networks(
-        [*planned, *more],
-        rule_set=rule_set,
-        assumptions=assumptions,
-        settings=settings,
-        criteria=criteria,
-        host_time=host_time,
-        rng=rng,
-    )
-
-
-def compare_networks(
-    networks: Iterable[Network],
-    *,
-    rule_set: RuleSet = "DNV",
-    assumptions: Assumptions | None = None,
-    settings: Settings | None = None,
-    criteria: Sequence[str] = CRITERIA,
-    host_time: float = HOST_TIME,
-    rng: np.random.Generator | None = None,
-) -> Comparison:
-    """Compare networks that connect the same points."""
-    given = list(networks)
-    named = {network.name: network for network in given}
-    if not given or len(named) < len(given):
-        names = ", ".join(repr(network.name) for network in given) or "none"
-        raise ArgumentError(f"networks are {names}; it must be one or more, each of its own name")
-    tags = given[0].points["tag"].tolist()
-    if other := [net.name for net in given if net.points["tag"].tolist() != tags]:
-        raise ArgumentError(f"networks {', '.join(other)} have not the points of {given[0].name}")
-    site = given[0].site
-    basis = Basis(
-        Settings() if settings is None else settings,
-        Assumptions() if assumptions is None else assumptions,
-        site.detour, site.tails, host_time,
-    )  # fmt: skip
-    sums = {name: quantities(network, assumptions) for name, network in named.items()}
-    cuts = {name: single_cuts(network) for name, network in named.items()}
-    checked = {
-        name: check(network, rule_set, host_time=host_time, cuts=cuts[name])
-        for name, network in named.items()
-    }
-    made = Comparison(
-        named,
-        sums,
-        cuts,
-        _by_option(checked),
-        tornado(complete(named), assumptions=assumptions),
-        None if rng is None else likely(draw(named, assumptions, rng=rng)),
-        tuple(criteria),
-        basis,
-    )
-    known = [*made._row(given[0].name)]
-    if not criteria or not set(criteria) <= set(known):
-        raise ArgumentError(f"criteria are {tuple(criteria)}; they must be of {', '.join(known)}")
-    return made
-
-
-def _spread(where: npt.NDArray[np.bool_], values: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    spread = np.zeros(len(where), bool)
-    spread[where] = values
-    return spread
-
-
-def _by_option(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+def _by_design(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     import pandas as pd
 
-    named = [table.assign(option=name) for name, table in tables.items()]
+    named = [table.assign(design=name) for name, table in tables.items()]
     joined = pd.concat([table for table in named if len(table)] or named[:1], ignore_index=True)
-    return joined[["option", *joined.columns.drop("option")]]
+    return joined[["design", *joined.columns.drop("design")]]
 
 
-# Whole comparisons over values of what they rest on, to see how far the answer depends on them
+# Whole comparisons over values of settings, to see how far the answer depends on them ---------
 
 
 @dataclass(frozen=True)
@@ -317,21 +547,16 @@ class _Case:
     iolist: IoList
     site: Site
     options: tuple[str, ...]
-    basis: Basis
-    rule_set: RuleSet
+    settings: Settings
+    rules: RuleSet
 
     def __call__(self, **values: Any) -> dict[str, pd.DataFrame]:
-        basis = self.basis.with_(values)
-        found = compare(
-            self.iolist,
-            replace(self.site, detour=basis.detour, tails=basis.tails),
-            self.options,
-            rule_set=self.rule_set,
-            assumptions=basis.assumptions,
-            settings=basis.settings,
-            host_time=basis.host_time,
+        settings = self.settings.replace(values)
+        site = replace(self.site, detour=settings.detour, tails=settings.tails)
+        found = compare_options(
+            self.iolist, site, self.options, settings=settings, rules=self.rules
         )
-        return {_TABLE: found.table.reset_index()}
+        return {_TABLE: found.table().reset_index()}
 
 
 _TABLE = "comparison"
@@ -339,30 +564,28 @@ _TABLE = "comparison"
 
 def study(
     iolist: IoList,
-    site: Site,
     grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]],
-    options: Sequence[str] = OPTIONS,
+    cabinet: Where = None,
+    options: Sequence[str] | None = None,
     *,
-    rule_set: RuleSet = "DNV",
-    assumptions: Assumptions | None = None,
-    settings: Settings | None = None,
-    host_time: float = HOST_TIME,
+    trays: Trays | str | PathLike[str] | None = None,
+    settings: Given = None,
+    rules: RuleSet | str | PathLike[str] = "DNV",
     parallel: bool | AbstractContextManager[Any] | None = None,
     progress: bool | Callable[[int, int], object] | None = None,
 ) -> pd.DataFrame:
-    """Compare the options anew at every point of a grid of values."""
+    """Compare the options anew at every point of a grid of settings."""
     import pandas as pd
 
     points = points_of(grid)
-    start = Basis(
-        Settings() if settings is None else settings,
-        Assumptions() if assumptions is None else assumptions,
-        site.detour, site.tails, host_time,
-    )  # fmt: skip
-    faults = {fault for point in points for fault in changed(start, point)[1]}
+    start = as_settings(settings)
+    site, _ = site_of(iolist, cabinet, trays, start)
+    start = start.replace({"detour": site.detour, "tails": site.tails})
+    faults = {fault for point in points for fault in start.tried(point)[1]}
     if faults:
         raise ArgumentError("; ".join(sorted(faults)))
-    case = _Case(iolist, site, tuple(options), start, rules_of(rule_set))
+    ways = tuple(OPTIONS if options is None else options)
+    case = _Case(iolist, site, ways, start, RuleSet.of(rules))
     found = sweep(case, points, parallel=parallel, progress=progress)
     tables = []
     for point, table in zip(points, found[_TABLE], strict=True):

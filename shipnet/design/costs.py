@@ -18,9 +18,9 @@ from shipnet.errors import ArgumentError
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
-    from shipnet.design.catalogue import Cable
-    from shipnet.design.designs import Network
+    from shipnet.design.designs import Design
 
 
 # Numbers as a table of a design shows them: counts whole, estimates with three digits
@@ -38,7 +38,7 @@ def number(value: float) -> str:
     return f"{round(float(value), places):,.{max(places, 0)}f}"
 
 
-# What a network consists of, counted: cables by type, devices, channels -------------------------
+# What a design consists of, counted: cables by type, devices, channels -------------------------
 
 Floats = npt.NDArray[np.float64]
 
@@ -67,7 +67,7 @@ _DEVICES: dict[str, dict[str, tuple[str, ...]]] = {
 
 @dataclass(frozen=True, eq=False)
 class Bill:
-    """The counts of a network."""
+    """The counts of a design."""
 
     cables: pd.DataFrame
     conductors_at_cabinet: int
@@ -79,38 +79,38 @@ class Bill:
         return np.asarray(self.cables[name].to_numpy(dtype=float))
 
 
-def conductors_at_cabinet(network: Network) -> int:
+def conductors_at_cabinet(design: Design) -> int:
     """Count the conductors in use in the cables that enter the cabinet."""
-    runs = network.runs
+    runs = design.cables
     return int(runs["used"][runs["at_cabinet"]].sum())
 
 
-def bill_of(network: Network) -> Bill:
-    """Count what a network consists of."""
-    runs = network.runs
+def bill_of(design: Design) -> Bill:
+    """Count what a design consists of."""
+    runs = design.cables
     cables = (
         runs.assign(runs=1, ends=2 * runs["used"])
         .groupby("cable")[["runs", "length_m", "ends", "conductors", "at_cabinet"]]
         .sum()
     )
-    points = network.points[["bus", "device"]].assign(
-        analogue=network.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
+    points = design.points[["bus", "device"]].assign(
+        analogue=design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     )
-    items = _devices(network, points) | _channels(points)
-    items["second_interface"] = _second_interfaces(network)
+    items = _devices(design, points) | _channels(points)
+    items["second_interface"] = _second_interfaces(design)
     items["gland"] = items["gland_time"] = 2 * len(runs)
     return Bill(
         cables=cables,
-        conductors_at_cabinet=conductors_at_cabinet(network),
+        conductors_at_cabinet=conductors_at_cabinet(design),
         items={name: number for name, number in items.items() if number},
         unconnected=int((points["bus"] == "").sum()),
     )
 
 
-def _devices(network: Network, points: pd.DataFrame) -> dict[str, int]:
-    bus_of = dict(zip(network.segments["segment"], network.segments["bus"], strict=True))
-    bus = [bus_of.get(segment, "") for segment in network.devices["segment"]]
-    devices = network.devices
+def _devices(design: Design, points: pd.DataFrame) -> dict[str, int]:
+    bus_of = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
+    bus = [bus_of.get(segment, "") for segment in design.devices["segment"]]
+    devices = design.devices
     unknown = sorted(set(devices["kind"]) - set(_DEVICES))
     if unknown:
         raise ArgumentError(f"there is no price of a {', '.join(unknown)}")
@@ -127,12 +127,12 @@ def _devices(network: Network, points: pd.DataFrame) -> dict[str, int]:
     return items
 
 
-def _second_interfaces(network: Network) -> int:
+def _second_interfaces(design: Design) -> int:
     """Count the stations at which both lines of a redundant pair end."""
-    trunk = network.runs[(network.runs["kind"] == "trunk") & (network.runs["line"] != "")]
+    trunk = design.cables[(design.cables["kind"] == "trunk") & (design.cables["line"] != "")]
     lines = trunk.melt(id_vars="line", value_vars=["a", "b"], value_name="device")
     both = lines.groupby("device")["line"].nunique() > 1
-    stations = network.devices["device"][network.devices["kind"] == "station"]
+    stations = design.devices["device"][design.devices["kind"] == "station"]
     return int(stations.isin(both.index[both]).sum())
 
 
@@ -147,27 +147,52 @@ def _channels(points: pd.DataFrame) -> dict[str, int]:
     }
 
 
-# What a network takes: conductors, cable, hours and money, each low, nominal and high
+# What a design takes: conductors, cable, hours and money, each low, nominal and high
 
 
-#: The figures of a network, and their units.
-FIGURES: Mapping[str, str] = MappingProxyType(
+#: The figures of a design: their words, and their units.
+FIGURES: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
-        "conductors at the cabinet": "1",
-        "conductors laid": "1",
-        "cables": "1",
-        "cable length": "km",
-        "cable mass": "kg",
-        "cable volume": "l",
-        "cross-section": "cm2",
-        "terminations": "1",
-        "labour": "h",
-        "cable cost": "EUR",
-        "hardware cost": "EUR",
-        "labour cost": "EUR",
-        "total cost": "EUR",
+        "conductors_at_cabinet": ("conductors at the cabinet", ""),
+        "conductors_laid": ("conductors laid", ""),
+        "cables": ("cables", ""),
+        "cable_length_km": ("cable length", "km"),
+        "cable_mass_kg": ("cable mass", "kg"),
+        "cable_volume_l": ("cable volume", "l"),
+        "cross_section_cm2": ("cross-section", "cm2"),
+        "terminations": ("terminations", ""),
+        "labour_h": ("labour", "h"),
+        "cable_cost_eur": ("cable cost", "EUR"),
+        "hardware_cost_eur": ("hardware cost", "EUR"),
+        "labour_cost_eur": ("labour cost", "EUR"),
+        "total_cost_eur": ("total cost", "EUR"),
     }
 )
+
+#: The other columns of a comparison: their words, and their units.
+_OTHERS: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "points_left_out": ("points left out", ""),
+        "total_cost_low_eur": ("total cost, low", "EUR"),
+        "total_cost_high_eur": ("total cost, high", "EUR"),
+        "worst_response_ms": ("worst response", "ms"),
+        "lost_by_cable": ("lost by one cable", ""),
+        "lost_by_tray": ("lost by one tray", ""),
+        "lost_by_device": ("lost by one device", ""),
+        "lost_by_failure": ("lost by one failure", ""),
+        "rules_met": ("rules met", ""),
+        "rules_violated": ("rules violated", ""),
+        "rules_not_verified": ("rules not verified", ""),
+        "pareto": ("Pareto-optimal", ""),
+    }
+)
+
+
+def label(column: str) -> str:
+    """Return a column of a comparison in words, with its unit in brackets."""
+    words, unit = ({**FIGURES, **_OTHERS}).get(column, (column, ""))
+    return f"{words} [{unit}]" if unit else words
+
 
 #: The assumptions of which each cable of the catalogue has its own range, and the field that holds
 #: it. A level of one is the level of all cables: they are dear together, or cheap together.
@@ -195,10 +220,35 @@ EXCLUDED = (
 
 @dataclass(frozen=True, eq=False)
 class Quantities:
-    """The figures of a network."""
+    """The figures of a design, low, nominal and high; `Design.quantities` returns them.
+
+    Parameters
+    ----------
+    name : str
+        Name of the design.
+    figures : pandas.DataFrame
+        One row per figure: low, nominal, high and unit.
+    assumptions : pandas.DataFrame
+        The assumptions that were used: name, low, nominal, high, unit, status, source.
+    by_cable : pandas.DataFrame
+        One row per type of cable: runs, length_m, mass_kg, cost_eur, at nominal.
+    unconnected : int
+        Points that are left out, and cost nothing.
+    excluded : tuple of str, optional
+        What no figure holds.
+
+    Examples
+    --------
+    >>> from shipnet.design import Plant
+    >>> takes = Plant(10, contacts=2, distance=20, spacing=4).on_asi.quantities()
+    >>> takes
+    <Quantities of 'AS-i': 2 conductors, 0.24 km, 7 kEUR (3 to 17)>
+    >>> round(takes["total_cost_eur"]), takes.table().loc["cable_length_km", "unit"]
+    (7440, 'km')
+    """
 
     name: str
-    table: pd.DataFrame
+    figures: pd.DataFrame
     assumptions: pd.DataFrame
     by_cable: pd.DataFrame
     unconnected: int
@@ -206,15 +256,25 @@ class Quantities:
 
     def __getitem__(self, figure: str) -> float:
         """Return a figure at nominal."""
-        return float(self.table["nominal"][check_figure(figure)])
+        return float(self.figures["nominal"][check_figure(figure)])
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per figure: low, nominal, high and unit."""
+        return self.figures.copy()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw what cable, hardware and labour cost, each from all low to all high."""
+        from shipnet.design.plot import plot_costs
+
+        return plot_costs(self, ax=ax)
 
     def __repr__(self) -> str:
         """Say the figures that are asked for first, and what is left out."""
-        cost = self.table.loc["total cost"]
+        cost = self.figures.loc["total_cost_eur"]
         left_out = f"; {self.unconnected} points not connected" if self.unconnected else ""
         return (
-            f"<Quantities of {self.name!r}: {self['conductors at the cabinet']:.0f} conductors, "
-            f"{self['cable length']:.2f} km, {cost['nominal'] / 1e3:.0f} kEUR "
+            f"<Quantities of {self.name!r}: {self['conductors_at_cabinet']:.0f} conductors, "
+            f"{self['cable_length_km']:.2f} km, {cost['nominal'] / 1e3:.0f} kEUR "
             f"({cost['low'] / 1e3:.0f} to {cost['high'] / 1e3:.0f}){left_out}>"
         )
 
@@ -227,18 +287,16 @@ def check_figure(figure: str) -> str:
 
 
 class Model:
-    """The figures of one network as a function of what is assumed."""
+    """The figures of one design as a function of what is assumed."""
 
     def __init__(
         self,
-        network: Network,
+        design: Design,
         assumptions: Assumptions | None = None,
-        *,
-        cables: Mapping[str, Cable] | None = None,
     ) -> None:
-        self.bill: Bill = bill_of(network)
-        self.assumptions = Assumptions() if assumptions is None else assumptions
-        known = catalogue() if cables is None else cables
+        self.bill: Bill = bill_of(design)
+        self.assumptions = design.settings.assumptions if assumptions is None else assumptions
+        known = catalogue()
         unknown = sorted(set(self.bill.cables.index) - set(known))
         if unknown:
             raise ArgumentError(f"the catalogue has no cable {', '.join(unknown)}")
@@ -281,19 +339,19 @@ class Model:
         hardware_cost = due("EUR")
         labour_cost = labour * at("labour_rate")[..., 0]
         figures = {
-            "conductors at the cabinet": bill.conductors_at_cabinet,
-            "conductors laid": column("conductors").sum(),
+            "conductors_at_cabinet": bill.conductors_at_cabinet,
+            "conductors_laid": column("conductors").sum(),
             "cables": column("runs").sum(),
-            "cable length": length.sum(-1) / 1e3,
-            "cable mass": (length * at("cable_mass")).sum(-1),
-            "cable volume": (length * section_m2).sum(-1) * 1e3,
-            "cross-section": (column("at_cabinet") * section_m2).sum(-1) * 1e4,
+            "cable_length_km": length.sum(-1) / 1e3,
+            "cable_mass_kg": (length * at("cable_mass")).sum(-1),
+            "cable_volume_l": (length * section_m2).sum(-1) * 1e3,
+            "cross_section_cm2": (column("at_cabinet") * section_m2).sum(-1) * 1e4,
             "terminations": column("ends").sum(),
-            "labour": labour,
-            "cable cost": cable_cost,
-            "hardware cost": hardware_cost,
-            "labour cost": labour_cost,
-            "total cost": cable_cost + hardware_cost + labour_cost,
+            "labour_h": labour,
+            "cable_cost_eur": cable_cost,
+            "hardware_cost_eur": hardware_cost,
+            "labour_cost_eur": labour_cost,
+            "total_cost_eur": cable_cost + hardware_cost + labour_cost,
         }
         return {
             name: float(value) if np.ndim(value) == 0 else value for name, value in figures.items()
@@ -318,24 +376,40 @@ class Model:
                 yield (what, *getattr(cable, field), unit, cable.status, cable.source)
 
 
-def quantities(
-    network: Network,
-    assumptions: Assumptions | None = None,
-    *,
-    cables: Mapping[str, Cable] | None = None,
-) -> Quantities:
-    """Return what a network takes: conductors, cable, hours and money."""
+def quantities(design: Design, assumptions: Assumptions | None = None) -> Quantities:
+    """Return what a design takes; by default under its own assumptions."""
     import pandas as pd
 
-    model = Model(network, assumptions, cables=cables)
+    model = Model(design, assumptions)
     table = pd.DataFrame({level: model.figures(others=level) for level in LEVELS})
+    units = {name: unit for name, (_, unit) in FIGURES.items()}
     return Quantities(
-        name=network.name,
-        table=table.assign(unit=pd.Series(dict(FIGURES))).rename_axis("figure"),
+        name=design.name,
+        figures=table.assign(unit=pd.Series(units)).rename_axis("figure"),
         assumptions=model.used,
         by_cable=_by_cable(model),
         unconnected=model.bill.unconnected,
     )
+
+
+def bill_table(design: Design) -> pd.DataFrame:
+    """Return cables, parts and work of a design, at nominal; their costs add up to the total."""
+    import pandas as pd
+
+    model = Model(design)
+    cables, assumed = _by_cable(model), model.assumptions
+    rows = [
+        ("cable", name, row["length_m"], "m", model.cables[str(name)].price.nominal)
+        for name, row in cables.iterrows()
+    ]
+    rows += [
+        ("part", words(name), count, "", assumed.at(name))
+        for name, count in model.bill.items.items()
+        if assumed.entry(name).unit == "EUR"
+    ]
+    rows.append(("work", "labour", model.figures()["labour_h"], "h", assumed.at("labour_rate")))
+    table = pd.DataFrame(rows, columns=["kind", "item", "number", "unit", "price_eur"])
+    return table.assign(cost_eur=table["number"] * table["price_eur"])
 
 
 def _by_cable(model: Model) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from shipnet.design.catalogue import cables, smallest
-from shipnet.design.designs import COLUMNS, Network, frame
+from shipnet.design.designs import COLUMNS, Design, frame
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError
 from shipnet.signals import SIGNALS
@@ -235,7 +235,7 @@ def _square(ways: npt.ArrayLike) -> Floats:
     return away
 
 
-# A network in the making: what planners put down, and the ways that follow when all is there
+# A design in the making: what planners put down, and the ways that follow when all is there
 
 Place = tuple[float, float, float]
 
@@ -253,7 +253,7 @@ class Laid(NamedTuple):
 
 @dataclass(eq=False)
 class Draft:
-    """A network in the making."""
+    """A design in the making."""
 
     iolist: IoList
     site: Site
@@ -309,8 +309,8 @@ class Draft:
     ) -> None:
         """Put down a cable."""
         a, b = ends
-        self._rows["runs"].append(
-            {"run": f"{kind} {len(self._rows['runs']) + 1}", "cable": cable.id, "a": a, "b": b,
+        self._rows["cables"].append(
+            {"run": f"{kind} {len(self._rows['cables']) + 1}", "cable": cable.id, "a": a, "b": b,
              "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
              "at_cabinet": a in self._in_cabinet or b in self._in_cabinet, "line": line,
              **laid._asdict()}
@@ -354,22 +354,30 @@ class Draft:
              "text": text}
         )  # fmt: skip
 
-    def network(self, name: str) -> Network:
-        """Return the network, with all ways and lengths worked out."""
+    def made(self, name: str) -> Design:
+        """Return the design, with all ways and lengths worked out."""
         points = frame(
             "points",
             {"tag": self.tags, **self._point, "response_ms": self._response * 1e3,
              "fits": self._point["bus"] != ""},
         )  # fmt: skip
         tables = {t: frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")}
-        return Network(name, self.iolist, self.site, points, runs=self._runs(), **tables)
+        return Design(
+            name,
+            self.iolist,
+            self.site,
+            points,
+            cables=self._runs(),
+            settings=self.settings,
+            **tables,
+        )
 
     def _runs(self) -> pd.DataFrame:
         import pandas as pd
 
-        rows = self._rows["runs"]
+        rows = self._rows["cables"]
         if not rows:
-            return frame("runs")
+            return frame("cables")
         runs = pd.DataFrame(rows).drop(columns=["start", "end"])
         start, end = (
             np.array([row[at] for row in rows], dtype=np.float64) for at in ("start", "end")
@@ -395,9 +403,9 @@ class Draft:
             self.site.detour * route[open_] + np.nan_to_num(slack[open_]),
         )
         return frame(
-            "runs",
+            "cables",
             runs.assign(route_m=route, length_m=length, way=pd.Series(ways, dtype=object))[
-                list(COLUMNS["runs"])
+                list(COLUMNS["cables"])
             ],
         )
 

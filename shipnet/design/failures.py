@@ -15,10 +15,10 @@ from shipnet.errors import ArgumentError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from shipnet.design.designs import Network
+    from shipnet.design.designs import Design
 
 
-# What of a planned network is still reached when some of its cables are cut and devices dead
+# What of a planned design is still reached when some of its cables are cut and devices dead
 
 Bools = npt.NDArray[np.bool_]
 Whole = npt.NDArray[np.int64]
@@ -43,25 +43,25 @@ _CHUNK = 2**24
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """A planned network as arrays: runs and devices are the rows of its tables."""
+    """A planned design as arrays: runs and devices are the rows of its tables."""
 
-    network: Network
+    design: Design
 
     @cached_property
     def kinds(self) -> npt.NDArray[Any]:
         """Kind of each device."""
-        return self.network.devices["kind"].to_numpy(str)
+        return self.design.devices["kind"].to_numpy(str)
 
     @cached_property
     def at_point(self) -> Bools:
         """Which runs end at a point."""
-        return self.network.runs["kind"].isin(["drop", "home run"]).to_numpy()
+        return self.design.cables["kind"].isin(["drop", "home run"]).to_numpy()
 
     @cached_property
     def trays(self) -> dict[str, list[int]]:
         """Runs on each tray."""
         members: dict[str, list[int]] = {}
-        for number, way in enumerate(self.network.runs["way"]):
+        for number, way in enumerate(self.design.cables["way"]):
             for tray in dict.fromkeys(way):
                 members.setdefault(str(tray), []).append(number)
         return dict(sorted(members.items()))
@@ -69,7 +69,7 @@ class Reach:
     @cached_property
     def shorts(self) -> list[tuple[list[int], list[int]]]:
         """Runs that are one pair, trunks of a bus or feeders, and what a short of them kills."""
-        runs, segments = self.network.runs, self.network.segments
+        runs, segments = self.design.cables, self.design.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
         trunk = runs["segment"].isin(buses) & (runs["kind"] == "trunk")
         found = []
@@ -101,7 +101,7 @@ class Reach:
 
     def lost(self, failures: Sequence[Failure]) -> Bools:
         """Return which points each failure costs, shape (n_failures, n_points)."""
-        width = 4 * len(self.kinds) + 2 * len(self.network.runs) + len(self._connected)
+        width = 4 * len(self.kinds) + 2 * len(self.design.cables) + len(self._connected)
         step = max(1, _CHUNK // width)
         parts = [failures[start : start + step] for start in range(0, len(failures), step)]
         works = [self._works(*self._masks(part), self._needs_supply) for part in parts]
@@ -110,21 +110,21 @@ class Reach:
 
     @cached_property
     def _index(self) -> dict[str, int]:
-        return {name: n for n, name in enumerate(self.network.devices["device"])}
+        return {name: n for n, name in enumerate(self.design.devices["device"])}
 
     @cached_property
     def _cabinet(self) -> int:
-        return self._index[self.network.cabinet]
+        return self._index[self.design.cabinet]
 
     @cached_property
     def _at(self) -> Whole:
         """Device in whose housing each one stands; -1 in its own."""
-        return np.array([self._index.get(at, -1) for at in self.network.devices["at"]], np.int64)
+        return np.array([self._index.get(at, -1) for at in self.design.devices["at"]], np.int64)
 
     @cached_property
     def _ends(self) -> Whole:
         """Devices at the ends of every run, shape (n_runs, 2); -1 where a point is."""
-        runs = self.network.runs
+        runs = self.design.cables
         b = runs["b"].where(~self.at_point, "")
         ends = [[self._index.get(name, -1) for name in end] for end in (runs["a"], b)]
         return np.array(ends, np.int64).reshape(2, -1).T
@@ -132,7 +132,7 @@ class Reach:
     @cached_property
     def _wires(self) -> tuple[Whole, Whole, Whole]:
         """Point, device and run of each cable that a point has; run -1 is a terminal."""
-        points, runs = self.network.points, self.network.runs
+        points, runs = self.design.points, self.design.cables
         row = {tag: n for n, tag in enumerate(points["tag"])}
         own = np.flatnonzero(self.at_point)
         tags = runs["b"].to_numpy(object)[own]
@@ -147,7 +147,7 @@ class Reach:
     @cached_property
     def _data(self) -> Edges:
         """What carries data; masters and the like are one node for both lines."""
-        count, trunk = len(self.kinds), (self.network.runs["kind"] == "trunk").to_numpy()
+        count, trunk = len(self.kinds), (self.design.cables["kind"] == "trunk").to_numpy()
         link = self._feeders & (self.kinds == "gateway")[self._ends].any(axis=1)
         u, v, run = self._by_line(np.flatnonzero(trunk | link), self._joints)
         joined = np.isin(self.kinds, _JOINS)
@@ -170,11 +170,11 @@ class Reach:
         u, v, run = self._data
         a, b = self._ends.T
         end = np.where((self.kinds == "repeater")[b], a, b)
-        trunk = self._asi & (self.network.runs["kind"] == "trunk").to_numpy()
+        trunk = self._asi & (self.design.cables["kind"] == "trunk").to_numpy()
         along = np.append(np.where(trunk, end, -1), -1)[run]
         # A repeater beside its master has no cable to it, and is on the same line.
         inside, at = u % len(self.kinds), v % len(self.kinds)
-        master = (self.kinds == "master") & self._of_asi(self.network.devices["segment"])
+        master = (self.kinds == "master") & self._of_asi(self.design.devices["segment"])
         beside = (run < 0) & (self.kinds == "repeater")[inside] & master[at]
         return np.where(beside, at, along)
 
@@ -196,15 +196,15 @@ class Reach:
 
     @cached_property
     def _feeders(self) -> Bools:
-        return (self.network.runs["kind"] == "feeder").to_numpy()
+        return (self.design.cables["kind"] == "feeder").to_numpy()
 
     @cached_property
     def _asi(self) -> Bools:
         """Which runs are of an AS-i segment."""
-        return self._of_asi(self.network.runs["segment"])
+        return self._of_asi(self.design.cables["segment"])
 
     def _of_asi(self, names: pd.Series[str]) -> Bools:
-        segments = self.network.segments
+        segments = self.design.segments
         asi = segments.loc[segments["bus"] == "AS-i", "segment"]
         return np.asarray(names.isin(asi).to_numpy(bool))
 
@@ -217,7 +217,7 @@ class Reach:
     @cached_property
     def _joints(self) -> Whole:
         """What stands in a housing, and what it hangs on there, shape (n, 2)."""
-        segment = self.network.devices["segment"].to_numpy(str)
+        segment = self.design.devices["segment"].to_numpy(str)
         master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
         joints = self._housings.copy()
         for row, (n, at) in enumerate(joints):
@@ -232,7 +232,7 @@ class Reach:
 
     def _by_line(self, number: Whole, joints: Whole) -> Edges:
         """Return runs and joints as edges; node n + D is device n on line B."""
-        line, count = self.network.runs["line"].to_numpy(str)[number], len(self.kinds)
+        line, count = self.design.cables["line"].to_numpy(str)[number], len(self.kinds)
         first, second = number[line != "B"], number[line != "A"]
         ends = [self._ends[first], joints, self._ends[second] + count, joints + count]
         none = np.full(len(joints), -1)
@@ -250,7 +250,7 @@ class Reach:
 
     def _masks(self, failures: Sequence[Failure]) -> tuple[Bools, Bools]:
         """Return which runs are cut and which devices dead; the last column is of no run."""
-        cut = np.zeros((len(failures), len(self.network.runs) + 1), bool)
+        cut = np.zeros((len(failures), len(self.design.cables) + 1), bool)
         dead = np.zeros((len(failures), len(self.kinds)), bool)
         for row, (runs, devices) in enumerate(failures):
             cut[row, list(runs)] = True
@@ -270,7 +270,7 @@ class Reach:
     def _works(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
         """Return which points work."""
         point, good = self._wires[0], self._good(cut, dead, needs_supply)
-        works = np.zeros((len(cut), len(self.network.points)), bool)
+        works = np.zeros((len(cut), len(self.design.points)), bool)
         for cables in _nth(point):
             works[:, point[cables]] |= good[:, cables]
         return works
@@ -287,7 +287,7 @@ class Reach:
         alive = (reached[:, :count] | reached[:, count:]) & ~dead & ~dead[:, [self._cabinet]]
         alive &= ~dark
         point, device, run = self._wires
-        output = self.network.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
+        output = self.design.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
         unfed = self._needs_auxiliary & ~self._has_auxiliary(cut, dead)
         good = alive[:, device] & ~cut[:, run] & ~(unfed[:, device] & output[point])
         return np.asarray(good)
@@ -345,19 +345,19 @@ def _nth(values: Whole) -> Iterator[Whole]:
         yield order[nth == number]
 
 
-# What one failure costs: every cable, tray and device of a planned network, one at a time
+# What one failure costs: every cable, tray and device of a planned design, one at a time
 
 #: What can fail: a cable is cut, the cables that are one pair of a bus or of a supply are shorted,
 #: all cables on a tray are cut, a device is dead.
 FAILURES = ("cut", "short", "tray", "device")
 
 
-def single_cuts(network: Network) -> pd.DataFrame:
-    """Return what each single failure of a planned network costs."""
+def single_failures(design: Design) -> pd.DataFrame:
+    """Return what each single failure of a planned design costs."""
     import pandas as pd
 
-    reach = Reach(network)
-    runs, devices = network.runs, network.devices
+    reach = Reach(design)
+    runs, devices = design.cables, design.devices
     rows: list[tuple[str, str, str, str, str]] = []
     failures: list[Failure] = []
     for number, run in enumerate(
@@ -385,8 +385,8 @@ def single_cuts(network: Network) -> pd.DataFrame:
     others = np.setdiff1d(np.arange(len(rows)), np.flatnonzero(reach.at_point))
     for row, mask in zip(others, reach.lost([failures[row] for row in others]), strict=True):
         gone[row] = np.flatnonzero(mask)
-    tags = network.points["tag"].to_numpy(object)
-    names, system = np.unique(network.iolist.points["system"].to_numpy(str), return_inverse=True)
+    tags = design.points["tag"].to_numpy(object)
+    names, system = np.unique(design.iolist.points["system"].to_numpy(str), return_inverse=True)
     return table.assign(
         points_lost=[len(points) for points in gone],
         systems=pd.Series(
@@ -397,33 +397,33 @@ def single_cuts(network: Network) -> pd.DataFrame:
 
 
 def lost(
-    network: Network,
+    design: Design,
     *,
-    runs: Collection[str] = (),
+    cables: Collection[str] = (),
     devices: Collection[str] = (),
     trays: Collection[str] = (),
 ) -> tuple[str, ...]:
     """Return the points that several failures at once cost."""
-    reach = Reach(network)
+    reach = Reach(design)
     numbers = {
-        "run": {name: [n] for n, name in enumerate(network.runs["run"])},
-        "device": {name: [n] for n, name in enumerate(network.devices["device"])},
+        "cable": {name: [n] for n, name in enumerate(design.cables["run"])},
+        "device": {name: [n] for n, name in enumerate(design.devices["device"])},
         "tray": reach.trays,
     }
-    given = {"run": runs, "device": devices, "tray": trays}
+    given = {"cable": cables, "device": devices, "tray": trays}
     for what, names in given.items():
         if isinstance(names, str):
             raise ArgumentError(f"{what}s is {names!r}; it must be a list of names")
     unknown = [f"{w} {n!r}" for w, names in given.items() for n in names if n not in numbers[w]]
     if unknown:
-        raise ArgumentError(f"network {network.name!r} has no {', no '.join(unknown)}")
+        raise ArgumentError(f"design {design.name!r} has no {', no '.join(unknown)}")
     found = {w: [k for n in names for k in numbers[w][n]] for w, names in given.items()}
-    (gone,) = reach.lost([(found["run"] + found["tray"], found["device"])])
-    return tuple(network.points["tag"].to_numpy(object)[gone])
+    (gone,) = reach.lost([(found["cable"] + found["tray"], found["device"])])
+    return tuple(design.points["tag"].to_numpy(object)[gone])
 
 
-def worst(cuts: pd.DataFrame) -> pd.DataFrame:
-    """Return the row of each kind of failure that costs the most points."""
-    rest = cuts[cuts["kind"] != "cabinet"]
+def worst(failures: pd.DataFrame) -> pd.DataFrame:
+    """Return the row of each kind of failure that costs the most points, the worst first."""
+    rest = failures[failures["kind"] != "cabinet"]
     ranked = rest.sort_values("points_lost", ascending=False, kind="stable")
-    return ranked.drop_duplicates("failure").sort_index().reset_index(drop=True)
+    return ranked.drop_duplicates("failure").reset_index(drop=True)

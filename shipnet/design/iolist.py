@@ -3,24 +3,49 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import zip_longest
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.signals import KINDS, SIGNALS, find_signal, plain
+from shipnet.signals import (
+    ASI_PAIR,
+    KINDS,
+    Saving,
+    find_signal,
+    hardwired_conductors,
+    plain,
+)
+from shipnet.signals import SIGNALS as SIGNALS
 from shipnet.tables import NUMBER, frame_sheet, parse_sheet, read_sheet
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from shipnet.design.comparison import Comparison
+    from shipnet.design.designs import Design
+    from shipnet.design.rules import RuleSet
+    from shipnet.design.settings import Settings
+    from shipnet.design.site import Found, Site, Trays
     from shipnet.tables import Sheet
+
+#: A place [m], the name of a cabinet in the trays, or None to find it from the list's lengths.
+Where: TypeAlias = "tuple[float, float, float] | Sequence[float] | str | Site | None"
+
+#: Settings, or values by name that are not the defaults.
+Given: TypeAlias = "Settings | Mapping[str, object] | None"
+
+#: What `numpy.random.default_rng` takes.
+Rng: TypeAlias = "np.random.Generator | int | None"
 
 
 # What the columns of an I/O list are called, on paper and here ----------------------------------
@@ -60,6 +85,7 @@ COLUMNS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "category": ("text", ("cat", "e22 category", "system category", "category e22")),
     "note": ("text", ("notes", "remark", "remarks", "comment", "comments", "description",
                       "service")),
+    "device": ("text", ("actuator", "unit")),
 }  # fmt: skip
 
 #: Units that a title may name, each as a multiple of that of the column.
@@ -205,11 +231,6 @@ class Cells:
             faults.append("no column tag")
         if "signal" not in self.places and "type" not in self.places:
             faults.append("no column signal and no column type; expected one at least")
-        if not {*_POSITION, "home_run_m"} & self.places.keys():
-            faults.append(
-                "no column says where a point is; expected x_m, y_m and z_m, or home_run_m, the "
-                "length of its cable to the cabinet"
-            )
         used = "; ".join(unused)
         if faults:
             faults = [f"row {self.sheet.top}: {fault}" for fault in faults]
@@ -228,8 +249,6 @@ def clean(cell: str) -> str:
 
 
 # The numbers of an I/O list: where points and boxes are, lengths of cables, update times
-
-_POSITION, _BOX = ("x_m", "y_m", "z_m"), ("box_x_m", "box_y_m", "box_z_m")
 
 #: Legal values in the unit of the column, both ends included, but for an update time of 0. No ship
 #: is a kilometre long, no cable of one ten.
@@ -287,12 +306,6 @@ def _number(cell: str, comma: bool) -> float | None:
 def _check_positions(cells: Cells) -> None:
     have = np.column_stack([cells.given(name) for name in _POSITION])
     _check_partly(cells, _POSITION, have)
-    for row in np.flatnonzero(~have.any(axis=1) & ~cells.given("home_run_m")).tolist():
-        cells.fault(
-            row, "",
-            f" ({cells['tag'][row]}) has neither a position nor a length; expected x_m, y_m and "
-            "z_m, or home_run_m",
-        )  # fmt: skip
 
 
 def _check_partly(cells: Cells, names: Sequence[str], have: NDArray[np.bool_]) -> None:
@@ -356,7 +369,7 @@ _Found = tuple[str, list[tuple[str, str]]]
 def points_of(sheet: Sheet) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """Make points of the rows of a sheet."""
     cells = Cells(sheet)
-    texts = {name: _text(cells, name) for name in ("tag", "system", "box")}
+    texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device")}
     _check_tags(cells, texts["tag"])
     signals = _signals(cells, _look_up(cells, "type", _KINDS, "DI, DO, AI or AO"))
     categories = _look_up(cells, "category", _CATEGORIES, "I, II, III or nothing")
@@ -471,12 +484,44 @@ def _signal(word: str, given: str, kind: str, count: str) -> _Found:
 
 # I/O lists: the points of a ship, from a CSV file or an Excel workbook --------------------------
 
-_WHAT = "titles of an I/O list, which are at least tag, signal or type, and x, y, z or home run"
+_WHAT = "titles of an I/O list, which are at least tag, and signal or type"
 
 
 @dataclass(frozen=True, eq=False)
 class IoList:
-    """The points of a ship."""
+    r"""The points of a ship: sensors that are read, and outputs that are switched.
+
+    `read_iolist` reads one from a file, `IoList.parse` from text, `IoList.from_table` from a
+    table. Where a point is matters only once something is planned.
+
+    Parameters
+    ----------
+    points : pandas.DataFrame
+        One row per point, numbered from 0: tag, system, type (DI, DO, AI, AO), signal, a key of
+        `SIGNALS`, conductors, x_m, y_m, z_m, box with its place, to_box_m, home_run_m, update_ms,
+        category, note and device. What the list does not say is NaN or empty.
+    source : str
+        Where it comes from.
+    remarks : tuple of str, optional
+        What was not used, and what was assumed.
+
+    Raises
+    ------
+    ArgumentError
+        If a column is missing, or the rows are not numbered from 0.
+
+    Examples
+    --------
+    >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,switch,3,2,3\nTT-2,Pt100 3-wire,9,2,3")
+    >>> points
+    <IoList: 2 points (1 DI, 1 AI)>
+    >>> points.counts, points.where("type == 'AI'").table()["conductors"].tolist()
+    ({'contact': 1, 'rtd_3wire': 1}, [3])
+    >>> points.plan("CAN", cabinet=(0, 0, 0)).fits
+    True
+    >>> print(points.compare((0, 0, 0), ["home runs", "CAN"]).best.name)
+    home runs
+    """
 
     points: pd.DataFrame
     source: str
@@ -486,20 +531,68 @@ class IoList:
         """Check the form of the table."""
         missing = [name for name in COLUMNS if name not in self.points.columns]
         if missing:
-            raise ArgumentError(f"points have no column {', '.join(missing)}; use from_table")
+            raise ArgumentError(
+                f"points have no column {', '.join(missing)}; use IoList.from_table"
+            )
         if not self.points.index.equals(pd.RangeIndex(len(self.points))):
-            raise ArgumentError("the rows of points must be numbered from 0; use from_table")
+            raise ArgumentError("the rows of points must be numbered from 0; use IoList.from_table")
+
+    @classmethod
+    def parse(cls, text: str, source: str = "text") -> IoList:
+        """Read an I/O list from text, as an editor holds it."""
+        return cls._of(parse_sheet(text, source, is_titles=is_titles, what=_WHAT))
+
+    @classmethod
+    def from_table(cls, table: pd.DataFrame, source: str = "table") -> IoList:
+        """Make an I/O list of a table, checked as a file would be."""
+        return cls._of(frame_sheet(table, source))
+
+    @classmethod
+    def _of(cls, sheet: Sheet) -> IoList:
+        points, remarks = points_of(sheet)
+        return cls(points, sheet.source, remarks)
 
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self.points)
 
     def __str__(self) -> str:
+        """Say how many points there are, of what kind, and where they come from."""
+        return f"{self._said} of {Path(self.source).name}"
+
+    def __repr__(self) -> str:
         """Say how many points there are, and of what kind."""
+        return f"<IoList: {self._said}>"
+
+    @property
+    def _said(self) -> str:
         counts = self.points["type"].value_counts(sort=False)
         kinds = ", ".join(f"{number} {kind}" for kind, number in counts.items())
-        s = "" if len(self) == 1 else "s"
-        return f"{len(self)} point{s} ({kinds}) of {Path(self.source).name}"
+        return f"{len(self)} point{'' if len(self) == 1 else 's'} ({kinds})"
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per point, without the columns in which the list says nothing."""
+        said = (self.points.notna() & (self.points != "")).any()
+        return self.points.loc[:, said].copy()
+
+    def where(self, query: str) -> IoList:
+        """Return the points that a query of `pandas.DataFrame.query` chooses."""
+        try:
+            chosen = self.points.query(query)
+        except Exception as error:  # pandas raises many kinds for what cannot be parsed
+            raise ArgumentError(f"query is {query!r}; {error}") from None
+        if not len(chosen):
+            raise ArgumentError(f"query is {query!r}; no point of the list meets it")
+        return replace(self, points=chosen.reset_index(drop=True))
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of points by signal, the most frequent first."""
+        return {str(s): int(n) for s, n in self.points["signal"].value_counts().items()}
+
+    def saving(self, *, lines: int = 1) -> Saving:
+        """Return the conductors of all points, each wired on its own, and on AS-i lines."""
+        return Saving(hardwired_conductors(self.counts), ASI_PAIR * lines)
 
     @property
     def places(self) -> NDArray[np.float64]:
@@ -516,40 +609,136 @@ class IoList:
         """Whether the position of each point is known, shape (n,)."""
         return np.asarray(np.isfinite(self.places).all(axis=1))
 
-    @property
     def summary(self) -> pd.DataFrame:
-        """Number of points by system and type, with their conductors."""
+        """Return the number of points by system and type, with their conductors."""
         table = pd.crosstab(self.points["system"], self.points["type"])
         table["points"] = table.sum(axis=1)
         table["conductors"] = self.points.groupby("system")["conductors"].sum()
         table.columns.name = None
         return table
 
+    def find_cabinet(self) -> Found:
+        """Return where the cabinet stands, found from the lengths of the home runs in the list."""
+        from shipnet.design.site import find_cabinet
 
-def load_iolist(path: str | PathLike[str], sheet: str | None = None) -> IoList:
-    """Read an I/O list from a CSV file or an Excel workbook."""
-    return _iolist(read_sheet(path, sheet, is_titles=is_titles, what=_WHAT))
+        return find_cabinet(self)
+
+    def plan(
+        self,
+        option: str,
+        cabinet: Where = None,
+        *,
+        trays: Trays | str | PathLike[str] | None = None,
+        settings: Given = None,
+        mix: Mapping[str, str] | None = None,
+        name: str | None = None,
+    ) -> Design:
+        """Connect all points in one way of `OPTIONS`.
+
+        `cabinet` is a place (x, y, z) [m], the name of a cabinet in the trays, or None to find it
+        from the lengths of the list. `trays` are those that cables follow, or a file of them, and
+        `settings` values by name. `mix` connects some points in another way, by tag, signal,
+        system, category or type, such as ``{"DI": "AS-i"}``. `name` is that of the design.
+        """
+        from shipnet.design.planning import as_settings, plan, site_of
+
+        values = as_settings(settings)
+        site, _ = site_of(self, cabinet, trays, values)
+        return plan(self, site, option, settings=values, mix=mix, name=name)
+
+    def compare(
+        self,
+        cabinet: Where = None,
+        options: Sequence[str] | None = None,
+        *,
+        trays: Trays | str | PathLike[str] | None = None,
+        settings: Given = None,
+        mix: Mapping[str, str] | None = None,
+        rules: RuleSet | str | PathLike[str] = "DNV",
+        rng: Rng = 2024,
+    ) -> Comparison:
+        """Plan the points in several ways and compare them.
+
+        `options` are ways of `OPTIONS`, all if None, and `mix` one way more, as in `plan`. `rules`
+        are the name of a published set, a file or a `RuleSet`. `rng` draws the assumptions from
+        their ranges, for the interval that 9 of 10 draws of a figure lie in.
+        """
+        from shipnet.design.comparison import compare_options
+
+        return compare_options(
+            self, cabinet, options, trays=trays, settings=settings, mix=mix, rules=rules, rng=rng
+        )
+
+    def study(
+        self,
+        grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]],
+        cabinet: Where = None,
+        options: Sequence[str] | None = None,
+        *,
+        trays: Trays | str | PathLike[str] | None = None,
+        settings: Given = None,
+        rules: RuleSet | str | PathLike[str] = "DNV",
+        parallel: bool | AbstractContextManager[Any] | None = None,
+        progress: bool | Callable[[int, int], object] | None = None,
+    ) -> pd.DataFrame:
+        """Compare the options anew at every point of a grid of settings.
+
+        The grid is values by name of a setting, or points of it one by one. Each point gives one
+        row per option, with the columns of `Comparison.table`. Long studies run on all cores, or
+        where a joblib context says (`parallel`); `progress` is called after each point.
+        """
+        from shipnet.design.comparison import study
+
+        return study(
+            self, grid, cabinet, options, trays=trays, settings=settings, rules=rules,
+            parallel=parallel, progress=progress,
+        )  # fmt: skip
+
+    def plot(self, option: str = "home runs", ax: Axes | None = None) -> Axes:
+        """Draw every point wired to the panel on its own ("home runs"), or on one "AS-i" line."""
+        from shipnet.design.plot import plot_points
+
+        return plot_points(self, option, ax=ax)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the list as a CSV file, from which `read_iolist` makes the same points."""
+        names = [name for name in COLUMNS if name != "device" or self.points["device"].any()]
+        table = self.points[names].copy()
+        for name in ("tag", "system", "box", "note"):
+            table[name] = [
+                f"'{text}" if re.match(r"'*[=+\-@]", text) else text for text in table[name]
+            ]
+        with Path(path).open("w", newline="", encoding="utf-8") as stream:
+            table.to_csv(stream, index=False, lineterminator="\n")
 
 
-def parse_iolist(text: str, source: str = "text") -> IoList:
-    """Read an I/O list from text, as an editor holds it."""
-    return _iolist(parse_sheet(text, source, is_titles=is_titles, what=_WHAT))
+def read_iolist(path: str | PathLike[str], *, sheet: str | None = None) -> IoList:
+    """Read an I/O list from a CSV file or an Excel workbook.
 
+    Common titles are understood: at least ``tag``, and ``signal`` or ``type``. Case, blanks and
+    punctuation do not matter, and a title may name a unit, such as ``x [mm]``.
 
-def from_table(table: pd.DataFrame, source: str = "table") -> IoList:
-    """Make an I/O list of a table, checked as a file would be."""
-    return _iolist(frame_sheet(table, source))
+    Parameters
+    ----------
+    path : path
+        The file.
+    sheet : str, optional
+        Sheet of a workbook; by default the first that is not hidden and holds a list.
 
+    Returns
+    -------
+    IoList
+        The points; its remarks say what was not used.
 
-def save_iolist(iolist: IoList, path: str | PathLike[str]) -> None:
-    """Write an I/O list as a CSV file, from which `load_iolist` makes the same points."""
-    table = iolist.points[list(COLUMNS)].copy()
-    for name in ("tag", "system", "box", "note"):
-        table[name] = [f"'{text}" if re.match(r"'*[=+\-@]", text) else text for text in table[name]]
-    with Path(path).open("w", newline="", encoding="utf-8") as stream:
-        table.to_csv(stream, index=False, lineterminator="\n")
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not a list; all its faults at once, with row and column.
 
-
-def _iolist(sheet: Sheet) -> IoList:
-    points, remarks = points_of(sheet)
-    return IoList(points, sheet.source, remarks)
+    Examples
+    --------
+    >>> from shipnet import datasets
+    >>> read_iolist(datasets.path("synthetic_iolist_ship.csv"))
+    <IoList: 353 points (176 AI, 129 DI, 48 DO)>
+    """
+    return IoList._of(read_sheet(path, sheet, is_titles=is_titles, what=_WHAT))

@@ -5,15 +5,14 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from shipnet import __version__
-from shipnet.design.comparison import Comparison
-from shipnet.design.costs import EXCLUDED, FIGURES, number
+from shipnet.design.comparison import BANNER, Comparison
+from shipnet.design.costs import EXCLUDED, label, number
 from shipnet.design.failures import FAILURES
 from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado, svg
 from shipnet.design.settings import shown
@@ -128,7 +127,7 @@ def table(
 #: Longest cell that stays on one line.
 _SHORT = 9
 
-_VERDICTS = {"pass": "pass", "fail": "fail", "not verified": "open"}
+_VERDICTS = {"met": "pass", "violated": "fail", "not verified": "open"}
 
 
 def picture(svg: str, words: str) -> str:
@@ -171,7 +170,8 @@ def _each(rows: pd.DataFrame) -> Iterator[Any]:
 
 def _failures(comparison: Comparison) -> str:
     rows, details = [], []
-    for option, cuts in comparison.cuts.items():
+    for option, design in comparison.designs.items():
+        cuts = design._failures
         cuts = cuts[cuts["kind"] != "cabinet"]
         for failure in FAILURES:
             mine = cuts[cuts["failure"] == failure]
@@ -213,9 +213,9 @@ def _some(names: tuple[str, ...], shown: int = 6) -> str:
 
 
 def _reasons(comparison: Comparison) -> str:
-    reasons = comparison.reasons
+    reasons = comparison.reasons()
     rows = [
-        [row.option, row.subject, row.text, row.limit, f"{number(row.value)} {row.unit}",
+        [row.design, row.subject, row.text, row.limit, f"{number(row.value)} {row.unit}",
          f"{number(row.bound)} {row.unit}"]
         for row in _each(reasons.head(_REASONS_SHOWN))
     ]  # fmt: skip
@@ -235,8 +235,8 @@ def _segments(comparison: Comparison) -> str:
         [option, row.segment, row.bus, str(row.points), str(row.devices), number(row.length_m),
          "-" if row.load != row.load else f"{row.load:.1%}".replace("%", " %"),
          number(row.response_ms), number(row.slowest_update_ms)]
-        for option, network in comparison.networks.items()
-        for row in _each(network.segments)
+        for option, design in comparison.designs.items()
+        for row in _each(design.segments)
     ]  # fmt: skip
     head = ["option", "segment", "bus", "points", "devices", "trunk [m]", "load", "response [ms]",
             "needed [ms]"]  # fmt: skip
@@ -248,13 +248,13 @@ def _figures(comparison: Comparison) -> str:
     parts = []
     for option, takes in comparison.quantities.items():
         rows = [
-            [f"{name} [{row['unit']}]" if row["unit"] != "1" else str(name),
+            [label(str(name)),
              *(number(row[level]) for level in ("low", "nominal", "high")),
              *_likely(comparison, option, str(name))]
-            for name, row in takes.table.iterrows()
+            for name, row in takes.figures.iterrows()
         ]  # fmt: skip
         head = ["", "all low", "nominal", "all high"]
-        head += ["5 %", "95 %"] if comparison.likely is not None else []
+        head += ["5 %", "95 %"]
         parts.append(text(option, tag="h3"))
         parts.append(table(head, rows, numbers=range(1, len(head))))
         cables = [
@@ -267,9 +267,7 @@ def _figures(comparison: Comparison) -> str:
 
 
 def _likely(comparison: Comparison, option: str, figure: str) -> list[str]:
-    if comparison.likely is None:
-        return []
-    row: Any = comparison.likely.loc[(option, figure)]
+    row: Any = comparison._likely.loc[(option, figure)]
     return [number(row["low"]), number(row["high"])]
 
 
@@ -296,15 +294,15 @@ def _assumptions(comparison: Comparison) -> str:
 def _points(comparison: Comparison) -> str:
     listed: pd.DataFrame = comparison.iolist.points.head(_POINTS_SHOWN)
     columns = [listed["tag"], listed["system"], listed["signal"]]
-    for network in comparison.networks.values():
-        points = network.points.head(_POINTS_SHOWN)
+    for design in comparison.designs.values():
+        points = design.points.head(_POINTS_SHOWN)
         at = (points["device"] + " " + points["address"]).str.strip()
         columns.append(at.where(points["bus"] != "", "does not fit"))
     rows = list(zip(*columns, strict=True))
     more = len(comparison.iolist) - len(rows)
     return section(
         "Points",
-        table(["tag", "system", "signal", *comparison.networks], rows,
+        table(["tag", "system", "signal", *comparison.designs], rows,
               caption="Device and address of each point."),
         *([text(f"And {more} points more.")] if more else []),
     )  # fmt: skip
@@ -312,8 +310,6 @@ def _points(comparison: Comparison) -> str:
 
 # The report of a comparison: one file that a colleague opens offline and prints -----------------
 
-#: What the first page says.
-BANNER = "Design aid, not class approval."
 _BANNER_MORE = (
     "Computed from an I/O list under the assumptions listed below. Prices, masses and hours are "
     "estimates until a supplier's are put in; a rule is judged only where its text was read, and "
@@ -321,25 +317,8 @@ _BANNER_MORE = (
 )
 
 
-def write_report(
-    comparison: Comparison,
-    path: str | PathLike[str],
-    *,
-    title: str | None = None,
-    date: str | None = None,
-    remarks: Sequence[str] = (),
-) -> None:
-    """Write a comparison as one self-contained HTML file."""
-    page = report_html(comparison, title=title, date=date, remarks=remarks)
-    Path(path).write_text(page, encoding="utf-8", newline="\n")
-
-
 def report_html(
-    comparison: Comparison,
-    *,
-    title: str | None = None,
-    date: str | None = None,
-    remarks: Sequence[str] = (),
+    comparison: Comparison, *, title: str | None = None, date: str | None = None
 ) -> str:
     """Return the report of a comparison."""
     if not isinstance(comparison, Comparison):
@@ -350,9 +329,9 @@ def report_html(
         text(named, tag="h1"),
         text(f"{date + ', ' if date else ''}shipnet {__version__}", "lead"),
         f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
-        bullets(comparison.sentences),
+        bullets(comparison.conclusions()),
         _side_by_side(comparison),
-        _what(comparison, remarks),
+        _what(comparison),
         _pictures(comparison),
         _rules(comparison),
         *details(comparison),
@@ -360,21 +339,22 @@ def report_html(
 
 
 def _side_by_side(comparison: Comparison) -> str:
-    shown = comparison.table.drop(columns=["not beaten"])
-    rows = []
-    for column in shown:
-        unit = FIGURES.get(str(column).split(",")[0], "1")
-        name = f"{column} [{unit}]" if unit != "1" else str(column)
-        rows.append([name, *(number(value) for value in shown[column])])
-    rows.append(["not beaten", *("yes" if best else "no" for best in comparison.pareto)])
+    shown = comparison.table()
+    best = shown.pop("pareto")
+    rows = [[label(str(name)), *(number(value) for value in shown[name])] for name in shown]
+    rows.append([label("pareto"), *("yes" if one else "no" for one in best)])
     return table(
         ["", *map(str, shown.index)], rows, numbers=range(1, len(shown) + 1),
-        caption=f"The options side by side. Not beaten: connects every point, and no other is as "
-        f"good in {', '.join(comparison.criteria)} and better in one of them.",
+        caption="The designs side by side. Pareto-optimal: connects every point, and no other is "
+        f"as good in {_criteria(comparison)} and better in one of them.",
     )  # fmt: skip
 
 
-def _what(comparison: Comparison, remarks: Sequence[str]) -> str:
+def _criteria(comparison: Comparison) -> str:
+    return ", ".join(label(name).partition(" [")[0] for name in comparison.criteria)
+
+
+def _what(comparison: Comparison) -> str:
     iolist, site = comparison.iolist, comparison.site
     counts = iolist.points["type"].value_counts()
     systems = iolist.points["system"].replace("", None).nunique()
@@ -393,9 +373,9 @@ def _what(comparison: Comparison, remarks: Sequence[str]) -> str:
         f"I/O list {Path(iolist.source).name}: {len(iolist)} points ("
         + ", ".join(f"{n} {kind}" for kind, n in counts.items())
         + f") {of_systems}.",
-        *(f"{said[:1].upper()}{said[1:]}." for said in (*iolist.remarks, *remarks)),
+        *(f"{said[:1].upper()}{said[1:]}." for said in (*iolist.remarks, *comparison.remarks)),
         where,
-        f"The host adds {comparison.basis.host_time:g} s to a response where a rule counts it"
+        f"The host adds {comparison.settings.host_time:g} s to a response where a rule counts it"
         f"{_assumed(comparison, 'host_time')}.",
     ]
     return section("What was planned", bullets(lines), _changes(comparison), page=False)
@@ -403,79 +383,74 @@ def _what(comparison: Comparison, remarks: Sequence[str]) -> str:
 
 def _assumed(comparison: Comparison, *names: str) -> str:
     """Return what to say of values that nobody gave."""
-    if not {*names}.isdisjoint(comparison.changes["name"]):
+    if not {*names}.isdisjoint(comparison.changes()["name"]):
         return ""
     return ", both assumed" if len(names) > 1 else ", assumed"
 
 
 def _changes(comparison: Comparison) -> str:
     rows = [
-        [row["name"], shown(row["value"]), shown(row["default"]), row["meaning"]]
-        for row in comparison.changes.to_dict("records")
+        [row["name"], shown(row["value"]), shown(row["default"]), row["meaning"], row["designs"]]
+        for row in comparison.changes().to_dict("records")
     ]
     if not rows:
         return text("Every limit, price and allowance has its default value.")
     return table(
-        ["name", "here", "default", "what it is"], rows,
+        ["name", "here", "default", "what it is", "designs"], rows,
         caption="Values that are not the defaults; all others are.",
     )  # fmt: skip
 
 
 def _pictures(comparison: Comparison) -> str:
     # A point that is left out costs nothing: no picture may hide that.
-    left_out = comparison.table["points left out"]
+    table = comparison.table()
+    left_out = table["points_left_out"]
     named = {
         str(option): f"{option} ({count} left out)" if count else str(option)
         for option, count in left_out.items()
     }
     takes = {named[option]: takes for option, takes in comparison.quantities.items()}
-    shown = comparison.table.rename(index=named)
-    likely = comparison.likely
-    if likely is not None:
-        likely = likely.rename(index=named, level="option")
+    shown = table.rename(index=named)
+    best = [named[name] for name in comparison.pareto()]
+    likely = comparison._likely.rename(index=named, level="option")
     height = 1.2 + 0.4 * len(takes)
     figures = [
         picture(
             svg(lambda ax: plot_quantities(takes, ax=ax, likely=likely), height=height),
-            "Total cost of each option: nominal, and with all assumptions at low and at high"
-            + (", and in 9 of 10 draws of them." if likely is not None else "."),
+            "Total cost of each design: nominal, with all assumptions at low and at high, and in 9 "
+            "of 10 draws of them.",
         ),
         picture(
-            svg(
-                lambda ax: plot_quantities(takes, "conductors at the cabinet", ax=ax), height=height
-            ),
+            svg(lambda ax: plot_quantities(takes, "conductors_at_cabinet", ax=ax), height=height),
             "Conductors in use that enter the cabinet.",
         ),
         picture(
-            svg(
-                lambda ax: plot_pareto(
-                    shown, pareto=comparison.pareto.rename(named), y="lost by one failure", ax=ax
-                )
-            ),
-            "Cost against the points that the worst failure takes along; filled: not beaten.",
+            svg(lambda ax: plot_pareto(shown, "total_cost_eur", "lost_by_failure", best, ax=ax)),
+            "Cost against the points that the worst failure takes along; filled: Pareto-optimal.",
         ),
     ]
-    if comparison.pareto.any():
+    tornado = comparison.tornado()
+    if best:
         # Of options that leave points out, no difference in cost says anything.
         figures.append(
             picture(
-                svg(lambda ax: plot_tornado(comparison.tornado, ax=ax)),
-                f"What each assumption does to the {comparison.tornado.subject}.",
+                svg(lambda ax: plot_tornado(tornado, ax=ax)),
+                f"What each assumption does to the {tornado.subject}.",
             )
         )
     return section("Figures", f'<div class="pair">{"".join(figures)}</div>')
 
 
 def _rules(comparison: Comparison) -> str:
-    rules: Any = comparison.rules  # a table without types
+    rules: Any = comparison.findings().table()  # a table without types
     keys = ["rule_set", "rule"]
     first = rules.drop_duplicates(keys)
-    options = list(comparison.networks)
-    found = {(r.rule_set, r.rule, r.option): r for r in rules.itertuples()}
+    options = list(comparison.designs)
+    found = {(r.rule_set, r.rule, r.design): r for r in rules.itertuples()}
 
     def cell(rule: tuple[str, str], option: str) -> str:
         row = found[*rule, option]
-        value = "" if row.computed != row.computed else f": {number(row.computed)} {row.unit}"
+        value = "" if row.value != row.value else f": {number(row.value)} {row.unit}"
         return f"{row.verdict}{value}"
 
     judged, read, why = [], [], []
@@ -488,7 +463,7 @@ def _rules(comparison: Comparison) -> str:
         same: dict[tuple[str, str], list[str]] = {}
         for option in options:
             mine = found[*rule, option]
-            same.setdefault((str(mine.subject), str(mine.why)), []).append(option)
+            same.setdefault((str(mine.object), str(mine.why)), []).append(option)
         for (subject, because), shared in same.items():
             named = ", ".join(shared) if len(shared) < len(options) else "all"
             why.append([row.rule, named, subject, because])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,10 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
+from shipnet.answers import Findings
 from shipnet.crc import undetected
-from shipnet.design.designs import Network
-from shipnet.design.failures import single_cuts
-from shipnet.design.settings import HOST_TIME
+from shipnet.design.designs import Design
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from shipnet.tables import Sheet
 
 
-# What can be computed of a planned network for a rule: times, losses, lines, standards
+# What can be computed of a planned design for a rule: times, losses, lines, standards
 
 Bools = npt.NDArray[np.bool_]
 
@@ -69,30 +68,29 @@ APPLIES: Mapping[str, Callable[[pd.DataFrame], pd.Series[bool]]] = {
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """A network with what several measures need of it."""
+    """A design with what several measures need of it."""
 
-    network: Network
+    design: Design
     host_time: float
-    given_cuts: pd.DataFrame | None = None
 
     @cached_property
     def cuts(self) -> pd.DataFrame:
         """Every single failure."""
-        return single_cuts(self.network) if self.given_cuts is None else self.given_cuts
+        return self.design._failures
 
     @cached_property
     def links(self) -> pd.DataFrame:
         """The segments that are data links."""
-        segments = self.network.segments
+        segments = self.design.segments
         return segments[segments["bus"].isin(["AS-i", "CAN", "Modbus RTU"])]
 
     def left_out(self, concerned: Bools) -> int:
         """Return how many of the points concerned fit nowhere."""
-        return int((concerned & ~self.network.points["fits"].to_numpy(bool)).sum())
+        return int((concerned & ~self.design.points["fits"].to_numpy(bool)).sum())
 
     def concerned(self, applies: str) -> Bools:
         """Return which points are concerned."""
-        return APPLIES[applies](self.network.iolist.points).to_numpy(bool)
+        return APPLIES[applies](self.design.iolist.points).to_numpy(bool)
 
 
 class Measure(NamedTuple):
@@ -107,7 +105,7 @@ _NAN = float("nan")
 
 
 def _response(facts: Facts, concerned: Bools, host: bool) -> Outcome:
-    points = facts.network.points[concerned]
+    points = facts.design.points[concerned]
     if points.empty:
         return Outcome(_NAN, why="the list has no such point")
     # Nothing lies between a hardwired point and its host.
@@ -126,16 +124,16 @@ def _response(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 def _late(facts: Facts, concerned: Bools, host: bool) -> Outcome:
-    points = facts.network.points
-    needs = facts.network.iolist.points["update_ms"]
+    points = facts.design.points
+    needs = facts.design.iolist.points["update_ms"]
     late = concerned & (points["response_ms"] > needs).to_numpy()
     first = str(points["tag"].to_numpy()[late][0]) if late.any() else ""
     return Outcome(int(late.sum()), first, "response longer than the list's update time")
 
 
 def _unconnected(facts: Facts, concerned: Bools, host: bool) -> Outcome:
-    out = concerned & ~facts.network.points["fits"].to_numpy()
-    first = str(facts.network.points["tag"].to_numpy()[out][0]) if out.any() else ""
+    out = concerned & ~facts.design.points["fits"].to_numpy()
+    first = str(facts.design.points["tag"].to_numpy()[out][0]) if out.any() else ""
     return Outcome(int(out.sum()), first, "see the reasons of the plan" if first else "")
 
 
@@ -151,7 +149,7 @@ def _lost(
             return Outcome(_NAN, why="the list has no such point")
         counts = rows["points_lost"]
         if not concerned.all():
-            mine = set(facts.network.points["tag"].to_numpy()[concerned])
+            mine = set(facts.design.points["tag"].to_numpy()[concerned])
             counts = rows["tags"].map(lambda tags: len(mine.intersection(tags)))
         worst: Any = counts.idxmax()
         return Outcome(
@@ -174,7 +172,7 @@ def _systems(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         return Outcome(_NAN, why="the links have no cable of their own")
     if not concerned.any():
         return Outcome(_NAN, why="the list has no such point")
-    points = facts.network.iolist.points[concerned]
+    points = facts.design.iolist.points[concerned]
     system = dict(zip(points["tag"], points["system"], strict=True))
     found = rows["tags"].map(lambda tags: sorted({system[tag] for tag in tags if system.get(tag)}))
     unnamed = {tag for tags in rows["tags"] for tag in tags if system.get(tag) == ""}
@@ -188,7 +186,7 @@ def _systems(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 def _lines(facts: Facts, concerned: Bools, host: bool) -> Outcome:
-    trunk = facts.network.runs[facts.network.runs["kind"] == "trunk"]
+    trunk = facts.design.cables[facts.design.cables["kind"] == "trunk"]
     trunk = trunk[trunk["segment"].isin(facts.links["segment"])]
     if trunk.empty:
         return Outcome(_NAN, why="no data link")
@@ -197,11 +195,11 @@ def _lines(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 def _switch_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
-    own = set(facts.network.points.loc[concerned, "segment"])
+    own = set(facts.design.points.loc[concerned, "segment"])
     links = facts.links[facts.links["segment"].isin(own)]
     if links.empty:
         return Outcome(_NAN, why="no data link has such a point")
-    trunk = facts.network.runs[facts.network.runs["line"] != ""]
+    trunk = facts.design.cables[facts.design.cables["line"] != ""]
     single = links.loc[~links["segment"].isin(trunk["segment"]), "segment"]
     if len(single):
         return Outcome(float("inf"), str(single.iloc[0]), "has no second line to switch to")
@@ -221,7 +219,7 @@ def _change_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 def _shared(facts: Facts, concerned: Bools, host: bool) -> Outcome:
-    trunk = facts.network.runs[facts.network.runs["kind"] == "trunk"]
+    trunk = facts.design.cables[facts.design.cables["kind"] == "trunk"]
     pairs = trunk[trunk["line"] != ""]
     if pairs.empty:
         return Outcome(_NAN, why="no link has two lines")
@@ -320,7 +318,46 @@ _YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One rule."""
+    """One class rule as data: what is computed for it, and its limit.
+
+    Parameters
+    ----------
+    rule : str
+        Its name.
+    measure : str
+        What is computed, a name in `RuleSet.measures`; empty if a plan cannot show it.
+    limit : float
+        The limit, 0 or more, in the unit of the measure.
+    topic, asks : str, optional
+        What it is about, and what it asks in words.
+    applies : str, default "all"
+        The points concerned: all, inputs, outputs, fast, fast outputs, essential, category III.
+    bound : {"at most", "below", "at least"}, default "at most"
+        On which side of the limit a value is good.
+    unit : str, optional
+        Unit of the limit; that of the measure.
+    host : bool, default False
+        Whether the time in the host counts.
+    clause, edition, source : str, optional
+        Where it is written.
+    confirmed : bool, default False
+        Whether its text was read; else it is never met.
+    note : str, optional
+        Why a plan cannot show it.
+    rule_set : str, default "own"
+        The set that it belongs to.
+
+    Raises
+    ------
+    ArgumentError
+        If a word is not one of those that are known, or the limit is not a number.
+
+    Examples
+    --------
+    >>> rule = Rule("one cable", "points lost by a cable", 10, confirmed=True)
+    >>> rule.meets(8), rule.unit
+    (True, 'points')
+    """
 
     rule: str
     measure: str
@@ -346,30 +383,104 @@ class Rule:
         if self.measure:
             object.__setattr__(self, "unit", MEASURES[self.measure].unit)
 
-    def keeps(self, computed: float) -> bool:
+    def meets(self, computed: float) -> bool:
         """Return whether a computed value is on the good side of the limit."""
         if self.bound == "at least":
             return computed >= self.limit
         return computed < self.limit if self.bound == "below" else computed <= self.limit
 
 
-def published_rules(rule_set: str = "DNV") -> tuple[Rule, ...]:
-    """Return a rule set of a class society, of IMO, or as lee2012 quotes it."""
-    if rule_set not in RULE_SETS:
-        raise ArgumentError(f"rule_set is {rule_set!r}; it must be one of {', '.join(RULE_SETS)}")
-    wanted = (rule_set, "IMO") if rule_set in _WITH_IMO else (rule_set,)
-    return tuple(rule for rule in _all() if rule.rule_set in wanted)
+@dataclass(frozen=True)
+class RuleSet:
+    """Class rules as data: a published set, or your own from a file.
+
+    Parameters
+    ----------
+    rules : tuple of Rule
+        One rule or more.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no rule.
+
+    Examples
+    --------
+    >>> dnv = RuleSet.published("DNV")
+    >>> len(dnv), float(dnv.table().loc["indication", "limit"])
+    (15, 1.0)
+    >>> RuleSet.measures().loc["response", "unit"]
+    's'
+    """
+
+    rules: tuple[Rule, ...]
+
+    def __post_init__(self) -> None:
+        """Check that there are rules."""
+        object.__setattr__(self, "rules", tuple(self.rules))
+        if not self.rules or not all(isinstance(rule, Rule) for rule in self.rules):
+            raise ArgumentError(f"rules are {self.rules!r}; there must be one Rule or more")
+
+    @classmethod
+    def published(cls, name: str = "DNV") -> RuleSet:
+        """Return a set of a class society, of IMO, or as lee2012 quotes it."""
+        if name not in RULE_SETS:
+            raise ArgumentError(
+                f"rules are {name!r}; they must be one of {', '.join(RULE_SETS)}, or a file"
+            )
+        wanted = (name, "IMO") if name in _WITH_IMO else (name,)
+        return cls(tuple(rule for rule in _all() if rule.rule_set in wanted))
+
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> RuleSet:
+        """Read rules of your own from a CSV file or an Excel workbook."""
+        return cls(
+            _rules(read_sheet(path, what="titles, which are at least rule, measure and limit"))
+        )
+
+    @classmethod
+    def of(cls, rules: RuleSet | str | PathLike[str]) -> RuleSet:
+        """Return rules from themselves, from the name of a published set, or from a file."""
+        if isinstance(rules, RuleSet):
+            return rules
+        if isinstance(rules, PathLike) or str(rules).lower().endswith((".csv", ".xlsx")):
+            return cls.read(rules)
+        return cls.published(rules)
+
+    def __len__(self) -> int:
+        """Return the number of rules."""
+        return len(self.rules)
+
+    def __iter__(self) -> Iterator[Rule]:
+        """Yield the rules in their order."""
+        return iter(self.rules)
+
+    def __repr__(self) -> str:
+        """Say how many rules there are, and of which sets."""
+        sets = ", ".join(dict.fromkeys(rule.rule_set for rule in self.rules))
+        return f"<RuleSet: {len(self)} rules of {sets}>"
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per rule, by its name, with all that it says."""
+        import pandas as pd
+
+        return pd.DataFrame([asdict(rule) for rule in self.rules]).set_index("rule")
+
+    @staticmethod
+    def measures() -> pd.DataFrame:
+        """Return what can be computed for a rule, by name: unit and meaning."""
+        import pandas as pd
+
+        rows = {name: (measure.unit, measure.meaning) for name, measure in MEASURES.items()}
+        return pd.DataFrame.from_dict(
+            rows, orient="index", columns=["unit", "meaning"]
+        ).rename_axis("measure")
 
 
 @cache
 def _all() -> tuple[Rule, ...]:
     name = "design_rules.csv"
     return _rules(frame_sheet(datasets.read(name), name))
-
-
-def load_rules(path: str | PathLike[str]) -> tuple[Rule, ...]:
-    """Read rules of one's own from a CSV file or an Excel workbook."""
-    return _rules(read_sheet(path, what="titles, which are at least rule, measure and limit"))
 
 
 def _rules(sheet: Sheet) -> tuple[Rule, ...]:
@@ -446,52 +557,34 @@ def _faults(
             yield f"unit is {unit!r}; expected {MEASURES[measure].unit!r}, as computed"
 
 
-# Does a planned network keep the rules? Each rule with the value computed for it ----------------
-
-
-#: A published set by name, a file, or rules made elsewhere.
-RuleSet = str | PathLike[str] | tuple[Rule, ...]
-
-_COLUMNS = (
-    "clause", "rule", "subject", "computed", "limit", "unit", "verdict", "why", "edition", "source",
-    "confirmed", "topic", "asks", "bound", "rule_set",
-)  # fmt: skip
-
-
-def rules_of(rule_set: RuleSet) -> tuple[Rule, ...]:
-    """Return the rules that a name, a file or a tuple stands for."""
-    if isinstance(rule_set, tuple):
-        if not rule_set or not all(isinstance(rule, Rule) for rule in rule_set):
-            raise ArgumentError(f"rule_set is {rule_set!r}; it must be one Rule or more")
-        return rule_set
-    if isinstance(rule_set, PathLike) or str(rule_set).lower().endswith((".csv", ".xlsx")):
-        return load_rules(rule_set)
-    return published_rules(rule_set)
+# Does a planned design keep the rules? Each rule with the value computed for it ----------------
 
 
 def check(
-    network: Network,
-    rule_set: RuleSet = "DNV",
+    design: Design,
+    rules: RuleSet | str | PathLike[str] = "DNV",
     *,
-    host_time: float = HOST_TIME,
-    cuts: pd.DataFrame | None = None,
-) -> pd.DataFrame:
-    """Check a planned network against a rule set."""
+    host_time: float | None = None,
+) -> Findings:
+    """Check a design against class rules."""
     import pandas as pd
 
-    if not isinstance(network, Network):
-        raise ArgumentError(f"network is {network!r}; it must be a Network")
-    facts = Facts(network, check_scalar("host_time", host_time, "s", 0.0, 60.0), cuts)
+    host = design.settings.host_time if host_time is None else host_time
+    facts = Facts(design, check_scalar("host_time", host, "s", 0.0, 60.0))
     rows = []
-    for rule in rules_of(rule_set):
+    for rule in RuleSet.of(rules):
         outcome = _outcome(rule, facts)
         verdict, why = _judge(rule, outcome)
+        least = rule.bound == "at least"
+        low, high = (rule.limit, math.nan) if least else (math.nan, rule.limit)
         rows.append(
-            (rule.clause, rule.rule, outcome.subject, float(outcome.computed), rule.limit,
-             rule.unit, verdict, why, rule.edition, rule.source, rule.confirmed, rule.topic,
-             rule.asks, rule.bound, rule.rule_set)
+            {"rule": rule.rule, "object": outcome.subject, "value": float(outcome.computed),
+             "low": low, "high": high, "unit": rule.unit, "verdict": verdict, "why": why,
+             "source": rule.source, "limit": rule.limit, "bound": rule.bound, "clause": rule.clause,
+             "edition": rule.edition, "confirmed": rule.confirmed, "topic": rule.topic,
+             "asks": rule.asks, "rule_set": rule.rule_set}
         )  # fmt: skip
-    return pd.DataFrame(rows, columns=list(_COLUMNS))
+    return Findings(pd.DataFrame(rows))
 
 
 def _outcome(rule: Rule, facts: Facts) -> Outcome:
@@ -512,10 +605,10 @@ def _judge(rule: Rule, outcome: Outcome) -> tuple[str, str]:
     """Return the verdict, and why."""
     if outcome.computed != outcome.computed:
         return "not verified", outcome.why
-    verdict = "pass" if rule.keeps(outcome.computed) else "fail"
-    if verdict == "pass" and outcome.partial:
+    verdict = "met" if rule.meets(outcome.computed) else "violated"
+    if verdict == "met" and outcome.partial:
         return "not verified", outcome.why
     if rule.confirmed:
         return verdict, outcome.why
     made = f" ({outcome.why})" if outcome.why else ""
-    return "not verified", f"would {verdict}{made}, but the clause was not read"
+    return "not verified", f"would be {verdict}{made}, but the clause was not read"

@@ -1,16 +1,16 @@
-"""Every limit, price and allowance of a design, by one dotted name."""
+"""Every limit, price and allowance of a design, by one dotted name, declared once."""
 
 from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from functools import cache
-from inspect import cleandoc
 from math import isfinite
 from os import PathLike
+from pathlib import Path
 from textwrap import wrap
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -20,308 +20,13 @@ import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.design.catalogue import Range, cables
-from shipnet.design.site import Site
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import Kind, Switch, Whole, check_whole, declared, number, record, switch, whole
 from shipnet.modbus.uart import SerialLine
 from shipnet.tables import read_bytes, text_of
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from shipnet.design.site import Place, Trays
-
-
-# The limits that a plan keeps, each with its source; what is assumed says so --------------------
-
-#: Legal values of each number: unit, lowest, highest. Numbers of type int are whole.
-_RANGES: dict[str, tuple[str, float, float]] = {
-    "spare": ("", 0.0, 10.0),
-    "update": ("s", 1e-4, 3600.0),
-    "points": ("", 1, 100_000),
-    "reach": ("m", 0.0, 1000.0),
-    "inputs": ("", 1, 4),
-    "outputs": ("", 1, 4),
-    "channels": ("", 1, 4),
-    "length": ("m", 1.0, 10e3),
-    "slack": ("m", 0.0, 50.0),
-    "current": ("A", 0.0, 10.0),
-    "loop_current": ("A", 0.0, 1.0),
-    "voltage": ("V", 1.0, 60.0),
-    "rating": ("A", 0.01, 100.0),
-    "conversion": ("s", 0.0, 10.0),
-    "repetitions": ("", 0, 1000),
-    "nodes": ("", 2, 128),
-    "load": ("", 0.001, 1.0),
-    "period_share": ("", 0.01, 0.99),
-    "unit_loads": ("", 2, 256),
-    "units": ("", 1, 247),
-    "processing": ("s", 0.0, 60.0),
-    "timeout": ("s", 0.001, 60.0),
-}
-
-#: Parts of the settings, and what each must be.
-_PARTS = {"boxes": "BoxLimits", "asi": "AsiLimits", "can": "CanLimits", "modbus": "ModbusLimits"}
-
-
-class _Checked:
-    """Checks the numbers of a set of limits by their names."""
-
-    __slots__ = ()
-
-    #: What its cables are for.
-    _bus: ClassVar[str] = "hardwired"
-
-    def __post_init__(self) -> None:
-        """Check every field."""
-        for own in fields(self):  # type: ignore[arg-type]  # every child is a dataclass
-            value = getattr(self, own.name)
-            if own.type == "bool":
-                if not isinstance(value, bool):
-                    raise ArgumentError(f"{own.name} is {value!r}; it must be True or False")
-            elif own.name == "repeaters":
-                check_whole(own.name, value, 0, 9)
-            elif own.name in _RANGES:
-                unit, low, high = _RANGES[own.name]
-                if own.type == "int":
-                    check_whole(own.name, value, int(low), int(high))
-                elif isinstance(value, bool) or not (
-                    isinstance(value, int | float) and isfinite(value) and low <= value <= high
-                ):
-                    raise ArgumentError(
-                        f"{own.name} is {value!r}; it must be {low:g}..{high:g} {unit}".rstrip()
-                    )
-            elif own.name in ("cable", "feeder"):
-                fitting = [name for name, cable in cables().items() if self._bus in cable.buses]
-                if value not in fitting:
-                    raise ArgumentError(
-                        f"{own.name} is {value!r}; it must be one of {', '.join(fitting)}"
-                    )
-            elif own.name == "character":
-                SerialLine(9600, value)
-            elif own.name == "bit_rates":
-                if not isinstance(value, tuple) or not value:
-                    raise ArgumentError(f"bit_rates is {value!r}; it must be a tuple of bit rates")
-                for rate in value:
-                    check_whole("bit rate", rate, 1000, 1_000_000)
-            elif own.name in _PARTS and type(value).__name__ != _PARTS[own.name]:
-                raise ArgumentError(f"{own.name} is {value!r}; it must be {_PARTS[own.name]}")
-
-
-@dataclass(frozen=True, slots=True)
-class BoxLimits(_Checked):
-    """Junction boxes where the list names none.
-
-    Parameters
-    ----------
-    points : int, default 32
-        Most points of a box; assumed.
-    reach : float, default 20
-        Longest way between two points of a box, along the axes of the ship [m]; assumed.
-    """
-
-    points: int = 32
-    reach: float = 20.0
-
-
-@dataclass(frozen=True, slots=True)
-class AsiLimits(_Checked):
-    """What an AS-i line may be.
-
-    Parameters
-    ----------
-    shared : bool, default True
-        Whether an A and a B slave may share an address: 62 slaves a line, else 31 [1]_.
-    inputs, outputs : int, default 4
-        Digital inputs and outputs of a module [2]_.
-    channels : int, default 4
-        Most analogue values of a module of profile S-7.3, 1..4 [3]_.
-    reach : float, default 10
-        Longest way between two points of a module, along the axes of the ship [m]; assumed.
-    length : float, default 100
-        Cable of a segment, all branches added up [m] [1]_.
-    repeaters : int, default 2
-        Repeaters in series between the master and a module [2]_.
-    tree : bool, default True
-        Whether the cable branches; else it goes from module to module.
-    cable : str, default "ASI_MARINE"
-        The line, a key of the catalogue. The flat cable is not type-approved for ships as it is.
-    slack : float, default 1
-        Cable that is needed at each module beside the way [m]; assumed.
-    current, loop_current : float, default 0.065, 0.022
-        Current of a module with its sensors [4]_, and of each analogue channel on top: the upper
-        end of a 4-20 mA loop, assumed [A].
-    voltage, rating : float, default 30, 8
-        Supply [V], and the most that it gives [A] [5]_.
-    auxiliary : bool, default True
-        Whether a second pair feeds the outputs, from a supply of its own in the cabinet along the
-        line.
-    conversion : float, default 0.06
-        Conversion of an analogue value [s]; makers print 20 to 60 ms a channel.
-    repetitions : int, default 1
-        Telegrams repeated while a change waits.
-
-    References
-    ----------
-    .. [1] "AS-Interface communication system for field networks (2)", ICN magazine, July 2007.
-    .. [2] R. G. Kim, Y. H. Cho, K. H. Hyun, "AS-Interface protocol utilization for smart ships",
-       J. Soc. Nav. Archit. Korea 60(6), 2023, section 3.3.
-    .. [3] ifm AC2216, p. 17; ifm AC2526, p. 13.
-    .. [4] Schneider Electric, AS-i help D-SA-0011271.
-    .. [5] Bihl+Wiedemann; Murr: 8 A.
-    """
-
-    _bus: ClassVar[str] = "AS-i"
-
-    shared: bool = True
-    inputs: int = 4
-    outputs: int = 4
-    channels: int = 4
-    reach: float = 10.0
-    length: float = 100.0
-    repeaters: int = 2
-    tree: bool = True
-    cable: str = "ASI_MARINE"
-    slack: float = 1.0
-    current: float = 0.065
-    loop_current: float = 0.022
-    voltage: float = 30.0
-    rating: float = 8.0
-    auxiliary: bool = True
-    conversion: float = 0.06
-    repetitions: int = 1
-
-
-@dataclass(frozen=True, slots=True)
-class CanLimits(_Checked):
-    """What a CAN segment may be.
-
-    Parameters
-    ----------
-    bit_rates : tuple of int
-        Bit rates to choose from [bit/s]; the highest that the length allows is taken, by
-        ``can_bus_lengths.csv``.
-    nodes : int, default 50
-        Nodes of a segment, the host among them: the 50 of NMEA 2000 [1]_.
-    load : float, default 0.5
-        Highest bus load; assumed, so that errors and growth find room.
-    period_share : float, default 0.5
-        Share of a point's update need after which its message is sent again; the rest is its
-        deadline. Assumed.
-    cable : str, default "CAN_5_0p75"
-        The trunk, a key of the catalogue.
-
-    References
-    ----------
-    .. [1] Maretron, NMEA 2000 network installation guide, pp. 20-21.
-    """
-
-    _bus: ClassVar[str] = "CAN"
-
-    bit_rates: tuple[int, ...] = (50_000, 125_000, 250_000, 500_000)
-    nodes: int = 50
-    load: float = 0.5
-    period_share: float = 0.5
-    cable: str = "CAN_5_0p75"
-
-
-@dataclass(frozen=True, slots=True)
-class ModbusLimits(_Checked):
-    """What a Modbus RTU loop on RS-485 may be.
-
-    Parameters
-    ----------
-    bit_rates : tuple of int
-        Bit rates to choose from [bit/s]; the lowest that is fast enough is taken. All of them
-        reach the full length.
-    length : float, default 1200
-        Cable between the ends or repeaters [m]: EIA-485 up to about 90 kbit/s.
-    unit_loads : int, default 32
-        Devices between the ends or repeaters, the master among them: EIA-485.
-    repeaters : int, default 0
-        Most repeaters of a loop.
-    units : int, default 247
-        Unit ids of a loop [1]_.
-    processing : float, default 0.005
-        How long a station works on a request [s]; assumed.
-    timeout : float, default 1
-        How long the master waits beyond the longest answer before it asks a silent station on the
-        second line [s]; the guide has 1 s to several seconds [2]_.
-    character : str, default "8E1"
-        As `shipnet.modbus.SerialLine` has it.
-    cable : str, default "RS485_MARINE"
-        The trunk, a key of the catalogue.
-
-    References
-    ----------
-    .. [1] "MODBUS over serial line specification and implementation guide", V1.02, 2006,
-       section 2.2.
-    .. [2] The same, section 2.4.1.
-    """
-
-    _bus: ClassVar[str] = "Modbus RTU"
-
-    bit_rates: tuple[int, ...] = (9600, 19_200, 38_400, 57_600)
-    length: float = 1200.0
-    unit_loads: int = 32
-    repeaters: int = 0
-    units: int = 247
-    processing: float = 0.005
-    timeout: float = 1.0
-    character: str = "8E1"
-    cable: str = "RS485_MARINE"
-
-
-@dataclass(frozen=True, slots=True)
-class Settings(_Checked):
-    """All the limits of a plan.
-
-    Parameters
-    ----------
-    spare : float, default 0.2
-        Spare pairs of a trunk of many pairs, as a share of those in use; assumed.
-    redundant : bool, default False
-        Whether the trunks of CAN and Modbus are doubled.
-    update : float, default 1
-        Update need of a point where the list names none [s]: "other indications" of DNV-OS-D202,
-        Ch. 2 Sec. 3 Table A1.
-    fed : bool, default True
-        Whether stations, and supplies in the field, are fed from the cabinet by a cable of their
-        own; else from a board beside them, which is not counted.
-    feeder : str, default "MI1P150"
-        That cable, a key of the catalogue.
-    list_lengths : bool, default True
-        Whether a cable whose length the list gives keeps it; else it is reckoned from places like
-        all others, where they are known.
-    boxes : BoxLimits, optional
-        Junction boxes where the list names none.
-    asi, can, modbus : AsiLimits, CanLimits, ModbusLimits, optional
-        Each bus.
-
-    Raises
-    ------
-    ArgumentError
-        If a number, here or in a part, is out of its range.
-
-    Examples
-    --------
-    >>> Settings(asi=AsiLimits(shared=False), redundant=True).asi.length
-    100.0
-    """
-
-    spare: float = 0.2
-    redundant: bool = False
-    update: float = 1.0
-    fed: bool = True
-    feeder: str = "MI1P150"
-    list_lengths: bool = True
-    boxes: BoxLimits = field(default_factory=BoxLimits)
-    asi: AsiLimits = field(default_factory=AsiLimits)
-    can: CanLimits = field(default_factory=CanLimits)
-    modbus: ModbusLimits = field(default_factory=ModbusLimits)
-
-
-# What prices, hours and factors of a design are assumed to be: low, nominal and high
 
 Floats = npt.NDArray[np.float64]
 
@@ -332,15 +37,211 @@ LEVELS: tuple[Literal["low", "nominal", "high"], ...] = ("low", "nominal", "high
 #: triangular distribution over it, shape (n_draws,).
 Level = Literal["low", "nominal", "high"] | Floats
 
-_FILE = "synthetic_design_assumptions.csv"
 
-#: Parts of names that are written otherwise in a text.
-_SPELT = {"asi": "AS-i", "can": "CAN", "modbus": "Modbus", "plc": "PLC"}
+# Kinds of values that only a design has ------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class _CableFor(Kind):
+    """A key of the cable catalogue, of a cable that fits a bus."""
+
+    bus: str
+
+    @property
+    def legal(self) -> str:
+        """The keys."""
+        return f"one of {', '.join(self._keys())}"
+
+    def _keys(self) -> list[str]:
+        return [name for name, cable in cables().items() if self.bus in cable.buses]
+
+    def _check(self, name: str, value: Any, record: Any) -> str:
+        if not isinstance(value, str) or value not in self._keys():
+            raise ArgumentError(f"{name} is {value!r}; it must be {self.legal}")
+        return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class _BitRates(Kind):
+    """One or more bit rates to choose from."""
+
+    @property
+    def legal(self) -> str:
+        """The range of each."""
+        return "one or more whole numbers 1000..1000000"
+
+    def _check(self, name: str, value: Any, record: Any) -> tuple[int, ...]:
+        if not isinstance(value, tuple) or not value:
+            raise ArgumentError(f"{name} is {value!r}; it must be {self.legal}")
+        return tuple(check_whole(f"one of {name}", rate, 1000, 1_000_000) for rate in value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Character(Kind):
+    """The bits of a serial character."""
+
+    @property
+    def legal(self) -> str:
+        """The form."""
+        return "8, one of N, E, O, and 1 or 2"
+
+    def _check(self, name: str, value: Any, record: Any) -> str:
+        SerialLine(9600, value)
+        return str(value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Ends(Kind):
+    """A price, an hour or a factor with its range."""
+
+    @property
+    def legal(self) -> str:
+        """The form."""
+        return "[low, nominal, high] in this order, or one number; 0 or more and finite"
+
+    def _check(self, name: str, value: Any, record: Any) -> Range:
+        ends = value if isinstance(value, tuple) else (value,) * 3
+        if len(ends) != 3 or not all(map(_is_number, ends)):
+            raise ArgumentError(f"{name} is {value!r}; it must be {self.legal}")
+        return _checked(name, Range(*ends))
+
+
+def _cable(bus: str, help: str, default: str) -> Any:
+    return field(default=default, metadata={"kind": _CableFor(help=help, bus=bus)})
+
+
+def _bit_rates(help: str, default: tuple[int, ...]) -> Any:
+    return field(default=default, metadata={"kind": _BitRates(help=help, unit="bit/s")})
+
+
+# Limits of boxes and buses -------------------------------------------------------------------
+
+
+@record(slots=True)
+class BoxLimits:
+    """Junction boxes where the list names none; both are assumed."""
+
+    points: int = whole(1, 100_000, help="Most points of a box; assumed", default=32)
+    reach: float = number(
+        0, 1000, "m", "Longest way between two points of a box, along the axes of the ship; "
+        "assumed",
+        default=20.0,
+    )  # fmt: skip
+
+
+@record(slots=True)
+class AsiLimits:
+    """What an AS-i line may be.
+
+    Sources: ICN magazine, July 2007 (length, shared addresses); kim2023, section 3.3 (repeaters,
+    ports); ifm AC2216 and AC2526 (channels); Schneider D-SA-0011271 (current); Murr (rating).
+    """
+
+    shared: bool = switch(
+        "Whether an A and a B slave may share an address: 62 slaves per line, else 31", default=True
+    )
+    inputs: int = whole(1, 4, help="Digital inputs of a module", default=4)
+    outputs: int = whole(1, 4, help="Digital outputs of a module", default=4)
+    channels: int = whole(1, 4, help="Most analogue values of a module of profile S-7.3", default=4)
+    reach: float = number(
+        0, 1000, "m", "Longest way between two points of a module, along the axes of the ship; "
+        "assumed", default=10.0,
+    )  # fmt: skip
+    length: float = number(1, 10e3, "m", "Cable of a segment, all branches added up", default=100.0)
+    repeaters: int = whole(
+        0, 9, help="Repeaters in series between the master and a module", default=2
+    )
+    tree: bool = switch(
+        "Whether the cable branches; else it goes from module to module", default=True
+    )
+    cable: str = _cable(
+        "AS-i", "The line, a key of the catalogue. The flat cable is not type-approved for ships "
+        "as it is", "ASI_MARINE",
+    )  # fmt: skip
+    slack: float = number(
+        0, 50, "m", "Cable that is needed at each module beside the way; assumed", default=1.0
+    )
+    current: float = number(0, 10, "A", "Current of a module with its sensors", default=0.065)
+    loop_current: float = number(
+        0, 1, "A", "Current of each analogue channel on top: the upper end of a 4-20 mA loop, "
+        "assumed", default=0.022,
+    )  # fmt: skip
+    voltage: float = number(1, 60, "V", "Voltage of a supply", default=30.0)
+    rating: float = number(0.01, 100, "A", "Most that a supply gives", default=8.0)
+    auxiliary: bool = switch(
+        "Whether a second pair feeds the outputs, from a supply of its own in the cabinet along "
+        "the line", default=True,
+    )  # fmt: skip
+    conversion: float = number(
+        0, 10, "s", "Conversion of an analogue value; makers print 20 to 60 ms per channel",
+        default=0.06,
+    )  # fmt: skip
+    repetitions: int = whole(0, 1000, help="Telegrams repeated while a change waits", default=1)
+
+
+@record(slots=True)
+class CanLimits:
+    """What a CAN segment may be; 50 nodes are those of NMEA 2000 (Maretron's guide, pp. 20-21)."""
+
+    bit_rates: tuple[int, ...] = _bit_rates(
+        "Bit rates to choose from; the highest that the length allows is taken, by "
+        "can_bus_lengths.csv", (50_000, 125_000, 250_000, 500_000),
+    )  # fmt: skip
+    nodes: int = whole(
+        2, 128, help="Nodes of a segment, the host among them: the 50 of NMEA 2000", default=50
+    )
+    load: float = number(
+        0.001, 1, "", "Highest bus load; assumed, so that errors and growth find room", default=0.5
+    )
+    period_share: float = number(
+        0.01, 0.99, "", "Part of a point's update need after which its message is sent again; the "
+        "rest is its deadline. Assumed", default=0.5,
+    )  # fmt: skip
+    cable: str = _cable("CAN", "The trunk, a key of the catalogue", "CAN_5_0p75")
+
+
+@record(slots=True)
+class ModbusLimits:
+    """What a Modbus RTU loop on RS-485 may be.
+
+    Sources: EIA-485 (length, unit loads); "MODBUS over serial line" V1.02, sections 2.2 and 2.4.1
+    (unit ids, time-out).
+    """
+
+    bit_rates: tuple[int, ...] = _bit_rates(
+        "Bit rates to choose from; the lowest that is fast enough is taken. All of them reach the "
+        "full length", (9600, 19_200, 38_400, 57_600),
+    )  # fmt: skip
+    length: float = number(
+        1, 10e3, "m", "Cable between the ends or repeaters: EIA-485 up to about 90 kbit/s",
+        default=1200.0,
+    )  # fmt: skip
+    unit_loads: int = whole(
+        2, 256, help="Devices between the ends or repeaters, the master among them: EIA-485",
+        default=32,
+    )  # fmt: skip
+    repeaters: int = whole(0, 9, help="Most repeaters of a loop", default=0)
+    units: int = whole(1, 247, help="Unit ids of a loop", default=247)
+    processing: float = number(
+        0, 60, "s", "How long a station works on a request; assumed", default=0.005
+    )
+    timeout: float = number(
+        0.001, 60, "s", "How long the master waits beyond the longest answer before it asks a "
+        "silent station on the second line; the guide has 1 s to several seconds", default=1.0,
+    )  # fmt: skip
+    character: str = field(
+        default="8E1",
+        metadata={"kind": _Character(help="Data bits, parity and stop bits of a character")},
+    )
+    cable: str = _cable("Modbus RTU", "The trunk, a key of the catalogue", "RS485_MARINE")
+
+
+# Assumptions: prices, hours and factors ------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Assumption:
-    """A price, an hour or a factor that a design rests on."""
+    """A price, an hour or a factor that a design rests on, with its unit, status and source."""
 
     range: Range
     unit: str
@@ -350,11 +251,11 @@ class Assumption:
 
     def __post_init__(self) -> None:
         """Check the order."""
-        _check("range", self.range)
+        _checked("range", self.range)
 
 
 class Assumptions(Mapping[str, Range]):
-    """All assumptions by name: a mapping to their ranges."""
+    """All assumptions by name: a mapping to their ranges, read from the data file by default."""
 
     def __init__(self, entries: Mapping[str, Assumption] | None = None) -> None:
         read = _read()
@@ -376,10 +277,6 @@ class Assumptions(Mapping[str, Range]):
         """Return the same for equal ranges."""
         return hash(frozenset(self.items()))
 
-    def __repr__(self) -> str:
-        given = [name for name, entry in self._entries.items() if entry.status == "given"]
-        return f"<Assumptions: {len(self)}, given by the user: {', '.join(given) or 'none'}>"
-
     def entry(self, name: str) -> Assumption:
         """Return an assumption with its unit and source."""
         if name not in self._entries:
@@ -396,15 +293,17 @@ class Assumptions(Mapping[str, Range]):
         """Return assumptions of which some are the user's own."""
         changed = dict(self._entries)
         for name, given in ranges.items():
-            _check(name, given)
             changed[name] = replace(
-                self.entry(name), range=Range(*given), status="given", source="the user"
+                self.entry(name),
+                range=_checked(name, Range(*given)),
+                status="given",
+                source="the user",
             )
         return Assumptions(changed)
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row an assumption: name, meaning, low, nominal, high, unit, status, source."""
+        """One row per assumption: name, meaning, low, nominal, high, unit, status, source."""
         import pandas as pd
 
         rows = [
@@ -417,7 +316,7 @@ class Assumptions(Mapping[str, Range]):
 
 
 def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
-    """Return where ranges stand at a level: one of their three values, or quantiles."""
+    """Return where ranges stand at a level: one of their three values, or triangular quantiles."""
     rows = np.asarray(ranges, dtype=float).reshape(-1, 3)
     if isinstance(level, str):
         chosen: Floats = rows[:, _place(level)]
@@ -425,10 +324,15 @@ def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
     low, nominal, high = rows.T
     u = np.asarray(level, dtype=float)[:, None]
     width, rise, fall = high - low, nominal - low, high - nominal
+    # The density is a triangle from low to high with its peak at nominal.
     left = low + np.sqrt(u * width * rise)
     right = high - np.sqrt((1 - u) * width * fall)
     drawn: Floats = np.clip(np.where(u * width < rise, left, right), low, high)
     return drawn
+
+
+#: Parts of names that are written otherwise in a text.
+_SPELT = {"asi": "AS-i", "can": "CAN", "modbus": "Modbus", "plc": "PLC"}
 
 
 def words(name: str) -> str:
@@ -442,12 +346,13 @@ def _place(level: str) -> int:
     return LEVELS.index(level)
 
 
-def _check(name: str, given: Range) -> None:
+def _checked(name: str, given: Range) -> Range:
     ordered = len(given) == 3 and all(isfinite(value) for value in given)
     if not ordered or not 0 <= given[0] <= given[1] <= given[2]:
         raise ArgumentError(
             f"{name} is {tuple(given)}; it must be low <= nominal <= high, 0 or more and finite"
         )
+    return given
 
 
 @cache
@@ -458,205 +363,297 @@ def _read() -> Mapping[str, Assumption]:
                 Range(*(float(row[level]) for level in LEVELS)),
                 row["unit"], row["meaning"], row["status"], row["source"],
             )
-            for row in datasets.read(_FILE).to_dict("records")
+            for row in datasets.read("synthetic_design_assumptions.csv").to_dict("records")
         }
     )  # fmt: skip
 
 
-# What a comparison rests on, beside its list and its place: every value by its name
-
-#: From a value's arrival at the host to its alarm or indication [s]: scan, alarm logic and screen.
-#: Assumed; it is the host's, which no plan of cables knows.
-HOST_TIME = 0.5
-
-_ASSUMPTIONS = "assumptions."
-
-#: Fields whose legal values are not told by refusing None.
-_PROBES: Mapping[str, object] = {"host_time": -1.0, "bit_rates": (None,)}
+# All of it -----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Basis:
-    """What a comparison rests on, beside its list and its place.
+@record(slots=True)
+class _Plain:
+    """Values whose names have no dot."""
+
+    detour: float = number(
+        1, 10, "", "Laid length of a cable as a multiple of its route, for bends and what is in "
+        "the way; assumed", default=1.15,
+    )  # fmt: skip
+    tails: float = number(
+        0, 1000, "m", "Length for both ends of a cable together; assumed", default=5.0
+    )
+    # From a value's arrival at the host to its alarm or indication: scan, alarm logic and screen.
+    # It is the host's, which no plan of cables knows.
+    host_time: float = number(
+        0, 60, "s", "What the host adds to a response where a rule counts it; assumed", default=0.5
+    )
+    spare: float = number(
+        0, 10, "", "Spare pairs of a trunk of many pairs, per pair in use; assumed", default=0.2
+    )
+    redundant: bool = switch("Whether the trunks of CAN and Modbus are doubled", default=False)
+    update: float = number(
+        1e-4, 3600, "s", 'Update need of a point where the list names none: "other indications" of '
+        "DNV-OS-D202, Ch. 2 Sec. 3 Table A1", default=1.0,
+    )  # fmt: skip
+    fed: bool = switch(
+        "Whether stations, and supplies in the field, are fed from the cabinet by a cable of "
+        "their own; else from a board beside them, which is not counted", default=True,
+    )  # fmt: skip
+    feeder: str = _cable("hardwired", "That cable, a key of the catalogue", "MI1P150")
+    list_lengths: bool = switch(
+        "Whether a cable whose length the list gives keeps it; else it is computed from places "
+        "like all others, where they are known", default=True,
+    )  # fmt: skip
+
+
+_PARTS: Mapping[str, type[Any]] = MappingProxyType(
+    {"": _Plain, "boxes": BoxLimits, "asi": AsiLimits, "can": CanLimits, "modbus": ModbusLimits}
+)
+
+_HEAD = """\
+# What a comparison rests on, beside its list and its place. Change what you know better, and delete
+# the lines that you leave as they are.
+"""
+
+_WIDTH = 98
+
+#: A value that is a number with a decimal comma, as much of Europe types it.
+_COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTILINE)
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class Settings:
+    """Every limit, price and allowance of a design, each by one dotted name.
+
+    Without a prefix stand ``detour``, ``tails``, ``host_time``, ``spare``, ``redundant``,
+    ``update``, ``fed``, ``feeder`` and ``list_lengths``; then come ``boxes.``, ``asi.``, ``can.``
+    and ``modbus.`` with the limits of each bus, and ``assumptions.`` with prices, hours and
+    factors. `table` lists them all with their legal values.
 
     Parameters
     ----------
-    settings : Settings, optional
-        Limits of the planners.
-    assumptions : Assumptions, optional
-        Prices, hours and factors.
-    detour : float, default 1.15
-        Laid length of a cable as a multiple of its route, for bends and what is in the way;
-        assumed.
-    tails : float, default 5.0
-        Length for both ends of a cable together [m]; assumed.
-    host_time : float, default 0.5
-        What the host adds to a response where a rule counts it [s]; assumed.
+    values : mapping of str to object, optional
+        Values that are not the defaults. An assumption is low, nominal and high, or one number.
+        A mapping of mappings, as TOML has it, will do.
 
     Raises
     ------
     ArgumentError
-        If a value is out of its range.
+        If there is no such name, or a value is not legal; all faults at once.
 
     Examples
     --------
-    >>> basis = Basis(detour=1.3).with_({"asi.length": 200, "assumptions.gland": 6})
-    >>> print(basis)
-    not the defaults: detour 1.3 (1.15), asi.length 200 (100.0), assumptions.gland [6, 6, 6] (...)
-    >>> basis.settings.asi.length, basis.site((26, 6, 14)).detour
-    (200, 1.3)
+    >>> settings = Settings({"detour": 1.3, "asi.length": 200, "assumptions.gland": 6})
+    >>> settings["asi.length"], settings["assumptions.gland"].nominal
+    (200.0, 6)
+    >>> print(settings)
+    not the defaults: detour 1.3 (1.15), asi.length 200.0 (100.0), assumptions.gland [6, 6, 6] (...)
+    >>> Settings({"asi.lenght": 90, "spare": 99})
+    Traceback (most recent call last):
+        ...
+    shipnet.errors.ArgumentError: there is no 'asi.lenght'; the nearest is asi.length; spare is ...
     """
 
-    settings: Settings = field(default_factory=Settings)
-    assumptions: Assumptions = field(default_factory=Assumptions)
-    detour: float = 1.15
-    tails: float = 5.0
-    host_time: float = HOST_TIME
+    detour: float
+    tails: float
+    host_time: float
+    spare: float
+    redundant: bool
+    update: float
+    fed: bool
+    feeder: str
+    list_lengths: bool
+    boxes: BoxLimits
+    asi: AsiLimits
+    can: CanLimits
+    modbus: ModbusLimits
+    assumptions: Assumptions
 
-    def __post_init__(self) -> None:
-        """Check every field."""
-        if not isinstance(self.settings, Settings):
-            raise ArgumentError(f"settings is {self.settings!r}; it must be Settings")
-        if not isinstance(self.assumptions, Assumptions):
-            raise ArgumentError(f"assumptions is {self.assumptions!r}; it must be Assumptions")
-        self.site((0.0, 0.0, 0.0))
-        check_scalar("host_time", self.host_time, "s", 0.0, 60.0)
+    #: What is checked and compared when two designs are put side by side.
+    SHARED: ClassVar[tuple[str, ...]] = ("detour", "tails", "assumptions")
 
-    def __getitem__(self, name: str) -> Any:
-        """Return a value by its name."""
-        _check_name(name)
-        if name.startswith(_ASSUMPTIONS):
-            return self.assumptions[name.removeprefix(_ASSUMPTIONS)]
-        value: Any = self if name in _OWN else self.settings
-        for part in name.split("."):
-            value = getattr(value, part)
-        return value
+    def __init__(self, values: Mapping[str, object] | None = None, /) -> None:
+        faults = self._fill(_defaults(), values or {})
+        if faults:
+            raise ArgumentError("; ".join(faults))
 
-    def with_(self, values: Mapping[str, object]) -> Basis:
-        """Return a basis of which some values are others."""
-        made, faults = changed(self, values)
+    def _fill(
+        self, start: Mapping[str, Mapping[str, Any]], values: Mapping[str, object]
+    ) -> list[str]:
+        """Take the start and over it the values; return what is wrong with those not taken."""
+        parts = {part: dict(own) for part, own in start.items()}
+        faults, ranges = [], {}
+        for name, value in _flat(values):
+            try:
+                kind = kind_of(name)
+            except ArgumentError as fault:
+                faults.append(str(fault))
+                continue
+            part, _, own = name.rpartition(".")
+            try:
+                checked = kind.check(name, _plain(value), None)
+            except ArgumentError:
+                faults.append(f"{name} is {_brief(value)}; it must be {legal(name)}")
+                continue
+            if part == "assumptions":
+                ranges[own] = checked
+            else:
+                parts[part][own] = checked
+        put = object.__setattr__
+        for name, value in parts[""].items():
+            put(self, name, value)
+        for part, kind_ in _PARTS.items():
+            if part:
+                put(self, part, kind_(**parts[part]))
+        base: Assumptions = parts["assumptions"]["all"]
+        put(self, "assumptions", base.with_(**ranges) if ranges else base)
+        return faults
+
+    def _parts(self) -> dict[str, dict[str, Any]]:
+        parts = {
+            part: {own: getattr(getattr(self, part) if part else self, own)
+                   for own in declared(kind)}
+            for part, kind in _PARTS.items()
+        }  # fmt: skip
+        return {**parts, "assumptions": {"all": self.assumptions}}
+
+    def replace(self, values: Mapping[str, object]) -> Settings:
+        """Return settings of which some values are others; all faults are raised at once."""
+        made, faults = self.tried(values)
         if faults:
             raise ArgumentError("; ".join(faults))
         return made
 
-    def site(self, cabinet: Place, trays: Trays | None = None) -> Site:
-        """Return a site with these allowances."""
-        return Site(cabinet, trays, self.detour, self.tails)
+    def tried(self, values: Mapping[str, object]) -> tuple[Settings, list[str]]:
+        """Return settings with all values that are legal, and what is wrong with the others."""
+        made = object.__new__(Settings)
+        return made, made._fill(self._parts(), values)
 
-    @property
-    def changes(self) -> pd.DataFrame:
-        """Values that are not the defaults: name, value, default, legal, meaning."""
+    def __getitem__(self, name: str) -> Any:
+        """Return a value by its dotted name."""
+        kind_of(name)
+        part, _, own = name.rpartition(".")
+        if part == "assumptions":
+            return self.assumptions[own]
+        return getattr(getattr(self, part) if part else self, own)
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per name: value, default, unit, legal values and meaning."""
         import pandas as pd
 
-        default = Basis()
+        default = _default()
         rows = [
-            (name, self[name], default[name], legal(name), meaning(name))
+            (name, self[name], default[name], unit(name), legal(name), meaning(name))
+            for name in names()
+        ]
+        columns = ["name", "value", "default", "unit", "legal", "meaning"]
+        return pd.DataFrame(rows, columns=columns).set_index("name")
+
+    def changes(self) -> pd.DataFrame:
+        """Return the rows of `table` whose value is not the default."""
+        default = _default()
+        return self.table().loc[[name for name in names() if self[name] != default[name]]]
+
+    def told(self) -> list[str]:
+        """Return each value that is not the default, with the default in brackets, in words."""
+        default = _default()
+        return [
+            f"{name} {shown(self[name])} ({shown(default[name])})"
             for name in names()
             if self[name] != default[name]
-        ]
-        return pd.DataFrame(rows, columns=["name", "value", "default", "legal", "meaning"])
-
-    @property
-    def told(self) -> list[str]:
-        """Each value that is not the default, with the default behind it, in words."""
-        return [
-            f"{row['name']} {shown(row['value'])} ({shown(row['default'])})"
-            for row in self.changes.to_dict("records")
         ]
 
     def __str__(self) -> str:
         """Name the values that are not the defaults."""
-        return f"not the defaults: {', '.join(self.told)}" if self.told else "all defaults"
+        told = self.told()
+        return f"not the defaults: {', '.join(told)}" if told else "all defaults"
 
+    def __repr__(self) -> str:
+        """Say in one line what is not the default."""
+        return f"<Settings: {self}>"
 
-#: Fields of the basis itself.
-_OWN = ("detour", "tails", "host_time")
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> Settings:
+        """Read a file of settings, TOML; what it does not name is the default."""
+        return cls.parse(text_of(read_bytes(path)), str(path))
+
+    @classmethod
+    def parse(cls, text: str, source: str = "text") -> Settings:
+        """Read settings from text, as `read`; all its faults are raised at once."""
+        try:
+            tables = tomllib.loads(text)
+        except (ValueError, RecursionError) as error:
+            said = " ".join(str(error).split())[:200]
+            if comma := _COMMA.search(text):
+                said += f"; {comma[1]} has a decimal comma, expected a point"
+            raise InputError(source, f"is not a TOML file: {said}") from None
+        settings, faults = _default().tried(tables)
+        if faults:
+            raise InputError(source, *faults)
+        return settings
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write all values as a file that `read` takes."""
+        Path(path).write_text(self.text(), encoding="utf-8", newline="\n")
+
+    def text(self) -> str:
+        """Return all values as TOML, each with what it is and may be."""
+        default = _default()
+        lines = [_HEAD]
+        table = ""
+        for name in names():
+            part, _, own = name.rpartition(".")
+            assumed = part == "assumptions"
+            if part != table:
+                table = part
+                lines.append(f"[{part}]")
+                if assumed:
+                    lines.append(f"# Each must be {legal(name)}.")
+                lines.append("")
+            was = f" Default {shown(default[name])}." if self[name] != default[name] else ""
+            if assumed:
+                lines.append(f"{own} = {shown(self[name])}  # {meaning(name)}.{was}")
+            else:
+                lines += [f"# {line}" for line in wrap(f"{meaning(name)}.", _WIDTH)]
+                lines += [f"# {line}" for line in wrap(f"It must be {legal(name)}.{was}", _WIDTH)]
+                lines += [f"{own} = {shown(self[name])}", ""]
+        return "\n".join(lines) + "\n"
 
 
 @cache
+def _default() -> Settings:
+    return Settings()
+
+
+@cache
+def _defaults() -> Mapping[str, Mapping[str, Any]]:
+    plain = {part: {own.name: own.default for own in fields(kind)} for part, kind in _PARTS.items()}
+    return {**plain, "assumptions": {"all": Assumptions()}}
+
+
+@cache
+def _kinds() -> Mapping[str, Kind]:
+    """Return what each name declares."""
+    found = {
+        f"{part}.{own}" if part else own: kind
+        for part, record in _PARTS.items()
+        for own, kind in declared(record).items()
+    }
+    for name, entry in _read().items():
+        said = f"{entry.unit if entry.unit != '1' else 'factor'}: {entry.meaning}"
+        found[f"assumptions.{name}"] = _Ends(help=said, unit=entry.unit.replace("1", ""))
+    return MappingProxyType(found)
+
+
 def names() -> tuple[str, ...]:
-    """Return the names of all values."""
-    settings = Settings()
-    of_parts: list[str] = []
-    plain: list[str] = []
-    for own in fields(settings):
-        value = getattr(settings, own.name)
-        if is_dataclass(value):
-            of_parts += [f"{own.name}.{inner.name}" for inner in fields(value)]
-        else:
-            plain.append(own.name)
-    return (*_OWN, *plain, *of_parts, *(_ASSUMPTIONS + name for name in Assumptions()))
+    """Return the names of all values: plain ones, those of each bus, the assumptions."""
+    return tuple(_kinds())
 
 
-def changed(basis: Basis, values: Mapping[str, object]) -> tuple[Basis, list[str]]:
-    """Return a basis with other values, and what is wrong with those that it did not take."""
-    faults = []
-    for name, value in values.items():
-        try:
-            _check_name(name)
-        except ArgumentError as fault:
-            faults.append(str(fault))
-            continue
-        try:
-            basis = _put(basis, name, _plain(value))
-        except ArgumentError:
-            faults.append(f"{name} is {_brief(value)}; it must be {legal(name)}")
-    return basis, faults
-
-
-@cache
-def legal(name: str) -> str:
-    """Return what a value may be."""
-    _check_name(name)
-    if name.startswith(_ASSUMPTIONS):
-        return "[low, nominal, high] in this order, or one number; 0 or more and finite"
-    own = name.rpartition(".")[2]
-    try:
-        # Whoever checks a value says what is legal when it refuses one.
-        _put(Basis(), name, _PROBES.get(own))
-    except ArgumentError as refusal:
-        said = str(refusal).partition("it must be ")[2]
-        if own == "bit_rates":
-            return said.replace("a whole number", "one or more of whole numbers")
-        return said.replace("True or False", "true or false")
-    raise AssertionError(f"{name} may be anything")
-
-
-@cache
-def meaning(name: str) -> str:
-    """Return what a value is."""
-    _check_name(name)
-    if name.startswith(_ASSUMPTIONS):
-        entry = Assumptions().entry(name.removeprefix(_ASSUMPTIONS))
-        return f"{entry.unit if entry.unit != '1' else 'factor'}: {entry.meaning}"
-    part, _, own = name.rpartition(".")
-    if name in _OWN:
-        return _documented(Basis)[own]
-    return _documented(type(getattr(Settings(), part)) if part else Settings)[own]
-
-
-def _documented(kind: type[Any]) -> dict[str, str]:
-    """Return what the parameters of a class mean, from its docstring."""
-    section = cleandoc(str(kind.__doc__)).partition("Parameters\n----------\n")[2]
-    found: dict[str, str] = {}
-    for entry in re.finditer(r"^(\w[\w, ]*) : .*\n((?: {4}.*\n?)+)", section, re.MULTILINE):
-        said = re.sub(r"`+| \[\d\]_", "", " ".join(entry[2].split()))
-        found |= dict.fromkeys(entry[1].split(", "), said)
-    return found
-
-
-def shown(value: object) -> str:
-    """Return a value as a file of settings has it."""
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(shown, value))}]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
-
-
-def _check_name(name: str) -> None:
-    if name in names():
-        return
+def kind_of(name: str) -> Kind:
+    """Return what a value declares, or raise and name the nearest."""
+    if name in _kinds():
+        return _kinds()[name]
     part, _, own = name.rpartition(".")
     beside = {other.rpartition(".")[2]: other for other in names() if _part(other) == part}
     near = get_close_matches(own, beside, n=1)
@@ -669,22 +666,46 @@ def _check_name(name: str) -> None:
     raise ArgumentError(f"there is no {_brief(name)}; {hint}")
 
 
+def legal(name: str) -> str:
+    """Return what a value may be, in words."""
+    kind = kind_of(name)
+    if isinstance(kind, Switch):
+        return "true or false"
+    said = f"a whole number {kind.legal}" if isinstance(kind, Whole) else kind.legal
+    unit = "" if isinstance(kind, _Ends | _BitRates) else kind.unit
+    return f"{said} {unit}".rstrip()
+
+
+def meaning(name: str) -> str:
+    """Return what a value is."""
+    return kind_of(name).help
+
+
+def unit(name: str) -> str:
+    """Return the unit of a value."""
+    return kind_of(name).unit
+
+
+def shown(value: object) -> str:
+    """Return a value as a file of settings has it."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(shown, value))}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
 def _part(name: str) -> str:
     return name.rpartition(".")[0]
 
 
-def _put(basis: Basis, name: str, value: Any) -> Basis:
-    part, _, own = name.rpartition(".")
-    if name in _OWN:
-        return replace(basis, **{name: value})
-    if name.startswith(_ASSUMPTIONS):
-        ends = value if isinstance(value, tuple) else (value,) * 3
-        if len(ends) != 3 or not all(map(_is_number, ends)):
-            raise ArgumentError(f"{name} is {value!r}; it must be three numbers or one")
-        return replace(basis, assumptions=basis.assumptions.with_(**{own: Range(*ends)}))
-    if part:
-        value = replace(getattr(basis.settings, part), **{own: value})
-    return replace(basis, settings=replace(basis.settings, **{part or own: value}))
+def _flat(values: Mapping[str, object]) -> Iterable[tuple[str, object]]:
+    """Yield values by names with their table; an assumption may not be a table."""
+    for name, value in values.items():
+        if isinstance(value, Mapping) and "." not in name:
+            yield from ((f"{name}.{own}", one) for own, one in value.items())
+        else:
+            yield name, value
 
 
 def _plain(value: object) -> object:
@@ -695,7 +716,7 @@ def _plain(value: object) -> object:
         value = tuple(value)
     for one in value if isinstance(value, tuple) else (value,):
         if not isinstance(one, bool | str) and not _is_number(one):
-            raise ArgumentError("it is no value")
+            raise ArgumentError("it is not a value")
     return value
 
 
@@ -712,71 +733,3 @@ def _brief(value: object) -> str:
     except ValueError:  # a whole number of more digits than Python prints
         said = "a very large number"
     return said if len(said) <= 60 else f"{said[:57]}..."
-
-
-# Files of settings: what a design rests on, as TOML that an engineer edits ----------------------
-
-_HEAD = """\
-# What a comparison rests on, beside its list and its place. Change what you know better, and delete
-# the lines that you leave as they are.
-"""
-
-_WIDTH = 98
-
-#: A value that is a number with a decimal comma, as much of Europe types it.
-_COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTILINE)
-
-
-def load_basis(path: str | PathLike[str]) -> Basis:
-    """Read a file of settings."""
-    return parse_basis(text_of(read_bytes(path)), str(path))
-
-
-def parse_basis(text: str, source: str = "text") -> Basis:
-    """Read settings from text."""
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        said = " ".join(str(error).split())[:200]
-        if comma := _COMMA.search(text):
-            said += f"; {comma[1]} has a decimal comma, expected a point"
-        raise InputError(source, f"is no TOML file: {said}") from None
-    basis, faults = changed(Basis(), _flat(tables))
-    if faults:
-        raise InputError(source, *faults)
-    return basis
-
-
-def format_basis(basis: Basis) -> str:
-    """Return settings as a file, with what each value is and may be."""
-    default = Basis()
-    lines = [_HEAD]
-    table = ""
-    for name in names():
-        part, _, own = name.rpartition(".")
-        assumed = part == "assumptions"
-        if part != table:
-            table = part
-            lines.append(f"[{part}]")
-            if assumed:
-                lines.append(f"# Each must be {legal(name)}.")
-            lines.append("")
-        was = f" Default {shown(default[name])}." if basis[name] != default[name] else ""
-        if assumed:
-            lines.append(f"{own} = {shown(basis[name])}  # {meaning(name)}.{was}")
-        else:
-            lines += [f"# {line}" for line in wrap(meaning(name), _WIDTH)]
-            lines += [f"# {line}" for line in wrap(f"It must be {legal(name)}.{was}", _WIDTH)]
-            lines += [f"{own} = {shown(basis[name])}", ""]
-    return "\n".join(lines) + "\n"
-
-
-def _flat(tables: Mapping[str, object]) -> dict[str, object]:
-    """Return values by names with their table."""
-    found: dict[str, object] = {}
-    for name, value in tables.items():
-        if isinstance(value, dict):
-            found |= {f"{name}.{own}": one for own, one in value.items()}
-        else:
-            found[name] = value
-    return found

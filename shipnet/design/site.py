@@ -16,9 +16,13 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from shipnet.errors import ArgumentError, InputError
+from shipnet.fields import number, record
 from shipnet.tables import NUMBER, Sheet, parse_sheet, read_sheet
 
 if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
     from shipnet.design.iolist import IoList
 
 
@@ -45,7 +49,32 @@ class Tray:
 
 @dataclass(frozen=True, eq=False)
 class Trays:
-    """The trays of a ship."""
+    r"""Cable trays of a ship as a graph, and the cabinets that have a name.
+
+    `Trays.read` reads them from a file whose columns are kind (cabinet, node or tray), name, x_m,
+    y_m, z_m, from and to.
+
+    Parameters
+    ----------
+    nodes : mapping of str to tuple of float
+        Places where trays meet, x, y, z [m].
+    trays : tuple of Tray
+        Straight trays, each from node to node.
+    cabinets : mapping of str to tuple of float, optional
+        Places where cables may end [m].
+
+    Raises
+    ------
+    ArgumentError
+        If they are not one graph; all faults at once.
+
+    Examples
+    --------
+    >>> trays = Trays.parse("kind,name,x_m,y_m,z_m,from,to\nnode,A,0,0,0,,\nnode,B,9,0,0,,\n"
+    ...                     "tray,T1,,,,A,B\ncabinet,CCR,0,0,2,,\n")
+    >>> trays.names, trays.cabinets
+    (('T1',), {'CCR': (0.0, 0.0, 2.0)})
+    """
 
     nodes: Mapping[str, Place]
     trays: tuple[Tray, ...]
@@ -56,6 +85,33 @@ class Trays:
         faults = tray_faults(self.nodes, self.trays)
         if faults:
             raise ArgumentError("; ".join(fault for _, fault in faults))
+
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> Trays:
+        """Read trays from a CSV file or an Excel workbook."""
+        return _trays(read_sheet(path))
+
+    @classmethod
+    def parse(cls, text: str, source: str = "text") -> Trays:
+        """Read trays from text, as an editor holds it."""
+        return _trays(parse_sheet(text, source))
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per tray: from, to, length_m."""
+        import pandas as pd
+
+        columns = {
+            "from": [tray.a for tray in self.trays],
+            "to": [tray.b for tray in self.trays],
+            "length_m": self.lengths,
+        }
+        return pd.DataFrame(columns, index=pd.Index(self.names, name="tray"))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the trays from above, with their nodes and the cabinets."""
+        from shipnet.design.plot import plot_trays
+
+        return plot_trays(self, ax=ax)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -113,16 +169,6 @@ def tray_faults(nodes: Mapping[str, Place], trays: tuple[Tray, ...]) -> list[tup
     return faults
 
 
-def load_trays(path: str | PathLike[str]) -> Trays:
-    """Read trays from a CSV file or an Excel workbook."""
-    return _trays(read_sheet(path))
-
-
-def parse_trays(text: str, source: str = "text") -> Trays:
-    """Read trays from text, as an editor holds it."""
-    return _trays(parse_sheet(text, source))
-
-
 def _trays(sheet: Sheet) -> Trays:
     titles = [title.lower() for title in sheet.titles]
     faults = [
@@ -139,7 +185,7 @@ def _trays(sheet: Sheet) -> Trays:
     places: dict[str, dict[str, Place]] = {"node": {}, "cabinet": {}}
     trays: list[Tray] = []
     rows: dict[str, int] = {}
-    for number, row in sheet.rows:
+    for line, row in sheet.rows:
         cells = dict.fromkeys(_COLUMNS, "") | dict(zip(titles, row, strict=False))
         kind, name = cells["kind"].lower(), cells["name"]
         wrong = []
@@ -161,11 +207,11 @@ def _trays(sheet: Sheet) -> Trays:
                 for axis, value in zip(("x_m", "y_m", "z_m"), place, strict=True)
                 if value is None
             ]
-        faults += [f"row {number}{fault}" for fault in wrong]
+        faults += [f"row {line}{fault}" for fault in wrong]
         if wrong:
             continue
         if kind == "tray":
-            rows[name] = number
+            rows[name] = line
             trays.append(Tray(name, cells["from"], cells["to"]))
         else:
             x, y, z = (value or 0.0 for value in place)
@@ -337,29 +383,23 @@ def _spread(entry: _Entry, own: tuple[int, ...], shape: tuple[int, ...]) -> _Ent
 # Where the cabinet stands and which way cables go to it: along trays, or square to the ship
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Site:
     """A ship as cables see it."""
 
     cabinet: Place
     trays: Trays | None = None
-    detour: float = 1.15
-    tails: float = 5.0
+    detour: float = number(1, 10, "", "Laid length per route", default=1.15)
+    tails: float = number(0, 1000, "m", "Both ends of a cable together", default=5.0)
 
     def __post_init__(self) -> None:
-        """Check every argument."""
+        """Check cabinet and trays."""
         cabinet = _places("cabinet", self.cabinet)
         if cabinet.ndim != 1 or np.isnan(cabinet).any():
             raise ArgumentError(f"cabinet is {self.cabinet!r}; it must be three finite numbers")
         object.__setattr__(self, "cabinet", tuple(cabinet.tolist()))
         if self.trays is not None and not isinstance(self.trays, Trays):
             raise ArgumentError(f"trays is {self.trays!r}; it must be Trays or None")
-        for name, low, high in (("detour", 1.0, 10.0), ("tails", 0.0, 1000.0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-                raise ArgumentError(f"{name} is {value!r}; it must be a number {low:g}..{high:g}")
-            if not low <= value <= high:
-                raise ArgumentError(f"{name} is {value!r}; it must be a number {low:g}..{high:g}")
 
     def length(self, route: ArrayLike) -> _Floats:
         """Return the length of a cable to lay, for a route [m]."""

@@ -16,41 +16,39 @@ from shipnet.fields import check_whole
 if TYPE_CHECKING:
     import numpy.typing as npt
     import pandas as pd
+    from matplotlib.axes import Axes
 
-    from shipnet.design.catalogue import Cable
-    from shipnet.design.designs import Network
+    from shipnet.design.designs import Design
+    from shipnet.design.iolist import Rng
     from shipnet.design.settings import Assumptions
 
 
-# Where the figures of networks lie when every assumption is drawn from its range ----------------
+# Where the figures of designs lie when every assumption is drawn from its range ----------------
 
 
 def models_of(
-    networks: Mapping[str, Network] | Network,
-    assumptions: Assumptions | None = None,
-    *,
-    cables: Mapping[str, Cable] | None = None,
+    designs: Mapping[str, Design] | Design, assumptions: Assumptions | None = None
 ) -> dict[str, Model]:
-    """Return the models of several options under the same assumptions."""
-    named = networks if isinstance(networks, Mapping) else {networks.name: networks}
+    """Return the models of several designs under the same assumptions, else under their own."""
+    named = designs if isinstance(designs, Mapping) else {designs.name: designs}
     if not named:
-        raise ArgumentError("there is no network")
-    return {name: Model(network, assumptions, cables=cables) for name, network in named.items()}
+        raise ArgumentError("there is no design")
+    return {name: Model(design, assumptions) for name, design in named.items()}
 
 
 def draw(
-    networks: Mapping[str, Network] | Network,
+    designs: Mapping[str, Design] | Design,
     assumptions: Assumptions | None = None,
     *,
-    rng: np.random.Generator,
+    rng: Rng,
     draws: int = 10_000,
     figures: Sequence[str] = tuple(FIGURES),
-    cables: Mapping[str, Cable] | None = None,
 ) -> pd.DataFrame:
     """Draw every assumption from its range, again and again, and return the figures."""
     import pandas as pd
 
-    models = models_of(networks, assumptions, cables=cables)
+    models = models_of(designs, assumptions)
+    rng = np.random.default_rng(rng)
     n = check_whole("draws", draws, 1, 1_000_000)
     wanted = [check_figure(figure) for figure in figures]
     # Every assumption is drawn, in use or not: a further option must not change the others' draws.
@@ -70,7 +68,9 @@ def likely(sample: pd.DataFrame, share: float = 0.9) -> pd.DataFrame:
     quantiles = {"low": 0.5 - share / 2, "median": 0.5, "high": 0.5 + share / 2}
     table = sample.quantile(list(quantiles.values())).T
     table.columns = list(quantiles)
-    return table.assign(unit=[FIGURES[figure] for figure in table.index.get_level_values("figure")])
+    return table.assign(
+        unit=[FIGURES[figure][1] for figure in table.index.get_level_values("figure")]
+    )
 
 
 # Which assumptions matter: each one at its low and at its high, all others nominal
@@ -78,26 +78,59 @@ def likely(sample: pd.DataFrame, share: float = 0.9) -> pd.DataFrame:
 
 @dataclass(frozen=True, eq=False)
 class Tornado:
-    """What each assumption does to a figure, the one that does most first."""
+    """Which assumption matters: each one at its low and at its high, all others nominal.
+
+    `Comparison.tornado` returns one.
+
+    Parameters
+    ----------
+    figure : str
+        The figure, such as ``"total_cost_eur"``.
+    between : tuple of str
+        One design, or two whose difference counts.
+    nominal : dict of str to float
+        The figure of each design with every assumption nominal.
+    every : pandas.DataFrame
+        One row per assumption, the one that does most first: the figure of each design at low and
+        at high, their difference, whether their order changes, and the swing.
+
+    Examples
+    --------
+    >>> from shipnet.design import Plant, compare
+    >>> plant = Plant(10, contacts=2, distance=20, spacing=4)
+    >>> found = compare([plant.hardwired, plant.on_asi]).tornado()
+    >>> found.between, found.top(1)
+    (('AS-i', 'hardwired'), ['laying_time'])
+    """
 
     figure: str
     between: tuple[str, ...]
     nominal: dict[str, float]
-    table: pd.DataFrame
+    every: pd.DataFrame
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per assumption: the figures at low and at high, and the swing."""
+        return self.every.copy()
+
+    def plot(self, ax: Axes | None = None, *, rows: int = 8) -> Axes:
+        """Draw the assumptions that do most, the longest bar on top."""
+        from shipnet.design.plot import plot_tornado
+
+        return plot_tornado(self, ax=ax, rows=rows)
 
     @property
     def unit(self) -> str:
         """Unit of the figure."""
-        return FIGURES[self.figure]
+        return FIGURES[self.figure][1]
 
     @property
     def subject(self) -> str:
         """What the rows are about, in words."""
-        return f"{self.figure} of {' less that of '.join(self.between)}"
+        return f"{FIGURES[self.figure][0]} of {' less that of '.join(self.between)}"
 
     @property
     def at_nominal(self) -> float:
-        """The figure, or the difference of both options, with every assumption nominal."""
+        """The figure, or the difference of both designs, with every assumption nominal."""
         first, *second = (self.nominal[option] for option in self.between)
         return first - sum(second)
 
@@ -105,16 +138,16 @@ class Tornado:
     def ends(self) -> pd.DataFrame:
         """Columns low and high: the figure, or the difference, at both ends of each assumption."""
         of = "difference" if len(self.between) == 2 else self.between[0]
-        table = self.table[[f"{of} at low", f"{of} at high"]]
+        table = self.every[[f"{of} at low", f"{of} at high"]]
         return table.set_axis(["low", "high"], axis=1)
 
     def top(self, n: int = 3) -> list[str]:
         """Return the names of the assumptions that matter most."""
-        return [str(name) for name in self.table.index[self.table["swing"] > 0][:n]]
+        return [str(name) for name in self.every.index[self.every["swing"] > 0][:n]]
 
     def __str__(self) -> str:
         """Name the three assumptions that matter most."""
-        unit = f" {self.unit}" if self.unit != "1" else ""
+        unit = f" {self.unit}" if self.unit else ""
         low, high = self.ends["low"], self.ends["high"]
         said = [
             f"{words(name)} ({number(low[name])} to {number(high[name])})" for name in self.top()
@@ -124,17 +157,16 @@ class Tornado:
 
 
 def tornado(
-    networks: Mapping[str, Network] | Network,
-    figure: str = "total cost",
+    designs: Mapping[str, Design] | Design,
+    figure: str = "total_cost_eur",
     *,
     between: tuple[str, str] | None = None,
     assumptions: Assumptions | None = None,
-    cables: Mapping[str, Cable] | None = None,
 ) -> Tornado:
     """Take every assumption to its low and its high, one at a time."""
     import pandas as pd
 
-    models = models_of(networks, assumptions, cables=cables)
+    models = models_of(designs, assumptions)
     check_figure(figure)
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}
     pair = _pair(nominal, between)

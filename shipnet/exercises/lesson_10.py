@@ -6,13 +6,9 @@ from collections.abc import Callable, Mapping
 from functools import cache
 
 from shipnet import datasets
-from shipnet.design.comparison import compare
-from shipnet.design.costs import Quantities, quantities
-from shipnet.design.iolist import from_table, load_iolist
-from shipnet.design.planning import mix
-from shipnet.design.plant import Plant, saving
-from shipnet.design.settings import AsiLimits, Settings
-from shipnet.design.site import Site
+from shipnet.design.costs import Quantities
+from shipnet.design.iolist import read_iolist
+from shipnet.design.plant import Plant
 from shipnet.exercises.answers import Choice, Number
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
@@ -28,25 +24,25 @@ _NEAR, _FAR = 10, 30
 
 
 def _left(contacts: int, lines: int) -> float:
-    return 100 * saving({"contact": contacts}, lines=lines).left
+    return 100 * Plant(contacts, contacts=1, lines=lines).saving.left
 
 
 @cache
 def _quantities(bus: bool, modules: int, distance: float, spacing: float) -> Quantities:
     plant = Plant(modules=modules, contacts=2, distance=distance, spacing=spacing)
-    return quantities(plant.on_asi if bus else plant.hardwired)
+    return (plant.on_asi if bus else plant.hardwired).quantities()
 
 
 def _cost(bus: bool, figure: str, modules: int, distance: float, spacing: float) -> float:
     return _quantities(bus, modules, distance, spacing)[figure]
 
 
-def _costs(modules: int, distance: float, figure: str = "total cost") -> tuple[float, float]:
+def _costs(modules: int, distance: float, figure: str = "total_cost_eur") -> tuple[float, float]:
     wired, bus = (_cost(bus, figure, modules, distance, 4) for bus in (False, True))
     return wired, bus
 
 
-def _saved(modules: int, distance: float, figure: str = "total cost") -> float:
+def _saved(modules: int, distance: float, figure: str = "total_cost_eur") -> float:
     wired, bus = _costs(modules, distance, figure)
     return 100 * (1 - bus / wired)
 
@@ -54,7 +50,7 @@ def _saved(modules: int, distance: float, figure: str = "total cost") -> float:
 def _crossing(modules: int, spacing: int) -> tuple[float, float, float]:
     """Return how much dearer AS-i is at the near place, and cost per metre of both."""
     (wired, wired_far), (bus, bus_far) = (
-        [_cost(kind, "total cost", modules, place, spacing) for place in (_NEAR, _FAR)]
+        [_cost(kind, "total_cost_eur", modules, place, spacing) for place in (_NEAR, _FAR)]
         for kind in (False, True)
     )
     way = _FAR - _NEAR
@@ -74,14 +70,14 @@ def _without_growth(modules: int, spacing: int) -> float:
 @cache
 def _reviews() -> tuple[_Options, _Options]:
     """Return the ballast valves three ways without faults, and three of which two have some."""
-    points = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
-    ballast = from_table(points[points["system"] == "Ballast valve"].reset_index(drop=True))
-    site, no_repeater = Site((20, -6, 14)), Settings(asi=AsiLimits(repeaters=0))
-    poor = mix(ballast, site, {}, default="AS-i", settings=no_repeater, name=_POOR)
+    ship = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
+    ballast = ship.where("system == 'Ballast valve'")
     ways = ["home runs", "junction boxes", "AS-i", "CAN"]
-    table = compare(ballast, site, ways, more=[poor]).table
-    faults = table["points left out"] + table["rules broken"]
-    rows = zip(table["total cost"].round(-2), table["lost by one failure"], faults, strict=True)
+    found = ballast.compare((20, -6, 14), ways)
+    found = found.add(found.plan("AS-i", settings={"asi.repeaters": 0}, name=_POOR))
+    table = found.table()
+    faults = table["points_left_out"] + table["rules_violated"]
+    rows = zip(table["total_cost_eur"].round(-2), table["lost_by_failure"], faults, strict=True)
     every = {
         name: (int(c), int(n), int(f)) for name, (c, n, f) in zip(table.index, rows, strict=True)
     }
@@ -140,7 +136,7 @@ EXERCISES = (
         answer=lambda modules, distance: Number(_saved(modules, distance), "%"),
         traps={
             "that is the cable alone; work and hardware cost too": lambda modules, distance: _saved(
-                modules, distance, "cable cost"
+                modules, distance, "cable_cost_eur"
             ),
             "a saving is a share of what it would have cost without the bus": (
                 lambda modules, distance: (
@@ -148,7 +144,7 @@ EXERCISES = (
                 )
             ),
             "that is the conductors; asked for is the cost": lambda modules, distance: _saved(
-                modules, distance, "conductors at the cabinet"
+                modules, distance, "conductors_at_cabinet"
             ),
             "that is what is left; asked for is what is saved": lambda modules, distance: (
                 100 - _saved(modules, distance)

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from shipnet.design.iolist import load_iolist, save_iolist
-from shipnet.design.settings import parse_basis
+from shipnet.design.iolist import read_iolist
+from shipnet.design.settings import Settings
 from shipnet.errors import InputError
 from shipnet.tables import text_of
 
@@ -27,11 +27,11 @@ def from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
         path = Path(folder) / "list"
         path.write_bytes(content)
         try:
-            iolist = load_iolist(path)
+            iolist = read_iolist(path)
         except InputError as problem:
             raise InputError(name, *problem.faults, more=problem.more) from None
         if content.startswith(b"PK"):
-            save_iolist(iolist, path)
+            iolist.save(path)
             content = path.read_bytes()
     return replace(inputs, points=text_of(content), name=name[-80:], cabinet="")
 
@@ -39,5 +39,5 @@ def from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
 def settings_from_file(inputs: Inputs, name: str, content: bytes) -> Inputs:
     """Return inputs with the lines of a file of settings."""
     lines = text_of(content)
-    parse_basis(lines, name)
+    Settings.parse(lines, name)
     return replace(inputs, own=lines)

@@ -9,12 +9,13 @@ from typing import Any
 import pandas as pd
 
 from shipnet.design.comparison import RESPONSE, Comparison
+from shipnet.design.costs import label
 from shipnet.design.failures import worst
 from shipnet.design.settings import words
 
 __all__ = ["Result"]
 
-#: Why points are left out, and rules broken, that are told of each option.
+#: Reasons for points left out, and violated rules, that are shown of each design.
 _TOLD = 3
 
 _FAILED = {"cut": "is cut", "short": "is shorted", "tray": "is lost", "device": "is dead"}
@@ -30,15 +31,13 @@ class Result:
 
     @property
     def kept(self) -> list[str]:
-        """Options that connect every point and break no rule, the cheapest first."""
-        found = self.comparison.table
-        found = found[(found["points left out"] == 0) & (found["rules broken"] == 0)]
-        return [str(option) for option in found.sort_values("total cost", kind="stable").index]
+        """Designs that connect every point and violate no rule, the cheapest first."""
+        return self.comparison.meeting
 
     @property
     def names(self) -> dict[str, str]:
         """What a figure calls each option: with the points that it leaves out, if there are."""
-        left = self.comparison.table["points left out"]
+        left = self.comparison.table()["points_left_out"]
         return {
             str(option): f"{option}, {n:.0f} left out" if n else str(option)
             for option, n in left.items()
@@ -47,45 +46,43 @@ class Result:
     @property
     def asking(self) -> str:
         """Whose rules are judged: what IMO asks holds beside the rules of some societies."""
-        return _and(list(dict.fromkeys(self.comparison.rules["rule_set"])))
+        return _and(list(dict.fromkeys(rule.rule_set for rule in self.comparison.rules)))
 
     @property
     def verdict(self) -> str:
         """Which options can be built, and the cheapest of them."""
-        found, n = self.comparison.table, len(self.comparison.iolist)
+        found, n = self.comparison.table(), len(self.comparison.iolist)
         if self.kept:
             cheapest = found[found.index == self.kept[0]].iloc[0]
             verb = "connects" if len(self.kept) == 1 else "connect"
-            breaks = "breaks" if len(self.kept) == 1 else "break"
+            violates = "violates" if len(self.kept) == 1 else "violate"
             return (
-                f"{_and(self.kept)} {verb} all {n} points and {breaks} no rule of {self.asking} "
+                f"{_and(self.kept)} {verb} all {n} points and {violates} no rule of {self.asking} "
                 f"that a plan can show\ncheapest of them: {self.kept[0]}, {_cost(cheapest, ' EUR')}"
             )
-        if (found["points left out"] == 0).any():
-            return f"every option that connects all {n} points breaks a rule of {self.asking}"
+        if (found["points_left_out"] == 0).any():
+            return f"every option that connects all {n} points violates a rule of {self.asking}"
         return f"no option connects all {n} points"
 
     @property
     def table(self) -> pd.DataFrame:
         """One row an option, as text."""
-        found = self.comparison.table
-        counts = ["rules kept", "rules broken", "rules not verified"]
+        found = self.comparison.table()
+        counts = ["rules_met", "rules_violated", "rules_not_verified"]
         return pd.DataFrame(
             {
-                "points left out": [f"{n:.0f}" for n in found["points left out"]],
-                "conductors at the cabinet": [
-                    f"{n:,.0f}" for n in found["conductors at the cabinet"]
-                ],
-                "cable [kg]": [f"{kg:,.0f}" for kg in found["cable mass"]],
+                "points left out": [f"{n:.0f}" for n in found["points_left_out"]],
+                "conductors at the cabinet": [f"{n:,.0f}" for n in found["conductors_at_cabinet"]],
+                "cable [kg]": [f"{kg:,.0f}" for kg in found["cable_mass_kg"]],
                 "cost [EUR]": [_cost(row) for _, row in found.iterrows()],
                 "worst response [ms]": [
                     f"{ms:,.0f}" if ms == ms else "-" for ms in found[RESPONSE]
                 ],
-                "points lost by one failure": [f"{n:.0f}" for n in found["lost by one failure"]],
-                "rules kept / broken / unverified": [
+                "points lost by one failure": [f"{n:.0f}" for n in found["lost_by_failure"]],
+                "rules met / violated / unverified": [
                     " / ".join(f"{n:.0f}" for n in row) for row in found[counts].to_numpy()
                 ],
-                "not beaten": ["yes" if best else "no" for best in self.comparison.pareto],
+                "Pareto-optimal": ["yes" if best else "no" for best in found["pareto"]],
             },
             index=found.index,
         )
@@ -94,12 +91,11 @@ class Result:
     def numbers(self) -> dict[str, str]:
         """What stands behind the table, in words."""
         comparison = self.comparison
-        criteria = _and([name.removesuffix(" [ms]") for name in comparison.criteria])
-        best = [str(name) for name in comparison.pareto.index[comparison.pareto]]
+        criteria = _and([label(name).partition(" [")[0] for name in comparison.criteria])
         return {
             "list": "; ".join([str(comparison.iolist), *comparison.iolist.remarks]),
             "cabinet": self.cabinet,
-            "not beaten": f"{_and(best) or 'none'}, weighed by {criteria}",
+            "Pareto-optimal": f"{_and(comparison.pareto()) or 'none'}, weighed by {criteria}",
             "what decides": self._assumptions,
             **self._misfits,
             **self._broken,
@@ -108,43 +104,44 @@ class Result:
 
     @property
     def _misfits(self) -> dict[str, str]:
-        reasons = self.comparison.reasons
+        reasons = self.comparison.reasons()
         return {
             f"{option} does not fit": _told(
                 f"{rows['text'].iloc[0]}{_such(len(rows))}"
                 for _, rows in own.groupby("limit", sort=False)
             )
-            for option, own in reasons.groupby("option", sort=False)
+            for option, own in reasons.groupby("design", sort=False)
         }
 
     @property
     def _broken(self) -> dict[str, str]:
-        rules = self.comparison.rules
-        broken = rules[rules["verdict"] == "fail"]
+        violated = self.comparison.findings().violated()
         return {
-            f"{option} breaks": _told(
-                f"{row.rule} ({row.asks}; {row.computed:.4g} {row.unit} at {row.subject})"
+            f"{option} violates": _told(
+                f"{row.rule} ({row.asks}; {row.value:.4g} {row.unit} at {row.object})"
                 for row in _each(rows)
             )
-            for option, rows in broken.groupby("option", sort=False)
+            for option, rows in violated.groupby("design", sort=False)
         }
 
     @property
     def _failures(self) -> dict[str, str]:
         said: dict[str, str] = {}
-        for option, cuts in self.comparison.cuts.items():
-            ranked = worst(cuts).sort_values("points_lost", ascending=False, kind="stable")
+        for option, design in self.comparison.designs.items():
+            ranked = worst(design.failures()).sort_values(
+                "points_lost", ascending=False, kind="stable"
+            )
             # Where no point fits, there is nothing to lose.
             said |= {
                 f"{option} at worst": f"{row.points_lost} {_points(row.points_lost)} lost when "
                 f"{row.failed} {_FAILED[row.failure]}"
-                for row in _each(ranked[:1][ranked[:1]["points_lost"] > 0])
+                for row in _each(ranked[ranked["points_lost"] > 0])
             }
         return said
 
     @property
     def _assumptions(self) -> str:
-        tornado = self.comparison.tornado
+        tornado = self.comparison.tornado()
         ends, unit, top = tornado.ends, tornado.unit, tornado.top()
         said = [
             f"{words(name)} ({_rounded(low)} to {_rounded(high)} {unit})"
@@ -176,7 +173,7 @@ def _rounded(value: float) -> str:
 
 
 def _cost(row: pd.Series[float], unit: str = "") -> str:
-    ends = (row[f"total cost{end}"] for end in ("", ", low", ", high"))
+    ends = (row[f"total_cost{end}_eur"] for end in ("", "_low", "_high"))
     nominal, low, high = map(_rounded, ends)
     return f"{nominal}{unit} ({low} to {high})"
 

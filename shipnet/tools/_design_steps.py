@@ -9,25 +9,19 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from shipnet import datasets
-from shipnet.design.comparison import CRITERIA, Comparison, complete
-from shipnet.design.costs import quantities
-from shipnet.design.designs import Network
-from shipnet.design.failures import single_cuts
-from shipnet.design.iolist import IoList, parse_iolist
-from shipnet.design.planning import OPTIONS, mix, plan
-from shipnet.design.rules import check
-from shipnet.design.settings import Assumptions, Basis, Settings, parse_basis
+from shipnet.design.catalogue import Range
+from shipnet.design.comparison import Comparison, compare
+from shipnet.design.designs import Design
+from shipnet.design.iolist import IoList
+from shipnet.design.planning import OPTIONS, plan
+from shipnet.design.settings import Assumptions, Settings, names
 from shipnet.design.site import Site, find_cabinet
-from shipnet.design.uncertainty import draw, likely, tornado
 from shipnet.errors import ArgumentError
 
 if TYPE_CHECKING:
     from shipnet.design.site import Place
-
-__all__ = ["EXAMPLES", "MIXES", "assumptions", "basis_of", "compared", "place", "planned", "points"]
 
 #: Ways to connect some points by one option and the others by another: what decides, and how the
 #: points that it does not name are connected.
@@ -72,7 +66,7 @@ EXAMPLES = _examples()
 @lru_cache(maxsize=8)
 def points(text: str, name: str, update_ms: int) -> IoList:
     """Return the points of a text, none of which may wait longer than a time."""
-    iolist = parse_iolist(text, name)
+    iolist = IoList.parse(text, name)
     if not update_ms:
         return iolist
     # Where the list names none it is NaN, which fmin passes over.
@@ -106,43 +100,17 @@ def _site(cabinet: Place, detour: float, tails: float) -> Site:
 
 
 @lru_cache(maxsize=48)
-def _planned(iolist: IoList, site: Site, settings: Settings, option: str) -> Network:
+def _planned(iolist: IoList, site: Site, settings: Settings, option: str) -> Design:
     if option in OPTIONS:
         return plan(iolist, site, option, settings=settings)
     choose, default = MIXES[option]
     there = {*iolist.points["type"], *iolist.points["category"]}
     named = {key: value for key, value in choose.items() if key in there}
-    return mix(iolist, site, named, default=default, settings=settings, name=option)
-
-
-def planned(
-    iolist: IoList, cabinet: Place, basis: Basis, options: tuple[str, ...]
-) -> tuple[Network, ...]:
-    """Return the points of a list connected in several ways."""
-    site = _site(cabinet, basis.detour, basis.tails)
-    return tuple(_planned(iolist, site, basis.settings, option) for option in options)
+    return plan(iolist, site, default, settings=settings, mix=named, name=option)
 
 
 @lru_cache(maxsize=8)
-def assumptions(labour: float, parts: float) -> Assumptions:
-    """Return the assumptions with another labour rate and other prices of bus parts."""
-    assumed = Assumptions()
-    times = {"labour_rate": labour / assumed.at("labour_rate")}
-    times |= {
-        name: parts
-        for name in assumed
-        if name.startswith(_BUS_PARTS) and assumed.entry(name).unit == "EUR"
-    }
-    changed = {
-        name: type(assumed[name])(*(factor * value for value in assumed[name]))
-        for name, factor in times.items()
-        if factor != 1
-    }
-    return assumed.with_(**changed)
-
-
-@lru_cache(maxsize=8)
-def basis_of(
+def settings_of(
     spare: float,
     redundant: bool,
     list_lengths: bool,
@@ -150,36 +118,50 @@ def basis_of(
     labour: float,
     parts: float,
     own: str,
-) -> Basis:
+) -> Settings:
     """Return the values of the controls, and over them lines of one's own."""
-    settings = Settings(spare=spare, redundant=redundant, list_lengths=list_lengths)
-    controls = Basis(settings, assumptions(labour, parts), detour)
-    told = parse_basis(own, "limits and prices")
-    return controls.with_({name: told[name] for name in told.changes["name"]})
+    values: dict[str, object] = {
+        "spare": spare, "redundant": redundant, "list_lengths": list_lengths, "detour": detour,
+        **_prices(labour, parts),
+    }  # fmt: skip
+    controls = Settings(values)
+    told = Settings.parse(own, "limits and prices").changes()["value"]
+    return controls.replace(dict(told))
 
 
-# A network is the key to what is found of it, and lives as long as that.
-_cuts = lru_cache(maxsize=48)(single_cuts)
-
-
-@lru_cache(maxsize=48)
-def _checked(network: Network, rule_set: str, host_time: float) -> pd.DataFrame:
-    return check(network, rule_set, host_time=host_time, cuts=_cuts(network))
+@lru_cache(maxsize=8)
+def _prices(labour: float, parts: float) -> dict[str, Range]:
+    """Return the assumptions that another labour rate and other prices of bus parts change."""
+    assumed = Assumptions()
+    times = {"labour_rate": labour / assumed.at("labour_rate")}
+    times |= {
+        name: parts
+        for name in assumed
+        if name.startswith(_BUS_PARTS) and assumed.entry(name).unit == "EUR"
+    }
+    return {
+        f"assumptions.{name}": Range(*(factor * value for value in assumed[name]))
+        for name, factor in times.items()
+        if factor != 1
+    }
 
 
 @lru_cache(maxsize=4)
-def compared(networks: tuple[Network, ...], rule_set: str, basis: Basis) -> Comparison:
-    """Compare networks, as `shipnet.design.comparison.compare_networks` does."""
-    named = {network.name: network for network in networks}
-    assumed, host = basis.assumptions, basis.host_time
-    rules = [_checked(net, rule_set, host).assign(option=name) for name, net in named.items()]
-    return Comparison(
-        named,
-        {name: quantities(network, assumed) for name, network in named.items()},
-        {name: _cuts(network) for name, network in named.items()},
-        pd.concat(rules, ignore_index=True),
-        tornado(complete(named), assumptions=assumed),
-        likely(draw(named, assumed, rng=np.random.default_rng(_SEED))),
-        CRITERIA,
-        basis,
+def compared(
+    iolist: IoList,
+    cabinet: Place,
+    said: str,
+    settings: Settings,
+    options: tuple[str, ...],
+    rules: str,
+) -> Comparison:
+    """Plan and compare; a plan is kept for what it depends on, which prices and host are not."""
+    site = _site(cabinet, settings.detour, settings.tails)
+    default = Settings()
+    unpriced = settings.replace(
+        {name: default[name] for name in names() if name.startswith("assumptions.")}
+        | {"host_time": default.host_time}
     )
+    designs = [_planned(iolist, site, unpriced, option).priced(settings) for option in options]
+    found = compare(designs, rules=rules, rng=_SEED)
+    return replace(found, remarks=(said,))

@@ -7,20 +7,17 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
-import pandas as pd
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.design.comparison import RESPONSE, not_beaten
-from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado
-from shipnet.design.report import BANNER, report_html
+from shipnet.design.comparison import BANNER, RESPONSE
+from shipnet.design.plot import plot_pareto
 from shipnet.design.rules import RULE_SETS
-from shipnet.design.settings import format_basis
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, switch, text
 from shipnet.tools._design_files import from_file, settings_from_file
 from shipnet.tools._design_result import Result
-from shipnet.tools._design_steps import EXAMPLES, MIXES, basis_of, compared, place, planned, points
+from shipnet.tools._design_steps import EXAMPLES, MIXES, compared, place, points, settings_of
 from shipnet.tools._tool import Button, Tool, Upload
 from shipnet.tools._view import View
 
@@ -30,9 +27,9 @@ if TYPE_CHECKING:
 #: What the figure can show; against cost, the column of the comparison that it is.
 PICTURES = {
     "cost": "cost of each option, with its range",
-    "conductors at the cabinet": "conductors against cost",
+    "conductors_at_cabinet": "conductors against cost",
     RESPONSE: "worst response against cost",
-    "lost by one failure": "points lost by one failure against cost",
+    "lost_by_failure": "points lost by one failure against cost",
     "assumptions": "the assumptions that matter most",
 }
 
@@ -109,7 +106,7 @@ class ShipDesign(Tool):
     rules: str = choice(
         {name: name for name in RULE_SETS}, default="DNV", label="rules",
         help="Whose rules are checked. What a plan cannot show, or nobody has read, is not "
-        "verified; it never passes.",
+        "verified; it never counts as met.",
     )  # fmt: skip
     update_ms: int = choice(
         {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
@@ -146,8 +143,8 @@ class ShipDesign(Tool):
     )  # fmt: skip
     picture: str = choice(
         PICTURES, default="cost", label="figure",
-        help="Filled dots are not beaten in both axes; assumptions are those that decide between "
-        "the first and the cheapest option.",
+        help="Filled dots are Pareto-optimal in both axes; assumptions are those that decide "
+        "between the first and the cheapest option.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -175,12 +172,11 @@ class ShipDesign(Tool):
         printed = "".join(one if one.isprintable() else " " for one in self.name)
         iolist = points(self.points, " ".join(printed.split()) or "list", self.update_ms)
         cabinet, known = place(iolist, self.cabinet)
-        basis = basis_of(
+        settings = settings_of(
             self.spare, self.redundant, self.list_lengths, self.detour, self.labour,
             self.parts, self.own,
         )  # fmt: skip
-        networks = planned(iolist, cabinet, basis, self.options)
-        comparison = compared(networks, self.rules, basis)
+        comparison = compared(iolist, cabinet, known, settings, self.options, self.rules)
         return Result(comparison, known, self.picture)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -188,28 +184,25 @@ class ShipDesign(Tool):
         result, ax = self.result, style.axes(ax)
         comparison, picture = result.comparison, result.picture
         if picture == "cost":
-            plot_quantities(comparison.quantities, ax=ax, likely=comparison.likely)
+            comparison.plot(ax=ax)
             ax.set_yticks(ax.get_yticks(), list(result.names.values()))
             return ax
         if picture == "assumptions":
-            return plot_tornado(comparison.tornado, ax=ax)
-        table = comparison.table
-        whole = table[table["points left out"] == 0]
-        best = not_beaten(whole[["total cost", picture]].to_numpy(float))
-        front = pd.Series(best, whole.index).rename(result.names)
-        plot_pareto(table.rename(result.names), y=picture, pareto=front, ax=ax)
-        if picture == "lost by one failure":
+            return comparison.tornado().plot(ax)
+        best = [result.names[name] for name in comparison.pareto("total_cost_eur", picture)]
+        plot_pareto(comparison.table().rename(result.names), "total_cost_eur", picture, best, ax=ax)
+        if picture == "lost_by_failure":
             ax.set_ylabel("points lost by one failure")
         return ax
 
     def _view(self, report: bool = False) -> View:
         """Return what the page shows; with `report`, a file to download."""
         result = self.result
-        comparison, options = result.comparison, len(result.comparison.networks)
+        comparison, options = result.comparison, len(result.comparison.designs)
         heights = {"cost": 1.2 + 0.4 * options, "assumptions": 3.4}
-        files, ready = {"settings.toml": format_basis(comparison.basis)}, {}
+        files, ready = {"settings.toml": comparison.settings.text()}, {}
         if report:
-            files |= {"report.html": report_html(comparison, remarks=[result.cabinet])}
+            files |= {"report.html": comparison.html()}
             ready = {"report": "made; the button to download it is below the figure"}
         return View(
             text=result.verdict,

@@ -3,20 +3,17 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet import datasets, style
+from shipnet import style
 from shipnet.asi import Request, Response, Transaction
 from shipnet.asi.modulation import pulses_of
 from shipnet.asi.plot import plot_eye, plot_io_codes, plot_telegram, plot_transaction
 from shipnet.asi.profile import IO_CONFIGURATIONS
 from shipnet.asi.receiver import eye
 from shipnet.asi.topology import straight_line
-from shipnet.design.plot import plot_asi, plot_hardwired
-from shipnet.errors import ArgumentError, LengthError
+from shipnet.errors import LengthError
 from shipnet.papers import ledger
 from shipnet.papers.icn2007.plot import plot_bits_and_pulses, plot_heights, plot_margins
 from shipnet.papers.kim2023.tolerances import train_of
-
-IOLIST = datasets.read("synthetic_iolist_valves.csv")
 
 
 @pytest.fixture
@@ -60,44 +57,6 @@ def test_transaction_is_drawn_to_scale(ax):
 def test_a_faulty_frame_can_be_drawn(ax):
     plot_transaction("00101010111011", "0011001", ax=ax)
     assert "".join(text for text in texts(ax) if text in "01") == "001010101110110011001"
-
-
-def test_hardwired_draws_each_strand(ax):
-    plot_hardwired(IOLIST, ax=ax)
-    assert len(ax.lines) == 32
-    assert "hardwired: 32 strands for 16 points" in texts(ax)
-    assert {"BV-01", "BV-02", "BV-03", "BV-04"} <= set(texts(ax))
-
-
-def test_asi_draws_one_module_a_device(ax):
-    plot_asi(IOLIST, ax=ax)
-    assert [text for text in texts(ax) if text.startswith("slave")] == [
-        f"slave {n}" for n in (1, 2, 3, 4)
-    ]
-    assert "AS-i: 2 strands in the trunk for 16 points" in texts(ax)
-
-
-def test_one_device_and_other_signals_can_be_drawn(ax):
-    one = IOLIST.iloc[:1].assign(signal="rtd_3wire")
-    plot_hardwired(one, ax=ax)
-    assert len(ax.lines) == 3
-    plot_asi(one, ax=ax)
-    assert "3 short strands" in texts(ax)
-
-
-def test_a_common_return_is_drawn_too(ax):
-    plot_hardwired(IOLIST.iloc[:4].assign(signal="contact_common"), ax=ax)
-    assert len(ax.lines) == 5
-    assert "hardwired: 5 strands for 4 points" in texts(ax)
-    assert "ZSO  1 strand" in texts(ax)
-
-
-def test_an_iolist_without_devices_is_refused(ax):
-    for plot in (plot_hardwired, plot_asi):
-        with pytest.raises(ArgumentError, match="no column device"):
-            plot(IOLIST.drop(columns="device"), ax=ax)
-        with pytest.raises(ArgumentError, match="no device is named for BV-01-ZSO"):
-            plot(IOLIST.assign(device=[None, *IOLIST["device"][1:]]), ax=ax)
 
 
 def test_a_telegram_of_another_length_is_refused(ax):

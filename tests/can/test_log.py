@@ -1,3 +1,4 @@
+import itertools
 import sys
 from dataclasses import replace
 
@@ -348,3 +349,13 @@ def test_frames_of_other_formats_that_cannot_be_are_faults(tmp_path):
     with pytest.raises(InputError, match="frame 2: the identifier is 1073741824; it must be 0"):
         read_log(path)
     assert len(read_log(path, keep=True)) == 2
+
+
+def test_a_file_that_never_ends_is_refused(tmp_path, monkeypatch):
+    can = pytest.importorskip("can")
+    path = tmp_path / "bus.blf"
+    path.write_bytes(b"LOGG")
+    endless = itertools.repeat(can.Message(arbitration_id=1, data=b"", is_extended_id=False))
+    monkeypatch.setattr(can, "BLFReader", lambda stream: endless)
+    with pytest.raises(InputError, match="after frame 400: more than 400 frames in 4 bytes"):
+        read_log(path)

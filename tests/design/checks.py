@@ -1,4 +1,4 @@
-"""The limits of each bus, counted again from the tables of a network alone."""
+"""The limits of each bus, counted again from the tables of a design alone."""
 
 import re
 from collections import Counter, defaultdict
@@ -16,21 +16,21 @@ from shipnet import datasets
 CLOSE = 1e-6
 
 
-def check_everything(network, settings):
-    """Assert all that holds for every network."""
-    check_points(network, settings)
-    check_connection(network)
-    check_lengths(network)
-    for segment in network.segments.itertuples():
-        own = Segment(network, segment, settings)
+def check_everything(design, settings):
+    """Assert all that holds for every design."""
+    check_points(design, settings)
+    check_connection(design)
+    check_lengths(design)
+    for segment in design.segments.itertuples():
+        own = Segment(design, segment, settings)
         {"AS-i": check_asi, "CAN": check_can, "Modbus RTU": check_modbus}[segment.bus](own)
 
 
-def check_points(network, settings):
+def check_points(design, settings):
     """Every point is connected by one cable of its own, or has a reason."""
-    points, runs = network.points, network.runs
+    points, runs = design.points, design.cables
     ends = Counter(runs.loc[runs["kind"].isin(["drop", "home run"]), "b"])
-    reasons = set(network.reasons["subject"])
+    reasons = set(design.reasons["subject"])
     for point in points.itertuples():
         if point.fits:
             assert ends[point.tag] == 1
@@ -42,17 +42,17 @@ def check_points(network, settings):
             assert ends[point.tag] == 0
             assert point.tag in reasons
             assert not point.device and not point.bus and np.isnan(point.response_ms)
-    need = network.iolist.points["update_ms"].fillna(1e3 * settings.update)
+    need = design.iolist.points["update_ms"].fillna(1e3 * settings.update)
     fit = points["fits"]
     assert (points.loc[fit, "response_ms"] <= need[fit] + CLOSE).all()
-    assert (network.reasons["text"].str.len() > 20).all()
+    assert (design.reasons["text"].str.len() > 20).all()
 
 
-def check_connection(network):
+def check_connection(design):
     """Every device and every point that fits hangs on the cabinet."""
-    links = network.links
-    fit = network.points.loc[network.points["fits"], "tag"]
-    names = pd.Index([*network.devices["device"], *fit])
+    links = design.links
+    fit = design.points.loc[design.points["fits"], "tag"]
+    names = pd.Index([*design.devices["device"], *fit])
     assert names.is_unique
     a, b = names.get_indexer(links["a"]), names.get_indexer(links["b"])
     assert (a >= 0).all() and (b >= 0).all()
@@ -60,34 +60,34 @@ def check_connection(network):
     assert connected_components(graph, directed=False)[0] == 1
 
 
-def check_lengths(network):
+def check_lengths(design):
     """A cable that lies alone between two places is as long as the site says."""
-    places = {d.device: (d.x_m, d.y_m, d.z_m) for d in network.devices.itertuples()}
+    places = {d.device: (d.x_m, d.y_m, d.z_m) for d in design.devices.itertuples()}
     places |= {
-        p.tag: (p.x_m, p.y_m, p.z_m) for p in network.iolist.points.itertuples() if p.x_m == p.x_m
+        p.tag: (p.x_m, p.y_m, p.z_m) for p in design.iolist.points.itertuples() if p.x_m == p.x_m
     }
-    repeaters = set(network.devices.loc[network.devices["kind"] == "repeater", "device"])
-    for run in network.runs.itertuples():
+    repeaters = set(design.devices.loc[design.devices["kind"] == "repeater", "device"])
+    for run in design.cables.itertuples():
         if np.isnan(run.route_m) or {run.a, run.b} & repeaters or run.line == "B":
             continue
-        assert run.route_m == float(network.site.route(places[run.a], places[run.b])), run
-        slack = run.length_m - network.site.detour * run.route_m
+        assert run.route_m == float(design.site.route(places[run.a], places[run.b])), run
+        slack = run.length_m - design.site.detour * run.route_m
         assert slack >= -CLOSE
         if run.kind in ("home run", "drop"):
-            assert abs(slack - network.site.tails) < CLOSE
+            assert abs(slack - design.site.tails) < CLOSE
 
 
 class Segment:
     """A segment with its share of each table."""
 
-    def __init__(self, network, row, settings):
-        self.row, self.settings, self.network = row, settings, network
-        self.points = network.points[network.points["segment"] == row.segment]
-        self.devices = network.devices[network.devices["segment"] == row.segment]
-        runs = network.runs[network.runs["segment"] == row.segment]
+    def __init__(self, design, row, settings):
+        self.row, self.settings, self.design = row, settings, design
+        self.points = design.points[design.points["segment"] == row.segment]
+        self.devices = design.devices[design.devices["segment"] == row.segment]
+        runs = design.cables[design.cables["segment"] == row.segment]
         self.trunk = runs[(runs["kind"] == "trunk") & (runs["line"] != "B")]
         self.second = runs[(runs["kind"] == "trunk") & (runs["line"] == "B")]
-        table = network.iolist.points.loc[self.points.index]
+        table = design.iolist.points.loc[self.points.index]
         self.type = table["type"]
         self.need = table["update_ms"].fillna(1e3 * settings.update) / 1e3
         assert len(self.points) == row.points > 0
@@ -241,7 +241,7 @@ def _asi_parts(own):
     for name, at in repeaters.items():
         if at:
             master = own.devices.loc[own.devices["kind"] == "master", "device"].item()
-            line.add_edge(name, master if at == own.network.cabinet else at)
+            line.add_edge(name, master if at == own.design.cabinet else at)
     parts = [
         sum(length for *_, length in graph.subgraph(part).edges(data="length"))
         for part in nx.connected_components(graph)

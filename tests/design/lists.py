@@ -4,14 +4,14 @@ import numpy as np
 import pandas as pd
 from hypothesis import strategies as st
 
-from shipnet.design.iolist import from_table
+from shipnet.design.iolist import IoList
 
 SIGNALS = ("contact", "solenoid", "rtd_3wire", "current_loop", "contact_common", "analogue_output")
 
 
 def table(rows):
     """A list of rows of signal, place and update need [ms]."""
-    return from_table(
+    return IoList.from_table(
         pd.DataFrame(
             [
                 {"tag": f"P{n}", "signal": signal, "x_m": x, "y_m": y, "z_m": z, "update_ms": need}

@@ -13,11 +13,11 @@ from shipnet.asi.plan import Plan
 from shipnet.design.plan_asi_lines import Piece, draw, place_supply
 from shipnet.design.plan_asi_modules import analogue_response, digital_response
 from shipnet.design.planning import plan
-from shipnet.design.settings import AsiLimits, Settings
+from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from tests.design.lists import table
 
-LIMITS = AsiLimits()
+LIMITS = Settings().asi
 
 
 def between(places):
@@ -30,7 +30,7 @@ def between(places):
 @given(st.lists(st.integers(1, 150), min_size=1, max_size=8), st.booleans())
 def test_no_segment_is_longer_than_allowed_and_nothing_is_lost(hops, tree):
     ways = between(np.cumsum([0, *hops]))
-    drawn = draw(ways, ways, AsiLimits(length=60.0, tree=tree))
+    drawn = draw(ways, ways, Settings({"asi.length": 60, "asi.tree": tree}).asi)
     behind = {out for _, out in drawn.repeaters}
     used, part = {}, {"0": 0}
     for piece in drawn.pieces:
@@ -87,9 +87,9 @@ def test_the_supply_stays_in_the_cabinet_while_the_voltage_allows_it():
     near, far = (plan(table([("contact", (x, 0, 0), 1000)] * n), Site((0, 0, 0)), "AS-i")
                  for x, n in ((50, 4), (80, 160)))  # fmt: skip
     assert near.devices.loc[near.devices["kind"] == "supply", "at"].tolist() == ["cabinet"]
-    assert "feeder" not in set(near.runs["kind"])
+    assert "feeder" not in set(near.cables["kind"])
     supplies = far.devices[far.devices["kind"] == "supply"]
-    feeders = far.runs[far.runs["kind"] == "feeder"]
+    feeders = far.cables[far.cables["kind"] == "feeder"]
     assert feeders["at_cabinet"].all() and len(feeders) > 0
     assert set(feeders["b"]) == set(supplies.loc[supplies["at"] != "cabinet", "device"])
     assert (far.segments["lowest_v"] >= 26.5).all()
@@ -103,7 +103,7 @@ def test_a_response_is_that_of_the_published_cycles():
     # Nord BU0090, p. 69: at most 21 ms to an A/B slave with four outputs.
     assert digital_response(full, True, "S-7.A.7", True, LIMITS) == pytest.approx(21e-3, rel=0.02)
     # ifm: seven cycles a value, 5 ms each; a round of four, its own, and four conversions.
-    quick = AsiLimits(conversion=0.0, repetitions=0)
+    quick = Settings({"asi.conversion": 0, "asi.repetitions": 0}).asi
     assert analogue_response(4, quick, 5e-3) == pytest.approx(5 * 35e-3)
 
 
@@ -112,34 +112,32 @@ def test_the_slow_share_addresses():
     rows = [
         ("contact", (10 + 12 * (n % 8), 12 * (n // 8), 0), need) for n, need in enumerate(needs)
     ]
-    network = plan(
-        table(rows), Site((0, 0, 0)), "AS-i", settings=Settings(asi=AsiLimits(length=1000.0))
-    )
-    assert network.fits
-    late = network.points["response_ms"]
-    assert late.iloc[-1] < 8 < late.max() <= 10.6 or len(network.segments) > 1
+    design = plan(table(rows), Site((0, 0, 0)), "AS-i", settings=Settings({"asi.length": 1000.0}))
+    assert design.fits
+    late = design.points["response_ms"]
+    assert late.iloc[-1] < 8 < late.max() <= 10.6 or len(design.segments) > 1
 
 
 def test_auxiliary_power_goes_to_outputs_and_no_further():
     rows = [("solenoid", (30, 0, 0), 1000), ("contact", (60, 0, 0), 1000)]
     iolist = table(rows)
     both = plan(iolist, Site((0, 0, 0)), "AS-i")
-    feeders = both.runs[both.runs["kind"] == "feeder"]
+    feeders = both.cables[both.cables["kind"] == "feeder"]
     assert feeders["a"].tolist() == ["AS-i 1 auxiliary supply"]
     assert feeders["at_cabinet"].tolist() == [True]
     supply = both.devices.set_index("device").loc["AS-i 1 auxiliary supply"]
     assert (supply["kind"], supply["at"]) == ("auxiliary supply", "cabinet")
     assert feeders["b"].item() == both.points["device"].iloc[0]
-    none = plan(iolist, Site((0, 0, 0)), "AS-i", settings=Settings(asi=AsiLimits(auxiliary=False)))
-    assert "feeder" not in set(none.runs["kind"])
+    none = plan(iolist, Site((0, 0, 0)), "AS-i", settings=Settings({"asi.auxiliary": False}))
+    assert "feeder" not in set(none.cables["kind"])
     assert "auxiliary supply" not in set(none.devices["kind"])
     inputs = plan(table(rows[1:]), Site((0, 0, 0)), "AS-i")
     assert "auxiliary supply" not in set(inputs.devices["kind"])
 
 
 def test_a_line_that_breaks_a_rule_of_signals_is_refused_with_the_rule():
-    limits = Settings(asi=AsiLimits(voltage=20.0))
-    network = plan(table([("contact", (30, 0, 0), 1000)]), Site((0, 0, 0)), "AS-i", settings=limits)
-    (reason,) = network.reasons.itertuples()
-    assert not network.fits
+    limits = Settings({"asi.voltage": 20.0})
+    design = plan(table([("contact", (30, 0, 0), 1000)]), Site((0, 0, 0)), "AS-i", settings=limits)
+    (reason,) = design.reasons.itertuples()
+    assert not design.fits
     assert (reason.limit, reason.value, reason.bound) == ("supply voltage", 20.0, 29.5)

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.design.iolist import from_table, load_iolist, parse_iolist
-from shipnet.design.planning import OPTIONS, mix, plan
-from shipnet.design.settings import AsiLimits, BoxLimits, CanLimits, ModbusLimits, Settings
-from shipnet.design.site import Site, load_trays
+from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.planning import OPTIONS, plan
+from shipnet.design.settings import Settings
+from shipnet.design.site import Site, Trays
 from shipnet.errors import ArgumentError
 from tests.design.checks import check_everything
 from tests.design.lists import lists, ship, table
@@ -20,47 +20,58 @@ BUSES = OPTIONS[2:]
 
 #: Limits so low that lists of a dozen points come up against them.
 TIGHT = Settings(
-    boxes=BoxLimits(points=3, reach=8.0),
-    asi=AsiLimits(inputs=2, outputs=2, channels=2, length=60.0, repeaters=2),
-    can=CanLimits(nodes=3, load=0.1),
-    modbus=ModbusLimits(unit_loads=3, bit_rates=(9600, 19_200), repeaters=1, length=150.0),
+    {
+        "boxes.points": 3,
+        "boxes.reach": 8.0,
+        "asi.inputs": 2,
+        "asi.outputs": 2,
+        "asi.channels": 2,
+        "asi.length": 60.0,
+        "asi.repeaters": 2,
+        "can.nodes": 3,
+        "can.load": 0.1,
+        "modbus.unit_loads": 3,
+        "modbus.bit_rates": (9600, 19_200),
+        "modbus.repeaters": 1,
+        "modbus.length": 150.0,
+    }
 )
-TREELESS = Settings(asi=AsiLimits(tree=False, shared=False), redundant=True, fed=False)
+TREELESS = Settings({"asi.tree": False, "asi.shared": False, "redundant": True, "fed": False})
 
 
 @pytest.fixture(scope="module")
 def example():
-    return load_iolist(datasets.path("synthetic_iolist_ship.csv"))
+    return read_iolist(datasets.path("synthetic_iolist_ship.csv"))
 
 
 @settings(max_examples=12)
 @given(lists(), st.sampled_from(OPTIONS), st.sampled_from([Settings(), TIGHT, TREELESS]))
 def test_a_plan_keeps_every_limit_or_says_why_not(iolist, option, limits):
-    network = plan(iolist, SITE, option, settings=limits)
-    check_everything(network, limits)
+    design = plan(iolist, SITE, option, settings=limits)
+    check_everything(design, limits)
 
 
 @pytest.mark.parametrize("limits", [Settings(), TIGHT, TREELESS], ids=["usual", "tight", "chain"])
 @pytest.mark.parametrize("option", BUSES)
 def test_a_plan_of_a_crowd_keeps_every_limit(option, limits):
-    network = plan(ship(80), SITE, option, settings=limits)
-    check_everything(network, limits)
-    assert len(network.segments) > 0
+    design = plan(ship(80), SITE, option, settings=limits)
+    check_everything(design, limits)
+    assert len(design.segments) > 0
 
 
 @pytest.mark.parametrize("option", OPTIONS)
 def test_the_example_ship_fits_on_every_bus(example, option):
-    network = plan(example, Site((26, 6, 14)), option)
-    assert network.fits
+    design = plan(example, Site((26, 6, 14)), option)
+    assert design.fits
     if option in BUSES:
-        check_everything(network, Settings())
+        check_everything(design, Settings())
 
 
 def test_the_hardwired_example_is_as_long_as_its_list_says(example):
-    homes = plan(example, Site((26, 6, 14)), "home runs").runs
+    homes = plan(example, Site((26, 6, 14)), "home runs").cables
     assert homes["length_m"].sum() == pytest.approx(example.points["home_run_m"].sum())
     assert homes["used"].sum() == example.points["conductors"].sum() == 792
-    boxes = plan(example, Site((26, 6, 14)), "junction boxes").runs
+    boxes = plan(example, Site((26, 6, 14)), "junction boxes").cables
     drops = boxes[boxes["kind"] == "drop"]
     assert drops["length_m"].sum() == pytest.approx(example.points["to_box_m"].sum())
     assert boxes.loc[boxes["kind"] == "trunk", "used"].sum() == 792
@@ -70,39 +81,39 @@ def test_the_hardwired_example_is_as_long_as_its_list_says(example):
     ("option", "kind"), [("home runs", "home run"), ("junction boxes", "drop")]
 )
 def test_lengths_of_the_list_can_be_left_aside(example, option, kind):
-    bare = from_table(example.points.drop(columns=["home_run_m", "to_box_m"]))
+    bare = IoList.from_table(example.points.drop(columns=["home_run_m", "to_box_m"]))
     site = Site((26, 6, 14))
-    reckoned = plan(example, site, option, settings=Settings(list_lengths=False)).runs
-    pd.testing.assert_frame_equal(reckoned, plan(bare, site, option).runs)
-    kept = plan(example, site, option).runs
+    reckoned = plan(example, site, option, settings=Settings({"list_lengths": False})).cables
+    pd.testing.assert_frame_equal(reckoned, plan(bare, site, option).cables)
+    kept = plan(example, site, option).cables
     mine = kept["kind"] == kind
     assert (kept["length_m"] != reckoned["length_m"])[mine].any()
 
 
 def test_a_point_without_a_place_keeps_its_length_whatever_the_settings_say():
-    iolist = parse_iolist("tag,type,x,y,z,home run\nA,DI,,,,40\nB,DI,9,0,0,40")
-    runs = plan(iolist, SITE, "home runs", settings=Settings(list_lengths=False)).runs
+    iolist = IoList.parse("tag,type,x,y,z,home run\nA,DI,,,,40\nB,DI,9,0,0,40")
+    runs = plan(iolist, SITE, "home runs", settings=Settings({"list_lengths": False})).cables
     assert runs["length_m"].tolist() == [40.0, SITE.length(9.0)]
 
 
 def test_a_trunk_has_its_pairs_and_their_reserve(example):
-    network = plan(example, Site((26, 6, 14)), "junction boxes", settings=Settings(spare=0.5))
-    trunks = network.runs[network.runs["kind"] == "trunk"]
+    design = plan(example, Site((26, 6, 14)), "junction boxes", settings=Settings({"spare": 0.5}))
+    trunks = design.cables[design.cables["kind"] == "trunk"]
     pairs = -(-example.points["conductors"] // 2)
     for box, own in trunks.groupby("b"):
-        needed = 2 * pairs[network.points["device"] == box].sum()
+        needed = 2 * pairs[design.points["device"] == box].sum()
         assert own["conductors"].sum() >= 1.5 * needed
         assert (
             own["used"].sum()
-            == example.points.loc[network.points["device"] == box, "conductors"].sum()
+            == example.points.loc[design.points["device"] == box, "conductors"].sum()
         )
 
 
 def test_a_common_return_counts_once_a_trunk_and_once_a_home_run():
     iolist = table([("contact_common", (10, 0, 0), 1000)] * 4)
-    boxes = plan(iolist, SITE, "junction boxes").runs
+    boxes = plan(iolist, SITE, "junction boxes").cables
     assert boxes.loc[boxes["kind"] == "trunk", "used"].tolist() == [5]
-    assert plan(iolist, SITE, "home runs").runs["used"].tolist() == [2] * 4
+    assert plan(iolist, SITE, "home runs").cables["used"].tolist() == [2] * 4
 
 
 @pytest.mark.parametrize(
@@ -115,87 +126,87 @@ def test_a_common_return_counts_once_a_trunk_and_once_a_home_run():
 )
 def test_what_is_too_far_away_is_left_out_with_value_and_bound(option, away, limit, bound):
     iolist = table([("contact", (away - 200, 200, 0), 1000), ("contact", (20, 0, 0), 1000)])
-    network = plan(iolist, SITE, option)
-    assert network.points["fits"].tolist() == [False, True]
-    (reason,) = network.reasons.itertuples()
+    design = plan(iolist, SITE, option)
+    assert design.points["fits"].tolist() == [False, True]
+    (reason,) = design.reasons.itertuples()
     assert (reason.subject, reason.limit, reason.bound, reason.unit) == ("P0", limit, bound, "m")
     extra = 1.0 if option == "AS-i" else SITE.tails
     assert reason.value == pytest.approx(SITE.detour * away + extra)
     assert "P0" in reason.text and f"{bound}" in reason.text
-    check_everything(network, Settings())
+    check_everything(design, Settings())
 
 
 @pytest.mark.parametrize("option", BUSES)
 @pytest.mark.parametrize("signal", ["contact", "current_loop"])
 def test_what_is_needed_too_soon_is_left_out_and_its_neighbour_is_not(option, signal):
     iolist = table([(signal, (20, 0, 0), 0.4), (signal, (20, 0, 0), 1000)])
-    network = plan(iolist, SITE, option)
-    assert network.points["fits"].tolist() == [False, True]
-    (reason,) = network.reasons.itertuples()
+    design = plan(iolist, SITE, option)
+    assert design.points["fits"].tolist() == [False, True]
+    (reason,) = design.reasons.itertuples()
     assert reason.subject == "P0" and reason.bound == 0.4 < reason.value and reason.unit == "ms"
 
 
 def test_an_urgent_crowd_is_spread_over_several_segments():
     crowd = table([("current_loop", (20, 0, 0), 60)] * 40)
     for option in ("CAN", "Modbus RTU"):
-        network = plan(crowd, SITE, option, settings=Settings(can=CanLimits(bit_rates=(50_000,))))
-        assert network.fits and len(network.segments) > 1
-        check_everything(network, Settings(can=CanLimits(bit_rates=(50_000,))))
+        design = plan(crowd, SITE, option, settings=Settings({"can.bit_rates": (50_000,)}))
+        assert design.fits and len(design.segments) > 1
+        check_everything(design, Settings({"can.bit_rates": (50_000,)}))
 
 
 def test_messages_that_would_arrive_too_late_go_to_segments_of_their_own():
     # Sent every 57 ms, due 3 ms later: at 50 kbit/s a frame takes 2.7 ms, and two come too late.
-    limits = Settings(can=CanLimits(bit_rates=(50_000,), period_share=0.95, load=1.0))
-    network = plan(table([("current_loop", (20, 0, 0), 60)] * 12), SITE, "CAN", settings=limits)
-    assert network.fits and network.segments["messages"].tolist() == [1] * len(network.segments)
-    check_everything(network, limits)
+    limits = Settings({"can.bit_rates": (50_000,), "can.period_share": 0.95, "can.load": 1.0})
+    design = plan(table([("current_loop", (20, 0, 0), 60)] * 12), SITE, "CAN", settings=limits)
+    assert design.fits and design.segments["messages"].tolist() == [1] * len(design.segments)
+    check_everything(design, limits)
 
 
 def test_a_value_that_is_needed_soon_gets_a_module_with_fewer_channels():
     for need, modules in ((1000, 1), (400, 2), (140, 4)):
-        network = plan(table([("current_loop", (20, 0, 0), need)] * 4), SITE, "AS-i")
-        assert network.fits and (network.devices["kind"] == "module").sum() == modules
+        design = plan(table([("current_loop", (20, 0, 0), need)] * 4), SITE, "AS-i")
+        assert design.fits and (design.devices["kind"] == "module").sum() == modules
 
 
 def test_more_than_31_modules_share_addresses_and_then_need_two_lines():
     def crowd(n):
         return table([("contact", (10 + k % 2, 0, 0), 1000) for k in range(4 * n)])
 
-    limits = Settings(asi=AsiLimits(slack=0.1))
+    limits = Settings({"asi.slack": 0.1})
     for modules, addresses in ((31, [31]), (32, [31]), (62, [31]), (63, [31, 31])):
-        network = plan(crowd(modules), SITE, "AS-i", settings=limits)
-        assert network.segments["addresses"].tolist() == addresses
-        assert network.segments["slaves"].sum() == modules
-        check_everything(network, limits)
+        design = plan(crowd(modules), SITE, "AS-i", settings=limits)
+        assert design.segments["addresses"].tolist() == addresses
+        assert design.segments["slaves"].sum() == modules
+        check_everything(design, limits)
     # kim2023, section 3.3: 62 modules of four contacts, 496 conductors, are 2 on the bus.
-    local = Settings(asi=AsiLimits(slack=0.1), fed=False)
+    local = Settings({"asi.slack": 0.1, "fed": False})
     for option, conductors in (("home runs", 496), ("AS-i", 2)):
-        runs = plan(crowd(62), SITE, option, settings=local).runs
+        runs = plan(crowd(62), SITE, option, settings=local).cables
         assert runs.loc[runs["at_cabinet"], "used"].sum() == conductors
-    alone = Settings(asi=AsiLimits(slack=0.1, shared=False))
+    alone = Settings({"asi.slack": 0.1, "asi.shared": False})
     assert len(plan(crowd(32), SITE, "AS-i", settings=alone).segments) == 2
 
 
 def test_a_point_without_a_place_goes_home_and_nowhere_else():
-    iolist = parse_iolist("tag,signal,home run,JB\nA,contact,30,\nB,contact,40,J1")
-    assert plan(iolist, SITE, "home runs").runs["length_m"].tolist() == [30, 40]
+    iolist = IoList.parse("tag,signal,home run,JB\nA,contact,30,\nB,contact,40,J1")
+    assert plan(iolist, SITE, "home runs").cables["length_m"].tolist() == [30, 40]
     for option in OPTIONS[1:]:
-        network = plan(iolist, SITE, option)
-        assert not network.points["fits"].any()
-        assert network.reasons["limit"].tolist() == ["place", "place"]
-        check_everything(network, Settings())
+        design = plan(iolist, SITE, option)
+        assert not design.points["fits"].any()
+        assert design.reasons["limit"].tolist() == ["place", "place"]
+        check_everything(design, Settings())
 
 
 def test_two_lines_keep_to_trays_of_their_own_where_there_are_some(example):
-    trays = load_trays(datasets.path("synthetic_trays_ship.csv"))
+    trays = Trays.read(datasets.path("synthetic_trays_ship.csv"))
     site = Site((26, 6, 14), trays)
-    limits = Settings(redundant=True)
+    limits = Settings({"redundant": True})
     for option in ("CAN", "Modbus RTU"):
-        network = plan(example, site, option, settings=limits)
-        assert network.fits
-        for segment in network.segments["segment"]:
-            runs = network.runs[
-                (network.runs["segment"] == segment) & (network.runs["kind"] == "trunk")
+        design = plan(example, site, option, settings=limits)
+        assert design.fits
+        for segment in design.segments["segment"]:
+            runs = design.cables[
+                (design.cables["segment"] == segment) & (design.cables["kind"] == "trunk")
             ]
             used = {
                 line: {tray for way in runs.loc[runs["line"] == line, "way"] for tray in way}
@@ -204,29 +215,29 @@ def test_two_lines_keep_to_trays_of_their_own_where_there_are_some(example):
             assert used["A"] and used["B"] - used["A"]
             # What both use, no way goes round: without these trays the second line has no way.
             assert len(used["A"] & used["B"]) < len(used["A"])
-        lines = network.runs[network.runs["kind"] == "trunk"].groupby("line")["b"].apply(set)
+        lines = design.cables[design.cables["kind"] == "trunk"].groupby("line")["b"].apply(set)
         assert lines["A"] == lines["B"]
 
 
 def test_a_mix_gives_each_kind_its_bus_and_the_first_choice_decides(example):
     choose = {"AI": "CAN", "DI": "AS-i", "Fire damper": "junction boxes", "I": "home runs"}
-    network = mix(example, Site((26, 6, 14)), choose, default="Modbus RTU")
-    points = example.points.assign(bus=network.points["bus"])
-    assert network.fits
+    design = plan(example, Site((26, 6, 14)), "Modbus RTU", mix=choose)
+    points = example.points.assign(bus=design.points["bus"])
+    assert design.fits
     assert set(points.loc[points["category"] == "I", "bus"]) == {"hardwired"}
     assert set(points.loc[points["system"] == "Fire damper", "bus"]) == {"hardwired"}
     rest = points[(points["category"] != "I") & (points["system"] != "Fire damper")]
     assert rest.groupby("type")["bus"].unique().map(list).to_dict() == {
         "AI": ["CAN"], "DI": ["AS-i"], "DO": ["Modbus RTU"]
     }  # fmt: skip
-    check_everything(network, Settings())
+    check_everything(design, Settings())
 
 
 def test_a_mix_of_one_option_is_the_plan():
     iolist = ship(40)
     for option in OPTIONS:
-        one, other = plan(iolist, SITE, option), mix(iolist, SITE, {}, default=option)
-        for name in ("points", "devices", "runs", "segments", "reasons"):
+        one, other = plan(iolist, SITE, option), plan(iolist, SITE, option)
+        for name in ("points", "devices", "cables", "segments", "reasons"):
             pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name))
 
 
@@ -235,25 +246,25 @@ def test_unknown_options_and_kinds_are_named():
     with pytest.raises(ArgumentError, match="option is 'LIN'; it must be one of home runs"):
         plan(iolist, SITE, "LIN")
     with pytest.raises(ArgumentError, match="option is 'LIN'"):
-        mix(iolist, SITE, {"AI": "LIN"})
-    with pytest.raises(ArgumentError, match="choose names 'bilge'"):
-        mix(iolist, SITE, {"bilge": "CAN"})
+        plan(iolist, SITE, "home runs", mix={"AI": "LIN"})
+    with pytest.raises(ArgumentError, match="mix names 'bilge'"):
+        plan(iolist, SITE, "home runs", mix={"bilge": "CAN"})
 
 
 def test_names_that_the_planner_would_give_are_left_to_the_user():
-    iolist = parse_iolist(
+    iolist = IoList.parse(
         "tag,signal,x,y,z,JB\ncabinet,contact,1,0,0,CAN 1 master\nCAN J2,contact,2,0,0,J2"
     )
     for option in OPTIONS:
-        network = plan(iolist, SITE, option)
-        assert network.fits
-        check_everything(network, Settings())
+        design = plan(iolist, SITE, option)
+        assert design.fits
+        check_everything(design, Settings())
 
 
 @pytest.mark.parametrize("option", OPTIONS)
 def test_the_same_list_gives_the_same_plan(option):
     one, two = (plan(ship(60), SITE, option) for _ in range(2))
-    pd.testing.assert_frame_equal(one.runs, two.runs)
+    pd.testing.assert_frame_equal(one.cables, two.cables)
     pd.testing.assert_frame_equal(one.points, two.points)
 
 
@@ -264,39 +275,53 @@ def test_the_order_of_a_list_does_not_decide_what_fits(option):
     turned = type(iolist)(table_, iolist.source)
     there, back = plan(iolist, SITE, option), plan(turned, SITE, option)
     assert there.points["fits"].tolist() == back.points["fits"].tolist()[::-1]
-    assert there.runs["length_m"].sum() == pytest.approx(back.runs["length_m"].sum(), rel=0.05)
+    assert there.cables["length_m"].sum() == pytest.approx(back.cables["length_m"].sum(), rel=0.05)
 
 
 def test_points_in_one_place_can_be_connected():
     iolist = table([("contact", (0, 0, 0), 1000)] * 9 + [("current_loop", (0, 0, 0), 1000)] * 5)
     for option in OPTIONS:
-        network = plan(iolist, SITE, option)
-        assert network.fits
-        check_everything(network, Settings())
+        design = plan(iolist, SITE, option)
+        assert design.fits
+        check_everything(design, Settings())
 
 
 def test_the_limits_are_those_of_the_rules():
     rules = datasets.read("asi_plan_rules.csv").set_index("rule")["highest"]
-    assert AsiLimits().length == float(rules["cable_length"])
-    assert AsiLimits().repeaters == int(rules["repeaters_in_series"])
-    assert AsiLimits().rating == float(rules["supply_current"])
+    assert Settings().asi.length == float(rules["cable_length"])
+    assert Settings().asi.repeaters == int(rules["repeaters_in_series"])
+    assert Settings().asi.rating == float(rules["supply_current"])
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Settings(spare=-0.1), "spare is -0.1; it must be 0..10"),
-        (lambda: Settings(spare=np.nan), "spare is nan"),
-        (lambda: Settings(redundant=1), "redundant is 1; it must be True or False"),
-        (lambda: Settings(asi=CanLimits()), "asi is .* it must be AsiLimits"),
-        (lambda: AsiLimits(inputs=5), r"inputs is 5; it must be a whole number 1\.\.4"),
-        (lambda: AsiLimits(cable="string"), "cable is 'string'; it must be one of ASI_FLAT"),
-        (lambda: CanLimits(cable="ASI_FLAT"), "cable is 'ASI_FLAT'; it must be one of CAN_2x2x025"),
-        (lambda: ModbusLimits(cable="MI2P075"), "cable is 'MI2P075'; it must be one of RS485_9843"),
-        (lambda: Settings(feeder="ASI_FLAT"), "feeder is 'ASI_FLAT'; it must be one of MI1P075"),
-        (lambda: CanLimits(bit_rates=()), r"bit_rates is \(\)"),
-        (lambda: ModbusLimits(bit_rates=(9600, 1)), "bit rate is 1"),
-        (lambda: ModbusLimits(units=248), r"units is 248; it must be a whole number 1\.\.247"),
+        (lambda: Settings({"spare": -0.1}), "spare is -0.1; it must be 0..10"),
+        (lambda: Settings({"spare": np.nan}), "spare is nan"),
+        (lambda: Settings({"redundant": 1}), "redundant is 1; it must be true or false"),
+        (lambda: Settings({"asi.inputs": 5}), r"inputs is 5; it must be a whole number 1\.\.4"),
+        (
+            lambda: Settings({"asi.cable": "string"}),
+            "cable is 'string'; it must be one of ASI_FLAT",
+        ),
+        (
+            lambda: Settings({"can.cable": "ASI_FLAT"}),
+            "cable is 'ASI_FLAT'; it must be one of CAN_2x2x025",
+        ),
+        (
+            lambda: Settings({"modbus.cable": "MI2P075"}),
+            "cable is 'MI2P075'; it must be one of RS485_9843",
+        ),
+        (
+            lambda: Settings({"feeder": "ASI_FLAT"}),
+            "feeder is 'ASI_FLAT'; it must be one of MI1P075",
+        ),
+        (lambda: Settings({"can.bit_rates": ()}), r"bit_rates is \(\)"),
+        (lambda: Settings({"modbus.bit_rates": (9600, 1)}), "bit_rates is .9600, 1."),
+        (
+            lambda: Settings({"modbus.units": 248}),
+            r"units is 248; it must be a whole number 1\.\.247",
+        ),
     ],
 )
 def test_limits_out_of_range_are_named(make, message):
@@ -305,8 +330,8 @@ def test_limits_out_of_range_are_named(make, message):
 
 
 def test_the_update_time_of_the_settings_holds_where_a_list_names_none():
-    iolist = parse_iolist("tag,signal,x,y,z,update\nA,contact,20,0,0,\nB,contact,21,0,0,800")
+    iolist = IoList.parse("tag,signal,x,y,z,update\nA,contact,20,0,0,\nB,contact,21,0,0,800")
     for update, slowest in ((0.4, 400), (1.0, 800), (3.0, 800)):
-        network = plan(iolist, Site((0, 0, 0)), "CAN", settings=Settings(update=update))
-        assert network.segments["slowest_update_ms"].tolist() == [slowest]
-        assert network.points["response_ms"][0] == pytest.approx(500 * update, abs=2)
+        design = plan(iolist, Site((0, 0, 0)), "CAN", settings=Settings({"update": update}))
+        assert design.segments["slowest_update_ms"].tolist() == [slowest]
+        assert design.points["response_ms"][0] == pytest.approx(500 * update, abs=2)

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import combinations
 
 import matplotlib as mpl
@@ -6,15 +7,19 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from shipnet import datasets
 from shipnet.design.costs import quantities
+from shipnet.design.iolist import read_iolist
 from shipnet.design.plant import Plant
 from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado
+from shipnet.design.site import Trays
 from shipnet.design.uncertainty import draw, likely, tornado
 from shipnet.errors import ArgumentError
 
+VALVES = read_iolist(datasets.path("synthetic_iolist_valves.csv"))
 PLANT = Plant(modules=8, contacts=4, distance=40)
 NETWORKS = {"hardwired": PLANT.hardwired, "AS-i": PLANT.on_asi}
-OPTIONS = {name: quantities(network) for name, network in NETWORKS.items()}
+OPTIONS = {name: quantities(design) for name, design in NETWORKS.items()}
 
 
 @pytest.fixture
@@ -29,12 +34,12 @@ def spans(collection):
 
 def test_options_stand_side_by_side_with_their_ranges(ax):
     ranges = likely(draw(NETWORKS, rng=np.random.default_rng(1), draws=100))
-    assert plot_quantities(OPTIONS, "cable mass", ax=ax, likely=ranges) is ax
-    assert [bar.get_width() for bar in ax.patches] == [q["cable mass"] for q in OPTIONS.values()]
+    assert plot_quantities(OPTIONS, "cable_mass_kg", ax=ax, likely=ranges) is ax
+    assert [bar.get_width() for bar in ax.patches] == [q["cable_mass_kg"] for q in OPTIONS.values()]
     bounds, inner = ax.collections
-    ends = [q.table.loc["cable mass"] for q in OPTIONS.values()]
+    ends = [q.figures.loc["cable_mass_kg"] for q in OPTIONS.values()]
     assert spans(bounds) == [[row["low"], row["high"]] for row in ends]
-    rows = [ranges.loc[(option, "cable mass")] for option in OPTIONS]
+    rows = [ranges.loc[(option, "cable_mass_kg")] for option in OPTIONS]
     assert spans(inner) == [[row["low"], row["high"]] for row in rows]
     assert ax.get_xlabel() == "cable mass [kg]"
     assert [label.get_text() for label in ax.get_yticklabels()] == ["hardwired", "AS-i"]
@@ -64,7 +69,7 @@ def test_the_tornado_has_its_longest_bars_on_top(ax):
 
 
 def test_level_options_are_marked_only_if_they_are_in_the_picture(ax):
-    plot_tornado(tornado(NETWORKS, "cable mass"), ax=ax)
+    plot_tornado(tornado(NETWORKS, "cable_mass_kg"), ax=ax)
     assert len(ax.lines) == 1
     other = Figure().subplots()
     plot_tornado(tornado({"a": PLANT.on_asi, "b": PLANT.on_asi}), ax=other)
@@ -74,23 +79,22 @@ def test_level_options_are_marked_only_if_they_are_in_the_picture(ax):
 
 def test_the_front_joins_the_options_that_none_beats(ax):
     table = pd.DataFrame(
-        {"total cost": [3.0, 1.0, 2.0], "worst response": [1.0, 3.0, 4.0]}, index=list("abc")
+        {"total_cost_eur": [3.0, 1.0, 2.0], "worst response": [1.0, 3.0, 4.0]}, index=list("abc")
     )
-    best = pd.Series([True, True, False], table.index)
-    plot_pareto(table, y="worst response", pareto=best, ax=ax)
+    plot_pareto(table, y="worst response", pareto=["a", "b"], ax=ax)
     front, *dots = ax.lines
     assert list(zip(*front.get_data(), strict=True)) == [(1, 3), (3, 1)]
     assert [dot.get_markerfacecolor() for dot in dots] == ["C0", "C0", "white"]
     assert [text.get_text() for text in ax.texts] == ["a", "b", "c"]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("total cost [EUR]", "worst response")
-    with pytest.raises(ArgumentError, match="no column conductors at the cabinet"):
+    with pytest.raises(ArgumentError, match="no column conductors_at_cabinet"):
         plot_pareto(table, ax=ax)
 
 
 def test_options_at_the_same_place_share_a_label_and_near_ones_do_not_overlap(ax):
     table = pd.DataFrame(
         {
-            "total cost": [217.0, 113.0, 108.0, 108.1, 150.0],
+            "total_cost_eur": [217.0, 113.0, 108.0, 108.1, 150.0],
             "cables": [792.0, 34.0, 4.0, 4.0, np.nan],
         },
         index=["home runs", "AS-i", "CAN", "Modbus RTU", "none"],
@@ -106,14 +110,14 @@ def test_options_at_the_same_place_share_a_label_and_near_ones_do_not_overlap(ax
 
 
 def test_a_filled_dot_is_not_hidden_by_another(ax):
-    table = pd.DataFrame({"total cost": [3.0, 3.0], "cables": [1.0, 1.0]}, index=["a", "b"])
-    plot_pareto(table, y="cables", pareto=pd.Series([True, False], table.index), ax=ax)
+    table = pd.DataFrame({"total_cost_eur": [3.0, 3.0], "cables": [1.0, 1.0]}, index=["a", "b"])
+    plot_pareto(table, y="cables", pareto=["a"], ax=ax)
     _, filled, empty = ax.lines
     assert filled.get_zorder() > empty.get_zorder()
 
 
 def test_options_that_are_all_at_one_place_have_one_label(ax):
-    table = pd.DataFrame({"total cost": [3.0, 3.0], "cables": [0.0, 0.0]}, index=["a", "b"])
+    table = pd.DataFrame({"total_cost_eur": [3.0, 3.0], "cables": [0.0, 0.0]}, index=["a", "b"])
     plot_pareto(table, y="cables", ax=ax)
     assert [text.get_text() for text in ax.texts] == ["a, b"]
     nothing = plot_pareto(table.iloc[:0], y="cables", ax=Figure().subplots())
@@ -121,14 +125,79 @@ def test_options_that_are_all_at_one_place_have_one_label(ax):
 
 
 def test_a_count_has_no_unit(ax):
-    table = pd.DataFrame({"conductors at the cabinet": [3.0], "cable mass": [1.0]}, index=["a"])
-    plot_pareto(table, x="cable mass", ax=ax)
+    table = pd.DataFrame({"conductors_at_cabinet": [3.0], "cable_mass_kg": [1.0]}, index=["a"])
+    plot_pareto(table, x="cable_mass_kg", ax=ax)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("cable mass [kg]", "conductors at the cabinet")
 
 
 def test_without_a_front_no_option_is_filled(ax):
-    table = pd.DataFrame({"total cost": [3.0], "cables": [1.0]}, index=["a"])
+    table = pd.DataFrame({"total_cost_eur": [3.0], "cables": [1.0]}, index=["a"])
     plot_pareto(table, y="cables", ax=ax)
     front, dot = ax.lines
     assert len(front.get_xdata()) == 0
     assert dot.get_markerfacecolor() == "white"
+
+
+def texts(ax):
+    return [text.get_text() for text in ax.texts]
+
+
+def changed(points):
+    return replace(VALVES, points=points.reset_index(drop=True))
+
+
+def test_hardwired_draws_each_strand(ax):
+    VALVES.plot("home runs", ax)
+    assert len(ax.lines) == 32
+    assert "hardwired: 32 strands for 16 points" in texts(ax)
+    assert {"BV-01", "BV-02", "BV-03", "BV-04"} <= set(texts(ax))
+
+
+def test_asi_draws_one_module_a_device(ax):
+    VALVES.plot("AS-i", ax)
+    assert [text for text in texts(ax) if text.startswith("slave")] == [
+        f"slave {n}" for n in (1, 2, 3, 4)
+    ]
+    assert "AS-i: 2 strands in the trunk for 16 points" in texts(ax)
+
+
+def test_one_device_and_other_signals_can_be_drawn(ax):
+    one = changed(VALVES.points.iloc[:1].assign(signal="rtd_3wire", type="AI", conductors=3))
+    one.plot(ax=ax)
+    assert len(ax.lines) == 3
+    one.plot("AS-i", ax)
+    assert "3 short strands" in texts(ax)
+
+
+def test_a_common_return_is_drawn_too(ax):
+    changed(VALVES.points.iloc[:4].assign(signal="contact_common", type="DI", conductors=1)).plot(
+        ax=ax
+    )
+    assert len(ax.lines) == 5
+    assert "hardwired: 5 strands for 4 points" in texts(ax)
+    assert "ZSO  1 strand" in texts(ax)
+
+
+def test_an_iolist_without_devices_is_refused(ax):
+    for option in ("home runs", "AS-i"):
+        bare = changed(VALVES.points.assign(device=["", *VALVES.points["device"][1:]]))
+        with pytest.raises(ArgumentError, match="no device is named for BV-01-ZSO"):
+            bare.plot(option, ax)
+    with pytest.raises(ArgumentError, match="option is 'CAN'; it must be one of home runs, AS-i"):
+        VALVES.plot("CAN", ax)
+
+
+def test_a_design_and_trays_are_drawn_from_above(ax):
+    design = NETWORKS["AS-i"]
+    assert design.plot(ax) is ax and ax.get_title() == "AS-i"
+    assert sum(len(own.get_segments()) for own in ax.collections) == len(design.cables)
+    trays = Trays.read(datasets.path("synthetic_trays_ship.csv"))
+    drawn = trays.plot(Figure().subplots())
+    assert len(drawn.collections[0].get_segments()) == len(trays.names) == len(trays.table())
+    assert {text.get_text() for text in drawn.texts} == set(trays.cabinets)
+
+
+def test_the_costs_of_a_design_are_drawn_with_their_ranges(ax):
+    takes = OPTIONS["AS-i"]
+    takes.plot(ax)
+    assert [bar.get_width() for bar in ax.patches][-1] == takes["total_cost_eur"]

@@ -2,6 +2,7 @@
 
 import base64
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -9,10 +10,10 @@ import pandas as pd
 import pytest
 
 from shipnet.__main__ import main
-from shipnet.design.comparison import compare, compare_networks
+from shipnet.design.comparison import BANNER, compare
 from shipnet.design.designs import example
-from shipnet.design.iolist import from_table
-from shipnet.design.report import BANNER, document, report_html, table, write_report
+from shipnet.design.iolist import IoList
+from shipnet.design.report import document, report_html, table
 from shipnet.errors import ArgumentError
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
@@ -53,7 +54,7 @@ def pictures(page):
 
 @pytest.fixture(scope="module")
 def comparison():
-    return compare_networks([example(), example(redundant=True)], rng=np.random.default_rng(1))
+    return compare([example(), example(redundant=True)], rng=np.random.default_rng(1))
 
 
 def test_a_report_is_a_page_that_fetches_and_runs_nothing(comparison):
@@ -76,8 +77,8 @@ def test_a_report_is_a_page_that_fetches_and_runs_nothing(comparison):
 
 def test_the_first_page_says_what_it_is_not(comparison):
     words = Page(report_html(comparison)).text
-    assert words.index(BANNER) < words.index("The options side by side")
-    assert BANNER == "Design aid, not class approval."
+    assert words.index(BANNER) < words.index("The designs side by side")
+    assert BANNER == "A design aid, not class approval."
 
 
 def test_everything_that_was_assumed_and_every_rule_is_in_the_report(comparison):
@@ -87,7 +88,7 @@ def test_everything_that_was_assumed_and_every_rule_is_in_the_report(comparison)
             assert name.replace("_", " ") in words and source in words
         for line in takes.excluded:
             assert line in words
-    for row in comparison.rules.itertuples():
+    for row in comparison.findings().table().itertuples():
         assert row.source in words and row.clause in words and row.why in words
     for tag in comparison.iolist.points["tag"]:
         assert tag in words
@@ -95,11 +96,10 @@ def test_everything_that_was_assumed_and_every_rule_is_in_the_report(comparison)
 
 def test_the_same_comparison_gives_the_same_bytes(comparison, tmp_path):
     first, again, dated = (tmp_path / name for name in ("a.html", "b.html", "c.html"))
-    write_report(comparison, first)
-    write_report(
-        compare_networks([example(), example(redundant=True)], rng=np.random.default_rng(1)), again
-    )
-    write_report(comparison, dated, date="2026-11-21", remarks=["the cabinet is guessed"])
+    comparison.report(first)
+    compare([example(), example(redundant=True)], rng=np.random.default_rng(1)).report(again)
+    remarked = replace(comparison, remarks=("the cabinet is guessed",))
+    remarked.report(dated, date="2026-11-21")
     assert first.read_bytes() == again.read_bytes()
     assert b"2026-11-21" not in first.read_bytes() and b"2026-11-21" in dated.read_bytes()
     assert b"The cabinet is guessed." in dated.read_bytes()
@@ -107,12 +107,12 @@ def test_the_same_comparison_gives_the_same_bytes(comparison, tmp_path):
 
 def test_no_text_of_a_list_becomes_a_tag_of_the_page():
     small = example()
-    hostile = from_table(pd.DataFrame({
+    hostile = IoList.from_table(pd.DataFrame({
         "tag": HOSTILE, "system": HOSTILE, "signal": "contact", "x": [5.0, 6, 7, 8], "y": 1.0,
         "z": 1.0, "note": HOSTILE,
     }), source="<b>list</b>.csv")  # fmt: skip
-    found = compare(hostile, small.site, ["home runs", "Modbus RTU"])
-    page = report_html(found, title="<i>$1</i>", date="</title>", remarks=["<u>"])
+    found = hostile.compare(small.site, ["home runs", "Modbus RTU"])
+    page = replace(found, remarks=("<u>",)).html(title="<i>$1</i>", date="</title>")
     parsed = Page(page)
     assert {"script", "b", "i", "u"}.isdisjoint(parsed.tags)
     assert not any(name.startswith("on") for name, _ in parsed.attributes)
@@ -123,50 +123,52 @@ def test_no_text_of_a_list_becomes_a_tag_of_the_page():
 def test_an_option_with_a_dollar_or_a_tag_in_its_name_is_drawn_as_it_is():
     small = example()
     named = {name: getattr(small, name) for name in
-             ("iolist", "site", "points", "devices", "runs", "segments", "reasons")}  # fmt: skip
+             ("iolist", "site", "points", "devices", "cables", "segments", "reasons")}  # fmt: skip
     odd = type(small)("$a_{<script>", **named)
-    page = report_html(compare_networks([small, odd]))
+    page = report_html(compare([small, odd]))
     assert "script" not in Page(page).tags
 
 
 def test_what_does_not_fit_stands_there_with_its_reason():
     small = example()
-    far = from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
+    far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
                                    "y": 0.0, "z": 0.0}))  # fmt: skip
-    found = compare(far, small.site, ["home runs", "AS-i"])
+    found = far.compare(small.site, ["home runs", "AS-i"])
     words = Page(report_html(found)).text
-    assert found.table["points left out"].tolist() == [0, 1]
+    assert found.table()["points_left_out"].tolist() == [0, 1]
     assert "AS-i leaves 1 of 2 points out: B " in words
-    assert all(reason in words for reason in found.reasons["text"])
+    assert all(reason in words for reason in found.reasons()["text"])
     assert "does not fit" in words
-    assert "Every point fits in every option." in Page(report_html(compare_networks([small]))).text
+    assert "Every point fits in every option." in Page(report_html(compare([small]))).text
 
 
 def test_a_picture_does_not_hide_what_is_left_out():
-    far = from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
+    far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
                                    "y": 0.0, "z": 0.0}))  # fmt: skip
     rng = np.random.default_rng(1)
-    page = report_html(compare(far, example().site, ["home runs", "AS-i"], rng=rng))
+    page = report_html(far.compare(example().site, ["home runs", "AS-i"], rng=rng))
     assert "(2 DI) of no system." in Page(page).text
     named = ["AS-i (1 left out)" in figure for figure in pictures(page)]
     assert named == [True, True, True, False]  # the last one weighs whole options only
 
 
 def test_of_options_that_all_leave_points_out_no_difference_is_drawn():
-    far = from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
+    far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
                                    "y": 0.0, "z": 0.0}))  # fmt: skip
-    page = report_html(compare(far, example().site, ["AS-i", "CAN"]))
+    page = report_html(far.compare(example().site, ["AS-i", "CAN"]))
     assert len(pictures(page)) == 3
     assert "What each assumption does" not in page
 
 
 def test_only_a_verdict_is_coloured():
-    cells = table(["tag", "rule"], [["fail-safe valve", "fail"]], verdicts=[1])
-    assert "<td>fail-safe valve</td>" in cells
-    assert '<td class="k fail">fail</td>' in cells
+    cells = table(["tag", "rule"], [["violated valve", "violated"]], verdicts=[1])
+    assert "<td>violated valve</td>" in cells
+    assert '<td class="k fail">violated</td>' in cells
     small = example()
-    renamed = small.iolist.points.assign(tag=["pass 1", "fail 2", "fail 3", "not verified 4"])
-    page = report_html(compare(from_table(renamed), small.site, ["home runs"]))
+    renamed = small.iolist.points.assign(
+        tag=["met 1", "violated 2", "violated 3", "not verified 4"]
+    )
+    page = report_html(IoList.from_table(renamed).compare(small.site, ["home runs"]))
     coloured = re.findall(r'<td class="[^"]*(?:pass|fail|open)[^"]*">([^<]*)', page)
     assert coloured and not [cell for cell in coloured if re.search(r"\d$", cell)]
 
@@ -194,8 +196,8 @@ def test_the_command_prints_a_table_and_writes_a_report(tmp_path, capsys):
     assert main(command) == 0
     out = capsys.readouterr().out
     assert out.startswith("8 points (8 DI) of points.csv\n")
-    (head,) = [line for line in out.splitlines() if line.startswith("option")]
-    assert head.split() == ["option", "home", "runs", "CAN", "mix"]
+    (head,) = [line for line in out.splitlines() if line.startswith("design ")]
+    assert head.split() == ["design", "home", "runs", "CAN", "mix"]
     assert "total cost [EUR]" in out and "design aid, not class approval" in out.lower()
     page = Page(report.read_text(encoding="utf-8"))
     assert "points.csv" in page.text and "today" in page.text
@@ -263,10 +265,10 @@ def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, cap
         (["LIST", "--mix", "DI=CAN", "--mix", "DI=AS-i"], "--mix has 'DI' by CAN and by AS-i"),
         (
             ["LIST", "--mix", "XX=CAN"],
-            "--mix names 'XX'; it is no tag, signal, system, category or",
+            "--mix names 'XX'; it is not a tag, signal, system, category or",
         ),
         (["LIST", "--mix", "DI=DALI"], "--mix names 'DALI'; it must be one of home runs"),
-        (["LIST", "--rules", "KR"], "rule_set is 'KR'; it must be one of DNV"),
+        (["LIST", "--rules", "KR"], "rules are 'KR'; they must be one of DNV"),
         (["LIST", "--rules", "own.csv"], "own.csv: cannot be read"),
         (["LIST", "--trays", "trays.csv"], "trays.csv: cannot be read"),
         (["LIST", "--options", "home runs,DALI"], "--options names 'DALI'; it must be one of home"),

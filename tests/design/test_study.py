@@ -6,13 +6,11 @@ import pandas as pd
 import pytest
 
 from shipnet.design.catalogue import Range
-from shipnet.design.comparison import compare, study
-from shipnet.design.iolist import parse_iolist
-from shipnet.design.settings import Basis, BoxLimits, Settings
+from shipnet.design.iolist import IoList
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 
-LIST = parse_iolist(
+LIST = IoList.parse(
     "tag,signal,system,x,y,z,category\n"
     + "".join(f"L{n},contact,S{n % 3},{10 + 4 * n},{n % 5},2,III\n" for n in range(16))
 )
@@ -22,15 +20,15 @@ WAYS = ["home runs", "junction boxes", "AS-i"]
 
 
 def test_each_row_is_that_of_a_comparison_of_its_own():
-    table = study(LIST, SITE, GRID, WAYS, rule_set="IMO", parallel=False)
-    assert list(table.columns[:3]) == ["detour", "boxes.points", "option"]
+    table = LIST.study(GRID, SITE, WAYS, rules="IMO", parallel=False)
+    assert list(table.columns[:3]) == ["detour", "boxes.points", "design"]
     assert len(table) == 12
     for detour in (1.0, 1.6):
         for points in (4, 16):
-            alone = compare(
-                LIST, Site((0, 0, 8), detour=detour, tails=4.0), WAYS, rule_set="IMO",
-                settings=Settings(boxes=BoxLimits(points=points)),
-            ).table.reset_index()  # fmt: skip
+            alone = LIST.compare(
+                (0, 0, 8), WAYS, rules="IMO",
+                settings={"boxes.points": points, "detour": detour, "tails": 4},
+            ).table().reset_index()  # fmt: skip
             mine = table[(table["detour"] == detour) & (table["boxes.points"] == points)]
             pd.testing.assert_frame_equal(
                 mine.drop(columns=["detour", "boxes.points"]).reset_index(drop=True), alone,
@@ -39,57 +37,54 @@ def test_each_row_is_that_of_a_comparison_of_its_own():
 
 
 def test_what_is_varied_moves_what_it_should_and_nothing_else():
-    table = study(LIST, SITE, GRID, WAYS).set_index(["option", "detour", "boxes.points"])
-    cost = table["total cost"]
+    table = LIST.study(GRID, SITE, WAYS).set_index(["design", "detour", "boxes.points"])
+    cost = table["total_cost_eur"]
     assert cost["home runs", 1.6, 4] > cost["home runs", 1.0, 4] == cost["home runs", 1.0, 16]
     assert cost["junction boxes", 1.0, 4] != cost["junction boxes", 1.0, 16]
-    rates = study(LIST, SITE, {"assumptions.labour_rate": [40, Range(40, 80, 90)]}, WAYS[:1])
-    assert rates["labour"].nunique() == 1
-    low, high = rates["total cost"]
-    assert high - low == pytest.approx(40 * rates["labour"][0])
+    rates = LIST.study({"assumptions.labour_rate": [40, Range(40, 80, 90)]}, SITE, WAYS[:1])
+    assert rates["labour_h"].nunique() == 1
+    low, high = rates["total_cost_eur"]
+    assert high - low == pytest.approx(40 * rates["labour_h"][0])
     assert rates["assumptions.labour_rate"].tolist() == [40, Range(40, 80, 90)]
 
 
 def test_what_is_not_varied_is_what_was_given():
-    basis = Basis().with_({"assumptions.gland": 0, "spare": 1, "host_time": 3})
-    given = {
-        "assumptions": basis.assumptions, "settings": basis.settings, "host_time": 3.0,
-    }  # fmt: skip
+    given = {"assumptions.gland": 0, "spare": 1, "host_time": 3}
     points = [{"detour": 1.3}]
-    (found,) = study(LIST, SITE, points, ["CAN"], **given).to_dict("records")
-    alone = compare(LIST, Site((0, 0, 8), detour=1.3, tails=4.0), ["CAN"], **given).table
-    assert found["total cost"] == alone["total cost"]["CAN"]
-    assert found["rules broken"] == alone["rules broken"]["CAN"]
+    (found,) = LIST.study(points, SITE, ["CAN"], settings=given).to_dict("records")
+    alone = LIST.compare(Site((0, 0, 8), detour=1.3, tails=4.0), ["CAN"], settings=given).table()
+    assert found["total_cost_eur"] == alone["total_cost_eur"]["CAN"]
+    assert found["rules_violated"] == alone["rules_violated"]["CAN"]
 
 
 def test_wrong_values_are_all_told_before_anything_is_planned(monkeypatch):
-    monkeypatch.setattr("shipnet.design.comparison.compare", None)
+    monkeypatch.setattr("shipnet.design.comparison.plan", None)
     with pytest.raises(ArgumentError) as error:
-        study(LIST, SITE, {"detour": [1.0, 0.5], "asi.inputs": [4, 9]}, WAYS)
+        LIST.study({"detour": [1.0, 0.5], "asi.inputs": [4, 9]}, SITE, WAYS)
     assert str(error.value) == (
-        "asi.inputs is 9; it must be a whole number 1..4; detour is 0.5; it must be a number 1..10"
+        "asi.inputs is 9; it must be a whole number 1..4; detour is 0.5; it must be 1..10"
     )
     with pytest.raises(ArgumentError, match="there is no 'detuor'; the nearest is detour"):
-        study(LIST, SITE, {"detuor": [1.0]}, WAYS)
+        LIST.study({"detuor": [1.0]}, SITE, WAYS)
     with pytest.raises(ArgumentError, match="no point"):
-        study(LIST, SITE, {"detour": []}, WAYS)
+        LIST.study({"detour": []}, SITE, WAYS)
 
 
 def test_a_mistake_of_a_comparison_says_at_which_point():
     with pytest.raises(ArgumentError, match="option is 'DALI'") as error:
-        study(LIST, SITE, {"detour": [1.0]}, ["DALI"])
+        LIST.study({"detour": [1.0]}, SITE, ["DALI"])
     assert error.value.__notes__ == ["at detour=1.0"]
 
 
 def test_a_short_study_starts_no_process(monkeypatch):
     monkeypatch.setitem(sys.modules, "joblib", None)
-    assert len(study(LIST, SITE, {"detour": [1.0, 1.2]}, ["home runs"])) == 2
+    assert len(LIST.study({"detour": [1.0, 1.2]}, SITE, ["home runs"])) == 2
 
 
 def test_progress_is_told_a_comparison_at_a_time():
     told = []
-    study(
-        LIST, SITE, {"spare": [0.1, 0.2, 0.3]}, ["home runs"], parallel=False,
+    LIST.study(
+        {"spare": [0.1, 0.2, 0.3]}, SITE, ["home runs"], parallel=False,
         progress=lambda *state: told.append(state),
     )  # fmt: skip
     assert told == [(1, 3), (2, 3), (3, 3)]

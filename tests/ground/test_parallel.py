@@ -8,11 +8,7 @@ import pandas as pd
 import pytest
 
 from shipnet import datasets
-from shipnet.design.comparison import study
-from shipnet.design.costs import quantities
-from shipnet.design.iolist import parse_iolist
-from shipnet.design.plant import Plant, lines_needed
-from shipnet.design.site import Site, load_trays
+from shipnet.design import IoList, Plant, lines_needed
 from shipnet.errors import ArgumentError
 from shipnet.parallel import points_of, sweep
 from tests.support import require
@@ -24,8 +20,8 @@ GRID = {"distance": [10.0, 100.0], "contacts": [1, 2, 4]}
 def costs(distance, contacts):
     plant = Plant(modules=3, contacts=contacts, distance=distance)
     return {
-        "hardwired": quantities(plant.hardwired)["total cost"],
-        "AS-i": quantities(plant.on_asi)["total cost"],
+        "hardwired": plant.hardwired.quantities()["total_cost_eur"],
+        "AS-i": plant.on_asi.quantities()["total_cost_eur"],
     }
 
 
@@ -125,12 +121,12 @@ def test_a_dask_cluster_of_processes_gives_the_same_table(on_dask):
 
 def test_a_study_of_comparisons_on_a_cluster_gives_the_same_bits(on_dask):
     points = "".join(f"L{n},contact,S{n % 3},{10 + 4 * n},{n % 5},2,III\n" for n in range(12))
-    iolist = parse_iolist("tag,signal,system,x,y,z,category\n" + points)
-    site = Site((26.0, 6.0, 14.0), load_trays(datasets.path("synthetic_trays_ship.csv")))
-    arguments = (iolist, site, {"detour": [1.0, 1.3, 1.6]}, ["home runs", "AS-i", "CAN"])
-    there = study(*arguments, parallel=on_dask(), progress=False)
-    here = study(*arguments, parallel=False)
-    assert there["total cost"].nunique() == 9
+    iolist = IoList.parse("tag,signal,system,x,y,z,category\n" + points)
+    trays = datasets.path("synthetic_trays_ship.csv")
+    arguments = ({"detour": [1.0, 1.3, 1.6]}, (26, 6, 14), ["home runs", "AS-i", "CAN"])
+    there = iolist.study(*arguments, trays=trays, parallel=on_dask(), progress=False)
+    here = iolist.study(*arguments, trays=trays, parallel=False)
+    assert there["total_cost_eur"].nunique() == 9
     pd.testing.assert_frame_equal(there, here, check_exact=True)
 
 

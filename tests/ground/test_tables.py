@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.design.iolist import from_table, load_iolist
+from shipnet.design.iolist import IoList, read_iolist
 from shipnet.errors import InputError
 from shipnet.tables import parse_sheet, read_bytes, read_sheet, text_of
 
@@ -33,22 +33,22 @@ def workbook(path, *sheets):
 def test_a_workbook_gives_the_points_that_its_cells_hold(tmp_path):
     heading = [["Project", "Hull 1234"], [], ["Revision", datetime.date(2026, 1, 2)]]
     path = workbook(tmp_path / "list.xlsx", ("Cover", heading), ("Points", heading + LIST))
-    points = load_iolist(path).points
+    points = read_iolist(path).points
     assert points["tag"].tolist() == ["LS-1", "1001"]
     assert points[["x_m", "y_m", "z_m"]].values.tolist() == [[1.5, 2, 3], [-1, 0, 2.25]]
     assert points["update_ms"].tolist() == [500, 1000]
-    assert load_iolist(path, sheet="Points").points.equals(points)
+    assert read_iolist(path, sheet="Points").points.equals(points)
     # The name of the file does not decide.
     (tmp_path / "list.csv").write_bytes(path.read_bytes())
-    assert load_iolist(tmp_path / "list.csv").points.equals(points)
+    assert read_iolist(tmp_path / "list.csv").points.equals(points)
 
 
 def test_the_example_ship_is_the_same_from_a_workbook(tmp_path):
-    ship = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
+    ship = read_iolist(datasets.path("synthetic_iolist_ship.csv")).points
     rows = [list(ship.columns), *ship.astype(object).where(ship.notna(), None).values.tolist()]
     path = workbook(tmp_path / "ship.xlsx", ("ship", rows))
-    assert load_iolist(path).points.equals(ship)
-    assert from_table(ship).points.equals(ship)
+    assert read_iolist(path).points.equals(ship)
+    assert IoList.from_table(ship).points.equals(ship)
 
 
 def test_dates_errors_and_truths_in_a_workbook_are_faults(tmp_path):
@@ -57,7 +57,7 @@ def test_dates_errors_and_truths_in_a_workbook_are_faults(tmp_path):
             ["#N/A", *LIST[1][1:]]]  # fmt: skip
     path = workbook(tmp_path / "list.xlsx", ("list", rows))
     with pytest.raises(InputError) as error:
-        load_iolist(path)
+        read_iolist(path)
     assert error.value.faults == (
         "row 2, column X [m]: '1905-07-02 00:00:00', a date or a time; expected a number "
         "-1000..1000 m",
@@ -74,7 +74,7 @@ def test_a_formula_is_never_evaluated(tmp_path):
     path = workbook(tmp_path / "list.xlsx", ("list", rows))
     # openpyxl saves no values with formulas: the cells are empty.
     with pytest.raises(InputError) as error:
-        load_iolist(path)
+        read_iolist(path)
     assert error.value.faults == (
         "row 2, column Tag No.: is empty; expected a tag",
         "row 3, column X [m]: is empty; expected X [m], Y [m], Z [m], or none",
@@ -83,25 +83,25 @@ def test_a_formula_is_never_evaluated(tmp_path):
 
 def test_what_stands_beside_the_table_is_not_used(tmp_path):
     rows = [LIST[0], [*LIST[1], None, "checked by K."], LIST[2]]
-    iolist = load_iolist(workbook(tmp_path / "list.xlsx", ("list", rows)))
+    iolist = read_iolist(workbook(tmp_path / "list.xlsx", ("list", rows)))
     assert iolist.remarks == ("not used: what stands beside the table in 1 rows",)
 
 
 def test_sheets_that_are_not_there_are_named(tmp_path):
     path = workbook(tmp_path / "list.xlsx", ("Cover", [["x"]]), ("Points", LIST))
     with pytest.raises(InputError, match="has no sheet 'points'; it has Cover, Points"):
-        load_iolist(path, sheet="points")
+        read_iolist(path, sheet="points")
     with pytest.raises(InputError, match=r"has no row of titles .*, on the sheet Cover"):
-        load_iolist(path, sheet="Cover")
+        read_iolist(path, sheet="Cover")
     with pytest.raises(InputError, match="has no sheet 'a'; expected an Excel workbook"):
-        load_iolist(datasets.path("synthetic_iolist_ship.csv"), sheet="a")
+        read_iolist(datasets.path("synthetic_iolist_ship.csv"), sheet="a")
 
 
 def test_a_workbook_without_openpyxl_says_what_to_install(tmp_path, monkeypatch):
     path = workbook(tmp_path / "list.xlsx", ("Points", LIST))
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     with pytest.raises(InputError, match="install openpyxl to read it, or save it as CSV"):
-        load_iolist(path)
+        read_iolist(path)
 
 
 def archive(**files):
@@ -190,18 +190,18 @@ def test_a_hidden_sheet_is_read_only_by_its_name(tmp_path):
     book = openpyxl.load_workbook(path)
     book["Rev A"].sheet_state = "hidden"
     book.save(path)
-    assert load_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
-    assert load_iolist(path, "Rev A").points["tag"].tolist() == ["OLD-1"]
+    assert read_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
+    assert read_iolist(path, "Rev A").points["tag"].tolist() == ["OLD-1"]
     book["Rev A"].sheet_state = "veryHidden"
     book.save(path)
-    assert load_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
+    assert read_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
     book["Rev A"].sheet_state = "visible"
     book["Rev B"].sheet_state = "hidden"
     del book["Rev A"]
     book.create_sheet("Cover").append(["Hull 1234"])
     book.save(path)
     with pytest.raises(InputError, match=r"on the sheets Cover; hidden, to be named: Rev B$"):
-        load_iolist(path)
+        read_iolist(path)
 
 
 def test_sheets_that_hold_such_a_table_too_are_told(tmp_path):
@@ -210,10 +210,10 @@ def test_sheets_that_hold_such_a_table_too_are_told(tmp_path):
         tmp_path / "list.xlsx", ("Cover", [["Hull 1234"]]), ("Bilge", LIST), ("Fuel", [[], *other]),
         ("Cargo", other),
     )  # fmt: skip
-    iolist = load_iolist(path)
+    iolist = read_iolist(path)
     assert iolist.remarks == ("read: sheet Bilge; not read: Fuel, Cargo, with such titles too",)
-    assert load_iolist(path, "Fuel").remarks == ()
-    assert load_iolist(path, "Fuel").points["tag"].tolist() == ["FO-1"]
+    assert read_iolist(path, "Fuel").remarks == ()
+    assert read_iolist(path, "Fuel").points["tag"].tolist() == ["FO-1"]
 
 
 def test_cells_that_are_merged_downwards_hold_the_same_in_each_row(tmp_path):
@@ -226,7 +226,7 @@ def test_cells_that_are_merged_downwards_hold_the_same_in_each_row(tmp_path):
     for cells in ("A1:I1", "A3:A3", "B4:B7", "G4:G5", "G6:G7", "H5:I6"):
         book["Points"].merge_cells(cells)
     book.save(path)
-    read = load_iolist(path).points
+    read = read_iolist(path).points
     assert read["system"].tolist() == ["Bilge"] * 4
     assert read["box"].tolist() == ["JB1", "JB1", "JB2", "JB2"]
     assert read["note"].tolist() == ["", "aft", "aft", ""]
@@ -237,7 +237,7 @@ def test_a_title_that_is_merged_downwards_is_no_point(tmp_path):
     book = openpyxl.load_workbook(path)
     book["Points"].merge_cells("A1:A2")
     book.save(path)
-    assert load_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
+    assert read_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
 
 
 def test_a_tag_that_a_format_makes_longer_is_not_cut_short(tmp_path):
@@ -245,11 +245,11 @@ def test_a_tag_that_a_format_makes_longer_is_not_cut_short(tmp_path):
     book = openpyxl.load_workbook(path)
     book["Points"]["A2"].number_format = "0000"
     book.save(path)
-    assert load_iolist(path).points["tag"].tolist() == ["0012", "1001"]
+    assert read_iolist(path).points["tag"].tolist() == ["0012", "1001"]
     book["Points"]["A3"].number_format = '"LT-"0000'
     book["Points"]["D3"].number_format = '0.0" m"'
     book.save(path)
     with pytest.raises(
         InputError, match=r"xlsx: row 3, column Tag No.: '1001', a number with words beside it;"
     ):
-        load_iolist(path)
+        read_iolist(path)

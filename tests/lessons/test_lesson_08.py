@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipnet.design.designs import example
-from shipnet.design.failures import lost
+from shipnet.design import Design
 from shipnet.engine.system import System
 from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
@@ -88,12 +87,12 @@ def test_the_second_question_is_answered_right():
 
 def test_two_lines_on_one_tray_are_lost_with_it():
     """The lesson takes both trays away instead: the same points are lost."""
-    apart = example(redundant=True)
-    ways = [("port",) if way else () for way in apart.runs["way"]]
-    together = replace(apart, runs=apart.runs.assign(way=ways))
-    assert lost(apart, trays=["port"]) == lost(apart, trays=["starboard"]) == ()
-    assert lost(together, trays=["port"]) == lost(apart, trays=["port", "starboard"])
-    assert len(lost(together, trays=["port"])) == len(apart.points)
+    apart = Design.example(redundant=True)
+    ways = [("port",) if way else () for way in apart.cables["way"]]
+    together = replace(apart, cables=apart.cables.assign(way=ways))
+    assert apart.lost(trays=["port"]) == apart.lost(trays=["starboard"]) == ()
+    assert together.lost(trays=["port"]) == apart.lost(trays=["port", "starboard"])
+    assert len(together.lost(trays=["port"])) == len(apart.points)
 
 
 def test_what_the_age_is_made_of_adds_up():

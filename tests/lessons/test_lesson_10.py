@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from shipnet import datasets
-from shipnet.design.comparison import compare_networks
-from shipnet.design.costs import quantities
-from shipnet.design.failures import single_cuts
-from shipnet.design.iolist import from_table, load_iolist
-from shipnet.design.planning import mix, plan
-from shipnet.design.plant import Plant, cost_saving
-from shipnet.design.settings import AsiLimits, Settings
+from shipnet.design.comparison import compare
+from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.planning import plan
+from shipnet.design.plant import Plant
+from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.design.uncertainty import tornado
 from shipnet.exercises import check, given, student
@@ -29,15 +27,15 @@ def right(key, name):
 
 @cache
 def ballast():
-    points = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
-    return from_table(points[points["system"] == "Ballast valve"].reset_index(drop=True))
+    points = read_iolist(datasets.path("synthetic_iolist_ship.csv")).points
+    return IoList.from_table(points[points["system"] == "Ballast valve"].reset_index(drop=True))
 
 
 @cache
-def network(option, repeaters=2, tree=True):
-    settings = Settings(asi=AsiLimits(repeaters=repeaters, tree=tree))
+def design(option, repeaters=2, tree=True):
+    settings = Settings({"asi.repeaters": repeaters, "asi.tree": tree})
     site = Site((20, -6, 14))
-    return mix(ballast(), site, {}, default=option, settings=settings, name=f"{option} {repeaters}")
+    return plan(ballast(), site, option, settings=settings, name=f"{option} {repeaters}")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -46,7 +44,7 @@ def test_what_is_left_is_counted_wire_by_wire(name):
     plant = Plant(modules=numbers["contacts"], contacts=1, lines=numbers["lines"])
     wires = [
         runs.loc[runs["at_cabinet"], "conductors"].sum()
-        for runs in (plant.on_asi.runs, plant.hardwired.runs)
+        for runs in (plant.on_asi.cables, plant.hardwired.cables)
     ]
     assert left == pytest.approx(100 * wires[0] / wires[1])
 
@@ -55,9 +53,9 @@ def test_what_is_left_is_counted_wire_by_wire(name):
 def test_a_saving_adds_up_from_its_parts(name):
     numbers, saved = right("ex-10-2", name)
     plant = Plant(contacts=2, spacing=4, **numbers)
-    parts = ["cable cost", "labour cost", "hardware cost"]
+    parts = ["cable_cost_eur", "labour_cost_eur", "hardware_cost_eur"]
     wired, bus = (
-        sum(quantities(each)[part] for part in parts) for each in (plant.hardwired, plant.on_asi)
+        sum(each.quantities()[part] for part in parts) for each in (plant.hardwired, plant.on_asi)
     )
     assert saved == pytest.approx(100 * (wired - bus) / wired)
 
@@ -66,7 +64,7 @@ def test_a_saving_adds_up_from_its_parts(name):
 def test_at_the_break_even_distance_both_designs_cost_the_same(modules, spacing):
     place = exercise("ex-10-3").answer(modules=modules, spacing=spacing).value
     plant = Plant(modules=modules, contacts=2, distance=place, spacing=spacing)
-    wired, bus = (quantities(each)["total cost"] for each in (plant.hardwired, plant.on_asi))
+    wired, bus = (each.quantities()["total_cost_eur"] for each in (plant.hardwired, plant.on_asi))
     assert bus == pytest.approx(wired, rel=1e-9)
     assert 10 < place < 50
     assert "repeater" not in set(plant.on_asi.devices["kind"])  # else the lines would jump
@@ -99,45 +97,45 @@ def test_whoever_takes_the_cheapest_or_the_first_that_fits_is_told_so():
 def test_the_options_of_exercise_4_are_those_of_the_plans():
     long, short = (function_case[0] for function_case in exercise("ex-10-4").answer().cases[-2:])
     for row, planned in (
-        (long["AS-i"], network("AS-i")),
-        (long["home runs"], network("home runs")),
-        (short["AS-i without repeaters"], network("AS-i", 0)),
+        (long["AS-i"], design("AS-i")),
+        (long["home runs"], design("home runs")),
+        (short["AS-i without repeaters"], design("AS-i", 0)),
     ):
-        assert row[0] == pytest.approx(quantities(planned)["total cost"], abs=51)
+        assert row[0] == pytest.approx(planned.quantities()["total_cost_eur"], abs=51)
         assert row[2] == len(ballast()) - planned.points["fits"].sum()
 
 
 def test_the_defended_choice_of_the_lesson_holds():
-    short, boxes = network("AS-i", 1, tree=False), network("junction boxes")
-    both = compare_networks([short, boxes])
-    table = both.table.loc[[short.name, boxes.name]]
-    assert table["points left out"].tolist() == [0, 0]
-    assert table["lost by one failure"].tolist() == [40, 60]
-    assert (table["total cost"] / 1e3).round().tolist() == [52, 72]
-    kept = table[["rules kept", "rules broken", "rules not verified"]].iloc[0]
+    short, boxes = design("AS-i", 1, tree=False), design("junction boxes")
+    both = compare([short, boxes])
+    table = both.table().loc[[short.name, boxes.name]]
+    assert table["points_left_out"].tolist() == [0, 0]
+    assert table["lost_by_failure"].tolist() == [40, 60]
+    assert (table["total_cost_eur"] / 1e3).round().tolist() == [52, 72]
+    kept = table[["rules_met", "rules_violated", "rules_not_verified"]].iloc[0]
     assert kept.tolist() == [4, 0, 11]
     # A line is lost with its master.
     assert sorted(short.segments["points"]) == [10, 10, 20, 40, 40]
     # 40 points are 8 whole valves, whichever of the worst failures it is.
-    cuts = both.cuts[short.name]
+    cuts = short.failures()
     worst = cuts[(cuts["kind"] != "cabinet") & (cuts["points_lost"] == 40)]
     assert len(worst) > 1
     assert {len({tag.partition("-")[0] for tag in tags}) for tags in worst["tags"]} == {8}
-    assert not tornado(both.networks).table["order changes"].any()
+    assert not tornado(both.designs).every["order changes"].any()
     # What speaks against it: single cables, and two rules that nobody read.
-    assert table["lost by one cable"].tolist() == [40, 10]
-    rules = both.rules[both.rules["option"] == short.name]
-    failing = rules["why"].str.startswith("would fail")
+    assert table["lost_by_cable"].tolist() == [40, 10]
+    rules = short.check().table()
+    failing = rules["why"].str.startswith("would be violated")
     assert set(rules["rule"][failing]) == {"network", "supply changes over"}
-    assert table["labour"].round().tolist() == [461, 598]
+    assert table["labour_h"].round().tolist() == [461, 598]
 
 
 def test_two_assumptions_turn_as_i_and_can_round_and_none_home_runs():
-    networks = {name: plan(ballast(), Site((20, -6, 14)), name) for name in ("AS-i", "CAN")}
-    turns = tornado(networks).table["order changes"]
+    designs = {name: plan(ballast(), Site((20, -6, 14)), name) for name in ("AS-i", "CAN")}
+    turns = tornado(designs).every["order changes"]
     assert set(turns.index[turns]) == {"laying_time", "asi_analogue_module"}
-    far = tornado({"AS-i": networks["AS-i"], "home runs": network("home runs")})
-    assert not far.table["order changes"].any()
+    far = tornado({"AS-i": designs["AS-i"], "home runs": design("home runs")})
+    assert not far.every["order changes"].any()
 
 
 def test_each_way_to_count_saves_70_percent_at_its_own_distance():
@@ -148,14 +146,14 @@ def test_each_way_to_count_saves_70_percent_at_its_own_distance():
         ("cable, labour and hardware", 165),
     ):
         doors = Plant(modules=10, contacts=2, distance=distance, spacing=4)
-        assert 100 * cost_saving(doors, rng=rng, draws=1)["nominal"][counted] == pytest.approx(
+        assert 100 * doors.cost_saving(rng=rng, draws=1)["nominal"][counted] == pytest.approx(
             70, abs=0.5
         )
 
 
 def test_the_conductors_of_as_i_are_three_ways_of_two_lines_and_seven_pairs_of_power():
-    planned = network("AS-i")
-    at_cabinet = planned.runs[planned.runs["at_cabinet"]]
+    planned = design("AS-i")
+    at_cabinet = planned.cables[planned.cables["at_cabinet"]]
     assert (at_cabinet["conductors"] == 2).all()
     assert at_cabinet["kind"].value_counts().to_dict() == {"feeder": 7, "trunk": 3}
     assert len(planned.segments) == 2
@@ -163,14 +161,14 @@ def test_the_conductors_of_as_i_are_three_ways_of_two_lines_and_seven_pairs_of_p
 
 def test_the_best_design_changes_at_two_prices_of_a_point():
     plans = {
-        "plain": network("AS-i"),
-        "short": network("AS-i", 1, tree=False),
-        "runs": network("home runs"),
+        "plain": design("AS-i"),
+        "short": design("AS-i", 1, tree=False),
+        "runs": design("home runs"),
     }
-    cost = {name: quantities(each)["total cost"] for name, each in plans.items()}
+    cost = {name: each.quantities()["total_cost_eur"] for name, each in plans.items()}
     lost = {
         name: cuts[cuts["kind"] != "cabinet"]["points_lost"].max()
-        for name, cuts in ((name, single_cuts(each)) for name, each in plans.items())
+        for name, cuts in ((name, each.failures()) for name, each in plans.items())
     }
     assert lost == {"plain": 70, "short": 40, "runs": 1}
     best = [

@@ -51,9 +51,9 @@ def distinct_faults(*, equalities: bool = True) -> int:
 
 
 @numeric("kim2014-074")
-def overlapping_pairs(*, crisp: bool = True) -> int:
-    """Pairs of rules that can fire together."""
-    return len(BASE.overlaps("crisp" if crisp else "fuzzy"))
+def overlapping_pairs(*, as_printed: bool = True) -> int:
+    """Pairs of rules that can fire together, in the middle of the ramps if not as printed."""
+    return len(BASE.overlaps("crisp" if as_printed else "midpoint"))
 
 
 @numeric("kim2014-082")

@@ -1,12 +1,12 @@
-"""A network's tables hang together, or all that is wrong with them is named."""
+"""A design's tables hang together, or all that is wrong with them is named."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from shipnet.design.designs import COLUMNS, Network, frame
-from shipnet.design.iolist import parse_iolist
+from shipnet.design.designs import COLUMNS, Design, frame
+from shipnet.design.iolist import IoList
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 
@@ -18,13 +18,13 @@ RUN = {
 
 
 @pytest.fixture
-def network():
+def design():
     """Two contacts on a module on one AS-i line."""
     places = {"x_m": 0.0, "y_m": 0.0, "z_m": 0.0}
     device = {"segment": "AS-i 1", **places}
-    return Network(
+    return Design(
         "by hand",
-        parse_iolist("tag,signal,x,y,z\nA,contact,9,0,0\nB,contact,9,1,0"),
+        IoList.parse("tag,signal,x,y,z\nA,contact,9,0,0\nB,contact,9,1,0"),
         Site((0, 0, 0)),
         frame("points", [
             {"tag": tag, "bus": "AS-i", "segment": "AS-i 1", "device": "M1", "address": f"1A I{n}",
@@ -33,7 +33,7 @@ def network():
             {"device": "cabinet", "kind": "cabinet", "segment": "", **places},
             {"device": "master", "kind": "master", **device},
             {"device": "M1", "kind": "module", **device}]),
-        frame("runs", [
+        frame("cables", [
             {**RUN, "run": "trunk", "a": "master", "b": "M1", "kind": "trunk", "at_cabinet": True},
             RUN, {**RUN, "run": "drop B", "b": "B"}]),
         frame("segments", [
@@ -43,23 +43,23 @@ def network():
     )  # fmt: skip
 
 
-def test_a_network_says_what_it_is(network):
-    assert repr(network) == "<Network 'by hand': 2 of 2 points fit, 3 cables, 18 m>"
-    assert network.fits and network.worst_response_ms == 7.0 and network.cabinet == "cabinet"
-    assert network.segments["masters"].tolist() == [1]
+def test_a_network_says_what_it_is(design):
+    assert repr(design) == "<Design 'by hand': 2 of 2 points fit, 3 cables, 18 m>"
+    assert design.fits and design.worst_response_ms == 7.0 and design.cabinet == "cabinet"
+    assert design.segments["masters"].tolist() == [1]
 
 
-def test_masters_stand_in_the_cabinet_unless_the_table_says_where(network):
-    assert network.devices["at"].tolist() == ["", "cabinet", ""]
-    links = {tuple(link) for link in network.links.to_numpy()}
+def test_masters_stand_in_the_cabinet_unless_the_table_says_where(design):
+    assert design.devices["at"].tolist() == ["", "cabinet", ""]
+    links = {tuple(link) for link in design.links.to_numpy()}
     assert ("cabinet", "master", "") in links and ("M1", "A", "drop A") in links
-    apart = replace(network, devices=network.devices.assign(at=""))
+    apart = replace(design, devices=design.devices.assign(at=""))
     assert len(apart.links) == 3
 
 
-def test_tables_are_copies_so_that_the_caller_s_stay_as_they_are(network):
-    devices = network.devices.drop(columns="at")
-    replace(network, devices=devices)
+def test_tables_are_copies_so_that_the_caller_s_stay_as_they_are(design):
+    devices = design.devices.drop(columns="at")
+    replace(design, devices=devices)
     assert "at" not in devices.columns
 
 
@@ -76,30 +76,30 @@ def test_tables_are_copies_so_that_the_caller_s_stay_as_they_are(network):
         ("devices", 2, "device", "master", "device 'master' stands twice"),
         ("devices", 2, "segment", "x", "there is no segment of a device 'x'"),
         ("devices", 2, "at", "x", "there is no housing of a device 'x'"),
-        ("runs", 0, "a", "M9", "there is no end of a run 'M9'"),
-        ("runs", 0, "b", "A", "there is no end of a run 'A'"),
-        ("runs", 1, "b", "M1", "there is no point of a run 'M1'"),
-        ("runs", 1, "run", "trunk", "run 'trunk' stands twice"),
-        ("runs", 1, "kind", "string", "there is no kind of run 'string'"),
-        ("runs", 1, "line", "C", "there is no line of a run 'C'"),
-        ("runs", 1, "segment", "C", "there is no segment of a run 'C'"),
-        ("runs", 1, "length_m", np.nan, "length of drop A is nan m; it must be 0 or more"),
-        ("runs", 1, "length_m", -1.0, "length of drop A is -1.0 m"),
-        ("runs", 1, "used", 3, "drop A uses 3 of 2 conductors"),
-        ("runs", 1, "used", -1, "drop A uses -1 of 2 conductors"),
+        ("cables", 0, "a", "M9", "there is no end of a run 'M9'"),
+        ("cables", 0, "b", "A", "there is no end of a run 'A'"),
+        ("cables", 1, "b", "M1", "there is no point of a run 'M1'"),
+        ("cables", 1, "run", "trunk", "run 'trunk' stands twice"),
+        ("cables", 1, "kind", "string", "there is no kind of run 'string'"),
+        ("cables", 1, "line", "C", "there is no line of a run 'C'"),
+        ("cables", 1, "segment", "C", "there is no segment of a run 'C'"),
+        ("cables", 1, "length_m", np.nan, "length of drop A is nan m; it must be 0 or more"),
+        ("cables", 1, "length_m", -1.0, "length of drop A is -1.0 m"),
+        ("cables", 1, "used", 3, "drop A uses 3 of 2 conductors"),
+        ("cables", 1, "used", -1, "drop A uses -1 of 2 conductors"),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_together_is_named(network, table, row, column, value, message):
-    wrong = getattr(network, table).copy()
+def test_what_does_not_fit_together_is_named(design, table, row, column, value, message):
+    wrong = getattr(design, table).copy()
     wrong.loc[row, column] = value
     with pytest.raises(ArgumentError, match=message):
-        replace(network, **{table: wrong})
+        replace(design, **{table: wrong})
 
 
-def test_all_that_is_wrong_is_named_at_once(network):
-    runs = network.runs.assign(a="M9", length_m=-1.0)
+def test_all_that_is_wrong_is_named_at_once(design):
+    runs = design.cables.assign(a="M9", length_m=-1.0)
     with pytest.raises(ArgumentError) as caught:
-        replace(network, runs=runs)
+        replace(design, cables=runs)
     assert "M9" in str(caught.value) and str(caught.value).count("-1.0 m") == 3
 
 
@@ -114,9 +114,9 @@ def test_an_empty_table_has_its_columns_and_types(table):
 
 
 def test_a_table_needs_its_columns_and_types():
-    with pytest.raises(ArgumentError, match="table is 'cables'; it must be one of points"):
-        frame("cables")
+    with pytest.raises(ArgumentError, match="table is 'runs'; it must be one of points"):
+        frame("runs")
     with pytest.raises(ArgumentError, match="reasons has no column text"):
         frame("reasons", [dict.fromkeys(COLUMNS["reasons"].keys() - {"text"}, 0)])
-    with pytest.raises(ArgumentError, match="column length_m of runs is not all float"):
-        frame("runs", [{**RUN, "length_m": "long"}])
+    with pytest.raises(ArgumentError, match="column length_m of cables is not all float"):
+        frame("cables", [{**RUN, "length_m": "long"}])

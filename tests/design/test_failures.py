@@ -1,4 +1,4 @@
-"""Single failures of planned networks, against one graph search a failure."""
+"""Single failures of planned designs, against one graph search a failure."""
 
 from dataclasses import replace
 
@@ -10,24 +10,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.design.designs import Network, example, frame
-from shipnet.design.failures import FAILURES, lost, single_cuts, worst
-from shipnet.design.iolist import IoList, from_table, load_iolist, parse_iolist
+from shipnet.design.designs import Design, example, frame
+from shipnet.design.failures import FAILURES, lost, single_failures, worst
+from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.planning import plan
-from shipnet.design.settings import AsiLimits, Settings
+from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 
 JOINS = {"cabinet", "master", "gateway"}
 
 
-def searched(network, cut=(), dead=(), needs=None):
+def searched(design, cut=(), dead=(), needs=None):
     """Walk from the cabinet and from each supply, one line at a time in each bus.
 
     A line of AS-i carries telegrams only where it has current; `needs` holds the devices that do
     not work without.
     """
-    devices = network.devices.set_index("device")
+    devices = design.devices.set_index("device")
     kind = devices["kind"]
     dead = set(dead)
     while True:
@@ -36,7 +36,7 @@ def searched(network, cut=(), dead=(), needs=None):
         if not more:
             break
         dead |= more
-    if network.cabinet in dead:
+    if design.cabinet in dead:
         return set()
     graph, power, auxiliary = nx.Graph(), nx.Graph(), nx.Graph()
     auxiliary.add_nodes_from(kind.index)
@@ -53,8 +53,8 @@ def searched(network, cut=(), dead=(), needs=None):
             graph.add_edges_from([((a, line), (b, line)) for line in lines])
 
     wires = []
-    buses = network.segments.set_index("segment")["bus"]
-    for run in network.runs.itertuples():
+    buses = design.segments.set_index("segment")["bus"]
+    for run in design.cables.itertuples():
         if run.kind in ("drop", "home run"):
             wires.append((run.a, run.b, run.run))
             continue
@@ -72,14 +72,14 @@ def searched(network, cut=(), dead=(), needs=None):
             join(power, run.a, run.b, lines)
         if run.kind == "feeder" and asi and "supply" not in ends and not {run.a, run.b} & blocked:
             auxiliary.add_edge(run.a, run.b)
-    for run in network.runs.itertuples():
-        if run.kind == "feeder" and run.run in cut and network.cabinet in (run.a, run.b):
+    for run in design.cables.itertuples():
+        if run.kind == "feeder" and run.run in cut and design.cabinet in (run.a, run.b):
             unfed |= {name for name in (run.a, run.b) if kind[name] == "supply"}
     for name, row in devices[devices["at"] != ""].iterrows():
         hangs_on = row["at"]
         if row["kind"] in ("supply", "repeater"):
             masters = kind.index[(kind == "master") & (devices["segment"] == row["segment"])]
-            if hangs_on == network.cabinet and len(masters):
+            if hangs_on == design.cabinet and len(masters):
                 hangs_on = masters[-1]
         beside = (row["kind"], kind[hangs_on]) == ("repeater", "master")
         if beside and buses.get(devices.loc[hangs_on, "segment"]) == "AS-i":
@@ -96,7 +96,7 @@ def searched(network, cut=(), dead=(), needs=None):
         end = a if kind[b] == "repeater" else b
         if end in supplied or needs is None or end not in needs:
             join(graph, a, b, lines)
-    reached = {name for name, _ in nx.node_connected_component(graph, (network.cabinet, "A"))}
+    reached = {name for name, _ in nx.node_connected_component(graph, (design.cabinet, "A"))}
     alive = reached - dead
     outputs = set()
     for name in kind.index[(kind == "auxiliary supply") & ~kind.index.isin(dead)]:
@@ -104,12 +104,12 @@ def searched(network, cut=(), dead=(), needs=None):
     return alive, supplied, outputs, wires
 
 
-def points_reached(network, needs, cut=(), dead=()):
-    found = searched(network, cut, dead, needs[0])
+def points_reached(design, needs, cut=(), dead=()):
+    found = searched(design, cut, dead, needs[0])
     if not found:
         return set()
     alive, supplied, auxiliary, wires = found
-    points = network.iolist.points
+    points = design.iolist.points
     outputs = set(points.loc[points["type"] == "DO", "tag"])
     alive = {name for name in alive if name in supplied or name not in needs[0]}
     return {
@@ -148,9 +148,9 @@ def random_network(rng, n_devices=9, n_points=12):
          "way": tuple(rng.choice(["t1", "t2", "t3"], rng.integers(0, 3)))}
         for n, (a, b, kind) in enumerate(runs)
     ]  # fmt: skip
-    return Network(
+    return Design(
         "random",
-        from_table(pd.DataFrame({
+        IoList.from_table(pd.DataFrame({
             "tag": tags, "signal": ["contact", "solenoid"] * (n_points // 2),
             "system": list(rng.choice(["x", "y"], n_points)),
             "home_run_m": 1.0})),
@@ -159,7 +159,7 @@ def random_network(rng, n_devices=9, n_points=12):
             "tag": tags, "bus": "CAN", "segment": "s1", "device": "", "address": "",
             "response_ms": 1.0, "fits": True}),
         devices=table,
-        runs=frame("runs", runs),
+        cables=frame("cables", runs),
         segments=frame("segments", {
             "segment": segments, "bus": buses, "points": 0, "devices": 0, "length_m": 0.0,
             "load": 0.0, "response_ms": 0.0, "slowest_update_ms": 0.0}),
@@ -167,10 +167,10 @@ def random_network(rng, n_devices=9, n_points=12):
     )  # fmt: skip
 
 
-def shorted(network, name):
+def shorted(design, name):
     """Return the runs that a short of one of them takes, by a walk from run to run."""
-    runs = network.runs.set_index("run")
-    kind = network.devices.set_index("device")["kind"]
+    runs = design.cables.set_index("run")
+    kind = design.devices.set_index("device")["kind"]
     first = runs.loc[name]
     parts = {"repeater", "gateway"} if first["kind"] == "trunk" else {"cabinet", "gateway"}
     same = runs[
@@ -185,11 +185,11 @@ def shorted(network, name):
     return sorted(taken)
 
 
-def masters_at(network, runs):
+def masters_at(design, runs):
     """Return the masters of AS-i at whose terminals some trunks are."""
-    kind = network.devices.set_index("device")["kind"]
-    buses = network.segments.set_index("segment")["bus"]
-    own = network.runs[network.runs["run"].isin(runs) & (network.runs["kind"] == "trunk")]
+    kind = design.devices.set_index("device")["kind"]
+    buses = design.segments.set_index("segment")["bus"]
+    own = design.cables[design.cables["run"].isin(runs) & (design.cables["kind"] == "trunk")]
     own = own[own["segment"].map(buses) == "AS-i"]
     return [name for name in {*own["a"], *own["b"]} if kind[name] == "master"]
 
@@ -197,24 +197,24 @@ def masters_at(network, runs):
 @settings(max_examples=8)
 @given(st.integers(0, 10**6))
 def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
-    network = random_network(np.random.default_rng(seed))
-    table = single_cuts(network)
-    needs = searched(network)[1:3]
-    before = points_reached(network, needs)
-    for failure, names in (("cut", network.runs["run"]), ("device", network.devices["device"])):
+    design = random_network(np.random.default_rng(seed))
+    table = single_failures(design)
+    needs = searched(design)[1:3]
+    before = points_reached(design, needs)
+    for failure, names in (("cut", design.cables["run"]), ("device", design.devices["device"])):
         assert table.loc[table["failure"] == failure, "failed"].tolist() == names.tolist()
     for row in table.itertuples():
-        together = shorted(network, row.failed) if row.failure == "short" else []
-        on_tray = [r.run for r in network.runs.itertuples() if row.failed in r.way]
+        together = shorted(design, row.failed) if row.failure == "short" else []
+        on_tray = [r.run for r in design.cables.itertuples() if row.failed in r.way]
         cut = {"cut": [row.failed], "tray": on_tray, "device": [],
                "short": together}[row.failure]  # fmt: skip
         dead = [row.failed] if row.failure == "device" else []
         if row.failure == "short":
-            dead = masters_at(network, together)
-        gone = before - points_reached(network, needs, cut, dead)
+            dead = masters_at(design, together)
+        gone = before - points_reached(design, needs, cut, dead)
         assert set(row.tags) == gone, row
         assert row.points_lost == len(gone)
-        points = network.iolist.points
+        points = design.iolist.points
         assert set(row.systems) == set(points.loc[points["tag"].isin(gone), "system"])
 
 
@@ -222,82 +222,82 @@ def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
 @given(st.integers(0, 10**6))
 def test_several_failures_at_once_cost_what_a_search_finds(seed):
     rng = np.random.default_rng(seed)
-    network = random_network(rng)
-    cut = list(rng.choice(network.runs["run"], 3, replace=False))
-    dead = list(rng.choice(network.devices["device"], 1))
-    needs = searched(network)[1:3]
-    gone = points_reached(network, needs) - points_reached(network, needs, cut, dead)
-    assert set(lost(network, runs=cut, devices=dead)) == gone
+    design = random_network(rng)
+    cut = list(rng.choice(design.cables["run"], 3, replace=False))
+    dead = list(rng.choice(design.devices["device"], 1))
+    needs = searched(design)[1:3]
+    gone = points_reached(design, needs) - points_reached(design, needs, cut, dead)
+    assert set(lost(design, cables=cut, devices=dead)) == gone
 
 
 def test_a_dead_master_takes_the_points_of_its_line_also_behind_a_repeater_beside_it():
-    ship = load_iolist(datasets.path("synthetic_iolist_ship.csv")).points
-    valves = from_table(ship[ship["system"] == "Ballast valve"])
-    limits = Settings(asi=AsiLimits(repeaters=1))
-    network = plan(valves, Site((20, -6, 14)), "AS-i", settings=limits)
-    assert ((network.devices["kind"] == "repeater") & (network.devices["at"] == "cabinet")).any()
-    for segment, points in network.points.groupby("segment"):
-        assert set(lost(network, devices=[f"{segment} master"])) == set(points["tag"])
+    ship = read_iolist(datasets.path("synthetic_iolist_ship.csv")).points
+    valves = IoList.from_table(ship[ship["system"] == "Ballast valve"])
+    limits = Settings({"asi.repeaters": 1})
+    design = plan(valves, Site((20, -6, 14)), "AS-i", settings=limits)
+    assert ((design.devices["kind"] == "repeater") & (design.devices["at"] == "cabinet")).any()
+    for segment, points in design.points.groupby("segment"):
+        assert set(lost(design, devices=[f"{segment} master"])) == set(points["tag"])
 
 
 def test_a_short_takes_one_line_between_two_repeaters():
-    network = example()
-    assert single_cuts(network).query("failure == 'short'")["points_lost"].tolist() == [4]
-    repeated = network.devices.assign(
-        kind=network.devices["kind"].where(network.devices["device"] != "JB1", "repeater")
+    design = example()
+    assert single_failures(design).query("failure == 'short'")["points_lost"].tolist() == [4]
+    repeated = design.devices.assign(
+        kind=design.devices["kind"].where(design.devices["device"] != "JB1", "repeater")
     )
-    split = Network(
-        "repeated", network.iolist, network.site, network.points, repeated, network.runs,
-        network.segments, network.reasons,
+    split = Design(
+        "repeated", design.iolist, design.site, design.points, repeated, design.cables,
+        design.segments, design.reasons,
     )  # fmt: skip
-    shorts = single_cuts(split).query("failure == 'short'")
+    shorts = single_failures(split).query("failure == 'short'")
     assert shorts["failed"].tolist() == ["trunk 1", "trunk 2"]
     assert shorts["points_lost"].tolist() == [4, 2]
 
 
 def test_a_short_of_one_branch_takes_all_branches_of_a_master():
     """The line leaves an AS-i master by one pair of terminals, in however many directions."""
-    iolist = parse_iolist("tag,signal,x,y,z\nA,contact,30,0,0\nB,contact,-30,0,0")
-    network = plan(iolist, Site((0.0, 0.0, 0.0)), "AS-i")
-    table = single_cuts(network)
+    iolist = IoList.parse("tag,signal,x,y,z\nA,contact,30,0,0\nB,contact,-30,0,0")
+    design = plan(iolist, Site((0.0, 0.0, 0.0)), "AS-i")
+    table = single_failures(design)
     trunk = table[table["kind"] == "trunk"]
     assert trunk.query("failure == 'cut'")["points_lost"].tolist() == [1, 1]
     assert trunk.query("failure == 'short'")["points_lost"].tolist() == [2]
 
 
 def test_a_short_of_a_feeder_takes_the_stations_that_hang_on_the_same_supply():
-    iolist = parse_iolist(
+    iolist = IoList.parse(
         "tag,signal,x,y,z\n" + "\n".join(f"P-{n},contact,{20 * n},0,0" for n in range(1, 5))
     )
     for redundant, costs in ((False, 4), (True, 0)):
-        network = plan(iolist, Site((0, 0, 0)), "CAN", settings=Settings(redundant=redundant))
-        shorts = single_cuts(network).query("failure == 'short' and kind == 'feeder'")
+        design = plan(iolist, Site((0, 0, 0)), "CAN", settings=Settings({"redundant": redundant}))
+        shorts = single_failures(design).query("failure == 'short' and kind == 'feeder'")
         assert shorts["points_lost"].tolist() == [costs] * (1 + redundant)
-        cuts = single_cuts(network).query("failure == 'cut' and kind == 'feeder'")
+        cuts = single_failures(design).query("failure == 'cut' and kind == 'feeder'")
         assert cuts["points_lost"].max() == costs
 
 
 def test_feeders_that_meet_in_the_cabinet_alone_are_shorted_one_by_one():
-    network = example()
+    design = example()
     supplies = pd.DataFrame({"device": ["S1", "S2"], "kind": "supply", "segment": "loop 1",
                              "x_m": 9.0, "y_m": 0.0, "z_m": 4.0, "at": ""})  # fmt: skip
-    feeders = network.runs.head(2).assign(
+    feeders = design.cables.head(2).assign(
         run=["feeder 1", "feeder 2"], kind="feeder", a="cabinet", b=["S1", "S2"]
     )
     fed = replace(
-        network,
-        devices=pd.concat([network.devices, supplies]),
-        runs=pd.concat([network.runs, feeders]),
+        design,
+        devices=pd.concat([design.devices, supplies]),
+        cables=pd.concat([design.cables, feeders]),
     )
-    shorts = single_cuts(fed).query("failure == 'short' and kind == 'feeder'")
+    shorts = single_failures(fed).query("failure == 'short' and kind == 'feeder'")
     assert shorts["failed"].tolist() == ["feeder 1", "feeder 2"]
 
 
 def test_outputs_of_as_i_need_the_auxiliary_supply_and_inputs_do_not():
-    iolist = parse_iolist("tag,signal,x,y,z\nV,solenoid,30,0,0\nP,contact,60,0,0")
-    network = plan(iolist, Site((0, 0, 0)), "AS-i")
-    assert lost(network, devices=["AS-i 1 auxiliary supply"]) == ("V",)
-    table = single_cuts(network)
+    iolist = IoList.parse("tag,signal,x,y,z\nV,solenoid,30,0,0\nP,contact,60,0,0")
+    design = plan(iolist, Site((0, 0, 0)), "AS-i")
+    assert lost(design, devices=["AS-i 1 auxiliary supply"]) == ("V",)
+    table = single_failures(design)
     feeder = table[table["kind"] == "feeder"]
     assert feeder["failure"].tolist() == ["cut", "short"]
     assert feeder["tags"].tolist() == [("V",), ("V",)]
@@ -305,51 +305,51 @@ def test_outputs_of_as_i_need_the_auxiliary_supply_and_inputs_do_not():
 
 def test_a_line_of_as_i_without_current_takes_what_lies_behind_it_too():
     """Master and repeaters live on the line they send on, as `shipnet.asi.plan` has it."""
-    iolist = parse_iolist(
+    iolist = IoList.parse(
         "tag,signal,x,y,z\nA,contact,20,0,0\nB,contact,120,0,0\nC,contact,200,0,0"
     )
-    network = plan(iolist, Site((0, 0, 0)), "AS-i")
-    assert network.segments["repeaters"].tolist() == [2]
-    supplies = network.devices.query("kind == 'supply'")["device"]
-    assert [lost(network, devices=[supply]) for supply in supplies] == [
+    design = plan(iolist, Site((0, 0, 0)), "AS-i")
+    assert design.segments["repeaters"].tolist() == [2]
+    supplies = design.devices.query("kind == 'supply'")["device"]
+    assert [lost(design, devices=[supply]) for supply in supplies] == [
         ("A", "B", "C"), ("B", "C"), ("C",),
     ]  # fmt: skip
-    feeders = single_cuts(network).query("kind == 'feeder'")
+    feeders = single_failures(design).query("kind == 'feeder'")
     assert feeders["failure"].tolist() == ["cut", "cut", "short", "short"]
     assert feeders["tags"].tolist() == 2 * [("B", "C"), ("C",)]
 
 
 def test_a_repeater_beside_the_master_is_as_dead_as_its_line():
     """The line leaves the master for one side; a repeater on its terminals serves the other."""
-    iolist = parse_iolist("tag,signal,x,y,z\nA,contact,90,0,0\nB,contact,-90,0,0")
-    network = plan(iolist, Site((0, 0, 0)), "AS-i")
-    devices = network.devices.set_index("device")
+    iolist = IoList.parse("tag,signal,x,y,z\nA,contact,90,0,0\nB,contact,-90,0,0")
+    design = plan(iolist, Site((0, 0, 0)), "AS-i")
+    devices = design.devices.set_index("device")
     assert devices.query("kind == 'repeater' and at == 'cabinet'").index.tolist() == [
         "AS-i 1 repeater (2)"
     ]
-    assert lost(network, devices=["AS-i 1 repeater (2)"]) == ("B",)
-    assert lost(network, devices=["AS-i 1 supply"]) == ("A", "B")
-    shorts = single_cuts(network).query("failure == 'short' and kind == 'trunk'")
+    assert lost(design, devices=["AS-i 1 repeater (2)"]) == ("B",)
+    assert lost(design, devices=["AS-i 1 supply"]) == ("A", "B")
+    shorts = single_failures(design).query("failure == 'short' and kind == 'trunk'")
     assert shorts["tags"].tolist() == [("A", "B"), ("A",), ("B",), ("B",)]
 
 
 def test_two_lines_are_lost_only_if_both_are_cut():
-    network = example(redundant=True)
-    table = single_cuts(network)
+    design = example(redundant=True)
+    table = single_failures(design)
     trunk = table[table["kind"] == "trunk"]
     assert set(trunk["failure"]) == {"cut", "short"}
     assert trunk["points_lost"].max() == 0
-    assert lost(network, runs=["trunk 2A", "trunk 1B"]) == ("TT-3", "LS-4")
-    assert lost(network, trays=["port", "starboard"]) == tuple(network.points["tag"])
+    assert lost(design, cables=["trunk 2A", "trunk 1B"]) == ("TT-3", "LS-4")
+    assert lost(design, trays=["port", "starboard"]) == tuple(design.points["tag"])
 
 
 def test_a_tray_that_holds_both_lines_is_worth_both():
-    network = example(redundant=True)
-    together = Network(
-        "together", network.iolist, network.site, network.points, network.devices,
-        network.runs.assign(way=[("port",)] * len(network.runs)), network.segments, network.reasons,
+    design = example(redundant=True)
+    together = Design(
+        "together", design.iolist, design.site, design.points, design.devices,
+        design.cables.assign(way=[("port",)] * len(design.cables)), design.segments, design.reasons,
     )  # fmt: skip
-    (row,) = single_cuts(together).query("failure == 'tray'").itertuples()
+    (row,) = single_failures(together).query("failure == 'tray'").itertuples()
     assert (row.failed, row.points_lost, row.systems) == (
         "port",
         4,
@@ -358,7 +358,7 @@ def test_a_tray_that_holds_both_lines_is_worth_both():
 
 
 def test_the_worst_of_each_kind_leaves_the_cabinet_out():
-    table = worst(single_cuts(example()))
+    table = worst(single_failures(example()))
     assert table["failure"].tolist() == list(FAILURES)
     assert table["points_lost"].tolist() == [4, 4, 4, 4]
     assert table["failed"].tolist() == ["trunk 1", "trunk 1", "port", "master"]
@@ -366,20 +366,20 @@ def test_the_worst_of_each_kind_leaves_the_cabinet_out():
 
 
 def test_what_does_not_exist_cannot_fail():
-    with pytest.raises(ArgumentError, match=r"no run 'trunk 9', no device 'JB9', no tray 'aft'"):
-        lost(example(), runs=["trunk 9"], devices=["JB9"], trays=["aft"])
-    with pytest.raises(ArgumentError, match="runs is 'trunk 1'; it must be a list"):
-        lost(example(), runs="trunk 1")
+    with pytest.raises(ArgumentError, match=r"no cable 'trunk 9', no device 'JB9', no tray 'aft'"):
+        lost(example(), cables=["trunk 9"], devices=["JB9"], trays=["aft"])
+    with pytest.raises(ArgumentError, match="cables is 'trunk 1'; it must be a list"):
+        lost(example(), cables="trunk 1")
 
 
 def test_a_network_without_points_or_cables_loses_nothing():
-    network = example()
-    none = IoList(network.iolist.points.iloc[:0].reset_index(drop=True), "")
-    empty = Network(
-        "empty", none, network.site, frame("points"),
-        network.devices, frame("runs"), network.segments, network.reasons,
+    design = example()
+    none = IoList(design.iolist.points.iloc[:0].reset_index(drop=True), "")
+    empty = Design(
+        "empty", none, design.site, frame("points"),
+        design.devices, frame("cables"), design.segments, design.reasons,
     )  # fmt: skip
-    table = single_cuts(empty)
+    table = single_failures(empty)
     assert table["failure"].unique().tolist() == ["device"]
     assert table["points_lost"].sum() == 0
     assert lost(empty) == ()

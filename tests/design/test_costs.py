@@ -17,30 +17,24 @@ from shipnet.design.costs import (
     conductors_at_cabinet,
     quantities,
 )
-from shipnet.design.designs import Network, example, frame
-from shipnet.design.iolist import load_iolist
+from shipnet.design.designs import Design, example, frame
+from shipnet.design.iolist import read_iolist
 from shipnet.design.planning import OPTIONS as OPTIONS_OF_A_PLAN
 from shipnet.design.planning import plan
-from shipnet.design.plant import (
-    Plant,
-    asi_conductors,
-    conductor_saving,
-    cost_saving,
-    count_points,
-    hardwired_conductors,
-)
+from shipnet.design.plant import Plant
 from shipnet.design.settings import Assumption, Assumptions, Settings, values_at
 from shipnet.design.site import Site
 from shipnet.design.uncertainty import draw, likely, tornado
 from shipnet.errors import ArgumentError
+from shipnet.signals import hardwired_conductors
 
 PLANT = Plant(modules=20, contacts=3, lines=2, distance=40, spacing=3)
 OPTIONS = {"hardwired": PLANT.hardwired, "AS-i": PLANT.on_asi}
-COSTS = ["cable cost", "hardware cost", "labour cost"]
+COSTS = ["cable_cost_eur", "hardware_cost_eur", "labour_cost_eur"]
 
 
 def mixed():
-    """Return a network with every kind of device, and points of both types on every bus."""
+    """Return a design with every kind of device, and points of both types on every bus."""
     kinds = {"hardwired": "box", "AS-i": "module", "CAN": "station", "Modbus RTU": "station"}
     iolist = Plant(modules=5, contacts=2).iolist
     points = iolist.points.assign(type=["AI", "DI", "AO", "DO", "AO", "DI", "AI", "DI", "AI", "DI"])
@@ -59,13 +53,13 @@ def mixed():
     fixed = dict.fromkeys(("load", "response_ms", "slowest_update_ms", "length_m"), 1.0)
     run = {"cable": "MI4P075", "segment": "", "route_m": 8.0, "length_m": 10.0, "line": "",
            "way": ()}  # fmt: skip
-    return Network(
+    return Design(
         "mixed", replace(iolist, points=points), site=None,
         points=frame("points", rows),
         devices=frame("devices", [
             {"device": name, "kind": kind, "segment": s, **places}
             for (name, kind, _), s in zip(devices, segment, strict=True)]),
-        runs=frame("runs", [
+        cables=frame("cables", [
             {"run": "one", "a": "cabinet", "b": "box of hardwired", "kind": "trunk", "used": 5,
              "conductors": 8, "at_cabinet": True, **run},
             {"run": "two", "a": "box of hardwired", "b": points["tag"][0], "kind": "drop",
@@ -80,33 +74,35 @@ def mixed():
 MIXED = mixed()
 
 
-def by_hand(network, level, assumptions=None):
+def by_hand(design, level, assumptions=None):
     """Add the figures up cable by cable and device by device, with other words than the bill's."""
     assumed, known = Assumptions() if assumptions is None else assumptions, cables()
-    total = dict.fromkeys([*COSTS, "cable mass", "cable volume", "labour", "cross-section"], 0.0)
-    for run in network.runs.itertuples():
+    total = dict.fromkeys(
+        [*COSTS, "cable_mass_kg", "cable_volume_l", "labour_h", "cross_section_cm2"], 0.0
+    )
+    for run in design.cables.itertuples():
         cable = known[run.cable]
         length = run.length_m * assumed.at("laid_length", level)
         width, height = cable.diameter_mm / 1e3, cable.height_mm / 1e3
         area = width * height * (1 if height < width else np.pi / 4)
         area *= assumed.at("cable_diameter", level) ** 2
-        total["cable mass"] += length * getattr(cable.mass, level)
-        total["cable volume"] += 1000 * length * area
-        total["cross-section"] += 1e4 * area * run.at_cabinet
-        total["cable cost"] += length * getattr(cable.price, level)
-        total["labour"] += length * getattr(cable.lay, level)
-        total["labour"] += 2 * run.used * getattr(cable.termination, level)
-        total["labour"] += 2 * assumed.at("gland_time", level)
-        total["hardware cost"] += 2 * assumed.at("gland", level)
-    types = dict(zip(network.points["tag"], network.iolist.points["type"], strict=True))
-    for point in network.points.itertuples():
+        total["cable_mass_kg"] += length * getattr(cable.mass, level)
+        total["cable_volume_l"] += 1000 * length * area
+        total["cross_section_cm2"] += 1e4 * area * run.at_cabinet
+        total["cable_cost_eur"] += length * getattr(cable.price, level)
+        total["labour_h"] += length * getattr(cable.lay, level)
+        total["labour_h"] += 2 * run.used * getattr(cable.termination, level)
+        total["labour_h"] += 2 * assumed.at("gland_time", level)
+        total["hardware_cost_eur"] += 2 * assumed.at("gland", level)
+    types = dict(zip(design.points["tag"], design.iolist.points["type"], strict=True))
+    for point in design.points.itertuples():
         kind = "digital" if types[point.tag][0] == "D" else "analogue"
         where = {"hardwired": "plc", "CAN": "station", "Modbus RTU": "station"}.get(point.bus)
         if where:
-            total["hardware cost"] += assumed.at(f"{where}_{kind}_channel", level)
-    bus_of = dict(zip(network.segments["segment"], network.segments["bus"], strict=True))
+            total["hardware_cost_eur"] += assumed.at(f"{where}_{kind}_channel", level)
+    bus_of = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     words = {"AS-i": "asi", "CAN": "can", "Modbus RTU": "modbus"}
-    for device in network.devices.itertuples():
+    for device in design.devices.itertuples():
         kind, bus = device.kind, words.get(bus_of.get(device.segment))
         if kind == "cabinet":
             continue
@@ -114,56 +110,56 @@ def by_hand(network, level, assumptions=None):
         if kind == "supply" and bus == "asi":
             price = "asi_supply"
         if kind == "module":
-            own = [types[p.tag] for p in network.points.itertuples() if p.device == device.device]
+            own = [types[p.tag] for p in design.points.itertuples() if p.device == device.device]
             price = "asi_analogue_module" if {"AI", "AO"} & set(own) else price
         price = "supply" if kind == "auxiliary supply" else price
-        total["hardware cost"] += assumed.at(price, level)
-        reached = {r.line for r in network.runs.itertuples()
+        total["hardware_cost_eur"] += assumed.at(price, level)
+        reached = {r.line for r in design.cables.itertuples()
                    if r.kind == "trunk" and device.device in (r.a, r.b)}  # fmt: skip
         if kind == "station" and {"A", "B"} <= reached:
-            total["hardware cost"] += assumed.at("second_interface", level)
+            total["hardware_cost_eur"] += assumed.at("second_interface", level)
         slow = {"gateway": "master", "box": "box", "module": "module", "station": "station",
                 "master": "master"}.get(kind, "part")  # fmt: skip
-        total["labour"] += assumed.at(f"{slow}_time", level)
-    total["labour cost"] = total["labour"] * assumed.at("labour_rate", level)
-    return total | {"total cost": sum(total[cost] for cost in COSTS)}
+        total["labour_h"] += assumed.at(f"{slow}_time", level)
+    total["labour_cost_eur"] = total["labour_h"] * assumed.at("labour_rate", level)
+    return total | {"total_cost_eur": sum(total[cost] for cost in COSTS)}
 
 
 @pytest.mark.parametrize("level", ["low", "nominal", "high"])
-@pytest.mark.parametrize("network", [*OPTIONS.values(), MIXED], ids=lambda n: n.name)
-def test_every_figure_is_the_sum_over_single_cables_and_devices(network, level):
-    table = quantities(network).table
-    for figure, value in by_hand(network, level).items():
+@pytest.mark.parametrize("design", [*OPTIONS.values(), MIXED], ids=lambda n: n.name)
+def test_every_figure_is_the_sum_over_single_cables_and_devices(design, level):
+    table = quantities(design).figures
+    for figure, value in by_hand(design, level).items():
         assert table.loc[figure, level] == pytest.approx(value, rel=1e-12), figure
 
 
 @pytest.fixture(scope="module")
 def ship():
     """Every sixth point of the example ship."""
-    iolist = load_iolist(datasets.path("synthetic_iolist_ship.csv"))
+    iolist = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     return replace(iolist, points=iolist.points.iloc[::6].reset_index(drop=True))
 
 
 @pytest.mark.parametrize("option", OPTIONS_OF_A_PLAN)
 def test_planned_networks_are_summed_in_the_same_way(ship, option):
-    network = plan(ship, Site((22.0, 0.0, 14.0)), option)
-    table = quantities(network).table
-    for figure, value in by_hand(network, "high").items():
+    design = plan(ship, Site((22.0, 0.0, 14.0)), option)
+    table = quantities(design).figures
+    for figure, value in by_hand(design, "high").items():
         assert table.loc[figure, "high"] == pytest.approx(value, rel=1e-12), figure
     if option in ("home runs", "junction boxes"):
-        wired = hardwired_conductors(count_points(ship.points))
-        assert table.loc["conductors at the cabinet", "nominal"] == wired
+        wired = hardwired_conductors(ship.counts)
+        assert table.loc["conductors_at_cabinet", "nominal"] == wired
 
 
 def test_a_station_with_two_lines_costs_a_second_interface(ship):
     one, two = (
-        plan(ship, Site((22.0, 0.0, 14.0)), "CAN", settings=Settings(redundant=redundant))
+        plan(ship, Site((22.0, 0.0, 14.0)), "CAN", settings=Settings({"redundant": redundant}))
         for redundant in (False, True)
     )
     stations = int((two.devices["kind"] == "station").sum())
     assert bill_of(two).items["second_interface"] == stations > 1
     assert "second_interface" not in bill_of(one).items
-    table = quantities(two).table
+    table = quantities(two).figures
     for figure, value in by_hand(two, "low").items():
         assert table.loc[figure, "low"] == pytest.approx(value, rel=1e-12), figure
 
@@ -172,16 +168,16 @@ def test_the_planner_wires_the_plants_of_the_papers_with_as_many_conductors():
     for plant, wired in ((Plant(62, 4), 496), (Plant(190, 1, 14), 380)):
         planned = plan(plant.iolist, Site((0.0, 0.0, 0.0)), "home runs")
         assert conductors_at_cabinet(planned) == wired
-        assert planned.runs["length_m"].sum() == pytest.approx(
-            plant.hardwired.runs["length_m"].sum()
+        assert planned.cables["length_m"].sum() == pytest.approx(
+            plant.hardwired.cables["length_m"].sum()
         )
 
 
 def test_counts_are_exact_and_have_no_range():
-    table = quantities(MIXED).table
+    table = quantities(MIXED).figures
     assert list(table.index) == list(FIGURES)
-    assert table["unit"].to_dict() == dict(FIGURES)
-    counts = {"conductors at the cabinet": 5, "conductors laid": 16, "cables": 2,
+    assert table["unit"].to_dict() == {name: unit for name, (_, unit) in FIGURES.items()}
+    counts = {"conductors_at_cabinet": 5, "conductors_laid": 16, "cables": 2,
               "terminations": 16}  # fmt: skip
     for figure, count in counts.items():
         assert table.loc[figure, ["low", "nominal", "high"]].tolist() == [count] * 3
@@ -219,21 +215,21 @@ def test_only_what_was_used_is_listed_with_its_source():
 
 def test_cables_by_type_add_up():
     found = quantities(PLANT.on_asi)
-    assert found.by_cable["length_m"].sum() == pytest.approx(1e3 * found["cable length"])
-    assert found.by_cable["mass_kg"].sum() == pytest.approx(found["cable mass"])
-    assert found.by_cable["cost_eur"].sum() == pytest.approx(found["cable cost"])
+    assert found.by_cable["length_m"].sum() == pytest.approx(1e3 * found["cable_length_km"])
+    assert found.by_cable["mass_kg"].sum() == pytest.approx(found["cable_mass_kg"])
+    assert found.by_cable["cost_eur"].sum() == pytest.approx(found["cable_cost_eur"])
     assert found.by_cable["runs"].sum() == found["cables"]
 
 
 def test_a_network_without_anything_costs_nothing():
-    empty = Network(
+    empty = Design(
         "nothing", replace(PLANT.iolist, points=PLANT.iolist.points.iloc[:0]), site=None,
         points=frame("points"),
         devices=MIXED.devices[MIXED.devices["kind"] == "cabinet"],
-        runs=frame("runs"), segments=frame("segments"), reasons=frame("reasons"),
+        cables=frame("cables"), segments=frame("segments"), reasons=frame("reasons"),
     )  # fmt: skip
     found = quantities(empty)
-    assert (found.table[["low", "nominal", "high"]] == 0).all(axis=None)
+    assert (found.figures[["low", "nominal", "high"]] == 0).all(axis=None)
     assert found.by_cable.empty
     assert str(tornado(empty)).endswith("nothing that is assumed")
     assert (draw(empty, rng=np.random.default_rng(1), draws=3) == 0).all(axis=None)
@@ -244,17 +240,19 @@ def test_an_own_price_is_used_and_named_as_given():
     found = quantities(PLANT.on_asi, own)
     row = found.assumptions.set_index("name").loc["labour_rate"]
     assert (row["status"], row["nominal"]) == ("given", 110)
-    assert found["labour cost"] == pytest.approx(110 * quantities(PLANT.on_asi)["labour"])
+    assert found["labour_cost_eur"] == pytest.approx(110 * quantities(PLANT.on_asi)["labour_h"])
     assert Assumptions()["labour_rate"].nominal == 55
 
 
-def test_an_own_catalogue_is_used():
+def test_the_catalogue_is_used(monkeypatch):
     known = cables()
     light = {name: replace(cable, mass=Range(0, 0, 0)) for name, cable in known.items()}
-    assert quantities(PLANT.hardwired, cables=light)["cable mass"] == 0
+    monkeypatch.setattr("shipnet.design.costs.catalogue", lambda: light)
+    assert quantities(PLANT.hardwired)["cable_mass_kg"] == 0
     known = {name: cable for name, cable in known.items() if name != "MI1P075"}
+    monkeypatch.setattr("shipnet.design.costs.catalogue", lambda: known)
     with pytest.raises(ArgumentError, match="has no cable MI1P075"):
-        quantities(PLANT.hardwired, cables=known)
+        quantities(PLANT.hardwired)
 
 
 @pytest.mark.parametrize(
@@ -272,7 +270,7 @@ def test_an_own_catalogue_is_used():
         (lambda: values_at([(1, 2, 3)], "worst"), "level is 'worst'"),
         (lambda: quantities(PLANT.on_asi)["mass"], "figure is 'mass'"),
         (lambda: tornado(OPTIONS, "mass"), "figure is 'mass'"),
-        (lambda: tornado({}), "no network"),
+        (lambda: tornado({}), "no design"),
         (lambda: tornado(OPTIONS, between=("AS-i", "AS-i")), "between is"),
         (lambda: tornado(OPTIONS, between=("AS-i", "CAN")), "between is"),
         (lambda: draw(OPTIONS, rng=np.random.default_rng(1), draws=0), "draws is 0"),
@@ -326,7 +324,7 @@ def test_quantiles_are_those_of_the_triangular_distribution(row, u):
         assert value == pytest.approx(expected, rel=1e-6, abs=1e-6 * high)
 
 
-def test_the_mean_of_the_draws_is_that_of_the_closed_form():
+def test_the_mean_of_the_draws_is_that_of_the_closed_form(monkeypatch):
     # Each cost is a sum of products of independent assumptions, so its mean is the figure at their
     # means, (low + nominal + high) / 3. The tolerance is four standard errors of the mean.
     known = {
@@ -337,9 +335,10 @@ def test_the_mean_of_the_draws_is_that_of_the_closed_form():
     assumed = Assumptions()
     means = assumed.with_(**{name: Range(*[np.mean(row)] * 3) for name, row in assumed.items()})
     sample = draw(OPTIONS, rng=np.random.default_rng(2024), draws=40_000)
-    for option, network in OPTIONS.items():
-        expected = quantities(network, means, cables=known)
-        for figure in [*COSTS, "total cost", "labour", "cable mass", "cable length"]:
+    monkeypatch.setattr("shipnet.design.costs.catalogue", lambda: known)
+    for option, design in OPTIONS.items():
+        expected = quantities(design, means)
+        for figure in [*COSTS, "total_cost_eur", "labour_h", "cable_mass_kg", "cable_length_km"]:
             drawn = sample[option][figure]
             error = drawn.std() / np.sqrt(len(drawn))
             assert abs(drawn.mean() - expected[figure]) < 4 * error, (option, figure)
@@ -347,14 +346,14 @@ def test_the_mean_of_the_draws_is_that_of_the_closed_form():
 
 def test_draws_lie_within_the_bounds_and_hardly_reach_them():
     sample = draw(OPTIONS, rng=np.random.default_rng(2024))
-    for option, network in OPTIONS.items():
-        bounds = quantities(network).table
+    for option, design in OPTIONS.items():
+        bounds = quantities(design).figures
         assert (sample[option] >= bounds["low"] * (1 - 1e-12)).all(axis=None)
         assert (sample[option] <= bounds["high"] * (1 + 1e-12)).all(axis=None)
-        inner = likely(sample).loc[(option, "total cost")]
-        outer = bounds.loc["total cost"]
+        inner = likely(sample).loc[(option, "total_cost_eur")]
+        outer = bounds.loc["total_cost_eur"]
         assert inner["high"] - inner["low"] < 0.6 * (outer["high"] - outer["low"])
-        assert (sample[option]["total cost"].between(inner["low"], inner["high"])).mean() == (
+        assert (sample[option]["total_cost_eur"].between(inner["low"], inner["high"])).mean() == (
             pytest.approx(0.9, abs=1e-3)
         )
 
@@ -367,29 +366,30 @@ def test_a_further_option_leaves_the_draws_of_the_others_alone():
     pd.testing.assert_frame_equal(twice["a"], twice["b"])
 
 
-def test_the_tornado_is_what_a_changed_assumption_does():
+def test_the_tornado_is_what_a_changed_assumption_does(monkeypatch):
     found = tornado(OPTIONS)
     assumed, known = Assumptions(), cables()
-    for name in found.table.index:
+    for name in found.every.index:
         for place, level in ((0, "low"), (2, "high")):
             if name in CABLE_RANGES:
                 field, _ = CABLE_RANGES[name]
                 own = {i: replace(c, **{field: Range(*[getattr(c, field)[place]] * 3)})
                        for i, c in known.items()}  # fmt: skip
-                arguments = {"cables": own}
+                catalogue, prices = own, assumed
             else:
-                own = assumed.with_(**{name: Range(*[assumed[name][place]] * 3)})
-                arguments = {"assumptions": own}
-            ends = {o: quantities(n, **arguments)["total cost"] for o, n in OPTIONS.items()}
+                catalogue = known
+                prices = assumed.with_(**{name: Range(*[assumed[name][place]] * 3)})
+            monkeypatch.setattr("shipnet.design.costs.catalogue", lambda own=catalogue: own)
+            ends = {o: quantities(n, prices)["total_cost_eur"] for o, n in OPTIONS.items()}
             for option, value in ends.items():
-                assert found.table.loc[name, f"{option} at {level}"] == pytest.approx(value)
+                assert found.every.loc[name, f"{option} at {level}"] == pytest.approx(value)
             first, second = (ends[option] for option in found.between)
             assert found.ends.loc[name, level] == pytest.approx(first - second)
 
 
 def test_the_tornado_is_sorted_and_says_its_top():
     found = tornado(OPTIONS)
-    assert found.table["swing"].is_monotonic_decreasing
+    assert found.every["swing"].is_monotonic_decreasing
     assert found.between == ("AS-i", "hardwired")
     assert found.at_nominal < 0
     assert len(found.top()) == 3
@@ -406,35 +406,35 @@ def test_what_both_options_pay_moves_the_figure_but_not_the_difference():
     own = Assumptions().with_(labour_rate=Range(0, 0, 0))
     twice = {"a": PLANT.on_asi, "b": PLANT.on_asi}
     found = tornado(twice, assumptions=own)
-    assert (found.table["a at low"] < found.table["a at high"]).any()
-    assert (found.table["swing"] == 0).all()
+    assert (found.every["a at low"] < found.every["a at high"]).any()
+    assert (found.every["swing"] == 0).all()
     assert found.top() == []
 
 
 def test_an_order_that_an_assumption_turns_is_marked():
     near = Plant(modules=8, contacts=4, distance=10)
     options = {"hardwired": near.hardwired, "AS-i": near.on_asi}
-    assert not tornado(OPTIONS).table["order changes"].any()
+    assert not tornado(OPTIONS).every["order changes"].any()
     found = tornado(options, assumptions=Assumptions().with_(asi_module=Range(0, 10, 1000)))
-    assert found.table.loc["asi_module", "order changes"]
-    assert not found.table.loc["gland", "order changes"]
+    assert found.every.loc["asi_module", "order changes"]
+    assert not found.every.loc["gland", "order changes"]
 
 
 def test_a_single_network_has_a_tornado_too():
-    found = tornado(PLANT.on_asi, "cable mass")
+    found = tornado(PLANT.on_asi, "cable_mass_kg")
     assert found.top() == ["cable_mass", "laid_length"]
     assert found.subject == "cable mass of AS-i"
-    assert found.at_nominal == pytest.approx(quantities(PLANT.on_asi)["cable mass"])
+    assert found.at_nominal == pytest.approx(quantities(PLANT.on_asi)["cable_mass_kg"])
 
 
 def test_the_savings_of_the_papers_come_out_of_the_figures():
     far = Plant(modules=62, contacts=4)
     submarine = Plant(modules=190, contacts=1, lines=14, distance=30)
     for plant, wired, bus in ((far, 496, 2), (submarine, 380, 28)):
-        saving = conductor_saving(plant)
+        saving = plant.saving
         assert (saving.hardwired, saving.bus) == (wired, bus)
-        assert quantities(plant.hardwired)["conductors at the cabinet"] == wired
-        assert quantities(plant.on_asi)["conductors at the cabinet"] == bus
+        assert quantities(plant.hardwired)["conductors_at_cabinet"] == wired
+        assert quantities(plant.on_asi)["conductors_at_cabinet"] == bus
 
 
 @settings(max_examples=20)
@@ -444,17 +444,17 @@ def test_networks_and_formulas_count_alike(modules, contacts, lines):
     assert conductors_at_cabinet(plant.hardwired) == (
         hardwired_conductors({"contact": modules * contacts})
     )
-    assert conductors_at_cabinet(plant.on_asi) == asi_conductors(plant.lines)
+    assert conductors_at_cabinet(plant.on_asi) == 2 * plant.lines
     assert bill_of(plant.on_asi).items["asi_module"] == modules
-    runs = plant.on_asi.runs
+    runs = plant.on_asi.cables
     assert (runs["kind"] == "trunk").sum() == modules
     assert set(plant.on_asi.points["device"]) == set(runs["a"][runs["kind"] == "drop"])
 
 
 def test_each_line_is_a_chain_from_its_master():
-    network = Plant(modules=7, contacts=1, lines=3).on_asi
-    devices = network.devices.set_index("device")
-    trunks = network.runs[network.runs["kind"] == "trunk"]
+    design = Plant(modules=7, contacts=1, lines=3).on_asi
+    devices = design.devices.set_index("device")
+    trunks = design.cables[design.cables["kind"] == "trunk"]
     assert sorted(trunks["b"]) == sorted(devices.index[devices["kind"] == "module"])
     assert trunks["a"].is_unique
     for run in trunks.itertuples():
@@ -473,7 +473,7 @@ def test_a_long_line_pays_for_its_repeaters():
 def test_seventy_percent_is_one_of_many_savings_that_a_plant_can_have():
     # kim2023-063: the plant decides, and what is counted; 0.7 is neither a floor nor a ceiling.
     def saved(**plant):
-        return cost_saving(Plant(**plant), rng=np.random.default_rng(2024), draws=2000)
+        return Plant(**plant).cost_saving(rng=np.random.default_rng(2024), draws=2000)
 
     near = saved(modules=5, contacts=2, distance=5, spacing=4)
     doors = saved(modules=10, contacts=2, distance=20, spacing=4)
@@ -490,11 +490,27 @@ def test_seventy_percent_is_one_of_many_savings_that_a_plant_can_have():
 
 
 def test_a_saving_is_the_one_of_the_nominal_figures():
-    table = cost_saving(PLANT, rng=np.random.default_rng(1), draws=10)
-    wired, bus = (by_hand(network, "nominal") for network in OPTIONS.values())
+    table = PLANT.cost_saving(rng=np.random.default_rng(1), draws=10)
+    wired, bus = (by_hand(design, "nominal") for design in OPTIONS.values())
     assert table.loc["cable", "nominal"] == pytest.approx(
-        1 - bus["cable cost"] / wired["cable cost"]
+        1 - bus["cable_cost_eur"] / wired["cable_cost_eur"]
     )
     assert table.loc["cable, labour and hardware", "nominal"] == pytest.approx(
-        1 - bus["total cost"] / wired["total cost"]
+        1 - bus["total_cost_eur"] / wired["total_cost_eur"]
+    )
+
+
+def test_a_bill_adds_up_to_the_total_cost():
+    for design in (*OPTIONS.values(), MIXED):
+        bill = design.bill()
+        assert bill["cost_eur"].sum() == pytest.approx(design.quantities()["total_cost_eur"])
+        assert set(bill["kind"]) == {"cable", "part", "work"}
+
+
+def test_the_common_return_of_a_module_is_counted_once():
+    plant = Plant(modules=5, contacts=4, signal="contact_common")
+    assert (
+        plant.saving.hardwired
+        == 5 * (4 + 1)
+        == hardwired_conductors({"contact_common": 20}, groups=5)
     )

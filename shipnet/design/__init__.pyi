@@ -1,0 +1,16 @@
+from .comparison import Comparison as Comparison
+from .comparison import compare as compare
+from .costs import Quantities as Quantities
+from .designs import Design as Design
+from .iolist import SIGNALS as SIGNALS
+from .iolist import IoList as IoList
+from .iolist import read_iolist as read_iolist
+from .planning import OPTIONS as OPTIONS
+from .plant import Plant as Plant
+from .plant import Saving as Saving
+from .plant import lines_needed as lines_needed
+from .rules import Rule as Rule
+from .rules import RuleSet as RuleSet
+from .settings import Settings as Settings
+from .site import Trays as Trays
+from .uncertainty import Tornado as Tornado
