@@ -12,34 +12,9 @@ import ipywidgets as widgets
 
 from shipnet.fields import Choice, Kind, Number, Switch, Text, Whole, declared
 
-__all__ = ["Controls", "with_help"]
-
 
 class Controls:
-    """A control for each field of a dataclass, with its help.
-
-    Parameters
-    ----------
-    start : object
-        Instance of a dataclass whose fields come from `shipnet.fields`.
-
-    Attributes
-    ----------
-    widgets : dict of str to ipywidgets.Widget
-        The controls by the names of the fields; a field that buttons change has none.
-    box : ipywidgets.Box
-        All of them, each with its help below it.
-
-    Examples
-    --------
-    >>> from shipnet.tools.asi_line import AsiLine
-    >>> controls, seen = Controls(AsiLine()), []
-    >>> controls.observe(lambda: seen.append(controls.inputs.length))
-    >>> controls.widgets["length"].value = 200
-    >>> controls.put(AsiLine())
-    >>> seen, controls.widgets["length"].value
-    ([200.0], 100.0)
-    """
+    """A control for each field of a dataclass, with its help."""
 
     def __init__(self, start: Any) -> None:
         self._kind = type(start)
@@ -124,25 +99,7 @@ class Controls:
 
 
 def with_help(control: widgets.Widget, help: str) -> widgets.VBox:
-    """Return a control with a sentence that shows while the control is pointed at or in use.
-
-    Parameters
-    ----------
-    control : ipywidgets.Widget
-        The control.
-    help : str
-        The sentence.
-
-    Returns
-    -------
-    ipywidgets.VBox
-        Both.
-
-    Examples
-    --------
-    >>> with_help(widgets.Button(), "Reads on.").children[1].value
-    '<div class="shipnet-help">Reads on.</div>'
-    """
+    """Return a control with a sentence that shows while the control is pointed at or in use."""
     said = widgets.HTML(f'<div class="shipnet-help">{escape(help)}</div>')
     row = widgets.VBox([control, said])
     row.add_class("shipnet-control")

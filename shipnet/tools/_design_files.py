@@ -15,7 +15,6 @@ from shipnet.tables import text_of
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = ["from_file", "settings_from_file"]
 
 #: `shipnet.tools.ship_design.Inputs`, which stands above.
 Inputs = TypeVar("Inputs", bound="DataclassInstance")

@@ -13,8 +13,6 @@ from shipnet.design.costs import label
 from shipnet.design.failures import worst
 from shipnet.design.settings import words
 
-__all__ = ["Result"]
-
 #: Reasons for points left out, and violated rules, that are shown of each design.
 _TOLD = 3
 

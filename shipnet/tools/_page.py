@@ -29,57 +29,7 @@ _BEFORE = "The results above are still those from before."
 
 
 class Page(widgets.VBox):  # type: ignore[misc]
-    """The page of a tool.
-
-    Whatever goes wrong becomes a sentence in the page, never a traceback. While something is
-    computed the page has the class ``shipnet-busy``; what takes long shows that by itself. After a
-    file that was refused it has the class ``shipnet-before``, and the results, still the old ones,
-    are grey.
-
-    Parameters
-    ----------
-    tool : str
-        Name of the tool, which is that of its module.
-    start : object
-        Its inputs to begin with, an instance of its dataclass.
-    see : callable
-        Takes inputs and returns a `View`.
-    preset : Preset, optional
-        Controls that set the others.
-    buttons : sequence of Button, optional
-        Buttons below the controls.
-    uploads : sequence of Upload, optional
-        Files that it takes.
-    extras : sequence of ipywidgets.Widget, optional
-        Other widgets beside the buttons.
-
-    Attributes
-    ----------
-    controls : dict of str to ipywidgets.Widget
-        The controls by the names of the inputs.
-    presets : dict of str to ipywidgets.Widget
-        Those of `preset`.
-    buttons, uploads : dict of str to ipywidgets.Widget
-        Buttons and uploads by their labels; the last upload is ``load state``.
-    text : str
-        What the page says: verdict and numbers, or what is wrong.
-    good : bool
-        Whether that is good news.
-    note : str
-        What was wrong with the last file or button; empty if nothing was.
-    figure, links : ipywidgets.HTML
-        The figure, and the links that save the state and the files of the view.
-
-    Examples
-    --------
-    >>> from shipnet.tools.modbus_scan import ModbusScan
-    >>> page = ModbusScan().explore()
-    >>> page.text.splitlines()[0]
-    'in time: 1.576 s'
-    >>> page.controls["dead"].value = 1
-    >>> page.text.splitlines()[0]
-    'too slow: 2.543 s'
-    """
+    """The page of a tool."""
 
     def __init__(
         self,

@@ -11,8 +11,6 @@ from typing import Any
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import declared
 
-__all__ = ["VERSION", "decode_text", "download_link", "read_state", "write_state"]
-
 #: Version of the file; it grows when a field changes its meaning.
 VERSION = 1
 
@@ -23,75 +21,13 @@ _LARGEST = 2_000_000
 
 
 def write_state(tool: str, inputs: Any) -> str:
-    """Return the inputs of a tool as JSON.
-
-    Parameters
-    ----------
-    tool : str
-        Name of the tool.
-    inputs : object
-        Instance of its dataclass.
-
-    Returns
-    -------
-    str
-        JSON with format, version, tool and inputs.
-
-    Examples
-    --------
-    >>> from shipnet.tools.engine_faults import EngineFaults
-    >>> print(write_state("engine_faults", EngineFaults(time=14)))
-    {
-      "format": "shipnet tool",
-      "version": 1,
-      "tool": "engine_faults",
-      "inputs": {
-        "fault": "box dead JB2",
-        "design": "as printed, CAN as a line",
-        "time": 14.0
-      }
-    }
-    """
+    """Return the inputs of a tool as JSON."""
     state = {"format": _FORMAT, "version": VERSION, "tool": tool, "inputs": asdict(inputs)}
     return json.dumps(state, indent=2)
 
 
 def read_state(content: bytes, tool: str, kind: type, file: str = "state") -> Any:
-    """Return the inputs that a file holds.
-
-    Parameters
-    ----------
-    content : bytes
-        What `write_state` made, as UTF-8.
-    tool : str
-        The tool that they must be for.
-    kind : type
-        Its dataclass.
-    file : str, default "state"
-        What to call the file in an error.
-
-    Returns
-    -------
-    object
-        Instance of `kind`.
-
-    Raises
-    ------
-    InputError
-        If it is no such file, of another tool or version, or if inputs are missing, unknown or
-        illegal; all faults of the inputs at once.
-
-    Examples
-    --------
-    >>> from shipnet.tools.engine_faults import EngineFaults
-    >>> state = write_state("engine_faults", EngineFaults(time=14)).encode()
-    >>> read_state(state, "engine_faults", EngineFaults).time
-    14.0
-    >>> read_state(state.replace(b"14.0", b"140"), "engine_faults", EngineFaults)
-    Traceback (most recent call last):
-        ...
-    shipnet.errors.InputError: state: time is 140 s; it must be 2..25 s
-    """
+    """Return the inputs that a file holds."""
     given = _inputs(content, tool, file)
     fields = declared(kind)
     faults = [f"unknown input {name!r}" for name in given if name not in fields]
@@ -139,30 +75,7 @@ def _inputs(content: bytes, tool: str, file: str) -> dict[str, Any]:
 
 
 def decode_text(file: str, content: bytes) -> str:
-    """Return the text of a file that a user loads.
-
-    Parameters
-    ----------
-    file : str
-        Its name.
-    content : bytes
-        UTF-8, with or without a mark, or what Windows writes.
-
-    Returns
-    -------
-    str
-        The text.
-
-    Raises
-    ------
-    InputError
-        If it is no text.
-
-    Examples
-    --------
-    >>> decode_text("a.csv", b"oil;1")
-    'oil;1'
-    """
+    """Return the text of a file that a user loads."""
     if b"\0" in content:
         raise InputError(file, "this is no text file")
     try:
@@ -172,29 +85,7 @@ def decode_text(file: str, content: bytes) -> str:
 
 
 def download_link(text: str, file: str, content: str | bytes, kind: str) -> str:
-    """Return a link that saves a file from the page itself, which asks no server for it.
-
-    Parameters
-    ----------
-    text : str
-        What stands on the link.
-    file : str
-        Name that the file gets.
-    content : str or bytes
-        What it holds; text becomes UTF-8.
-    kind : str
-        Its media type.
-
-    Returns
-    -------
-    str
-        HTML.
-
-    Examples
-    --------
-    >>> download_link("save", "a.txt", "hi", "text/plain")[:72]
-    '<a class="shipnet-button" download="a.txt" href="data:text/plain;base64,'
-    """
+    """Return a link that saves a file from the page itself, which asks no server for it."""
     data = content.encode() if isinstance(content, str) else content
     href = f"data:{kind};base64,{b64encode(data).decode()}"
     return (

@@ -53,15 +53,7 @@ class Tool:
 
 @dataclass(frozen=True)
 class Button:
-    """A button.
-
-    Attributes
-    ----------
-    label, help : str
-        What stands on it, and one sentence on what it does.
-    act : callable
-        Takes the inputs and returns them changed, or None to compute once more.
-    """
+    """A button."""
 
     label: str
     help: str
@@ -70,18 +62,7 @@ class Button:
 
 @dataclass(frozen=True)
 class Upload:
-    """A button that takes a file of the user's.
-
-    Attributes
-    ----------
-    label, help : str
-        As for `Button`.
-    accept : str
-        Endings of the names, as ``".csv,.txt"``.
-    take : callable
-        Takes the inputs, the name and the content of the file, and returns the inputs changed.
-        Its ArgumentError or InputError becomes a sentence in the page, and nothing changes.
-    """
+    """A button that takes a file of the user's."""
 
     label: str
     help: str
@@ -91,15 +72,7 @@ class Upload:
 
 @dataclass(frozen=True)
 class Preset:
-    """Controls that set the others.
-
-    Attributes
-    ----------
-    start : object
-        Inputs of their own, made as those of the tool.
-    make : callable
-        Takes them and the inputs of the tool, and returns new inputs of the tool.
-    """
+    """Controls that set the others."""
 
     start: Any
     make: Callable[[Any, Any], Any]

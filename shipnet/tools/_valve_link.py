@@ -15,8 +15,6 @@ from shipnet.modbus.adu import Adu, decode
 from shipnet.modbus.pdu import Request, Response
 from shipnet.modbus.slave import answer
 
-__all__ = ["Ask", "Link", "ModelValves"]
-
 #: Takes unit id and request, returns the response: a `Link`, or `ModelValves`.
 Ask = Callable[[int, Request], Response]
 
@@ -24,22 +22,7 @@ _MBAP = 7
 
 
 class Link:
-    """A connection to a server, to be called with unit id and request, or closed.
-
-    Parameters
-    ----------
-    address : str
-        Name or address.
-    port : int
-        Port.
-    timeout : float, default 1
-        How long to wait for a connection, or for an answer [s].
-
-    Raises
-    ------
-    OSError
-        If nobody answers, when it is made or called; the message is a sentence.
-    """
+    """A connection to a server, to be called with unit id and request, or closed."""
 
     def __init__(self, address: str, port: int, timeout: float = 1.0) -> None:
         self.where, self._last = f"{address}, port {port}", 0
@@ -78,32 +61,7 @@ class Link:
 
 
 class ModelValves:
-    """Valves without a server, whose time is set.
-
-    Parameters
-    ----------
-    n_valves : int, default 16
-        How many, 1..247.
-    faults : sequence of Fault, optional
-        What is wrong with them.
-    rng : numpy.random.Generator, optional
-        Draws the noise of the sensors; there is none if omitted.
-
-    Attributes
-    ----------
-    time : float
-        Model time [s]; it only moves on.
-
-    Examples
-    --------
-    >>> from shipnet.modbus.pdu import Request
-    >>> valves = ModelValves(4)
-    >>> valves(2, Request.write_single_register(0x4001, 8)).registers
-    (8,)
-    >>> valves.time = 3.0
-    >>> valves(2, Request.read_input_registers(0x4020, 1)).registers[0] >> 8
-    33
-    """
+    """Valves without a server, whose time is set."""
 
     def __init__(
         self,

@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["View", "picture"]
 
 #: Width of a picture [inch], and its resolution [1/inch]; a page shows it at 100 a inch.
 _WIDTH, _DPI = 7.5, 150
@@ -23,36 +22,7 @@ _WIDTH, _DPI = 7.5, 150
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """What a tool shows.
-
-    Attributes
-    ----------
-    text : str
-        The verdict; line breaks are kept.
-    good : bool
-        Whether it is good news.
-    numbers : dict of str to str, optional
-        What stands below it, by name and with units.
-    draw : callable, optional
-        Takes axes and draws the figure on them; without it the last one stays, paled.
-    height : float, default 3.6
-        Height of the figure [inch].
-    table : pandas.DataFrame, optional
-        Text in rows and columns, shown between verdict and numbers.
-    caption : str, optional
-        What has to be said of the table.
-    about : str, optional
-        What the figure shows, for who does not see it; the verdict is put behind it.
-    files : dict of str to str or bytes, optional
-        Files to download, by their names.
-
-    Examples
-    --------
-    >>> view = View(text="in time", good=True, numbers={"load": "12 %"})
-    >>> print(view)
-    in time
-    load: 12 %
-    """
+    """What a tool shows."""
 
     text: str
     good: bool
@@ -118,25 +88,7 @@ class View:
 
 
 def picture(draw: Callable[[Axes], object], width: float, height: float) -> bytes:
-    """Return what `draw` puts on axes as a picture.
-
-    Parameters
-    ----------
-    draw : callable
-        Takes the axes.
-    width, height : float
-        Size of the figure [inch].
-
-    Returns
-    -------
-    bytes
-        A PNG file.
-
-    Examples
-    --------
-    >>> picture(lambda ax: ax.plot([0, 1]), 2, 1)[1:4]
-    b'PNG'
-    """
+    """Return what `draw` puts on axes as a picture."""
     figure = Figure(figsize=(width, height), layout="constrained")
     draw(figure.subplots())
     file = BytesIO()

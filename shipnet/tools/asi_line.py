@@ -144,21 +144,7 @@ class AsiLine(Tool):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Result:
-    """What the master makes of the answer.
-
-    Attributes
-    ----------
-    t, u : ndarray of float, shape (n_t,)
-        Time from the start of the answer [s], and the voltage at the master [V].
-    filtered : ndarray of float, shape (n_t,)
-        The same behind the receiver's filter [V].
-    sent : str
-        The seven bits that the slave sent.
-    reception : Reception
-        What the receiver found.
-    error : FrameError or None
-        What it finds wrong, if anything.
-    """
+    """What the master makes of the answer."""
 
     t: Floats
     u: Floats

@@ -140,25 +140,7 @@ class AsiNetwork(Tool):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Result:
-    """What becomes of the network.
-
-    Attributes
-    ----------
-    plan : Plan
-        The plan.
-    rules : PlanFindings
-        Every rule on every object.
-    cycle : float
-        Cycle time without repetitions [s].
-    heard : float
-        Time from one exchange with a slave to its next, of the slowest [s].
-    response : ResponseTime
-        How long a change of an input takes to reach the host, of the slowest slave [s].
-    repetitions : float
-        Requests repeated, of the whole network [1/s].
-    drops : float
-        Slaves dropped, of the whole network, if exchanges fail independently [1/h].
-    """
+    """What becomes of the network."""
 
     plan: Plan
     rules: PlanFindings

@@ -106,17 +106,7 @@ class EngineFaults(Tool):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Result:
-    """What the AMS shows, and what it has raised.
-
-    Attributes
-    ----------
-    inputs : EngineFaults
-        What was asked.
-    run : Run
-        The simulation.
-    screen : Screen
-        The screen at the time asked for.
-    """
+    """What the AMS shows, and what it has raised."""
 
     inputs: EngineFaults
     run: Run

@@ -144,21 +144,7 @@ class ModbusScan(Tool):
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What becomes of the scan.
-
-    Attributes
-    ----------
-    inputs : ModbusScan
-        What was asked.
-    poll : Poll
-        The poll of one slave.
-    healthy, scan : float
-        Scan with all slaves alive, and with the dead ones among them [s].
-    max_slaves : int
-        Slaves, the dead ones included, that a scan within the limit can have.
-    by_bit_rate : dict of int to float
-        Scan time [s] at every bit rate at which the timeout is long enough for the response.
-    """
+    """What becomes of the scan."""
 
     inputs: ModbusScan
     poll: Poll

@@ -152,21 +152,7 @@ class ReceiveRing(Tool):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Result:
-    """What has become of the ring.
-
-    Attributes
-    ----------
-    ring : Ring
-        The ring.
-    said : str
-        What the last action did.
-    packets : int
-        Packets that the reader found.
-    wrong : int
-        Packets among them that were found before, or never sent.
-    given_up : int
-        Bytes that the reader took and could make no packet of.
-    """
+    """What has become of the ring."""
 
     ring: Ring
     said: str

@@ -12,8 +12,6 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.tools._view import picture
 
-__all__ = ["draw_steps", "stepper"]
-
 #: Draws frame k, counted from 0, on axes.
 Draw = Callable[[int, Axes], object]
 

@@ -108,17 +108,7 @@ class ValveClient(Tool):
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What the valves answered.
-
-    Attributes
-    ----------
-    inputs : ValveClient
-        What was asked.
-    status : Status
-        Of all valves that answered, in order.
-    units : ndarray of int
-        Their unit ids.
-    """
+    """What the valves answered."""
 
     inputs: ValveClient
     status: Status
@@ -177,36 +167,7 @@ class Result:
 
 
 def send(ask: Ask, valve: int, action: str, position: int | None = None) -> str:
-    """Command a valve.
-
-    Parameters
-    ----------
-    ask : callable
-        A `Link`, or `ModelValves`.
-    valve : int
-        Unit id, 1..247.
-    action : str
-        ``open``, ``close``, ``position``, ``manual`` or ``auto``.
-    position : int, optional
-        Where to go, 0..100 [%]; with ``position`` only.
-
-    Returns
-    -------
-    str
-        What was done, or why the valve refuses, as a sentence.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-    OSError
-        If the server does not answer.
-
-    Examples
-    --------
-    >>> send(ModelValves(4), 5, "close")
-    'valve 5 refuses: gateway target failed to respond'
-    """
+    """Command a valve."""
     unit = check_whole("valve", valve, 1, MAX_UNIT)
     codes = {code.value.lower(): code for code in Code}
     codes["position"] = Code.POSITION_OPEN
@@ -225,31 +186,7 @@ def send(ask: Ask, valve: int, action: str, position: int | None = None) -> str:
 
 
 def update(inputs: ValveClient, ask: Ask) -> Result:
-    """Read all valves.
-
-    Parameters
-    ----------
-    inputs : ValveClient
-        How many valves, and which is chosen.
-    ask : callable
-        A `Link`, or `ModelValves`.
-
-    Returns
-    -------
-    Result
-        Their status; a valve that answers with an exception is left out.
-
-    Raises
-    ------
-    OSError
-        If the server does not answer.
-
-    Examples
-    --------
-    >>> result = update(ValveClient(valves=3), ModelValves(2))
-    >>> result.units.tolist(), result.verdict
-    ([1, 2], 'valve 1: closed, 0 %')
-    """
+    """Read all valves."""
     words, units = [], []
     for unit in range(1, inputs.valves + 1):
         response = ask(unit, READ_STATUS)
@@ -261,52 +198,12 @@ def update(inputs: ValveClient, ask: Ask) -> Result:
 
 
 def draw(result: Result, *, ax: Axes) -> Axes:
-    """Draw the openings of all valves, the chosen one framed.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(ValveClient(valves=3), ModelValves(3)), ax=Figure().subplots())
-    >>> [text.get_text() for text in ax.get_legend().get_texts()]
-    ['closed']
-    """
+    """Draw the openings of all valves, the chosen one framed."""
     return plot_screen(result.screen, ax=ax, chosen=result.inputs.valve)
 
 
 def view(result: Result, said: str = "", *, refused: bool = False) -> View:
-    """Return what the page shows of a result.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    said : str, optional
-        What became of the last command.
-    refused : bool, default False
-        Whether the chosen valve refused it.
-
-    Returns
-    -------
-    View
-        Verdict, numbers and figure.
-
-    Examples
-    --------
-    >>> view(update(ValveClient(valves=3, valve=3), ModelValves(2))).good
-    False
-    """
+    """Return what the page shows of a result."""
     return View(
         text=result.verdict,
         good=not refused and "not answer" not in result.verdict,
@@ -318,13 +215,7 @@ def view(result: Result, said: str = "", *, refused: bool = False) -> View:
 
 
 class Explorer(Page):
-    """The client's page; its server is closed by `close`, and at the end of the kernel.
-
-    Attributes
-    ----------
-    server : Server
-        The explorer's own, of 16 valves in real time.
-    """
+    """The client's page; its server is closed by `close`, and at the end of the kernel."""
 
     def __init__(self, start: ValveClient) -> None:
         self.server = valve_server(_OWN, rng=np.random.default_rng()).__enter__()

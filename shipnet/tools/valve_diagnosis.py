@@ -200,17 +200,7 @@ class _Plant:
 
 @dataclass(frozen=True)
 class Result:
-    """What the rules make of it.
-
-    Attributes
-    ----------
-    inputs : ValveDiagnosis
-        What was asked.
-    decision : Decision
-        By firing strengths, of a single sample.
-    printed : tuple of str
-        Codes that fire by the comparisons as printed, the highest priority first.
-    """
+    """What the rules make of it."""
 
     inputs: ValveDiagnosis
     decision: Decision
