@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.answers import Findings
 from shipnet.asi.batch import NONE, parse_requests, parse_responses, words_of
 from shipnet.asi.bursts import Bursts, Piece, find_bursts, pieces, smallest_pulses
 from shipnet.asi.calls import Call
@@ -18,9 +20,14 @@ from shipnet.asi.receiver import TOLERANCE, Reception, receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
 from shipnet.errors import ArgumentError, explain
+from shipnet.line.scope_file import read_waveform
+from shipnet.line.waveform import Waveform
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
+
+    from shipnet.asi.plan import Plan
 
 #: What stands in the columns of errors beside "ok" and the names of the classes.
 CUT_OFF, NO_ANSWER = "cut off", "no answer"
@@ -255,6 +262,10 @@ def _in_words(
     return "; ".join(parts)
 
 
+#: Smallest first pulse that is in order [V]: half of a signal of 3 V peak to peak, the least that
+#: a chip must read.
+LEVEL = 1.5
+
 #: A master repeats a request at once [s]; later than this it is the next cycle.
 _AT_ONCE = 1e-3
 
@@ -420,11 +431,16 @@ class Capture:
         Voltage below which nothing counted as a pulse [V].
     disturbances : int
         Bursts of too few pulses for a telegram.
+    wave : shipnet.line.Waveform
+        The record.
 
     Examples
     --------
-    >>> decode(np.zeros(1000), 1e-7).telegrams
-    0
+    >>> from shipnet.asi.topologies import line
+    >>> wave = line(80, slaves=(80,)).waveform("0011001", "80 m", after=1e-3)
+    >>> capture = decode(wave)
+    >>> capture.table()["text"].tolist(), capture.telegrams
+    (['response: 0110 (6)'], 1)
     """
 
     transactions: pd.DataFrame
@@ -432,6 +448,7 @@ class Capture:
     inverted: bool
     minimum: float
     disturbances: int
+    wave: Waveform = field(repr=False, compare=False)
     _summary: list[Summary] = field(default_factory=list, repr=False, compare=False)
 
     @property
@@ -440,6 +457,38 @@ class Capture:
         columns = self.transactions[["request_error", "response_error"]]
         return int((columns == "ok").to_numpy().sum())
 
+    def table(self) -> pd.DataFrame:
+        """Return one row per transaction; see `transactions`."""
+        return self.transactions.copy()
+
+    @property
+    def slaves(self) -> pd.DataFrame:
+        """One row per slave that was asked: answers, errors, level, evenness, ringing, margins."""
+        return self.summary().slaves
+
+    def check(self, plan: Plan | None = None) -> Findings:
+        """Judge what was heard, requests and responses apart: level, evenness, ringing, errors.
+
+        Level is the size of the first pulse: half of 3 V peak to peak at least. Of a request only
+        level and errors are known. With a `plan` every slave in it must have answered.
+        """
+        return Findings(_judged(self, plan))
+
+    def plot(
+        self, ax: Axes | None = None, *, start: float = 0.0, stop: float | None = None
+    ) -> Axes:
+        """Draw the record from `start` to `stop` [s] with the telegrams that were found in it.
+
+        Each is shaded, with its bits above it; one with an error has the error's name above them.
+        """
+        from shipnet.asi.plot import plot_capture
+
+        return plot_capture(self, self.wave.u, self.wave.dt, ax=ax, start=start, stop=stop)
+
+    def __str__(self) -> str:
+        """Return the summary."""
+        return str(self.summary())
+
     def summary(self) -> Summary:
         """Return cycle time, repetitions, missing slaves, errors and margins."""
         if not self._summary:
@@ -447,23 +496,65 @@ class Capture:
         return self._summary[0]
 
 
+def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
+    """Return the findings on a capture as the table that `Findings` takes."""
+    import pandas as pd
+
+    rows: list[tuple[str, str, float, float, float, str, str]] = []
+    nan = float("nan")
+    table = capture.transactions
+    asked = table[table["request_error"] == "ok"]
+    if len(asked):
+        least = float(asked["request_amplitude_V"].min())
+        rows.append(("request level", "master", least, LEVEL, nan, "V", "the weakest request"))
+    bad = ~table["request_error"].isin(["", "ok", CUT_OFF])
+    rows.append(("request errors", "master", float(bad.sum()), nan, 0.0, "", "bad requests"))
+    for name, slave in capture.slaves.iterrows():
+        who = f"slave {name}"
+        if slave["answers"]:
+            for rule, column, low, high, unit in (
+                ("response level", "amplitude_V", LEVEL, nan, "V"),
+                ("response evenness", "weakest_pulse", TOLERANCE.evenness, nan, ""),
+                ("response ringing", "ringing", nan, TOLERANCE.ringing, ""),
+            ):
+                rows.append((rule, who, float(slave[column]), low, high, unit, "its responses"))
+        rows.append(("response errors", who, float(slave["errors"]), nan, 0.0, "", "bad responses"))
+    answers = capture.slaves["answers"]
+    for one in plan.slaves if plan is not None else ():
+        heard = float(answers.get(one.label, 0))
+        rows.append(("answers", f"slave {one.label}", heard, 1.0, nan, "", "it is in the plan"))
+    columns = ["rule", "object", "value", "low", "high", "unit", "why"]
+    found = pd.DataFrame(rows, columns=columns)
+    missed = (found["value"] < found["low"]) | (found["value"] > found["high"])
+    found["verdict"] = np.where(missed, "violated", "met")
+    found["source"] = "IEC 62026-2 as quoted by SAP5S/SAP51, 2012, p. 29; kim2023, section 3.4"
+    return found
+
+
 def decode(
-    u: npt.ArrayLike,
-    dt: float,
+    record: str | PathLike[str] | Waveform | npt.ArrayLike,
+    dt: float | None = None,
     *,
+    channel: str | None = None,
+    sample_interval: float | None = None,
     threshold: float = 0.5,
     extended: Collection[int] = (),
     minimum: float | None = None,
 ) -> Capture:
-    """Decode a recorded line voltage.
+    """Decode a recorded line voltage, from a scope's file or samples.
 
     Parameters
     ----------
-    u : array_like of float, shape (n_t,)
-        Voltage between the two wires, either way round, on the 30 V of the supply or without
-        [V]. NaN where nothing was recorded.
-    dt : float
-        Sampling interval, 0.1e-9..1e-6 [s].
+    record : path, Waveform or array_like of float, shape (n_t,)
+        A scope's file, as `shipnet.line.Waveform.read` takes it, or the voltage between the two
+        wires, either way round, on the 30 V of the supply or without [V]. NaN where nothing was
+        recorded.
+    dt : float, optional
+        Sampling interval, 0.1e-9..1e-6 [s]; for samples only, which need it.
+    channel : str, optional
+        Title or number of the channel of a file; the first with a voltage if omitted.
+    sample_interval : float, optional
+        Time between two samples [s]; it overrides what a file says.
     threshold : float, default 0.5
         What counts as a pulse, over the size of the telegram's first pulse, between 0 and 1.
     extended : collection of int, optional
@@ -479,8 +570,10 @@ def decode(
 
     Raises
     ------
+    InputError
+        If a file cannot be read, or has no such channel.
     ArgumentError
-        If `u` is not one row of real numbers within 1e9 V, or an argument is out of range.
+        If `record` is not one row of real numbers within 1e9 V, or an argument is out of range.
 
     Notes
     -----
@@ -502,7 +595,16 @@ def decode(
     >>> float(capture.transactions["master_pause_bit"][0].round(2))
     3.0
     """
-    u = _checked(u, dt)
+    if isinstance(record, str | PathLike):
+        wave = read_waveform(record, channel=channel, sample_interval=sample_interval)
+    elif isinstance(record, Waveform):
+        wave = record
+    else:
+        if dt is None:
+            raise ArgumentError("dt is missing; samples need their sampling interval")
+        _checked(record, dt)
+        wave = Waveform(np.asarray(record), dt)
+    u, dt = _checked(wave.u, wave.dt), wave.dt
     if not 0 < threshold < 1:
         raise ArgumentError(f"threshold is {threshold}; it must lie between 0 and 1")
     if minimum is not None and not 0 < minimum < np.inf:
@@ -531,7 +633,7 @@ def decode(
         parts.append(_receive(piece, kept, edge, sign, threshold))
     telegrams = Telegrams.joined(parts)
     table = transactions_of(telegrams, ends, extended)
-    return Capture(table, len(u) * dt, sign < 0, minimum, disturbances)
+    return Capture(table, len(u) * dt, sign < 0, minimum, disturbances, wave)
 
 
 def _checked(u: npt.ArrayLike, dt: float) -> Floats:

@@ -14,8 +14,6 @@ from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 
-__all__ = ["SPREAD", "Cable", "Range", "cables", "smallest"]
-
 #: How far the truth may lie from a figure, by what is known of it. Geometry: the model of the file
 #: is good to a quarter. Work: the one span that is published, 5 to 15 minutes a conductor
 #: (industrialmonitordirect.com), is half of its middle to either side.

@@ -14,8 +14,6 @@ from shipnet.asi.timing import Transaction
 from shipnet.design.drafting import Draft, Place, balanced, zones
 from shipnet.design.settings import AsiLimits
 
-__all__ = ["Module", "analogue_response", "digital_response", "modules"]
-
 #: A module of values takes an address of its own; its outputs and inputs have this profile.
 _ANALOGUE = "S-7.3"
 

@@ -10,8 +10,6 @@ import numpy.typing as npt
 from shipnet.design.catalogue import cables, smallest
 from shipnet.design.drafting import Box, Draft, Laid, boxes, without_place
 
-__all__ = ["plan_boxes", "plan_home_runs"]
-
 Rows = npt.NDArray[np.intp]
 
 

@@ -14,8 +14,6 @@ from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 
-__all__ = ["Registers", "plan_modbus", "registers_of", "sections"]
-
 #: States in a register, and most registers of a read and of a write ("MODBUS application protocol"
 #: V1.1b3, sections 6.4 and 6.12).
 _STATES, _READ, _WRITE = 16, 125, 123
