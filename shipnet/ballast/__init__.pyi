@@ -4,6 +4,7 @@ from .diagnosis import diagnose as diagnose
 from .fleet import FleetReport as FleetReport
 from .fleet import run_fleet as run_fleet
 from .live import Client as Client
+from .live import ModelValves as ModelValves
 from .live import TestBed as TestBed
 from .live import acceptance_tests as acceptance_tests
 from .live import serve as serve

@@ -542,7 +542,34 @@ class Link:
 
 
 class ModelValves:
-    """Valves without a server, whose model `time` [s] is set; it only moves on."""
+    """Valves without a server, whose model time is set by hand.
+
+    Parameters
+    ----------
+    n_valves : int, default 16
+        How many valves, 1..247.
+    faults : tuple of Fault, optional
+        What is wrong with them, and when it begins.
+    rng : numpy.random.Generator, optional
+        Source of the sensors' noise; without it they have none.
+
+    Attributes
+    ----------
+    time : float
+        Model time [s]; it only moves on.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Examples
+    --------
+    >>> valves = ModelValves(4)
+    >>> pc = Client.over(valves, n_valves=4)
+    >>> pc.command(2, "open"), pc.command(5, "close")
+    ('valve 2: open', 'valve 5 refuses: gateway target failed to respond')
+    """
 
     def __init__(
         self,

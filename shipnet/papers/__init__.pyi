@@ -1,6 +1,7 @@
 from . import chung1998 as chung1998
 from . import icn2007 as icn2007
 from . import kim2014 as kim2014
+from . import kim2023 as kim2023
 from . import lee2012 as lee2012
 from .items import PrintedTable as PrintedTable
 from .items import figure as figure

@@ -191,7 +191,7 @@ def test_a_hidden_sheet_is_read_only_by_its_name(tmp_path):
     book["Rev A"].sheet_state = "hidden"
     book.save(path)
     assert read_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
-    assert read_iolist(path, "Rev A").points["tag"].tolist() == ["OLD-1"]
+    assert read_iolist(path, sheet="Rev A").points["tag"].tolist() == ["OLD-1"]
     book["Rev A"].sheet_state = "veryHidden"
     book.save(path)
     assert read_iolist(path).points["tag"].tolist() == ["LS-1", "1001"]
@@ -212,8 +212,8 @@ def test_sheets_that_hold_such_a_table_too_are_told(tmp_path):
     )  # fmt: skip
     iolist = read_iolist(path)
     assert iolist.remarks == ("read: sheet Bilge; not read: Fuel, Cargo, with such titles too",)
-    assert read_iolist(path, "Fuel").remarks == ()
-    assert read_iolist(path, "Fuel").points["tag"].tolist() == ["FO-1"]
+    assert read_iolist(path, sheet="Fuel").remarks == ()
+    assert read_iolist(path, sheet="Fuel").points["tag"].tolist() == ["FO-1"]
 
 
 def test_cells_that_are_merged_downwards_hold_the_same_in_each_row(tmp_path):

@@ -6,30 +6,18 @@ the Society of Naval Architects of Korea 60(6), 482-490, 2023, doi 10.3744/SNAK.
 One module a topic; what a claim needs from another paper's text is imported from there.
 """
 
-from shipnet.papers.kim2023 import (
+from shipnet.papers.kim2023 import (  # noqa: F401 - they register
     addressing,
     calls,
     immunity,
-    integrity,
     strands,
     tables,
-    telegrams,
     timing,
     tolerances,
     transfer,
     waveforms,
 )
+from shipnet.papers.kim2023.integrity import undetected
+from shipnet.papers.kim2023.telegrams import EXAMPLE_REQUEST, EXAMPLE_RESPONSE, even_ones
 
-__all__ = [
-    "addressing",
-    "calls",
-    "immunity",
-    "integrity",
-    "strands",
-    "tables",
-    "telegrams",
-    "timing",
-    "tolerances",
-    "transfer",
-    "waveforms",
-]
+__all__ = ["EXAMPLE_REQUEST", "EXAMPLE_RESPONSE", "even_ones", "undetected"]
