@@ -73,7 +73,7 @@ def main():
     rows = [
         {name: float(diagnosis.samples[name][row, valve]) for name in BASE.names} for row in known
     ]
-    exact = diagnosis.firing(valve).strength[known]
+    exact = diagnosis.firing(valve + 1).strength[known]
     assert np.abs(control_loop(rows) - exact).max() < 1e-12
     assert np.array_equal(own_loop(rows), exact)
     # What is decided is that of the whole array at once, and of dead bands.

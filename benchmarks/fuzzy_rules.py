@@ -127,7 +127,7 @@ def main():
         f"{f'{len(base.rules)} rules, {len(base.names)} sensors':<40}{'samples/s':>12}{'ratio':>12}"
     )
     for name, time in per_sample.items():
-        print(f"{name:<40}{1 / time:>12.3g}{time / per_sample['strengths']:>11.1f}x")
+        print(f"{name:<40}{1 / time:>12.3g}{time / per_sample['RuleBase.fire']:>11.1f}x")
     if "simpful in a loop" not in loops:
         print("simpful is not installed: left out")
 
