@@ -2,6 +2,8 @@
 # make test       lint, types, floors, tests, notebooks under strict nbval, wheel, browser
 # make notebooks  re-execute the notebooks; show what would change; store it with ACCEPT=1
 # make lessons    derive the editions of the lessons whose source changed, and their slides
+# make dist      build the wheel and the source distribution under dist/
+# make coverage  which lines the unit tests never run
 # make wheels     fill build/wheels for a room without a network; SYSTEM=windows PYTHON=3.12
 # make lab        open JupyterLab
 # make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
@@ -29,7 +31,7 @@ unexport VIRTUAL_ENV
 
 .DEFAULT_GOAL := all
 .NOTPARALLEL:
-.PHONY: all setup site notebooks test lint unit browser lessons wheels lab app bench lock clean
+.PHONY: all setup site notebooks test lint unit browser coverage dist lessons wheels lab app bench lock clean
 
 all: site
 	@$(PY) -m shipnet ledger --summary
@@ -82,6 +84,15 @@ unit: setup
 browser: setup
 	@echo "the book in a browser"
 	@$(WEB)
+
+coverage: setup
+	@$(BIN)/pytest -q -n logical --dist loadscope --doctest-modules --cov --cov-report=term \
+	  --ignore=tests/browser tests shipnet
+
+dist: setup
+	@rm -rf dist
+	@$(PY) -m hatchling build -d dist
+	@ls dist
 
 lessons: setup
 	@$(PY) docs/editions.py derive

@@ -451,6 +451,13 @@ class Capture:
     wave: Waveform = field(repr=False, compare=False)
     _summary: list[Summary] = field(default_factory=list, repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        """Count what was found."""
+        return (
+            f"Capture({self.telegrams} telegrams in {len(self.transactions)} transactions, "
+            f"{1e3 * self.duration:.3g} ms)"
+        )
+
     @property
     def telegrams(self) -> int:
         """How many telegrams were received without an error."""

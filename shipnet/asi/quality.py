@@ -62,6 +62,12 @@ class Quality(NamedTuple):
     received: Floats
     slaves: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """Sum up all slaves in one line."""
+        good = f"{int(self.within_tolerance.sum())} of {len(self.received)} slaves"
+        worst = f"evenness from {self.evenness.min():.2f}, ringing up to {self.ringing.max():.2f}"
+        return f"Quality({good} within tolerance; {worst})"
+
     def table(self) -> pd.DataFrame:
         """Return one row per slave, as a table."""
         import pandas as pd
