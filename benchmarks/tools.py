@@ -6,7 +6,6 @@ executes the notebook as Voila does, and what the browser adds is not measured h
 and the picture are those of the slowest of the limits of every slider, cached results left out.
 """
 
-import importlib
 import subprocess
 import sys
 import time
@@ -16,11 +15,17 @@ from timeit import repeat
 import nbformat
 from nbclient import NotebookClient
 
-from shipnet.tools._inputs import asked
-from shipnet.tools._kinds import Number, Whole
+from shipnet import tools
+from shipnet.fields import Number, Whole, declared
 
 ROOT = Path(__file__).resolve().parents[1]
 EXPLORE = sorted((ROOT / "notebooks" / "explore").glob("*.ipynb"))
+#: The classes of the tools, by the names of their modules and notebooks.
+TOOLS = {
+    kind.__module__.rpartition(".")[2]: kind
+    for kind in (getattr(tools, name) for name in dir(tools))
+    if isinstance(kind, type)
+}
 
 
 def seconds(function, repeats=3):
@@ -30,8 +35,9 @@ def seconds(function, repeats=3):
 
 def first_picture(tool):
     """Start Python, import the tool and make its page, as a fresh kernel does."""
+    name = TOOLS[tool].__name__
     program = (
-        f"from shipnet.tools import {tool} as t; p = t.explorer(); assert 'png' in p.figure.value"
+        f"from shipnet import tools; p = tools.{name}().explore(); assert 'png' in p.figure.value"
     )
     subprocess.run([sys.executable, "-c", f"{program}; p.close()"], check=True)
 
@@ -51,7 +57,7 @@ def as_a_page(path):
 def cases(inputs):
     """Yield the inputs to begin with, and each slider at its ends."""
     yield {}
-    for name, kind in asked(inputs).items():
+    for name, kind in declared(inputs).items():
         if isinstance(kind, Number | Whole) and not getattr(kind, "at_most", ""):
             yield from ({name: end} for end in kind.shown)
 
@@ -67,21 +73,14 @@ def forget():
 
 def measure(tool):
     """Return the slowest update, and the slowest figure [s]."""
-    found = importlib.import_module(f"shipnet.tools.{tool}")
-    more = ()
-    if tool == "valve_client":
-        more = (found.ModelValves(),)
+    kind = TOOLS[tool]
     updates, figures = [], []
-    for values in cases(found.Inputs):
+    for values in cases(kind):
         try:
-            inputs = found.Inputs(**values)
-            result = found.update(inputs, *more)
+            view = kind(**values)._view()
         except ValueError:
             continue  # a sentence in the page; nothing to draw
-        updates.append(
-            min(repeat(lambda i=inputs: found.update(i, *more), forget, number=1, repeat=3))
-        )
-        view = found.view(result)
+        updates.append(min(repeat(lambda v=values: kind(**v).result, forget, number=1, repeat=3)))
         figures.append(seconds(lambda v=view: v.figure, 1))
     return max(updates), max(figures)
 
