@@ -5,7 +5,7 @@ from shipnet.asi.emc.immunity import STANDARDS
 from shipnet.asi.modulation import send_current
 from shipnet.asi.receiver import receive
 from shipnet.errors import ArgumentError
-from shipnet.papers.kim2023.immunity import about_emission, level, supply_decides
+from shipnet.papers.kim2023.signals import about_emission, level, supply_decides
 
 
 def test_the_supply_is_no_shield():

@@ -6,7 +6,7 @@ from shipnet.asi.receiver import eye, receive
 from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError
-from shipnet.papers.kim2023.tolerances import train_of
+from shipnet.papers.kim2023.signals import train_of
 
 WORDS = as_bits(RESPONSES)
 

@@ -13,7 +13,7 @@ from shipnet.asi.topology import straight_line
 from shipnet.errors import LengthError
 from shipnet.papers import ledger
 from shipnet.papers.icn2007.plot import plot_bits_and_pulses, plot_heights, plot_margins
-from shipnet.papers.kim2023.tolerances import train_of
+from shipnet.papers.kim2023.signals import train_of
 
 
 @pytest.fixture

@@ -14,8 +14,7 @@ from shipnet.errors import ArgumentError, FrameError
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.kim2014.answer import answer_table, write_outcome
-from shipnet.papers.kim2014.printed_messages import standard_adu
+from shipnet.papers.kim2014.registers import answer_table, standard_adu, write_outcome
 
 LINE = SerialLine(9600)
 

@@ -8,14 +8,15 @@ from shipnet.ballast.rule_table import rule_base
 from shipnet.errors import ArgumentError, FieldError, LengthError
 from shipnet.modbus.adu import decode
 from shipnet.modbus.pdu import Request, Response
-from shipnet.papers.kim2014.printed_messages import (
+from shipnet.papers.kim2014.line import switch_table, unit_id
+from shipnet.papers.kim2014.registers import (
     MESSAGES,
+    code_table,
     message_table,
     printed_adu,
     standard_adu,
+    survival_table,
 )
-from shipnet.papers.kim2014.switches import switch_table, unit_id
-from shipnet.papers.kim2014.valve import code_table, survival_table
 
 MAPS = st.builds(
     RegisterMap, st.sampled_from(["table 2", "table 3"]), st.sampled_from(list(CODE_READINGS))

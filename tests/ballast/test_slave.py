@@ -22,7 +22,7 @@ from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.slave import Device, DeviceError
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.kim2014.answer import answer_table, write_outcome
+from shipnet.papers.kim2014.registers import answer_table, write_outcome
 
 MAP = RegisterMap()
 READ = Request.read_input_registers(0x4020, 4)

@@ -11,7 +11,7 @@ from shipnet.crc import crc
 from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_03 import _MESSAGES, _TRIED, _distance, _remainder
-from shipnet.papers.kim2023.integrity import undetected
+from shipnet.papers.kim2023.signals import undetected
 
 NAMES = ("Kim", "Jeong", "a student")
 

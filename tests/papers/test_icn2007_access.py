@@ -5,7 +5,7 @@ from shipnet.asi.telegram import Request
 from shipnet.asi.timing import Transaction
 from shipnet.papers.icn2007 import access
 from shipnet.papers.icn2007.signals import allowed_plans, keeps_all_rules, trunk_and_star
-from shipnet.papers.kim2023.addressing import moves
+from shipnet.papers.kim2023.network import moves
 
 
 def test_the_wait_is_that_of_the_timing():

@@ -13,7 +13,7 @@ from shipnet.asi.telegram import Half, Request
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.papers.kim2023.timing import CHIP_EDGES, master_pause_of_chip
+from shipnet.papers.kim2023.network import CHIP_EDGES, master_pause_of_chip
 from shipnet.papers.registry import check, numeric
 
 if TYPE_CHECKING:

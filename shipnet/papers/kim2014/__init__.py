@@ -5,22 +5,22 @@ diagnostic function using redundant Modbus communication", Journal of the Korean
 Engineering 38(3), 292-301, 2014.
 """
 
-from shipnet.papers.kim2014 import (  # noqa: F401 - they register
-    addresses,
-    ethernet,
-    messages,
-    names,
-    rules,
+from shipnet.papers.kim2014.faults import (
+    age_table,
+    broken_loops,
+    graded_trials,
+    picture_table,
+    score_table,
+    seen_strokes,
+    through_registers,
 )
-from shipnet.papers.kim2014.answer import answer_table
-from shipnet.papers.kim2014.diagnosis import score_table, through_registers
-from shipnet.papers.kim2014.loop import break_table, scan_table
-from shipnet.papers.kim2014.pictures import age_table, broken_loops, picture_table, seen_strokes
-from shipnet.papers.kim2014.printed_messages import message_table
-from shipnet.papers.kim2014.severity import graded_trials
-from shipnet.papers.kim2014.switches import switch_table
-from shipnet.papers.kim2014.talk import conversation
-from shipnet.papers.kim2014.valve import code_table, survival_table
+from shipnet.papers.kim2014.line import break_table, conversation, scan_table, switch_table
+from shipnet.papers.kim2014.registers import (
+    answer_table,
+    code_table,
+    message_table,
+    survival_table,
+)
 
 __all__ = ["age_table", "answer_table", "break_table", "broken_loops", "code_table"]
 __all__ += ["conversation", "graded_trials", "message_table", "picture_table", "scan_table"]

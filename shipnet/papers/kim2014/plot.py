@@ -17,7 +17,8 @@ from shipnet.ballast.simulation import Run
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.adu import decode
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.kim2014.loop import scan_table
+from shipnet.papers.kim2014.faults import Picture
+from shipnet.papers.kim2014.line import scan_table
 from shipnet.papers.kim2014.outlines import (
     ACTUATOR,
     ACTUATOR_WAYS,
@@ -34,7 +35,6 @@ from shipnet.papers.kim2014.outlines import (
     Blocks,
     Ways,
 )
-from shipnet.papers.kim2014.pictures import Picture
 from shipnet.style import LIMIT
 
 __all__ = [
@@ -60,15 +60,7 @@ _HALF = (0.82, 0.33)
 
 
 def plot_hydraulics(n_valves: int = 4, *, axes: Sequence[Axes]) -> None:
-    """Draw central hydraulics beside valves with pumps of their own: Fig 1 and its counterpart.
-
-    Parameters
-    ----------
-    n_valves : int, default 4
-        Valves drawn.
-    axes : sequence of matplotlib.axes.Axes
-        Two axes.
-    """
+    """Draw central hydraulics beside valves with pumps of their own: Fig 1 and its counterpart."""
     where = np.linspace(-0.8, 2.8, n_valves)
     low = 0.35
     for ax, blocks in zip(axes, (CENTRAL, MASTER), strict=True):
@@ -103,18 +95,7 @@ def plot_hydraulics(n_valves: int = 4, *, axes: Sequence[Axes]) -> None:
 
 
 def plot_actuator(*, ax: Axes) -> Axes:
-    """Draw the parts of an actuator and what measures them: Fig 2.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; sensors stand in the lowest row, and all of them lead to the converter.
-    """
+    """Draw the parts of an actuator and what measures them: Fig 2."""
     blocks = _spread(ACTUATOR)
     _diagram(ax, blocks, ACTUATOR_WAYS)
     sensors = [blocks[name] for name in ("MC", "OT", "OP", "VPos")]
@@ -130,22 +111,7 @@ def plot_actuator(*, ax: Axes) -> Axes:
 
 
 def plot_rtu_frame(frame: bytes, serial: SerialLine, *, ax: Axes) -> Axes:
-    """Draw an RTU frame field by field, the general one above it: Figs 3 and 4.
-
-    Parameters
-    ----------
-    frame : bytes
-        A frame of a serial line.
-    serial : SerialLine
-        Settings of the line, which say how long the silence is.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; boxes are as wide as their words, the bytes are written below.
-    """
+    """Draw an RTU frame field by field, the general one above it: Figs 3 and 4."""
     pdu = decode(frame).pdu
     silence = f"{serial.t35 / serial.character_time:.3g} char\nsilence"
     general = [
@@ -162,20 +128,7 @@ def plot_rtu_frame(frame: bytes, serial: SerialLine, *, ax: Axes) -> Axes:
 
 
 def plot_tcp_frame(frame: bytes, *, ax: Axes) -> Axes:
-    """Draw a frame of Modbus TCP, header and PDU above its fields: Figs 5 and 6.
-
-    Parameters
-    ----------
-    frame : bytes
-        A frame with its header.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; boxes are as wide as their words, the bytes are written below.
-    """
+    """Draw a frame of Modbus TCP, header and PDU above its fields: Figs 5 and 6."""
     pdu = decode(frame, "tcp").pdu
     general = [
         ("MBAP header, 7 bytes", "address", frame[:7].hex(" ")),
@@ -193,20 +146,7 @@ def plot_tcp_frame(frame: bytes, *, ax: Axes) -> Axes:
 
 
 def plot_scan_times(slaves: Sequence[int], *, ax: Axes) -> Axes:
-    """Draw the time of a scan over the bit rate, one line a number of slaves.
-
-    Parameters
-    ----------
-    slaves : sequence of int
-        Numbers of slaves.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given, both scales logarithmic.
-    """
+    """Draw the time of a scan over the bit rate, one line a number of slaves."""
     for number in slaves:
         table = scan_table(number)
         ax.loglog(table.index, table["scan_s"], "o-", markersize=4, label=f"{number} slaves")
@@ -219,35 +159,13 @@ def plot_scan_times(slaves: Sequence[int], *, ax: Axes) -> Axes:
 
 
 def plot_modes(*, ax: Axes) -> Axes:
-    """Draw who moves the motor in auto and in manual mode: Fig 9.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-    """
+    """Draw who moves the motor in auto and in manual mode: Fig 9."""
     _diagram(ax, _spread(MODES, 1.65), MODES_WAYS)
     return style.bare(ax, (-1.0, 9.6), (0.5, 3.5))
 
 
 def plot_command(*, ax: Axes) -> Axes:
-    """Draw what a slave does with a command, as printed, and when it should reply: Fig 10.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-    """
+    """Draw what a slave does with a command, as printed, and when it should reply: Fig 10."""
     blocks = _spread(COMMAND, 1.65)
     _diagram(ax, blocks, COMMAND_WAYS)
     # Not there yet: round again.
@@ -261,35 +179,13 @@ def plot_command(*, ax: Axes) -> Axes:
 
 
 def plot_algorithm(*, ax: Axes) -> Axes:
-    """Draw how a fault is found, from section 2.3 and row 9 of the rule table: Fig 7.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; what the paper does not print, and we assume, is green.
-    """
+    """Draw how a fault is found, from section 2.3 and row 9 of the rule table: Fig 7."""
     _diagram(ax, _spread(ALGORITHM, 1.65), ALGORITHM_WAYS)
     return style.bare(ax, (-1.0, 9.6), (0.5, 3.5))
 
 
 def plot_testbed(*, ax: Axes) -> Axes:
-    """Draw the test bed, the line closed through the second port of the master: Fig 15.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-    """
+    """Draw the test bed, the line closed through the second port of the master: Fig 15."""
     blocks = _spread(TESTBED)
     x, y = blocks["master"][2:]
     first, last, row = blocks["S1"][2], blocks["S5"][2], blocks["S1"][3]
@@ -396,22 +292,7 @@ _MARKS = ".o^sD"
 
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
-    """Draw the position of a valve as it is, and as masters with so many valves were sent it.
-
-    Parameters
-    ----------
-    true : Run
-        The valve itself, its command given at the same time.
-    seen : mapping of int to Run
-        As `seen_strokes` returns them.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; one marker for each status that came.
-    """
+    """Draw the position of a valve as it is, and as masters with so many valves were sent it."""
     ax.plot(true.time, true.VPos[:, 0], color="0.6", linewidth=1, label="the valve itself")
     for place, (number, run) in enumerate(seen.items()):
         ax.plot(
@@ -424,22 +305,7 @@ def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
 
 
 def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axes:
-    """Draw how old the oldest position on the screen is.
-
-    Parameters
-    ----------
-    pictures : mapping of str to Picture
-        Such as from `broken_loops`, all of one duration.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    start : float
-        When the loop breaks [s], drawn as a dashed line.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given; a line begins when every valve has been heard.
-    """
+    """Draw how old the oldest position on the screen is."""
     for place, (name, picture) in enumerate(pictures.items()):
         time = np.arange(0.0, picture.seen.duration, 0.1)
         oldest = picture.seen.ages(time).max(axis=1)

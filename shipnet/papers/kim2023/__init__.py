@@ -6,18 +6,8 @@ the Society of Naval Architects of Korea 60(6), 482-490, 2023, doi 10.3744/SNAK.
 One module a topic; what a claim needs from another paper's text is imported from there.
 """
 
-from shipnet.papers.kim2023 import (  # noqa: F401 - they register
-    addressing,
-    calls,
-    immunity,
-    strands,
-    tables,
-    timing,
-    tolerances,
-    transfer,
-    waveforms,
-)
-from shipnet.papers.kim2023.integrity import undetected
-from shipnet.papers.kim2023.telegrams import EXAMPLE_REQUEST, EXAMPLE_RESPONSE, even_ones
+from shipnet.papers.kim2023 import network  # noqa: F401 - it registers
+from shipnet.papers.kim2023.frames import EXAMPLE_REQUEST, EXAMPLE_RESPONSE, even_ones
+from shipnet.papers.kim2023.signals import undetected
 
 __all__ = ["EXAMPLE_REQUEST", "EXAMPLE_RESPONSE", "even_ones", "undetected"]

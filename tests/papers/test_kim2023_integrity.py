@@ -5,7 +5,7 @@ import pytest
 
 from shipnet.asi import Response
 from shipnet.asi.modulation import check_slots, pulses_of
-from shipnet.papers.kim2023.integrity import check_bits_for_distance_4, undetected
+from shipnet.papers.kim2023.signals import check_bits_for_distance_4, undetected
 
 
 def least_distance(information, check):

@@ -12,7 +12,7 @@ from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.kim2014.pictures import age_table, broken_loops, picture_table, seen_strokes
+from shipnet.papers.kim2014.faults import age_table, broken_loops, picture_table, seen_strokes
 from shipnet.papers.kim2014.plot import plot_ages, plot_seen_strokes
 
 SLOW, QUICK = "one by one, time-out 1 s", "all beyond, time-out 0.1 s"

@@ -14,10 +14,8 @@ from shipnet.modbus.pdu import Request
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014 import outlines, plot
-from shipnet.papers.kim2014.diagnosis import score_table
-from shipnet.papers.kim2014.loop import RATES, break_table, scan_table, status_poll
-from shipnet.papers.kim2014.severity import graded_trials
-from shipnet.papers.kim2014.talk import conversation
+from shipnet.papers.kim2014.faults import graded_trials, score_table
+from shipnet.papers.kim2014.line import RATES, break_table, conversation, scan_table, status_poll
 from tests.modbus.sweeps import sweep
 
 PDU = Request.read_input_registers(0x4020, 4).pdu

@@ -5,7 +5,7 @@ from shipnet.asi.segment import DEVICE, POWER_SUPPLY
 from shipnet.asi.topology import straight_line
 from shipnet.line import Load, Network
 from shipnet.papers.icn2007.signals import arriving_share, pulse_height, share_above
-from shipnet.papers.kim2023.tolerances import (
+from shipnet.papers.kim2023.signals import (
     copes_with_amplitudes,
     copes_with_overshoot,
     train_of,

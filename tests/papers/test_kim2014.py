@@ -20,11 +20,18 @@ from shipnet.modbus.pdu import Request, Response
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 from shipnet.modbus.udp import LossyPath, compare, simulate
-from shipnet.papers.kim2014 import addresses, diagnosis, loop, messages, names, rules, valve
-from shipnet.papers.kim2014.answer import answer_table, write_outcome
-from shipnet.papers.kim2014.printed_messages import printed_adu, standard_adu
-from shipnet.papers.kim2014.switches import switch_table
-from shipnet.papers.kim2014.valve import code_table, survival_table
+from shipnet.papers.kim2014 import faults as k_faults
+from shipnet.papers.kim2014 import line as k_line
+from shipnet.papers.kim2014 import registers as k_regs
+from shipnet.papers.kim2014.line import switch_table
+from shipnet.papers.kim2014.registers import (
+    answer_table,
+    code_table,
+    printed_adu,
+    standard_adu,
+    survival_table,
+    write_outcome,
+)
 
 READ = Request.read_input_registers(0x4020, 4)
 PRINTED = rule_vectors("printed")
@@ -34,17 +41,17 @@ PRINTED = rule_vectors("printed")
 
 
 def test_ids_above_247_are_refused():
-    assert addresses.addresses() == list(range(1, 248))
+    assert k_line.addresses() == list(range(1, 248))
     for unit in (248, 250, 255):
         with pytest.raises(ArgumentError, match=r"0\.\.247"):
             rtu_frame(unit, READ.pdu)
         with pytest.raises(ArgumentError):
-            Loop(unit, loop.status_poll())
+            Loop(unit, k_line.status_poll())
 
 
 def test_256_ids_count_the_broadcast_and_the_reserved_ones():
     verdicts = switch_table()["verdict"].value_counts()
-    assert verdicts["legal"] == addresses.selectable_ids() == 247
+    assert verdicts["legal"] == k_line.selectable_ids() == 247
     assert verdicts["legal"] + verdicts["reserved"] + verdicts["the broadcast"] == 256
     assert verdicts.sum() == 400 > 256
 
@@ -62,7 +69,7 @@ def theirs(adu):
 def test_the_second_byte_is_a_count():
     for n in (1, 4, 125):
         assert Response(4, registers=[0] * n).pdu[1] == 2 * n
-    assert not messages.names_a_register()
+    assert not k_regs.names_a_register()
 
 
 def test_the_printed_error_cannot_be_read():
@@ -92,22 +99,22 @@ def test_the_printed_read_response_is_refused():
     with pytest.raises(ModbusIOException):
         theirs(printed)
     # The paper's own first table gives the PDU of the standard.
-    assert messages.table_1()["read response"] == len(ours) - 7 == 10 == len(printed) - 10
+    assert k_regs.table_1()["read response"] == len(ours) - 7 == 10 == len(printed) - 10
 
 
 def test_table_3_has_two_readings_in_a_register():
     registers = [scale.register for scale in SCALES]
-    assert len(set(registers)) == 3 < len(registers) == len(CHANNELS) == valve.channels()
-    assert messages.registers_in_order(
+    assert len(set(registers)) == 3 < len(registers) == len(CHANNELS) == k_regs.channels()
+    assert k_regs.registers_in_order(
         contents=("Position", "operating time", "motor temperature & pressure PP", "pressure OP")
     )
 
 
 def test_the_crc_has_16_bits_and_a_frame_the_sizes_of_the_note():
     for size in (2, 5, 10, 253):
-        assert len(rtu_frame(1, bytes(size))) - size - 1 == messages.crc_bits() // 8
-    sizes = {name: size + 3 for name, size in messages.table_1().items()}
-    assert sizes["read response"] == messages.rtu_read_response() == 13
+        assert len(rtu_frame(1, bytes(size))) - size - 1 == k_regs.crc_bits() // 8
+    sizes = {name: size + 3 for name, size in k_regs.table_1().items()}
+    assert sizes["read response"] == k_regs.rtu_read_response() == 13
     assert [sizes[f"write {what}"] for what in ("query", "response", "error")] == [8, 8, 5]
     assert sizes["read query"] == 8
     with pytest.raises(LengthError):
@@ -127,8 +134,8 @@ def test_two_readings_tell_all_commands_apart():
 
 def test_open_and_close_are_not_echoed():
     modes, moves = ("Manual", "Auto"), ("Open", "Close")
-    assert valve.status_is_the_command(commands=modes)
-    assert not any(valve.status_is_the_command(commands=(move,)) for move in moves)
+    assert k_regs.status_is_the_command(commands=modes)
+    assert not any(k_regs.status_is_the_command(commands=(move,)) for move in moves)
     # By hand: Open is 0x0008; 100 % with auto and open, Bit1 and Bit3, is 0x640A.
     done = RegisterMap(status="table 2").encode(
         [[0], [0], [0], [50], [100]], close=False, open=True
@@ -159,7 +166,7 @@ def test_position_codes_hold_auto():
 
 
 def test_65536_is_cut_to_thousands():
-    assert valve.colours() // 1000 == 65 and round(valve.colours(), -3) == 66000
+    assert k_regs.colours() // 1000 == 65 and round(k_regs.colours(), -3) == 66000
 
 
 # The line and the loop.
@@ -173,12 +180,12 @@ def test_solas_is_quoted_for_supplies_only():
 
 
 def test_one_break_loses_nobody_two_do_and_so_does_a_short():
-    ring = Loop(5, loop.status_poll())
+    ring = Loop(5, k_line.status_poll())
     table = ring.single_failures()["lost"]
     assert (table[[f"break {k}" for k in range(6)]] == 0).all()
     assert ring.reach([Break(1), Break(4)]).lost == [2, 3, 4]
     assert len(ring.reach([Short(2)]).lost) == 5
-    assert not loop.survives(breaks=2)
+    assert not k_line.survives(breaks=2)
 
 
 def test_a_late_reply_hides_the_sensors():
@@ -216,20 +223,20 @@ def test_identifier_zero_holds_on_a_path_that_keeps_time():
 
 
 def test_3_2_stands_between_3_1_and_3_3_twice():
-    assert names.SECTIONS.count("3.2") == 2
-    at = names.SECTIONS.index("3.2")
-    assert names.SECTIONS[at - 1] == "3.1" and names.SECTIONS[at + 2] == "3.3"
-    assert sorted(names.SECTIONS) == list(names.SECTIONS)
+    assert k_line.SECTIONS.count("3.2") == 2
+    at = k_line.SECTIONS.index("3.2")
+    assert k_line.SECTIONS[at - 1] == "3.1" and k_line.SECTIONS[at + 2] == "3.3"
+    assert sorted(k_line.SECTIONS) == list(k_line.SECTIONS)
 
 
 def test_the_rule_table_would_be_table_4():
-    assert names.captions() == ("Table 1", "Table 2", "Table 3", "Table 1")
+    assert k_line.captions() == ("Table 1", "Table 2", "Table 3", "Table 1")
 
 
 def test_each_subject_names_its_equipment():
-    about = {name for name in names.SUBJECTS if names.is_about_automation(standard=name)}
+    about = {name for name in k_line.SUBJECTS if k_line.is_about_automation(standard=name)}
     assert about == {"IEC 60092-504", "IACS UR E10"}
-    assert "navigation" in names.SUBJECTS["IEC 60945"]
+    assert "navigation" in k_line.SUBJECTS["IEC 60945"]
 
 
 def test_flags_of_the_pump_begin_with_pp():
@@ -255,45 +262,45 @@ def test_the_row_of_the_flag_names_the_motor():
     ],
 )  # fmt: skip
 def test_what_fires_beside_the_headline(code, fired):
-    row = rules.BASE.check(PRINTED.loc[[code]], "crisp").iloc[0]
+    row = k_faults.BASE.check(PRINTED.loc[[code]], "crisp").iloc[0]
     assert (row["fired"], row["top"]) == (fired, code)
 
 
 def test_nine_of_twelve_inputs_find_their_row():
-    right = [code for code in rules.BASE.codes if diagnosis.diagnosed(code) == code]
-    assert len(right) == 9 and set(rules.BASE.codes) - set(right) == {"V2", "S2", "Pos2"}
-    mended = [diagnosis.diagnosed(code, version="corrected") for code in rules.BASE.codes]
-    assert tuple(mended) == rules.BASE.codes
+    right = [code for code in k_faults.BASE.codes if k_faults.diagnosed(code) == code]
+    assert len(right) == 9 and set(k_faults.BASE.codes) - set(right) == {"V2", "S2", "Pos2"}
+    mended = [k_faults.diagnosed(code, version="corrected") for code in k_faults.BASE.codes]
+    assert tuple(mended) == k_faults.BASE.codes
 
 
 def test_normal_values_meet_v2_at_standstill():
     normal = normal_values()
     assert 0 < normal["OP"] < 2.5
-    assert diagnosis.diagnosed("normal", DVPos=0.0) == "V2"
-    assert diagnosis.diagnosed("normal", DVPos=11.0) == "normal"
+    assert k_faults.diagnosed("normal", DVPos=0.0) == "V2"
+    assert k_faults.diagnosed("normal", DVPos=11.0) == "normal"
 
 
 def test_v2_needs_a_speed():
     assert np.isnan(PRINTED.loc["V2", "DVPos"])
-    assert diagnosis.diagnosed("V2") == "normal"
-    assert diagnosis.diagnosed("V2", DVPos=0.0) == "V2"
+    assert k_faults.diagnosed("V2") == "normal"
+    assert k_faults.diagnosed("V2", DVPos=0.0) == "V2"
 
 
 def test_positions_as_printed_are_off_the_scale():
-    assert diagnosis.diagnosed("S2") == "S1" and diagnosis.diagnosed("Pos2") == "normal"
+    assert k_faults.diagnosed("S2") == "S1" and k_faults.diagnosed("Pos2") == "normal"
     for code in ("S2", "Pos2"):
-        assert diagnosis.diagnosed(code, VPos=-5.0) == code
+        assert k_faults.diagnosed(code, VPos=-5.0) == code
     for code in ("S1", "Pos1", "Pos3"):
-        assert diagnosis.diagnosed(code, VPos=105.0) == diagnosis.diagnosed(code) == code
+        assert k_faults.diagnosed(code, VPos=105.0) == k_faults.diagnosed(code) == code
     positions = survival_table().query("channel == 'VPos' and not survives")["value"]
     assert set(positions) == {305.0, -5.0}
 
 
 def test_a_cut_at_a_half_is_a_table_of_comparisons():
     rng = np.random.default_rng(3)
-    samples = {v.name: rng.uniform(v.low, v.high, 5000) for v in rules.BASE.variables}
-    fuzzy = rules.BASE.fire(samples).decide().active
-    crisp = rules.BASE.fire(samples, "midpoint").decide().active
+    samples = {v.name: rng.uniform(v.low, v.high, 5000) for v in k_faults.BASE.variables}
+    fuzzy = k_faults.BASE.fire(samples).decide().active
+    crisp = k_faults.BASE.fire(samples, "midpoint").decide().active
     assert fuzzy.any() and (fuzzy == crisp).all()
 
 
@@ -306,7 +313,7 @@ def test_the_motor_temperature_has_no_lower_limit():
 
 
 def test_a_byte_has_no_position_below_closed():
-    found = {code: diagnosis.through_registers(code) for code in rules.BASE.codes}
+    found = {code: k_faults.through_registers(code) for code in k_faults.BASE.codes}
     wrong = {code: headline for code, headline in found.items() if code != headline}
     assert set(wrong) == {"S2", "Pos2", "Pos4"}
     table = datasets.read("kim2014_rule_table.csv").set_index("code")

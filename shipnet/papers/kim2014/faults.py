@@ -1,0 +1,508 @@
+"""The second Table 1 and section 3.4: the rules, the diagnosis, and what the master sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import product
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from shipnet import datasets
+from shipnet.ballast.master import MasterRun, operate, received_run
+from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.registers import RegisterMap
+from shipnet.ballast.rule_table import FILLS, rule_base, rule_vectors
+from shipnet.ballast.scan import status_poll, worst_age
+from shipnet.ballast.sensors import CHANNELS, rule_limits
+from shipnet.ballast.simulation import Run
+from shipnet.ballast.trials import fault_trials
+from shipnet.ballast.valve_faults import FAULTS
+from shipnet.errors import ArgumentError
+from shipnet.fuzzy.rules import NORMAL
+from shipnet.modbus.faults import Break
+from shipnet.modbus.redundancy import Loop
+from shipnet.papers.registry import check, numeric
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+# The second Table 1 as a rule base: how many faults, what overlaps, what it leaves open.
+
+
+BASE = rule_base()
+
+_TABLE = datasets.read("kim2014_rule_table.csv")
+_POSITION_FLAG = "PosFault"
+
+
+def _limit(channel: str, comparison: str) -> float:
+    limits = rule_limits()
+    return next(x.value for x in limits if (x.channel, x.comparison) == (channel, comparison))
+
+
+@numeric("kim2014-024")
+def faults(*, with_normal: bool = False) -> int:
+    """Rows of the rule table, the normal one left out."""
+    return len(_TABLE if with_normal else _TABLE[_TABLE["code"] != "normal"])
+
+
+@numeric("kim2014-025")
+def flags(*, with_position: bool = True) -> int:
+    """Flags that the rules set, with or without the one for the position."""
+    return len({rule.flag for rule in BASE.rules if with_position or rule.flag != _POSITION_FLAG})
+
+
+@numeric("kim2014-036")
+def nested_pairs(*, codes: tuple[str, ...] = BASE.codes) -> int:
+    """Pairs of these rules of which one fires whenever the other does."""
+    pairs = BASE.overlaps().table()
+    nested = pairs[pairs["relation"] != "overlap"]
+    return int((nested["a"].isin(codes) & nested["b"].isin(codes)).sum())
+
+
+@numeric("kim2014-073")
+def distinct_faults(*, equalities: bool = True) -> int:
+    """Faults of the rule table, those counted once that its last rows declare equal."""
+    rows = _TABLE[_TABLE["code"] != "normal"]
+    same = rows["diagnosis_printed"].str.contains(r"= Pos\d", regex=True)
+    return int((~same).sum()) if equalities else len(rows)
+
+
+@numeric("kim2014-074")
+def overlapping_pairs(*, as_printed: bool = True) -> int:
+    """Pairs of rules that can fire together, in the middle of the ramps if not as printed."""
+    return len(BASE.overlaps("crisp" if as_printed else "midpoint"))
+
+
+@numeric("kim2014-082")
+def silent_pressures(*, high: float = _limit("FP", ">"), low: float = _limit("FP", "<")) -> float:
+    """Width of the range of FP in which no rule looks at it [bar]."""
+    return high - low
+
+
+@numeric("kim2014-100")
+def quantities_with_limit(*, limit: float = 2.5) -> int:
+    """Quantities that the rule table compares with this number."""
+    return len({one.channel for one in rule_limits() if one.value == limit})
+
+
+@check("kim2014-037", counter={"ramps": True})
+def infers_by_degrees(*, ramps: bool = False) -> bool:
+    """Whether a rule can hold in part, as printed or with the ramps that we assume."""
+    sweep = {"FP": np.linspace(110, 130, 201), "OP": np.full(201, 4.0)}
+    found = BASE.fire(sweep, "fuzzy" if ramps else "crisp").strength
+    return bool(((found > 0) & (found < 1)).any())
+
+
+@check("kim2014-061", counter={"sensors": ("FP", "OP", "MC", "VPos")})
+def has_both_limits(*, sensors: tuple[str, ...] = tuple(c.name for c in CHANNELS)) -> bool:
+    """Whether the rules ask for values above a limit, and for lower ones, of each sensor."""
+    for sensor in sensors:
+        said = [term.crisp for term in BASE[sensor].terms]
+        upper = [one.low for one in said if np.isinf(one.high)]
+        if not any(one.high <= limit for limit in upper for one in said):
+            return False
+    return True
+
+
+# The test inputs of the second Table 1, each diagnosed by the rules as printed.
+
+
+#: Ends of the position [%]: CLOSE and OPEN of the rule table, as section 3.2 scales it.
+_CLOSE, _OPEN = 0.0, 100.0
+
+#: Position that row 12 prints below the closed end [%].
+_ROW_12 = float(rule_vectors("printed")["VPos"]["Pos4"])
+
+
+def diagnosed(code: str, *, version: str = "printed", **inputs: float) -> str:
+    """Return what the rules as printed make of a row's inputs."""
+    tests = rule_vectors(version).loc[[code]].assign(**inputs)
+    return str(BASE.check(tests, "crisp")["top"].iloc[0])
+
+
+def score_table() -> pd.DataFrame:
+    """Return how many of the 13 rows are found, as printed and corrected, with every fill.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by version of the ``inputs`` and ``fill`` of what they leave out: rows found by
+        ``crisp`` comparisons and by ``fuzzy`` strengths, and what the comparisons make of the
+        others, ``not found``.
+
+    Examples
+    --------
+    >>> score_table().loc[("printed", "absent")].tolist()
+    [10, 10, 'V2 as normal, S2 as S1, Pos2 as normal']
+    """
+    rows = {}
+    for version, fill in product(("printed", "corrected"), FILLS):
+        tests = rule_vectors(version, fill=fill)
+        crisp, fuzzy = BASE.check(tests, "crisp"), BASE.check(tests)
+        missed = crisp[~crisp["right"]]
+        said = missed["expected"] + " as " + missed["top"]
+        found = [int(one["right"].sum()) for one in (crisp, fuzzy)]
+        rows[version, fill] = (*found, ", ".join(said))
+    table = pd.DataFrame(rows, index=["crisp", "fuzzy", "not found"]).T
+    return table.rename_axis(["inputs", "fill"])
+
+
+def through_registers(code: str) -> str:
+    """Return what the rules make of a corrected row, once its readings came through registers.
+
+    What the row does not print is as the plant would have it; the speed is not sent, so it is
+    taken from the row.
+
+    Parameters
+    ----------
+    code : str
+        Code of the row.
+
+    Returns
+    -------
+    str
+        Headline.
+
+    Examples
+    --------
+    A position of -5 arrives as 0:
+
+    >>> through_registers("S1"), through_registers("S2")
+    ('S1', 'normal')
+    """
+    tests = rule_vectors(fill="physical").loc[[code]]
+    names = [channel.name for channel in CHANNELS]
+    registers = RegisterMap().encode(tests[names].to_numpy().T, close=False, open=True).registers
+    received = pd.DataFrame(RegisterMap().decode(registers).readings.T, tests.index, names)
+    tests = received.assign(DVPos=tests["DVPos"])
+    return str(BASE.check(tests, "crisp")["top"].iloc[0])
+
+
+@check("kim2014-026", counter={"speed": 11.0})
+def normal_stays_normal(*, speed: float = 0.0) -> bool:
+    """Whether the normal values raise no fault at this speed of the valve [%/s]."""
+    return diagnosed("normal", DVPos=speed) == "normal"
+
+
+@check("kim2014-027", counter={"current": 0.0})
+def pump_overload(*, current: float = 4.0) -> bool:
+    """Whether FP 125 with this current [A] is P1."""
+    return diagnosed("P1", MC=current) == "P1"
+
+
+@check("kim2014-028", counter={"pressure": 90.0})
+def pump_leakage(*, pressure: float = 2.0) -> bool:
+    """Whether MC 2 with this pump pressure [bar] is P2."""
+    return diagnosed("P2", FP=pressure) == "P2"
+
+
+@check("kim2014-029", counter={"pressure": 2.0})
+def valve_stuck(*, pressure: float = 4.0) -> bool:
+    """Whether FP 125 with this operating pressure [bar] is V1, at both ends."""
+    return all(diagnosed("V1", OP=pressure, VPos=end) == "V1" for end in (_CLOSE, _OPEN))
+
+
+@check("kim2014-030", counter={"current": 1.2})
+def gauge_fault(*, current: float = 0.0) -> bool:
+    """Whether FP 125 with this current [A] is G1."""
+    return diagnosed("G1", MC=current) == "G1"
+
+
+@check("kim2014-031", counter={"speed": 0.0})
+def piston_leakage(*, speed: float = float("nan")) -> bool:
+    """Whether OP 2 with this speed [%/s], which the row does not print, is V2."""
+    return all(diagnosed("V2", DVPos=speed, VPos=end) == "V2" for end in (_CLOSE, _OPEN))
+
+
+@check("kim2014-064", counter={"position": 100.0})
+def switch_error(*, position: float = 305.0) -> bool:
+    """Whether MC 0 with this position [%] is S1."""
+    return diagnosed("S1", VPos=position) == "S1"
+
+
+@check("kim2014-035", counter={"temperature": 89.0})
+def motor_too_hot(*, temperature: float = 90.0) -> bool:
+    """Whether this motor temperature [degC] is O1."""
+    return diagnosed("O1", OT=temperature) == "O1"
+
+
+@check("kim2014-065", counter={"current": 1.2})
+def position_error_1(*, current: float = 0.0) -> bool:
+    """Whether OP 2, VPos 305 with this current [A] is Pos1."""
+    return diagnosed("Pos1", MC=current) == "Pos1"
+
+
+@check("kim2014-066", counter={"position": 100.0})
+def position_error_3(*, position: float = 305.0) -> bool:
+    """Whether this position [%] alone is Pos3."""
+    return diagnosed("Pos3", VPos=position) == "Pos3"
+
+
+@check("kim2014-067", counter={"position": 5.0})
+def position_error_4(*, position: float = -5.0) -> bool:
+    """Whether this position [%] alone is Pos4."""
+    return diagnosed("Pos4", VPos=position) == "Pos4"
+
+
+@numeric("kim2014-032")
+def above_open(*, below: float = _ROW_12) -> float:
+    """Position as far above the open end as the input of row 12 is below the closed one [%]."""
+    return _OPEN + (_CLOSE - below)
+
+
+@numeric("kim2014-033", "kim2014-034")
+def below_closed(*, margin: float = 5.0) -> float:
+    """Position below the closed end, for which S2 and Pos2 fire [%]."""
+    position = _CLOSE - margin
+    fired = [diagnosed(code, VPos=position) for code in ("S2", "Pos2")]
+    if fired != ["S2", "Pos2"]:
+        raise ValueError(f"margin is {margin:g}; it must be above 0")
+    return position
+
+
+@check("kim2014-068", counter={"version": "corrected"})
+def all_tests_pass(*, version: str = "printed") -> bool:
+    """Whether each of the 12 inputs is diagnosed as its row says, as printed or corrected."""
+    return all(diagnosed(code, version=version) == code for code in BASE.codes)
+
+
+@check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})
+def master_finds(*, codes: tuple[str, ...] = BASE.codes) -> bool:
+    """Whether a master finds these faults from the readings that the registers bring it."""
+    return all(through_registers(code) == code for code in codes)
+
+
+# Faults by degrees: from which severity on they are named.
+
+
+def graded_trials(
+    codes: Iterable[str] = tuple(FAULTS), *, n_valves: int = 101, rng: np.random.Generator
+) -> pd.DataFrame:
+    """Let valves with each fault, from healthy to the worst, open and close once.
+
+    Parameters
+    ----------
+    codes : iterable of str, optional
+        Faults; all of the rule table if omitted.
+    n_valves : int, default 101
+        Valves with each fault, their severities evenly from 0 to 1; 10000 in all at most.
+    rng : numpy.random.Generator
+        Draws valves and noise of the sensors.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `fault_trials` by the method ``fuzzy``, and what is ``said``: ``nothing``, ``its own
+        name``, or ``another fault's name``, by the top fault.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such fault, or `n_valves` is out of range.
+
+    Examples
+    --------
+    >>> table = graded_trials(["Pos3"], n_valves=5, rng=np.random.default_rng(2024))
+    >>> table[["severity", "top_fault", "said"]].values.tolist()[:2]
+    [[0.0, 'normal', 'nothing'], [0.25, 'S1', "another fault's name"]]
+    """
+    trials = fault_trials(
+        codes, n_valves=n_valves, severity=np.linspace(0, 1, max(n_valves, 0)),
+        methods=["fuzzy"], rng=rng,
+    ).table()  # fmt: skip
+    top = trials["top_fault"]
+    named = np.where(top == trials["fault"], "its own name", "another fault's name")
+    return trials.assign(said=np.where(top == NORMAL, "nothing", named))
+
+
+# Sections 2.1, 3.3 and 3.4: how late and how wrong the picture of a master can be.
+
+
+#: A position is shown rightly that is nearer to the true one [%]: a register's step, and noise.
+NEAR = 2.0
+
+#: Rule and time-out [s] of the masters that are compared.
+_CASES: tuple[tuple[Literal["slave", "downstream"], float], ...] = (
+    ("slave", 1.0),
+    ("slave", 0.1),
+    ("downstream", 1.0),
+    ("downstream", 0.1),
+)
+
+
+class Picture(NamedTuple):
+    """A fleet as its master sees it, and as it is."""
+
+    seen: MasterRun
+    plant: Plant
+
+    @property
+    def wrong(self) -> int:
+        """Valves whose position is not known, or shown more than `NEAR` from the true one."""
+        shown = self.seen.screen().table()["position_percent"].to_numpy()
+        return int((~(np.abs(shown - 100 * self.plant.opening) <= NEAR)).sum())
+
+
+def seen_strokes(
+    numbers: Iterable[int] = (5, 64, 247), *, duration: float = 15.0, start: float = 3.0
+) -> dict[int, Run]:
+    """Let masters with more and more valves open their last one.
+
+    Parameters
+    ----------
+    numbers : iterable of int
+        Numbers of valves, 1..247 each.
+    duration : float, default 15
+        For how long [s].
+    start : float, default 3
+        When the command is due; it goes out after the poll under way [s].
+
+    Returns
+    -------
+    dict of int to Run
+        By number of valves: what came of the last valve, at 9600 bit/s.
+
+    Examples
+    --------
+    >>> {number: run.time.size for number, run in seen_strokes().items()}
+    {5: 93, 64: 7, 247: 1}
+    """
+    runs = {}
+    for number in numbers:
+        system = Loop(number, status_poll(9600))
+        order = Command("open", start, valves=number)
+        seen = operate(Plant(n_valves=number), system, [order], duration=duration)
+        runs[number] = received_run(seen, number, target=100.0)
+    return runs
+
+
+def age_table(
+    commands: Iterable[int] = (0, 10, 100), *, n_valves: int = 247, duration: float = 50.0
+) -> pd.DataFrame:
+    """Return how old the picture gets when commands are sent between the polls.
+
+    Parameters
+    ----------
+    commands : iterable of int
+        How many valves are told to open at once, 0..n_valves each.
+    n_valves : int, default 247
+        Number of valves, 1..247, at 9600 bit/s.
+    duration : float, default 50
+        For how long; the commands are sent after half of it [s].
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by ``commands``: ``formula_s`` as `worst_age` has it, and ``simulated_s``.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of its range, or the duration shorter than two scans after the commands.
+
+    Examples
+    --------
+    >>> age_table().round(2).values.tolist()
+    [[7.94, 7.94], [8.21, 8.21], [10.58, 10.58]]
+    """
+    import pandas as pd
+
+    system = Loop(n_valves, status_poll(9600))
+    rows = {}
+    for count in commands:
+        age = worst_age(system, commands=count)
+        if duration / 2 < 2 * age:
+            raise ArgumentError(f"duration is {duration:g} s; it must be {4 * age:.3g} or more")
+        orders = [Command("open", duration / 2, valves=range(1, count + 1))] if count else []
+        seen = operate(Plant(n_valves=n_valves), system, orders, duration=duration)
+        rows[count] = (age, float(_longest(seen)))
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=["formula_s", "simulated_s"])
+    return table.rename_axis("commands")
+
+
+def broken_loops(
+    n_valves: int = 247, *, opened: int = 100, start: float = 12.0, duration: float = 60.0
+) -> dict[str, Picture]:
+    """Break the loop in its middle while valves open, under four masters.
+
+    Parameters
+    ----------
+    n_valves : int, default 247
+        Number of valves, at 9600 bit/s.
+    opened : int, default 100
+        How many are told to open at 3 s.
+    start : float, default 12
+        When the loop breaks [s].
+    duration : float, default 60
+        How long the fleet is watched [s].
+
+    Returns
+    -------
+    dict of str to Picture
+        By the rule of the change, one by one or all beyond the break, and the time-out; before
+        them ``no break``.
+
+    Examples
+    --------
+    >>> [picture.wrong for picture in broken_loops().values()]
+    [0, 100, 0, 0, 0]
+    """
+    orders = [Command("open", 3.0, valves=range(1, opened + 1))]
+    unbroken: list[Break] = []
+    cases = {"no break": (Loop(n_valves, status_poll(9600)), unbroken)}
+    for move, timeout in _CASES:
+        name = f"{'one by one' if move == 'slave' else 'all beyond'}, time-out {timeout:g} s"
+        poll = status_poll(9600, timeout=timeout)
+        cases[name] = (Loop(n_valves, poll, move=move), [Break(n_valves // 2, start=start)])
+    pictures = {}
+    for name, (system, faults) in cases.items():
+        plant = Plant(n_valves=n_valves)
+        pictures[name] = Picture(
+            operate(plant, system, orders, duration=duration, faults=faults), plant
+        )
+    return pictures
+
+
+def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
+    """Return how good the pictures are.
+
+    Parameters
+    ----------
+    pictures : mapping of str to Picture
+        Such as from `broken_loops`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a picture: ``oldest_s``, the greatest age of what was shown of a valve;
+        ``unanswered``, requests without an answer; ``shown_moving`` and ``moving`` at the end; and
+        ``wrong``, valves shown at a wrong position then.
+
+    Examples
+    --------
+    >>> table = picture_table(broken_loops(64, opened=30, duration=40))
+    >>> table.loc["one by one, time-out 1 s"].round(1).tolist()
+    [29.3, 27.0, 30.0, 0.0, 30.0]
+    """
+    import pandas as pd
+
+    rows = {
+        name: {
+            "oldest_s": _longest(picture.seen),
+            "unanswered": sum(not answered for *_, answered in picture.seen.tries),
+            "shown_moving": int((picture.seen.screen().table()["state"] == "moving").sum()),
+            "moving": int(picture.plant.running.sum()),
+            "wrong": picture.wrong,
+        }
+        for name, picture in pictures.items()
+    }
+    return pd.DataFrame.from_dict(rows, orient="index")
+
+
+def _longest(seen: MasterRun) -> float:
+    """Return the greatest age of what was shown of any valve [s]."""
+    return float(np.max(seen.longest_age))

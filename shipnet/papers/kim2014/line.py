@@ -1,0 +1,397 @@
+"""Sections 2 and 3: names, unit ids, scan times, the broken loop, Modbus on Ethernet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations, pairwise, product
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from shipnet import datasets
+from shipnet.ballast import scan
+from shipnet.ballast.plant import Plant
+from shipnet.ballast.registers import (
+    COMMAND_REGISTER,
+    FIRST_REGISTER,
+    N_REGISTERS,
+    Code,
+    RegisterMap,
+)
+from shipnet.ballast.scan import status_poll
+from shipnet.ballast.sensors import CHANNELS
+from shipnet.ballast.slave import valve_slaves
+from shipnet.engine.class_rules import RULES
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
+from shipnet.modbus.adu import MAX_UNIT, rtu_frame
+from shipnet.modbus.electrical import INTERFACES
+from shipnet.modbus.faults import Break, DeadPort
+from shipnet.modbus.pdu import Request
+from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.uart import SerialLine
+from shipnet.modbus.udp import LossyPath, simulate
+from shipnet.papers.kim2014.registers import write_outcome
+from shipnet.papers.registry import check, numeric
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+# Names, numbers of headings, and the standards that the paper refers to.
+
+
+#: Numbers of the headings, in order.
+SECTIONS = (
+    "1", "2", "2.1", "2.2", "2.3", "3", "3.1", "3.2", "3.2", "3.3", "3.4", "3.5", "4", "5",
+)  # fmt: skip
+
+#: What the standards for environmental tests are about: the title of IEC 60945 and of
+#: IEC 60092-504, and the subject of the class societies' unified requirement E10.
+SUBJECTS = {
+    "IEC 60945": "maritime navigation and radiocommunication equipment",
+    "IEC 60092-504": "electrical installations in ships: automation, control and instrumentation",
+    "IACS UR E10": "type tests of a ship's equipment for control, monitoring and automation",
+}
+
+
+def captions() -> tuple[str, ...]:
+    """Return the numbers of the tables, as their captions have them."""
+    items = datasets.read("figures_tables.csv").query("paper == 'kim2014'")["item"]
+    return tuple(item.split(" (")[0] for item in items if item.startswith("Table"))
+
+
+@check("kim2014-042", counter={"sections": tuple(dict.fromkeys(SECTIONS))})
+def sections_are_unique(*, sections: tuple[str, ...] = SECTIONS) -> bool:
+    """Whether no two headings have the same number."""
+    return len(set(sections)) == len(sections)
+
+
+@check("kim2014-043", counter={"tables": ("Table 1", "Table 2", "Table 3", "Table 4")})
+def tables_are_unique(*, tables: tuple[str, ...] = ()) -> bool:
+    """Whether no two tables have the same number."""
+    numbers = tables or captions()
+    return len(set(numbers)) == len(numbers)
+
+
+@check("kim2014-046", counter={"standard": "IACS UR E10"})
+def is_about_automation(*, standard: str = "IEC 60945") -> bool:
+    """Whether the standard is about the automation of a ship's machinery."""
+    return "automation" in SUBJECTS[standard]
+
+
+@check("kim2014-063", counter={"flag": "MotHighTemp"})
+def flag_names_the_motor(*, flag: str = "") -> bool:
+    """Whether the flag of O1 begins with the beginning of the word motor."""
+    rules = datasets.read("kim2014_rule_table.csv").set_index("code")
+    name = flag or str(rules.loc["O1", "flag_printed"])
+    return "motor".startswith(name[:3].lower())
+
+
+# The ID switches of a slave: two decimal dials and two DIP pins, and which settings are legal.
+
+
+def unit_id(pins: int, tens: int, units: int) -> int:
+    """Return the unit id of a setting."""
+    number = 100 * check_whole("pins", pins, 0, 3)
+    number += 10 * check_whole("tens", tens, 0, 9) + check_whole("units", units, 0, 9)
+    if (why := _verdict(number)) != "legal":
+        raise ArgumentError(
+            f"switches are set to {number}, which is {why}; legal are 1..{MAX_UNIT}"
+        )
+    return number
+
+
+def switch_table() -> pd.DataFrame:
+    """Return all settings of the switches.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row each of 4 * 10 * 10: ``pins``, ``tens``, ``units``, ``number`` and ``verdict``.
+
+    Examples
+    --------
+    >>> switch_table()["verdict"].value_counts().to_dict()
+    {'legal': 247, 'more than a byte': 144, 'reserved': 8, 'the broadcast': 1}
+    """
+    import pandas as pd
+
+    rows = [(n // 100, n // 10 % 10, n % 10, n, _verdict(n)) for n in range(400)]
+    return pd.DataFrame(rows, columns=["pins", "tens", "units", "number", "verdict"])
+
+
+def _verdict(number: int) -> str:
+    if number > 0xFF:
+        return "more than a byte"
+    if number > MAX_UNIT:
+        return "reserved"
+    return "legal" if number else "the broadcast"
+
+
+# Sections 1, 3.2 and 3.3: how many valves one master can address.
+
+
+def addresses(bits: int = 8) -> list[int]:
+    """Return the unit ids of single slaves."""
+    return [unit for unit in range(1, 2**bits) if _legal(unit)]
+
+
+def _legal(unit: int) -> bool:
+    try:
+        rtu_frame(unit, Request.read_input_registers(0, 1).pdu)
+    except ArgumentError:
+        return False
+    return True
+
+
+@numeric("kim2014-001", "kim2014-002")
+def slaves_of_a_master(*, bits: int = 8) -> int:
+    """Slaves that one master can call by an id of so many bits."""
+    return len(addresses(bits))
+
+
+@numeric("kim2014-047")
+def first_that_needs_two(*, bits: int = 8) -> int:
+    """Valves from which on one master is not enough."""
+    return slaves_of_a_master(bits=bits) + 1
+
+
+@numeric("kim2014-003")
+def selectable_ids(*, positions: int = 10, pins: int = 2) -> int:
+    """Ids that two dials and the DIP pins can be set to, and that a slave may have."""
+    found = set()
+    for setting in product(range(2**pins), range(positions), range(positions)):
+        try:
+            found.add(unit_id(*setting))
+        except ArgumentError:
+            continue
+    return len(found)
+
+
+# Sections 2.1, 3.2 and 3.3: the serial line, its closed loop, and how long a scan takes.
+
+
+#: Common rates between the ends that sections 3.2 and 3.3 print [bit/s].
+RATES = scan.BIT_RATES
+
+_MOVES: tuple[Literal["slave", "downstream"], ...] = ("slave", "downstream")
+
+
+@numeric("kim2014-005")
+def silence(*, rate: float = float(SerialLine.SILENCE_LIMIT)) -> float:
+    """Characters of silence between two frames, at the highest rate that counts them so."""
+    return SerialLine(rate).t35 / SerialLine(rate).character_time
+
+
+@numeric("kim2014-077")
+def silence_at_highest_rate(*, rate: float = 115200.0) -> float:
+    """Characters of silence between two frames at the highest rate of the paper."""
+    return silence(rate=rate)
+
+
+@numeric("kim2014-075")
+def slowest_scan(*, slaves: int = MAX_UNIT, rate: float = 2400.0) -> float:
+    """Seconds to read the status of all slaves at the lowest rate."""
+    return status_poll(rate).scan_time(slaves)
+
+
+@numeric("kim2014-076")
+def fastest_scan(*, slaves: int = MAX_UNIT, rate: float = 115200.0) -> float:
+    """Seconds to read the status of all slaves at the highest rate."""
+    return status_poll(rate).scan_time(slaves)
+
+
+@check("kim2014-008", counter={"breaks": 2})
+def survives(*, breaks: int = 1, slaves: int = 5) -> bool:
+    """Whether every slave stays within reach wherever the loop has so many breaks."""
+    loop = Loop(slaves, status_poll())
+    cuts = combinations(range(loop.n_sections), breaks)
+    return not any(loop.reach([Break(section) for section in cut]).lost for cut in cuts)
+
+
+@check("kim2014-050", counter={"dead": "B"})
+def every_slave_has_two_ways(*, dead: Literal["A", "B", ""] = "", slaves: int = 5) -> bool:
+    """Whether both ports of the master reach every slave, each of which has one port."""
+    reach = Loop(slaves, status_poll()).reach([DeadPort(dead)] if dead else [])
+    return reach.through_a == reach.through_b == list(range(1, slaves + 1))
+
+
+@check("kim2014-051", counter={"at_end": False})
+def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 10.0) -> bool:
+    """Whether a valve is polled while it moves, if it replies to the command at the end of it."""
+    outcome = write_outcome(SerialLine(9600), 5, movement, at_end=at_end, timeout=2 * movement)
+    return outcome.answered and outcome.polls_while_moving > 0
+
+
+@check("kim2014-085", counter={"interface": "RS-422"})
+def two_wires_are_enough(*, interface: str = "RS-485") -> bool:
+    """Whether one pair, and a common conductor beside it, serves both directions."""
+    pair_and_common = 3
+    return INTERFACES[interface].wires.get("half") == pair_and_common
+
+
+@check("kim2014-007", counter={"text": "MSC/Circ.891"})
+def asks_for_two_lines(*, text: str = "SOLAS") -> bool:
+    """Whether this is the text in which duplicated data links are asked for."""
+    return any(text in rule.elsewhere for rule in RULES if rule.name == "links duplicated")
+
+
+def scan_table(n_slaves: int = MAX_UNIT, *, processing: float = 0.0) -> pd.DataFrame:
+    """Return how long a scan takes at the rates between those that the paper prints.
+
+    Parameters
+    ----------
+    n_slaves : int, default 247
+        Number of slaves.
+    processing : float, default 0
+        How long each slave, and the master after it, work on top of the silences [s].
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by ``bit_rate``: ``poll_ms``, ``scan_s``, and ``slaves_in_2_s``, how many a scan of
+        2 s can have.
+
+    Examples
+    --------
+    >>> scan_table(processing=5e-3).loc[115200].round(2).to_dict()
+    {'poll_ms': 10.51, 'scan_s': 2.59, 'slaves_in_2_s': 190.0}
+    """
+    table = scan.scan_table(n_slaves, bit_rates=RATES, processing=processing)
+    named = table.rename(columns={"read_ms": "poll_ms", "valves_in_2_s": "slaves_in_2_s"})
+    return named[["poll_ms", "scan_s", "slaves_in_2_s"]]
+
+
+def break_table(
+    n_slaves: int = MAX_UNIT, *, timeouts: Sequence[float] = (0.05, 0.1, 0.5, 1.0)
+) -> pd.DataFrame:
+    """Return how long data stay away when the loop breaks in its middle, at 9600 bit/s.
+
+    Parameters
+    ----------
+    n_slaves : int, default 247
+        Number of slaves.
+    timeouts : sequence of float
+        Response timeouts of the master [s].
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by ``timeout_s``: longest time between two answers of a slave [s], where the master
+        moves each slave by itself to the other port (``one_by_one_s``), or with it all downstream
+        (``with_downstream_s``).
+
+    Examples
+    --------
+    >>> break_table(timeouts=[1.0]).round(1).values.tolist()
+    [[132.1, 9.9]]
+    """
+    import pandas as pd
+
+    middle = [Break((n_slaves + 1) // 2)]
+    rows = []
+    for timeout in timeouts:
+        poll = status_poll(timeout=timeout)
+        loops = [Loop(n_slaves, poll, move=move) for move in _MOVES]
+        rows.append([float(loop.worst_gap(middle).max()) for loop in loops])
+    columns = ["one_by_one_s", "with_downstream_s"]
+    return pd.DataFrame(rows, columns=columns, index=pd.Index(timeouts, name="timeout_s"))
+
+
+# Master and valve, message by message: a command, and what the registers say meanwhile.
+
+
+def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -> pd.DataFrame:
+    """Send a closed valve to a position, and read its status from time to time.
+
+    Parameters
+    ----------
+    position : int, default 40
+        Where to go, 0..100 [%].
+    times : sequence of float
+        When the status is read, rising [s].
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a message on the line: ``time_s`` of the query, who it is ``from``, ``frame``
+        (hexadecimal), and what it ``says``.
+
+    Raises
+    ------
+    ArgumentError
+        If the position is out of range.
+
+    Examples
+    --------
+    >>> for row in conversation(times=[2.0]).itertuples():
+    ...     print(row.frame, "|", row.says)
+    01 06 40 01 28 0a 53 cd | go to 40 %
+    01 06 40 01 28 0a 53 cd | the same
+    01 04 40 20 00 04 e5 c3 | how are you?
+    01 04 08 16 28 00 14 32 5a 0c 12 96 8c | FP 90 bar, OP 1.8 bar, MC 1.2 A, OT 50 degC, VPos 22 %
+    """
+    import pandas as pd
+
+    registers = RegisterMap()
+    valve = valve_slaves(Plant())[1]
+    write = Request.write_single_register(
+        COMMAND_REGISTER, registers.command(Code.POSITION_OPEN, position)
+    )
+    read = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
+    rows = []
+
+    def exchange(time: float, query: bytes, meant: str) -> bytes:
+        answer = bytes(valve.answer(query, time))
+        rows.append((time, "master", rtu_frame(1, query).hex(" "), meant))
+        rows.append((time, "valve", rtu_frame(1, answer).hex(" "), "the same"))
+        return answer
+
+    exchange(0.0, write.pdu, f"go to {position} %")
+    for time in times:
+        data = exchange(time, read.pdu, "how are you?")[2:]
+        words = [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
+        seen = registers.decode([words]).readings[:, 0]
+        said = [f"{c.name} {x:.3g} {c.unit}" for c, x in zip(CHANNELS, seen, strict=True)]
+        rows[-1] = (*rows[-1][:3], ", ".join(said))
+    return pd.DataFrame(rows, columns=["time_s", "from", "frame", "says"])
+
+
+# Sections 2.2 and 3.5, Figs 5 and 6: the header on Ethernet, and what datagrams do to it.
+
+
+#: Transport and port of Modbus TCP: "MODBUS messaging on TCP/IP implementation guide" V1.0b, 2006,
+#: sections 2 and 3.1.3.
+MODBUS_TCP = ("TCP", 502)
+
+
+@check("kim2014-014", counter={"transport": "TCP"})
+def transport_is_that_of_modbus_tcp(*, transport: str = "UDP") -> bool:
+    """Whether Modbus TCP is carried by this protocol."""
+    return transport == MODBUS_TCP[0]
+
+
+@check("kim2014-015", counter={"port": 503})
+def port_is_that_of_modbus_tcp(*, port: int = 502) -> bool:
+    """Whether Modbus TCP listens at this port."""
+    return port == MODBUS_TCP[1]
+
+
+@check("kim2014-056", counter={"late": 0.0})
+def identifier_zero_is_enough(*, late: float = 0.02) -> bool:
+    """Whether no answer is taken for another's if all have identifier 0 and a share is late."""
+    units = np.tile(np.arange(1, 6), 200)
+    path = LossyPath(late=late, lateness=0.6)
+    return simulate(units, path, match="nothing", rng=2024).mismatched == 0
+
+
+@check("kim2014-057", counter={"widths": (2, 2, 1, 2)})
+def header_has_these_fields(*, widths: tuple[int, ...] = (2, 2, 2, 1)) -> bool:
+    """Whether a header falls into identifier, 0, length of what follows it, and unit id."""
+    identifier, unit = 0x1501, 17
+    request = Request.read_input_registers(0x4020, 4)
+    pdu, adu = request.pdu, request.tcp(unit, identifier)
+    ends = np.cumsum([0, *widths])
+    fields = [int.from_bytes(adu[a:b], "big") for a, b in pairwise(ends)]
+    return fields == [identifier, 0, len(pdu) + 1, unit] and sum(widths) + len(pdu) == len(adu)

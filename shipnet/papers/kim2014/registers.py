@@ -1,0 +1,610 @@
+"""Tables 1 to 3: the messages byte by byte, and what the registers hold."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import replace
+from math import ceil
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from shipnet import datasets
+from shipnet.ballast.registers import (
+    CODE_READINGS,
+    COMMAND_REGISTER,
+    FIRST_REGISTER,
+    HIGHEST,
+    N_REGISTERS,
+    SCALES,
+    Code,
+    RegisterMap,
+    command_codes,
+    whole_steps,
+)
+from shipnet.ballast.sensors import CHANNELS, Sensors
+from shipnet.datasets import path
+from shipnet.errors import ArgumentError, FrameError
+from shipnet.fields import check_scalar, check_whole
+from shipnet.modbus.adu import MAX_UNIT, decode, rtu_frame, tcp_frame
+from shipnet.modbus.pdu import MAX_PDU, FunctionCode, Request, Response
+from shipnet.modbus.polling import Poll
+from shipnet.modbus.slave import Slave
+from shipnet.modbus.uart import SerialLine
+from shipnet.papers.registry import check, numeric
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+# The messages of Tables 2 and 3, byte for byte: as printed, and as the standard wants them.
+
+
+#: File and message by name.
+MESSAGES = {
+    "write query": ("kim2014_table2_write_register.csv", "query"),
+    "write response": ("kim2014_table2_write_register.csv", "response"),
+    "write error": ("kim2014_table2_write_register.csv", "error"),
+    "read query": ("kim2014_table3_read_registers.csv", "query"),
+    "read response": ("kim2014_table3_read_registers.csv", "response"),
+}
+
+
+def printed_adu(
+    message: str, *, unit: int = 1, value: int = 0, registers: tuple[int, ...] = (0, 0, 0, 0)
+) -> bytes:
+    """Return a message with the bytes that the paper prints."""
+    words = _checked(message, unit, value, registers)
+    file, kind = MESSAGES[message]
+    with path(file).open(encoding="utf-8") as table:
+        rows = [row for row in csv.DictReader(table) if row["message"] == kind]
+    adu = b""
+    for row in rows:
+        length, text = int(row["length_byte"]), row["value_printed"]
+        match row["field_mended"]:
+            case "unit identifier":
+                number = unit
+            case "position in percent":
+                number = value >> 8
+            case "command" | "status bits":
+                number = value & 0xFF
+            case "input registers":
+                adu += b"".join(word.to_bytes(2, "big") for word in words)
+                continue
+            case "transaction and protocol identifier":
+                adu += bytes(int(part) for part in text.split("."))
+                continue
+            case _:
+                number = int(text, 0)
+        adu += number.to_bytes(length, "big")
+    return adu
+
+
+def standard_adu(
+    message: str,
+    *,
+    unit: int = 1,
+    value: int = 0,
+    registers: tuple[int, ...] = (0, 0, 0, 0),
+    transaction_id: int = 0,
+) -> bytes:
+    """Return the same message as the standard has it."""
+    words = _checked(message, unit, value, registers)
+    pdus = {
+        "write query": Request.write_single_register(COMMAND_REGISTER, value).pdu,
+        "write response": Request.write_single_register(COMMAND_REGISTER, value).pdu,
+        "write error": Response(6, exception=1).pdu,  # type: ignore[arg-type]
+        "read query": Request.read_input_registers(FIRST_REGISTER, N_REGISTERS).pdu,
+        "read response": Response(4, registers=words).pdu,
+    }
+    return tcp_frame(unit, pdus[message], transaction_id)
+
+
+def message_table() -> pd.DataFrame:
+    """Compare the printed messages with the standard's.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by message: ``printed`` and ``standard`` (hexadecimal), ``length_printed`` and
+        ``length_standard`` (length field of the MBAP header [byte]), ``same``, and what a decoder
+        by the standard says of the printed bytes (``decoder``: ``ok`` or the name of the error).
+
+    Examples
+    --------
+    >>> message_table()[["length_printed", "length_standard", "decoder"]].values.tolist()
+    [[6, 6, 'ok'], [6, 6, 'ok'], [3, 3, 'LengthError'], [6, 6, 'ok'], [14, 11, 'LengthError']]
+    """
+    import pandas as pd
+
+    rows = []
+    for message in MESSAGES:
+        printed, standard = printed_adu(message), standard_adu(message)
+        lengths = [int.from_bytes(adu[4:6], "big") for adu in (printed, standard)]
+        rows.append(
+            (printed.hex(" "), standard.hex(" "), *lengths, printed == standard, _verdict(message))
+        )
+    columns = ["printed", "standard", "length_printed", "length_standard", "same", "decoder"]
+    return pd.DataFrame(rows, columns=columns, index=pd.Index(MESSAGES, name="message"))
+
+
+def _verdict(message: str) -> str:
+    request = decode(standard_adu(f"{message.split()[0]} query"), "tcp").request()
+    try:
+        pdu = decode(printed_adu(message), "tcp").pdu
+        if message.endswith("query"):
+            Request.parse(pdu)
+        else:
+            Response.parse(pdu, request)
+    except FrameError as error:
+        return type(error).__name__
+    return "ok"
+
+
+def _checked(message: str, unit: int, value: int, registers: tuple[int, ...]) -> tuple[int, ...]:
+    if message not in MESSAGES:
+        raise ArgumentError(f"message is {message!r}; it must be one of {', '.join(MESSAGES)}")
+    check_whole("unit", unit, 0, 255)
+    check_whole("value", value, 0, 0xFFFF)
+    if len(registers) != N_REGISTERS:
+        raise ArgumentError(f"registers has {len(registers)} values; it must have {N_REGISTERS}")
+    return tuple(check_whole("register", word, 0, 0xFFFF) for word in registers)
+
+
+# Section 2.1, the first Table 1, Tables 2 and 3: fields, codes and lengths of the messages.
+
+
+_READ, _WRITE = FunctionCode.READ_INPUT_REGISTERS, FunctionCode.WRITE_SINGLE_REGISTER
+
+#: The first Table 1, one row a field.
+_TABLE_1 = datasets.read("kim2014_function_codes.csv")
+
+#: Bytes before the first that the length field counts.
+_LENGTH_AT = 4
+
+
+def table_1() -> dict[str, int]:
+    """Return how long the first Table 1 makes the messages of Tables 2 and 3."""
+    sizes = {}
+    for name, code in (("write", "0x06"), ("read", "0x04")):
+        for message in ("query", "response", "error"):
+            own = (_TABLE_1["function_code"] == code) & (_TABLE_1["message"] == message)
+            fixed, each = (
+                _TABLE_1.loc[own, f"length_{what}_byte"].astype(int).sum()
+                for what in ("fixed", "per_register")
+            )
+            sizes[f"{name} {message}"] = int(fixed + N_REGISTERS * each)
+    return sizes
+
+
+def _answer(registers: int) -> Response:
+    return Response(_READ, registers=(0,) * registers)
+
+
+@numeric("kim2014-006")
+def crc_bits(*, address: int = 1) -> int:
+    """Bits that an RTU frame has beside its PDU and an address of so many bytes."""
+    pdu = Request.read(_READ, FIRST_REGISTER, N_REGISTERS).pdu
+    return 8 * (len(rtu_frame(1, pdu)) - len(pdu) - address)
+
+
+@numeric("kim2014-009", "kim2014-018")
+def write_error(*, function: int = 6) -> int:
+    """First byte of an exception response to this function code."""
+    return Response(function, exception=1).pdu[0]  # type: ignore[arg-type]
+
+
+@numeric("kim2014-052")
+def read_error(*, function: int = 4) -> int:
+    """First byte of an exception response to this function code."""
+    return write_error(function=function)
+
+
+@numeric("kim2014-010")
+def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
+    """Registers that one response can hold."""
+    return (longest_pdu - len(_answer(1).pdu) + 2) // 2
+
+
+@numeric("kim2014-086")
+def least_registers(*, data: int = 2) -> int:
+    """Registers that a legal query must ask for to get so many bytes of data or more."""
+    return next(n for n in range(126) if _may_ask(n) and len(_answer(n).pdu) >= 2 + data)
+
+
+def _may_ask(quantity: int) -> bool:
+    try:
+        Request.read(_READ, FIRST_REGISTER, quantity)
+    except ArgumentError:
+        return False
+    return True
+
+
+@check("kim2014-011", counter={"message": "query"})
+def names_a_register(*, message: str = "response") -> bool:
+    """Whether what follows the function code changes with the address of the register."""
+    slave = Slave(input_registers=[0] * 4)
+    said = []
+    for address in (1, 2):
+        query = Request.read(_READ, address, 1).pdu
+        said.append(query if message == "query" else slave.answer(query))
+    return said[0] != said[1]
+
+
+def _length_field(message: str, before: int) -> int:
+    return len(standard_adu(message)) - before
+
+
+@numeric("kim2014-016")
+def write_length(*, before: int = _LENGTH_AT + 2) -> int:
+    """Bytes of the write query and of its response that follow the length field."""
+    query, response = (
+        _length_field(message, before) for message in ("write query", "write response")
+    )
+    if query != response:
+        raise ArgumentError(f"the query counts {query} bytes, the response {response}")
+    return query
+
+
+@numeric("kim2014-017")
+def error_length(*, before: int = _LENGTH_AT + 2) -> int:
+    """Bytes of the error response that follow the length field."""
+    return _length_field("write error", before)
+
+
+@numeric("kim2014-019")
+def read_length(*, before: int = _LENGTH_AT + 2) -> int:
+    """Bytes of the read query that follow the length field."""
+    return _length_field("read query", before)
+
+
+@numeric("kim2014-020")
+def response_length(*, registers: int = N_REGISTERS) -> int:
+    """Unit id and PDU of a read response [byte]."""
+    return 1 + len(_answer(registers).pdu)
+
+
+@numeric("kim2014-053")
+def registers_read(*, first: int = 0x4020, last: int = 0x4023) -> int:
+    """Registers that the query from the first to the last of these addresses asks for."""
+    return Request.read(_READ, first, last - first + 1).quantity
+
+
+@numeric("kim2014-054")
+def byte_count(*, registers: int = N_REGISTERS) -> int:
+    """Byte that follows the function code in the read response."""
+    return _answer(registers).pdu[1]
+
+
+@numeric("kim2014-080")
+def rtu_read_response(*, registers: int = N_REGISTERS) -> int:
+    """Bytes of the RTU frame that brings so many registers."""
+    return len(rtu_frame(1, _answer(registers).pdu))
+
+
+@check("kim2014-049", counter={"codes": (1, 2, 3, 7)})
+def exceptions_exist(*, codes: tuple[int, ...] = (1, 2, 3, 4)) -> bool:
+    """Whether the standard has these exception codes, for both function codes."""
+    try:
+        for function in (_READ, _WRITE):
+            for code in codes:
+                Response.parse(bytes([function | 0x80, code]))
+    except FrameError:
+        return False
+    return True
+
+
+@check("kim2014-083", counter={"read": 3})
+def functions_are_named_right(*, write: int = 6, read: int = 4) -> bool:
+    """Whether these codes write a single register and read input registers."""
+    return (FunctionCode(write), FunctionCode(read)) == (_WRITE, _READ)
+
+
+@check("kim2014-084", counter={"messages": ("write query", "write response", "read query")})
+def same_pdu_on_both(*, messages: tuple[str, ...] = tuple(MESSAGES)) -> bool:
+    """Whether the messages of Tables 2 and 3 have the PDU lengths of the first Table 1."""
+    header = 7
+    return all(len(printed_adu(message)) - header == table_1()[message] for message in messages)
+
+
+@check("kim2014-058", counter={"first": 1})
+def labels_are_offsets(*, first: int = 0) -> bool:
+    """Whether the labels 5 to 11 are the places of the fields' last bytes, counted from first."""
+    for table in ("table2_write_register", "table3_read_registers"):
+        for _, fields in datasets.read(f"kim2014_{table}.csv").groupby("message"):
+            last = np.cumsum(fields["length_byte"].astype(int)) - 1 + first
+            labelled = fields["label_printed"].isin([str(label) for label in range(5, 12)])
+            if (fields["label_printed"][labelled].astype(int) != last[labelled]).any():
+                return False
+    return True
+
+
+@check("kim2014-087", counter={"addresses": (COMMAND_REGISTER, 0x14020)})
+def addresses_fit(*, addresses: tuple[int, ...] = (COMMAND_REGISTER, 0x4020, 0x4023)) -> bool:
+    """Whether these registers lie in the range that the first Table 1 prints for an address."""
+    printed = _TABLE_1[_TABLE_1["value_printed"].str.fullmatch("0x0000~0xFF FF")]
+    low, high = (int(printed[f"value_{end}"].iloc[0], 16) for end in ("low", "high"))
+    return all(low <= address <= high and _writable(address) for address in addresses)
+
+
+def _writable(address: int) -> bool:
+    try:
+        Request.write_single_register(address, 0)
+    except ArgumentError:
+        return False
+    return True
+
+
+@check(
+    "kim2014-013", counter={"contents": ("Position", "operating time", "pressure", "motor current")}
+)
+def registers_in_order(
+    *, contents: tuple[str, ...] = ("Position", "temperature", "pressure", "motor current")
+) -> bool:
+    """Whether the four registers of Table 3 name, in this order, what section 2.1 puts there."""
+    rows = datasets.read("kim2014_table3_read_registers_bits.csv").query("part == 'register'")
+    text = rows["name_printed"] + " " + rows["remark_printed"]
+    return all(re.search(what, found) for what, found in zip(contents, text, strict=True))
+
+
+# When a slave answers a command: at once, or, as the paper prints it, when the valve has arrived.
+
+
+class WriteOutcome(NamedTuple):
+    """What a command costs the line."""
+
+    write_time: float
+    tries: int
+    answered: bool
+    scan_gap: float
+    polls_while_moving: int
+
+
+def write_outcome(
+    serial: SerialLine,
+    n_slaves: int,
+    movement: float,
+    *,
+    at_end: bool,
+    timeout: float = 1.0,
+    retries: int = 0,
+) -> WriteOutcome:
+    """Return what a command to one valve does to a scan of all."""
+    slaves = check_whole("n_slaves", n_slaves, 1, MAX_UNIT)
+    moving = check_scalar("movement", movement, "s", 0, 3600)
+    write = Poll(
+        Request.write_single_register(COMMAND_REGISTER, 0), serial, timeout=timeout, retries=retries
+    )
+    read = Poll(Request.read_input_registers(FIRST_REGISTER, N_REGISTERS), serial)
+    scan = read.scan_time(slaves)
+    tries, answered, cost = 1, True, write.time
+    if at_end:
+        # From the end of the first try to the end of the answer, and how many tries that spans.
+        late = write.shortest_timeout + moving
+        tries = 1 + max(ceil((late - write.timeout) / write.unanswered_time), 0)
+        answered = tries <= write.retries + 1
+        # A try that the answer interrupts has been sent in vain, but not waited for in full.
+        cost = write.time + moving if answered else write.timeout_time
+        tries = min(tries, write.retries + 1)
+    busy = cost if at_end else 0.0
+    polls = 0 if busy >= moving else ceil((moving - busy) / scan)
+    return WriteOutcome(cost, tries, answered, scan + cost, polls)
+
+
+def answer_table(
+    serial: SerialLine,
+    n_slaves: int,
+    movement: float,
+    *,
+    timeout: float = 1.0,
+    retries: int = 0,
+) -> pd.DataFrame:
+    """Compare both moments of the answer, and the second with a time-out that waits for it.
+
+    Parameters
+    ----------
+    serial : SerialLine
+        Settings of the line.
+    n_slaves : int
+        Number of slaves, 1..247.
+    movement : float
+        How long the valve moves, 0..3600 [s].
+    timeout : float, default 1
+        Response time-out of the master [s].
+    retries : int, default 0
+        How often the master repeats a command that is not answered, 0..100.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by ``answer``: ``at the start``, ``at the end``, and ``at the end, waited for`` with
+        the shortest timeout that is long enough; columns ``timeout_s``, ``write_s``, ``tries``,
+        ``answered``, ``scan_gap_s``, ``polls_while_moving``.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Examples
+    --------
+    >>> answer_table(SerialLine(9600), 247, 9.0)["scan_gap_s"].round(2).to_dict()
+    {'at the start': 7.95, 'at the end': 8.93, 'at the end, waited for': 16.95}
+    """
+    import pandas as pd
+
+    plain = Poll(Request.write_single_register(COMMAND_REGISTER, 0), serial)
+    patient = replace(plain, timeout=3600.0, processing=movement).shortest_timeout
+    cases = {
+        "at the start": (False, timeout),
+        "at the end": (True, timeout),
+        "at the end, waited for": (True, patient),
+    }
+    rows = []
+    for at_end, wait in cases.values():
+        found = write_outcome(
+            serial, n_slaves, movement, at_end=at_end, timeout=wait, retries=retries
+        )
+        rows.append((wait, *found))
+    columns = ["timeout_s", "write_s", "tries", "answered", "scan_gap_s", "polls_while_moving"]
+    return pd.DataFrame(rows, columns=columns, index=pd.Index(cases, name="answer"))
+
+
+# Tables 2 and 3, section 3.2: registers of a valve, its command codes, its converter.
+
+
+_VPOS = [channel.name for channel in CHANNELS].index("VPos")
+
+
+def _status(readings: list[list[float]], **flags: bool) -> tuple[int, bool]:
+    """Return register 0x4020 as Table 2 has it, and whether the position did not fit."""
+    packed = RegisterMap(status="table 2").encode(readings, **flags)
+    return int(packed.registers[0, 0]), bool(packed.saturated[0, _VPOS])
+
+
+def _at(position: float) -> list[list[float]]:
+    return [[0.0], [0.0], [0.0], [50.0], [position]]
+
+
+@numeric("kim2014-023")
+def channels(
+    *, pressure: int = 2, current: int = 1, temperature: int = 1, position: int = 1
+) -> int:
+    """Sensors of a slave, each of which needs a channel of the converter."""
+    return pressure + current + temperature + position
+
+
+@check("kim2014-021", counter={"reading": "flag sum"})
+def codes_differ(*, reading: str = "decimal") -> bool:
+    """Whether every command has a code of its own, as this reading of Table 2 has them."""
+    return bool(code_table()[reading].is_unique)
+
+
+@check("kim2014-022", counter={"highest": 305.0})
+def position_fits(*, highest: float = 100.0) -> bool:
+    """Whether positions up to this [%] fit the high byte of a register."""
+    ends = (_status(_at(position), close=False, open=True) for position in (0.0, highest))
+    return not any(saturated for _, saturated in ends)
+
+
+@check("kim2014-055", counter={"commands": ("Position Close", "Position Open")})
+def status_is_the_command(*, commands: tuple[str, ...] = tuple(c.value for c in Code)) -> bool:
+    """Whether the status of Table 2, read where the command leads, is the value of the command."""
+    where = {"Close": 0.0, "Open": 100.0, "Position Close": 40.0, "Position Open": 40.0}
+    for name in commands:
+        code, position = Code(name), where.get(name, 0.0)
+        written = RegisterMap().command(code, int(position) if "Position" in name else 0)
+        opened, closed = (word in name for word in ("Open", "Close"))
+        flags = {"auto": code is not Code.MANUAL, "open": opened, "close": closed}
+        if _status(_at(position), **flags)[0] != written:
+            return False
+    return True
+
+
+@check("kim2014-059", counter={"other": "table 2"})
+def status_bits_agree(*, other: str = "table 3") -> bool:
+    """Whether this table has the status bits where Table 2 has them."""
+    words = [
+        RegisterMap(status=table).encode(_at(0.0), close=False, open=True).registers[0, 0]
+        for table in ("table 2", other)
+    ]
+    return bool(words[0] == words[1])
+
+
+@check("kim2014-060", counter={"mode": "Auto"})
+def position_codes_hold(*, mode: str = "Manual") -> bool:
+    """Whether both position codes, read as sums of flags, hold the flag of this mode."""
+    codes = command_codes("flag sum")
+    positions = (codes[Code.POSITION_CLOSE], codes[Code.POSITION_OPEN])
+    return all(code & codes[Code(mode)] for code in positions)
+
+
+@numeric("kim2014-078")
+def converter_step(*, bits: int = 12, span: float = 100.0) -> float:
+    """Percent of the position from one code of the converter to the next."""
+    scale = Sensors()
+    high = (*scale.high[:_VPOS], span)
+    return float(Sensors((0.0,) * len(CHANNELS), high, bits=bits).step[_VPOS])
+
+
+@numeric("kim2014-079")
+def angle_step(*, travel: float = 90.0) -> float:
+    """Degrees that one step of the position is, of a travel of so many degrees."""
+    return SCALES[_VPOS].step / 100 * travel
+
+
+@numeric("kim2014-081")
+def largest_position(*, bits: int = 8) -> int:
+    """What a register of so many bits tells of a position of 305."""
+    return int(whole_steps(np.array([305.0]), 2**bits - 1)[0][0])
+
+
+@numeric("kim2014-044")
+def colours(*, bits: int = 16) -> int:
+    """Colours of a display with so many bits a pixel."""
+    return int(2**bits)
+
+
+@check("kim2014-062", counter={"other": "PP"})
+def pump_pressure_is_called(*, other: str = "FP") -> bool:
+    """Whether this, the name in the rule table, is the name of the pump pressure in Table 3."""
+    rows = datasets.read("kim2014_table3_read_registers_bits.csv").query("part == 'register'")
+    remark = rows.loc[rows["remark_printed"].str.startswith("motor temperature"), "remark_printed"]
+    return bool(remark.str.endswith(f"pressure {other}").all())
+
+
+def code_table() -> pd.DataFrame:
+    """Return the codes of all readings beside each other.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by command, one column a reading.
+
+    Examples
+    --------
+    Only two of the readings tell all commands apart:
+
+    >>> code_table().apply(lambda codes: codes.is_unique).to_dict()
+    {'flag sum': True, 'one bit': True, 'decimal': False, 'hexadecimal': False}
+    """
+    import pandas as pd
+
+    columns = {reading: command_codes(reading) for reading in CODE_READINGS}
+    index = pd.Index([code.value for code in Code], name="command")
+    return pd.DataFrame({r: list(codes.values()) for r, codes in columns.items()}, index=index)
+
+
+def survival_table() -> pd.DataFrame:
+    """Return what becomes of the values of the paper's fault tests on their way to the master.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a value of the rule table: ``code``, ``channel``, ``value``, ``received``,
+        ``saturated``, and ``survives``: received within half a step. Positions are the mended ones,
+        and 305 as printed besides.
+
+    Examples
+    --------
+    >>> table = survival_table()
+    >>> table[~table["survives"]].groupby("channel")["value"].unique().to_dict()
+    {'VPos': array([305.,  -5.])}
+    """
+    import pandas as pd
+
+    rules = pd.read_csv(datasets.path("kim2014_rule_table.csv"), dtype=str)
+    rows = []
+    for rule in rules.to_dict("records"):
+        for k, scale in enumerate(SCALES):
+            name = scale.channel.lower()
+            texts = [rule[f"{name}_printed"]] + [rule.get("vpos_mended_percent")] * (name == "vpos")
+            numbers = [str(t).split(" or ") for t in texts if isinstance(t, str)]
+            for value in dict.fromkeys(float(n) for several in numbers for n in several):
+                sent, saturated = whole_steps(np.array([value]) / scale.step, HIGHEST)
+                got = float(sent[0]) * scale.step
+                survives = abs(got - value) <= scale.step / 2 + 1e-9
+                rows.append((rule["code"], CHANNELS[k].name, value, got, saturated[0], survives))
+    columns = ["code", "channel", "value", "received", "saturated", "survives"]
+    return pd.DataFrame(rows, columns=columns)

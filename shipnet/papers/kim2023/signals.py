@@ -1,0 +1,321 @@
+"""Section 3.4 and Table 2: pulses, tolerances, error detection, immunity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import comb
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from shipnet.asi.emc.disturbances import noise
+from shipnet.asi.emc.immunity import STANDARDS, immunity_margin, levels_table
+from shipnet.asi.emc.monte_carlo import Telegrams, all_telegrams, telegram_error_rate
+from shipnet.asi.modulation import CLASSES, HALF_BIT, as_bits, levels_of, pulses_of, send_current
+from shipnet.asi.receiver import receive, within_tolerance
+from shipnet.asi.segment import DEVICE, Segment
+from shipnet.asi.telegram import RESPONSES, Response
+from shipnet.asi.topology import straight_line
+from shipnet.errors import ArgumentError
+from shipnet.line.cable import CABLES, Cable
+from shipnet.line.network import CableRun, Network
+from shipnet.papers.registry import check, numeric
+
+# Section 3.4, Table 3, Figs 3 and 4: levels, pulses and what the place of a slave does.
+
+
+@check("kim2023-025", "icn2007-049", counter={"near": 100.0, "far": 5.0})
+def louder_far_from_supply(*, near: float = 5.0, far: float = 100.0) -> bool:
+    """Whether a slave at `far` makes more voltage at the master than one at `near`."""
+    _, u = straight_line(100, slaves=(near, far)).signals(Response(0x6).bits)
+    smaller, larger = np.abs(u[:, 0]).max(axis=-1)
+    return bool(larger > smaller)
+
+
+@check("kim2023-077", "icn2007-050", counter={"supply": 60.0})
+def above_supply(*, slave: float = 30.0, supply: float = 30.0) -> bool:
+    """Whether the voltage at a slave that sends on 30 V rises above `supply`."""
+    place = 100.0
+    segment = straight_line(100, slaves=(place,), master=place, supply=0)
+    _, u = segment.signals(Response(0x6).bits)
+    return bool(slave + u.max() > supply)
+
+
+@check("kim2023-087", counter={"zero": (0, 1)})
+def zero_falls(*, zero: tuple[int, int] = (1, 0)) -> bool:
+    """Whether a 0 has these levels, and a 1 the inverse."""
+    return tuple(levels_of("0")) == zero and tuple(levels_of("1")) == zero[::-1]
+
+
+@check("kim2023-088", "icn2007-009", counter={"sign": 1})
+def first_pulse(*, sign: int = -1) -> bool:
+    """Whether the first pulse of every response has this sign, and belongs to the start bit."""
+    trains = pulses_of(RESPONSES)
+    return bool((trains[:, 0] == 0).all() and (trains[:, 1] == sign).all())
+
+
+@check("icn2007-008", counter={"sign": 1})
+def rising_current(*, sign: int = -1) -> bool:
+    """Whether the voltage on the line has this sign while the current begins to rise."""
+    t, u = straight_line(100, slaves=(5,)).signals(Response(0x6).bits, start=5e-6)
+    slope = np.gradient(send_current(t, Response(0x6).bits, start=5e-6), t)
+    first = int(np.argmax(np.abs(slope) > 0.5 * np.abs(slope).max()))
+    return bool(slope[first] > 0 and np.sign(u[0, 0, first]) == sign)
+
+
+# Section 3.4: what the receiver copes with, and what an open cable does to the pulses.
+
+
+Floats = npt.NDArray[np.float64]
+
+#: Sampling interval of the trains [s].
+STEP = 250e-9
+
+
+def train_of(heights: npt.ArrayLike) -> Floats:
+    """Return the voltage of pulses of given heights, one a half-bit, between two silences."""
+    heights = np.asarray(heights, dtype=float)
+    x = (np.arange(2048) * STEP - 4.5e-6) / HALF_BIT - np.arange(heights.shape[-1])[:, np.newaxis]
+    shape = np.where((x > 0) & (x < 1), np.sin(np.pi * x) ** 2, 0.0)
+    return np.asarray(heights @ shape)
+
+
+@check("kim2023-023", counter={"difference": 0.65})
+def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
+    """Whether every response is read if its pulses differ by this share of the largest.
+
+    With the first pulse as the largest and as the smallest, and both ends of the range of the
+    comparator, 45 % to 55 % of the first pulse.
+    """
+    sent = as_bits(RESPONSES)
+    low = np.full((2, 14), 1 - difference)
+    low[0, 1], low[1, 2:] = 1, 1
+    u = train_of(2 * pulses_of(sent)[:, np.newaxis] * low)
+    heard = [receive(u, STEP, 7, threshold=threshold, matched=False) for threshold in (0.45, 0.55)]
+    return all(bool((one.bits == sent[:, np.newaxis]).all()) for one in heard)
+
+
+@check("kim2023-024", counter={"overshoot": 0.4})
+def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
+    """Whether every response is read if all slots without a pulse ring by this share.
+
+    The first pulse, by which the receiver sets its threshold, is the smallest that the other
+    tolerance allows, 65 % of the largest.
+    """
+    sent = as_bits(RESPONSES)
+    pulses = np.pad(pulses_of(sent), ((0, 0), (0, 2))).astype(float)
+    swing = overshoot * (-1.0) ** np.arange(pulses.shape[1])
+    heights = np.where(pulses != 0, pulses, np.stack([swing, -swing])[:, np.newaxis])
+    heights[..., 0] = 0
+    heights[..., 1] *= 0.65
+    heard = receive(train_of(2 * heights), STEP, 7, matched=False)
+    return bool((heard.error == 0).all() and (heard.bits == sent).all())
+
+
+@check("kim2023-098", "icn2007-047", counter={"length": 200.0})
+def copes_with_open_end(*, length: float = 100.0) -> bool:
+    """Whether all responses from along an unterminated cable stay within both tolerances."""
+    segment = straight_line(length, slaves=(0.05 * length, 0.5 * length, length))
+    sent = as_bits(RESPONSES)
+    heard = receive(segment.signals(sent, dt=STEP)[1], STEP, 7)
+    return bool(within_tolerance(heard).all() and (heard.bits == sent).all())
+
+
+@check("kim2023-095", "icn2007-053", counter={"part": "inductor"})
+def works_without(*, part: str = "conductor") -> bool:
+    """Whether the master still reads a slave that lacks this part of its own.
+
+    The conductor is the metre of wire from the slave to the cable.
+    """
+    segment = straight_line(100, slaves=())
+    lost = Cable(r=1e12, l=1e-6, c=1e-15)
+    stub = CableRun("100 m", "slave", 1, lost if part == "conductor" else CABLES["as-i 1.5"])
+    slave = replace(DEVICE, l=None) if part == "inductor" else DEVICE
+    network = Network([*segment.network.runs, stub], {**segment.network.loads, "slave": slave})
+    sent = as_bits(RESPONSES)
+    _, u = Segment(network, segment.master, ("slave",)).signals(sent, dt=STEP)
+    return bool((receive(u[0], STEP, 7).error == 0).all())
+
+
+# Section 3.4: what error detection costs elsewhere, and what the pulses of AS-i detect.
+
+
+def check_bits_for_distance_4(information: int) -> int:
+    """Fewest check bits with which any two words differ in at least four places."""
+    r = 2
+    while 2 ** (r - 1) < information + r:
+        r += 1
+    return r
+
+
+@numeric("kim2023-057", "icn2007-023")
+def request_check_bits(*, control: int = 1, address: int = 5, information: int = 5) -> int:
+    """Check bits for the 11 bits of a request."""
+    return check_bits_for_distance_4(control + address + information)
+
+
+@numeric("kim2023-058", "icn2007-040")
+def response_check_bits(*, information: int = 4) -> int:
+    """Check bits for the 4 bits of a response."""
+    return check_bits_for_distance_4(information)
+
+
+@numeric("kim2023-059")
+def growth(*, request: int = 11, response: int = 4, extra: int = 7 + 4) -> float:
+    """Growth in percent by the extra bits that the paper prints, over the information bits."""
+    return 100 * extra / (request + response)
+
+
+@numeric("kim2023-060", "icn2007-024")
+def error_classes(*, classes: tuple[str, ...] = tuple(CLASSES)) -> int:
+    """Kinds of error that the receiver tells apart."""
+    return len(classes)
+
+
+def undetected(faults: int) -> tuple[int, int]:
+    """Count the faults of pulses that leave a response valid.
+
+    Parameters
+    ----------
+    faults : int
+        Slots that change at once, 1 or more; each takes either of its two other values.
+
+    Returns
+    -------
+    tuple of int
+        Undetected patterns, and all patterns: of the 15 slots from the start pulse on, in each
+        of the 16 responses.
+
+    Notes
+    -----
+    A fault of the model is a slot that is read wrong, whatever the cause; how likely that is on
+    a ship, it does not say.
+
+    Examples
+    --------
+    >>> undetected(1), undetected(2)
+    ((0, 480), (0, 6720))
+    """
+    words = np.array([pulses_of(Response(data).bits) for data in range(16)])
+    slots = np.pad(words, ((0, 0), (0, 2)))[:, 1:]
+    n = slots.shape[1]
+    # The checks accept the 16 responses and nothing else, so a fault passes only if it turns one
+    # response into another.
+    distance = (slots[:, np.newaxis] != slots).sum(axis=-1)
+    return int((distance == faults).sum()), len(slots) * comb(n, faults) * 2**faults
+
+
+@check("kim2023-061", counter={"faults": 4})
+def every_fault_found(*, faults: int = 1) -> bool:
+    """Whether every response with so many wrong slots is found faulty."""
+    return undetected(faults)[0] == 0
+
+
+# Section 3.3, 3.6 and Table 2: immunity, and what a ship asks for beyond it.
+
+
+#: What a burst may come in on.
+LINES = ("supply", "signal")
+
+
+def level(test: str, parameter: str) -> pd.Series:
+    """Return the row of a parameter of a test, from `levels`."""
+    table = levels_table()
+    rows = table[(table["test"] == test) & (table["parameter"] == parameter)]
+    if len(rows) != 1:
+        raise ArgumentError(
+            f"test and parameter are {test!r} and {parameter!r}; see levels_table()"
+        )
+    return rows.iloc[0]
+
+
+@check("kim2023-012", counter={"deviations": (0.5, 0.7)})
+def supply_decides(
+    *,
+    supplies: tuple[float, float] = (30.0, 230.0),
+    deviations: tuple[float, float] = (0.6, 0.6),
+) -> bool:
+    """Whether the voltage of the supply, below which PELV stays, changes what noise destroys."""
+    near = all_telegrams(straight_line(100, slaves=(5,)))
+    lost = []
+    for supply, deviation in zip(supplies, deviations, strict=True):
+        lifted = Telegrams(near.bits, near.t, near.u + supply, near.span)
+        rng = np.random.default_rng(2024)
+        table = telegram_error_rate(lifted, noise, deviation, 2000, rng, minimum=0.9)
+        lost.append(int(table["failed"].iloc[0]))
+    return lost[0] != lost[1]
+
+
+@check("kim2023-013", counter={"contact": 6.0})
+def discharge(*, contact: float = 4.0, air: float = 8.0) -> bool:
+    """Whether Table 2 prints these kilovolts, and a ship asks for more of one of them."""
+    rows = [level(f"electrostatic discharge, {how}", "voltage") for how in ("contact", "air")]
+    printed = [row["asi"] for row in rows] == [contact, air]
+    return printed and "below" in [row["gap"] for row in rows]
+
+
+@check("kim2023-014", counter={"standard": "IEC 61000-6-4"})
+def about_emission(*, standard: str = "IEC 61000-4-2") -> bool:
+    """Whether the standard is about what a device emits."""
+    return "emission" in STANDARDS[standard].lower()
+
+
+@check("kim2023-015", counter={"highest": 2000.0})
+def radiated_field(
+    *, strength: float = 10.0, lowest: float = 80.0, highest: float = 1000.0
+) -> bool:
+    """Whether Table 2 prints this field [V/m, MHz], and a ship asks for higher frequencies."""
+    names = ("field strength", "lowest frequency", "highest frequency")
+    rows = [level("radio-frequency field", name) for name in names]
+    printed = [row["asi"] for row in rows] == [strength, lowest, highest]
+    return printed and rows[-1]["gap"] == "below"
+
+
+@check("kim2023-016", counter={"peak": 0.5})
+def bursts(*, peak: float = 2.0) -> bool:
+    """Whether bursts of this height [kV] and Table 2's form cover what a ship asks for."""
+    table = levels_table()
+    form = table[table["test"] == "burst"]
+    heights = [level(f"burst, {lines} lines", "peak voltage")["marine"] for lines in LINES]
+    return bool(
+        (form["gap"] == "covers").all() and (immunity_margin(peak, heights) == "covers").all()
+    )
+
+
+@check("kim2023-017", counter={"printed": "0.15~80"})
+def reads_as_range(*, printed: str = "") -> bool:
+    """Whether the printed range is two numbers, the lower one first."""
+    text = printed or str(level("conducted radio frequency", "lowest frequency")["asi_printed"])
+    try:
+        low, high = (float(part) for part in text.split("~"))
+    except ValueError:
+        return False
+    return low < high
+
+
+@check("kim2023-018", counter={"ohm": 50.0})
+def source_impedance(*, ohm: float = 150.0) -> bool:
+    """Whether the generator's impedance is that of the standard."""
+    row = level("conducted radio frequency", "source impedance")
+    return bool(immunity_margin(ohm, row["marine"], "equal") == "covers")
+
+
+@check("kim2023-019", counter={"standards": ("IEC 61000-4-4", "IEC 61000-4-6")})
+def covers_a_ship(*, standards: tuple[str, ...] = tuple(STANDARDS)) -> bool:
+    """Whether the levels for these standards cover all that a ship asks for."""
+    table = levels_table()
+    asked = table[table["standard"].isin(standards)]
+    return bool(asked["gap"].isin(["covers", "not asked"]).all())
+
+
+@check("kim2023-078", counter={"frequency": 1800.0})
+def pulsed_field(
+    *, strength: float = 10.0, frequency: float = 900.0, duty: float = 50.0, rate: float = 200.0
+) -> bool:
+    """Whether Table 2 prints these values [V/m, MHz, %, Hz], as the older standard has them."""
+    table = levels_table()
+    rows = table[table["test"] == "pulsed field"]
+    return rows["asi"].tolist() == [strength, frequency, duty, rate] and set(rows["standard"]) == {
+        "ENV 50204"
+    }
