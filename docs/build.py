@@ -244,7 +244,8 @@ def sources(root: Path) -> dict[str, bytes]:
     """Return the whole Sphinx source: name -> content."""
     copies = root / "build" / "notebooks"
     docs = root / "docs"
-    files = {path.relative_to(docs).as_posix(): path.read_bytes() for path in docs.rglob("*.md")}
+    pages = [*docs.rglob("*.md"), *docs.rglob("*.svg")]
+    files = {path.relative_to(docs).as_posix(): path.read_bytes() for path in pages}
     for path in copies.rglob("*.ipynb"):
         if path.parent.name != "solutions":  # teachers have the notebooks
             files[f"notebooks/{path.relative_to(copies).as_posix()}"] = path.read_bytes()
@@ -254,13 +255,13 @@ def sources(root: Path) -> dict[str, bytes]:
     others = [*(root / "data").rglob("*"), root / "CHANGELOG.md"]
     for path in (path for path in others if path.is_file()):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
-    pages = {
+    generated = {
         "errata.md": errata_page(),
         "glossary.md": glossary_page(),
         "ledger.md": ledger_page(),
         **dict(api_pages(root)),
     }
-    files |= {name: text.encode() for name, text in pages.items()}
+    files |= {name: text.encode() for name, text in generated.items()}
     files["index.md"] += contents(set(files)).encode()
     return files
 
