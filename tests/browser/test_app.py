@@ -42,7 +42,7 @@ from shipnet.tools._view import View
 
 @dataclass(frozen=True)
 class Inputs:
-    wait: float = number(0.1, 0, 1, step=0.1, unit="s", label="wait", help="How long.")
+    wait: float = number(0, 1, default=0.1, step=0.1, unit="s", label="wait", help="How long.")
 
 def see(inputs):
     time.sleep(inputs.wait)
@@ -299,7 +299,7 @@ def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, 
     modbus = page.get_by_label("Modbus RTU", exact=True)
     rows = page.locator(".shipnet-table tbody tr")
     expect(rows).to_have_count(5)
-    expect(page.locator(".shipnet-caption")).to_contain_text("Design aid, not class approval.")
+    expect(page.locator(".shipnet-caption")).to_contain_text("design aid, not class approval.")
     tool.moves(lambda: modbus.set_checked(False), "Modbus RTU", "cheapest of them: AS-i")
     expect(rows).to_have_count(4)
     tool.comes_back(lambda: modbus.set_checked(True), "Modbus RTU", "cheapest of them: AS-i")
