@@ -334,7 +334,7 @@ def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, 
     report = tmp_path / "report.html"
     download.value.save_as(report)
     text = report.read_text(encoding="utf-8")
-    assert "own.csv" in text and "Design aid, not class approval." in text
+    assert "own.csv" in text and "design aid, not class approval." in text
     assert re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import|<script""", text) == []
     page.goto(report.as_uri())  # it asks nobody for anything, which `page` checks
     expect(page.locator("p.banner")).to_be_visible()
