@@ -6,13 +6,19 @@ from matplotlib.figure import Figure
 from shipnet import style
 from shipnet.asi import Request, Response, Transaction
 from shipnet.asi.modulation import pulses_of
-from shipnet.asi.plot import plot_eye, plot_io_codes, plot_telegram, plot_transaction
+from shipnet.asi.plot import (
+    _plot_levels_to_voltage,
+    plot_eye,
+    plot_io_codes,
+    plot_telegram,
+    plot_transaction,
+)
 from shipnet.asi.profile import IO_CONFIGURATIONS
 from shipnet.asi.receiver import eye
 from shipnet.asi.topology import straight_line
 from shipnet.errors import LengthError
 from shipnet.papers import ledger
-from shipnet.papers.icn2007.plot import plot_bits_and_pulses, plot_heights, plot_margins
+from shipnet.papers.icn2007.plot import plot_heights, plot_margins
 from shipnet.papers.kim2023.signals import train_of
 
 
@@ -103,7 +109,7 @@ def test_an_eye_draws_every_half_bit_and_the_tolerances(ax):
 def test_bits_and_pulses_share_their_time():
     axes = Figure().subplots(3, 1, sharex=True)
     t, u = straight_line(100, slaves=(5,)).signals("0011001", start=0, duration=51.2e-6)
-    plot_bits_and_pulses("0011001", t, u[0, 0], axes=axes)
+    _plot_levels_to_voltage("0011001", t, u[0, 0], axes)
     assert "".join(texts(axes[0])) == "0011001"
     assert axes[1].lines[0].get_ydata().max() == pytest.approx(60)
     assert axes[2].lines[0].get_ydata() == pytest.approx(u[0, 0])

@@ -9,27 +9,11 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.asi.modulation import HALF_BIT, levels_of, send_current
 from shipnet.asi.receiver import TOLERANCE
 
-__all__ = ["plot_bits_and_pulses", "plot_heights", "plot_margins"]
+__all__ = ["plot_heights", "plot_margins"]
 
 Floats = npt.NDArray[np.floating]
-
-
-def plot_bits_and_pulses(bits: str, t: Floats, u: Floats, *, axes: Sequence[Axes]) -> None:
-    """Draw bits with their levels, the send current and the voltage: Figs 7a and 7b."""
-    levels = levels_of(bits)
-    edges = np.arange(levels.size + 1) * HALF_BIT * 1e6
-    axes[0].step(edges, [*levels, 1], where="post")
-    for place, bit in enumerate(bits):
-        middle = (2 * place + 1) * HALF_BIT * 1e6
-        axes[0].text(middle, 1.25, bit, ha="center", family="monospace")
-    axes[0].set(ylabel="level [1]", ylim=(-0.2, 1.7))
-    axes[1].plot(t * 1e6, 1e3 * send_current(t, bits), color="C1")
-    axes[1].set(ylabel="current [mA]")
-    axes[2].plot(t * 1e6, u, color="C2")
-    axes[2].set(ylabel="voltage [V]", xlabel="time [us]")
 
 
 def plot_heights(
