@@ -92,7 +92,7 @@ def _stream(output: NotebookNode) -> str | None:
     return output.get("name") if output.output_type == "stream" else None
 
 
-def execute(path: Path) -> Executed:
+def execute(path: Path, tries: int = 3) -> Executed:
     """Execute one notebook in memory, in its own folder."""
     begin = time.perf_counter()
     started: list[tuple[int, NotebookNode]] = []
@@ -112,6 +112,9 @@ def execute(path: Path) -> Executed:
         # With another backend set, no figure would reach the notebook.
         client.execute(env={k: v for k, v in os.environ.items() if k != "MPLBACKEND"})
     except Exception as error:  # whatever it is, it is this notebook's and the others go on
+        # A port that was free when the client chose it can be taken when the kernel opens it.
+        if isinstance(error, RuntimeError) and not started and tries > 1:
+            return execute(path, tries - 1)
         lines = []
         if started:
             index, cell = started[-1]

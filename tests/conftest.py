@@ -1,10 +1,28 @@
-"""Hypothesis profiles."""
+"""Hypothesis profiles, and kernels that start again."""
 
 import os
+from typing import Any
 
 from hypothesis import settings
+from nbval import kernel
 
 # Fewer examples on every push; the weekly run draws many, and new ones.
 settings.register_profile("ci", deadline=None, derandomize=True, max_examples=30)
 settings.register_profile("random", deadline=None, max_examples=500)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+_start = kernel.start_new_kernel
+
+
+def _start_again(*args: Any, **options: Any) -> Any:
+    # A port that was free when the test chose it can be taken when the kernel opens it: by another
+    # test's kernel or client. That kernel dies at once, and the next one chooses other ports.
+    for _ in range(2):
+        try:
+            return _start(*args, **options)
+        except RuntimeError:
+            continue
+    return _start(*args, **options)
+
+
+kernel.start_new_kernel = _start_again
