@@ -232,9 +232,9 @@ def _ledger(arguments: argparse.Namespace) -> None:
 
 def _decode(arguments: argparse.Namespace) -> None:
     from shipnet.asi.capture import decode
-    from shipnet.line.scope_file import read_waveform
+    from shipnet.line.waveform import Waveform
 
-    waveform = read_waveform(
+    waveform = Waveform.read(
         arguments.file, channel=arguments.channel, sample_interval=arguments.sample_interval
     )
     capture = decode(waveform.u, waveform.dt, threshold=arguments.threshold)
