@@ -279,7 +279,7 @@ def _serve(arguments: argparse.Namespace) -> None:
 
     from shipnet.ballast.live import serve
     from shipnet.ballast.valve_faults import Fault
-    from shipnet.engine.faults import parse_fault as parse_engine_fault
+    from shipnet.engine.serving import parse_fault as parse_engine_fault
     from shipnet.engine.serving import serve as serve_engine
     from shipnet.engine.system import System
     from shipnet.errors import ArgumentError
