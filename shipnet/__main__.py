@@ -305,7 +305,7 @@ def _serve(arguments: argparse.Namespace) -> None:
 
     from shipnet.ballast.live import serve
     from shipnet.ballast.valve_faults import Fault
-    from shipnet.engine.faults import parse_fault
+    from shipnet.engine.serving import parse_fault
     from shipnet.engine.serving import serve as serve_engine
     from shipnet.engine.system import System
     from shipnet.modbus.uart import SerialLine
