@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from struct import pack, unpack
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from shipnet.crc import crc
+from shipnet.crc import MODBUS
 from shipnet.errors import (
     ArgumentError,
     CrcError,
@@ -169,7 +169,7 @@ def decode(data: bytes, framing: Literal["rtu", "tcp", "ascii"] = "rtu") -> Adu:
     if framing == "rtu":
         frame = _checked_frame(data, "RTU", 1 + _RTU, MAX_PDU + _RTU)
         body, found = frame[:-2], int.from_bytes(frame[-2:], "little")
-        expected = crc("CRC-16/MODBUS", body)
+        expected = MODBUS.of(body)
         if found != expected:
             raise CrcError(f"CRC is 0x{found:04X}, but the bytes before it make 0x{expected:04X}")
         return Adu(_serial_unit(body[0]), body[1:])
@@ -192,7 +192,7 @@ def rtu_frame(unit_id: int, pdu: bytes) -> bytes:
     if unit is None:
         unit = check_whole("unit_id", unit_id, 0, MAX_UNIT)
     body = bytes((unit,)) + _checked_pdu(pdu)
-    return body + crc("CRC-16/MODBUS", body).to_bytes(2, "little")
+    return body + MODBUS.of(body).to_bytes(2, "little")
 
 
 def tcp_frame(unit_id: int, pdu: bytes, transaction_id: int) -> bytes:

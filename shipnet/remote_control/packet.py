@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.crc import crc, crc_batch
+from shipnet.crc import MODBUS
 from shipnet.errors import (
     ArgumentError,
     CrcError,
@@ -81,7 +81,7 @@ def check_bytes(name: str, data: object) -> bytes:
 
 def _trailer(data: bytes) -> bytes:
     """Return the CRC-16/MODBUS of some bytes as it is sent, low byte first."""
-    return crc("CRC-16/MODBUS", data).to_bytes(_CRC, "little")
+    return MODBUS.of(data).to_bytes(_CRC, "little")
 
 
 def _check_items(items: Mapping[int, int], n_numbers: int) -> Items:
@@ -294,12 +294,12 @@ class PacketFormat:
 
 def _crc_fits(rows: Bytes) -> Flags:
     # Behind its own check, the register of a reflected CRC without final addition is 0.
-    fits: Flags = crc_batch("CRC-16/MODBUS", rows) == 0
+    fits: Flags = MODBUS.of(rows) == 0
     return fits
 
 
 def _with_crc(rows: Bytes) -> Bytes:
-    check = crc_batch("CRC-16/MODBUS", rows)
+    check = MODBUS.of(rows)
     return np.column_stack([rows, (check & 0xFF).astype(np.uint8), (check >> 8).astype(np.uint8)])
 
 

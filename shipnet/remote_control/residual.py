@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.crc import crc_batch
+from shipnet.crc import MODBUS
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.remote_control.packet import PACKET_END, CobsFormat, MarkerFormat, PacketFormat
@@ -115,9 +115,9 @@ def _marked_weights(packet_format: MarkerFormat, n_items: int) -> tuple[int, ...
 
 
 def _weights(data: npt.NDArray[np.uint8], fixed: npt.NDArray[np.int64]) -> tuple[int, ...]:
-    check = int(crc_batch("CRC-16/MODBUS", data))
+    check = int(MODBUS.of(data))
     frame = np.append(data, np.array([check & 0xFF, check >> 8], np.uint8))
-    syndromes = np.delete(crc_batch("CRC-16/MODBUS", _single_flips(frame)), fixed)
+    syndromes = np.delete(MODBUS.of(_single_flips(frame)), fixed)
     # The Walsh-Hadamard transform counts, for each of the 2**16 sums of checks, even minus odd.
     sums = np.bincount(syndromes, minlength=1 << _CRC_BITS)
     for bit in range(_CRC_BITS):
