@@ -9,7 +9,7 @@ from pymodbus.pdu import DecodePDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersRequest
 
 from shipnet.crc import crc, crc_batch
-from shipnet.modbus.adu import decode
+from shipnet.modbus.pdu import decode
 from shipnet.modbus.pdu import Request, Response
 
 NUMBER = 1_000_000
