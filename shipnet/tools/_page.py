@@ -174,7 +174,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
             for file in upload.value:
                 name, content = file["name"], bytes(file["content"])
                 self._change(partial(self._take, one, name, content), name)
-            # Else the same file, mended and loaded again, would be no change.
+            # Else the same file, corrected and loaded again, would be no change.
             upload.value = ()
 
         upload.observe(take, "value")
