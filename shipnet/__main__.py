@@ -232,9 +232,9 @@ def _ledger(arguments: argparse.Namespace) -> None:
 
 def _decode(arguments: argparse.Namespace) -> None:
     from shipnet.asi.capture import decode
-    from shipnet.line.scope_file import read_waveform
+    from shipnet.line.waveform import Waveform
 
-    waveform = read_waveform(
+    waveform = Waveform.read(
         arguments.file, channel=arguments.channel, sample_interval=arguments.sample_interval
     )
     capture = decode(waveform.u, waveform.dt, threshold=arguments.threshold)
@@ -279,7 +279,7 @@ def _serve(arguments: argparse.Namespace) -> None:
 
     from shipnet.ballast.live import serve
     from shipnet.ballast.valve_faults import Fault
-    from shipnet.engine.faults import parse_fault as parse_engine_fault
+    from shipnet.engine.serving import parse_fault as parse_engine_fault
     from shipnet.engine.serving import serve as serve_engine
     from shipnet.engine.system import System
     from shipnet.errors import ArgumentError

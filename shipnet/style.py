@@ -48,12 +48,12 @@ def use() -> None:
         plt.style.use(sheet)
 
 
-def axes(ax: Axes | None = None) -> Axes:
-    """Return the axes given, or those of a new figure."""
+def axes(ax: Axes | None = None, *, figsize: tuple[float, float] | None = None) -> Axes:
+    """Return the axes given, or those of a new figure of some size [inch]."""
     if ax is None:
         import matplotlib.pyplot as plt
 
-        _, ax = plt.subplots()
+        _, ax = plt.subplots(figsize=figsize)
     return ax
 
 

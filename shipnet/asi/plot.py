@@ -24,9 +24,8 @@ from shipnet.asi.simulation.slave import TRANSITIONS, Action, Event, State
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response
 from shipnet.asi.timing import BIT_TIME, Transaction
 from shipnet.errors import ArgumentError, LengthError
-from shipnet.line.plot import axes as axes_of
-from shipnet.line.plot import layout
 from shipnet.style import LIMIT
+from shipnet.style import axes as axes_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -493,7 +492,7 @@ def plot_plan(plan: Plan, findings: Findings | None = None, *, ax: Axes | None =
     top = 0.0
     for segment in plan.segments:
         network = segment.network
-        placed = layout(network, segment.head)
+        placed = network.layout(segment.head)
         origin = np.array([segment.lead, top])
         places |= dict(zip(network.nodes, placed.spot + origin, strict=True))
         colour = LIMIT["color"] if str(segment) in failed else "0.6"

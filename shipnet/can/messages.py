@@ -351,3 +351,16 @@ def message_lengths(messages: MessageSet, stuffing: Stuffing = "worst") -> Float
     """Return the length of the frame of each message, intermission included [bit]."""
     table = length_table(stuffing)
     return np.array([m.bits or table[m.extended][m.dlc] for m in messages], dtype=np.float64)
+
+
+def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[npt.NDArray[np.intp], int]:
+    """Return the first bit of each point in the data of a station, and how many bytes they fill.
+
+    Analogue values come first, `bits` each, filled up to a whole byte; then the states, one bit
+    each. The data are sent in frames of eight bytes.
+    """
+    analogue = np.asarray(analogue, dtype=bool)
+    values, states = np.cumsum(analogue) - 1, np.cumsum(~analogue) - 1
+    start = -(-int(analogue.sum()) * bits // 8)
+    first = np.where(analogue, bits * values, 8 * start + states)
+    return np.asarray(first, dtype=np.intp), start + -(-int((~analogue).sum()) // 8)

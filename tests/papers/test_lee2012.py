@@ -12,7 +12,7 @@ from pymodbus.pdu import DecodePDU
 
 from shipnet.can import simulate
 from shipnet.can.faults import ErrorAt
-from shipnet.engine.assessment import Redundancy
+from shipnet.engine.class_rules import Redundancy
 from shipnet.engine.faults import DeadBox, LostModbusFrames
 from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import read_points
