@@ -361,7 +361,9 @@ def cascades(
     return pd.DataFrame(rows, columns=columns)
 
 
-def deaths(changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30) -> pd.DataFrame:
+def deaths(
+    changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
+) -> pd.DataFrame:
     """Return who is taken as failed when SS dies, its deaths spread over a cycle.
 
     Parameters
