@@ -12,10 +12,8 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Stuffing
-from shipnet.can.messages import BIT_RATES, MessageSet, bus_load
-from shipnet.can.priorities import lowest_bit_rate
-from shipnet.can.response import ResponseTimes, response_times
-from shipnet.can.tables import EXAMPLE, parse_dbc
+from shipnet.can.messages import BIT_RATES, EXAMPLE, MessageSet, bus_load, parse_dbc
+from shipnet.can.response import ResponseTimes, lowest_bit_rate, response_times
 from shipnet.fields import choice, record, text, whole
 from shipnet.tools._state import decode_text
 from shipnet.tools._tool import Tool, Upload
