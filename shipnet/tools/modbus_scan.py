@@ -133,10 +133,10 @@ class ModbusScan(Tool):
         """Return what the page shows."""
         result = self.result
         return View(
-            text=f"{'in time' if result.in_time else 'too slow'}: {result.scan:.3f} s",
-            good=result.in_time,
+            verdict=f"{'in time' if result.in_time else 'too slow'}: {result.scan:.3f} s",
+            ok=result.in_time,
             numbers=result.numbers,
-            draw=self.plot,
+            plot=self.plot,
             height=3.0,
             about="Scan time over bit rate, both logarithmic, with the limit",
         )

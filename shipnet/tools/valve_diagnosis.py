@@ -21,8 +21,8 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, switch
 from shipnet.fuzzy.decision import Decision
 from shipnet.fuzzy.rules import NORMAL, RuleBase
-from shipnet.tools._tool import Preset, Tool
-from shipnet.tools._view import View
+from shipnet.tools._tool import Tool
+from shipnet.tools._view import Preset, View
 
 #: What a valve may be doing: where it starts, 0..1, its command, and when it is read [s].
 STATES: dict[str, tuple[float, str | None, float]] = {
@@ -156,10 +156,10 @@ class ValveDiagnosis(Tool):
         text = result.top
         base = result.decision.firing.base
         return View(
-            text=f"{text}: {base.rule(text).english}" if text in base.codes else text,
-            good=text == NORMAL,
+            verdict=f"{text}: {base.rule(text).english}" if text in base.codes else text,
+            ok=text == NORMAL,
             numbers=result.numbers,
-            draw=self.plot,
+            plot=self.plot,
             about="Firing strength of each rule as a bar, with the alarm threshold",
         )
 

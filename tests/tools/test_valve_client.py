@@ -180,7 +180,7 @@ def test_a_refusal_colours_its_valve_only_until_that_obeys():
 
         def look(valve):
             fields["valve"].value = valve
-            colours.append(not box.good)
+            colours.append(not box.ok)
 
         look(2)
         buttons["open"].click()
