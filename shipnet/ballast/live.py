@@ -32,7 +32,8 @@ from shipnet.ballast.slave import ValveDevice, valve_slaves
 from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.fuzzy.rules import NORMAL, RuleBase
+from shipnet.fuzzy.rules import RuleBase
+from shipnet.fuzzy.terms import NORMAL
 from shipnet.modbus.adu import MAX_UNIT, Adu, decode, tcp_frame
 from shipnet.modbus.pdu import ExceptionCode, Request, Response
 from shipnet.modbus.redundancy import Loop

@@ -19,8 +19,8 @@ from shipnet.ballast.simulation import simulate_valves
 from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, switch
-from shipnet.fuzzy.decision import Decision
-from shipnet.fuzzy.rules import NORMAL, RuleBase
+from shipnet.fuzzy.rules import Decision, RuleBase
+from shipnet.fuzzy.terms import NORMAL
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Preset, View
 

@@ -20,7 +20,7 @@ from shipnet.ballast.simulation import Run
 from shipnet.ballast.trials import fault_trials
 from shipnet.ballast.valve_faults import FAULTS
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy.rules import NORMAL
+from shipnet.fuzzy.terms import NORMAL
 from shipnet.modbus.faults import Break
 from shipnet.modbus.redundancy import Loop
 from shipnet.papers.registry import check, numeric
