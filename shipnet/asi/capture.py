@@ -20,7 +20,6 @@ from shipnet.asi.receiver import TOLERANCE, Reception, receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
 from shipnet.errors import ArgumentError, explain
-from shipnet.line.scope_file import read_waveform
 from shipnet.line.waveform import Waveform
 
 if TYPE_CHECKING:
@@ -603,7 +602,7 @@ def decode(
     3.0
     """
     if isinstance(record, str | PathLike):
-        wave = read_waveform(record, channel=channel, sample_interval=sample_interval)
+        wave = Waveform.read(record, channel=channel, sample_interval=sample_interval)
     elif isinstance(record, Waveform):
         wave = record
     else:

@@ -95,10 +95,10 @@ class EngineFaults(Tool):
         result = self.result
         healthy = not (result.old or result.marked or result.raised)
         return View(
-            text="all values fresh" if healthy else f"{result.old} old values shown as good",
-            good=not result.old,
+            verdict="all values fresh" if healthy else f"{result.old} old values shown as good",
+            ok=not result.old,
             numbers=result.numbers,
-            draw=self.plot,
+            plot=self.plot,
             height=4.6,
             about="Screen of the alarm monitoring system, a field for each value",
         )
