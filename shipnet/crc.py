@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 from typing import Any, overload
 
 import numpy as np
@@ -186,15 +185,21 @@ class Crc:
         >>> [MODBUS.undetected(flips=n) for n in (1, 2)]
         [0, 0]
         """
-        size = check_whole("payload", payload, 1, 16)
-        check_whole("flips", flips, 1, 2)
-        data = np.arange(1, size + 1, dtype=np.uint8)
-        pairs = np.array(list(combinations(range(8 * size + self.width), flips)))
-        wrong = np.zeros((len(pairs), 8 * size + self.width), np.uint8)
-        wrong[np.arange(len(pairs))[:, np.newaxis], pairs] = 1
-        received = data ^ np.packbits(wrong[:, : 8 * size], axis=1)
-        check = self.of(data.tobytes()) ^ (wrong[:, 8 * size :] @ (1 << np.arange(self.width)))
-        return int((self.of(received) == check).sum())
+        found = self.syndromes(check_whole("payload", payload, 1, 16))
+        if check_whole("flips", flips, 1, 2) == 1:
+            return int((found == 0).sum())
+        _, counts = np.unique(found, return_counts=True)
+        return int((counts * (counts - 1) // 2).sum())
+
+    def syndromes(self, n_bytes: int) -> npt.NDArray[np.int64]:
+        """Return by how much the check is wrong for each single wrong bit of bytes and their CRC.
+
+        What several wrong bits do is the sum of these, modulo 2. The bits of the bytes come first,
+        in order, then those of the CRC, the lowest first.
+        """
+        flips = np.packbits(np.eye(8 * n_bytes, dtype=np.uint8), axis=1)
+        data = self.of(flips) ^ self.of(bytes(n_bytes))
+        return np.append(data.astype(np.int64), 1 << np.arange(self.width))
 
 
 #: ISO 11898-1.
