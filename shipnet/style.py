@@ -6,6 +6,7 @@ and a limit is one red dashed line with its name on it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.resources import as_file, files
 from typing import TYPE_CHECKING
 
@@ -83,3 +84,15 @@ def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
     ax.grid(visible=False)
     ax.spines[:].set_visible(False)
     return ax
+
+
+def save(draw: Callable[[Axes], object], file: str) -> None:
+    """Write a figure with the suite's look, drawn by a function that takes axes, to a file."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context():
+        use()
+        figure = Figure(figsize=(10, 3.2), layout="constrained")
+        draw(figure.subplots())
+        figure.savefig(file, dpi=150)

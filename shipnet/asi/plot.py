@@ -6,12 +6,10 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
@@ -201,23 +199,6 @@ def plot_capture(
                 )  # fmt: skip
     ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [us]", ylabel="voltage [V]")
     return ax
-
-
-def save_capture(
-    file: str,
-    capture: Capture,
-    u: npt.ArrayLike,
-    dt: float,
-    *,
-    start: float = 0.0,
-    stop: float | None = None,
-) -> None:
-    """Write the figure of `plot_capture` to a file."""
-    with mpl.rc_context():
-        style.use()
-        figure = Figure(figsize=(10, 3.2), layout="constrained")
-        plot_capture(capture, u, dt, ax=figure.subplots(), start=start, stop=stop)
-        figure.savefig(file, dpi=150)
 
 
 def plot_modulation(

@@ -213,7 +213,7 @@ def test_a_stale_switch_waits_as_long_as_a_walk_from_failure_to_success():
     assert np.mean(waits) * 50.0 == pytest.approx(duration, rel=0.02)
 
 
-def test_repetition_mends_in_a_cycle_what_a_change_sent_once_leaves_for_an_hour():
+def test_repetition_corrects_in_a_cycle_what_a_change_sent_once_leaves_for_an_hour():
     shares = MarkerFormat(crc=True).error_shares(10, 1e-5)
     once = switch_staleness(shares, 0.1375, 3600, "changed")
     again = switch_staleness(shares, 0.1375, 3600, "cyclic")

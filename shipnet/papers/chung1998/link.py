@@ -320,13 +320,13 @@ def silence_while_waiting(*, rate: float = 9600.0, items: int = ITEMS) -> float:
 
 
 def cascades(
-    mends: Mapping[str, Mapping[str, Any]], rates: Sequence[float] = (9600, 600)
+    changes: Mapping[str, Mapping[str, Any]], rates: Sequence[float] = (9600, 600)
 ) -> pd.DataFrame:
     """Return what BCS sees while RCS waits for a dead SS, as printed or corrected.
 
     Parameters
     ----------
-    mends : mapping of str to mapping
+    changes : mapping of str to mapping
         Name of each rule, and the fields of `System` that it changes.
     rates : sequence of float, optional
         Bit rates [bit/s].
@@ -352,7 +352,7 @@ def cascades(
     import pandas as pd
 
     rows = []
-    for name, fields in mends.items():
+    for name, fields in changes.items():
         for rate in rates:
             seen = replace(as_printed(rate), **fields).cascade()
             rows.append((name, rate, seen.wait[1], seen.silent[1], seen.longest, seen.alarm))
@@ -361,12 +361,14 @@ def cascades(
     return pd.DataFrame(rows, columns=columns)
 
 
-def deaths(mends: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30) -> pd.DataFrame:
+def deaths(
+    changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
+) -> pd.DataFrame:
     """Return who is taken as failed when SS dies, its deaths spread over a cycle.
 
     Parameters
     ----------
-    mends : mapping of str to mapping
+    changes : mapping of str to mapping
         Name of each rule, and the fields of `System` that it changes.
     rate : float, default 600
         Bit rate [bit/s].
@@ -393,7 +395,7 @@ def deaths(mends: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 3
 
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []
-    for name, fields in mends.items():
+    for name, fields in changes.items():
         system = replace(as_printed(rate), **fields)
         rng, cycle, found = np.random.default_rng(2024), system.cycle_time, []
         for k in range(runs):
