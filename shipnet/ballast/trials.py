@@ -42,7 +42,7 @@ Flags = npt.NDArray[np.bool_]
 CRITERIA = {
     "detected": "any code was active",
     "named": "its own code was active",
-    "isolated": "its own code was the headline",
+    "isolated": "its own code was ranked first",
 }
 
 

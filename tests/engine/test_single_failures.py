@@ -70,7 +70,7 @@ def test_a_ring_outlives_any_cut_that_a_line_does_not():
     assert set(run.alarms()["source"].str[3:6]) == {"JB2", "JB3"}
 
 
-def test_the_mended_design_shows_nothing_old_and_notices_all_but_a_stuck_sensor():
+def test_the_corrected_design_shows_nothing_old_and_notices_all_but_a_stuck_sensor():
     table = single_failures(CORRECTED, trials=2)
     stuck = table.index.str.startswith("sensor")
     healthy = table.index == "none"
@@ -92,7 +92,7 @@ def test_the_mended_design_shows_nothing_old_and_notices_all_but_a_stuck_sensor(
     ),
     seed=st.integers(0, 10**6),
 )
-def test_no_mixture_of_faults_makes_the_mended_design_show_an_old_value(kinds, seed):
+def test_no_mixture_of_faults_makes_the_corrected_design_show_an_old_value(kinds, seed):
     rng = np.random.default_rng(seed)
     faults = []
     for kind in kinds:

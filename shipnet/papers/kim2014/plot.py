@@ -17,8 +17,7 @@ from shipnet.ballast.registers import FIRST_REGISTER, N_REGISTERS
 from shipnet.ballast.scan import scan_table
 from shipnet.ballast.simulation import Run
 from shipnet.fuzzy.rules import RuleBase
-from shipnet.modbus.adu import decode
-from shipnet.modbus.pdu import Request
+from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.faults import Picture
 from shipnet.papers.plot import FILL, HALF, Blocks, Ways, arrow, box, fields, outline, spread
