@@ -6,9 +6,9 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from functools import partial
-from timeit import repeat
 
 import numpy as np
+from _timing import seconds
 
 from shipnet.asi.emc.disturbances import burst, conducted_rf, impulses, noise
 from shipnet.asi.emc.monte_carlo import all_telegrams, telegram_error_rate
@@ -17,11 +17,6 @@ from shipnet.asi.topology import straight_line
 
 NUMBER = 40_000
 SAMPLE = 500  # what the loop gets; its time is scaled up
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def plain_loop(telegrams, disturbance, amplitude, number, rng, minimum):
