@@ -10,7 +10,7 @@ from timeit import repeat
 import numpy as np
 
 from shipnet import datasets
-from shipnet.asi.plan_file import read_plan
+from shipnet.asi.plan import read_plan
 from shipnet.asi.topologies import line, ring, star
 from shipnet.line.laplace import laplace_grid
 from shipnet.line.solver import dense_transfer

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from textwrap import shorten
 from typing import Any
 
@@ -247,12 +248,11 @@ def _decode(arguments: argparse.Namespace) -> None:
         rows.to_csv(arguments.csv, index=False)
         written.append(f"{len(rows)} transactions written to {arguments.csv}")
     if arguments.figure is not None:
-        from shipnet.asi.plot import save_capture
+        from shipnet import style
 
         start = max(0.0, float(rows["start_s"].iloc[0]) - 20e-6)
-        save_capture(
-            arguments.figure, capture, waveform.u, waveform.dt, start=start, stop=start + _SHOWN
-        )
+        shown = partial(capture.plot, start=start, stop=start + _SHOWN)
+        style.save(arguments.figure, shown, figsize=(10, 3.2))
         written.append(f"first {_SHOWN * 1e6:g} us drawn to {arguments.figure}")
     print(waveform.description)
     print(

@@ -6,13 +6,14 @@ and a limit is one red dashed line with its name on it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.resources import as_file, files
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "use"]
+__all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "save", "use"]
 
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
@@ -48,13 +49,32 @@ def use() -> None:
         plt.style.use(sheet)
 
 
-def axes(ax: Axes | None = None) -> Axes:
-    """Return the axes given, or those of a new figure."""
+def axes(ax: Axes | None = None, **size: Any) -> Axes:
+    """Return the axes given, or those of a new figure, which `pyplot.subplots` makes."""
     if ax is None:
         import matplotlib.pyplot as plt
 
-        _, ax = plt.subplots()
+        _, ax = plt.subplots(**size)
     return ax
+
+
+def box(ax: Axes, x: float, y: float, width: float, height: float, **look: Any) -> None:
+    """Draw a rectangle by its lower left corner."""
+    from matplotlib.patches import Rectangle
+
+    ax.add_patch(Rectangle((x, y), width, height, **look))
+
+
+def save(file: str, draw: Callable[[Axes], object], **size: Any) -> None:
+    """Write what `draw` draws on new axes to a file, in the suite's look and without a window."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context():
+        use()
+        figure = Figure(layout="constrained", **size)
+        draw(figure.subplots())
+        figure.savefig(file, dpi=150)
 
 
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:

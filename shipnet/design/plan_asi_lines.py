@@ -12,10 +12,12 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
-from shipnet.asi.cycle import ADDRESSES, cycle_time
-from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply
+from shipnet.asi.elements import Repeater, Supply
+from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.rules import rule_limits
+from shipnet.asi.slave import Slave
+from shipnet.asi.timing import ADDRESSES, cycle_time
 from shipnet.asi.topologies import assign_addresses as share_addresses
 from shipnet.design.catalogue import cables
 from shipnet.design.drafting import Draft, Laid, Place, chain, divided, tree, without_place
@@ -23,6 +25,7 @@ from shipnet.design.plan_asi_modules import Module, analogue_response, digital_r
 from shipnet.design.settings import AsiLimits
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES
+from shipnet.line.network import CableRun
 
 # One AS-i line: the way of its cable, the segments that repeaters make of it, their supplies
 

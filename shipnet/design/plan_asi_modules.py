@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.cycle import ADDRESSES, cycle_time, response_time, transfer_time
 from shipnet.asi.profile import Profile
-from shipnet.asi.timing import Transaction
+from shipnet.asi.timing import ADDRESSES, Transaction, cycle_time, response_time, transfer_time
 from shipnet.design.drafting import Draft, Place, balanced, zones
 from shipnet.design.settings import AsiLimits
 

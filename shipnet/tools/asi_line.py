@@ -20,7 +20,7 @@ from shipnet.asi.receiver import (
     receive,
 )
 from shipnet.asi.telegram import Response
-from shipnet.asi.topology import straight_line
+from shipnet.asi.topologies import line
 from shipnet.errors import FrameError, SilenceError
 from shipnet.fields import choice, number, record, switch, whole
 from shipnet.line.cable import CABLES, Cable
@@ -38,8 +38,8 @@ CABLE_CHOICES = MappingProxyType(
     }
 )
 
-#: Sampling interval, length of the record and begin of the answer in it [s].
-STEP, DURATION, START = 250e-9, 76.8e-6, 6e-6
+#: Sampling interval, begin of the answer in the record, and silence after it [s].
+STEP, START, SILENCE = 250e-9, 6e-6, 28.8e-6
 
 #: Standard deviation of white noise behind the matched filter over that before it: the root of
 #: 8/3 of the sampling interval in half-bits.
@@ -97,18 +97,18 @@ class AsiLine(Tool):
     def result(self) -> Result:
         """Send an answer over the line and receive it."""
         sent = Response(self.data).bits
-        segment = straight_line(
+        plan = line(
             self.length,
             slaves=(min(self.place, self.length),),
             cable=CABLE_CHOICES[self.cable],
             terminator=100.0 if self.terminator else None,
         )
-        t, (((u,),)) = segment.signals(sent, dt=STEP, duration=DURATION, start=START)
-        u = u + np.random.default_rng(self.seed).normal(0, self.noise, u.size)
+        wave = plan.waveform(sent, plan.slaves[0].node, dt=STEP, before=START, after=SILENCE)
+        u = wave.u + np.random.default_rng(self.seed).normal(0, self.noise, wave.u.size)
         # Four standard deviations keep the noise before the answer from looking like a pulse.
         minimum = max(MINIMUM, 4 * FILTERED * self.noise)
         found = receive(u, STEP, len(sent), minimum=minimum)
-        return Result(t - START, u, matched_filter(u, STEP), sent, found, _error_of(found))
+        return Result(wave.t, u, matched_filter(u, STEP), sent, found, _error_of(found))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the voltage with what the receiver sees in it."""

@@ -10,10 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.asi.cycle import ResponseTime
-from shipnet.asi.emc.failures import cycle_effect
-from shipnet.asi.plan import Plan
-from shipnet.asi.rules import PlanFindings
+from shipnet.asi.emc.error_rates import independent_failures
+from shipnet.asi.plan import Plan, PlanFindings
+from shipnet.asi.timing import ResponseTime
 from shipnet.asi.topologies import line, ring, star
 from shipnet.fields import choice, number, record, whole
 from shipnet.tools._tool import Tool
@@ -106,10 +105,10 @@ class AsiNetwork(Tool):
     def result(self) -> Result:
         """Plan the network, check its rules and compute its times."""
         plan = self.plan
-        cycle, asked = plan.cycle, self.slaves - self.shared
+        cycle = plan.cycle
         # A slave is asked twice at most in a cycle; the second time counts in the worst case.
         response = cycle.response_time(repetitions=int(self.error_rate > 0))
-        effect = cycle_effect(self.error_rate, slaves=asked, cycle_time=float(cycle.time)).iloc[0]
+        effect = independent_failures(self.error_rate, cycle).iloc[0]
         return Result(
             plan,
             plan.check(),
