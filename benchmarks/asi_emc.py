@@ -12,7 +12,8 @@ from timeit import repeat
 import numpy as np
 
 from shipnet import asi
-from shipnet.asi.emc import Burst, ConductedRF, Impulses, Noise, error_rate
+from shipnet.asi.emc.disturbances import Burst, ConductedRF, Impulses, Noise
+from shipnet.asi.emc.error_rates import error_rate
 from shipnet.asi.receiver import Receiver
 
 NUMBER = 40_000

@@ -9,8 +9,7 @@ from pymodbus.pdu import DecodePDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersRequest
 
 from shipnet.crc import crc, crc_batch
-from shipnet.modbus.adu import decode
-from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.pdu import Request, Response, decode
 
 NUMBER = 1_000_000
 SAMPLE = 3_000  # what the loops get; their time is scaled up

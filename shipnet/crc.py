@@ -7,7 +7,6 @@ reflected, a byte goes onto the line with its lowest bit first, and the register
 from __future__ import annotations
 
 from functools import cache
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ import numpy.typing as npt
 from shipnet.errors import ArgumentError, SymbolError
 from shipnet.fields import check_whole
 
-__all__ = ["ALGORITHMS", "Algorithm", "crc", "crc_batch", "undetected"]
+__all__ = ["ALGORITHMS", "Algorithm", "crc", "crc_batch", "syndromes", "undetected"]
 
 
 class Algorithm(NamedTuple):
@@ -249,14 +248,20 @@ def undetected(name: str, payload: int = 6, flips: int = 2) -> int:
     >>> [undetected("CRC-16/MODBUS", flips=n) for n in (1, 2)]
     [0, 0]
     """
-    algorithm = _algorithm(name)
     size = check_whole("payload", payload, 1, 16)
-    check_whole("flips", flips, 1, 2)
-    width = algorithm.width
-    data = np.arange(1, size + 1, dtype=np.uint8)
-    pairs = np.array(list(combinations(range(8 * size + width), flips)))
-    wrong = np.zeros((len(pairs), 8 * size + width), np.uint8)
-    wrong[np.arange(len(pairs))[:, np.newaxis], pairs] = 1
-    received = data ^ np.packbits(wrong[:, : 8 * size], axis=1)
-    check = crc(name, data.tobytes()) ^ (wrong[:, 8 * size :] @ (1 << np.arange(width)))
-    return int((crc_batch(name, received) == check).sum())
+    found = syndromes(name, size)
+    if check_whole("flips", flips, 1, 2) == 1:
+        return int((found == 0).sum())
+    _, counts = np.unique(found, return_counts=True)
+    return int((counts * (counts - 1) // 2).sum())
+
+
+def syndromes(name: str, n_bytes: int) -> npt.NDArray[np.int64]:
+    """Return by how much the check is wrong for each single wrong bit of some bytes and their CRC.
+
+    What several wrong bits do is the sum of these, modulo 2. The bits of the bytes come first, in
+    order, then those of the CRC, the lowest first.
+    """
+    flips = np.packbits(np.eye(8 * n_bytes, dtype=np.uint8), axis=1)
+    data = crc_batch(name, flips) ^ crc(name, bytes(n_bytes))
+    return np.append(data.astype(np.int64), 1 << np.arange(_algorithm(name).width))

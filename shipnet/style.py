@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "save", "use"]
+__all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
 
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
@@ -49,12 +49,12 @@ def use() -> None:
         plt.style.use(sheet)
 
 
-def axes(ax: Axes | None = None, **size: Any) -> Axes:
-    """Return the axes given, or those of a new figure, which `pyplot.subplots` makes."""
+def axes(ax: Axes | None = None, **options: Any) -> Axes:
+    """Return the axes given, or those of a new figure with options of `pyplot.subplots`."""
     if ax is None:
         import matplotlib.pyplot as plt
 
-        _, ax = plt.subplots(**size)
+        _, ax = plt.subplots(**options)
     return ax
 
 
@@ -63,18 +63,6 @@ def box(ax: Axes, x: float, y: float, width: float, height: float, **look: Any) 
     from matplotlib.patches import Rectangle
 
     ax.add_patch(Rectangle((x, y), width, height, **look))
-
-
-def save(file: str, draw: Callable[[Axes], object], **size: Any) -> None:
-    """Write what `draw` draws on new axes to a file, in the suite's look and without a window."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    with mpl.rc_context():
-        use()
-        figure = Figure(layout="constrained", **size)
-        draw(figure.subplots())
-        figure.savefig(file, dpi=150)
 
 
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
@@ -103,3 +91,15 @@ def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
     ax.grid(visible=False)
     ax.spines[:].set_visible(False)
     return ax
+
+
+def save(draw: Callable[[Axes], object], file: str) -> None:
+    """Write a figure with the suite's look, drawn by a function that takes axes, to a file."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context():
+        use()
+        figure = Figure(figsize=(10, 3.2), layout="constrained")
+        draw(figure.subplots())
+        figure.savefig(file, dpi=150)

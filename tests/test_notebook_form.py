@@ -207,7 +207,7 @@ def test_a_tool_and_its_notebook_go_together(path):
 
 def test_every_tool_has_a_notebook():
     tools = {path.stem for path in (ROOT / "shipnet" / "tools").glob("[a-z]*.py")}
-    assert tools - {"step"} == {path.stem for path in EXPLORE}  # `step` is for the lessons
+    assert tools == {path.stem for path in EXPLORE}
 
 
 def sample(**changes):

@@ -420,8 +420,6 @@ class Plan:
         closes a ring is dashed, a repeater is joined to both of its nodes. Up to 12 slaves are
         named.
         """
-        from shipnet.line.plot import layout
-
         ax = style.axes(ax)
         table = None if findings is None else findings.table()
         failed = set() if table is None else set(table.loc[table["verdict"] != "met", "object"])
@@ -430,7 +428,7 @@ class Plan:
         top = 0.0
         for segment in self.segments:
             network = segment.network
-            placed = layout(network, segment.head)
+            placed = network.layout(segment.head)
             origin = np.array([segment.lead, top])
             places |= dict(zip(network.nodes, placed.spot + origin, strict=True))
             colour = LIMIT["color"] if str(segment) in failed else "0.6"

@@ -25,8 +25,8 @@ from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES, Request, Response
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-from shipnet.line.laplace import laplace_grid, synthesize
 from shipnet.line.network import CableRun, Load, Network
+from shipnet.line.waveform import laplace_grid, synthesize
 
 if TYPE_CHECKING:
     import pandas as pd

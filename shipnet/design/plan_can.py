@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil, inf
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from shipnet.can.bit_timing import longest_bus
 from shipnet.can.lengths import frame_length
-from shipnet.can.messages import Message, MessageSet
+from shipnet.can.messages import Message, MessageSet, packed
 from shipnet.can.response import response_times
 from shipnet.design.catalogue import cables
 from shipnet.design.drafting import Backbone, Box, Draft, boxes, divided, lay, route_past, too_far
@@ -49,34 +49,14 @@ def pack(types: Sequence[str], need: npt.ArrayLike) -> list[Packed]:
     messages = []
     for way in (False, True):
         for time in np.unique(times[output == way]):
-            mine = (output == way) & (times == time)
-            messages += _pack(way, float(time), mine & analogue, mine & ~analogue)
-    return messages
-
-
-def _pack(
-    output: bool, need: float, analogue: npt.NDArray[np.bool_], digital: npt.NDArray[np.bool_]
-) -> list[Packed]:
-    values, states = np.flatnonzero(analogue), np.flatnonzero(digital)
-    each = FRAME_BITS // ANALOGUE_BITS
-    total = ANALOGUE_BITS * len(values) + len(states)
-    number = max(ceil(len(values) / each), ceil(total / FRAME_BITS))
-    in_frame = np.bincount(np.arange(len(values)) // each, minlength=number)
-    front = ANALOGUE_BITS * in_frame
-    ends = np.cumsum(FRAME_BITS - front)
-    place = np.arange(len(states))
-    frame = np.searchsorted(ends, place, side="right")
-    bit = place - np.concatenate([[0], ends])[frame] + front[frame]
-    rows = np.concatenate([values, states])
-    frames = np.concatenate([np.arange(len(values)) // each, frame])
-    bits = np.concatenate([ANALOGUE_BITS * (np.arange(len(values)) % each), bit])
-    messages = []
-    for own in range(number):
-        inside = frames == own
-        filled = front[own] + (frame == own).sum()
-        messages.append(
-            Packed(output, need, rows[inside], bits[inside].astype(np.intp), ceil(filled / 8))
-        )
+            rows = np.flatnonzero((output == way) & (times == time))
+            # Values fill whole frames, so none lies in two; the states follow in the last one.
+            first, size = packed(analogue[rows], ANALOGUE_BITS)
+            frame, bit = np.divmod(first, FRAME_BITS)
+            for number in range(-(-8 * size // FRAME_BITS)):
+                inside = frame == number
+                dlc = min(8, size - 8 * number)
+                messages.append(Packed(way, float(time), rows[inside], bit[inside], dlc))
     return messages
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.can.messages import packed
 from shipnet.engine.points import PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, record, whole
@@ -89,7 +90,7 @@ class CanLayout:
 
     def size(self, box: str) -> int:
         """Return how many data bytes a box sends."""
-        return _bytes(self._analogue(box), self.bits) + _bytes(self._switches(box), 1)
+        return self._packed(box)[1]
 
     def messages(self, period: float = 1.0) -> MessageSet:
         """Return the message set, with one update per `period` [s]; the paper prints none."""
@@ -128,7 +129,7 @@ class CanLayout:
         for box in self.boxes:
             analogue, switches = self._analogue(box), self._switches(box)
             data = np.concatenate([rows[name] for name, _, _ in self._frames(box)], axis=-1)
-            split = _bytes(analogue, self.bits)
+            split = -(-len(analogue) * self.bits // 8)
             flat = np.unpackbits(data[..., :split], axis=-1, count=len(analogue) * self.bits)
             digits = flat.reshape(*shape, len(analogue), self.bits)
             codes[..., analogue] = digits @ weights
@@ -187,11 +188,8 @@ class CanLayout:
         rows = {}
         for box in self.boxes:
             names = [name for name, _, _ in self._frames(box)]
-            analogue, switches = self._analogue(box), self._switches(box)
-            start = 8 * _bytes(analogue, self.bits)
-            bits = [(k, self.bits * n, self.bits) for n, k in enumerate(analogue)]
-            bits += [(k, start + n, 1) for n, k in enumerate(switches)]
-            for k, first, width in bits:
+            for k, first in zip(self._places(box), self._packed(box)[0].tolist(), strict=True):
+                width = self.bits if self.points[k].analogue else 1
                 ends = [place // 8 // _FRAME for place in (first, first + width - 1)]
                 byte = first // 8 % _FRAME
                 rows[k] = (self.points[k].tag, box, names[ends[0]], byte, width, names[ends[1]])
@@ -203,17 +201,21 @@ class CanLayout:
         names = [name for box in self.boxes for name, _, _ in self._frames(box)]
         return np.array([names.index(row[2]) for row in self._rows()], dtype=np.int64)
 
-    def _analogue(self, box: str) -> list[int]:
-        return self._places(box, analogue=True)
-
-    def _switches(self, box: str) -> list[int]:
-        return self._places(box, analogue=False)
-
-    def _places(self, box: str, *, analogue: bool) -> list[int]:
+    def _places(self, box: str) -> list[int]:
         found = [k for k, point in enumerate(self.points) if point.box == box]
         if not found:
             raise ArgumentError(f"box is {box!r}; it must be one of {', '.join(self.boxes)}")
-        return [k for k in found if self.points[k].analogue == analogue]
+        return found
+
+    def _analogue(self, box: str) -> list[int]:
+        return [k for k in self._places(box) if self.points[k].analogue]
+
+    def _switches(self, box: str) -> list[int]:
+        return [k for k in self._places(box) if not self.points[k].analogue]
+
+    def _packed(self, box: str) -> tuple[npt.NDArray[np.intp], int]:
+        """Return the first bit of each point of a box in its data, and the bytes of these."""
+        return packed([self.points[k].analogue for k in self._places(box)], self.bits)
 
     def _frames(self, box: str) -> list[tuple[str, int, int]]:
         """Return name, identifier and data bytes of each frame of a box."""
@@ -265,7 +267,3 @@ class CanLayout:
         if len({row.shape[:-1] for row in rows.values()}) > 1:
             raise ArgumentError("frames differ in their leading shape; they must have the same")
         return rows
-
-
-def _bytes(places: Sequence[int], bits: int) -> int:
-    return -(-len(places) * bits // 8)

@@ -134,10 +134,10 @@ class AsiLine(Tool):
         """Return what the page shows."""
         result = self.result
         return View(
-            text=result.verdict,
-            good=result.read == result.sent,
+            verdict=result.verdict,
+            ok=result.read == result.sent,
             numbers=result.numbers,
-            draw=self.plot,
+            plot=self.plot,
             about="Voltage at the master over time, and the pulses that the receiver finds",
         )
 

@@ -128,10 +128,10 @@ class AsiNetwork(Tool):
         """Return what the page shows."""
         result = self.result
         return View(
-            text="\n".join(result.broken) or f"all rules kept: {len(result.rules)} checks",
-            good=not result.broken,
+            verdict="\n".join(result.broken) or f"all rules kept: {len(result.rules)} checks",
+            ok=not result.broken,
             numbers=result.numbers,
-            draw=self.plot,
+            plot=self.plot,
             height=3.2,
             about="Plan of master, supply, cables and slaves; what breaks a rule is red",
         )

@@ -5,8 +5,17 @@ import pytest
 from scipy import stats
 
 from shipnet import asi
-from shipnet.asi.emc import Burst, ConductedRF, Impulses, Noise
-from shipnet.asi.emc.disturbances import _DECAY, _RISE, AREA, PACKET_LENGTH, PULSE_RATE
+from shipnet.asi.emc.disturbances import (
+    _DECAY,
+    _RISE,
+    AREA,
+    PACKET_LENGTH,
+    PULSE_RATE,
+    Burst,
+    ConductedRF,
+    Impulses,
+    Noise,
+)
 from shipnet.errors import ArgumentError
 
 DT = 250e-9

@@ -7,13 +7,15 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from shipnet import asi
-from shipnet.asi.emc import Impulses, Noise, error_rate, noise_error_rate
+from shipnet.asi.emc.disturbances import Impulses, Noise
 from shipnet.asi.emc.error_rates import (
     CYCLES,
     TRIES,
     ErrorRates,
     burst_failures,
+    error_rate,
     independent_failures,
+    noise_error_rate,
 )
 from shipnet.asi.modulation import CLASSES, HALF_BIT, as_bits, pulses_of
 from shipnet.asi.receiver import Receiver, Waveform, matched_filter

@@ -9,7 +9,7 @@ from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.topologies import line, ring, star
 from shipnet.errors import ArgumentError
 from shipnet.line import CABLES, Cable, CableRun, Load, Network
-from shipnet.line.laplace import laplace_grid, synthesize
+from shipnet.line.waveform import laplace_grid, synthesize
 
 SIX = Response(6)
 

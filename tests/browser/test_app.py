@@ -46,9 +46,9 @@ class Inputs:
 
 def see(inputs):
     time.sleep(inputs.wait)
-    return View(text=f"waited {1 / inputs.wait:.0f}", good=True)
+    return View(verdict=f"waited {1 / inputs.wait:.0f}", ok=True)
 
-Page("slow", Inputs(), see)
+Page(Inputs(), see)
 """
 
 
@@ -208,7 +208,7 @@ def test_a_state_that_is_not_one_is_refused_in_a_sentence(page, app):
         (state.replace(b"asi_network", b"asi_line"), "it is a state of the tool 'asi_line'"),
         (state.replace(b'"version": 1', b'"version": 99'), "its version is 99"),
         (state.replace(b'"slaves": 31', b'"slaves": 63'), "slaves is 63"),
-        (b"\x89PNG", "this is no saved state"),
+        (b"\x89PNG", "this is not a saved state"),
     ]:
         assert wrong != state
         tool.load("load state", name, wrong)
@@ -240,7 +240,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
     tool.load("load a message set", "bad.csv", b"name,arbitration_id\noil,1\n")
     tool.says("dlc")
     tool.load("load a message set", "a.xlsx", b"PK\0\0")
-    expect(page.locator(".shipnet-note")).to_contain_text("a.xlsx: this is no text file")
+    expect(page.locator(".shipnet-note")).to_contain_text("a.xlsx: this is not a text file")
 
 
 def test_the_scan_explorer_waits_for_a_dead_slave(page, app):

@@ -5,8 +5,7 @@ import pytest
 
 from shipnet.can import Frame, decode
 from shipnet.crc import undetected
-from shipnet.engine.assessment import Part, Redundancy
-from shipnet.engine.class_rules import RULES, Description, check
+from shipnet.engine.class_rules import RULES, Description, Part, Redundancy, check
 from shipnet.engine.points import read_points
 from shipnet.errors import ArgumentError
 from shipnet.modbus.pdu import Request

@@ -8,9 +8,9 @@ import pytest
 
 from shipnet.ballast.wear import synthetic_wear
 from shipnet.errors import ArgumentError, CrcError
-from shipnet.modbus.adu import decode, rtu_frame, tcp_frame
 from shipnet.modbus.faults import Break
-from shipnet.modbus.pdu import Request
+from shipnet.modbus.frame import rtu_frame, tcp_frame
+from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014 import outlines, plot

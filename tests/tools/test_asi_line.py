@@ -15,7 +15,7 @@ def test_every_answer_is_read_on_every_cable(data, cable):
     assert result.verdict.startswith(f"read {result.sent}")
 
 
-def test_too_long_a_cable_gives_a_named_error_and_a_terminator_mends_it():
+def test_too_long_a_cable_gives_a_named_error_and_a_terminator_corrects_it():
     long = AsiLine(length=250).result
     assert long.read == "" and type(long.error).__name__ in long.verdict
     assert AsiLine(length=250, terminator=True).result.read == long.sent

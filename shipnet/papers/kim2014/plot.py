@@ -15,7 +15,7 @@ from matplotlib.patches import FancyArrowPatch, Rectangle
 from shipnet import style
 from shipnet.ballast.simulation import Run
 from shipnet.fuzzy.rules import RuleBase
-from shipnet.modbus.adu import decode
+from shipnet.modbus.pdu import decode
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.faults import Picture
 from shipnet.papers.kim2014.line import scan_table
