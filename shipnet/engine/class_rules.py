@@ -12,7 +12,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from shipnet.answers import Findings
-from shipnet.crc import undetected
+from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.engine.points import Point, PointList, read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 Verdict = Literal["met", "violated", "not verified"]
 
 #: Protocols with an open international standard or public specification, and the CRC they have.
-STANDARDS: dict[str, tuple[str, str | None]] = {
-    "CAN": ("ISO 11898-1", "CRC-15/CAN"),
-    "Modbus RTU": ("MODBUS over serial line V1.02", "CRC-16/MODBUS"),
+STANDARDS: dict[str, tuple[str, Crc | None]] = {
+    "CAN": ("ISO 11898-1", CAN),
+    "Modbus RTU": ("MODBUS over serial line V1.02", MODBUS),
     # The checksum of TCP is none.
     "Modbus TCP": ("MODBUS application protocol V1.1b3", None),
 }
@@ -377,13 +377,13 @@ def _answer(system: Description, rule: Rule) -> _Outcome:
 def _crc(system: Description, rule: Rule) -> _Outcome:
     if system.protocols is None:
         return _UNKNOWN
-    names = {name: STANDARDS.get(name, ("", None))[1] for name in system.protocols}
-    without = [name for name, algorithm in names.items() if algorithm is None]
+    checks = {name: STANDARDS.get(name, ("", None))[1] for name in system.protocols}
+    without = [name for name, check in checks.items() if check is None]
     if without:
         return _Outcome("violated", float("nan"), f"no CRC: {', '.join(without)}")
-    used = [algorithm for algorithm in names.values() if algorithm]
-    missed = sum(undetected(algorithm, flips=n) for algorithm in used for n in (1, 2))
-    return rule.judge(missed, ", ".join(used))
+    used = [check for check in checks.values() if check]
+    missed = sum(check.undetected(flips=n) for check in used for n in (1, 2))
+    return rule.judge(missed, ", ".join(check.name for check in used))
 
 
 def _repeats(system: Description, rule: Rule) -> _Outcome:
