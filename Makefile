@@ -8,6 +8,7 @@
 # make lab        open JupyterLab
 # make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
 # make bench      ratios against peers, measured side by side
+# make fuzz       hostile bytes for every reader and decoder, ten minutes
 # make lock       resolve requirements.lock anew
 # make clean      remove everything that make made, but for .venv and .tools
 
@@ -31,7 +32,7 @@ unexport VIRTUAL_ENV
 
 .DEFAULT_GOAL := all
 .NOTPARALLEL:
-.PHONY: all setup site notebooks test lint unit browser coverage dist lessons wheels lab app bench lock clean
+.PHONY: all setup site notebooks test lint unit browser coverage dist lessons wheels lab app bench fuzz lock clean
 
 all: site
 	@$(PY) -m shipnet ledger --summary
@@ -109,6 +110,10 @@ app: setup
 
 bench: setup
 	@for program in benchmarks/*.py; do $(PY) $$program || exit 1; done
+
+fuzz: setup
+	@$(UV) pip install --quiet --python $(PY) --group fuzz
+	@$(PY) tests/fuzz/run.py
 
 lock: $(filter .tools/%,$(UV))
 	@$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \

@@ -12,8 +12,7 @@ import numpy as np
 from shipnet import datasets
 from shipnet.asi.plan_file import read_plan
 from shipnet.asi.topologies import line, ring, star
-from shipnet.line.laplace import laplace_grid
-from shipnet.line.solver import dense_transfer
+from shipnet.line.waveform import laplace_grid
 
 
 def seconds(function, repeats=5):
@@ -34,7 +33,7 @@ def main():
         assert plan.check().ok
         networks = [(segment.network, segment.head) for segment in plan.segments]
         for network, head in networks:
-            ours, dense = (network.transfer(head, grid), dense_transfer(network, head, grid))
+            ours, dense = (network.transfer(head, grid), network.transfer(head, grid, dense=True))
             assert np.abs(ours - dense).max() < 1e-9 * np.abs(dense).max()
         times = [
             seconds(lambda plan=plan: plan.check()),
@@ -42,7 +41,7 @@ def main():
             seconds(lambda nets=networks: [network.transfer(head, grid) for network, head in nets]),
             seconds(
                 lambda nets=networks: [
-                    dense_transfer(network, head, grid) for network, head in nets
+                    network.transfer(head, grid, dense=True) for network, head in nets
                 ]
             ),
         ]

@@ -14,7 +14,7 @@ from shipnet.ballast.plant import Command
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.simulation import blocks, simulate
 from shipnet.ballast.valve_faults import Fault
-from shipnet.fuzzy.rules import METHODS
+from shipnet.fuzzy.firing import METHODS
 
 N, FEW = 256, 100
 BASE = rule_base()

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from shipnet.line import Cable, CableRun, Load, Network
-from shipnet.line.laplace import laplace_grid, synthesize
+from shipnet.line.waveform import laplace_grid, synthesize
 
 ERROR = 1e-5  # of the peak, what every waveform here must reach
 F_MAX = 6e6  # reaches it; the program says how well

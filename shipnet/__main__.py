@@ -1,33 +1,57 @@
-"""The command line: ``python -m shipnet``, also installed as ``shipnet``."""
+"""The command line: ``python -m shipnet``, also installed as ``shipnet``.
+
+A command returns its answer, which is printed, or written as data with ``--json``, and saved with
+``-o FILE`` in the form that the file's suffix names. Exit codes: 0 done and good, 1 done and the
+answer is bad, 2 could not be done.
+"""
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from textwrap import shorten
 from typing import Any
 
-from shipnet.errors import InputError
+from shipnet.answers import FORMS, Answer, check_output
+from shipnet.errors import ArgumentError, InputError
 
 __all__ = ["main"]
 
-#: Groups of faults of a file that are told.
+#: Groups of faults of a file that are reported.
 _FAULTS = 100
+
+#: What the terminal shows of a transaction: title, column, width and digits.
+_TRANSACTION = (
+    ("ms", "start_ms", 9, 3),
+    ("", "master_pause_bit", 5, 1),
+    ("pauses", "slave_pause_bit", 6, 1),
+    ("req V", "request_amplitude_V", 7, 2),
+    ("resp V", "response_amplitude_V", 7, 2),
+    ("weakest", "weakest_pulse", 9, 2),
+    ("ringing", "ringing", 9, 2),
+)
+
+#: Rows of a table that the terminal shows, and the part of a record that a figure shows [s].
+_ROWS = 40
+_SHOWN = 400e-6
 
 _LEDGER = """\
 Show what the papers print beside what shipnet computes.
 
 example:
-  shipnet ledger --paper kim2023 --csv kim2023.csv
+  shipnet ledger kim2023 -o kim2023.csv
 """
 
 _DECODE = """\
 Decode an AS-i line voltage that an oscilloscope recorded: its CSV file,
 .npy, .npz, or sigrok's .sr. DC or AC coupled, either way round, 1 MS/s or more.
+A figure shows the first 400 us.
 
 example:
-  shipnet decode scope.csv --channel CH2 --csv transactions.csv --figure transactions.png
+  shipnet decode scope.csv --channel CH2 -o transactions.csv -o transactions.png
 """
 
 _SERVE = """\
@@ -45,7 +69,7 @@ tenths of a degree.
 
 examples:
   shipnet serve ballast --valves 64 --fault 3:V1 --fault 7:P2:0.5
-  shipnet serve ballast --serial /dev/ttyUSB0 --bit-rate 19200 --speed 10
+  shipnet serve ballast --serial /dev/ttyUSB0 --bit-rate 19.2k --speed 10
   shipnet serve engine --port 1502
 """
 
@@ -59,16 +83,36 @@ examples:
   shipnet design points.csv -o report.html
   shipnet design points.xlsx --cabinet 26,6,14 --trays trays.csv --rules BV -o report.html
   shipnet design points.csv --options "home runs,CAN" --mix DI=AS-i --mix AI=CAN --redundant
+  shipnet design points.csv --set detour=1.3 --set "assumptions.labour_rate=[60, 65, 70]"
 
-prices, allowances and limits of the buses are set in a file; to begin one from the defaults:
+prices, allowances and limits of the buses can also be set in a file; to begin one from the
+defaults:
   shipnet design --show-settings > own.toml
   shipnet design points.csv --settings own.toml -o report.html
 """
 
 
-#: Rows of a table that the terminal shows, and the part of a record that a figure does [s].
-_ROWS = 40
-_SHOWN = 400e-6
+def number(text: str) -> float:
+    """Return a number that may end in a prefix of SI, such as 125k or 100n."""
+    power = {"M": 6, "k": 3, "m": -3, "u": -6, "n": -9}.get(text[-1:])
+    return float(text if power is None else f"{text[:-1]}e{power}")
+
+
+def _option(
+    parser: argparse.ArgumentParser, words: str, help: str, default: Any = None, **more: Any
+) -> None:
+    """Add an argument: ``FILE``, ``--channel NAME``, or ``--udp``, which has no value."""
+    flags, _, metavar = words.rpartition(" ")
+    if words.startswith("-") and not flags:
+        parser.add_argument(words, action="store_true", help=help)
+        return
+    if isinstance(default, list):
+        more, help = {"action": "append", **more}, f"{help}; may be repeated"
+    elif default is not None:
+        kind = number if isinstance(default, float) else type(default)
+        more, help = {"type": kind, **more}, f"{help} (default {default})"
+    names = flags.split(", ") if flags else [metavar.lower()]
+    parser.add_argument(*names, metavar=metavar, help=help, default=default, **more)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -77,200 +121,182 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="shipnet",
         description="Field buses of a ship, and the papers that use them, recomputed.",
-        epilog="example: shipnet ledger --paper kim2023",
+        epilog="example: shipnet ledger kim2023",
     )
     parser.add_argument("--version", action="version", version=f"shipnet {__version__}")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    commands = parser.add_subparsers(
+        title="commands", required=True, metavar="COMMAND", dest="command"
+    )
 
-    ledger = commands.add_parser(
-        "ledger",
-        help="what the papers print, what we compute, and the verdict",
-        description=_LEDGER,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    ledger.add_argument("--paper", metavar="KEY", help="one paper only, such as kim2023")
-    ledger.add_argument("--csv", metavar="FILE", help="also write all columns to this file")
-    ledger.add_argument("--summary", action="store_true", help="only the counts of each paper")
-    ledger.set_defaults(run=_ledger)
+    def command(
+        run: Callable[[argparse.Namespace], object], text: str, help: str, *forms: str
+    ) -> Callable[..., None]:
+        """Add a command, and return the function that adds its options."""
+        form = argparse.RawDescriptionHelpFormatter
+        name = run.__name__.strip("_")
+        made = commands.add_parser(name, help=help, description=text, formatter_class=form)
+        made.set_defaults(run=run, output=[], json=False, forms=forms)
+        if forms:
+            ends = ", ".join(forms)
+            said = f"also write a file {ends}, or a folder with all tables"
+            _option(made, "-o, --output FILE", said, default=[])
+            _option(made, "--json", "print the answer as data, for a program")
+        return partial(_option, made)
 
-    decode = commands.add_parser(
-        "decode",
-        help="the transactions in an oscilloscope's record of an AS-i line",
-        description=_DECODE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    option = command(
+        _ledger, _LEDGER, "what the papers print, what we compute, and the verdict", *FORMS
     )
-    decode.add_argument("file", metavar="FILE", help="the record")
-    decode.add_argument("--channel", metavar="NAME", help="title or column number of the channel")
-    decode.add_argument(
-        "--sample-interval", metavar="S", type=float, help="time between two samples, such as 1e-7"
-    )
-    decode.add_argument(
-        "--threshold", metavar="X", type=float, default=0.5, help="a pulse, over the first one: 0.5"
-    )
-    decode.add_argument("--csv", metavar="OUT", help="also write the whole table to this file")
-    decode.add_argument("--figure", metavar="OUT", help="also draw the first 400 us to this file")
-    decode.set_defaults(run=_decode)
+    option("PAPER", "one paper, such as kim2023 (default all)", nargs="?")
+    option("--summary", "print only the counts of each paper")
 
-    serving = commands.add_parser(
-        "serve",
-        help="simulated devices that real Modbus clients talk to",
-        description=_SERVE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    option = command(
+        _decode, _DECODE, "the transactions in an oscilloscope's record of an AS-i line", *FORMS
     )
-    serving.add_argument(
-        "device", choices=["ballast", "engine"],
-        help="what to simulate: ballast valves, or the junction boxes of an engine",
-    )  # fmt: skip
-    serving.add_argument(
-        "--valves", metavar="N", type=int, default=64, help="how many valves, 1..247 (default 64)"
-    )
-    serving.add_argument(
-        "--host", metavar="ADDRESS", default="127.0.0.1", help="address (default this machine only)"
-    )
-    serving.add_argument(
-        "--port",
-        metavar="N",
-        type=int,
-        default=5020,
-        help="port (default 5020; 0: any free one)",
-    )
-    serving.add_argument("--udp", action="store_true", help="datagrams instead of TCP")
-    serving.add_argument("--serial", metavar="DEVICE", help="RTU on this serial port instead")
-    serving.add_argument(
-        "--bit-rate", metavar="N", type=float, default=9600, help="of the serial port: 9600"
-    )
-    serving.add_argument(
-        "--character", metavar="C", default="8E1", help="of the serial port: 8E1, 8O1, 8N2 or 8N1"
-    )
-    serving.add_argument(
-        "--fault", metavar="FAULT", action="append", default=[],
-        help="a fault of valve V as V:CODE:SEVERITY, such as 3:P2:0.5, or of the engine, such as "
-        "'box dead JB2'; may be repeated",
-    )  # fmt: skip
-    serving.add_argument(
-        "--speed", metavar="FACTOR", type=float, default=1.0, help="model seconds a second: 1"
-    )
-    serving.add_argument(
-        "--watchdog", metavar="SECONDS", type=float,
-        help="stop a motor whose valve has had no request for so long, 0.1..3600 (default never)",
-    )  # fmt: skip
-    serving.set_defaults(run=_serve)
+    option("FILE", "the record")
+    option("--channel NAME", "title or column number of the channel")
+    option("--sample-interval S", "time between two samples, such as 100n", type=number)
+    option("--threshold X", "height of a pulse, over that of the first one", 0.5)
 
-    design = commands.add_parser(
-        "design",
-        help="cables, cost, response and rules of an I/O list, planned in several ways",
-        description=_DESIGN,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    design.add_argument("list", metavar="LIST", nargs="?", help="the I/O list: .csv or .xlsx")
-    design.add_argument("-o", "--output", metavar="FILE", help="also write a report, as HTML")
-    design.add_argument(
-        "--sheet", metavar="NAME",
-        help="sheet of a workbook (default the first that is not hidden and holds a list)",
+    option = command(_serve, _SERVE, "simulated devices that real Modbus clients talk to")
+    option("DEVICE", "ballast: valves; engine: its junction boxes", choices=["ballast", "engine"])
+    option("--valves N", "how many valves, 1..247", 64)
+    option("--host ADDRESS", "address, by default of this machine only", "127.0.0.1")
+    option("--port N", "port; 0 is any free one", 5020)
+    option("--udp", "datagrams instead of TCP")
+    option("--serial DEVICE", "RTU on this serial port instead")
+    option("--bit-rate N", "of the serial port", 9600.0)
+    option("--character C", "of the serial port: 8E1, 8O1, 8N2 or 8N1", "8E1")
+    option(
+        "--fault FAULT", "a fault of valve V as V:CODE:SEVERITY, such as 3:P2:0.5, or of the "
+        "engine, such as 'box dead JB2'", [],
     )  # fmt: skip
-    design.add_argument(
-        "--cabinet", metavar="X,Y,Z",
-        help="where the cables end, in m, or the name of a cabinet in the file of trays (default "
-        "found from the lengths in the list)",
+    option("--speed FACTOR", "model seconds per second", 1.0)
+    option(
+        "--watchdog SECONDS", "stop a motor whose valve has had no request for this long, "
+        "0.1..3600 (default never)", type=number,
     )  # fmt: skip
-    design.add_argument("--trays", metavar="FILE", help="cable trays, as CSV")
-    design.add_argument(
-        "--rules", metavar="SET", default="DNV",
-        help="DNV, BV, IMO, lee2012, or a file of your own (default DNV)",
+
+    said = "cables, cost, response and rules of an I/O list, planned in several ways"
+    option = command(_design, _DESIGN, said, *FORMS, ".html")
+    option("LIST", "the I/O list: .csv or .xlsx", nargs="?")
+    option("--sheet NAME", "sheet of a workbook (default the first with a list, unless hidden)")
+    option(
+        "--cabinet X,Y,Z", "where the cables end, in m, or the name of a cabinet in the file of "
+        "trays (default found from the lengths in the list)",
     )  # fmt: skip
-    design.add_argument(
-        "--options", metavar="A,B,..",
-        help="home runs, junction boxes, AS-i, CAN, Modbus RTU (default all)",
+    option("--trays FILE", "cable trays, as CSV")
+    option("--rules SET", "DNV, BV, IMO, lee2012, or a file of your own", "DNV")
+    option("--options A,B,..", "home runs, junction boxes, AS-i, CAN, Modbus RTU (default all)")
+    option(
+        "--mix WHAT=OPTION", "one more design: points of this type, signal, system, category or "
+        "tag by this option, the others by home runs", [],
     )  # fmt: skip
-    design.add_argument(
-        "--mix", metavar="WHAT=OPTION", action="append", default=[],
-        help="one way more: points of this type, signal, system, category or tag by this option, "
-        "the others by home runs; may be repeated",
+    option("--redundant", "two lines for CAN and Modbus, as --set redundant=true")
+    option(
+        "--settings FILE", "prices (low, nominal, high), detour, tails, spare, bit rates, time of "
+        "the host and all other limits, as TOML; the others keep their defaults",
     )  # fmt: skip
-    design.add_argument("--redundant", action="store_true", help="two lines for CAN and Modbus")
-    design.add_argument(
-        "--settings", metavar="FILE",
-        help="prices (low, nominal, high), detour, tails, spare, bit rates, time of the host and "
-        "all other limits, as TOML; what it does not name stays as it is",
-    )  # fmt: skip
-    design.add_argument(
-        "--show-settings", action="store_true",
-        help="print all of these as such a file, each with what it is and may be, and stop",
-    )  # fmt: skip
-    design.add_argument("--title", metavar="TEXT", help="of the report")
-    design.add_argument("--date", metavar="TEXT", help="printed on the report (default none)")
-    design.set_defaults(run=_design)
+    option("--set NAME=VALUE", "one of these, as in such a file", [])
+    option("--show-settings", "print all of these as such a file, with limits, and stop")
+    option("--title TEXT", "of the report")
+    option("--date TEXT", "printed on the report (default none)")
     return parser
 
 
-def _ledger(arguments: argparse.Namespace) -> None:
+def _ledger(arguments: argparse.Namespace) -> Answer:
     from shipnet.papers.judging import Ledger, format_computed
 
     ledger = Ledger(arguments.paper)
-    if arguments.summary and arguments.csv is None:
-        print(ledger.counts().to_string())
-        return
-    table = ledger.table().reset_index()
-    # The file comes first: whoever reads the output may stop reading.
-    if arguments.csv is not None:
-        table.to_csv(arguments.csv, index=False)
+    counts, table = ledger.counts(), ledger.table().reset_index()
+    lines = []
     if not arguments.summary:
-        print(f"{'claim':<15}{'published':>16}  {'computed':<14}{'verdict':<19}what")
+        lines = [f"{'claim':<15}{'published':>16}  {'computed':<14}{'verdict':<19}what"]
         for row in table.to_dict("records"):
             published = shorten(row["published"], 16, placeholder="..")
             computed = format_computed(row["computed"], row["published"])
             unit = f" [{row['unit']}]" if row["unit"] else ""
-            verdict = row["verdict"] or row["kind"]
-            print(
-                f"{row['id']:<15}{published:>16}  {computed:<14}{verdict:<19}{row['claim']}{unit}"
+            verdict = f"{row['verdict'] or row['kind']:<19}"
+            lines.append(
+                f"{row['id']:<15}{published:>16}  {computed:<14}{verdict}{row['claim']}{unit}"
             )
-        print()
-    print(ledger.counts().to_string())
-    if arguments.csv is not None:
-        print(f"\n{len(table)} claims written to {arguments.csv}")
+        lines.append("")
+    return Answer(
+        ok=not counts["open"].any(),
+        verdict=str(ledger),
+        text="\n".join([*lines, counts.to_string()]),
+        numbers={str(name): (int(value), "") for name, value in counts.sum().items()},
+        tables={"claims": table, "counts": counts.reset_index()},
+        draw=ledger.plot,
+    )
 
 
-def _decode(arguments: argparse.Namespace) -> None:
+def _decode(arguments: argparse.Namespace) -> Answer:
     from shipnet.asi.capture import decode
-    from shipnet.line.scope_file import read_waveform
 
-    waveform = read_waveform(
-        arguments.file, channel=arguments.channel, sample_interval=arguments.sample_interval
+    capture = decode(
+        arguments.file,
+        channel=arguments.channel,
+        sample_interval=arguments.sample_interval,
+        threshold=arguments.threshold,
     )
-    capture = decode(waveform.u, waveform.dt, threshold=arguments.threshold)
     if not capture.telegrams:
-        raise InputError(arguments.file, f"no AS-i telegram in channel {waveform.names[0]}")
-    rows = capture.transactions
-    # The files come first: whoever reads the output may stop reading.
-    written = []
-    if arguments.csv is not None:
-        rows.to_csv(arguments.csv, index=False)
-        written.append(f"{len(rows)} transactions written to {arguments.csv}")
-    if arguments.figure is not None:
-        from shipnet.asi.plot import save_capture
-
-        start = max(0.0, float(rows["start_s"].iloc[0]) - 20e-6)
-        save_capture(
-            arguments.figure, capture, waveform.u, waveform.dt, start=start, stop=start + _SHOWN
+        raise InputError(arguments.file, f"no AS-i telegram in channel {capture.wave.names[0]}")
+    rows, summary, findings = capture.transactions, capture.summary(), capture.check()
+    shown = rows.head(_ROWS).assign(start_ms=1e3 * rows["start_s"])
+    titles = "".join(f"{title:>{width}}" for title, _, width, _ in _TRANSACTION)
+    lines = [capture.wave.description, f"{titles}  transaction"]
+    for row in shown.to_dict("records"):
+        cells = (
+            f"{'-' if row[name] != row[name] else f'{row[name]:.{digits}f}':>{width}}"
+            for _, name, width, digits in _TRANSACTION
         )
-        written.append(f"first {_SHOWN * 1e6:g} us drawn to {arguments.figure}")
-    print(waveform.description)
-    print(
-        f"{'ms':>9}{'pauses':>11}{'req V':>7}{'resp V':>7}{'weakest':>9}{'ringing':>9}  transaction"
-    )
-    for row in rows.head(_ROWS).to_dict("records"):
-        pauses = f"{_number(row['master_pause_bit'], 1)} {_number(row['slave_pause_bit'], 1):>5}"
-        print(
-            f"{row['start_s'] * 1e3:>9.3f}{pauses:>11}{_number(row['request_amplitude_V'], 2):>7}"
-            f"{_number(row['response_amplitude_V'], 2):>7}{_number(row['weakest_pulse'], 2):>9}"
-            f"{_number(row['ringing'], 2):>9}  {row['text']}"
-        )
+        lines.append(f"{''.join(cells)}  {row['text']}")
     if len(rows) > _ROWS:
-        print(f"... and {len(rows) - _ROWS} more")
-    summary = capture.summary()
-    print(f"\n{summary}\n\n{summary.slaves.round(2).to_string(na_rep='-')}")
-    if written:
-        print("\n" + "\n".join(written))
+        lines.append(f"... and {len(rows) - _ROWS} more")
+    slaves = summary.slaves.round(2).to_string(na_rep="-")
+    start = max(0.0, float(rows["start_s"].iloc[0]) - 20e-6)
+    return Answer(
+        ok=findings.ok,
+        verdict=findings.verdict,
+        text="\n".join([*lines, f"\n{summary}\n\n{slaves}\n\n{findings}"]),
+        numbers={
+            "transactions": (len(rows), ""),
+            "telegrams": (capture.telegrams, ""),
+            "unanswered": (summary.unanswered, ""),
+            "cycle_time": (summary.cycle_time, "s"),
+        },
+        tables={"transactions": rows, "slaves": summary.slaves.reset_index()},
+        draw=lambda ax: capture.plot(ax, start=start, stop=start + _SHOWN),
+        findings=findings,
+    )
+
+
+def _design(arguments: argparse.Namespace) -> Answer | None:
+    from shipnet.design.command import compared, settings_of
+
+    settings = settings_of(arguments)
+    if arguments.show_settings:
+        print(settings.text(), end="")
+        return None
+    found = compared(arguments, settings)
+    costs = {} if found.best is None else {"total_cost": found.best.quantities()["total_cost_eur"]}
+    return Answer(
+        ok=found.ok,
+        verdict=found.verdict,
+        text=str(found),
+        numbers={
+            "designs": (len(found.designs), ""),
+            "designs_meeting_every_rule": (len(found.meeting), ""),
+            **{name: (value, "EUR") for name, value in costs.items()},
+        },
+        tables={"comparison": found.table().reset_index(), "failures": found.failures()},
+        draw=lambda ax: found.plot(ax=ax),
+        findings=found.findings(),
+        forms={
+            ".html": lambda file: found.report(file, title=arguments.title, date=arguments.date),
+            "": found.save,
+        },
+    )
 
 
 def _serve(arguments: argparse.Namespace) -> None:
@@ -279,59 +305,59 @@ def _serve(arguments: argparse.Namespace) -> None:
 
     from shipnet.ballast.live import serve
     from shipnet.ballast.valve_faults import Fault
-    from shipnet.engine.faults import parse_fault as parse_engine_fault
+    from shipnet.engine.serving import parse_fault
     from shipnet.engine.serving import serve as serve_engine
     from shipnet.engine.system import System
-    from shipnet.errors import ArgumentError
     from shipnet.modbus.uart import SerialLine
 
-    # What goes wrong is told in one line, not in the library's log besides.
+    # Faults are reported in one line, not in the library's log besides.
     logging.getLogger("pymodbus").addHandler(logging.NullHandler())
-    n_valves = arguments.valves
+    n_valves, where = arguments.valves, f"{arguments.host}, port {{}} (TCP)"
     options: dict[str, Any] = {"host": arguments.host, "port": arguments.port}
     if arguments.serial is not None:
         if arguments.udp:
             raise ArgumentError("--udp and --serial exclude each other")
         line = SerialLine(arguments.bit_rate, arguments.character)
         options = {"transport": "rtu", "serial_port": arguments.serial, "line": line}
+        where = f"{arguments.serial}, {line.bit_rate:g} bit/s {line.character}"
     elif arguments.udp:
         options["transport"] = "udp"
+        where = where.replace("TCP", "UDP")
+    options["speed"] = arguments.speed
     if arguments.device == "engine":
         if arguments.watchdog is not None:
             raise ArgumentError("--watchdog stops the motor of a valve; the engine has none here")
         system, units = System(), "unit ids 2 and 3"
-        broken = [parse_engine_fault(system, words) for words in arguments.fault]
-        server = serve_engine(system, faults=broken, speed=arguments.speed, **options)
+        broken = [parse_fault(system, words) for words in arguments.fault]
+        server = serve_engine(system, faults=broken, **options)
     else:
         units = "unit id 1" if n_valves == 1 else f"unit ids 1..{n_valves}"
         faults = [Fault.parse(text, n_valves) for text in arguments.fault]
-        server = serve(
-            n_valves,
-            faults=faults,
-            speed=arguments.speed,
-            watchdog=arguments.watchdog,
-            **options,
-        )
+        server = serve(n_valves, faults=faults, watchdog=arguments.watchdog, **options)
     try:
         with server:
-            where = f"{arguments.host}, port {server.port} ({'UDP' if arguments.udp else 'TCP'})"
-            if arguments.serial is not None:
-                where = f"{arguments.serial}, {line.bit_rate:g} bit/s {line.character}"
-            print(f"listening on {where}: {units}; Ctrl-C stops", flush=True)
+            print(f"listening on {where.format(server.port)}: {units}; Ctrl-C stops", flush=True)
             Event().wait()
     except KeyboardInterrupt:
         print("stopped", flush=True)
 
 
-def _design(arguments: argparse.Namespace) -> None:
-    from shipnet.design.command import run
-
-    run(arguments)
-
-
-def _number(value: float, digits: int) -> str:
-    """Return a number, or a dash where there is none."""
-    return "-" if value != value else f"{value:.{digits}f}"
+def _run(arguments: argparse.Namespace) -> int:
+    """Run a command, write its files first, since a reader of the output may stop, and print."""
+    for file in arguments.output:
+        check_output(file, arguments.forms)
+    answer = arguments.run(arguments)
+    if answer is None:
+        return 0
+    for file in arguments.output:
+        answer.save(file, arguments.command)
+    if arguments.json:
+        print(answer.json(arguments.command), end="")
+    else:
+        print(answer.text)
+        for place, file in enumerate(arguments.output):
+            print("" if place else "\n", f"written: {file}", sep="")
+    return 1 if answer.ok is False else 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -345,19 +371,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 2 after a user's mistake, which is told on standard error; of a file, a line a fault.
+        0 done and good; 1 done, and the answer is bad; 2 after a user's mistake, which standard
+        error reports, of a file with one line per fault; 130 after an interrupt.
     """
     parsed = _parser().parse_args(arguments)
     try:
-        parsed.run(parsed)
+        return _run(parsed)
     except BrokenPipeError:
         # Whoever reads the output has had enough; the interpreter must not complain at its end.
         sys.stdout = None
+    except KeyboardInterrupt:
+        return 130
     except (ValueError, OSError, ImportError) as mistake:
-        told = [str(mistake)]
-        if isinstance(mistake, InputError) and len(lines := mistake.lines(_FAULTS)) > 1:
-            told = [f"{mistake.file}:", *lines]
-        print("shipnet:", "\n  ".join(told), file=sys.stderr)
+        lines = [str(mistake)]
+        if isinstance(mistake, InputError) and len(found := mistake.lines(_FAULTS)) > 1:
+            lines = [f"{mistake.file}:", *found]
+        print("shipnet:", "\n  ".join(lines), file=sys.stderr)
+        if parsed.json:
+            faults = mistake.faults if isinstance(mistake, InputError) else ()
+            print(json.dumps({"command": parsed.command, "error": str(mistake), "faults": faults}))
         return 2
     return 0
 

@@ -1,15 +1,19 @@
-"""What a check says: rule by rule, and in one line."""
+"""What a check says, rule by rule and in one line, and what a command answers."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from shipnet.errors import ArgumentError
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
-__all__ = ["COLUMNS", "VERDICTS", "Findings"]
+__all__ = ["COLUMNS", "FORMS", "VERDICTS", "Answer", "Findings", "check_output"]
 
 #: Columns that all findings have, in this order; others may follow.
 COLUMNS = ("rule", "object", "value", "low", "high", "unit", "verdict", "why", "source")
@@ -127,3 +131,80 @@ class Findings:
     def __repr__(self) -> str:
         """Return the verdict."""
         return f"<Findings: {self.verdict}>"
+
+
+#: Suffixes of the files that every answer can be written to; no suffix means a folder.
+FORMS = (".csv", ".xlsx", ".json", ".png", ".svg")
+
+
+class Answer(NamedTuple):
+    """What a command found: for people, for programs, and as a picture.
+
+    A file ``.csv`` has the first of the `tables`, a workbook and a folder have all. `forms` are
+    forms that only this answer has, or has otherwise, by their suffixes.
+    """
+
+    ok: bool | None
+    verdict: str
+    text: str
+    numbers: Mapping[str, tuple[float, str]]
+    tables: Mapping[str, pd.DataFrame]
+    draw: Callable[[Axes], object]
+    findings: Findings | None = None
+    forms: Mapping[str, Callable[[str], object]] = {}
+
+    def json(self, command: str) -> str:
+        """Return the answer of a command as JSON, numbers in SI units."""
+        from shipnet import __version__
+
+        data = {
+            "command": command,
+            "version": __version__,
+            "ok": self.ok,
+            "verdict": self.verdict,
+            "numbers": {
+                name: {"value": value if value == value else None, "unit": unit}
+                for name, (value, unit) in self.numbers.items()
+            },
+            "findings": [] if self.findings is None else _rows(self.findings.table()),
+            "tables": {name: _rows(table) for name, table in self.tables.items()},
+        }
+        return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
+
+    def save(self, file: str, command: str) -> None:
+        """Write the answer in the form that the suffix of the file names."""
+        suffix = Path(file).suffix.lower()
+        if suffix in self.forms:
+            self.forms[suffix](file)
+        elif suffix == ".json":
+            Path(file).write_text(self.json(command), encoding="utf-8")
+        elif suffix == ".csv":
+            next(iter(self.tables.values())).to_csv(file, index=False)
+        elif suffix == ".xlsx":
+            import pandas as pd
+
+            with pd.ExcelWriter(file) as book:
+                for name, table in self.tables.items():
+                    table.to_excel(book, sheet_name=name, index=False)
+        elif suffix:
+            from shipnet import style
+
+            style.save(self.draw, file)
+        else:
+            Path(file).mkdir(exist_ok=True)
+            for name, table in self.tables.items():
+                table.to_csv(Path(file) / f"{name}.csv", index=False)
+
+
+def _rows(table: pd.DataFrame) -> Any:
+    return json.loads(table.to_json(orient="records", double_precision=15))
+
+
+def check_output(file: str, forms: Sequence[str]) -> None:
+    """Raise before a long computation unless a file can be written as its name asks."""
+    if Path(file).suffix.lower() not in ("", *forms):
+        raise ArgumentError(
+            f"-o is {file!r}; its suffix must be one of {', '.join(forms)}, or none for a folder"
+        )
+    if not (folder := Path(file).absolute().parent).is_dir():
+        raise ArgumentError(f"-o is {file!r}; there is no folder {folder}")

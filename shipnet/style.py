@@ -6,6 +6,7 @@ and a limit is one red dashed line with its name on it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.resources import as_file, files
 from typing import TYPE_CHECKING
 
@@ -48,38 +49,30 @@ def use() -> None:
         plt.style.use(sheet)
 
 
-def axes(ax: Axes | None = None) -> Axes:
-    """Return the axes given, or those of a new figure."""
+def axes(ax: Axes | None = None, *, figsize: tuple[float, float] | None = None) -> Axes:
+    """Return the axes given, or those of a new figure of some size [inch]."""
     if ax is None:
         import matplotlib.pyplot as plt
 
-        _, ax = plt.subplots()
+        _, ax = plt.subplots(figsize=figsize)
     return ax
 
 
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
-    """Show nothing of the axes but what is drawn on them, as a diagram wants it.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        The axes.
-    x, y : tuple of float
-        Limits of the drawing, in its own units.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = bare(Figure().subplots(), (0, 2), (0, 1))
-    >>> ax.get_xlim() == (0, 2), len(ax.get_xticks())
-    (True, 0)
-    """
+    """Show nothing of the axes but what is drawn on them, within these limits."""
     ax.set(xlim=x, ylim=y, xticks=[], yticks=[])
     ax.grid(visible=False)
     ax.spines[:].set_visible(False)
     return ax
+
+
+def save(draw: Callable[[Axes], object], file: str) -> None:
+    """Write a figure with the suite's look, drawn by a function that takes axes, to a file."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context():
+        use()
+        figure = Figure(figsize=(10, 3.2), layout="constrained")
+        draw(figure.subplots())
+        figure.savefig(file, dpi=150)

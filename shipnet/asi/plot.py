@@ -6,12 +6,10 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
@@ -24,9 +22,8 @@ from shipnet.asi.simulation.slave import TRANSITIONS, Action, Event, State
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response
 from shipnet.asi.timing import BIT_TIME, Transaction
 from shipnet.errors import ArgumentError, LengthError
-from shipnet.line.plot import axes as axes_of
-from shipnet.line.plot import layout
 from shipnet.style import LIMIT
+from shipnet.style import axes as axes_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -202,23 +199,6 @@ def plot_capture(
                 )  # fmt: skip
     ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [us]", ylabel="voltage [V]")
     return ax
-
-
-def save_capture(
-    file: str,
-    capture: Capture,
-    u: npt.ArrayLike,
-    dt: float,
-    *,
-    start: float = 0.0,
-    stop: float | None = None,
-) -> None:
-    """Write the figure of `plot_capture` to a file."""
-    with mpl.rc_context():
-        style.use()
-        figure = Figure(figsize=(10, 3.2), layout="constrained")
-        plot_capture(capture, u, dt, ax=figure.subplots(), start=start, stop=stop)
-        figure.savefig(file, dpi=150)
 
 
 def plot_modulation(
@@ -493,7 +473,7 @@ def plot_plan(plan: Plan, findings: Findings | None = None, *, ax: Axes | None =
     top = 0.0
     for segment in plan.segments:
         network = segment.network
-        placed = layout(network, segment.head)
+        placed = network.layout(segment.head)
         origin = np.array([segment.lead, top])
         places |= dict(zip(network.nodes, placed.spot + origin, strict=True))
         colour = LIMIT["color"] if str(segment) in failed else "0.6"

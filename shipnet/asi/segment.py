@@ -18,8 +18,8 @@ from shipnet.asi.receiver import Waveform
 from shipnet.asi.telegram import Request, Response
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-from shipnet.line.laplace import laplace_grid, synthesize
 from shipnet.line.network import Load, Network
+from shipnet.line.waveform import laplace_grid, synthesize
 
 #: What a slave or a master loads the line with: r [ohm], l [H] and c [F] in parallel, the limits
 #: that the SAP5S/SAP51 data sheet (2012, p. 29) sets for an A/B slave.

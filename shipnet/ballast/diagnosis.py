@@ -18,9 +18,8 @@ from shipnet.ballast.sensors import WINDOW, position_speed
 from shipnet.ballast.simulation import Run, running_time, stroke_rows, valve_row
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.fuzzy.decision import Decision, top_codes
-from shipnet.fuzzy.firing import Firing, Samples, check_method
-from shipnet.fuzzy.rules import RuleBase
+from shipnet.fuzzy.firing import Samples, check_method
+from shipnet.fuzzy.rules import Decision, Firing, RuleBase
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -159,7 +158,7 @@ class Diagnosis:
     def top(self) -> npt.NDArray[np.object_]:
         """The first of the active codes, ``normal`` or ``unknown``; shape (n_times, n_valves)."""
         silent = np.logical_and.reduce([np.isnan(self.samples[name]) for name in self.base.names])
-        return top_codes(self.base, self.active, silent)
+        return self.base.top_codes(self.active, silent)
 
     @cached_property
     def onset(self) -> Flags:
@@ -209,7 +208,7 @@ class Diagnosis:
         ranked = [self.base.codes.index(code) for code in self.base.ranking]
         names = np.array(self.base.ranking, dtype=object)
         table["active"] = [" ".join(names[row]) for row in found[:, ranked]]
-        table["top_fault"] = top_codes(self.base, found)
+        table["top_fault"] = self.base.top_codes(found)
         table["delay_s"] = delay
         return table
 
@@ -255,7 +254,7 @@ class Diagnosis:
     def __repr__(self) -> str:
         """Return the numbers of valves and alarms, and the top fault of each that has one."""
         n, ever = self.run.n_valves, np.asarray(self.active.any(axis=0))
-        found, said = np.flatnonzero(ever.any(axis=1)), top_codes(self.base, ever)
+        found, said = np.flatnonzero(ever.any(axis=1)), self.base.top_codes(ever)
         faults = ", ".join(f"valve {k + 1}: {said[k]}" for k in found[:3])
         more = f" and {found.size - 3} more" if found.size > 3 else ""
         return f"Diagnosis({n} valve{'s' if n != 1 else ''}, {faults or 'all normal'}{more})"

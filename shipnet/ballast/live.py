@@ -32,9 +32,10 @@ from shipnet.ballast.slave import ValveDevice, valve_slaves
 from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.fuzzy.rules import NORMAL, RuleBase
-from shipnet.modbus.adu import MAX_UNIT, Adu, decode, tcp_frame
-from shipnet.modbus.pdu import ExceptionCode, Request, Response
+from shipnet.fuzzy.rules import RuleBase
+from shipnet.fuzzy.terms import NORMAL
+from shipnet.modbus.frame import MAX_UNIT, tcp_frame
+from shipnet.modbus.pdu import Adu, ExceptionCode, Request, Response, decode
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.server import Server, real_clock
 from shipnet.modbus.server import serve as serve_slaves
@@ -350,7 +351,7 @@ def _remote(make: Callable[..., TestBed]) -> list[Step]:
     bed, steps = make(), []
     for unit in range(1, N_SLAVES + 1):
         echo = bed.command(unit, "open")
-        steps.append(_same("remote", f"S{unit} told to open", "done", echo))
+        steps.append(_same("remote", f"command S{unit} to open", "done", echo))
         for action, target in (("open", 100.0), ("position", 40.0), ("close", 0.0)):
             if action != "open":
                 bed.command(unit, target if action == "position" else action)
@@ -374,7 +375,7 @@ def _pc(make: Callable[..., TestBed]) -> list[Step]:
     for unit in range(1, N_SLAVES + 1):
         sent = frame(unit, Code.OPEN)
         echo = bed.gateway.answer(sent)
-        steps.append(_same("PC", f"S{unit} told to open", sent.hex(), echo.hex()))
+        steps.append(_same("PC", f"command S{unit} to open", sent.hex(), echo.hex()))
         bed.wait(_STROKE)
         shown = float(bed.gateway.answer(frame(unit))[9])
         steps.append(_at("PC", f"S{unit} open", shown, 100))
@@ -725,7 +726,7 @@ class Readout:
         k, status = int(place[0]), self.status
         fp, op, mc, ot, position = status.readings[:, k]
         mode = "auto" if status.auto[k] else "manual"
-        way = "open" if status.open[k] else "close" if status.close[k] else "not told yet"
+        way = "open" if status.open[k] else "close" if status.close[k] else "no command yet"
         return {
             "position": said(position, 0, "%"),
             "pump pressure": said(fp, 0, "bar"),

@@ -54,7 +54,7 @@ def plot_confusion(table: pd.DataFrame, ax: Axes | None) -> Axes:
     ax.grid(visible=False)
     ax.grid(visible=True, which="minor", color="0.88")
     ax.tick_params(which="both", length=0)
-    ax.set(xlabel="headline of the diagnosis [% of the row]", ylabel="fault of the valve")
+    ax.set(xlabel="top-ranked fault [% of the row]", ylabel="fault of the valve")
     return ax
 
 

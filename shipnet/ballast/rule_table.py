@@ -11,8 +11,9 @@ import numpy.typing as npt
 from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-from shipnet.fuzzy.rules import Rule, RuleBase, read_rules
-from shipnet.fuzzy.terms import Term, Variable
+from shipnet.fuzzy.rule_files import read_rules
+from shipnet.fuzzy.rules import RuleBase
+from shipnet.fuzzy.terms import Rule, Term, Variable
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -57,7 +57,7 @@ def rule_limits() -> list[Limit]:
     found: dict[tuple[str, str, float], list[str]] = {}
     for row in _rules():
         pattern = r"(FP|OP|MC|OT) (<|>=|>) ([0-9.]+)"
-        for name, comparison, number in re.findall(pattern, row["antecedent_mended"]):
+        for name, comparison, number in re.findall(pattern, row["antecedent_corrected"]):
             found.setdefault((name, comparison, float(number)), []).append(row["code"])
     return [Limit(*key, tuple(codes)) for key, codes in found.items()]
 

@@ -22,8 +22,9 @@ from shipnet.ballast.simulation import blocks
 from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.fuzzy.decision import top_codes
-from shipnet.fuzzy.rules import METHODS, NORMAL, UNKNOWN, RuleBase
+from shipnet.fuzzy.firing import METHODS
+from shipnet.fuzzy.rules import RuleBase
+from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ Flags = npt.NDArray[np.bool_]
 CRITERIA = {
     "detected": "any code was active",
     "named": "its own code was active",
-    "isolated": "its own code was the headline",
+    "isolated": "its own code was ranked first",
 }
 
 
@@ -219,7 +220,7 @@ def fault_trials(
             "valve": np.tile(np.arange(1, valves + 1), len(wanted)),
             "severity": np.where(faults == NORMAL, 0.0, severities),
             "active": [" ".join(names[row]) for row in outcome.active[:, ranked]],
-            "top_fault": top_codes(base, outcome.active),
+            "top_fault": base.top_codes(outcome.active),
             **{name: _found(base, faults, outcome, name) for name in CRITERIA},
             "delay_s": np.maximum(outcome.first - _OPEN, 0.0),
         }
@@ -240,7 +241,7 @@ def _found(base: RuleBase, faults: npt.NDArray[np.object_], outcome: Outcome, ho
     if how == "detected":
         return np.asarray(outcome.active.any(axis=1))
     if how == "isolated":
-        return np.asarray(top_codes(base, outcome.active) == faults)
+        return np.asarray(base.top_codes(outcome.active) == faults)
     own = faults[:, np.newaxis] == np.array(base.codes, dtype=object)
     return np.asarray((outcome.active & own).any(axis=1))
 

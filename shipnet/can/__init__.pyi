@@ -1,9 +1,9 @@
 from . import faults as faults
 from .bit_timing import bit_timings as bit_timings
 from .bit_timing import longest_bus as longest_bus
-from .bitwise import Arbitration as Arbitration
-from .bitwise import arbitrate as arbitrate
+from .frame import Arbitration as Arbitration
 from .frame import Frame as Frame
+from .frame import arbitrate as arbitrate
 from .frame import decode as decode
 from .frame import stuff as stuff
 from .lengths import frame_length as frame_length
@@ -14,12 +14,14 @@ from .messages import BIT_RATES as BIT_RATES
 from .messages import Message as Message
 from .messages import MessageSet as MessageSet
 from .messages import bus_load as bus_load
-from .priorities import Assignment as Assignment
-from .priorities import audsley as audsley
-from .priorities import lowest_bit_rate as lowest_bit_rate
+from .messages import example as example
+from .messages import read_messages as read_messages
+from .response import Assignment as Assignment
 from .response import Assumptions as Assumptions
 from .response import ResponseTime as ResponseTime
 from .response import ResponseTimes as ResponseTimes
+from .response import audsley as audsley
+from .response import lowest_bit_rate as lowest_bit_rate
 from .response import response_times as response_times
 from .segment import Segment as Segment
 from .segment import Signals as Signals
@@ -28,5 +30,3 @@ from .simulation import BatchRun as BatchRun
 from .simulation import Run as Run
 from .simulation import simulate as simulate
 from .simulation import simulate_batch as simulate_batch
-from .tables import example as example
-from .tables import read_messages as read_messages

@@ -1,19 +1,24 @@
-"""A data or remote frame of classic CAN: its bits on the line, and how a receiver reads them.
+"""Frames of classic CAN: their bits on the line, how a receiver reads them, who wins the bus.
 
 Stuff bits may follow any bit from the start of frame up to the last of the CRC sequence: after
 five equal bits a transmitter sends one of the other value, which counts as the first of the next
 run. From the CRC delimiter on, every bit has a fixed value.
+
+In arbitration a 0 is dominant: it wins over every 1 that is sent at the same time, so the bus
+carries the least of the bits. A sender that reads a 0 where it sent a 1 stops, and the others
+never notice.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from shipnet.crc import crc
+from shipnet.crc import CAN as CRC
 from shipnet.errors import (
     AcknowledgeError,
     ArgumentError,
@@ -33,8 +38,8 @@ if TYPE_CHECKING:
 
 # The layout of a frame -----------------------------------------------------------------------
 
-#: Row of `shipnet.crc.ALGORITHMS`, and its width.
-CRC, CRC_BITS = "CRC-15/CAN", 15
+#: Bits of the CRC sequence.
+CRC_BITS = CRC.width
 
 #: Recessive bits between the end of a frame and the start of the next, at least.
 INTERMISSION = 3
@@ -247,13 +252,13 @@ class Frame:
     @property
     def crc(self) -> int:
         """The check value of 15 bits, over the bits from start of frame to the last of the data."""
-        return crc(CRC, "".join(self._checked_parts().values()))
+        return CRC.of("".join(self._checked_parts().values()))
 
     @property
     def unstuffed(self) -> str:
         """The bits from start of frame to the end of the CRC sequence, without stuff bits."""
         checked = "".join(self._checked_parts().values())
-        return f"{checked}{crc(CRC, checked):0{CRC_BITS}b}"
+        return f"{checked}{CRC.of(checked):0{CRC_BITS}b}"
 
     @property
     def bits(self) -> str:
@@ -298,9 +303,10 @@ class Frame:
 
     def plot(self, ax: Axes | None = None, *, bits_per_row: int = 44) -> Axes:
         """Draw the frame as rows of coloured bits with the level on the line above."""
-        from shipnet.can.plot import plot_frame
+        from shipnet.can.plot import plot_fields
 
-        return plot_frame(self, ax, bits_per_row)
+        fields = [(field.name, field.line_start, field.line_length) for field in self.fields]
+        return plot_fields(self.bits, set(self.stuff_positions), fields, ax, bits_per_row)
 
     def __repr__(self) -> str:
         """Name the class around what `str` says."""
@@ -444,7 +450,7 @@ def decode(bits: str) -> Frame:
     line.reserved("r0")
     dlc = int(line.take("DLC", 4), 2)
     data = line.take("data", 8 * payload(dlc, remote == "1"))
-    expected = crc(CRC, line.read)
+    expected = CRC.of(line.read)
     received = int(line.take("CRC sequence", CRC_BITS), 2)
     line.skip_stuff_bit("CRC sequence")
     if received != expected:
@@ -460,3 +466,122 @@ def decode(bits: str) -> Frame:
             raise line.fault(FormError, field, "dominant instead of recessive")
     content = int(data, 2).to_bytes(len(data) // 8, "big") if data else b""
     return Frame(int(number, 2), content, extended, remote == "1", dlc)
+
+
+# Arbitration -----------------------------------------------------------------------------------
+
+
+class Arbitration(NamedTuple):
+    """How frames that began together settled who goes on.
+
+    Attributes
+    ----------
+    frames : tuple of Frame
+        Who took part.
+    bus : str
+        Bits on the bus, stuff bits among them, from the start of frame to the last that can
+        decide: IDE, of an extended frame RTR.
+    stopped : tuple of int or None
+        For each frame the bit at which its sender stopped, 0 the start of frame; None for the
+        winner.
+
+    Examples
+    --------
+    >>> arbitrate([Frame(0x200), Frame(0x101)]).winner
+    Frame(101#)
+    """
+
+    frames: tuple[Frame, ...]
+    bus: str
+    stopped: tuple[int | None, ...]
+
+    @property
+    def winner(self) -> Frame:
+        """The frame that goes on."""
+        return self.frames[self.stopped.index(None)]
+
+    def plot(
+        self, names: Sequence[str] = (), ax: Axes | None = None, *, upto: int | None = None
+    ) -> Axes:
+        """Draw what each sender puts on the bus, one row each, and the bus below.
+
+        `names` are the labels of the rows, by default the frames as text; `upto` is the last bit
+        to show.
+        """
+        from shipnet.can.plot import plot_contest
+
+        if names and len(names) != len(self.frames):
+            raise ArgumentError(f"there are {len(names)} names for {len(self.frames)} frames")
+        rows = [
+            (name, frame.bits, set(frame.stuff_positions), stopped)
+            for name, frame, stopped in zip(
+                names or map(str, self.frames), self.frames, self.stopped, strict=True
+            )
+        ]
+        return plot_contest(rows, self.bus, ax, upto)
+
+
+def arbitrate(frames: Sequence[Frame]) -> Arbitration:
+    """Send frames that begin together, bit by bit, until one is left.
+
+    Parameters
+    ----------
+    frames : sequence of Frame
+        One or more; no two with the same id, length of the id and kind.
+
+    Returns
+    -------
+    Arbitration
+        What was on the bus, and at which bit each sender stopped.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no frame, something else is among them, or two do not differ before
+        their data.
+
+    Notes
+    -----
+    The bus is taken to be short: within a bit time every node has read the same level.
+
+    References
+    ----------
+    .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991, section 1, bus values and
+       arbitration.
+
+    Examples
+    --------
+    0x200 sends its first 1 in bit 2, where the others send 0; 0x101 differs from 0x100 in the
+    last bit of the id, which is bit 12 on the bus, because a stuff bit is sent before it:
+
+    >>> contest = arbitrate([Frame(0x200), Frame(0x101), Frame(0x100)])
+    >>> contest.stopped, contest.bus
+    ((2, 12, None), '000100000100000')
+    """
+    given = tuple(frames)
+    strange = [frame for frame in given if not isinstance(frame, Frame)]
+    if strange or not given:
+        raise ArgumentError(f"frames are {given!r}; there must be one Frame or more")
+    rows = [frame.bits for frame in given]
+    ends = [_end(frame) for frame in given]
+    active = set(range(len(given)))
+    stopped: list[int | None] = [None] * len(given)
+    bus = ""
+    while len(bus) < max(ends[k] for k in active):
+        place = len(bus)
+        level = min(rows[k][place] for k in active)
+        for k in sorted(active):
+            if rows[k][place] != level:
+                stopped[k] = place
+                active.remove(k)
+        bus += level
+    if len(active) > 1:
+        same = " and ".join(str(given[k]) for k in sorted(active))
+        raise ArgumentError(f"frames {same} have the same id; they would collide in their data")
+    return Arbitration(given, bus, tuple(stopped))
+
+
+def _end(frame: Frame) -> int:
+    """Return how many bits of a frame, stuff bits included, can decide an arbitration."""
+    last = "RTR" if frame.extended else "IDE"
+    return 1 + next(field.line_start for field in frame.fields if field.name == last)

@@ -14,19 +14,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.answers import COLUMNS, Findings
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import measure_frames
-from shipnet.can.messages import MessageSet, check_set
-from shipnet.can.tables import load_extra
+from shipnet.can.messages import MessageSet, check_set, load_extra
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
-
-    from shipnet.can.simulation import Run
 
 Booleans = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
@@ -177,9 +175,9 @@ class LogLoad:
     >>> from shipnet import can
     >>> load = can.simulate(can.example(), 125e3, until=1.0).log().load(125e3)
     >>> load
-    LogLoad(can0: load 12.0 %, peak 11.9 %)
+    LogLoad(can0: load 20.5 %, peak 20.3 %)
     >>> load.total().round(3)["load"].to_dict()
-    {'can0': 0.12}
+    {'can0': 0.205}
     """
 
     _windows: pd.DataFrame
@@ -200,9 +198,15 @@ class LogLoad:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the load over time, one line per bus."""
-        from shipnet.can.plot import plot_log_load
-
-        return plot_log_load(self, ax)
+        ax = style.axes(ax)
+        for channel, own in self._windows.groupby("channel"):
+            time = own["time_s"] - self._windows["time_s"].min()
+            ax.plot(time, 100 * own["load"], label=str(channel))
+        ax.set(xlabel="time since the first frame [s]", ylabel="bus load [%]")
+        ax.set_ylim(bottom=0)
+        if len(self._total) > 1:
+            ax.legend()
+        return ax
 
     def __repr__(self) -> str:
         """Name the load of each bus."""
@@ -567,31 +571,3 @@ def _replay(
         bus.send(message)
         count += 1
     return count
-
-
-def log_of_run(run: Run, channel: str, payload: Callable[[str, int], bytes] | None) -> Log:
-    """Return the frames that were sent on a simulated bus."""
-    events, known = run.events(), run.system
-    sent = events[events["outcome"] == "sent"].sort_values("end_ms")
-    names = sent["message"].astype(object)
-    numbers = names.groupby(names).cumcount()
-    data = np.zeros((len(sent), 8), dtype=np.uint8)
-    dlc = np.zeros(len(sent), dtype=np.uint8)
-    if payload is not None:
-        for row, (name, number) in enumerate(zip(names, numbers, strict=True)):
-            octets = payload(name, number)
-            if not isinstance(octets, bytes | bytearray) or len(octets) > 8:
-                raise ArgumentError(f"payload of {name!r} is {octets!r}; it must be 0..8 bytes")
-            data[row, : len(octets)] = list(octets)
-            dlc[row] = len(octets)
-    no = np.zeros(len(sent), dtype=bool)
-    return Log(
-        sent["end_ms"].to_numpy() / 1e3,
-        np.full(len(sent), channel),
-        np.array([known[name].arbitration_id for name in names], dtype=np.int64),
-        np.array([known[name].extended for name in names], dtype=bool),
-        no,
-        no,
-        dlc,
-        data,
-    )

@@ -1,20 +1,49 @@
-"""The messages of a bus: what each is, which goes first, and what share of the time they take."""
+"""The messages of a bus: what each is, which goes first, how much they load it, and their files.
+
+    name,arbitration_id,extended,dlc,period_ms,deadline_ms,jitter_ms,offset_ms,sender,bits
+    oil pressure,0x120,no,8,100,50,0.5,,JB1,
+
+In a file an identifier is decimal, or hexadecimal after 0x. An empty `deadline_ms` is the period,
+`jitter_ms` and `offset_ms` are 0, `extended` is no, `bits` follows from the data bytes. Columns
+may come in any order; those with a default may be left out. `note` is for remarks, which are not
+kept.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import csv
+import io
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from decimal import Decimal
+from importlib import import_module
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import datasets
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import Stuffing, length_table
 from shipnet.clock import nanoseconds
-from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, number, record, switch, text, whole
+from shipnet.errors import ArgumentError, InputError
+from shipnet.fields import (
+    Kind,
+    Number,
+    Switch,
+    Whole,
+    check_whole,
+    declared,
+    number,
+    record,
+    switch,
+    text,
+    whole,
+)
+from shipnet.tables import NUMBER, Sheet, parse_sheet, read_sheet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -108,6 +137,15 @@ class Message:
     def frame_time(self, bit_rate: float, stuffing: Stuffing = "worst") -> float:
         """Return how long its frame keeps the bus busy, intermission included [s]."""
         return self.frame_length(stuffing) / check_bit_rate(bit_rate)
+
+
+#: What each field of a message declares, and the columns of a table; the first four must be there.
+_KINDS = declared(Message)
+COLUMNS = tuple(f"{field}_ms" if field in TIMES else field for field in _KINDS)
+_NEEDED = COLUMNS[:4]
+
+_WHOLE = re.compile(r"[0-9]{1,12}(\.0)?|0[xX][0-9a-fA-F]{1,8}")
+_YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
 
 
 def set_faults(messages: Iterable[Message]) -> list[tuple[int, str]]:
@@ -247,9 +285,16 @@ class MessageSet(Sequence[Message]):
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, indexed by name: its fields, times in ms."""
-        from shipnet.can.tables import to_table
+        import pandas as pd
 
-        return to_table(self)
+        columns: dict[str, list[Any]] = {}
+        for column in COLUMNS[1:]:
+            field = column.removesuffix("_ms")
+            values = [getattr(message, field) for message in self]
+            # From whole nanoseconds 2.5 ms stay 2.5.
+            columns[column] = [nanoseconds(t) / 1e6 for t in values] if field in TIMES else values
+        index = pd.Index(self.names, name="name", dtype=object)
+        return pd.DataFrame(columns, index=index).astype({"bits": "Int64", "sender": object})
 
     @classmethod
     def from_table(cls, table: pd.DataFrame) -> MessageSet:
@@ -257,28 +302,43 @@ class MessageSet(Sequence[Message]):
 
         A missing value takes its default. All the faults of a table are raised at once.
         """
-        from shipnet.can.tables import from_table
-
-        return from_table(table)
+        if table.index.name == "name" and "name" not in table:
+            table = table.reset_index()
+        columns = [str(column) for column in table.columns]
+        cells = table.astype(object).where(table.notna(), "")
+        rows = (
+            (f"row {label}", {c: str(v).strip() for c, v in zip(columns, row, strict=True)})
+            for label, row in zip(
+                table.index, cells.itertuples(index=False, name=None), strict=True
+            )
+        )
+        try:
+            return _from_cells("table", columns, rows)
+        except InputError as error:
+            raise ArgumentError(str(error)) from None
 
     @classmethod
     def parse(cls, text: str, source: str = "text") -> MessageSet:
         """Return the set that a text describes, written as a CSV file for `read_messages`."""
-        from shipnet.can.tables import parse_messages
-
-        return parse_messages(text, source)
+        return _from_sheet(parse_sheet(text, source), {}, None)
 
     @property
     def text(self) -> str:
-        """The set as the text of a CSV file."""
-        from shipnet.can.tables import text_of
-
-        return text_of(self)
+        """The set as the text of a CSV file, every time to the nanosecond."""
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for message in self:
+            times = (_milliseconds(getattr(message, time)) for time in TIMES)
+            writer.writerow(
+                [message.name, f"{message.arbitration_id:#x}", message.dlc, *times,
+                 "yes" if message.extended else "no", message.sender, message.bits]
+            )  # fmt: skip
+        return stream.getvalue()
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write a CSV file from which `read_messages` makes the same set."""
-        with open(path, "w", newline="", encoding="utf-8") as stream:
-            stream.write(self.text)
+        Path(path).write_text(self.text, encoding="utf-8", newline="")
 
 
 def counted(names: Sequence[str]) -> str:
@@ -364,3 +424,253 @@ def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[npt.NDArray[np.intp
     start = -(-int(analogue.sum()) * bits // 8)
     first = np.where(analogue, bits * values, 8 * start + states)
     return np.asarray(first, dtype=np.intp), start + -(-int((~analogue).sum()) // 8)
+
+
+# Files -----------------------------------------------------------------------------------------
+
+#: Synthetic: the messages of an engine's junction boxes and controls.
+EXAMPLE = """name,arbitration_id,dlc,period_ms,deadline_ms,sender
+shutdown,0x010,1,50,5,safety
+speed,0x020,4,10,5,governor
+fuel index,0x030,4,10,10,governor
+load limit,0x040,2,20,20,governor
+alarm,0x080,8,100,50,JB1
+lube oil,0x100,8,200,200,JB1
+cooling water,0x101,8,200,200,JB1
+exhaust 1-4,0x200,8,500,500,JB2
+exhaust 5-8,0x201,8,500,500,JB2
+bearings,0x300,8,1000,1000,JB3
+"""
+
+
+def example(name: str = "engine") -> MessageSet:
+    """Return a message set to try things with.
+
+    Parameters
+    ----------
+    name : {"engine", "lee2012"}, default "engine"
+        ``"engine"``: ten synthetic messages of an engine's controls and junction boxes.
+        ``"lee2012"``: the points of the engine of lee2012, 16 bits each once a second, with
+        identifiers of our own.
+
+    Returns
+    -------
+    MessageSet
+        The messages.
+
+    Raises
+    ------
+    ArgumentError
+        If the name is unknown.
+
+    Examples
+    --------
+    >>> example()
+    MessageSet(10 messages: shutdown, speed, fuel index, ...)
+    >>> len(example("lee2012")), sum(message.dlc for message in example("lee2012"))
+    (22, 164)
+    """
+    if name == "engine":
+        return MessageSet.parse(EXAMPLE)
+    if name == "lee2012":
+        return read_messages(datasets.path("synthetic_can_lee2012.csv"))
+    raise ArgumentError(f"name is {name!r}; it must be 'engine' or 'lee2012'")
+
+
+def read_messages(
+    path: str | PathLike[str],
+    *,
+    columns: Mapping[str, str] | None = None,
+    period: float | None = None,
+) -> MessageSet:
+    """Read a message set from a file: CSV, Excel or DBC, by its suffix.
+
+    Parameters
+    ----------
+    path : path
+        A CSV file or an Excel workbook with a row of column titles and one row per message
+        (separated by commas, semicolons or tabs; UTF-8, UTF-16 with a mark, or Windows-1252), or
+        a ``.dbc`` file, which needs cantools.
+    columns : mapping of str to str, optional
+        Names of the columns for the titles of the file: ``{"Cycle [ms]": "period_ms"}``. Columns
+        are ``name``, ``arbitration_id``, ``dlc``, ``period_ms`` and, if wanted, ``deadline_ms``,
+        ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits`` and ``note``.
+    period : float, optional
+        Period of messages for which the file names none [s].
+
+    Returns
+    -------
+    MessageSet
+        The messages, the highest priority first.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or does not describe a message set: every fault with its row,
+        column and value, and what was expected.
+    ImportError
+        If the file needs a package that is not installed; the message says how to install it.
+
+    Notes
+    -----
+    The period of a message in a DBC file is its attribute ``GenMsgCycleTime``; 0 means that none
+    is given. Signals are not read: cantools decodes them. Frames of CAN FD are refused.
+
+    Examples
+    --------
+    >>> from shipnet import datasets
+    >>> read_messages(datasets.path("synthetic_can_lee2012.csv"))
+    MessageSet(22 messages: JB1-01, JB1-02, JB1-03, ...)
+    """
+    if Path(path).suffix.lower() == ".dbc":
+        try:
+            text = Path(path).read_text(encoding="cp1252", errors="replace")
+        except OSError as problem:
+            raise InputError(str(path), f"cannot be read: {problem.strerror}") from None
+        return parse_dbc(text, str(path), period)
+    sheet = read_sheet(path)
+    return _from_sheet(sheet, {k.strip().lower(): v for k, v in (columns or {}).items()}, period)
+
+
+def load_extra(module: str, package: str) -> Any:
+    """Return an optional module, or say which package to install for it."""
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as problem:
+        if problem.name != module:
+            raise
+        raise ImportError(
+            f'{package} is not installed; this installs it: python -m pip install "shipnet[bus]"'
+        ) from None
+
+
+def parse_dbc(text: str, source: str, period: float | None = None) -> MessageSet:
+    """Read the messages of the text of a DBC file through cantools."""
+    cantools = load_extra("cantools", "cantools")
+    try:
+        database = cantools.database.load_string(text, database_format="dbc", strict=False)
+    except (cantools.database.Error, UnicodeError, ValueError) as problem:
+        why = " ".join(str(problem).split())
+        raise InputError(source, f"is not a DBC file: {why}") from None
+    messages, faults = [], []
+    for found in database.messages:
+        place = f"message {found.name!r}"
+        # cantools keeps senders of messages that are not sent as Vector__XXX.
+        sender = found.senders[0] if found.senders else ""
+        cycle = found.cycle_time / 1e3 if found.cycle_time else period
+        if cycle is None:
+            faults.append(f"{place} has no cycle time; give one with period=")
+            continue
+        try:
+            message = Message(
+                found.name, found.frame_id, found.length, cycle,
+                extended=found.is_extended_frame, sender=sender,
+            )  # fmt: skip
+        except ArgumentError as fault:
+            faults.append(f"{place}: {fault}")
+        else:
+            messages.append((place, message))
+    return _checked(source, messages, faults, "has no message")
+
+
+def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) -> MessageSet:
+    titles = [title.lower() for title in sheet.titles]
+    if missing := sorted(set(renamed) - set(titles)):
+        raise InputError(
+            sheet.source, f"no column {missing[0]!r}; the titles are {', '.join(titles)}"
+        )
+    columns = [renamed.get(title, title) for title in titles]
+    width, long, rows = len(columns), [], []
+    for place, row in sheet.rows:
+        if any(row[width:]):
+            long.append(f"row {place} has {len(row)} cells; expected {width}")
+        else:
+            rows.append((f"row {place}", dict(zip(columns, row, strict=False))))
+    return _from_cells(sheet.source, columns, rows, long, period)
+
+
+def _from_cells(
+    source: str,
+    columns: list[str],
+    rows: Iterable[tuple[str, dict[str, str]]],
+    found: Iterable[str] = (),
+    period: float | None = None,
+) -> MessageSet:
+    """Make the set of cells of text, or raise all that is wrong with them."""
+    usual = {} if period is None else {"period_ms": _milliseconds(period)}
+    columns += [column for column in usual if column not in columns]
+    faults = [
+        f"column {place}: title {title!r} is unknown; expected one of {', '.join(COLUMNS)}, note"
+        for place, title in enumerate(columns, start=1)
+        if title not in (*COLUMNS, "note")
+    ]
+    twice = sorted({title for title in columns if columns.count(title) > 1})
+    faults += [f"title {title!r} appears twice" for title in twice]
+    faults += [f"no column {title}" for title in _NEEDED if title not in columns]
+    if faults:
+        raise InputError(source, *faults)
+    faults += found
+    messages = []
+    for place, cells in rows:
+        message, wrong = _message(usual | {title: cell for title, cell in cells.items() if cell})
+        faults += [f"{place}, {fault}" for fault in wrong]
+        if message is not None:
+            messages.append((place, message))
+    return _checked(source, messages, faults, "has no message; expected one row per message")
+
+
+def _checked(
+    source: str, found: list[tuple[str, Message]], faults: list[str], empty: str
+) -> MessageSet:
+    """Return the set of messages found at places of a file, or raise all that is wrong."""
+    messages = [message for _, message in found]
+    faults += [f"{found[number][0]}: {why}" for number, why in set_faults(messages)]
+    if not messages and not faults:
+        faults = [empty]
+    if faults:
+        raise InputError(source, *faults)
+    return MessageSet(messages)
+
+
+def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
+    """Make a message of the cells that are filled, or say all that keeps it from being one."""
+    faults = []
+    fields: dict[str, Any] = {}
+    for (field, kind), column in zip(_KINDS.items(), COLUMNS, strict=True):
+        cell = cells.get(column, "")
+        if cell:
+            value, expected = _value(field, kind, cell)
+            fields[field] = value
+            if value is None:
+                faults.append(f"column {column}: {cell!r}; expected {expected}")
+        elif column in _NEEDED:
+            faults.append(f"column {column}: is empty; a message needs it")
+    if not faults:
+        try:
+            return Message(**fields), []
+        except ArgumentError as fault:
+            faults.append(str(fault))
+    return None, faults
+
+
+def _value(field: str, kind: Kind, cell: str) -> tuple[Any, str]:
+    """Return the value of a cell as a field declares it, None if it has none, and what fits."""
+    if isinstance(kind, Number):
+        time = float(Decimal(cell).scaleb(-3)) if NUMBER.fullmatch(cell) else -1
+        legal = f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"
+        return time if kind.low <= time <= kind.high else None, legal
+    if isinstance(kind, Whole):
+        base = 16 if cell[:2] in ("0x", "0X") else 10
+        whole = int(cell.removesuffix(".0"), base) if _WHOLE.fullmatch(cell) else -1
+        legal = f"a whole number {kind.legal}"
+        if field == "arbitration_id":
+            legal = "an identifier 0..0x7FF, or 0x1FFFFFFF if extended"
+        return whole if kind.low <= whole <= kind.high else None, legal
+    if isinstance(kind, Switch):
+        return _YES.get(cell.lower()), "yes or no"
+    return cell if cell.isprintable() else None, "printable text"
+
+
+def _milliseconds(time: float) -> str:
+    """Return a time in seconds as decimal milliseconds, to the nanosecond."""
+    return f"{Decimal(nanoseconds(time)).scaleb(-6).normalize():f}"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, number, record, whole
 from shipnet.line.cable import Cable
@@ -293,9 +294,29 @@ class Signals:
 
     def plot(self, node: int | None = None, ax: Axes | None = None, *, colour: str = "C0") -> Axes:
         """Draw the voltage at a node, the last by default, and the bits that it reads."""
-        from shipnet.can.plot import plot_signals
-
-        return plot_signals(self, self.segment.nodes if node is None else node, ax, colour)
+        node = self.segment.nodes if node is None else node
+        row, ax, red = self.row(node), style.axes(ax), style.LIMIT["color"]
+        ax.plot(self.t * 1e6, self.v[row], color=colour, label=f"voltage at node {node}")
+        top = max(self.v[row].max(), DOMINANT)
+        for level, name, above in ((DOMINANT, "dominant", True), (RECESSIVE, "recessive", False)):
+            ax.axhline(level, lw=1, color=red, linestyle=style.LIMIT["linestyle"])
+            ax.annotate(
+                name, (0, level), (3, 2 if above else -2), xycoords=("axes fraction", "data"),
+                textcoords="offset points", color=red, fontsize=7, ha="left",
+                va="bottom" if above else "top",
+            )  # fmt: skip
+        at, good = self.sample_times * 1e6, self.bits[row] == self.sent
+        for chosen, marker, name in ((good, "o", "sample, right"), (~good, "x", "sample, wrong")):
+            if chosen.any():
+                ax.plot(at[chosen], self.samples[row, chosen], marker, color="0.2", label=name)
+        for when, bit in zip(at, self.bits[row], strict=True):
+            ax.annotate("?" if bit < 0 else str(bit), (when, 1.06 * top), ha="center", fontsize=9)
+        ax.set(
+            xlabel="time [us]", ylabel="voltage [V]", xlim=(0, self.t[-1] * 1e6),
+            ylim=(min(-0.2, 1.1 * float(np.min(self.v[row]))), 1.2 * top),
+        )  # fmt: skip
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8)
+        return ax
 
     def __repr__(self) -> str:
         """Say how many nodes read all bits."""

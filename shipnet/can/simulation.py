@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.can.bus import (
     OVERWRITTEN,
     WAITING,
@@ -20,6 +21,7 @@ from shipnet.can.bus import (
 )  # fmt: skip
 from shipnet.can.faults import Simulated, simulated
 from shipnet.can.frame import check_bit_rate
+from shipnet.can.log import Log
 from shipnet.can.messages import MessageSet, check_set, counted, message_lengths
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
@@ -28,8 +30,6 @@ from shipnet.fields import check_scalar
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
-
-    from shipnet.can.log import Log
 
 Integers = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
@@ -107,9 +107,40 @@ class Run:
 
     def plot(self, start: float = 0.0, stop: float | None = None, ax: Axes | None = None) -> Axes:
         """Draw who was on the bus from `start` to `stop` [s], one lane per message."""
-        from shipnet.can.plot import plot_run
+        frames, errors = self._events, self._errors
+        last = np.nanmax([0.0, *frames["end_ms"], *errors["free_ms"]])
+        low, high = 1e3 * start, last if stop is None else 1e3 * stop
+        if not low < high:
+            raise ArgumentError(f"start is {start} s; it must be before stop, {high / 1e3:g} s")
+        ax = style.axes(ax)
+        lane = {name: row for row, name in enumerate(self.system.names)}
 
-        return plot_run(self, start, stop, ax)
+        def rows(table: pd.DataFrame) -> pd.Series:
+            return table["message"].astype(object).map(lane)
+
+        def bars(table: pd.DataFrame, end: str, colour: str, label: str) -> None:
+            ax.barh(
+                rows(table), table[end] - table["start_ms"], left=table["start_ms"], height=0.6,
+                color=colour, edgecolor="white", linewidth=0.5, label=label,
+            )  # fmt: skip
+
+        shown = frames[(frames["release_ms"] < high) & (frames["end_ms"].fillna(high) > low)]
+        lost = shown[shown["outcome"] == "overwritten"]
+        waits = shown[shown["outcome"] != "overwritten"]
+        failed = errors[(errors["start_ms"] < high) & (errors["free_ms"] > low)]
+        begin = waits["start_ms"].fillna(high)
+        ax.hlines(rows(waits), waits["release_ms"], begin, color="0.45", lw=1, zorder=0.5)
+        bars(shown[shown["outcome"] == "sent"], "end_ms", "C0", "frame")
+        if len(failed):
+            bars(failed, "free_ms", style.LIMIT["color"], "error")
+        if len(lost):
+            ax.plot(lost["release_ms"], rows(lost), "x", color="0.2", label="overwritten")
+        ax.plot([], [], color="0.45", lw=1, label="waiting")
+        ax.set(xlabel="time [ms]", xlim=(low, high), ylim=(len(lane) - 0.4, -0.6))
+        ax.set_yticks(range(len(lane)), list(lane))
+        ax.grid(axis="y", visible=False)
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=8)
+        return ax
 
     def log(
         self, *, channel: str = "can0", payload: Callable[[str, int], bytes] | None = None
@@ -117,11 +148,28 @@ class Run:
         """Return the frames that were sent as a recording of the bus would hold them.
 
         `payload` makes the data from the name of a message and the number of its frame; without
-        it frames have no data.
+        it a frame carries as many zeros as its message has bytes.
         """
-        from shipnet.can.log import log_of_run
-
-        return log_of_run(self, channel, payload)
+        sent = self._events[self._events["outcome"] == "sent"].sort_values("end_ms")
+        rank = sent["message"].cat.codes.to_numpy()
+        ids, extended, dlc = (
+            np.array([getattr(message, field) for message in self.system])[rank]
+            for field in ("arbitration_id", "extended", "dlc")
+        )
+        data = np.zeros((len(sent), 8), dtype=np.uint8)
+        if payload is not None:
+            numbers = sent.groupby("message", observed=True).cumcount()
+            for row, (name, number) in enumerate(zip(sent["message"], numbers, strict=True)):
+                octets = payload(name, number)
+                if not isinstance(octets, bytes | bytearray) or len(octets) > 8:
+                    raise ArgumentError(f"payload of {name!r} is {octets!r}; it must be 0..8 bytes")
+                data[row, : len(octets)] = list(octets)
+                dlc[row] = len(octets)
+        no = np.zeros(len(sent), dtype=bool)
+        time = sent["end_ms"].to_numpy() / 1e3
+        return Log(
+            time, np.full(len(sent), channel), ids, extended, no, no, dlc.astype(np.uint8), data
+        )
 
     def __repr__(self) -> str:
         """Count the frames."""

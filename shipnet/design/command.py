@@ -1,12 +1,12 @@
-"""The command `shipnet design`: from the words of a command line to a table and a report."""
+"""The command `shipnet design`: from the words of a command line to settings and a comparison."""
 
 from __future__ import annotations
 
 import argparse
+import tomllib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
-from shipnet.design.comparison import compare_options
+from shipnet.design.comparison import Comparison, compare_options
 from shipnet.design.iolist import read_iolist
 from shipnet.design.planning import OPTIONS
 from shipnet.design.rules import RuleSet
@@ -15,14 +15,28 @@ from shipnet.design.site import Trays
 from shipnet.errors import ArgumentError
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Compare the options that a command line asks for, print the table and write the report."""
+def settings_of(arguments: argparse.Namespace) -> Settings:
+    """Return the settings that a command line asks for."""
     settings = Settings() if arguments.settings is None else Settings.read(arguments.settings)
+    values = dict(map(_setting, arguments.set))
     if arguments.redundant:
-        settings = settings.replace({"redundant": True})
-    if arguments.show_settings:
-        print(settings.text(), end="")
-        return
+        values["redundant"] = True
+    return settings.replace(values)
+
+
+def _setting(text: str) -> tuple[str, object]:
+    """Return name and value; what is not a value of TOML is a string."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise ArgumentError(f"--set is {text!r}; it must be NAME=VALUE, such as detour=1.3")
+    try:
+        return name.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return name.strip(), value.strip()
+
+
+def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
+    """Compare the options that a command line asks for."""
     if arguments.list is None:
         raise ArgumentError("no LIST is given; see shipnet design --help")
     rules = RuleSet.of(arguments.rules)
@@ -31,15 +45,13 @@ def run(arguments: argparse.Namespace) -> None:
         options = tuple(_option(name, "--options") for name in arguments.options.split(","))
         if twice := [name for name in dict.fromkeys(options) if options.count(name) > 1]:
             raise ArgumentError(f"--options names {', '.join(twice)} twice")
-    if arguments.output is not None and not Path(arguments.output).absolute().parent.is_dir():
-        raise ArgumentError(f"--output is {arguments.output!r}; there is no such folder")
     choose = _choices(arguments.mix)
     trays = None if arguments.trays is None else Trays.read(arguments.trays)
     known = {} if trays is None else trays.cabinets
     cabinet = None if arguments.cabinet is None else _place(arguments.cabinet, known)
     iolist = read_iolist(arguments.list, sheet=arguments.sheet)
     try:
-        compared = compare_options(
+        return compare_options(
             iolist, cabinet, options, trays=trays, settings=settings, mix=choose, rules=rules
         )
     except ArgumentError as mistake:
@@ -50,12 +62,6 @@ def run(arguments: argparse.Namespace) -> None:
         ):
             said = said.replace(own, option, 1)
         raise ArgumentError(said) from None
-    # The file comes first: whoever reads the output may stop reading.
-    if arguments.output is not None:
-        compared.report(arguments.output, title=arguments.title, date=arguments.date)
-    print(compared)
-    if arguments.output is not None:
-        print(f"\nreport written to {arguments.output}")
 
 
 def _choices(texts: Sequence[str]) -> dict[str, str]:

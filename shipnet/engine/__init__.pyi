@@ -1,7 +1,7 @@
 from . import faults as faults
-from .assessment import Redundancy as Redundancy
 from .can_layout import CanLayout as CanLayout
 from .class_rules import Description as Description
+from .class_rules import Redundancy as Redundancy
 from .class_rules import check as check
 from .inputs import InputCard as InputCard
 from .points import Point as Point
@@ -11,9 +11,10 @@ from .power import DieselEngine as DieselEngine
 from .registers import CODINGS as CODINGS
 from .registers import Coding as Coding
 from .registers import RegisterMap as RegisterMap
-from .screen import Screen as Screen
+from .run import Run as Run
+from .run import Screen as Screen
 from .serving import serve as serve
-from .simulation import Run as Run
 from .simulation import simulate as simulate
+from .simulation import single_failures as single_failures
 from .system import Firmware as Firmware
 from .system import System as System

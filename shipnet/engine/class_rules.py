@@ -6,33 +6,164 @@ themselves was not available; `Rule.elsewhere` says what public texts ask on the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from shipnet.answers import Findings
-from shipnet.crc import undetected
-from shipnet.engine.assessment import Redundancy
-from shipnet.engine.points import PointList, read_points
+from shipnet.crc import CAN, MODBUS, Crc
+from shipnet.engine.points import Point, PointList, read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
-from shipnet.fields import number, record, switch, whole
+from shipnet.fields import check_whole, number, record, switch, whole
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Verdict = Literal["met", "violated", "not verified"]
 
 #: Protocols with an open international standard or public specification, and the CRC they have.
-STANDARDS: dict[str, tuple[str, str | None]] = {
-    "CAN": ("ISO 11898-1", "CRC-15/CAN"),
-    "Modbus RTU": ("MODBUS over serial line V1.02", "CRC-16/MODBUS"),
+STANDARDS: dict[str, tuple[str, Crc | None]] = {
+    "CAN": ("ISO 11898-1", CAN),
+    "Modbus RTU": ("MODBUS over serial line V1.02", MODBUS),
     # The checksum of TCP is none.
     "Modbus TCP": ("MODBUS application protocol V1.1b3", None),
 }
 
 _DNV = "DNV-OS-D202 Ch.2 Sec.3 Table A1"
 _CIRCULAR = "MSC/Circ.891"
+
+
+# Supplies and processors of the boxes ----------------------------------------------------------
+
+#: Most supplies or processors of a box, and most parts that are taken to fail together.
+_MOST = 4
+
+
+class Part(NamedTuple):
+    """A ``supply`` or ``cpu`` of a box; the box is empty for a supply that all boxes share."""
+
+    kind: str
+    box: str
+    number: int
+
+    def __str__(self) -> str:
+        """Return what a table calls it."""
+        return f"{self.kind} {self.number} of {self.box or 'all boxes'}"
+
+
+@record(slots=True)
+class Redundancy:
+    """How many supplies and processors the boxes have, and what dead ones cost.
+
+    A box works as long as one supply and one processor of it do; the points of a box that does not
+    work are lost, whatever the buses do.
+
+    Parameters
+    ----------
+    points : PointList or iterable of Point
+        One or more.
+    supplies, cpus : int, default 1
+        In each box, 1..4.
+    shared_supply : bool, default False
+        Whether the supplies serve all boxes together, not each box its own.
+
+    Raises
+    ------
+    ArgumentError
+        If a field is out of range.
+
+    Notes
+    -----
+    The paper names one microcontroller and one power connector per box (section IV.1) and asks for
+    two of each (section II); supplies and processors are taken to change over by themselves.
+
+    Examples
+    --------
+    >>> from shipnet import engine
+    >>> points = engine.read_points()
+    >>> engine.Redundancy(points).worst(), engine.Redundancy(points, supplies=2, cpus=2).worst()
+    (43, 0)
+    >>> table = engine.Redundancy.compare(points)
+    >>> table.groupby("design", sort=False).points_lost.max().to_dict()
+    {'one of each': 43, 'two supplies': 43, 'two CPUs': 43, 'two of each': 0}
+    """
+
+    points: PointList
+    supplies: int = whole(1, _MOST, "", "Supplies of each box", default=1)
+    cpus: int = whole(1, _MOST, "", "Processors of each box", default=1)
+    shared_supply: bool = switch("Whether all boxes share the supplies", default=False)
+
+    def __post_init__(self) -> None:
+        """Check the points."""
+        object.__setattr__(self, "points", PointList(self.points))
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """All supplies, then all processors."""
+        boxes = self.points.boxes
+        served = ("",) if self.shared_supply else boxes
+        supplies = [Part("supply", box, n + 1) for box in served for n in range(self.supplies)]
+        cpus = [Part("cpu", box, n + 1) for box in boxes for n in range(self.cpus)]
+        return (*supplies, *cpus)
+
+    def dead_boxes(self, dead: Iterable[Part]) -> tuple[str, ...]:
+        """Return the boxes that do not work without some parts."""
+        gone = set(dead)
+        if not gone <= set(self.parts):
+            raise ArgumentError(f"dead has {sorted(gone - set(self.parts))}, which are not parts")
+        boxes = []
+        for box in self.points.boxes:
+            for kind in ("supply", "cpu"):
+                own = {part for part in self.parts if part.kind == kind and part.box in ("", box)}
+                if own <= gone:
+                    boxes.append(box)
+                    break
+        return tuple(boxes)
+
+    def lost(self, dead: Iterable[Part]) -> int:
+        """Return how many points are lost without some parts."""
+        boxes = self.dead_boxes(dead)
+        return sum(point.box in boxes for point in self.points)
+
+    def worst(self, failures: int = 1) -> int:
+        """Return how many points the worst failure of some parts at once costs, 0..4 parts."""
+        count = check_whole("failures", failures, 0, _MOST)
+        return max((self.lost(dead) for dead in combinations(self.parts, count)), default=0)
+
+    @classmethod
+    def compare(
+        cls,
+        points: Iterable[Point],
+        *,
+        failures: int = 1,
+        designs: Mapping[str, tuple[int, int]] | None = None,
+    ) -> pd.DataFrame:
+        """Return what dead parts cost in several designs: one row per design and combination.
+
+        `failures` parts fail together, 1..4. `designs` are supplies and processors of each box by
+        name; one or two of each if not given.
+        """
+        import pandas as pd
+
+        known = PointList(points)
+        count = check_whole("failures", failures, 1, _MOST)
+        usual = {
+            "one of each": (1, 1),
+            "two supplies": (2, 1),
+            "two CPUs": (1, 2),
+            "two of each": (2, 2),
+        }
+        rows = []
+        for design, (supplies, cpus) in (usual if designs is None else designs).items():
+            system = cls(known, supplies, cpus)
+            for dead in combinations(system.parts, count):
+                boxes = ", ".join(system.dead_boxes(dead))
+                rows.append((design, ", ".join(map(str, dead)), boxes, system.lost(dead)))
+        return pd.DataFrame(rows, columns=["design", "dead", "boxes_lost", "points_lost"])
 
 
 # What is known of a system ---------------------------------------------------------------------
@@ -246,13 +377,13 @@ def _answer(system: Description, rule: Rule) -> _Outcome:
 def _crc(system: Description, rule: Rule) -> _Outcome:
     if system.protocols is None:
         return _UNKNOWN
-    names = {name: STANDARDS.get(name, ("", None))[1] for name in system.protocols}
-    without = [name for name, algorithm in names.items() if algorithm is None]
+    checks = {name: STANDARDS.get(name, ("", None))[1] for name in system.protocols}
+    without = [name for name, check in checks.items() if check is None]
     if without:
         return _Outcome("violated", float("nan"), f"no CRC: {', '.join(without)}")
-    used = [algorithm for algorithm in names.values() if algorithm]
-    missed = sum(undetected(algorithm, flips=n) for algorithm in used for n in (1, 2))
-    return rule.judge(missed, ", ".join(used))
+    used = [check for check in checks.values() if check]
+    missed = sum(check.undetected(flips=n) for check in used for n in (1, 2))
+    return rule.judge(missed, ", ".join(check.name for check in used))
 
 
 def _repeats(system: Description, rule: Rule) -> _Outcome:

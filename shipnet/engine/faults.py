@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Literal
 
-from shipnet.clock import Fault, as_faults
-from shipnet.errors import ArgumentError
+from shipnet.clock import Fault
 from shipnet.fields import number, record, text
-
-if TYPE_CHECKING:
-    from shipnet.engine.system import System
 
 __all__ = [
     "BusOff",
@@ -29,12 +25,9 @@ class EngineFault(Fault):
     """A fault at a place of the system; the kinds derive from it."""
 
     words: ClassVar[str] = ""
+    at: ClassVar[Literal["box", "cable", "channel", "sensor"]] = "box"
 
     where: str = text("What fails")
-
-    def places(self, system: System) -> tuple[str, ...]:
-        """Return what can fail in this way."""
-        return system.boxes
 
     def __str__(self) -> str:
         """Say what fails."""
@@ -58,24 +51,12 @@ class CanBreak(EngineFault):
     CAN cable cut JB1-JB2
     """
 
-    words: ClassVar[str] = "CAN cable cut"
-
-    def places(self, system: System) -> tuple[str, ...]:
-        """Return the cables."""
-        return system.segments
+    words = "CAN cable cut"
+    at = "cable"
 
 
 @record
-class _AtChannel(EngineFault):
-    """A fault of a Modbus channel."""
-
-    def places(self, system: System) -> tuple[str, ...]:
-        """Return the channels."""
-        return "1", "2"
-
-
-@record
-class ModbusBreak(_AtChannel):
+class ModbusBreak(EngineFault):
     """The cable of a Modbus channel is broken; `where` is ``"1"`` or ``"2"``.
 
     Examples
@@ -84,11 +65,12 @@ class ModbusBreak(_AtChannel):
     Modbus cable cut 1
     """
 
-    words: ClassVar[str] = "Modbus cable cut"
+    words = "Modbus cable cut"
+    at = "channel"
 
 
 @record
-class DeadPort(_AtChannel):
+class DeadPort(EngineFault):
     """A port of the AMS is dead; `where` is ``"1"`` or ``"2"``.
 
     Examples
@@ -97,7 +79,8 @@ class DeadPort(_AtChannel):
     AMS port dead 2
     """
 
-    words: ClassVar[str] = "AMS port dead"
+    words = "AMS port dead"
+    at = "channel"
 
 
 @record
@@ -110,7 +93,7 @@ class DeadBox(EngineFault):
     box dead JB2
     """
 
-    words: ClassVar[str] = "box dead"
+    words = "box dead"
 
 
 @record
@@ -123,7 +106,7 @@ class BusOff(EngineFault):
     CAN bus-off JB2
     """
 
-    words: ClassVar[str] = "CAN bus-off"
+    words = "CAN bus-off"
 
 
 @record
@@ -136,11 +119,8 @@ class StuckSensor(EngineFault):
     sensor stuck ME-JB1-001
     """
 
-    words: ClassVar[str] = "sensor stuck"
-
-    def places(self, system: System) -> tuple[str, ...]:
-        """Return the tags."""
-        return tuple(point.tag for point in system.points)
+    words = "sensor stuck"
+    at = "sensor"
 
 
 @record
@@ -153,7 +133,7 @@ class LostCanFrames(EngineFault):
     0.1
     """
 
-    words: ClassVar[str] = "CAN frames lost of"
+    words = "CAN frames lost of"
 
     probability: float = number(
         0, 1, "", "That one receiver loses one frame", default=0.5, kw_only=True
@@ -161,7 +141,7 @@ class LostCanFrames(EngineFault):
 
 
 @record
-class LostModbusFrames(_AtChannel):
+class LostModbusFrames(EngineFault):
     """Modbus frames of a channel, ``"1"`` or ``"2"``, are damaged at random.
 
     Examples
@@ -170,7 +150,8 @@ class LostModbusFrames(_AtChannel):
     0.2
     """
 
-    words: ClassVar[str] = "Modbus frames lost on"
+    words = "Modbus frames lost on"
+    at = "channel"
 
     request: float = number(
         0, 1, "", "Probability that a request is not understood", default=0.5, kw_only=True
@@ -180,23 +161,10 @@ class LostModbusFrames(_AtChannel):
     )
 
 
-#: All kinds.
+#: All kinds, in the order of a table of single failures.
 KINDS: tuple[type[EngineFault], ...] = (
-    CanBreak, ModbusBreak, DeadPort, DeadBox, BusOff, StuckSensor, LostCanFrames, LostModbusFrames,
+    CanBreak, ModbusBreak, DeadPort, DeadBox, BusOff, LostCanFrames, LostModbusFrames, StuckSensor,
 )  # fmt: skip
-
-
-def check_faults(system: System, faults: Fault | Iterable[Fault]) -> tuple[EngineFault, ...]:
-    """Return one or several faults as a tuple, or raise unless the system has what fails."""
-    found: list[EngineFault] = []
-    for fault in as_faults(faults, *KINDS):
-        assert isinstance(fault, EngineFault)
-        legal = fault.places(system)
-        if fault.where not in legal:
-            few = [*legal[:6], *(["..."] if len(legal) > 6 else [])]
-            raise ArgumentError(f"where is {fault.where!r}; it must be one of {', '.join(few)}")
-        found.append(fault)
-    return tuple(found)
 
 
 def outages(
@@ -204,30 +172,3 @@ def outages(
 ) -> list[tuple[int, int]]:
     """Return begin and end [ns] of each fault of some kinds at a place, in order."""
     return sorted(fault.span for fault in faults if type(fault) in kinds and fault.where == where)
-
-
-def single_faults(
-    system: System, start: float = 10.0, *, every_sensor: bool = False
-) -> tuple[EngineFault, ...]:
-    """Return all lasting single faults of a system."""
-    if not isinstance(every_sensor, bool):
-        raise ArgumentError(f"every_sensor is {every_sensor!r}; it must be True or False")
-    boxes = dict.fromkeys(system.boxes)
-    stuck = [point for point in system.points if every_sensor or boxes.pop(point.box, 1) is None]
-    places: list[tuple[type[EngineFault], Iterable[str]]] = [
-        (CanBreak, system.segments),
-        *((kind, ("1", "2")) for kind in (ModbusBreak, DeadPort)),
-        *((kind, system.boxes) for kind in (DeadBox, BusOff, LostCanFrames)),
-        (LostModbusFrames, ("1", "2")),
-        (StuckSensor, [point.tag for point in stuck]),
-    ]
-    return tuple(kind(where, start=start) for kind, some in places for where in some)
-
-
-def parse_fault(system: System, words: str) -> EngineFault:
-    """Return the lasting fault that these words name, such as ``box dead JB1``."""
-    known = {str(fault): fault for fault in single_faults(system, 0.0, every_sensor=True)}
-    if words not in known:
-        few = ", ".join(str(fault) for fault in single_faults(system, 0.0))
-        raise ArgumentError(f"fault is {words!r}; it must be one of {few}")
-    return known[words]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,14 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
 from shipnet import style
-from shipnet.engine.faults import EngineFault, check_faults
 from shipnet.errors import ArgumentError
 from shipnet.style import LIMIT, bare
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from shipnet.engine.system import System
 
 #: Colour and hatch of each task, of the Okabe-Ito palette.
 _TASKS = {
@@ -142,50 +139,53 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
 
 
 def plot_system(
-    system: System, faults: EngineFault | Iterable[EngineFault], *, ax: Axes | None
+    counts: Mapping[str, int],
+    segments: Sequence[str],
+    ports: Sequence[str],
+    failed: Iterable[tuple[str, str]],
+    *,
+    ax: Axes | None,
 ) -> Axes:
-    """Draw the outline of the system, with a cross and its name where something fails."""
+    """Draw boxes with their points, CAN cables and channels to the boxes at the AMS's two ports.
+
+    `failed` is where something fails, a box, cable or channel, and what to write beside the cross.
+    """
     ax = style.axes(ax)
-    broken = check_faults(system, faults)
-    last = len(system.boxes) - 1
     spots: dict[str, tuple[float, float]] = {}
-    counts = np.bincount(system.box_of)
-    for k, box in enumerate(system.boxes):
+    for k, (box, count) in enumerate(counts.items()):
         spots[box] = (2.0 * k, 0.0)
-        _box(ax, spots[box], f"{box}\n{counts[k]} points")
-    middle = float(last)
+        _box(ax, spots[box], f"{box}\n{count} points")
+    middle = len(counts) - 1.0
     _box(ax, (middle, 2.0), "AMS")
-    for segment in system.segments:
+    for segment in segments:
         ends = [spots[end][0] for end in segment.split("-")]
         straight = abs(ends[0] - ends[1]) == 2.0
         low = 0.0 if straight else -0.8
-        label = "CAN" if segment == system.segments[0] else None
+        label = "CAN" if segment == segments[0] else None
         ax.plot(np.repeat(ends, 2), [0.0, low, low, 0.0], color="#0072B2", zorder=1, label=label)
         spots[segment] = (sum(ends) / 2, low)
-    for channel, port in enumerate(system.ports, start=1):
-        x = 2.0 * port
+    for channel, port in enumerate(ports, start=1):
+        x = spots[port][0]
         ax.plot(
             [x, x, middle], [0.0, 2.0, 2.0], color="#009E73", linestyle="--", zorder=1,
             label="Modbus" if channel == 1 else None,
         )  # fmt: skip
         ax.text(x, 1.0, f" channel {channel}", fontsize=8, va="center")
         spots[str(channel)] = (x, 1.4)
-    for point in system.points:
-        spots[point.tag] = (spots[point.box][0], -0.35)
-    for fault in broken:
-        x, y = spots[fault.where]
-        if fault.where in system.boxes:
+    for where, text in failed:
+        x, y = spots[where]
+        if where in counts:
             y -= 0.35  # below the box, whose name stays readable
         ax.plot([x], [y], marker="X", markersize=11, color=LIMIT["color"], zorder=4)
-        on_cable = fault.where in ("1", "2")  # beside the cable, whose name is below
+        on_cable = where in ("1", "2")  # beside the cable, whose name is below
         ax.annotate(
-            str(fault), (x, y), (-9, 0) if on_cable else (0, -10),
+            text, (x, y), (-9, 0) if on_cable else (0, -10),
             textcoords="offset points", color=LIMIT["color"], fontsize=8,
             ha="right" if on_cable else "center", va="center" if on_cable else "top",
         )  # fmt: skip
     ax.legend(loc="upper right", fontsize=8)
-    lowest = min(y for _, y in spots.values()) - 0.4
-    return bare(ax, (-1.0, 2.0 * last + 1.0), (lowest, 2.6))
+    lowest = min(-0.35, *(y for _, y in spots.values())) - 0.4
+    return bare(ax, (-1.0, 2.0 * middle + 1.0), (lowest, 2.6))
 
 
 def _box(ax: Axes, place: tuple[float, float], text: str) -> None:

@@ -17,13 +17,12 @@ from shipnet.engine.faults import (
     EngineFault,
     ModbusBreak,
     StuckSensor,
-    check_faults,
     outages,
 )
 from shipnet.engine.registers import RegisterMap
-from shipnet.engine.screen import SyntheticValues
+from shipnet.engine.run import SyntheticValues
+from shipnet.engine.simulation import islands
 from shipnet.engine.system import System
-from shipnet.engine.traffic import islands
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.modbus.pdu import ExceptionCode, Request
@@ -95,7 +94,7 @@ def serve(
     if system.coding != "printed":
         raise ArgumentError("coding is 'corrected'; only a system in the printed coding is served")
     factor = check_scalar("speed", speed, "s/s", 0, 1e4)
-    wrong = check_faults(system, faults)
+    wrong = system.check_faults(faults)
     for fault in wrong:
         if not isinstance(fault, _SHOWN):
             raise ArgumentError(f"one of faults is {fault!r}; losses at random cannot be served")
@@ -104,6 +103,15 @@ def serve(
         unit: _BoxSlave(system, wrong, sensors, channel) for channel, unit in enumerate(UNITS)
     }
     return serve_slaves(slaves, clock=real_clock(factor), **options)
+
+
+def parse_fault(system: System, words: str) -> EngineFault:
+    """Return the lasting fault that these words name, such as ``box dead JB1``."""
+    known = {str(fault): fault for fault in system.single_faults(0.0, every_sensor=True)}
+    if words not in known:
+        few = ", ".join(str(fault) for fault in system.single_faults(0.0))
+        raise ArgumentError(f"fault is {words!r}; it must be one of {few}")
+    return known[words]
 
 
 class JunctionBox:

@@ -1,56 +1,52 @@
-"""The whole system in simulated time, and what the AMS knows of every point after every poll.
+"""The whole system in simulated time: the AMS's requests, the boxes' CPUs and their CAN frames.
 
-Time is a whole number of nanoseconds from the start of the AMS; the boxes have run before.
+Time is a whole number of nanoseconds from the start of the AMS; the boxes have run before. The
+frames are arbitrated one by one, as a simulation needs the actual times; the worst ones are bounds
+of `shipnet.engine.system`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from math import inf
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.can.frame import INTERMISSION
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import (
+    BusOff,
+    CanBreak,
     DeadBox,
+    DeadPort,
     EngineFault,
     LostCanFrames,
     LostModbusFrames,
-    StuckSensor,
-    check_faults,
+    ModbusBreak,
     outages,
 )
-from shipnet.engine.screen import Screen, SyntheticValues, take_screen
-from shipnet.engine.system import System
-from shipnet.engine.traffic import (
-    NEVER,
-    OUTCOMES,
-    Attempts,
-    Cpu,
-    Frames,
-    Rounds,
-    ask,
-    rounds,
-    send,
-)
+from shipnet.engine.run import NEVER, Attempts, Cpu, Frames, Integers, Rounds, Run, Views
+from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar
+from shipnet.fields import check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
-
-Bools = npt.NDArray[np.bool_]
-Integers = npt.NDArray[np.int64]
 
 #: Most frames that one run may send, and the AMS read: some gigabytes of memory. A poll reads all
 #: of them.
 _MOST_FRAMES = 20_000_000
 
-_Slices = list[tuple[int, int, str]]
+#: Frames that the bus simulator gets at a time.
+_CHUNK = 200_000
+
+#: From a fault that lasts to the end of its run [s]: the same for all designs, unless marks take
+#: longer in one.
+_LENGTH = 20.0
 
 
 def simulate(
@@ -108,7 +104,7 @@ def simulate(
     {'JB1': 1.75, 'JB2': 4.75, 'JB3': 1.75}
     """
     horizon = nanoseconds(check_scalar("until", until, "s", 1e-3, 1e6))
-    wrong = check_faults(system, faults)
+    wrong = system.check_faults(faults)
     if rng is None and any(isinstance(f, LostCanFrames | LostModbusFrames) for f in wrong):
         raise ArgumentError("rng is None; frames are lost at random, so there must be one")
     chance = None if rng is None else np.random.default_rng(rng)
@@ -279,446 +275,326 @@ def _freshest(views: Views, channel: Integers) -> Views:
     return Views(seen[last], best_number[last], best_known[last])
 
 
-# What came of it -------------------------------------------------------------------------------
+# What the AMS asks ----------------------------------------------------------------------------
 
 
-class Views(NamedTuple):
-    """What the AMS knows after each answer, one row per answer.
+def ask(
+    system: System,
+    horizon: int,
+    phase: int,
+    faults: Sequence[EngineFault],
+    rng: np.random.Generator | None,
+) -> Attempts:
+    """Return the requests of all polls that begin before the `horizon`, the first at `phase` [ns].
 
-    `seen` is when the answer was complete [ns]; by message, `number` is the round of the sender's
-    loop that the values are from, -1 if they are missing or marked, and no value was sampled
-    before `known` [ns], as far as the reader can tell.
+    A poll begins at a multiple of the poll period, at the first that finds the one before ended.
+    What is broken or dead at any moment between the first bit of the request and the end of the
+    response makes the box deaf to the request.
     """
+    lines = [_Line(system, channel, faults, horizon, rng) for channel in (0, 1)]
+    if system.polled == "one":
+        rows = _follow(system, horizon, phase, lines)
+    else:
+        rows = [row for line in lines for row in _follow(system, horizon, phase, [line])]
+        rows.sort(key=lambda row: (row[2], row[1]))
+    columns = np.array(rows, dtype=np.int64).reshape(-1, 4).T
+    return Attempts(*columns)
 
-    seen: Integers
-    number: Integers
-    known: Integers
+
+class _Line:
+    """A channel with what goes wrong on it."""
+
+    def __init__(
+        self,
+        system: System,
+        channel: int,
+        faults: Sequence[EngineFault],
+        horizon: int,
+        rng: np.random.Generator | None,
+    ) -> None:
+        self.channel = channel
+        name, box = str(channel + 1), system.boxes[system.ports[channel]]
+        self.deaf = outages(faults, name, ModbusBreak, DeadPort) + outages(faults, box, DeadBox)
+        self.losses = [f for f in faults if isinstance(f, LostModbusFrames) and f.where == name]
+        self.answered = nanoseconds(system.poll.time)
+        self.silent = nanoseconds(system.poll.line.frame_time(8) + system.timeout)
+        self.draws: Iterator[list[float]] = iter(())
+        if self.losses and rng is not None:
+            most = (horizon // nanoseconds(system.poll_period) + 2) * (1 + system.retries)
+            self.draws = iter(rng.random((most, 2 * len(self.losses))).tolist())
+
+    def ask(self, start: int) -> tuple[int, int]:
+        """Send a request; return its outcome and when the AMS goes on."""
+        end = start + self.answered
+        deaf = any(begin < end and start < stop for begin, stop in self.deaf)
+        damaged = False
+        if self.losses:
+            chances: list[float] = next(self.draws)
+            for fault, request, response in zip(
+                self.losses, chances[::2], chances[1::2], strict=True
+            ):
+                begin, stop = fault.span
+                if begin <= start < stop:
+                    deaf |= request < fault.request
+                    damaged |= response < fault.response
+        if deaf:
+            return 1, start + self.silent
+        return (2 if damaged else 0), end
 
 
-class Shown(NamedTuple):
-    """What the AMS shows of a point, one entry per view, from `seen` to `until` [ns].
+def _follow(
+    system: System, horizon: int, phase: int, lines: list[_Line]
+) -> list[tuple[int, int, int, int]]:
+    """Return the requests of a port that has one line, or two to choose from."""
+    period = nanoseconds(system.poll_period)
+    rows = []
+    number, now, order = 0, phase, lines
+    while now < horizon:
+        for line in order:
+            for _ in range(1 + system.retries):
+                outcome, then = line.ask(now)
+                rows.append((number, line.channel, now, outcome))
+                now = then
+                if outcome == 0:
+                    break
+            if outcome == 0:
+                # Whoever answered is asked first next time; the other one is the spare.
+                if system.switch_rule == "stay" and line is not order[0]:
+                    order = order[::-1]
+                break
+        number = max(number + 1, -((phase - now) // period))
+        now = phase + number * period
+    return rows
 
-    It is shown as `good` at first, and so until `good_until`, which is `seen` if it is marked from
-    the start; the value was true when it was `sampled` [ns].
+
+# What the boxes send each other ----------------------------------------------------------------
+
+
+def rounds(
+    system: System,
+    box: int,
+    cpu: Cpu,
+    span: tuple[int, int],
+    phase: int,
+    faults: Sequence[EngineFault],
+) -> Rounds:
+    """Return the rounds of a box that begin within a span, one of them at `phase` [ns].
+
+    A dead box begins no round and ends none.
     """
-
-    seen: Integers
-    until: Integers
-    good: Bools
-    good_until: Integers
-    sampled: Integers
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Ages:
-    """The age of one point over time."""
-
-    tag: str
-    _table: pd.DataFrame
-
-    def table(self) -> pd.DataFrame:
-        """Return one row per answer of a box.
-
-        ``seen_s``, ``until_s`` (the next answer), ``good_until_s`` (until when it is shown as
-        good), ``sampled_s``, ``age_s`` when it is seen and ``last_age_s`` when it is last shown as
-        good; ages are NaN where it is marked at once.
-        """
-        return self._table.copy()
-
-    def plot(
-        self, ax: Axes | None = None, *, limits: Mapping[str, float] | None = None, label: str = ""
-    ) -> Axes:
-        """Draw the age as a saw, broken while the point is marked, and `limits` [s] by name."""
-        from shipnet.engine.plot import plot_ages
-
-        return plot_ages(self._table, ax=ax, limits=limits, label=label)
-
-    def __repr__(self) -> str:
-        return f"Ages({self.tag}, at most {self._table['last_age_s'].max():.2f} s)"
+    period = int(system.period_ns[box])
+    first = span[0] + (phase - span[0]) % period
+    due = np.arange(first, span[1] + 1, period, dtype=np.int64)
+    work, converted, queued = (np.full(due.size, NEVER) for _ in range(3))
+    begin = NEVER
+    for death, back in [*outages(faults, system.boxes[box], DeadBox), (-NEVER, -NEVER)]:
+        alive = slice(*np.searchsorted(due, (begin, death)))
+        if alive.start < alive.stop:
+            start = cpu.queue(due[alive], int(system.loop_ns[box]))
+            work[alive] = start
+            for steps, length in ((converted, system.convert_ns), (queued, system.loop_ns)):
+                time = cpu.at(start + length[box])
+                steps[alive] = np.where(time <= death, time, NEVER)
+        begin = max(begin, back)
+    return Rounds(work, converted, queued)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Timeline:
-    """What each CPU and each line does in a stretch of time."""
+def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[list[int]]:
+    """Return the boxes of each part of the bus at a time [ns]; a box off the bus is in none."""
 
-    start: float
-    stop: float
-    _table: pd.DataFrame
+    def out(where: str, *kinds: type[EngineFault]) -> bool:
+        return any(a <= time < b for a, b in outages(faults, where, *kinds))
 
-    def table(self) -> pd.DataFrame:
-        """Return one row per stretch of work.
-
-        ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``), ``task`` (``convert``, ``send``,
-        ``CAN``, ``timer``, ``Modbus``; a box whose frame is on the bus; ``request``,
-        ``response``), ``start_ms`` and ``end_ms``.
-        """
-        return self._table.copy()
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw CPUs, CAN bus and Modbus lines as rows of bars; what is not drawn is waiting."""
-        from shipnet.engine.plot import plot_timeline
-
-        return plot_timeline(self._table, ax=ax)
-
-    def __repr__(self) -> str:
-        return f"Timeline({self.start:g}..{self.stop:g} s: {len(self._table)} stretches of work)"
+    part = list(range(len(system.boxes)))
+    for place, segment in enumerate(system.segments):
+        ends = place, (place + 1) % len(part)
+        if not out(segment, CanBreak):
+            # The cable runs through a box, whether that is alive or not.
+            old, new = part[ends[1]], part[ends[0]]
+            part = [new if p == old else p for p in part]
+    able = [k for k, box in enumerate(system.boxes) if not out(box, DeadBox, BusOff)]
+    groups = [[k for k in able if part[k] == p] for p in sorted(set(part))]
+    return [group for group in groups if group]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Run:
-    """A finished simulation of a `system` with some `faults`; `simulate` makes one.
+def send(
+    system: System, loops: Sequence[Rounds], span: tuple[int, int], faults: Sequence[EngineFault]
+) -> Frames:
+    """Return all frames that somebody else hears within a span [ns].
 
-    A table has one row per point, alarm, request or poll. Times are in seconds from the start of
-    the AMS; the attributes after `until` are arrays of the simulator, in nanoseconds.
+    When a cable, a box or a controller fails or returns, all that is queued or on the bus is lost;
+    the next round replaces it. Every frame is as long as its worst stuffing makes it.
+    """
+    message = np.repeat(
+        np.arange(system.sender.size), [loops[b].queued.size for b in system.sender]
+    )
+    number = np.concatenate([np.arange(loops[b].queued.size) for b in system.sender])
+    queued = np.concatenate([loops[b].queued for b in system.sender])
+    kinds = (CanBreak, DeadBox, BusOff)
+    times = {time for fault in faults if type(fault) in kinds for time in fault.span}
+    borders = [span[0], *sorted(time for time in times if span[0] < time < span[1]), span[1]]
+    parts = []
+    for begin, end in pairwise(borders):
+        for members in islands(system, faults, begin):
+            if len(members) < 2:
+                continue
+            due = (queued >= begin) & (queued < end) & np.isin(system.sender[message], members)
+            rows = np.flatnonzero(due)
+            rows = rows[np.lexsort((message[rows], queued[rows]))]
+            start = _arbitrate(queued[rows] - begin, message[rows], system.frame_ns, end - begin)
+            gap = round(INTERMISSION * 1e9 / system.can_bit_rate)
+            arrival = begin + start + system.frame_ns[message[rows]] - gap
+            keep = (start >= 0) & (arrival <= end)
+            rows, start, arrival = rows[keep], start[keep] + begin, arrival[keep]
+            mask = np.full(rows.size, sum(1 << k for k in members), dtype=np.int64)
+            parts.append((message[rows], number[rows], start, arrival, mask))
+    if not parts:
+        return Frames(*(np.zeros(0, dtype=np.int64) for _ in range(5)))
+    return Frames(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _arbitrate(time: Integers, message: Integers, frame: Integers, horizon: int) -> Integers:
+    """Return when each frame begins, -1 if never; a busy bus is never cut in two."""
+    from shipnet.can.bus import Releases, send_all
+
+    length = frame[message]
+    before = np.cumsum(length) - length
+    ends = np.maximum.accumulate(time - before) + before + length
+    idle = np.flatnonzero(np.append(ends[:-1] <= time[1:], True)) + 1
+    cuts = [0]
+    for place in idle.tolist():
+        if place - cuts[-1] >= _CHUNK or place == time.size:
+            cuts.append(place)
+    start = [
+        np.array(send_all(Releases(time[a:b], message[a:b], length[a:b]), horizon, overwrite=False))
+        for a, b in pairwise(cuts)
+        if a < b
+    ]
+    return np.concatenate(start).astype(np.int64) if start else np.zeros(0, dtype=np.int64)
+
+
+# Faults of the system, by simulation -----------------------------------------------------------
+
+
+def single_failures(
+    system: System,
+    faults: EngineFault | Iterable[EngineFault] | None = None,
+    *,
+    rule: float = RULE,
+    trials: int = 5,
+    rng: Any = 2024,
+) -> pd.DataFrame:
+    """Simulate each fault alone, and return the worst of some random phases of all clocks.
+
+    Parameters
+    ----------
+    system : System
+        The system.
+    faults : fault or iterable of faults, optional
+        What fails, from `shipnet.engine.faults`; `System.single_faults` if not given.
+    rule : float, default 2
+        Longest time of an answer, and greatest age of a value shown as good, 0.1..100 [s].
+    trials : int, default 5
+        How often each fault is simulated, 1..1000.
+    rng : optional
+        Draws phases and losses; whatever `numpy.random.default_rng` takes.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per fault, and a first row ``none``: ``lost`` (points of which no newer value
+        arrives as long as the fault lasts), ``old`` (points shown as good beyond the age of
+        `rule`), ``oldest_s`` (greatest age shown as good; infinite if it grows as long as a
+        lasting fault does), ``marked`` (points marked at some time), ``marked_after_s`` (longest
+        time from the fault until the last of them was first marked, NaN if none), ``noticed``
+        (what the AMS raises: ``link``, ``path``, ``mark``, or ``no``), ``answer_s`` (longest
+        answer), ``answer_ok`` (an answer within the rule, as the paper asks) and ``age_ok``
+        (nothing older is shown as good).
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Notes
+    -----
+    An old value that nobody marks is found by its true age, which the simulation knows and the
+    AMS does not. A stuck sensor is such a case in any design.
 
     Examples
     --------
     >>> from shipnet import engine
-    >>> run = engine.simulate(engine.System(), until=30)
-    >>> run
-    Run(30 s, 30 requests, 0 alarms, oldest value shown 1.75 s)
-    >>> run.ages("ME-JB2-044")
-    Ages(ME-JB2-044, at most 1.75 s)
-    >>> run.bus_loads.round(3).to_dict()
-    {'CAN': 0.046, 'channel 1': 0.242, 'channel 2': 0.0}
+    >>> dead = engine.faults.DeadBox("JB2", start=10)
+    >>> table = engine.single_failures(engine.System(), dead, trials=2)
+    >>> table[["lost", "marked", "noticed", "answer_ok", "age_ok"]].values.tolist()
+    [[0, 0, 'no', True, True], [18, 18, 'mark', True, False]]
     """
-
-    system: System
-    faults: tuple[EngineFault, ...]
-    until: float
-    end: int
-    attempts: Attempts
-    cpus: tuple[Cpu, ...]
-    loops: tuple[Rounds, ...]
-    sent: Frames
-    views: Views
-    paths: tuple[Views, ...] = ()
-
-    def __repr__(self) -> str:
-        return (
-            f"Run({self.until:g} s, {self.attempts.start.size} requests, "
-            f"{len(self.alarms())} alarms, oldest value shown {self.worst_age:.2f} s)"
-        )
-
-    def shown(self, tag: str) -> Shown:
-        """Return what the AMS shows of a point over time."""
-        return self._shown(self._place(tag))
-
-    def _place(self, tag: str) -> int:
-        tags = [point.tag for point in self.system.points]
-        if tag not in tags:
-            raise ArgumentError(f"tag is {tag!r}; it must be one of {tags[0]} .. {tags[-1]}")
-        return tags.index(tag)
-
-    def _shown(self, place: int) -> Shown:
-        system, message = self.system, self.system.message_of[place]
-        box = int(system.sender[message])
-        number = self.views.number[:, message]
-        begun = self.loops[box].work[number] + system.offset_ns[place]
-        sampled = self.cpus[box].at(begun)
-        for begin, stop in outages(self.faults, system.points[place].tag, StuckSensor):
-            sampled = np.where((sampled > begin) & (sampled < stop), begin, sampled)
-        until, good, good_until = self._good
-        return Shown(self.views.seen, until, good[:, message], good_until[:, message], sampled)
-
-    @cached_property
-    def _good(self) -> tuple[Integers, Bools, Integers]:
-        """Until when each view holds, which messages are shown as good, and until when [ns]."""
-        seen = self.views.seen
-        until = np.append(seen[1:], max(self.end, int(seen.max(initial=0))))
-        good = self.views.number >= 0
-        good_until = np.broadcast_to(until[:, None], good.shape)
-        if self.system.coding == "corrected":
-            limit = self.views.known + nanoseconds(self.system.age_limit)
-            good, good_until = good & (limit > seen[:, None]), np.minimum(good_until, limit)
-        return until, good, np.where(good, good_until, seen[:, None])
-
-    def ages(self, tag: str) -> Ages:
-        """Return the age of a point over time."""
-        import pandas as pd
-
-        shown = self.shown(tag)
-        good = shown.good
-        columns = {
-            "seen_s": shown.seen,
-            "until_s": shown.until,
-            "good_until_s": shown.good_until,
-            "sampled_s": np.where(good, shown.sampled, np.nan),
-            "age_s": np.where(good, shown.seen - shown.sampled, np.nan),
-            "last_age_s": np.where(good, shown.good_until - shown.sampled, np.nan),
-        }
-        table = pd.DataFrame({name: values / 1e9 for name, values in columns.items()})
-        return Ages(tag, table)
-
-    @property
-    def worst_age(self) -> float:
-        """Greatest age of any value shown as good [s]."""
-        return float(self._table["worst_s"].max())
-
-    @property
-    def mean_age(self) -> float:
-        """Mean over the points of their mean age while they are shown as good [s]."""
-        return float(self._table["mean_s"].mean())
-
-    def timeline(self, start: float, stop: float) -> Timeline:
-        """Return what each CPU and each line does between two times, 60 s apart at most [s].
-
-        Where a CPU is not listed it waits. The CAN routine runs while the loop waits for the
-        multiplexer, so it cuts the conversion in two without making it longer; a Modbus interrupt
-        makes it longer. Frames that are lost by overrun are shown as if they were taken over.
-        """
-        return _timeline(self, start, stop)
-
-    def screen(self, time: float, values: SyntheticValues | None = None) -> Screen:
-        """Return what the AMS shows at a time between its first answer and the end [s].
-
-        `values` are what the sensors measure; synthetic ones with the seed 2024 if not given.
-        """
-        return take_screen(self, time, values or SyntheticValues(self.system.points, 2024))
-
-    def table(self) -> pd.DataFrame:
-        """Return how old each point was: one row per tag.
-
-        ``box``, ``worst_s`` (greatest age shown as good), ``mean_s`` (mean age over the
-        time in which it is shown as good), ``marked_s`` (how long it is marked), ``sampled_s``
-        (when the value that is shown as good at last was true, NaN without any) and
-        ``good_until_s`` (when it was last shown as good).
-        """
-        return self._table.copy()
-
-    @cached_property
-    def _table(self) -> pd.DataFrame:
-        import pandas as pd
-
-        rows = []
-        for place, point in enumerate(self.system.points):
-            shown = self._shown(place)
-            length = shown.good_until - shown.seen
-            good = np.flatnonzero(shown.good)
-            marked = int((shown.until - shown.good_until).sum()) / 1e9
-            row = [point.tag, point.box, np.nan, np.nan, marked, np.nan, np.nan]
-            if good.size:
-                length = length[good]
-                last = shown.good_until[good] - shown.sampled[good]
-                middle = last - length / 2
-                mean = float(np.average(middle, weights=np.maximum(length, 1)))
-                sampled = int(shown.sampled[good].max())
-                until = int(shown.good_until[good].max())
-                row[2:4] = [int(last.max()) / 1e9, mean / 1e9]
-                row[5:] = [sampled / 1e9, until / 1e9]
-            rows.append(row)
-        columns = ["tag", "box", "worst_s", "mean_s", "marked_s", "sampled_s", "good_until_s"]
-        return pd.DataFrame(rows, columns=columns).set_index("tag")
-
-    def requests(self) -> pd.DataFrame:
-        """Return one row per request: ``poll``, ``channel``, ``time_s``, ``outcome``."""
-        import pandas as pd
-
-        return pd.DataFrame(
-            {
-                "poll": self.attempts.poll,
-                "channel": self.attempts.channel + 1,
-                "time_s": self.attempts.start / 1e9,
-                "outcome": pd.Categorical.from_codes(self.attempts.outcome, pd.Index(OUTCOMES)),
-            }
-        )
-
-    def answers(self) -> pd.DataFrame:
-        """Return one row per poll: ``time_s``, ``answer_s`` (how long; infinite without one)."""
-        import pandas as pd
-
-        rows = pd.DataFrame(self.attempts._asdict())
-        took = np.where(rows["outcome"] == 0, nanoseconds(self.system.poll.time), np.inf)
-        rows["end"] = rows["start"] + took
-        by = rows.groupby("poll").agg(start=("start", "min"), end=("end", "min")).reset_index()
-        return pd.DataFrame(
-            {
-                "poll": by["poll"],
-                "time_s": by["start"] / 1e9,
-                "answer_s": (by["end"] - by["start"]) / 1e9,
-            }
-        )
-
-    def alarms(self) -> pd.DataFrame:
-        """Return what the AMS raises: ``time_s``, ``source`` (a tag or a channel), ``kind``.
-
-        Kinds are ``no answer`` and ``answers again`` of a channel; ``0xFF`` (or ``too old`` in the
-        corrected coding) and ``good again`` of a point; ``path lost`` and ``path back`` of a box as
-        one of two polled channels shows it.
-        """
-        return self._alarms.copy()
-
-    @cached_property
-    def _alarms(self) -> pd.DataFrame:
-        import pandas as pd
-
-        rows = self._link_alarms() + self._path_alarms()
-        until, good, good_until = self._good
-        bad = "0xFF" if self.system.coding == "printed" else "too old"
-        tags: dict[int, list[str]] = {}
-        for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
-            tags.setdefault(message, []).append(point.tag)
-        for message, own in tags.items():
-            # Good from each answer on, bad from where that ends before the next.
-            fine, end = good[:, message], good_until[:, message]
-            time = np.stack([self.views.seen, end], axis=1)
-            state = np.stack([fine, fine & (end == until)], axis=1)
-            for when, back in _changes(time.ravel(), state.ravel()):
-                rows += [(when / 1e9, tag, "good again" if back else bad) for tag in own]
-        rows.sort(key=lambda row: row[0])
-        return pd.DataFrame(rows, columns=["time_s", "source", "kind"])
-
-    def _link_alarms(self) -> list[tuple[float, str, str]]:
-        rows = []
-        tries = 1 + self.system.retries
-        silent = nanoseconds(self.system.poll.line.frame_time(8) + self.system.timeout)
-        for channel in (0, 1):
-            own = self.attempts.channel == channel
-            columns = (self.attempts.poll, self.attempts.start, self.attempts.outcome)
-            poll, start, outcome = (column[own] for column in columns)
-            fine = outcome == 0
-            _, count = np.unique(poll, return_counts=True)
-            final = np.repeat(count, count) == tries
-            ends = np.append(poll[1:] != poll[:-1], True) if poll.size else fine
-            known = ends & (fine | final)
-            wait = np.where(outcome == 1, silent, nanoseconds(self.system.poll.time))
-            for when, good in _changes((start + wait)[known], fine[known]):
-                word = "answers again" if good else "no answer"
-                rows.append((when / 1e9, f"channel {channel + 1}", word))
-        return rows
-
-    def _path_alarms(self) -> list[tuple[float, str, str]]:
-        rows = []
-        limit = nanoseconds(self.system.age_limit)
-        for channel, path in enumerate(self.paths, start=1):
-            fresh = path.known + limit > path.seen[:, None]
-            for box, name in enumerate(self.system.boxes):
-                fine = np.asarray(fresh[:, self.system.sender == box].all(axis=1))
-                for when, good in _changes(path.seen, fine):
-                    word = "path back" if good else "path lost"
-                    rows.append((when / 1e9, f"{name} on channel {channel}", word))
-        return rows
-
-    @cached_property
-    def bus_loads(self) -> pd.Series[float]:
-        """Share of the time in which the CAN bus and both Modbus lines are busy."""
-        import pandas as pd
-
-        inside = self.sent.start >= 0
-        bits = self.system.frame_ns[self.sent.message[inside]]
-        busy = {"CAN": int(bits.sum())}
-        line = self.system.serial
-        request = nanoseconds(line.frame_time(8))
-        response = nanoseconds(line.frame_time(5 + 2 * self.system.registers))
-        for channel in (0, 1):
-            outcome = self.attempts.outcome[self.attempts.channel == channel]
-            heard = int((outcome != 1).sum())
-            busy[f"channel {channel + 1}"] = outcome.size * request + heard * response
-        return pd.Series(busy) / self.end
-
-
-def _changes(time: Integers, good: Bools) -> Sequence[tuple[int, bool]]:
-    """Return when a state, good at first, changes, and to what."""
-    before = np.append(True, good[:-1]) if good.size else good
-    places = np.flatnonzero(good != before)
-    return list(zip(time[places].tolist(), good[places].tolist(), strict=True))
-
-
-# Who works when: figures 5 and 6 of lee2012 in time --------------------------------------------
-
-
-def _timeline(run: Run, start: float, stop: float) -> Timeline:
-    """Return who works when."""
     import pandas as pd
 
-    check_scalar("start", start, "s", -1.0, 1e6)
-    check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
-    if not start < stop <= start + 60:
-        raise ArgumentError(f"stop is {stop!r} s; it must be in the 60 s after {start!r} s")
-    span = nanoseconds(start), nanoseconds(stop)
-    rows: dict[str, _Slices] = {}
-    for box, name in enumerate(run.system.boxes):
-        rows[name] = _cpu(run, box)
-    senders = run.system.sender[run.sent.message].tolist()
-    ends = run.sent.start + run.system.frame_ns[run.sent.message]
-    names = run.system.boxes
-    rows["CAN"] = [
-        (begin, end, names[sender])
-        for begin, end, sender in zip(run.sent.start.tolist(), ends.tolist(), senders, strict=True)
-    ]
-    rows.update(_lines(run))
-    table = [
-        (row, task, max(begin, span[0]) / 1e6, min(end, span[1]) / 1e6)
-        for row, slices in rows.items()
-        for begin, end, task in sorted(slices)
-        if begin < span[1] and end > span[0]
-    ]
-    columns = ["row", "task", "start_ms", "end_ms"]
-    return Timeline(start, stop, pd.DataFrame(table, columns=columns))
+    check_scalar("rule", rule, "s", 0.1, 100)
+    check_whole("trials", trials, 1, 1000)
+    chance = np.random.default_rng(rng)
+    chosen = system.single_faults() if faults is None else system.check_faults(faults)
+    rows = []
+    for fault in (None, *chosen):
+        runs = [_fault_run(system, fault, rule, chance) for _ in range(trials)]
+        rows.append(_fault_row(fault, runs, rule))
+    return pd.DataFrame(rows).set_index("fault")
 
 
-def _cpu(run: Run, box: int) -> _Slices:
-    system, cpu, loop = run.system, run.cpus[box], run.loops[box]
-    modbus = [(t, t + system.service_ns, "Modbus") for t in cpu.begins.tolist()]
-    heard = (run.sent.hearers >> box & 1).astype(bool) & (system.sender[run.sent.message] != box)
-    work = nanoseconds(system.firmware.receive)
-    order = np.argsort(run.sent.arrival[heard], kind="stable")
-    due = run.sent.arrival[heard][order]
-    left = cpu.queue(due, work) if due.size else due
-    starts, ends = np.maximum(cpu.at(left), due), cpu.at(left + work)
-    can = _without(
-        [(a, b, "CAN") for a, b in zip(starts.tolist(), ends.tolist(), strict=True)], modbus
-    )
-    if system.coding == "printed" and box in system.ports:
-        senders = system.sender[run.sent.message[heard][order]]
-        timer = [m for sender in set(senders) for m in _marks(run, box, ends[senders == sender])]
-        can += _without(timer, [*modbus, *can])
-    whole = loop.queued > NEVER
-    begins = cpu.at(loop.work[whole]).tolist()
-    converted, queued = loop.converted[whole].tolist(), loop.queued[whole].tolist()
-    steps = [(a, b, "convert") for a, b in zip(begins, converted, strict=True)]
-    steps += [(a, b, "send") for a, b in zip(converted, queued, strict=True)]
-    return [*modbus, *can, *_without(steps, [*modbus, *can])]
+def _fault_run(
+    system: System, fault: EngineFault | None, rule: float, rng: np.random.Generator
+) -> Run:
+    # Long enough for the last mark, and for two more polls.
+    settled = max(system.staleness_flag().after, rule) + 3 * system.poll_period
+    start, stop = (10.0, inf) if fault is None else (fault.start, fault.stop)
+    end = start + max(2 * settled, _LENGTH) if stop == inf else stop + settled
+    # No phase between fault and clocks is special: the fault itself begins a little later.
+    late = float(rng.uniform(0, system.poll_period))
+    moved = [] if fault is None else [replace(fault, start=start + late, stop=stop + late)]
+    return simulate(system, faults=moved, until=end, rng=rng)
 
 
-def _marks(run: Run, box: int, heard: Integers) -> _Slices:
-    """Return when the timer of a sender marks its values: each time it was silent for too long."""
-    system, cpu = run.system, run.cpus[box]
-    silent = np.append(np.diff(heard) > nanoseconds(system.stale_limit), True)
-    begins = cpu.until(heard[silent] + nanoseconds(system.stale_limit))
-    ends = cpu.at(begins + nanoseconds(system.firmware.mark))
-    return [(a, b, "timer") for a, b in zip(cpu.at(begins).tolist(), ends.tolist(), strict=True)]
+def _fault_row(fault: EngineFault | None, runs: Sequence[Run], rule: float) -> dict[str, object]:
+    tables = [run.table() for run in runs]
+    begins = [run.faults[0].start if run.faults else inf for run in runs]
+    ends = [min(run.faults[0].stop, run.end / 1e9) if run.faults else 0.0 for run in runs]
+    worst = np.max([table["worst_s"] for table in tables], axis=0)
+    lost, growing = (np.zeros(worst.size, dtype=bool) for _ in range(2))
+    after = []
+    for run, begin, end in zip(runs, begins, ends, strict=True):
+        if run.faults:
+            gone = _unseen(run, begin, end)
+            lost |= gone
+            if run.faults[0].stop == inf:
+                growing |= gone & (run.table()["good_until_s"] == run.end / 1e9).to_numpy()
+        alarms = run.alarms()
+        alarms = alarms[alarms["time_s"] >= begin]
+        first = alarms[alarms["kind"].isin(["0xFF", "too old"])].groupby("source")["time_s"].min()
+        after.append(first.max() - begin if len(first) else np.nan)
+    marked = np.max([table["marked_s"] for table in tables], axis=0) > 0
+    kinds = {kind for run in runs for kind in run.alarms()["kind"]}
+    words = {"link": {"no answer"}, "path": {"path lost"}, "mark": {"0xFF", "too old"}}
+    noticed = [word for word, raised in words.items() if kinds & raised]
+    answer = max(run.answers()["answer_s"].max() for run in runs)
+    return {
+        "fault": "none" if fault is None else str(fault),
+        "lost": int(lost.sum()),
+        "old": int((worst > rule).sum()),
+        "oldest_s": inf if growing.any() else float(np.nanmax(worst)),
+        "marked": int(marked.sum()),
+        "marked_after_s": float(np.nanmax(after)) if not np.isnan(after).all() else np.nan,
+        "noticed": ", ".join(noticed) or "no",
+        "answer_s": float(answer),
+        "answer_ok": bool(answer <= rule),
+        "age_ok": bool((worst <= rule).all()),
+    }
 
 
-def _without(slices: _Slices, busy: _Slices) -> _Slices:
-    """Return what is left of slices of time when others take theirs."""
-    found = []
-    starts = np.array(sorted(begin for begin, _, _ in busy), dtype=np.int64)
-    taken = sorted(busy)
-    for begin, end, task in slices:
-        # A slice of the busy ones that began before may reach into this one.
-        first = max(int(np.searchsorted(starts, begin)) - 1, 0)
-        for other, until, _ in taken[first : int(np.searchsorted(starts, end))]:
-            if until <= begin:
-                continue
-            if other > begin:
-                found.append((begin, other, task))
-            begin = max(begin, until)
-        if begin < end:
-            found.append((begin, end, task))
-    return found
-
-
-def _lines(run: Run) -> dict[str, _Slices]:
-    request = nanoseconds(run.system.poll.line.frame_time(8))
-    response = nanoseconds(run.system.poll.line.frame_time(5 + 2 * run.system.registers))
-    wait = nanoseconds(run.system.serial.t35 + run.system.firmware.processing)
-    lines: dict[str, _Slices] = {"channel 1": [], "channel 2": []}
-    columns = (run.attempts.channel, run.attempts.start, run.attempts.outcome)
-    for channel, begin, outcome in zip(*(c.tolist() for c in columns), strict=True):
-        line = lines[f"channel {channel + 1}"]
-        line.append((begin, begin + request, "request"))
-        if outcome != 1:
-            answer = begin + request + wait
-            line.append((answer, answer + response, "response"))
-    return lines
+def _unseen(run: Run, begin: float, end: float) -> npt.NDArray[np.bool_]:
+    """Return of which points nothing newer than the fault is seen while it lasts."""
+    shown = [run.shown(point.tag) for point in run.system.points]
+    # A stuck sensor's values are of the very nanosecond at which it got stuck.
+    first, last = nanoseconds(begin), nanoseconds(end)
+    newer = [s.good & (s.sampled > first) & (s.seen <= last) for s in shown]
+    return np.asarray(~np.any(newer, axis=1))

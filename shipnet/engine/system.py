@@ -5,7 +5,7 @@ Boxes with one firmware, CAN between them, two Modbus channels, and the AMS that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.clock import nanoseconds
+from shipnet.clock import Fault, as_faults, nanoseconds
 from shipnet.engine.can_layout import CanLayout
+from shipnet.engine.faults import KINDS, EngineFault
 from shipnet.engine.points import PointList, read_points
 from shipnet.errors import ArgumentError
 from shipnet.fields import Kind, check_scalar, check_whole, choice, number, record, switch, whole
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from shipnet.can.messages import MessageSet
-    from shipnet.engine.faults import EngineFault
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -574,6 +574,29 @@ class System:
 
     # What can fail
 
+    @property
+    def places(self) -> Mapping[str, tuple[str, ...]]:
+        """What can fail, by the `at` of a fault."""
+        return {
+            "cable": self.segments,
+            "channel": ("1", "2"),
+            "box": self.boxes,
+            "sensor": tuple(point.tag for point in self.points),
+        }
+
+    def check_faults(self, faults: Fault | Iterable[Fault]) -> tuple[EngineFault, ...]:
+        """Return one or several faults as a tuple, or raise unless the system has what fails."""
+        found: list[EngineFault] = []
+        places = self.places
+        for fault in as_faults(faults, *KINDS):
+            assert isinstance(fault, EngineFault)
+            legal = places[fault.at]
+            if fault.where not in legal:
+                few = [*legal[:6], *(["..."] if len(legal) > 6 else [])]
+                raise ArgumentError(f"where is {fault.where!r}; it must be one of {', '.join(few)}")
+            found.append(fault)
+        return tuple(found)
+
     def single_faults(
         self, start: float = 10.0, *, every_sensor: bool = False
     ) -> tuple[EngineFault, ...]:
@@ -583,33 +606,12 @@ class System:
         box and both channels lost by one half, and stuck sensors: the first of each box, or every
         one.
         """
-        from shipnet.engine.faults import single_faults
-
-        return single_faults(self, start, every_sensor=every_sensor)
-
-    def single_failures(
-        self,
-        faults: EngineFault | Iterable[EngineFault] | None = None,
-        *,
-        rule: float = RULE,
-        trials: int = 5,
-        rng: Any = 2024,
-    ) -> pd.DataFrame:
-        """Simulate each fault alone, and return the worst of some random phases of all clocks.
-
-        One row per fault, of `single_faults` if none are given, and a first row ``none``:
-        ``lost`` (points of which no newer value arrives as long as the fault lasts), ``old``
-        (points shown as good beyond the age of `rule`, 0.1..100 s), ``oldest_s`` (greatest age
-        shown as good; infinite if it grows as long as a lasting fault does), ``marked`` (points
-        marked at some time), ``marked_after_s`` (longest time from the fault until the last of
-        them was first marked, NaN if none), ``noticed`` (what the AMS raises: ``link``, ``path``,
-        ``mark``, or ``no``), ``answer_s`` (longest answer), ``answer_ok`` (an answer within the
-        rule, as the paper asks) and ``age_ok`` (nothing older is shown as good). Each fault is
-        simulated `trials` times, 1..1000; `rng` draws phases and losses.
-        """
-        from shipnet.engine.assessment import single_failures
-
-        return single_failures(self, faults, rule=rule, trials=trials, rng=rng)
+        if not isinstance(every_sensor, bool):
+            raise ArgumentError(f"every_sensor is {every_sensor!r}; it must be True or False")
+        places = dict(self.places)
+        if not every_sensor:
+            places["sensor"] = tuple(own[0].tag for own in self.points.by_box().values())
+        return tuple(kind(where, start=start) for kind in KINDS for where in places[kind.at])
 
     def plot(
         self, faults: EngineFault | Iterable[EngineFault] = (), ax: Axes | None = None
@@ -617,4 +619,8 @@ class System:
         """Draw boxes, CAN, both Modbus channels and the AMS, with faults in red."""
         from shipnet.engine.plot import plot_system
 
-        return plot_system(self, faults, ax=ax)
+        box_of = {point.tag: point.box for point in self.points}
+        failed = [(box_of.get(f.where, f.where), str(f)) for f in self.check_faults(faults)]
+        counts = {box: len(own) for box, own in self.points.by_box().items()}
+        ports = [self.boxes[port] for port in self.ports]
+        return plot_system(counts, self.segments, ports, failed, ax=ax)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from itertools import permutations
 
-from shipnet.can.bitwise import arbitrate
-from shipnet.can.frame import Frame, stuff
+from shipnet.can.frame import Frame, arbitrate, stuff
 from shipnet.can.lengths import frame_length
 from shipnet.can.messages import Message, MessageSet
-from shipnet.can.priorities import audsley
-from shipnet.can.response import response_times
+from shipnet.can.response import audsley, response_times
 from shipnet.exercises.answers import Bits, Choice, Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function

@@ -49,7 +49,7 @@ def _degrees(FP: float, OP: float) -> tuple[float, float]:
 
 @cache
 def _persistent(fires: str, k: int, n: int) -> str:
-    """Let a hot motor fire as told, and see when its code is active."""
+    """Let a hot motor fire as given, and see when its code is active."""
     base = _base()
     hot = {"OT": np.where(np.array(list(fires)) == "1", 100, 20)}
     active = base.decide(hot, k=k, n=n).active[:, base.codes.index("O1")]

@@ -1,137 +1,43 @@
-"""Rules, the rule base that they make, and the two CSV files that hold one.
-
-    code,antecedent,flag,priority,english,korean
-    V1,FP.high & OP.high,ValveStick,3,valve stuck,
-
-    variable,term,unit,low,high,left_foot,left_shoulder,right_shoulder,right_foot,crisp,english,korean
-    FP,,bar,0,160,,,,,,oil pump pressure,
-    FP,high,,,,115,125,,,x > 120,high,
-
-A row of the second file without a term describes its variable; both left corners empty, or both
-right ones, are an open shoulder. Columns may come in any order; a column `note` is not kept.
-"""
+"""The rule base, which rules fire, what is reported and why, and what the rules leave open."""
 
 from __future__ import annotations
 
 import csv
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
+from itertools import combinations, product
+from math import isnan, prod
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
-from shipnet.errors import ArgumentError, InputError
+from shipnet import style
+from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.fuzzy.terms import Term, Variable, check_word, number_text
-from shipnet.tables import NUMBER, parse_sheet, read_bytes
+from shipnet.fuzzy.firing import Ramps, Samples, arrays, check_method, compare, control_system
+from shipnet.fuzzy.terms import NORMAL, UNKNOWN, Rule, Term, Variable, number_text
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
     import pandas as pd
+    from matplotlib.axes import Axes
 
-    from shipnet.fuzzy.audit import Overlaps
-    from shipnet.fuzzy.decision import Decision
-    from shipnet.fuzzy.firing import Firing, Ramps, Samples
+Bools = npt.NDArray[np.bool_]
+Floats = npt.NDArray[np.float64]
 
-#: What is reported when no rule fires, and when no sensor reports anything.
-NORMAL, UNKNOWN = "normal", "unknown"
+#: Samples that are processed at once: what they need stays in the cache.
+_BLOCK = 8192
 
-#: How the terms are read.
-METHODS = {
-    "crisp": "comparisons as written",
-    "midpoint": "comparisons in the middle of the ramps",
-    "fuzzy": "membership functions",
-}
+#: Most regions that are computed, and most columns of a drawing in which a number can be read.
+_MOST_REGIONS, _MOST_NUMBERS = 10**6, 20
 
-#: Columns of the two files, in the order in which they are written.
+#: Columns of the two files of a rule base, in the order in which they are written.
 RULE_COLUMNS = ("code", "antecedent", "flag", "priority", "english", "korean")
-_CORNERS = ("left_foot", "left_shoulder", "right_shoulder", "right_foot")
-TERM_COLUMNS = ("variable", "term", "unit", "low", "high", *_CORNERS, "crisp", "english", "korean")
-
-#: Columns that a row of each kind leaves empty.
-_NOT_OF_A_VARIABLE, _NOT_OF_A_TERM = (*_CORNERS, "crisp"), ("unit", "low", "high")
-
-_Row: TypeAlias = tuple[str, Mapping[str, str]]
-_Made = TypeVar("_Made", "Rule", Term, Variable)
-
-
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """If all of these terms hold, then this fault.
-
-    Parameters
-    ----------
-    code : str
-        Name of the fault, such as ``V1``; not ``normal`` or ``unknown``.
-    antecedent : str or tuple of (str, str)
-        Variables and terms such as ``FP.high & OP.high``, or pairs of them; each variable once.
-    priority : int
-        Rank when several rules fire, 1..9999; 1 is reported first.
-    flag : str, default ""
-        The flag that the rule sets; several rules may set the same flag.
-    english, korean : str, default ""
-        Labels.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is not as above.
-
-    Examples
-    --------
-    >>> rule = Rule("V1", "FP.high & OP.high", 3, "ValveStick", "valve stuck")
-    >>> rule.antecedent, rule.text
-    ((('FP', 'high'), ('OP', 'high')), 'FP.high & OP.high')
-    """
-
-    code: str
-    antecedent: tuple[tuple[str, str], ...]
-    priority: int
-    flag: str = ""
-    english: str = ""
-    korean: str = ""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            code: str,
-            antecedent: str | tuple[tuple[str, str], ...],
-            priority: int,
-            flag: str = "",
-            english: str = "",
-            korean: str = "",
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        """Check every field."""
-        if check_word("code", self.code) in (NORMAL, UNKNOWN):
-            raise ArgumentError(f"code is {self.code!r}, which says that no rule fires")
-        object.__setattr__(self, "priority", check_whole("priority", self.priority, 1, 9999))
-        given = self.antecedent
-        pairs = _antecedent(given) if isinstance(given, str) else tuple((v, t) for v, t in given)
-        object.__setattr__(self, "antecedent", pairs)
-        names = self.variables
-        if not names or len(set(names)) < len(names):
-            raise ArgumentError(
-                f"antecedent of {self.code} is {self.text!r}; it must have one term or more, each "
-                "of another variable"
-            )
-
-    @property
-    def text(self) -> str:
-        """The antecedent as text."""
-        return " & ".join(f"{variable}.{term}" for variable, term in self.antecedent)
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of the variables that the rule needs."""
-        return tuple(variable for variable, _ in self.antecedent)
+CORNERS = ("left_foot", "left_shoulder", "right_shoulder", "right_foot")
+TERM_COLUMNS = ("variable", "term", "unit", "low", "high", *CORNERS, "crisp", "english", "korean")
 
 
 @dataclass(frozen=True)
@@ -153,6 +59,7 @@ class RuleBase:
     Examples
     --------
     >>> from shipnet import datasets
+    >>> from shipnet.fuzzy import read_rules
     >>> base = read_rules(*(datasets.path(f"kim2014_assumed_{x}.csv") for x in ("rules", "terms")))
     >>> len(base.rules), base.names, base.ranking[:3]
     (12, ('FP', 'OP', 'MC', 'OT', 'VPos', 'DVPos'), ('G1', 'P1', 'V1'))
@@ -179,7 +86,7 @@ class RuleBase:
             raise ArgumentError("a rule base must have one variable and one rule, or more")
         twice = sorted({name for name in self.names if self.names.count(name) > 1})
         faults = [f"variable {name} occurs twice" for name in twice]
-        faults += [fault for _, fault in _rule_faults(self.variables, self.rules)]
+        faults += [fault for _, fault in rule_faults(self.variables, self.rules)]
         if faults:
             raise ArgumentError("; ".join(faults))
 
@@ -205,8 +112,6 @@ class RuleBase:
     @cached_property
     def ramps(self) -> Ramps:
         """The rules as ramps, from which firing strengths are computed."""
-        from shipnet.fuzzy.firing import Ramps
-
         return Ramps(self.variables, [rule.antecedent for rule in self.rules])
 
     def __getitem__(self, name: str) -> Variable:
@@ -226,6 +131,19 @@ class RuleBase:
     def terms_of(self, rule: Rule) -> list[tuple[Variable, Term]]:
         """Return the variables and terms that a rule uses."""
         return [(self[name], self[name][term]) for name, term in rule.antecedent]
+
+    def top_codes(self, active: Bools, silent: npt.ArrayLike = False) -> npt.NDArray[np.object_]:
+        """Return the active code of the highest priority, or ``normal``; ``unknown`` if silent.
+
+        `active` has shape (..., n_rules); `silent` says where no sensor reports anything.
+        """
+        places = [self.codes.index(code) for code in self.ranking]
+        ranked = active[..., places]
+        first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))
+        names = np.array([*self.ranking, NORMAL, UNKNOWN], dtype=object)
+        return np.asarray(
+            names[first + (np.asarray(silent) & (first == len(places)))], dtype=object
+        )
 
     def table(self) -> pd.DataFrame:
         """Return the rules: code, antecedent, flag, priority and labels."""
@@ -250,9 +168,21 @@ class RuleBase:
         not fire. `method` is ``fuzzy``, ``crisp`` (comparisons as written) or ``midpoint``
         (comparisons in the middle of the ramps).
         """
-        from shipnet.fuzzy.firing import fire
-
-        return fire(self, samples, method)
+        check_method(method)
+        values = arrays(self.names, samples)
+        flat = [x.reshape(-1) for x in values.values()]
+        # While it is computed, each rule has its own row, so that it is written in one go.
+        strength = np.empty((len(self.rules), flat[0].size))
+        for start in range(0, flat[0].size, _BLOCK):
+            part = slice(start, start + _BLOCK)
+            x = np.array([row[part] for row in flat])
+            if method == "fuzzy":
+                strength[:, part] = self.ramps.strengths(x)
+            else:
+                midpoint = method == "midpoint"
+                strength[:, part] = compare(self.variables, self.rules, x, midpoint=midpoint)
+        shape = values[self.names[0]].shape
+        return Firing(self, values, strength.T.reshape(*shape, len(self.rules)))
 
     def decide(
         self,
@@ -268,8 +198,6 @@ class RuleBase:
 
     def overlaps(self, method: str = "crisp") -> Overlaps:
         """Return the pairs of rules that can fire together."""
-        from shipnet.fuzzy.audit import Overlaps
-
         return Overlaps(self, method)
 
     def regions(
@@ -282,9 +210,22 @@ class RuleBase:
         region, so the regions cover all that the sensors can report; how often each occurs is
         another question. `method` is ``crisp`` or ``midpoint``.
         """
-        from shipnet.fuzzy.audit import regions
+        import pandas as pd
 
-        return regions(self, method, values)
+        check_method(method, "crisp", "midpoint")
+        chosen = {v.name: v.cells(method) for v in self.variables} if values is None else values
+        if set(chosen) != set(self.names) or not all(len(one) for one in chosen.values()):
+            raise ArgumentError(
+                f"values are of {', '.join(chosen)}; expected {', '.join(self.names)}"
+            )
+        number = prod(len(one) for one in chosen.values())
+        if number > _MOST_REGIONS:
+            raise ArgumentError(f"there are {number} regions; there may be {_MOST_REGIONS}")
+        points = np.array(list(product(*(chosen[name] for name in self.names))), dtype=float)
+        table = pd.DataFrame(points, columns=list(self.names))
+        fires = self.fire(table, method).strength > 0
+        codes = np.array(self.codes, dtype=object)
+        return table.assign(fired=[" ".join(codes[row]) for row in fires], count=fires.sum(axis=1))
 
     def check(self, vectors: pd.DataFrame, method: str = "fuzzy") -> pd.DataFrame:
         """Return what the rules make of test vectors, whose index is the code expected of each.
@@ -292,19 +233,49 @@ class RuleBase:
         One row per vector: the code ``expected``, the codes that ``fired``, the ``top`` one, and
         whether that is ``right``.
         """
-        from shipnet.fuzzy.audit import check
+        import pandas as pd
 
-        return check(self, vectors, method)
+        decision = self.decide(vectors, method)
+        expected = vectors.index.astype(str).to_numpy(dtype=object)
+        table = decision.table()
+        return pd.DataFrame(
+            {
+                "expected": expected,
+                "fired": table["active"],
+                "top": table["top"],
+                "right": decision.top == expected,
+            }
+        )
 
     def centroid(self, samples: Samples) -> pd.DataFrame:
-        """Defuzzify the number of the fault, as a controller would, to show why one must not.
+        r"""Defuzzify the number of the fault, as a controller would, to show why one must not.
 
-        One row per sample: the ``active`` codes, the ``top`` one, the ``centroid`` of their
-        numbers, and the code ``nearest`` to it.
+        One row per sample: the ``active`` codes, the ``top`` one, the ``centroid`` z of their
+        numbers, and the code ``nearest`` to it, the lower one of two. Rule i has the consequent
+        "number is i", a triangle of half-width 1/2 on i, cut at the firing strength:
+
+        .. math:: z = \frac{\sum_i w_i \left( 2 - w_i \right) i}{\sum_i w_i \left( 2 - w_i \right)}
         """
-        from shipnet.fuzzy.audit import centroid
+        import pandas as pd
 
-        return centroid(self, samples)
+        firing = self.fire(samples)
+        decided = firing.decide().table()
+        strength = np.atleast_2d(firing.strength)
+        area = strength * (2 - strength)
+        total = area.sum(axis=-1)
+        number = np.full(total.shape, np.nan)
+        np.divide(area @ np.arange(1, len(self.rules) + 1), total, out=number, where=total > 0)
+        place = np.where(total > 0, np.ceil(np.nan_to_num(number, nan=1.0) - 0.5), 0).astype(int)
+        silent = np.atleast_1d(firing.missing.all(axis=-1))
+        nearest = np.array([NORMAL, *self.codes], dtype=object)[place]
+        return pd.DataFrame(
+            {
+                "active": decided["active"],
+                "top": decided["top"],
+                "centroid": number,
+                "nearest": np.where(silent, UNKNOWN, nearest),
+            }
+        )
 
     def to_skfuzzy(self, n_points: int = 101) -> Any:
         """Return the rules as a `skfuzzy.control.ControlSystem`, to compare with.
@@ -312,9 +283,7 @@ class RuleBase:
         Each variable becomes an antecedent with `n_points` points and the corners of its terms, and
         each rule a consequent of its code with the one term ``on``.
         """
-        from shipnet.fuzzy.firing import control_system
-
-        return control_system(self, n_points)
+        return control_system(self.variables, self.rules, n_points)
 
     def save(self, rules: str | PathLike[str], terms: str | PathLike[str]) -> None:
         """Write two CSV files, from which `read_rules` makes the same rule base."""
@@ -322,7 +291,7 @@ class RuleBase:
         for variable in self.variables:
             ends = (number_text(variable.low), number_text(variable.high))
             labels = (variable.english, variable.korean)
-            empty = ("",) * len(_NOT_OF_A_VARIABLE)
+            empty = ("",) * len((*CORNERS, "crisp"))
             term_rows.append((variable.name, "", variable.unit, *ends, *empty, *labels))
             for term in variable.terms:
                 corners = (number_text(corner) for corner in term.corners)
@@ -338,18 +307,379 @@ class RuleBase:
                 writer.writerows(cells)
 
 
-def _antecedent(text: str) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of an antecedent such as ``FP.high & OP.high``."""
-    pairs = []
-    for part in text.split("&"):
-        variable, dot, term = part.strip().partition(".")
-        if not dot:
-            raise ArgumentError(f"antecedent is {text!r}; it must be like FP.high & OP.high")
-        pairs.append((check_word("variable", variable), check_word("term", term)))
-    return tuple(pairs)
+@dataclass(frozen=True, eq=False)
+class Firing:
+    """How far each rule holds for each sample, as `RuleBase.fire` returns it.
+
+    Parameters
+    ----------
+    base : RuleBase
+        The rules.
+    values : dict of str to ndarray
+        The values given for each variable, all of one shape; NaN where one is missing.
+    strength : ndarray of float, shape (..., n_rules)
+        0..1, in the order of `base.codes`; the other axes are those of the samples.
+
+    Notes
+    -----
+    A strength is the membership of the weakest term of the rule. `skfuzzy.trapmf` gives the same
+    memberships to the last bit, but takes one axis only and calls NaN a full member.
+
+    Examples
+    --------
+    >>> from shipnet import datasets
+    >>> from shipnet.fuzzy import read_rules
+    >>> base = read_rules(*(datasets.path(f"kim2014_assumed_{x}.csv") for x in ("rules", "terms")))
+    >>> firing = base.fire({"FP": [90, 120, 124], "OP": 2.83})
+    >>> firing["V1"].round(2).tolist(), firing.normal.round(2).tolist()
+    ([0.0, 0.5, 0.83], [1.0, 0.5, 0.17])
+    >>> base.fire({"FP": 125, "MC": [2.5, 2.6]}, method="crisp")["P1"].tolist()
+    [0.0, 1.0]
+    """
+
+    base: RuleBase
+    values: Mapping[str, Floats]
+    strength: Floats
+
+    def __repr__(self) -> str:
+        """Return the numbers of samples and rules."""
+        n = self.strength[..., 0].size
+        return f"Firing({n} sample{'s' if n != 1 else ''}, {len(self.base.rules)} rules)"
+
+    @cached_property
+    def missing(self) -> Bools:
+        """Which sensors report nothing, shape (..., n_variables)."""
+        return np.stack([np.isnan(x) for x in self.values.values()], axis=-1)
+
+    @cached_property
+    def clipped(self) -> Bools:
+        """Which sensors lie outside their universe, shape (..., n_variables)."""
+        ends = [(variable.low, variable.high) for variable in self.base.variables]
+        values = zip(self.values.values(), ends, strict=True)
+        return np.stack([(x < low) | (x > high) for x, (low, high) in values], axis=-1)
+
+    @cached_property
+    def normal(self) -> Floats:
+        """Strength of "no fault", 1 - the greatest; NaN where every sensor is missing."""
+        rest = np.asarray(1 - self.strength.max(axis=-1))
+        return np.where(self.missing.all(axis=-1), np.nan, rest)
+
+    def __getitem__(self, code: str) -> Floats:
+        """Return the strength of one rule for each sample."""
+        return np.asarray(self.strength[..., self.base.codes.index(self.base.rule(code).code)])
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per sample, one column per rule, and ``normal``."""
+        import pandas as pd
+
+        if self.strength.ndim > 2:
+            raise ArgumentError(f"strength has {self.strength.ndim} axes; a table has two")
+        table = pd.DataFrame(np.atleast_2d(self.strength), columns=list(self.base.codes))
+        return table.assign(**{NORMAL: np.atleast_1d(self.normal)})
+
+    def decide(self, *, threshold: float = 0.5, k: int = 1, n: int = 1) -> Decision:
+        """Return what to report: rules that fired in `k` or more of the last `n` samples.
+
+        A rule fires from a strength of `threshold` on, above 0, up to 1. With `n` above 1 time runs
+        along the first axis, and the sample itself is the last of the `n`; before the first sample
+        nothing fired.
+        """
+        window = check_whole("n", n, 1, 10**6)
+        least = check_whole("k", k, 1, window)
+        if not isinstance(threshold, (int, float, np.floating)) or not 0 < threshold <= 1:
+            raise ArgumentError(f"threshold is {threshold!r}; it must be a number above 0, up to 1")
+        fires = self.strength >= threshold
+        if window > 1:
+            if fires.ndim < 2:
+                raise ArgumentError(f"n is {window}; the samples must have an axis of time")
+            count = np.cumsum(fires, axis=0, dtype=np.int32)
+            count[window:] -= count[:-window]
+            fires = count >= least
+        return Decision(self, float(threshold), fires)
+
+    def plot(self, labels: Sequence[object] | None = None, ax: Axes | None = None) -> Axes:
+        """Draw the strengths as a matrix, a row per rule and a column per sample."""
+        if self.strength.ndim > 2:
+            raise ArgumentError(f"strength has {self.strength.ndim} axes; a matrix has two")
+        strength = np.atleast_2d(self.strength)
+        n_samples = len(strength)
+        if labels is not None and len(labels) != n_samples:
+            raise ArgumentError(f"there are {len(labels)} labels; expected {n_samples}")
+        ax = style.axes(ax)
+        _matrix(ax, strength.T)
+        if n_samples <= _MOST_NUMBERS:
+            for (place, rule), value in np.ndenumerate(strength):
+                if value > 0:
+                    text = "1" if value == 1 else f"{value:.2f}".removeprefix("0")
+                    _write(ax, place, rule, text, value)
+        if labels is not None:
+            ax.set_xticks(range(n_samples), [str(label) for label in labels])
+        ax.set_yticks(range(len(self.base.codes)), self.base.codes)
+        ax.set_xlabel("sample")
+        ax.set_ylabel("rule")
+        return ax
 
 
-def _rule_faults(variables: Sequence[Variable], rules: Sequence[Rule]) -> list[tuple[int, str]]:
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What is reported for each sample, as `RuleBase.decide` returns it.
+
+    Parameters
+    ----------
+    firing : Firing
+        The strengths that it is decided on.
+    threshold : float
+        Strength from which on a rule counts.
+    active : ndarray of bool, shape (..., n_rules)
+        Which rules are reported, in the order of ``firing.base.codes``.
+
+    Examples
+    --------
+    The motor current drops out for one sample, then for good:
+
+    >>> from shipnet import datasets
+    >>> from shipnet.fuzzy import read_rules
+    >>> base = read_rules(*(datasets.path(f"kim2014_assumed_{x}.csv") for x in ("rules", "terms")))
+    >>> samples = {"FP": 124, "MC": [1, 0, 1, 0, 0, 0, 0], "OP": 1, "DVPos": 9}
+    >>> print(*base.decide(samples).top)
+    normal G1 normal G1 G1 G1 G1
+    >>> print(*base.decide(samples, k=3, n=5).top)
+    normal normal normal normal G1 G1 G1
+    >>> base.decide(samples).explain(1)
+    'G1 0.90: FP 124 bar high 0.90, MC 0 A zero 1.00; missing OT VPos'
+    """
+
+    firing: Firing
+    threshold: float
+    active: Bools
+
+    def __repr__(self) -> str:
+        """Return the reason for one sample, or how often each code is on top."""
+        shape = self.active.shape[:-1]
+        if self.active.size == len(self.firing.base.codes):
+            return f"Decision({self.explain(*(0 for _ in shape))})"
+        codes, counts = np.unique(self.top.astype(str), return_counts=True)
+        said = ", ".join(f"{n} {code}" for code, n in zip(codes, counts, strict=True))
+        return f"Decision({int(np.prod(shape))} samples: {said})"
+
+    @cached_property
+    def top(self) -> npt.NDArray[np.object_]:
+        """The active code of the highest priority; else ``normal``, or ``unknown``; shape (...).
+
+        It is unknown where no sensor reports anything.
+        """
+        return self.firing.base.top_codes(self.active, self.firing.missing.all(axis=-1))
+
+    def codes(self, *index: int) -> tuple[str, ...]:
+        """Return all active codes of the sample at this index, the highest priority first."""
+        return self._codes(self.active[self._place(index)])
+
+    def _codes(self, active: Bools) -> tuple[str, ...]:
+        base = self.firing.base
+        return tuple(code for code in base.ranking if active[base.codes.index(code)])
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per sample: ``top``, its ``strength``, ``active`` codes, faulty sensors.
+
+        ``missing`` and ``clipped`` name the sensors that report nothing, or lie outside their
+        universe.
+        """
+        import pandas as pd
+
+        if self.active.ndim > 2:
+            raise ArgumentError(f"active has {self.active.ndim} axes; a table has two")
+        firing, top = self.firing, np.atleast_1d(self.top)
+        rows = zip(top, np.atleast_2d(firing.strength), np.atleast_1d(firing.normal), strict=True)
+        strength = [
+            normal if code in (NORMAL, UNKNOWN) else row[firing.base.codes.index(code)]
+            for code, row, normal in rows
+        ]
+        return pd.DataFrame(
+            {
+                "top": top,
+                "strength": np.array(strength, dtype=float),
+                "active": [" ".join(self._codes(row)) for row in np.atleast_2d(self.active)],
+                "missing": [self._sensors(row) for row in np.atleast_2d(firing.missing)],
+                "clipped": [self._sensors(row) for row in np.atleast_2d(firing.clipped)],
+            }
+        )
+
+    def explain(self, *index: int) -> str:
+        """Return why the sample at this index is decided as it is, in one sentence.
+
+        The top code with its strength and terms, the other active codes, and the sensors that are
+        missing or out of range. ``normal`` is followed by the rule that comes closest, if any.
+        """
+        place, firing = self._place(index), self.firing
+        base, top = firing.base, self.top[place]
+        parts = []
+        if top in base.codes:
+            parts.append(self._reason(base.rule(top), place))
+            others = [code for code in self.codes(*index) if code != top]
+            if others:
+                said = (f"{code} {firing[code][place]:.2f}" for code in others)
+                parts.append(f"also {', '.join(said)}")
+        else:
+            normal = float(firing.normal[place])
+            parts.append(top if isnan(normal) else f"{top} {normal:.2f}")
+            closest = base.rules[int(firing.strength[place].argmax())]
+            if firing[closest.code][place] > 0:
+                parts.append(f"closest {self._reason(closest, place)}")
+        for word, flags in (("missing", firing.missing), ("out of range", firing.clipped)):
+            if flags[place].any():
+                parts.append(f"{word} {self._sensors(flags[place])}")
+        return "; ".join(parts)
+
+    def plot(self, time: npt.ArrayLike, ax: Axes | None = None) -> Axes:
+        """Draw over time [s] how strongly every rule fires, and when it is active."""
+        strength, when = self.firing.strength, np.asarray(time, float)
+        if when.size < 2 or strength.shape[:-1] != when.shape:
+            raise ArgumentError(
+                f"time has the shape {when.shape}, the samples {strength.shape[:-1]}; they must be "
+                "equal rows of 2 or more"
+            )
+        ax = style.axes(ax)
+        base = self.firing.base
+        ranking, codes = base.ranking, base.codes
+        places = [codes.index(code) for code in ranking]
+        # A reading holds until the next one.
+        edges = np.append(when, 2 * when[-1] - when[-2])
+        rows = np.arange(len(ranking) + 1) - 0.5
+        mesh = ax.pcolormesh(edges, rows, strength[:, places].T, cmap="Blues", vmin=0, vmax=1)
+        for row, place in enumerate(places):
+            active = np.append(self.active[:, place], False)
+            ax.fill_between(
+                edges, row + 0.28, row + 0.5, where=active, step="post", color=style.LIMIT["color"],
+                linewidth=0, label="active" if row == 0 else "_again",
+            )  # fmt: skip
+        ax.set_ylim(len(ranking) - 0.5, -0.5)
+        ax.set_yticks(range(len(ranking)), ranking, fontsize=8)
+        ax.grid(visible=False)
+        ax.tick_params(axis="y", length=0)
+        ax.set(xlabel="time [s]", ylabel="rule")
+        ax.legend(loc="upper left", bbox_to_anchor=(0, 1.14), fontsize=8, borderpad=0)
+        ax.figure.colorbar(mesh, ax=ax, label="firing strength", pad=0.02)
+        return ax
+
+    def _reason(self, rule: Rule, place: tuple[int, ...]) -> str:
+        said = []
+        for variable, term in self.firing.base.terms_of(rule):
+            x = self.firing.values[variable.name][place]
+            degree = Ramps([variable], [[(variable.name, term.name)]]).strengths(np.full((1, 1), x))
+            label = term.english or term.name
+            said.append(f"{variable.name} {x:.4g} {variable.unit} {label} {degree[0, 0]:.2f}")
+        return f"{rule.code} {self.firing[rule.code][place]:.2f}: {', '.join(said)}"
+
+    def _sensors(self, flags: Bools) -> str:
+        return " ".join(np.array(self.firing.base.names)[flags])
+
+    def _place(self, index: tuple[int, ...]) -> tuple[int, ...]:
+        shape = self.active.shape[:-1]
+        fits = len(index) == len(shape)
+        if not fits or any(not -n <= i < n for i, n in zip(index, shape, strict=True)):
+            raise ArgumentError(f"index is {index}; the samples have shape {shape}")
+        return index
+
+
+@dataclass(frozen=True)
+class Overlaps:
+    """The pairs of rules that can fire together, as `RuleBase.overlaps` returns them.
+
+    Parameters
+    ----------
+    base : RuleBase
+        The rules.
+    method : {"crisp", "midpoint"}, default "crisp"
+        Comparisons as written, or in the middle of the ramps.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such method.
+
+    Examples
+    --------
+    >>> from shipnet import datasets
+    >>> from shipnet.fuzzy import read_rules
+    >>> base = read_rules(*(datasets.path(f"kim2014_assumed_{x}.csv") for x in ("rules", "terms")))
+    >>> overlaps = Overlaps(base)
+    >>> overlaps
+    Overlaps(42 of 66 pairs of rules)
+    >>> overlaps.table().query("relation == 'b in a'")[["a", "b"]].to_numpy().tolist()
+    [['S1', 'Pos1'], ['S2', 'Pos2']]
+    >>> overlaps.matrix.loc["Pos1", ["Pos1", "S1", "Pos3", "Pos4"]].tolist()
+    [12, 12, 12, 0]
+    """
+
+    base: RuleBase
+    method: str = "crisp"
+
+    def __post_init__(self) -> None:
+        """Check the method."""
+        check_method(self.method, "crisp", "midpoint")
+
+    @cached_property
+    def _counts(self) -> npt.NDArray[np.int64]:
+        """The number of regions in which each pair of rules fires."""
+        table = self.base.regions(self.method)[list(self.base.names)]
+        fires = self.base.fire(table, self.method).strength.astype(np.int64)
+        return fires.T @ fires
+
+    @property
+    def matrix(self) -> pd.DataFrame:
+        """In how many regions each pair of rules fires; the diagonal counts those of each rule."""
+        import pandas as pd
+
+        codes = list(self.base.codes)
+        return pd.DataFrame(self._counts, index=codes, columns=codes)
+
+    def __len__(self) -> int:
+        """Return the number of pairs that can fire together."""
+        return int(np.count_nonzero(np.triu(self._counts, 1)))
+
+    def __repr__(self) -> str:
+        """Return how many pairs there are."""
+        n = len(self.base.rules)
+        return f"Overlaps({len(self)} of {n * (n - 1) // 2} pairs of rules)"
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per pair: codes ``a`` and ``b``, and their ``relation``.
+
+        ``a in b`` means that b fires whenever a does; the others are ``b in a``, ``equal`` and
+        ``overlap``.
+        """
+        import pandas as pd
+
+        names = {
+            (True, True): "equal", (True, False): "a in b", (False, True): "b in a",
+            (False, False): "overlap",
+        }  # fmt: skip
+        rows = []
+        for (i, a), (j, b) in combinations(enumerate(self.base.codes), 2):
+            both, only_a, only_b = self._counts[i, j], self._counts[i, i], self._counts[j, j]
+            if both:
+                rows.append((a, b, names[bool(both == only_a), bool(both == only_b)]))
+        return pd.DataFrame(rows, columns=["a", "b", "relation"])
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw in what share of the regions of the row's rule the column's rule fires too."""
+        ax = style.axes(ax)
+        count = self.matrix.to_numpy(dtype=float)
+        alone = np.diag(count)[:, None]
+        share = np.divide(count, alone, out=np.zeros_like(count), where=alone > 0)
+        _matrix(ax, share)
+        for (row, column), value in np.ndenumerate(share):
+            if value > 0 and row != column:
+                _write(ax, column, row, "in" if value == 1 else f"{100 * value:.0f}", value)
+        names = self.base.codes
+        ax.set_xticks(range(len(names)), names)
+        ax.set_yticks(range(len(names)), names)
+        ax.set_xlabel("fires too, in percent of the regions")
+        ax.set_ylabel("when this fires")
+        return ax
+
+
+def rule_faults(variables: Sequence[Variable], rules: Sequence[Rule]) -> list[tuple[int, str]]:
     """Return what is wrong with rules, each fault with the place of its rule."""
     known = {(variable.name, term.name) for variable in variables for term in variable.terms}
     faults = []
@@ -370,152 +700,18 @@ def _rule_faults(variables: Sequence[Variable], rules: Sequence[Rule]) -> list[t
     return faults
 
 
-def read_rules(rules: str | PathLike[str], terms: str | PathLike[str]) -> RuleBase:
-    """Read a rule base from two CSV files.
-
-    Parameters
-    ----------
-    rules : path
-        File with one row per rule: code, antecedent, flag, priority, english, korean.
-    terms : path
-        File with one row per variable and one row per term: variable, term, unit, low, high,
-        left_foot, left_shoulder, right_shoulder, right_foot, crisp, english, korean. Both files are
-        UTF-8, separated by commas, semicolons or tabs, numbers with a decimal point. Blank rows are
-        skipped.
-
-    Returns
-    -------
-    RuleBase
-        Variables and rules in the order of the rows.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or is faulty: every fault with its row, column and value, and what
-        was expected. The terms are read first.
-
-    Examples
-    --------
-    >>> from shipnet import datasets
-    >>> files = (datasets.path(f"kim2014_assumed_{what}.csv") for what in ("rules", "terms"))
-    >>> read_rules(*files).rule("V1").text
-    'FP.high & OP.high'
-    """
-    variables = _variables(str(terms), _rows(terms, TERM_COLUMNS, ("variable", "term")))
-    rows = _rows(rules, RULE_COLUMNS, ("code", "antecedent", "priority"))
-    faults: list[str] = []
-    made, places = [], []
-    for place, cells in rows:
-        rule = _make(place, faults, lambda cells=cells: _rule(cells))  # type: ignore[misc]
-        if rule is not None:
-            made.append(rule)
-            places.append(place)
-    faults += [f"{places[number]}: {fault}" for number, fault in _rule_faults(variables, made)]
-    if faults or not made:
-        raise InputError(str(rules), *(faults or ["has no rule; expected one row per rule"]))
-    return RuleBase(tuple(variables), tuple(made))
+def _matrix(ax: Axes, values: npt.NDArray[np.float64]) -> None:
+    rows, columns = values.shape
+    ax.imshow(values, cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
+    ax.grid(visible=False)
+    if columns <= _MOST_NUMBERS:
+        ax.set_xticks(np.arange(columns - 1) + 0.5, minor=True)
+        ax.set_yticks(np.arange(rows - 1) + 0.5, minor=True)
+        ax.grid(visible=True, which="minor", color="0.88")
+    ax.tick_params(which="both", length=0)
 
 
-def _rows(path: str | PathLike[str], known: tuple[str, ...], needed: tuple[str, ...]) -> list[_Row]:
-    """Return the rows that are not blank, each with its place; the titles are checked."""
-    file = str(path)
-    try:
-        # No other encoding is guessed: it would make other letters of the labels.
-        sheet = parse_sheet(read_bytes(path).decode("utf-8-sig"), file)
-    except UnicodeDecodeError as error:
-        raise InputError(file, f"is not UTF-8: byte {error.start} is wrong") from None
-    columns = [title.lower() for title in sheet.titles]
-    faults = [
-        f"column {place}: title {title!r} is unknown; expected one of {', '.join(known)}, note"
-        for place, title in enumerate(columns, start=1)
-        if title not in (*known, "note")
-    ]
-    faults += [f"title {t!r} occurs twice" for t in sorted(set(columns)) if columns.count(t) > 1]
-    faults += [f"no column {title}" for title in needed if title not in columns]
-    # A row that is too long is shifted: its cells cannot be trusted.
-    faults += [
-        f"row {number} has {len(row)} cells; expected {len(columns)}"
-        for number, row in sheet.rows
-        if any(row[len(columns) :])
-    ]
-    if faults:
-        raise InputError(file, *faults)
-    blank = dict.fromkeys(known, "")
-    return [
-        (f"row {n}", {**blank, **dict(zip(columns, row, strict=False))}) for n, row in sheet.rows
-    ]
-
-
-def _rule(cells: Mapping[str, str]) -> Rule:
-    number = cells["priority"]
-    if not re.fullmatch("[0-9]{1,4}", number):
-        raise ArgumentError(f"column priority: {number!r}; expected a whole number 1..9999")
-    labels = (cells["english"], cells["korean"])
-    return Rule(cells["code"], cells["antecedent"], int(number), cells["flag"], *labels)
-
-
-def _variables(file: str, rows: list[_Row]) -> list[Variable]:
-    """Make the variables of the rows, or raise all that is wrong with them."""
-    faults: list[str] = []
-    heads: dict[str, _Row] = {}
-    terms: dict[str, list[Term]] = {}
-    for place, cells in rows:
-        name, empty = cells["variable"], _NOT_OF_A_TERM if cells["term"] else _NOT_OF_A_VARIABLE
-        kind = "term" if cells["term"] else "variable"
-        faults += [
-            f"{place}, column {column}: {cells[column]!r}; expected nothing, a {kind} has none"
-            for column in empty
-            if cells[column]
-        ]
-        if cells["term"]:
-            term = _make(place, faults, lambda cells=cells: _term(cells))  # type: ignore[misc]
-            terms.setdefault(name, [])
-            terms[name] += [term] if term is not None else []
-        elif name in heads:
-            faults.append(f"{place}: variable {name} occurs twice")
-        else:
-            heads[name] = (place, cells)
-    faults += [f"no row describes variable {name!r}" for name in terms if name not in heads]
-    made = []
-    for name, (place, cells) in heads.items():
-        mine = tuple(terms.get(name, ()))
-        # Without a row there is nothing else to say; faulty terms were named before.
-        if mine or name not in terms:
-            make = lambda cells=cells, mine=mine: _variable(cells, mine)  # noqa: E731
-            variable = _make(place, faults, make)
-            made += [variable] if variable is not None else []
-    if faults or not made:
-        raise InputError(file, *(faults or ["has no variable; expected one row per variable"]))
-    return made
-
-
-def _variable(cells: Mapping[str, str], terms: tuple[Term, ...]) -> Variable:
-    low, high = (_number(cells, column) for column in ("low", "high"))
-    labels = (cells["english"], cells["korean"])
-    return Variable(cells["variable"], cells["unit"], low, high, terms, *labels)
-
-
-def _term(cells: Mapping[str, str]) -> Term:
-    corners = [
-        _number(cells, column, inf if column.startswith("right") else -inf) for column in _CORNERS
-    ]
-    a, b, c, d = corners
-    return Term(cells["term"], (a, b, c, d), cells["crisp"], cells["english"], cells["korean"])
-
-
-def _number(cells: Mapping[str, str], column: str, default: float | None = None) -> float:
-    cell = cells[column]
-    if not cell and default is not None:
-        return default
-    if not NUMBER.fullmatch(cell):
-        raise ArgumentError(f"column {column}: {cell!r}; expected a number")
-    return float(cell)
-
-
-def _make(place: str, faults: list[str], make: Callable[[], _Made]) -> _Made | None:
-    """Return what is made, or None and note the fault."""
-    try:
-        return make()
-    except ArgumentError as fault:
-        faults.append(f"{place}: {fault}")
-        return None
+def _write(ax: Axes, column: int, row: int, text: str, value: float) -> None:
+    # Black on the pale half of the map, white on the dark one.
+    colour = "white" if value > 0.6 else "0.1"
+    ax.text(column, row, text, ha="center", va="center", color=colour, fontsize=7)

@@ -1,22 +1,28 @@
-"""Linguistic terms: what "high" means, as a comparison and as a trapezoid."""
+"""The words of a rule base: terms such as "high", the variables that they describe, and rules."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf, isfinite, isnan
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Bools = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
+
+#: What is reported when no rule fires, and when no sensor reports anything.
+NORMAL, UNKNOWN = "normal", "unknown"
 
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
 _COMPARISON = re.compile(
@@ -263,11 +269,121 @@ class Variable:
         names = ", ".join(term.name for term in self.terms)
         raise ArgumentError(f"term is {name!r}; {self.name} has {names}")
 
+    def cells(self, method: str) -> list[float]:
+        """Return one value for each set of terms that holds somewhere in the universe."""
+        intervals = [term.midpoint if method == "midpoint" else term.crisp for term in self.terms]
+        ends = {end for one in intervals for end in (one.low, one.high)} | {self.low, self.high}
+        edges = sorted(end for end in ends if self.low <= end <= self.high)
+        middles = [(a + b) / 2 for a, b in pairwise(edges)]
+        points = np.array(sorted([*edges, *middles]))
+        # An inner point represents its cell better than an end of the universe does.
+        inner = np.isin(points, middles)
+        holds = np.stack([one.contains(points) for one in intervals], axis=1)
+        found: dict[tuple[bool, ...], int] = {}
+        for place, row in enumerate(holds.tolist()):
+            key = tuple(row)
+            if key not in found or (inner[place] and not inner[found[key]]):
+                found[key] = place
+        return sorted(float(points[place]) for place in found.values())
+
     def plot(self, ax: Axes | None = None, *, crisp: bool = True) -> Axes:
         """Draw the membership functions, and with `crisp` the limits of the comparisons, dashed."""
-        from shipnet.fuzzy.plot import plot_variable
+        ax = style.axes(ax)
+        grid = np.linspace(self.low, self.high, 501)
+        for term in self.terms:
+            corners = [x for x in term.corners if self.low < x < self.high]
+            # Points on both sides of a corner draw a step upright.
+            sides = [np.nextafter(corners, end) for end in (-np.inf, np.inf)]
+            x = np.unique(np.concatenate([grid, corners, *sides]))
+            ax.plot(x, term.membership(x), label=term.english or term.name)
+        ends = {end for term in self.terms for end in (term.crisp.low, term.crisp.high)}
+        label = "as printed"
+        for limit in sorted(end for end in ends if np.isfinite(end)) if crisp else ():
+            ax.axvline(limit, **style.PAPER, linewidth=1, zorder=0.5, label=label)  # type: ignore[arg-type]
+            label = "_again"
+        # Two narrow terms lie too near each other for labels of their own.
+        ax.legend(loc="best", fontsize="small", handlelength=1.2, labelspacing=0.2)
+        ax.set_xlim(self.low, self.high)
+        ax.set_ylim(-0.05, 1.05)
+        ax.set_yticks([0, 0.5, 1])
+        name = f"{self.english} {self.name}".strip()
+        ax.set_xlabel(f"{name} [{self.unit}]" if self.unit else name)
+        ax.set_ylabel("membership")
+        return ax
 
-        return plot_variable(self, ax, crisp)
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """If all of these terms hold, then this fault.
+
+    Parameters
+    ----------
+    code : str
+        Name of the fault, such as ``V1``; not ``normal`` or ``unknown``.
+    antecedent : str or tuple of (str, str)
+        Variables and terms such as ``FP.high & OP.high``, or pairs of them; each variable once.
+    priority : int
+        Rank when several rules fire, 1..9999; 1 is reported first.
+    flag : str, default ""
+        The flag that the rule sets; several rules may set the same flag.
+    english, korean : str, default ""
+        Labels.
+
+    Raises
+    ------
+    ArgumentError
+        If a field is not as above.
+
+    Examples
+    --------
+    >>> rule = Rule("V1", "FP.high & OP.high", 3, "ValveStick", "valve stuck")
+    >>> rule.antecedent, rule.text
+    ((('FP', 'high'), ('OP', 'high')), 'FP.high & OP.high')
+    """
+
+    code: str
+    antecedent: tuple[tuple[str, str], ...]
+    priority: int
+    flag: str = ""
+    english: str = ""
+    korean: str = ""
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            code: str,
+            antecedent: str | tuple[tuple[str, str], ...],
+            priority: int,
+            flag: str = "",
+            english: str = "",
+            korean: str = "",
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        if check_word("code", self.code) in (NORMAL, UNKNOWN):
+            raise ArgumentError(f"code is {self.code!r}, which says that no rule fires")
+        object.__setattr__(self, "priority", check_whole("priority", self.priority, 1, 9999))
+        given = self.antecedent
+        pairs = _antecedent(given) if isinstance(given, str) else tuple((v, t) for v, t in given)
+        object.__setattr__(self, "antecedent", pairs)
+        names = self.variables
+        if not names or len(set(names)) < len(names):
+            raise ArgumentError(
+                f"antecedent of {self.code} is {self.text!r}; it must have one term or more, each "
+                "of another variable"
+            )
+
+    @property
+    def text(self) -> str:
+        """The antecedent as text."""
+        return " & ".join(f"{variable}.{term}" for variable, term in self.antecedent)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the variables that the rule needs."""
+        return tuple(variable for variable, _ in self.antecedent)
 
 
 def check_word(what: str, text: str) -> str:
@@ -284,3 +400,14 @@ def number_text(value: float) -> str:
 
 def _middle(a: float, b: float) -> float:
     return a if a == b else (a + b) / 2
+
+
+def _antecedent(text: str) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of an antecedent such as ``FP.high & OP.high``."""
+    pairs = []
+    for part in text.split("&"):
+        variable, dot, term = part.strip().partition(".")
+        if not dot:
+            raise ArgumentError(f"antecedent is {text!r}; it must be like FP.high & OP.high")
+        pairs.append((check_word("variable", variable), check_word("term", term)))
+    return tuple(pairs)

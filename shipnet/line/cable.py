@@ -1,23 +1,61 @@
-"""Cables by their constants per metre, and the one catalogue of cables."""
+"""Cables by their constants per metre, the one catalogue of cables, and a pulse on a cable."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees, number, record
+from shipnet import style
+from shipnet.errors import ArgumentError
+from shipnet.fields import (
+    Quantity,
+    check_quantity,
+    check_scalar,
+    check_trees,
+    check_whole,
+    number,
+    record,
+)
+from shipnet.line.waveform import laplace_grid, synthesize
 
 if TYPE_CHECKING:
-    from shipnet.line.pulse import Pulse
+    from matplotlib.axes import Axes
 
 #: Legal constants: l and c are not 0, so that every cable has a wave impedance and a delay.
 LEAST, MOST = 1e-18, 1e12
 
 Complexes = npt.NDArray[np.complex128]
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pulse:
+    """A pulse on its way: places [m], times [s] and voltages [V] of shape (n_steps, n_places)."""
+
+    x: Floats
+    t: Floats
+    u: Floats
+
+    def plot(self, ax: Axes | None = None, *, step: int) -> Axes:
+        """Draw the pulse at one of its times, with all that it has reached so far in grey."""
+        ax = style.axes(ax)
+        lowest, highest = min(self.u.min(), 0.0), max(self.u.max(), 0.0)
+        margin = 0.08 * (highest - lowest)
+        reached = self.u[: step + 1]
+        ax.fill_between(
+            self.x, reached.min(axis=0), reached.max(axis=0), color="0.9", label="reached so far"
+        )
+        ax.plot(self.x, self.u[step], label="now")
+        ax.set(xlim=(self.x[0], self.x[-1]), ylim=(lowest - margin, highest + margin))
+        ax.set(xlabel="place [m]", ylabel="voltage [V]")
+        text = f"{self.t[step] * 1e9:.0f} ns"
+        ax.text(0.98, 0.95, text, transform=ax.transAxes, ha="right", va="top")
+        return ax
 
 
 @record(eq=False)
@@ -125,7 +163,7 @@ class Cable:
         # the product crosses the negative axis.
         return np.asarray(np.sqrt(self.series_impedance(s)) * np.sqrt(self.shunt_admittance(s)))
 
-    def attenuation(self, f: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def attenuation(self, f: npt.ArrayLike) -> Floats:
         """Return how much a wave of frequency f [Hz] loses per metre [dB/m]."""
         gamma = self.propagation(2j * np.pi * np.asarray(f, dtype=float))
         return np.asarray(20 / np.log(10) * gamma.real)
@@ -146,10 +184,41 @@ class Cable:
         n_places: int = 201,
         n_steps: int = 31,
     ) -> Pulse:
-        """Send a Gaussian pulse of 1 V and standard deviation `width` [s] to the `end` [ohm]."""
-        from shipnet.line.pulse import send_pulse
+        """Send a Gaussian pulse of 1 V and standard deviation `width` [s] to the `end` [ohm].
 
-        return send_pulse(self, length, end, width=width, n_places=n_places, n_steps=n_steps)
+        The near end is matched, so that a wave that comes back leaves the cable; None is an open
+        far end. The result begins when the pulse leaves and ends when it is back. `width` is at
+        least a 200th of the delay of the cable and at most twice that delay.
+        """
+        metres = check_scalar("length", length, "m", 1.0, 1e5)
+        places = check_whole("n_places", n_places, 2, 2001)
+        steps = check_whole("n_steps", n_steps, 2, 10_000)
+        if np.ndim(self.z0) or np.ndim(self.delay):
+            raise ArgumentError("cable holds many cables; a single one is asked for")
+        delay, z0 = float(self.delay) * metres, float(self.z0)
+        sigma = check_scalar("width", width, "s", delay / 200, 2 * delay)
+        ohms = np.inf if end is None else check_scalar("end", end, "ohm", 1e-18, 1e18)
+        x = np.linspace(0.0, metres, places)
+        t = np.linspace(0.0, 2 * delay, steps)
+
+        # The pulse begins six deviations before its middle, where it is 1e-8 V.
+        early = 6 * sigma
+        before = int(np.ceil(early / t[1]))
+        n_samples = before + steps + int(np.ceil((2 * delay + early) / t[1]))
+        duration = n_samples * t[1]
+        s = laplace_grid(duration, 1.5 / sigma)
+        sent = sigma * np.sqrt(2 * np.pi) * np.exp((s * sigma) ** 2 / 2 - s * before * t[1])
+        gamma, wave = (
+            self.propagation(s),
+            np.sqrt(self.series_impedance(s) / self.shunt_admittance(s)),
+        )
+        rho = (1 - wave / ohms) / (1 + wave / ohms)
+        echo = rho * np.exp(-2 * gamma * metres)
+        # The source sees its own resistor and the cable in parallel.
+        forward = 2 / z0 * sent / ((1 + echo) / z0 + (1 - echo) / wave)
+        away, home = (np.exp(-gamma * way[:, np.newaxis]) for way in (x, 2 * metres - x))
+        u = synthesize(forward * (away + rho * home), n_samples, duration)
+        return Pulse(x, t, u[:, before : before + steps].T.copy())
 
 
 def _root(square: Quantity) -> Quantity:

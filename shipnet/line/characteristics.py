@@ -23,7 +23,6 @@ import numpy.typing as npt
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.line.network import Network
-from shipnet.line.solver import rooted
 from shipnet.line.waveform import Waveform
 
 Floats = npt.NDArray[np.float64]
@@ -243,7 +242,7 @@ def simulate(
     """
     if network.trees is not None:
         raise ArgumentError(f"the network holds {network.trees} trees; steps in time take one")
-    rooted(network, next(iter(network.nodes), ""))
+    network.rooted(next(iter(network.nodes), ""))
     step = check_scalar("dt", dt, "s", 1e-15, 1e6)
     total = check_scalar("until", until, "s", 1e-15, 1e6)
     if total < step:

@@ -1,4 +1,4 @@
-"""A network as data: runs of cable between named nodes, loads at the nodes, at most one ring."""
+"""Networks: runs of cable between named nodes, loads at the nodes, at most one ring."""
 
 from __future__ import annotations
 
@@ -6,26 +6,29 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees
 from shipnet.line.cable import CABLES, Cable
+from shipnet.line.solver import Rooted, check_frequencies, dense_transfer, tree_transfer
+from shipnet.line.waveform import Waveform, laplace_grid, synthesize
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from shipnet.line.solver import OperatingPoint
-    from shipnet.line.waveform import Waveform
 
 #: Legal lengths [m]: a shorter line is a node, a longer one is not a field bus.
 SHORTEST, LONGEST = 1e-6, 1e6
 
 #: Legal values of a load [ohm, H, F].
 LEAST, MOST = 1e-18, 1e18
+
+#: Legal currents and voltages at direct current, and minus that [A, V].
+_MOST_DC = 1e9
 
 Floats = npt.NDArray[np.float64]
 
@@ -161,6 +164,27 @@ def _sum(one: Quantity | None, other: Quantity | None) -> Quantity | None:
     return one + other
 
 
+class OperatingPoint(NamedTuple):
+    """Voltages and currents at direct current, of a Monte Carlo one per tree."""
+
+    voltage: dict[str, Quantity]  # by node [V]
+    current: tuple[Quantity, ...]  # in each run from its end a to its end b [A]
+
+
+class Layout(NamedTuple):
+    """Where the nodes of a network lie in a drawing."""
+
+    spot: Floats  # distance from the root along the cable [m], and row, 0 and below
+    strokes: list[Floats]  # points of each run: x in the first row, y in the second
+    closing: Floats | None  # the same of the run that closes a ring
+
+    @property
+    def lowest(self) -> float:
+        """Lowest y that is drawn at."""
+        everything = [self.spot[:, 1], *([] if self.closing is None else [self.closing[1]])]
+        return float(np.concatenate(everything).min())
+
+
 class Network:
     """Runs of cable between named nodes, with loads from the nodes to the reference conductor.
 
@@ -285,24 +309,50 @@ class Network:
                 sums[kind, self._index[node]] = value
         return sums
 
-    def neighbours(self, node: int) -> list[tuple[int, int]]:
-        """Return number of each neighbour and of the run to it, without the ring's last run."""
-        return [(near, number) for near, number in self._near[node] if number != self._ring]
+    def rooted(self, root: str) -> Rooted:
+        """Return the network as a tree that grows from one of its nodes."""
+        if not self.runs:
+            raise ArgumentError("the network has no line; it must have at least one")
+        order, parent, above = [self.index(root)], [-1], [-1]
+        levels: list[tuple[int, int]] = []
+        low, high = 0, 1
+        while low < high:
+            for place in range(low, high):
+                for node, number in self._near[order[place]]:
+                    if number not in (above[place], self._ring):
+                        order.append(node)
+                        parent.append(place)
+                        above.append(number)
+            low, high = high, len(order)
+            if low < high:
+                levels.append((low, high))
+        if len(order) < len(self.nodes):
+            reached = set(order)
+            lost = [repr(name) for node, name in enumerate(self.nodes) if node not in reached]
+            raise ArgumentError(f"no line leads from node {root!r} to {', '.join(lost)}")
+        return Rooted(order, parent, above, levels)
 
     def transfer(
-        self, root: str, s: npt.ArrayLike, to: str | None = None
+        self, root: str, s: npt.ArrayLike, to: str | None = None, *, dense: bool = False
     ) -> npt.NDArray[np.complex128]:
         """Return the transfer impedances between one node and every node, or one other [ohm].
 
         Row k is the voltage at node k per ampere into the root, and as well the voltage at the
         root per ampere into node k: such a network is reciprocal. `s` is one or more complex
-        frequencies with a real part that is not negative [rad/s]. A tree takes a time that is
-        proportional to nodes x frequencies; a ring needs a dense solution.
+        frequencies with a real part that is not negative [rad/s]. A tree takes a sweep, in a time
+        that is proportional to nodes x frequencies; a ring takes a dense solution of the nodal
+        equations, and so does a tree if `dense`: the second way to the same result.
         """
-        from shipnet.line import solver
-
-        solve = solver.tree_transfer if self._ring is None else solver.dense_transfer
-        z = solve(self, root, s)
+        bins = check_frequencies(s)
+        tree = self.rooted(root)
+        pieces = [(run.made_of, run.length) for run in self.runs]
+        shunts, trees = self.shunts(), self._trees or 1
+        if dense or self._ring is not None:
+            ends = [(self._index[run.a], self._index[run.b]) for run in self.runs]
+            z = dense_transfer(tree.order[0], ends, pieces, shunts, bins, trees)
+        else:
+            z = tree_transfer(tree, pieces, shunts, bins, trees)
+        z = z if self._trees else z[0]
         return z if to is None else z[..., self.index(to), :]
 
     def waveforms(
@@ -319,9 +369,6 @@ class Network:
         `spectrum` is the Laplace transform of the current [A s] as a function of the complex
         frequency [rad/s]; what it has above `f_max` [Hz] is cut off.
         """
-        from shipnet.line.laplace import laplace_grid, synthesize
-        from shipnet.line.waveform import Waveform
-
         n = round(duration / check_scalar("dt", dt, "s", 1e-15, 1e6))
         s = laplace_grid(n * dt, f_max)
         u = synthesize(self.transfer(root, s) * np.asarray(spectrum(s)), n, n * dt)
@@ -340,9 +387,53 @@ class Network:
         The supply has an open-circuit `voltage` [V] and an inner `resistance` [ohm]; cables
         count with their resistance at direct current, and loads do not count.
         """
-        from shipnet.line.solver import operating_point
+        tree = self.rooted(supply)
+        emf = check_quantity("voltage of the supply", voltage, "V", low=-_MOST_DC, high=_MOST_DC)
+        inner = check_quantity("resistance of the supply", resistance, "ohm", high=_MOST_DC)
+        draws = {
+            self.index(node): check_quantity(
+                f"current drawn at node {node!r}", current, "A", low=-_MOST_DC, high=_MOST_DC
+            )
+            for node, current in currents.items()
+        }
+        trees = check_trees("the supply or a current", self.trees, emf, inner, *draws.values())
 
-        return operating_point(self, supply, voltage, currents, resistance=resistance)
+        drawn = np.zeros((len(self.nodes), trees or 1))
+        for node, draw in draws.items():
+            drawn[node] = draw
+        ohms = np.zeros((len(self.runs), trees or 1))
+        for number, run in enumerate(self.runs):
+            ohms[number] = np.multiply(run.made_of.resistance, run.length)
+
+        flow, drop = _flow(tree, drawn, ohms)
+        current = np.zeros_like(ohms)
+        if self.ring is not None:
+            # One current is left free; the voltages around the ring add up to 0 and settle it.
+            ring = self.runs.index(self.ring)
+            a, b = (tree.order.index(self.index(end)) for end in (self.ring.a, self.ring.b))
+            around = np.zeros_like(drawn)
+            around[[tree.order[a], tree.order[b]]] = [[1.0], [-1.0]]
+            ring_flow, ring_drop = _flow(tree, around, ohms)
+            loop = ohms[ring] + ring_drop[a] - ring_drop[b]
+            if np.any(loop == 0):
+                raise ArgumentError(
+                    f"the ring closed by {self.ring} has no resistance; at least one of its cables "
+                    "needs r greater than 0"
+                )
+            current[ring] = (drop[b] - drop[a]) / loop
+            flow = flow + current[ring] * ring_flow
+            drop = drop + current[ring] * ring_drop
+
+        for place in range(1, len(tree.order)):
+            number = tree.run[place]
+            away = self.index(self.runs[number].b) == tree.order[place]
+            current[number] = flow[place] if away else -flow[place]
+        volts = np.empty_like(drop)
+        volts[tree.order] = emf - inner * flow[0] - drop
+        if trees is None:
+            single = dict(zip(self.nodes, volts[:, 0].tolist(), strict=True))
+            return OperatingPoint(single, tuple(current[:, 0].tolist()))
+        return OperatingPoint(dict(zip(self.nodes, volts, strict=True)), tuple(current))
 
     def subdivided(self, longest: float) -> Network:
         """Return the same network with every run cut into equal sections of at most `longest` [m].
@@ -359,11 +450,74 @@ class Network:
             fine += [CableRun(start, stop, length, run.cable) for start, stop in pairwise(stops)]
         return Network(fine, self.loads)
 
+    def layout(self, root: str | None = None) -> Layout:
+        """Place the nodes: cables to scale along x, branches in rows that do not cross."""
+        tree = self.rooted(root or next(iter(self.nodes), ""))
+        count = len(tree.order)
+        length = [float(np.mean(run.length)) for run in self.runs]
+        children: list[list[int]] = [[] for _ in range(count)]
+        x, reach = [0.0] * count, [0.0] * count
+        for place in range(1, count):
+            children[tree.parent[place]].append(place)
+            x[place] = x[tree.parent[place]] + length[tree.run[place]]
+        for place in range(count - 1, 0, -1):
+            way = reach[place] + length[tree.run[place]]
+            reach[tree.parent[place]] = max(reach[tree.parent[place]], way)
+
+        # What lies ahead takes the upper rows and a stub the next one below: no lines cross.
+        row, lowest, waiting = [0] * count, 0, [(0, 0)]
+        while waiting:
+            place, beside = waiting.pop()
+            lowest -= beside
+            row[place] = lowest if beside or place == 0 else row[tree.parent[place]]
+            ahead = sorted(children[place], key=lambda child: reach[child] + x[child], reverse=True)
+            waiting += [(child, int(child != ahead[0])) for child in reversed(ahead)]
+
+        strokes = []
+        for place in range(1, count):
+            near = tree.parent[place]
+            stroke = [[x[near], x[near], x[place]], [row[near], row[place], row[place]]]
+            strokes.append(np.array(stroke, dtype=float))
+        closing = None
+        if self.ring is not None:
+            a, b = (tree.order.index(self.index(end)) for end in (self.ring.a, self.ring.b))
+            below = lowest - 1
+            closing = np.array(
+                [[x[a], x[a], x[b], x[b]], [row[a], below, below, row[b]]], dtype=float
+            )
+        spot = np.empty((count, 2))
+        spot[tree.order] = np.transpose([x, row])
+        return Layout(spot, strokes, closing)
+
     def plot(self, ax: Axes | None = None, *, root: str | None = None) -> Axes:
         """Draw the network: cables to scale along x from the root, loads as filled dots."""
-        from shipnet.line.plot import plot_network
+        ax = style.axes(ax)
+        placed = self.layout(root)
+        for stroke in placed.strokes:
+            ax.plot(*stroke, color="C0")
+        if placed.closing is not None:
+            ax.plot(*placed.closing, color="C0", ls="--")
+        loaded = np.asarray(self.shunts().any(axis=(0, 2)))
+        for name, spot, filled in zip(self.nodes, placed.spot, loaded, strict=True):
+            face = "C0" if filled else "white"
+            ax.plot(*spot, "o", color="C0", markerfacecolor=face, markersize=5)
+            ax.annotate(
+                name, tuple(spot), (0, 6), textcoords="offset points", ha="center", fontsize=8
+            )
+        ax.set(xlabel="distance along the cable [m]", yticks=[], ylim=(placed.lowest - 0.6, 0.8))
+        return ax
 
-        return plot_network(self, root=root, ax=ax)
+
+def _flow(tree: Rooted, drawn: Floats, resistance: Floats) -> tuple[Floats, Floats]:
+    """Return the current to each place and the drop from the root to it, without the ring."""
+    flow = drawn[tree.order]
+    for place in range(len(flow) - 1, 0, -1):
+        flow[tree.parent[place]] += flow[place]
+    drop = np.zeros_like(flow)
+    for place in range(1, len(flow)):
+        own = resistance[tree.run[place]] * flow[place]
+        drop[place] = drop[tree.parent[place]] + own
+    return flow, drop
 
 
 def check_node(name: object) -> None:

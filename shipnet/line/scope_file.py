@@ -22,7 +22,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.line.waveform import Waveform
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,16 +58,22 @@ _BASE = {
 }  # fmt: skip
 
 
-# Waveforms -------------------------------------------------------------------------------------
+class Recording(NamedTuple):
+    """One channel of a file: voltages [V] at even steps of `dt` [s]."""
+
+    u: Floats
+    dt: float
+    channel: str
+    description: str
 
 
-def read_waveform(
+def read_scope_file(
     path: str | PathLike[str],
     *,
     channel: str | None = None,
     sample_interval: float | None = None,
-) -> Waveform:
-    r"""Read one channel of a recorded waveform."""
+) -> Recording:
+    """Read one channel of a recorded waveform."""
     if sample_interval is not None and not 0 < sample_interval < np.inf:
         raise ArgumentError(f"sample_interval is {sample_interval} s; it must be positive")
     file = str(path)
@@ -235,7 +240,7 @@ def _read_sr(file: str, data: bytes) -> _Channels:
 
 def _choose(
     file: str, table: _Channels, channel: str | None, sample_interval: float | None
-) -> Waveform:
+) -> Recording:
     """Pick the columns of time and voltage, and check both."""
     values, columns = table.values, table.columns
     if len(values) < 2:
@@ -291,7 +296,7 @@ def _choose(
         f"{Path(file).name}: channel {title}{among}; {len(u)} samples at "
         f"{1e-6 / sample_interval:.6g} MS/s, {len(u) * sample_interval * 1e3:.6g} ms"
     )
-    return Waveform(u, sample_interval, names=(title,), description=description)
+    return Recording(u, sample_interval, title, description)
 
 
 def _is_counter(values: Floats, column: Column, k: int, columns: list[Column]) -> bool:

@@ -1,4 +1,4 @@
-"""Networks solved: transfer impedances of trees and rings, and voltages at direct current.
+"""Transfer impedances of trees and rings, from arrays.
 
 With e = exp(-gamma length), the hyperbolic functions of a line are C / 2e and S / 2e, where
 C = 1 + e^2 and S = 1 - e^2: these two neither overflow on a long line nor lose digits on a short.
@@ -13,7 +13,7 @@ solution of the nodal equations, which is also the second route to what a sweep 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from itertools import pairwise, product
 from typing import Any, NamedTuple
 
@@ -21,20 +21,20 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
-from shipnet.fields import Quantity, check_quantity, check_trees
-from shipnet.line.network import Network
+from shipnet.fields import Quantity
+from shipnet.line.cable import Cable
 
 Complexes = npt.NDArray[np.complex128]
 Floats = npt.NDArray[np.float64]
+
+#: Cable and length of each run of a network [m].
+Pieces = Sequence[tuple[Cable, Quantity]]
 
 #: Rows of an array: a view where they follow each other, or where one serves for all.
 Rows = slice | npt.NDArray[np.intp]
 
 #: Legal moduli of a complex frequency [rad/s].
 _LOWEST, _HIGHEST = 1e-9, 1e15
-
-#: Legal currents and voltages at direct current, and minus that [A, V].
-_MOST = 1e9
 
 
 def check_frequencies(s: npt.ArrayLike) -> Complexes:
@@ -73,14 +73,13 @@ def part_of_trees(array: npt.NDArray[Any], trees: slice) -> npt.NDArray[Any]:
 class Lines:
     """The different lines of a network: each pair of a cable and a length is computed once."""
 
-    def __init__(self, network: Network, s: Complexes) -> None:
+    def __init__(self, pieces: Pieces, s: Complexes) -> None:
         kinds: dict[tuple[int, float | int], int] = {}
         cables: dict[int, int] = {}
         length, z, y = [], [], []
         self.kind: list[int] = []
         self.cable: list[int] = []
-        for run in network.runs:
-            metres, cable = run.length, run.made_of
+        for cable, metres in pieces:
             key = (id(cable), metres if isinstance(metres, float) else -id(metres))
             if key not in kinds:
                 kinds[key] = len(kinds)
@@ -150,30 +149,6 @@ class Rooted(NamedTuple):
     levels: list[tuple[int, int]]  # first place, and place after the last, of each level
 
 
-def rooted(network: Network, root: str) -> Rooted:
-    """Return a network as a tree that grows from one of its nodes."""
-    if not network.runs:
-        raise ArgumentError("the network has no line; it must have at least one")
-    order, parent, above = [network.index(root)], [-1], [-1]
-    levels: list[tuple[int, int]] = []
-    low, high = 0, 1
-    while low < high:
-        for place in range(low, high):
-            for node, number in network.neighbours(order[place]):
-                if number != above[place]:
-                    order.append(node)
-                    parent.append(place)
-                    above.append(number)
-        low, high = high, len(order)
-        if low < high:
-            levels.append((low, high))
-    if len(order) < len(network.nodes):
-        reached = set(order)
-        lost = [repr(name) for node, name in enumerate(network.nodes) if node not in reached]
-        raise ArgumentError(f"no line leads from node {root!r} to {', '.join(lost)}")
-    return Rooted(order, parent, above, levels)
-
-
 class _Level(NamedTuple):
     """Nodes at the same number of lines from the root, as places in the order."""
 
@@ -219,14 +194,14 @@ def slices(size: int, step: int) -> list[slice]:
     return [slice(*cut) for cut in pairwise(size * part // parts for part in range(parts + 1))]
 
 
-def tree_transfer(network: Network, root: str, s: npt.ArrayLike) -> Complexes:
-    """Return the transfer impedances between one node of a tree and every node."""
-    s = check_frequencies(s)
-    tree = rooted(network, root)
-    lines = Lines(network, s)
+def tree_transfer(
+    tree: Rooted, pieces: Pieces, shunts: Floats, s: Complexes, trees: int
+) -> Complexes:
+    """Return the impedances between the root of a tree and every node, (trees, nodes, bins)."""
+    lines = Lines(pieces, s)
     levels, table = _levels(tree, lines.kind)
-    shunts = network.shunts()[:, tree.order]
-    nodes, trees = len(tree.order), network.trees or 1
+    shunts = shunts[:, tree.order]
+    nodes = len(tree.order)
 
     row = max(1, (_BLOCK if trees == 1 else _BLOCK_TREES) // nodes)
     blocks = slices(trees, row // s.size), slices(s.size, row)
@@ -246,7 +221,7 @@ def tree_transfer(network: Network, root: str, s: npt.ArrayLike) -> Complexes:
         _sweep(levels, (e2, c, ys, zs), admittances(shunts, some, s[bins], out=y), v)
         for node, voltage in zip(tree.order, v, strict=True):
             z[some, node, bins] = voltage
-    return z if network.trees else z[0]
+    return z
 
 
 def _sweep(
@@ -276,18 +251,21 @@ def _sweep(
         v[level.own] *= v[level.parent]
 
 
-def dense_transfer(network: Network, root: str, s: npt.ArrayLike) -> Complexes:
-    """Return the transfer impedances between one node and every node of any network."""
-    s = check_frequencies(s)
-    rooted(network, root)
-    lines = Lines(network, s)
-    shunts = network.shunts()
-    nodes = len(network.nodes)
-    ends = [(network.index(run.a), network.index(run.b)) for run in network.runs]
+def dense_transfer(
+    root: int,
+    ends: Sequence[tuple[int, int]],
+    pieces: Pieces,
+    shunts: Floats,
+    s: Complexes,
+    trees: int,
+) -> Complexes:
+    """Return the same of any network; `ends` holds the numbers of the two nodes of each run."""
+    lines = Lines(pieces, s)
+    nodes = shunts.shape[1]
     unit = np.zeros((nodes, 1))
-    unit[network.index(root)] = 1
+    unit[root] = 1
 
-    trees, every = network.trees or 1, list(range(len(lines.cable)))
+    every = list(range(len(lines.cable)))
     z = np.empty((trees, nodes, s.size), dtype=complex)
     blocks = slices(trees, 1), slices(s.size, _BLOCK_DENSE // nodes**2)
     for some, bins in product(*blocks):
@@ -300,81 +278,4 @@ def dense_transfer(network: Network, root: str, s: npt.ArrayLike) -> Complexes:
                 matrix[:, i, i] += own[kind]
                 matrix[:, i, j] -= mutual[kind]
         z[some.start, :, bins] = np.linalg.solve(matrix, unit)[..., 0].T
-    return z if network.trees else z[0]
-
-
-class OperatingPoint(NamedTuple):
-    """Voltages and currents at direct current, of a Monte Carlo one per tree."""
-
-    voltage: dict[str, Quantity]  # by node [V]
-    current: tuple[Quantity, ...]  # in each run from its end a to its end b [A]
-
-
-def _flow(tree: Rooted, drawn: Floats, resistance: Floats) -> tuple[Floats, Floats]:
-    """Return the current to each place and the drop from the root to it, without the ring."""
-    flow = drawn[tree.order]
-    for place in range(len(flow) - 1, 0, -1):
-        flow[tree.parent[place]] += flow[place]
-    drop = np.zeros_like(flow)
-    for place in range(1, len(flow)):
-        own = resistance[tree.run[place]] * flow[place]
-        drop[place] = drop[tree.parent[place]] + own
-    return flow, drop
-
-
-def operating_point(
-    network: Network,
-    supply: str,
-    voltage: npt.ArrayLike,
-    currents: Mapping[str, npt.ArrayLike],
-    *,
-    resistance: npt.ArrayLike = 0.0,
-) -> OperatingPoint:
-    """Return the voltages at all nodes and the currents in all runs."""
-    tree = rooted(network, supply)
-    emf = check_quantity("voltage of the supply", voltage, "V", low=-_MOST, high=_MOST)
-    inner = check_quantity("resistance of the supply", resistance, "ohm", high=_MOST)
-    draws = {
-        network.index(node): check_quantity(
-            f"current drawn at node {node!r}", current, "A", low=-_MOST, high=_MOST
-        )
-        for node, current in currents.items()
-    }
-    trees = check_trees("the supply or a current", network.trees, emf, inner, *draws.values())
-
-    drawn = np.zeros((len(network.nodes), trees or 1))
-    for node, draw in draws.items():
-        drawn[node] = draw
-    ohms = np.zeros((len(network.runs), trees or 1))
-    for number, run in enumerate(network.runs):
-        ohms[number] = np.multiply(run.made_of.resistance, run.length)
-
-    flow, drop = _flow(tree, drawn, ohms)
-    current = np.zeros_like(ohms)
-    if network.ring is not None:
-        # One current is left free; the voltages around the ring add up to 0 and settle it.
-        ring = network.runs.index(network.ring)
-        a, b = (tree.order.index(network.index(end)) for end in (network.ring.a, network.ring.b))
-        around = np.zeros_like(drawn)
-        around[[tree.order[a], tree.order[b]]] = [[1.0], [-1.0]]
-        ring_flow, ring_drop = _flow(tree, around, ohms)
-        loop = ohms[ring] + ring_drop[a] - ring_drop[b]
-        if np.any(loop == 0):
-            raise ArgumentError(
-                f"the ring closed by {network.ring} has no resistance; at least one of its cables "
-                "needs r greater than 0"
-            )
-        current[ring] = (drop[b] - drop[a]) / loop
-        flow = flow + current[ring] * ring_flow
-        drop = drop + current[ring] * ring_drop
-
-    for place in range(1, len(tree.order)):
-        number = tree.run[place]
-        away = network.index(network.runs[number].b) == tree.order[place]
-        current[number] = flow[place] if away else -flow[place]
-    volts = np.empty_like(drop)
-    volts[tree.order] = emf - inner * flow[0] - drop
-    if trees is None:
-        single = dict(zip(network.nodes, volts[:, 0].tolist(), strict=True))
-        return OperatingPoint(single, tuple(current[:, 0].tolist()))
-    return OperatingPoint(dict(zip(network.nodes, volts, strict=True)), tuple(current))
+    return z

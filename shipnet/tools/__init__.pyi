@@ -1,3 +1,5 @@
+from ._page import draw_steps as draw_steps
+from ._page import stepper as stepper
 from .asi_line import AsiLine as AsiLine
 from .asi_network import AsiNetwork as AsiNetwork
 from .can_load import CanLoad as CanLoad
@@ -5,7 +7,5 @@ from .engine_faults import EngineFaults as EngineFaults
 from .modbus_scan import ModbusScan as ModbusScan
 from .ring_buffer import ReceiveRing as ReceiveRing
 from .ship_design import ShipDesign as ShipDesign
-from .step import draw_steps as draw_steps
-from .step import stepper as stepper
 from .valve_client import ValveClient as ValveClient
 from .valve_diagnosis import ValveDiagnosis as ValveDiagnosis

@@ -1,52 +1,71 @@
-"""The page that all tools share: controls, verdict, figure, and a state that can be shared."""
+"""Pages of widgets: a tool's controls with what follows from them, and frames to leaf through."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from html import escape
 from importlib.resources import files
+from math import ceil, log10
 from typing import Any
 
 import ipywidgets as widgets
+from matplotlib.axes import Axes
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.tools._controls import Controls, with_help
-from shipnet.tools._state import download_link, read_state, write_state
-from shipnet.tools._tool import Button, Preset, Upload
-from shipnet.tools._view import View
+from shipnet.fields import Choice, Kind, Number, Switch, Text, Whole, check_whole, declared
+from shipnet.tools._view import (
+    Button,
+    Preset,
+    Upload,
+    View,
+    download_link,
+    picture,
+    read_state,
+    write_state,
+)
 
 #: Changes that follow each other within this time are computed once [s].
 PAUSE = 0.05
 
-#: Faults of a file that are told.
+#: Faults of a file that are listed.
 _FAULTS = 50
 
 #: Said where a file or a button changed nothing.
 _BEFORE = "The results above are still those from before."
 
+#: Frames of a stepper at most.
+_MOST = 1000
+
+#: Draws frame k, counted from 0, on axes.
+Draw = Callable[[int, Axes], object]
+
 
 class Page(widgets.VBox):  # type: ignore[misc]
-    """The page of a tool."""
+    """The page of a tool: controls, verdict, figure, and a state that can be shared.
+
+    `see` returns what is shown of the inputs, the tool's own `_view` by default.
+    """
 
     def __init__(
         self,
-        tool: str,
         start: Any,
-        see: Callable[[Any], View],
+        see: Callable[[Any], View] | None = None,
         *,
         preset: Preset | None = None,
         buttons: Sequence[Button] = (),
         uploads: Sequence[Upload] = (),
         extras: Sequence[widgets.Widget] = (),
     ) -> None:
-        self.tool, self._kind, self._see = tool, type(start), see
+        self._kind = type(start)
+        self.tool = self._kind.__module__.rpartition(".")[2]
+        self._see = self._kind._view if see is None else see
         self._due: asyncio.TimerHandle | None = None
         self._due_call: Callable[[], None] | None = None
         self._controls, self._preset = Controls(start), preset
-        self._controls.observe(self._changed)
+        self._controls.observe(lambda: self._later(self._due_call or self.refresh))
         self.controls, self.presets = self._controls.widgets, {}
         panel = [self._controls.box]
         if preset is not None:
@@ -55,15 +74,14 @@ class Page(widgets.VBox):  # type: ignore[misc]
             self.presets = self._setters.widgets
             panel.insert(0, self._setters.box)
         self.buttons = {one.label: self._button(one) for one in buttons}
-        self.uploads = {one.label: self._upload(one) for one in uploads}
-        row = [with_help(self.buttons[one.label], one.help) for one in buttons]
-        row += [with_help(self.uploads[one.label], one.help) for one in uploads]
+        load = Upload("load state", "", ".json", self._read)
+        self.uploads = {one.label: self._upload(one) for one in (*uploads, load)}
+        row = [_with_help(self.buttons[one.label], one.help) for one in buttons]
+        row += [_with_help(self.uploads[one.label], one.help) for one in uploads]
         if row := [*row, *extras]:
             panel.append(_classed(widgets.HBox(row), "shipnet-buttons"))
-        load = Upload("load state", "Takes back what was saved.", ".json", self._read)
-        self.uploads[load.label] = self._upload(load)
-        self.text, self.good, self.note = "", False, ""
-        self._said, self._noted = widgets.HTML(), widgets.HTML()
+        self.text, self.ok, self.note = "", False, ""
+        self._shown, self._noted = widgets.HTML(), widgets.HTML()
         self.figure, self.links = widgets.HTML(), widgets.HTML()
         foot = widgets.HBox([self.links, self.uploads[load.label], self._noted])
         style = (files("shipnet.tools") / "page.css").read_text(encoding="utf-8")
@@ -72,7 +90,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
                 _classed(widgets.HTML(f"<style>{style}</style>"), "shipnet-style"),
                 _classed(widgets.VBox(panel), "shipnet-panel"),
                 widgets.HTML('<div class="shipnet-spinner" role="status">computing ...</div>'),
-                self._said,
+                self._shown,
                 _classed(self.figure, "shipnet-figure"),
                 _classed(foot, "shipnet-foot"),
             ]
@@ -88,35 +106,20 @@ class Page(widgets.VBox):  # type: ignore[misc]
     def refresh(self) -> None:
         """Compute and show, now."""
         with self._busy():
-            state = ""
+            save = '<a class="shipnet-button" aria-disabled="true">save state</a>'
             try:
                 inputs = self.inputs
-                state = download_link(
-                    "save state", f"shipnet_{self.tool}.json",
-                    write_state(self.tool, inputs), "application/json",
-                )  # fmt: skip
+                state = write_state(self.tool, inputs)
+                save = download_link("save state", f"shipnet_{self.tool}.json", state)
                 view = self._see(inputs)
                 figure = view.figure
             except Exception as problem:  # it becomes a sentence, whatever it is
-                view, figure = View(text=_lines(problem), good=False), ""
-            self._show(view, figure, state)
-
-    def _show(self, view: View, figure: str, state: str) -> None:
-        self.text, self.good, self._said.value = str(view), view.good, view.verdict
-        if figure:
-            self.figure.value = figure
-            self.remove_class("shipnet-stale")
-        else:
-            self.add_class("shipnet-stale")
-        off = '<a class="shipnet-button" aria-disabled="true">save state</a>'
-        kept = [
-            download_link(f"download {name}", name, content, "application/octet-stream")
-            for name, content in view.files.items()
-        ]
-        self.links.value = " ".join([state or off, *kept])
-
-    def _changed(self) -> None:
-        self._later(self._due_call or self.refresh)
+                view, figure = View(verdict=_lines(problem), ok=False), ""
+            self.text, self.ok, self._shown.value = str(view), view.ok, view.html
+            self._mark("shipnet-stale", not figure)
+            self.figure.value = figure or self.figure.value
+            links = (download_link(f"download {name}", name, f) for name, f in view.files.items())
+            self.links.value = " ".join([save, *links])
 
     def _later(self, call: Callable[[], None]) -> None:
         """Call after a pause, in which more changes may arrive; at once where no loop runs."""
@@ -155,11 +158,10 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
     def _say(self, note: str, shown: str = "") -> None:
         self.note = note
-        (self.add_class if note else self.remove_class)("shipnet-before")
-        kind = "bad" if note else "good"
-        said = escape(shown).replace("\n", "<br>")
-        said = f'<p class="shipnet-note shipnet-{kind}" role="alert">{said}</p>'
-        self._noted.value = said if shown else ""
+        self._mark("shipnet-before", bool(note))
+        kind, shown = "bad" if note else "good", escape(shown).replace("\n", "<br>")
+        html = f'<p class="shipnet-note shipnet-{kind}" role="alert">{shown}</p>'
+        self._noted.value = html if shown else ""
 
     def _button(self, one: Button) -> widgets.Button:
         button = widgets.Button(description=one.label, tooltip=one.help)
@@ -168,17 +170,16 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
     def _upload(self, one: Upload) -> widgets.FileUpload:
         upload = widgets.FileUpload(accept=one.accept, description=one.label, tooltip=one.label)
-        upload.add_class("shipnet-upload")
 
         def take(_: object) -> None:
             for file in upload.value:
                 name, content = file["name"], bytes(file["content"])
                 self._change(partial(self._take, one, name, content), name)
-            # Else the same file, mended and loaded again, would be no change.
+            # Else the same file, corrected and loaded again, would be no change.
             upload.value = ()
 
         upload.observe(take, "value")
-        return upload
+        return _classed(upload, "shipnet-upload")
 
     def _take(self, one: Upload, name: str, content: bytes) -> Any:
         return one.take(self.inputs, name, content)
@@ -188,20 +189,18 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
     @contextmanager
     def _busy(self) -> Iterator[None]:
-        self.add_class("shipnet-busy")
+        self._mark("shipnet-busy", True)
         try:
             yield
         finally:
-            self.remove_class("shipnet-busy")
+            self._mark("shipnet-busy", False)
 
-
-def _classed(widget: widgets.Widget, name: str) -> widgets.Widget:
-    widget.add_class(name)
-    return widget
+    def _mark(self, name: str, on: bool) -> None:
+        (self.add_class if on else self.remove_class)(name)
 
 
 def _lines(problem: Exception) -> str:
-    """Return what is wrong, a fault a line where a file has several."""
+    """Return what is wrong, one fault per line where a file has several."""
     if not isinstance(problem, InputError) or len(problem.faults) < 2:
         return _sentence(problem)
     return "\n".join([f"{problem.file}:", *problem.lines(_FAULTS)])
@@ -214,3 +213,214 @@ def _sentence(problem: Exception) -> str:
         f"This should not happen: {type(problem).__name__}: {problem}. "
         "Please report it, with the saved state if there is one."
     )
+
+
+class Controls:
+    """A control for each field of a record, with its help."""
+
+    def __init__(self, start: Any) -> None:
+        self._kind = type(start)
+        self._asked = declared(self._kind)
+        self._held = {name: getattr(start, name) for name in self._asked}
+        self._quiet, self._observers = False, list[Callable[[], None]]()
+        made = {name: _control(kind, self._held[name]) for name, kind in self._asked.items()}
+        self.widgets = {name: control for name, control in made.items() if control is not None}
+        rows = []
+        for name, control in self.widgets.items():
+            kind = self._asked[name]
+            # First of all observers: a control beyond its new end is moved before it is read.
+            if isinstance(kind, Whole) and kind.at_most:
+                self._bound(control, kind, self.widgets[kind.at_most])
+            control.tooltip = kind.help
+            row = _with_help(control, kind.help)
+            rows.append(row)
+            if isinstance(kind, Text) and kind.rows > 1:
+                row.add_class("shipnet-editor")
+        for control in self.widgets.values():
+            control.observe(self._changed, "value")
+        self._seen = self._values()
+        self.box = _classed(widgets.Box(rows), "shipnet-controls")
+
+    @property
+    def inputs(self) -> Any:
+        """What the controls say, as an instance of the record; raises ArgumentError."""
+        return self._kind(**self._values())
+
+    def _values(self) -> dict[str, Any]:
+        """Return all values; a browser's sliders come to their steps by adding, so round."""
+        shown = {
+            name: round(control.value, 9)
+            if isinstance(self._asked[name], Number)
+            else control.value
+            for name, control in self.widgets.items()
+        }
+        return {**self._held, **shown}
+
+    def put(self, inputs: Any) -> None:
+        """Set all controls, each to its nearest step, and call no observer.
+
+        Raises ArgumentError, and changes nothing, if a slider does not reach a value.
+        """
+        for name, kind in self._asked.items():
+            kind.check_shown(name, getattr(inputs, name))
+        self._quiet = True
+        try:
+            for name, kind in self._asked.items():
+                value = getattr(inputs, name)
+                if name in self.widgets:
+                    self.widgets[name].value = _on_step(kind, value)
+                else:
+                    self._held[name] = value
+        finally:
+            self._quiet, self._seen = False, self._values()
+
+    def observe(self, call: Callable[[], None]) -> None:
+        """Call a function after each change that the user makes."""
+        self._observers.append(call)
+
+    def _changed(self, _: object) -> None:
+        # What a browser sends back after `put` is no change.
+        if not self._quiet and self._seen != self._values():
+            self._seen = self._values()
+            for call in self._observers:
+                call()
+
+    def _bound(self, control: widgets.Widget, kind: Whole, other: widgets.Widget) -> None:
+        def follow(_: object = None) -> None:
+            control.max = max(kind.shown[0], min(kind.shown[1], other.value))
+
+        other.observe(follow, "value")
+        follow()
+
+
+def _with_help(control: widgets.Widget, help: str) -> widgets.VBox:
+    """Return a control with a sentence that shows while the control is pointed at or in use."""
+    text = widgets.HTML(f'<div class="shipnet-help">{escape(help)}</div>')
+    return _classed(widgets.VBox([control, text]), "shipnet-control")
+
+
+def _classed(widget: widgets.Widget, name: str) -> widgets.Widget:
+    widget.add_class(name)
+    return widget
+
+
+def _on_step(kind: Kind, value: Any) -> Any:
+    """Return the value as the slider holds it; the browser would move it there in any case."""
+    if not isinstance(kind, Number):
+        return value
+    low, high = kind.shown
+    return min(high, round(low + kind.step * round((value - low) / kind.step), 9))
+
+
+def _control(kind: Kind, value: Any) -> widgets.Widget | None:
+    """Return the control of a field, None for a series, which has buttons."""
+    label = f"{kind.label} [{kind.unit}]" if kind.unit else kind.label
+    common: dict[str, Any] = {"value": value, "description": label}
+    if isinstance(kind, Switch):
+        return widgets.Checkbox(**common, indent=True)
+    if isinstance(kind, Choice):
+        options = [(shown, one) for one, shown in kind.options.items()]
+        menu = widgets.SelectionSlider if kind.slider else widgets.Dropdown
+        return menu(options=options, **common)
+    if isinstance(kind, Text):
+        # Half a word is nothing to compute with.
+        late = {"continuous_update": False, "placeholder": kind.hint, **common}
+        return widgets.Textarea(rows=kind.rows, **late) if kind.rows > 1 else widgets.Text(**late)
+    if isinstance(kind, Whole | Number):
+        common |= {"min": kind.shown[0], "max": kind.shown[1]}
+    if isinstance(kind, Whole):
+        if kind.typed:
+            return widgets.BoundedIntText(continuous_update=False, **common)
+        return widgets.IntSlider(**common)
+    if isinstance(kind, Number):
+        digits = max(0, ceil(-log10(kind.step)))
+        return widgets.FloatSlider(step=kind.step, readout_format=f".{digits}f", **common)
+    return None
+
+
+def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
+    """Draw some frames side by side: the static picture before a stepper.
+
+    Parameters
+    ----------
+    draw : callable
+        Takes the number of a frame, from 0, and axes.
+    steps : sequence of int
+        Which frames.
+    axes : sequence of matplotlib.axes.Axes
+        Where to draw each.
+
+    Raises
+    ------
+    ArgumentError
+        If there are not as many axes as frames.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> axes = Figure().subplots(2)
+    >>> draw_steps(lambda k, ax: ax.set_title(f"frame {k}"), [0, 5], axes)
+    >>> axes[1].get_title()
+    'frame 5'
+    """
+    if len(steps) != len(axes):
+        raise ArgumentError(f"there are {len(axes)} axes for {len(steps)} steps")
+    for step, ax in zip(steps, axes, strict=True):
+        draw(step, ax)
+
+
+def stepper(
+    draw: Draw, captions: Sequence[str], *, width: float = 7.5, height: float = 3.2
+) -> widgets.VBox:
+    """Return a slider with a button back and a button on, over prepared frames.
+
+    Parameters
+    ----------
+    draw : callable
+        Takes the number of a frame, from 0, and axes. A frame is drawn once, when it is first
+        looked at.
+    captions : sequence of str
+        A sentence for each frame, plain text; as many as there are frames, 1 to 1000.
+    width, height : float
+        Size of a frame [inch].
+
+    Returns
+    -------
+    ipywidgets.VBox
+        To be shown as the last value of a notebook's cell.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no frame, or there are more than 1000.
+
+    Examples
+    --------
+    >>> view = stepper(lambda k, ax: ax.plot([0, k]), ["flat", "steep", "steeper"])
+    >>> controls, caption, image = view.children
+    >>> back, slider, on = controls.children
+    >>> on.click()
+    >>> slider.value, caption.value, back.disabled
+    (1, 'steep', False)
+    """
+    check_whole("number of captions", len(captions), 1, _MOST)
+    last = len(captions) - 1
+    slider = widgets.IntSlider(0, 0, last, description="step", layout={"width": "26em"})
+    back = widgets.Button(description="back", icon="arrow-left")
+    on = widgets.Button(description="next", icon="arrow-right")
+    caption, image = widgets.Label(), widgets.Image(format="png")
+    frame = cache(lambda step: picture(lambda ax: draw(step, ax), width, height))
+
+    def show() -> None:
+        step = slider.value
+        caption.value, image.value = captions[step], frame(step)
+        back.disabled, on.disabled = step == 0, step == last
+
+    def move(by: int) -> None:
+        slider.value = min(last, max(0, slider.value + by))
+
+    back.on_click(lambda _: move(-1))
+    on.on_click(lambda _: move(1))
+    slider.observe(lambda _: show(), "value")
+    show()
+    return widgets.VBox([widgets.HBox([back, slider, on]), caption, image])

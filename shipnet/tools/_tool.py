@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -14,17 +12,17 @@ if TYPE_CHECKING:
 
 
 class Tool:
-    """Base of the tools; a tool is a record whose fields are its controls."""
+    """Base of the tools: a record whose fields are its controls; its page shows `_view`."""
 
     @property
     def verdict(self) -> str:
         """The answer in one line."""
-        return self._view().text
+        return self._view().verdict
 
     @property
     def ok(self) -> bool:
         """Whether the answer is good."""
-        return self._view().good
+        return self._view().ok
 
     @property
     def numbers(self) -> dict[str, str]:
@@ -37,42 +35,15 @@ class Tool:
 
     def explore(self) -> Page:
         """Return the page with a control for each field, for the last line of a notebook's cell."""
+        # The widgets are an extra, which a verdict does not need.
         from shipnet.tools._page import Page
 
-        name = type(self).__module__.rpartition(".")[2]
-        return Page(name, self, lambda inputs: inputs._view(), **self._options())
+        return Page(self, **self._options())
 
     def _view(self) -> View:
         """Return what the page shows."""
         raise NotImplementedError
 
     def _options(self) -> dict[str, Any]:
-        """Return what the page has beside controls and figure."""
+        """Return what the page has beside controls and figure: arguments of `Page`."""
         return {}
-
-
-@dataclass(frozen=True)
-class Button:
-    """A button."""
-
-    label: str
-    help: str
-    act: Callable[[Any], Any]
-
-
-@dataclass(frozen=True)
-class Upload:
-    """A button that takes a file of the user's."""
-
-    label: str
-    help: str
-    accept: str
-    take: Callable[[Any, str, bytes], Any]
-
-
-@dataclass(frozen=True)
-class Preset:
-    """Controls that set the others."""
-
-    start: Any
-    make: Callable[[Any, Any], Any]

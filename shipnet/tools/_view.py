@@ -1,57 +1,70 @@
-"""What a tool has to say: a verdict, a table and numbers below it, and a figure, as HTML."""
+"""What a page shows and takes: verdict, numbers and figure, buttons, files, a saved state."""
 
 from __future__ import annotations
 
+import json
 from base64 import b64encode
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from html import escape
 from io import BytesIO
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from shipnet.errors import ArgumentError, InputError
+from shipnet.fields import declared
+
 if TYPE_CHECKING:
     import pandas as pd
 
-
-#: Width of a picture [inch], and its resolution [1/inch]; a page shows it at 100 a inch.
+#: Width of a picture [inch], and its resolution [1/inch]; a page shows it at 100 per inch.
 _WIDTH, _DPI = 7.5, 150
+
+#: Version of a saved state; it grows when a field changes its meaning.
+VERSION = 1
+
+_FORMAT = "shipnet tool"
+
+#: A state is a few hundred characters; an editor's text makes it longer [bytes].
+_LARGEST = 2_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """What a tool shows."""
+    """What a page shows: verdict, table, numbers, the figure that `plot` draws, and files."""
 
-    text: str
-    good: bool
+    verdict: str
+    ok: bool
     numbers: Mapping[str, str] = field(default_factory=dict)
-    draw: Callable[[Axes], object] | None = None
+    plot: Callable[[Axes], object] | None = None
     height: float = 3.6
+    about: str = ""
     table: pd.DataFrame | None = None
     caption: str = ""
-    about: str = ""
     files: Mapping[str, str | bytes] = field(default_factory=dict)
 
     def __str__(self) -> str:
         """Return verdict, table and numbers as lines of text."""
         table = [] if self.table is None else [self.table.to_string(), self.caption]
-        numbers = (f"{name}: {said}" for name, said in self.numbers.items())
-        return "\n".join([self.text, *filter(None, table), *numbers])
+        numbers = (f"{name}: {number}" for name, number in self.numbers.items())
+        return "\n".join([self.verdict, *filter(None, table), *numbers])
 
     @property
-    def verdict(self) -> str:
+    def html(self) -> str:
         """The verdict, the table and the numbers as HTML."""
-        kind = "good" if self.good else "bad"
-        said = escape(self.text).replace("\n", "<br>")
+        kind = "good" if self.ok else "bad"
+        verdict = escape(self.verdict).replace("\n", "<br>")
         rows = "".join(
             f"<dt>{escape(name)}</dt><dd>{escape(number)}</dd>"
             for name, number in self.numbers.items()
         )
-        numbers = f'<dl class="shipnet-numbers">{rows}</dl>' if rows else ""
-        verdict = f'<p class="shipnet-verdict shipnet-{kind}" role="status">{said}</p>'
-        return f"{verdict}{self._table}{numbers}"
+        return (
+            f'<p class="shipnet-verdict shipnet-{kind}" role="status">{verdict}</p>{self._table}'
+            + (f'<dl class="shipnet-numbers">{rows}</dl>' if rows else "")
+        )
 
     @property
     def _table(self) -> str:
@@ -62,9 +75,7 @@ class View:
             f'<tr><th scope="row">{escape(str(name))}</th>'
             + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
             + "</tr>"
-            for name, cells in zip(
-                self.table.index, self.table.itertuples(index=False), strict=True
-            )
+            for name, *cells in self.table.itertuples()
         )
         return (
             f'<div class="shipnet-wide"><table class="shipnet-table"><thead><tr><td></td>{heads}'
@@ -74,23 +85,112 @@ class View:
 
     @property
     def figure(self) -> str:
-        """The figure as HTML; empty without `draw`."""
-        if self.draw is None:
+        """The figure as HTML; empty without `plot`."""
+        if self.plot is None:
             return ""
-        size = f'width="{100 * _WIDTH:g}" height="{100 * self.height:g}"'
-        png = b64encode(picture(self.draw, _WIDTH, self.height)).decode()
-        alt = f"{self.about}: {self.text}" if self.about else self.text
+        png = b64encode(picture(self.plot, _WIDTH, self.height)).decode()
+        alt = f"{self.about}: {self.verdict}" if self.about else self.verdict
         # Decoded at once, else the page would blink at every step of a slider.
         return (
-            f'<img class="shipnet-picture" decoding="sync" {size} alt="{escape(alt)}" '
-            f'src="data:image/png;base64,{png}">'
+            f'<img class="shipnet-picture" decoding="sync" width="{100 * _WIDTH:g}" '
+            f'height="{100 * self.height:g}" alt="{escape(alt)}" src="data:image/png;base64,{png}">'
         )
 
 
-def picture(draw: Callable[[Axes], object], width: float, height: float) -> bytes:
-    """Return what `draw` puts on axes as a picture."""
+def picture(plot: Callable[[Axes], object], width: float, height: float) -> bytes:
+    """Return what `plot` draws on axes as a PNG of a size in inches."""
     figure = Figure(figsize=(width, height), layout="constrained")
-    draw(figure.subplots())
+    plot(figure.subplots())
     file = BytesIO()
     figure.savefig(file, format="png", dpi=_DPI)
     return file.getvalue()
+
+
+@dataclass(frozen=True)
+class Button:
+    """A button; `act` takes the inputs and returns new ones, or None to compute the same again."""
+
+    label: str
+    help: str
+    act: Callable[[Any], Any]
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A button for a file; `take` gets the inputs, its name and its content, as `Button.act`."""
+
+    label: str
+    help: str
+    accept: str
+    take: Callable[[Any, str, bytes], Any]
+
+
+@dataclass(frozen=True)
+class Preset:
+    """Controls that set the others; `make` turns their record and the inputs into new inputs."""
+
+    start: Any
+    make: Callable[[Any, Any], Any]
+
+
+def download_link(text: str, file: str, content: str | bytes) -> str:
+    """Return a link that saves a file from the page itself, which asks no server for it."""
+    data = content.encode() if isinstance(content, str) else content
+    href = f"data:application/octet-stream;base64,{b64encode(data).decode()}"
+    return (
+        f'<a class="shipnet-button" download="{escape(file)}" href="{escape(href)}">'
+        f"{escape(text)}</a>"
+    )
+
+
+def write_state(tool: str, inputs: Any) -> str:
+    """Return the inputs of a tool as JSON."""
+    state = {"format": _FORMAT, "version": VERSION, "tool": tool, "inputs": asdict(inputs)}
+    return json.dumps(state, indent=2)
+
+
+def read_state(content: bytes, tool: str, kind: type, file: str = "state") -> Any:
+    """Return the inputs that a file holds, as the record `kind`."""
+    given = _inputs(content, tool, file)
+    kinds = declared(kind)
+    faults = [f"unknown input {name!r}" for name in given if name not in kinds]
+    faults += [f"input {name!r} is missing" for name in kinds if name not in given]
+    if faults:
+        raise InputError(file, *faults)
+    # JSON has no tuples.
+    values = {name: tuple(v) if isinstance(v, list) else v for name, v in given.items()}
+    for name, asked in kinds.items():
+        try:
+            asked.check(name, values[name], SimpleNamespace(**values))
+            asked.check_shown(name, values[name])
+        except ArgumentError as fault:
+            faults.append(str(fault))
+        except TypeError:
+            # The value that limits it is not a number, which has been said already.
+            continue
+    if faults:
+        raise InputError(file, *faults)
+    try:
+        return kind(**values)
+    except ArgumentError as fault:
+        raise InputError(file, str(fault)) from None
+
+
+def _inputs(content: bytes, tool: str, file: str) -> dict[str, Any]:
+    if len(content) > _LARGEST:
+        raise InputError(file, f"it has {len(content)} bytes; a saved state has {_LARGEST} at most")
+    try:
+        state = json.loads(content.decode("utf-8-sig"))
+    except (ValueError, RecursionError):
+        raise InputError(file, "this is not a saved state: it is not JSON") from None
+    if not isinstance(state, dict) or state.get("format") != _FORMAT:
+        raise InputError(file, f"this is not a saved state: it lacks the format {_FORMAT!r}")
+    if state.get("tool") != tool:
+        raise InputError(file, f"it is a state of the tool {state.get('tool')!r}, not of {tool!r}")
+    version = state.get("version")
+    if version != VERSION:
+        raise InputError(file, f"its version is {version!r}; this tool reads version {VERSION}")
+    inputs = state.get("inputs")
+    if not isinstance(inputs, dict):
+        raise InputError(file, "it holds no inputs")
+    return inputs

@@ -12,14 +12,13 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Stuffing
-from shipnet.can.messages import BIT_RATES, MessageSet, bus_load
-from shipnet.can.priorities import lowest_bit_rate
-from shipnet.can.response import ResponseTimes, response_times
-from shipnet.can.tables import EXAMPLE, parse_dbc
+from shipnet.can.messages import BIT_RATES, EXAMPLE, MessageSet, bus_load, parse_dbc
+from shipnet.can.response import ResponseTimes, lowest_bit_rate, response_times
+from shipnet.errors import InputError
 from shipnet.fields import choice, record, text, whole
-from shipnet.tools._state import decode_text
-from shipnet.tools._tool import Tool, Upload
-from shipnet.tools._view import View
+from shipnet.tables import text_of
+from shipnet.tools._tool import Tool
+from shipnet.tools._view import Upload, View
 
 
 @record
@@ -82,10 +81,10 @@ class CanLoad(Tool):
         """Return what the page shows."""
         result = self.result
         return View(
-            text=result.verdict,
-            good=not result.late,
+            verdict=result.verdict,
+            ok=not result.late,
             numbers=result.numbers,
-            draw=self.plot,
+            plot=self.plot,
             height=1.2 + 0.28 * len(result.responses),
             about="Longest response time of each message, as a bar, against its deadline",
         )
@@ -94,7 +93,9 @@ class CanLoad(Tool):
         """Return what the page has beside controls and figure."""
 
         def take(inputs: CanLoad, name: str, content: bytes) -> CanLoad:
-            given = decode_text(name, content)
+            given = text_of(content)
+            if "\0" in given:
+                raise InputError(name, "this is not a text file")
             dbc = name.lower().endswith(".dbc")
             return replace(inputs, text=parse_dbc(given, name).text if dbc else given)
 

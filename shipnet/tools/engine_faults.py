@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 
 from shipnet import style
 from shipnet.engine.faults import EngineFault
-from shipnet.engine.screen import Screen
-from shipnet.engine.simulation import Run, simulate
+from shipnet.engine.run import Run, Screen
+from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record
@@ -76,7 +76,7 @@ class EngineFaults(Tool):
     def __post_init__(self) -> None:
         """Check all three, and that the design can have the fault."""
         chosen = FAULTS[self.fault]
-        if chosen is not None and chosen.where not in chosen.places(DESIGNS[self.design]):
+        if chosen is not None and chosen.where not in DESIGNS[self.design].places[chosen.at]:
             raise ArgumentError(f"fault is {self.fault!r}; {self.design!r} has no such cable")
 
     @cached_property
@@ -95,10 +95,10 @@ class EngineFaults(Tool):
         result = self.result
         healthy = not (result.old or result.marked or result.raised)
         return View(
-            text="all values fresh" if healthy else f"{result.old} old values shown as good",
-            good=not result.old,
+            verdict="all values fresh" if healthy else f"{result.old} old values shown as good",
+            ok=not result.old,
             numbers=result.numbers,
-            draw=self.plot,
+            plot=self.plot,
             height=4.6,
             about="Screen of the alarm monitoring system, a field for each value",
         )

@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, whole
-from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
@@ -133,10 +133,10 @@ class ModbusScan(Tool):
         """Return what the page shows."""
         result = self.result
         return View(
-            text=f"{'in time' if result.in_time else 'too slow'}: {result.scan:.3f} s",
-            good=result.in_time,
+            verdict=f"{'in time' if result.in_time else 'too slow'}: {result.scan:.3f} s",
+            ok=result.in_time,
             numbers=result.numbers,
-            draw=self.plot,
+            plot=self.plot,
             height=3.0,
             about="Scan time over bit rate, both logarithmic, with the limit",
         )

@@ -14,8 +14,8 @@ from shipnet import style
 from shipnet.fields import choice, record, series
 from shipnet.remote_control.packet import MarkerFormat, MarkerParser
 from shipnet.remote_control.ring_buffer import Ring, Rule, Step
-from shipnet.tools._tool import Button, Tool
-from shipnet.tools._view import View
+from shipnet.tools._tool import Tool
+from shipnet.tools._view import Button, View
 
 #: Sizes to choose from; 128 is that of chung1998.
 SIZES = (8, 16, 32, 64, 128)
@@ -122,10 +122,10 @@ class ReceiveRing(Tool):
         """Return what the page shows."""
         result = self.result
         return View(
-            text=result.said,
-            good=result.sound,
+            verdict=result.said,
+            ok=result.sound,
             numbers=result.numbers,
-            draw=self.plot,
+            plot=self.plot,
             height=4.2,
             about="The ring with its bytes, its writer and its reader",
         )

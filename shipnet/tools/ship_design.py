@@ -20,8 +20,8 @@ from shipnet.fields import choice, number, record, switch, text
 from shipnet.tools._design_files import from_file, settings_from_file
 from shipnet.tools._design_result import Result
 from shipnet.tools._design_steps import EXAMPLES, MIXES, compared, place, points, settings_of
-from shipnet.tools._tool import Button, Tool, Upload
-from shipnet.tools._view import View
+from shipnet.tools._tool import Tool
+from shipnet.tools._view import Button, Upload, View
 
 if TYPE_CHECKING:
     from shipnet.tools._page import Page
@@ -208,12 +208,12 @@ class ShipDesign(Tool):
             files |= {"report.html": comparison.html()}
             ready = {"report": "made; the button to download it is below the figure"}
         return View(
-            text=result.verdict,
-            good=bool(result.kept),
+            verdict=result.verdict,
+            ok=bool(result.kept),
             table=result.table,
             caption=_MIND,
             numbers=ready | result.numbers,
-            draw=self.plot,
+            plot=self.plot,
             height=heights.get(result.picture, 3.6),
             about=PICTURES[result.picture],
             files=files,
@@ -245,7 +245,6 @@ class ShipDesign(Tool):
             )  # fmt: skip
 
         return Page(
-            "ship_design",
             self,
             see,
             buttons=[

@@ -18,10 +18,10 @@ from shipnet import style
 from shipnet.ballast.live import Ask, Client, Link, ModelValves, Readout, said, serve
 from shipnet.ballast.master import Screen
 from shipnet.fields import record, text, whole
-from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.frame import MAX_UNIT
 from shipnet.tools._page import Page
-from shipnet.tools._tool import Button, Tool
-from shipnet.tools._view import View
+from shipnet.tools._tool import Tool
+from shipnet.tools._view import Button, View
 
 #: Valves of the server that the explorer starts.
 _OWN = 16
@@ -193,14 +193,14 @@ def view(result: Result, said: str = "", *, refused: bool = False) -> View:
 
     Examples
     --------
-    >>> view(update(ValveClient(valves=3, valve=3), ModelValves(2))).good
+    >>> view(update(ValveClient(valves=3, valve=3), ModelValves(2))).ok
     False
     """
     return View(
-        text=result.verdict,
-        good=not refused and "not answer" not in result.verdict,
+        verdict=result.verdict,
+        ok=not refused and "not answer" not in result.verdict,
         numbers=({"last command": said} if said else {}) | result.numbers,
-        draw=lambda ax: draw(result, ax=ax),
+        plot=lambda ax: draw(result, ax=ax),
         height=0.7 + 0.7 * -(-result.inputs.valves // 32),
         about="Opening of every valve, as a bar",
     )
@@ -226,7 +226,6 @@ class Explorer(Page):
         clock.tooltip = "Reads all valves twice a second."
         clock.observe(lambda _: self.refresh(), "value")
         super().__init__(
-            "valve_client",
             start,
             self._look,
             buttons=[
@@ -271,6 +270,6 @@ class Explorer(Page):
             result = update(inputs, self._connected(inputs))
         except OSError as problem:
             self._hang_up()
-            return View(text=str(problem), good=False)
+            return View(verdict=str(problem), ok=False)
         # The refusal stays said, but it is bad news of one valve only.
         return view(result, self._answer, refused=self._refused == inputs.valve)

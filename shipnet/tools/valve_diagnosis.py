@@ -19,12 +19,12 @@ from shipnet.ballast.simulation import simulate_valves
 from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, switch
-from shipnet.fuzzy.decision import Decision
-from shipnet.fuzzy.rules import NORMAL, RuleBase
-from shipnet.tools._tool import Preset, Tool
-from shipnet.tools._view import View
+from shipnet.fuzzy.rules import Decision, RuleBase
+from shipnet.fuzzy.terms import NORMAL
+from shipnet.tools._tool import Tool
+from shipnet.tools._view import Preset, View
 
-#: What a valve may be doing: where it starts, 0..1, what it is told, and when it is read [s].
+#: What a valve may be doing: where it starts, 0..1, its command, and when it is read [s].
 STATES: dict[str, tuple[float, str | None, float]] = {
     "opening": (0.5, "open", 4.0),
     "closing": (0.5, "close", 4.0),
@@ -78,14 +78,10 @@ class ValveDiagnosis(Tool):
     commanded: bool = switch(
         default=True, label="a command is active", help="The valve has not yet reached its target."
     )
-    cut: float = number(
-        0.05,
-        1.0,
-        default=0.5,
-        step=0.05,
-        label="cut",
-        help="Strength from which on a rule is active.",
-    )
+    threshold: float = number(
+        0.05, 1.0, default=0.5, step=0.05, label="alarm threshold",
+        help="Firing strength from which a rule is active.",
+    )  # fmt: skip
 
     @cached_property
     def result(self) -> Result:
@@ -94,7 +90,7 @@ class ValveDiagnosis(Tool):
         given = {name: [getattr(self, name)] for name in base.names}
         if not self.commanded:
             given["DVPos"] = [nan]
-        decision = base.decide(given, threshold=self.cut)
+        decision = base.decide(given, threshold=self.threshold)
         printed = base.decide(given, "crisp").codes(0)
         return Result(self, decision, printed)
 
@@ -108,8 +104,8 @@ class ValveDiagnosis(Tool):
         labels = [f"{code}  {base.rule(code).english}" for code in codes]
         ax.set_yticks(range(len(codes)), labels, fontsize=8)
         ax.axvline(
-            result.inputs.cut, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"],
-            label="cut: active from here on",
+            result.inputs.threshold, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"],
+            label="alarm threshold",
         )  # fmt: skip
         places = [codes.index(code) for code in result.printed]
         ax.plot(
@@ -126,7 +122,12 @@ class ValveDiagnosis(Tool):
 
     @classmethod
     def from_plant(
-        cls, fault: str = NORMAL, severity: float = 1.0, state: str = "opening", *, cut: float = 0.5
+        cls,
+        fault: str = NORMAL,
+        severity: float = 1.0,
+        state: str = "opening",
+        *,
+        threshold: float = 0.5,
     ) -> ValveDiagnosis:
         """Return the readings of a valve by the plant model, without noise.
 
@@ -144,20 +145,22 @@ class ValveDiagnosis(Tool):
         last = {name: round(float(values[-1, 0]), 6) for name, values in run.samples.items()}
         commanded = bool(run.active[-1, 0])
         return cls(
-            **{**last, "DVPos": last["DVPos"] if commanded else 0.0}, commanded=commanded, cut=cut
+            **{**last, "DVPos": last["DVPos"] if commanded else 0.0},
+            commanded=commanded,
+            threshold=threshold,
         )
 
     def _view(self) -> View:
         """Return what the page shows."""
         result = self.result
-        text = result.headline
+        text = result.top
         base = result.decision.firing.base
         return View(
-            text=f"{text}: {base.rule(text).english}" if text in base.codes else text,
-            good=text == NORMAL,
+            verdict=f"{text}: {base.rule(text).english}" if text in base.codes else text,
+            ok=text == NORMAL,
             numbers=result.numbers,
-            draw=self.plot,
-            about="Firing strength of each rule, as a bar, against the cut",
+            plot=self.plot,
+            about="Firing strength of each rule as a bar, with the alarm threshold",
         )
 
     def _options(self) -> dict[str, Any]:
@@ -165,7 +168,7 @@ class ValveDiagnosis(Tool):
 
         def make(plant: _Plant, inputs: ValveDiagnosis) -> ValveDiagnosis:
             return ValveDiagnosis.from_plant(
-                plant.fault, plant.severity, plant.state, cut=inputs.cut
+                plant.fault, plant.severity, plant.state, threshold=inputs.threshold
             )
 
         return {"preset": Preset(_Plant(), make)}
@@ -202,8 +205,8 @@ class Result:
     printed: tuple[str, ...]
 
     @property
-    def headline(self) -> str:
-        """The first of the active codes, or ``normal``."""
+    def top(self) -> str:
+        """The highest-ranked active code, or ``normal``."""
         return str(self.decision.top[0])
 
     @property

@@ -408,7 +408,7 @@ def test_command_decodes_a_scope_file(tmp_path, capsys):
     head = "Time,Channel A\n(us),(V)\n\n"
     file.write_text(head + "".join(f"{k / 5:.2f},{v:.3f}\n" for k, v in enumerate(u)))
     table, picture = tmp_path / "out.csv", tmp_path / "out.png"
-    assert main(["decode", str(file), "--csv", str(table), "--figure", str(picture)]) == 0
+    assert main(["decode", str(file), "-o", str(table), "-o", str(picture)]) == 0
     out = capsys.readouterr().out
     assert out.startswith(f"scope.csv: channel Channel A; {len(u)} samples at 5 MS/s")
     assert "... and 22 more\n" in out
@@ -416,7 +416,7 @@ def test_command_decodes_a_scope_file(tmp_path, capsys):
     assert "cycle time     4.824 ms" in out
     assert "never answered 5\n" in out
     assert len(table.read_text().splitlines()) == 63
-    assert f"62 transactions written to {table}" in out
+    assert f"written: {table}\nwritten: {picture}\n" in out
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 

@@ -7,7 +7,7 @@ from shipnet.asi.segment import Segment
 from shipnet.asi.topology import straight_line
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES
-from shipnet.line.laplace import laplace_grid, synthesize
+from shipnet.line.waveform import laplace_grid, synthesize
 
 BITS = [Response(data).bits for data in range(16)]
 WORDS = np.array([[int(bit) for bit in bits] for bits in BITS])

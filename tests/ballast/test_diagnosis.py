@@ -11,7 +11,7 @@ from shipnet.ballast.simulation import blocks, running_time, simulate
 from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy import Rule, RuleBase
-from shipnet.fuzzy.rules import METHODS
+from shipnet.fuzzy.firing import METHODS
 
 BASE = rule_base()
 ORDERS = [

@@ -17,7 +17,7 @@ from shipnet.ballast.trials import (
 )
 from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy.rules import METHODS
+from shipnet.fuzzy.firing import METHODS
 from shipnet.intervals import event_interval, share_interval
 
 

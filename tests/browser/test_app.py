@@ -46,9 +46,9 @@ class Inputs:
 
 def see(inputs):
     time.sleep(inputs.wait)
-    return View(text=f"waited {1 / inputs.wait:.0f}", good=True)
+    return View(verdict=f"waited {1 / inputs.wait:.0f}", ok=True)
 
-Page("slow", Inputs(), see)
+Page(Inputs(), see)
 """
 
 
@@ -201,14 +201,14 @@ def test_the_index_leads_to_the_line_which_keys_alone_move_and_which_tells_its_h
 
 def test_a_state_that_is_not_one_is_refused_in_a_sentence(page, app):
     tool = Tool.opened(page, app, "asi_network")
-    tool.moves(lambda: tool.press("cable [m]", 10), "all rules kept", "cable length")
+    tool.moves(lambda: tool.press("cable [m]", 10), "all rules met", "cable length")
     name, state = tool.saved()
     note = page.locator(".shipnet-note")
     for wrong, why in [
         (state.replace(b"asi_network", b"asi_line"), "it is a state of the tool 'asi_line'"),
         (state.replace(b'"version": 1', b'"version": 99'), "its version is 99"),
         (state.replace(b'"slaves": 31', b'"slaves": 63'), "slaves is 63"),
-        (b"\x89PNG", "this is no saved state"),
+        (b"\x89PNG", "this is not a saved state"),
     ]:
         assert wrong != state
         tool.load("load state", name, wrong)
@@ -216,7 +216,7 @@ def test_a_state_that_is_not_one_is_refused_in_a_sentence(page, app):
         expect(tool.slider("cable [m]")).to_have_attribute("aria-valuenow", "150.0")
         tool.says("cable length")
     tool.press("cable [m]", 10, "ArrowLeft")
-    tool.says("all rules kept")
+    tool.says("all rules met")
     expect(note).to_have_count(0)
     tool.load("load state", name, state)
     tool.says("cable length")
@@ -240,7 +240,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
     tool.load("load a message set", "bad.csv", b"name,arbitration_id\noil,1\n")
     tool.says("dlc")
     tool.load("load a message set", "a.xlsx", b"PK\0\0")
-    expect(page.locator(".shipnet-note")).to_contain_text("a.xlsx: this is no text file")
+    expect(page.locator(".shipnet-note")).to_contain_text("a.xlsx: this is not a text file")
 
 
 def test_the_scan_explorer_waits_for_a_dead_slave(page, app):

@@ -5,8 +5,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from shipnet.can.bitwise import arbitrate
-from shipnet.can.frame import Frame
+from shipnet.can.frame import Frame, arbitrate
 from shipnet.errors import ArgumentError
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from shipnet.can import Log, Message, MessageSet, example, read_log, read_messages, simulate
+from shipnet.can import Frame, Log, Message, MessageSet, example, read_log, read_messages, simulate
 from shipnet.can.lengths import measure_frames
 from shipnet.errors import ArgumentError, InputError
 
@@ -263,6 +263,15 @@ def test_the_load_of_a_simulated_bus_is_found_in_its_log(tmp_path):
     assert "load" in repr(load)
 
 
+def test_a_log_without_payloads_has_frames_as_long_as_their_messages():
+    longest = [replace(m, bits=Frame(m.arbitration_id, bytes(m.dlc)).length) for m in example()]
+    run = simulate(MessageSet(longest), 125e3, until=2.0)
+    log = run.log()
+    bits = log.load(125e3).table()["bits"].sum()
+    assert bits == pytest.approx(run.load * 2.0 * 125e3, rel=1e-9)
+    assert log.compare(run.system).ok
+
+
 def test_the_load_over_time_is_drawn_with_a_line_per_bus():
     load = random_log(400, np.random.default_rng(5)).load(250e3)
     ax = load.plot(Figure().subplots())
@@ -305,9 +314,7 @@ def test_a_log_is_a_table_with_data_in_hexadecimal_digits():
 
 
 def recorded(messages, until=2.0):
-    sizes = {message.name: message.dlc for message in messages}
-    run = simulate(messages, 125e3, until=until)
-    return run.log(payload=lambda name, number: bytes(sizes[name]))
+    return simulate(messages, 125e3, until=until).log()
 
 
 def test_a_log_of_the_messages_is_as_they_should_be():

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet.can import Message, MessageSet, bus_load, example, read_messages
-from shipnet.can.tables import COLUMNS
+from shipnet.can.messages import COLUMNS
 from shipnet.errors import ArgumentError, InputError
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "can"

@@ -273,7 +273,7 @@ def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, cap
         ([], "no LIST is given"),
         (["LIST", "--options", "CAN,CAN"], "--options names CAN twice"),
         (["LIST", "--sheet", "S"], "has no sheet 'S'"),
-        (["LIST", "-o", "/nowhere/at/all.html"], "all.html'; there is no such folder"),
+        (["LIST", "-o", "/nowhere/at/all.html"], "all.html'; there is no folder"),
     ],
 )
 def test_a_mistake_is_told_in_one_line(arguments, message, tmp_path, capsys):

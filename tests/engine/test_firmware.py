@@ -4,9 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.engine.faults import DeadBox
+from shipnet.engine.run import Cpu
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import Firmware, System
-from shipnet.engine.traffic import Cpu
 from shipnet.errors import ArgumentError
 
 

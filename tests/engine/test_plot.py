@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from shipnet.engine.faults import CanBreak, DeadBox, StuckSensor
-from shipnet.engine.screen import SyntheticValues
-from shipnet.engine.simulation import Timeline, simulate
+from shipnet.engine.run import SyntheticValues, Timeline
+from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 

@@ -49,7 +49,7 @@ def test_the_collisions_are_those_of_a_dense_grid(coding):
         assert taken.max() == pytest.approx(table["to"][k], abs=slack)
 
 
-def test_the_mended_coding_never_sends_its_mark_for_a_value():
+def test_the_corrected_coding_never_sends_its_mark_for_a_value():
     wild = np.random.default_rng(3).normal(0, 1e6, (1000, 99))
     assert (CORRECTED.encode(POINTS, wild) != CORRECTED.error).all()
     assert not CORRECTED.collisions(POINTS).collides.any()

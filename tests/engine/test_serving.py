@@ -16,12 +16,11 @@ from shipnet.engine.faults import (
     LostCanFrames,
     ModbusBreak,
     StuckSensor,
-    parse_fault,
 )
 from shipnet.engine.points import read_points
 from shipnet.engine.registers import RegisterMap
-from shipnet.engine.screen import SyntheticValues
-from shipnet.engine.serving import JunctionBox, serve
+from shipnet.engine.run import SyntheticValues
+from shipnet.engine.serving import JunctionBox, parse_fault, serve
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 

@@ -77,7 +77,7 @@ def faults_of(draw, system):
     found = []
     for _ in range(draw(st.integers(0, 3))):
         kind = draw(st.sampled_from([BusOff, CanBreak, ModbusBreak, DeadBox, DeadPort, *LOSSES]))
-        place = kind("").places(system)
+        place = system.places[kind.at]
         where = place[draw(st.integers(0, len(place) - 1))]
         start = round(draw(st.floats(0.1, 2.5)), 9)
         stop = round(start + draw(st.floats(0.3, 2.0)), 9)

@@ -15,9 +15,8 @@ from shipnet.engine.faults import (
     ModbusBreak,
     StuckSensor,
 )
-from shipnet.engine.simulation import simulate
+from shipnet.engine.simulation import islands, simulate, single_failures
 from shipnet.engine.system import System
-from shipnet.engine.traffic import islands
 from shipnet.errors import ArgumentError
 
 PRINTED, RING, CORRECTED = System(), System(topology="ring"), System.corrected()
@@ -26,7 +25,7 @@ LOSSES = [LostCanFrames, LostModbusFrames]
 
 
 def row(system, fault, **options):
-    return system.single_failures([fault], trials=3, **options).iloc[1]
+    return single_failures(system, [fault], trials=3, **options).iloc[1]
 
 
 def test_every_part_fails_once():
@@ -71,8 +70,8 @@ def test_a_ring_outlives_any_cut_that_a_line_does_not():
     assert set(run.alarms()["source"].str[3:6]) == {"JB2", "JB3"}
 
 
-def test_the_mended_design_shows_nothing_old_and_notices_all_but_a_stuck_sensor():
-    table = CORRECTED.single_failures(trials=2)
+def test_the_corrected_design_shows_nothing_old_and_notices_all_but_a_stuck_sensor():
+    table = single_failures(CORRECTED, trials=2)
     stuck = table.index.str.startswith("sensor")
     healthy = table.index == "none"
     assert table.loc[~stuck, "age_ok"].all()
@@ -93,11 +92,11 @@ def test_the_mended_design_shows_nothing_old_and_notices_all_but_a_stuck_sensor(
     ),
     seed=st.integers(0, 10**6),
 )
-def test_no_mixture_of_faults_makes_the_mended_design_show_an_old_value(kinds, seed):
+def test_no_mixture_of_faults_makes_the_corrected_design_show_an_old_value(kinds, seed):
     rng = np.random.default_rng(seed)
     faults = []
     for kind in kinds:
-        where = rng.choice(kind("").places(CORRECTED))
+        where = rng.choice(CORRECTED.places[kind.at])
         start = rng.uniform(0, 8)
         faults.append(kind(str(where), start=start, stop=start + rng.uniform(0.01, 8)))
     run = simulate(CORRECTED, until=15, faults=faults, rng=rng)
@@ -108,7 +107,8 @@ def test_no_mixture_of_faults_makes_the_mended_design_show_an_old_value(kinds, s
 @pytest.mark.parametrize("system", [PRINTED, CORRECTED], ids=["printed", "corrected"])
 def test_an_age_that_grows_for_ever_is_infinite_and_one_that_ends_is_not(system):
     tag = system.points[0].tag
-    table = system.single_failures(
+    table = single_failures(
+        system,
         [StuckSensor(tag, start=AT), StuckSensor(tag, start=AT, stop=14), DeadBox("JB2", start=AT)],
         trials=2,
     )
@@ -208,8 +208,8 @@ def test_a_share_of_requests_is_lost_as_the_probability_says():
         (lambda: DeadBox("JB2", start=10, stop=None), "stop is None"),
         (lambda: DeadBox("JB2", start=10, stop="20"), "stop is '20'"),
         (lambda: PRINTED.single_faults(every_sensor="x"), "every_sensor is 'x'"),
-        (lambda: PRINTED.single_failures(trials=0), "trials is 0"),
-        (lambda: PRINTED.single_failures(rule=0), "rule is 0"),
+        (lambda: single_failures(PRINTED, trials=0), "trials is 0"),
+        (lambda: single_failures(PRINTED, rule=0), "rule is 0"),
     ],
 )
 def test_faults_that_cannot_be_are_refused(make, message):

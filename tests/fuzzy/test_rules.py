@@ -195,7 +195,7 @@ def test_the_assumed_rules_are_the_rows_of_the_table(base, printed):
     assert rows["code"].tolist() == list(base.codes)
     # The table's DV is the signal that the paper calls DVPos.
     assert rows["terms"].str.replace("DV.", "DVPos.").tolist() == [r.text for r in base.rules]
-    assert rows["flag_mended"].tolist() == [rule.flag for rule in base.rules]
+    assert rows["flag_corrected"].tolist() == [rule.flag for rule in base.rules]
     assert [rule.english.split(" (")[0] for rule in base.rules[:8]] == [
         "pressure gauge fault", "pump overload", "pump leakage", "valve stuck", "piston leakage",
         "position switch error", "position switch error", "motor too hot",
@@ -204,7 +204,7 @@ def test_the_assumed_rules_are_the_rows_of_the_table(base, printed):
 
 def test_the_assumed_terms_compare_as_the_table_prints(base, printed):
     constants = {"OPEN": "100", "CLOSE": "0"}
-    for rule, text in zip(base.rules, printed["antecedent_mended"][1:], strict=True):
+    for rule, text in zip(base.rules, printed["antecedent_corrected"][1:], strict=True):
         for (variable, term), part in zip(base.terms_of(rule), text.split(" and "), strict=True):
             for name, value in constants.items():
                 part = part.replace(name, value)
@@ -237,13 +237,13 @@ def test_the_assumed_vectors_are_the_inputs_of_the_table(printed, version):
     table = rule_vectors(version)
     assert table.index.tolist() == printed["code"].tolist()
     columns = {"FP": "fp_printed", "OP": "op_printed", "MC": "mc_printed", "OT": "ot_printed"}
-    columns["VPos"] = {"printed": "vpos_printed", "corrected": "vpos_mended_percent"}[version]
+    columns["VPos"] = {"printed": "vpos_printed", "corrected": "vpos_corrected_percent"}[version]
     for name, column in columns.items():
         text = printed[column].str.removeprefix("0 or ").tolist()
         ours = ["" if x != x else f"{x:g}" for x in table[name]]
         assert ours == text
     speeds = table["DVPos"].dropna().to_dict()
-    # The table mends V2; that the normal valve moves is our assumption.
+    # The table corrects V2; that the normal valve moves is our assumption.
     assert speeds == ({} if version == "printed" else {"normal": 10, "V2": 0})
 
 

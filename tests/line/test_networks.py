@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError
 from shipnet.line import CABLES, Cable, CableRun, Load, Network, Waveform
-from shipnet.line.laplace import laplace_grid, synthesize
-from shipnet.line.solver import dense_transfer
+from shipnet.line.waveform import laplace_grid, synthesize
 from tests.line.building import CABLE, DEVICE, SUPPLY, Net
 
 REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "line" / "asi.npz")
@@ -54,7 +53,7 @@ def test_waveforms_agree_with_ngspice(case):
     spectrum = -z[rows] * send_spectrum(s, REFERENCE[f"{case}/bits"])
     v = synthesize(spectrum, round(duration / dt), duration)[:, ::5][:, : expected.shape[1]]
     assert np.abs(v - expected).max() <= 5e-5 * np.abs(expected).max()
-    dense = dense_transfer(network, str(REFERENCE[f"{case}/sender"]), s)
+    dense = network.transfer(str(REFERENCE[f"{case}/sender"]), s, dense=True)
     assert np.abs(z - dense).max() <= 1e-12 * np.abs(z).max()
 
 
@@ -86,7 +85,7 @@ def test_random_trees_agree_with_the_dense_route_and_are_reciprocal(data):
     a, b = (data.draw(st.sampled_from(network.nodes)) for _ in range(2))
     s = laplace_grid(100e-6, 0.5e6)
     z = network.transfer(a, s)
-    assert np.abs(z - dense_transfer(network, a, s)).max() <= 1e-10 * np.abs(z).max()
+    assert np.abs(z - network.transfer(a, s, dense=True)).max() <= 1e-10 * np.abs(z).max()
     back = network.transfer(b, s)[network.index(a)]
     assert np.abs(z[network.index(b)] - back).max() <= 1e-12 * np.abs(z).max()
     assert (z[network.index(a)].real > 0).all(), "a passive network takes energy in"
@@ -209,7 +208,7 @@ def test_a_monte_carlo_batch_equals_the_loop(monkeypatch, closed, what, block):
     assert together.shape == (TREES, 5, s.size)
     loop = np.array([varied(k, closed, what).transfer("b", s) for k in range(TREES)])
     assert together == pytest.approx(loop, rel=1e-12)
-    assert dense_transfer(batch, "b", s) == pytest.approx(loop, rel=1e-9)
+    assert batch.transfer("b", s, dense=True) == pytest.approx(loop, rel=1e-9)
     if "length" in what:
         drop = batch.operating_point("m", 30, {"b": 0.1, "d": LENGTH / 100})
         for k in range(TREES):
@@ -373,9 +372,9 @@ def test_bad_shapes_of_networks_are_refused():
     with pytest.raises(ArgumentError, match=r"up - down would close a second ring, after .* q"):
         network.line("up", "down", 5, CABLE)
     network.load("lost", r=50)
-    for solve in (Network.transfer, dense_transfer):
+    for dense in (False, True):
         with pytest.raises(ArgumentError, match="no line leads from node 'p' to 'lost'"):
-            solve(network.network, "p", [1j])
+            network.transfer("p", [1j], dense=dense)
     with pytest.raises(ArgumentError, match="no line leads from node 'p' to 'lost'"):
         network.operating_point("p", 30, {})
     with pytest.raises(ArgumentError, match="no resistance"):

@@ -7,7 +7,7 @@ import pytest
 
 from shipnet.errors import ArgumentError
 from shipnet.line import CABLES, Cable, Driver, simulate
-from shipnet.line.laplace import laplace_grid, synthesize
+from shipnet.line.waveform import laplace_grid, synthesize
 from tests.line.building import DEVICE, Net
 
 FOLDER = Path(__file__).parents[1] / "reference" / "line"

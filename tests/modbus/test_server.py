@@ -18,7 +18,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient, ModbusUdpClient
 from pymodbus.exceptions import ModbusIOException
 
 from shipnet.errors import ArgumentError
-from shipnet.modbus.adu import rtu_frame, tcp_frame
+from shipnet.modbus.frame import rtu_frame, tcp_frame
 from shipnet.modbus.pdu import Request, Response
 from shipnet.modbus.server import serve
 from shipnet.modbus.slave import Registers, Slave

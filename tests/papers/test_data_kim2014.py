@@ -14,8 +14,8 @@ def read(what):
 def fired(rules, state):
     return [
         row.code
-        for row in rules[rules.antecedent_mended != ""].itertuples()
-        if eval(row.antecedent_mended, {}, state)
+        for row in rules[rules.antecedent_corrected != ""].itertuples()
+        if eval(row.antecedent_corrected, {}, state)
     ]
 
 
@@ -54,7 +54,7 @@ def test_function_codes():
     assert len(low) == 15 and (low <= high).all()
     full = 256 ** fixed[high.index] - 1
     assert (high <= full).all()
-    addressed = table.field_mended.isin(["register address", "register value"])
+    addressed = table.field_corrected.isin(["register address", "register value"])
     assert (high[addressed] == full[addressed]).all()
 
 
@@ -66,7 +66,7 @@ def test_function_codes_numbers_match_their_text():
         if "," in text:
             assert text == "01,02,03,04"
             text = "0x01~0x04"
-        if row.field_mended == "byte count":
+        if row.field_corrected == "byte count":
             assert text == "2xN*"
             text = "0x02~0xFA"
         printed = text.split("~")
@@ -78,10 +78,10 @@ def test_function_codes_follow_modbus():
     errors = table[table.field_printed == "Error code"]
     for row in errors.itertuples():
         assert int(row.value_printed, 0) == int(row.function_code, 0) | 0x80
-    quantity = table.set_index("field_mended").loc["quantity of input registers"]
+    quantity = table.set_index("field_corrected").loc["quantity of input registers"]
     most = int(quantity.value_high, 0)
     assert most == (253 - 2) // 2
-    byte_count = table.set_index("field_mended").loc["byte count"]
+    byte_count = table.set_index("field_corrected").loc["byte count"]
     assert byte_count.field_printed == "Register Address"
     assert int(byte_count.value_high, 0) == 2 * most
 
@@ -100,10 +100,10 @@ def test_frames_are_contiguous(what):
         after = frame[first > int(length_field.offset_last_byte)]
         assert after.length_byte.astype(int).sum() == int(length_field.value_printed)
         standard = after[after.in_standard == "yes"]
-        assert standard.length_byte.astype(int).sum() == int(length_field.value_mended)
+        assert standard.length_byte.astype(int).sum() == int(length_field.value_corrected)
 
 
-def test_frame_values_are_mended_only_where_stated():
+def test_frame_values_are_corrected_only_where_stated():
     table = pd.concat(
         {n: read(w) for n, w in [(2, "table2_write_register"), (3, "table3_read_registers")]},
         names=["table"],
@@ -113,8 +113,8 @@ def test_frame_values_are_mended_only_where_stated():
     code = table[table.field_printed == "Func. Code"].groupby("table").value_printed.unique()
     assert [list(c) for c in code] == [["0x06"], ["0x04"]]
     kept = table[table.in_standard == "yes"]
-    mended = kept[kept.value_printed != kept.value_mended]
-    assert mended[["table", "message", "value_printed", "value_mended"]].values.tolist() == [
+    corrected = kept[kept.value_printed != kept.value_corrected]
+    assert corrected[["table", "message", "value_printed", "value_corrected"]].values.tolist() == [
         [2, "query", "Position 0-100%", "0-100"],
         [2, "response", "Position 0-100%", "0-100"],
         [2, "error", "0x06", "0x86"],
@@ -138,7 +138,7 @@ def test_table2_write_register():
     code = table.loc["error", "Err. Code"]
     function_code = int(table.loc["query", "Func. Code"].value_printed, 0)
     assert int(code.value_printed, 0) == function_code
-    assert int(code.value_mended, 0) == function_code | 0x80
+    assert int(code.value_corrected, 0) == function_code | 0x80
 
 
 def test_table2_command_codes():
@@ -162,8 +162,8 @@ def test_table2_command_codes():
 
 def test_table3_read_registers():
     table = read("table3_read_registers")
-    query = table[table.message == "query"].set_index("field_mended").value_printed
-    response = table[table.message == "response"].set_index("field_mended")
+    query = table[table.message == "query"].set_index("field_corrected").value_printed
+    response = table[table.message == "response"].set_index("field_corrected")
     quantity = int(query["quantity low"], 0)
     assert quantity == 0x4023 - 0x4020 + 1
     for frame in (query, response.value_printed):
@@ -173,7 +173,7 @@ def test_table3_read_registers():
     assert int(response.length_byte["input registers"]) == 2 * quantity
     extra = response[response.in_standard == "no"].length_byte.astype(int).sum()
     length = response.loc["length"]
-    assert int(length.value_printed) - int(length.value_mended) == extra == 3
+    assert int(length.value_printed) - int(length.value_corrected) == extra == 3
 
 
 def test_table3_bits_are_two_places_off_table2():
@@ -186,9 +186,9 @@ def test_table3_bits_are_two_places_off_table2():
     bits = read_bits[read_bits.part == "bit"]
     assert bits.bit_printed.tolist() == [f"Bit{n}" for n in range(6)]
     assert bits.name_printed.tolist()[:2] == ["Input reg*2", "Input reg*2+1"]
-    assert bits.register_mended.tolist() == ["", "", *["0x4020"] * 4]
+    assert bits.register_corrected.tolist() == ["", "", *["0x4020"] * 4]
     assert bits.reading.tolist()[2:] == named.bit_printed.tolist()
-    registers = read_bits[read_bits.part == "register"].register_mended
+    registers = read_bits[read_bits.part == "register"].register_corrected
     assert registers.tolist() == ["0x4020", "0x4021", "0x4022", "0x4023"]
 
 
@@ -196,34 +196,34 @@ def test_rule_table_shape(rules):
     assert rules.no.astype(int).tolist() == list(range(13))
     faults = rules.iloc[1:]
     assert faults.code.tolist() == "G1 P1 P2 V1 V2 S1 S2 O1 Pos1 Pos2 Pos3 Pos4".split()
-    assert faults.antecedent_mended.is_unique
+    assert faults.antecedent_corrected.is_unique
     assert faults.flag_printed.str.endswith(" = 1").all()
-    vpos = faults.vpos_mended_percent
+    vpos = faults.vpos_corrected_percent
     assert set(vpos[vpos.str.isdigit() | vpos.str.startswith("-")]) == {"105", "-5"}
-    assert faults.flag_mended.nunique() == 7
-    assert (faults.flag_mended == "PosFault").sum() == 6
-    misspelt = faults[faults.flag_printed.str.removesuffix(" = 1") != faults.flag_mended]
+    assert faults.flag_corrected.nunique() == 7
+    assert (faults.flag_corrected == "PosFault").sum() == 6
+    misspelt = faults[faults.flag_printed.str.removesuffix(" = 1") != faults.flag_corrected]
     assert misspelt.code.tolist() == ["O1"]
 
 
-def test_rule_table_mended_antecedents_say_what_is_printed(rules):
+def test_rule_table_corrected_antecedents_say_what_is_printed(rules):
     words = {"GT": ">", "LT": "<", "GE": ">=", "EQ": "=="}
     for row in rules.iloc[1:].itertuples():
         text = row.antecedent_printed.replace(" && ", " ").split()
         printed = {(n, words[o], v) for n, o, v in zip(*[iter(text)] * 3, strict=True)}
-        mended = set()
-        for part in row.antecedent_mended.split(" and "):
+        corrected = set()
+        for part in row.antecedent_corrected.split(" and "):
             t = part.split()
             if len(t) == 5:
-                mended |= {(t[2], ">", t[0]), (t[2], t[3], t[4])}
+                corrected |= {(t[2], ">", t[0]), (t[2], t[3], t[4])}
             else:
-                mended.add(tuple(t))
-        assert mended == printed
+                corrected.add(tuple(t))
+        assert corrected == printed
 
 
 def test_rule_table_has_one_term_per_condition(rules):
     for row in rules.iloc[1:].itertuples():
-        parts = row.antecedent_mended.split(" and ")
+        parts = row.antecedent_corrected.split(" and ")
         for part, term in zip(parts, row.terms.split(" & "), strict=True):
             assert part.removeprefix("0 < ").startswith(term.split(".")[0])
 
@@ -238,10 +238,10 @@ def test_rule_table_inputs_match_their_text(rules):
         assert columns == printed
 
 
-def test_rule_table_mended_inputs_fire_their_rule(rules):
+def test_rule_table_corrected_inputs_fire_their_rule(rules):
     for _, row in rules.iloc[1:].iterrows():
-        for vpos in row.vpos_mended_percent.split(" or "):
-            assert row.code in fired(rules, state_of(row, vpos, row.dvpos_mended_percent_per_s))
+        for vpos in row.vpos_corrected_percent.split(" or "):
+            assert row.code in fired(rules, state_of(row, vpos, row.dvpos_corrected_percent_per_s))
 
 
 def test_rule_table_printed_inputs_miss_three_rules(rules):

@@ -14,9 +14,9 @@ from shipnet.ballast.rule_table import rule_vectors
 from shipnet.ballast.sensors import CHANNELS, normal_values, rule_limits
 from shipnet.engine.class_rules import RULES
 from shipnet.errors import ArgumentError, LengthError
-from shipnet.modbus.adu import decode, rtu_frame
 from shipnet.modbus.faults import Break, Short
-from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.frame import rtu_frame
+from shipnet.modbus.pdu import Request, Response, decode
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 from shipnet.modbus.udp import LossyPath, compare, simulate
@@ -269,8 +269,8 @@ def test_what_fires_beside_the_headline(code, fired):
 def test_nine_of_twelve_inputs_find_their_row():
     right = [code for code in k_faults.BASE.codes if k_faults.diagnosed(code) == code]
     assert len(right) == 9 and set(k_faults.BASE.codes) - set(right) == {"V2", "S2", "Pos2"}
-    mended = [k_faults.diagnosed(code, version="corrected") for code in k_faults.BASE.codes]
-    assert tuple(mended) == k_faults.BASE.codes
+    corrected = [k_faults.diagnosed(code, version="corrected") for code in k_faults.BASE.codes]
+    assert tuple(corrected) == k_faults.BASE.codes
 
 
 def test_normal_values_meet_v2_at_standstill():
@@ -296,7 +296,7 @@ def test_positions_as_printed_are_off_the_scale():
     assert set(positions) == {305.0, -5.0}
 
 
-def test_a_cut_at_a_half_is_a_table_of_comparisons():
+def test_a_threshold_of_a_half_is_a_table_of_comparisons():
     rng = np.random.default_rng(3)
     samples = {v.name: rng.uniform(v.low, v.high, 5000) for v in k_faults.BASE.variables}
     fuzzy = k_faults.BASE.fire(samples).decide().active

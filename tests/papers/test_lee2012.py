@@ -12,7 +12,7 @@ from pymodbus.pdu import DecodePDU
 
 from shipnet.can import simulate
 from shipnet.can.faults import ErrorAt
-from shipnet.engine.assessment import Redundancy
+from shipnet.engine.class_rules import Redundancy
 from shipnet.engine.faults import DeadBox, LostModbusFrames
 from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import read_points
@@ -21,9 +21,9 @@ from shipnet.engine.registers import CODINGS
 from shipnet.engine.simulation import simulate as simulate_engine
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.modbus.adu import decode, rtu_frame
 from shipnet.modbus.electrical import INTERFACES
-from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.frame import rtu_frame
+from shipnet.modbus.pdu import Request, Response, decode
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.lee2012 import buses, engine, operation
 from shipnet.papers.lee2012.plot import plot_channels

@@ -178,12 +178,12 @@ def test_a_dead_slave_costs_the_wait_and_the_silence_of_the_closed_form(bit_rate
 
 @pytest.mark.parametrize("bit_rate", [9600, 600])
 @pytest.mark.parametrize(
-    "mend",
+    "change",
     [{}, *({"master": Supervision(miss_limit=m)} for m in (0, 1)), {"turn_timeout": 1.0}],
     ids=["printed", "limit 0", "limit 1", "turn"],
 )
-def test_no_death_anywhere_in_the_cycle_silences_bcs_longer_than_the_bound(mend, bit_rate):
-    system, rng = full(bit_rate=bit_rate, **mend), np.random.default_rng(5)
+def test_no_death_anywhere_in_the_cycle_silences_bcs_longer_than_the_bound(change, bit_rate):
+    system, rng = full(bit_rate=bit_rate, **change), np.random.default_rng(5)
     seen, pairs, longest = system.cascade(), set(), 0.0
     for k in range(30):
         died = 3 + system.cycle_time * (k + 0.5) / 30
@@ -198,10 +198,10 @@ def test_no_death_anywhere_in_the_cycle_silences_bcs_longer_than_the_bound(mend,
 
 
 @pytest.mark.parametrize(
-    "mend", [{"turn_timeout": 0.2}, {"master": Supervision(miss_limit=0)}], ids=["turn", "limit"]
+    "change", [{"turn_timeout": 0.2}, {"master": Supervision(miss_limit=0)}], ids=["turn", "limit"]
 )
-def test_a_turn_that_ends_or_a_shorter_limit_of_the_master_keeps_the_failure_from_spreading(mend):
-    system = full(**mend)
+def test_a_turn_that_ends_or_a_shorter_limit_of_the_master_keeps_the_failure_from_spreading(change):
+    system = full(**change)
     assert system.cascade().alarm == "never"
     died = 10 * system.cycle_time + system.packet_time
     run = simulate(
@@ -227,11 +227,13 @@ def test_a_lost_packet_leaves_a_switch_stale_until_it_moves_again_unless_values_
     )
     patient = Supervision(miss_limit=0)
     stale = simulate(System(master=patient), until=12, faults=faults, changes=changes).delays("SS")
-    mended = simulate(full(master=patient), until=12, faults=faults, changes=changes).delays("SS")
+    corrected = simulate(full(master=patient), until=12, faults=faults, changes=changes).delays(
+        "SS"
+    )
     # The second move brings the switch back to where SS still shows it.
     assert np.isnan(stale.delay_s[0]) and stale.delay_s[1] == 0
     # RCS waits 1.1 s for the packet that was lost, then has it in the next cycle.
-    assert 1.0 < mended.delay_s[0] < 1.1 + 2 * full().response_time()
+    assert 1.0 < corrected.delay_s[0] < 1.1 + 2 * full().response_time()
 
 
 @settings(max_examples=15)
@@ -280,26 +282,26 @@ def test_errors_stop_the_printed_link_for_seconds_and_a_turn_that_ends_does_not(
     rng = np.random.default_rng(3)
     printed = simulate(full(), until=30, faults=[BitErrors(1e-4)], rng=rng)
     rng = np.random.default_rng(3)
-    mended = simulate(
+    corrected = simulate(
         full(packet_format=CobsFormat(), turn_timeout=0.1),
         until=30,
         faults=[BitErrors(1e-4)],
         rng=rng,
     )
-    assert printed.cycle_times.max() > 4 > 0.6 > mended.cycle_times.max()
+    assert printed.cycle_times.max() > 4 > 0.6 > corrected.cycle_times.max()
     assert (printed.traffic().outcome == "wrong").sum() > 3
-    assert (mended.traffic().outcome == "wrong").sum() == 0 < mended.traffic().disturbed.sum()
+    assert (corrected.traffic().outcome == "wrong").sum() == 0 < corrected.traffic().disturbed.sum()
 
 
 @settings(max_examples=15)
 @given(
     rate=st.floats(0, 0.5),
     seed=st.integers(0, 10**6),
-    mended=st.booleans(),
+    corrected=st.booleans(),
     stall=st.floats(0.01, 3),
 )
-def test_no_noise_and_no_stall_brings_the_simulation_down(rate, seed, mended, stall):
-    form = CobsFormat() if mended else MarkerFormat("B", numbers="any")
+def test_no_noise_and_no_stall_brings_the_simulation_down(rate, seed, corrected, stall):
+    form = CobsFormat() if corrected else MarkerFormat("B", numbers="any")
     system = System(form, turn_timeout=0.05, repeat=3, skip_turns=2)
     faults = [
         BitErrors(rate),

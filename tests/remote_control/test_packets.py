@@ -321,7 +321,7 @@ def test_only_changes_are_sent_and_every_subset_comes_through():
 
 
 @pytest.mark.parametrize(("repeat", "packets"), [(1, 10), (3, 4), (10, 1)])
-def test_repeating_mends_a_lost_packet_and_the_printed_rule_does_not(repeat, packets):
+def test_repeating_recovers_a_lost_packet_and_the_printed_rule_does_not(repeat, packets):
     def after_a_loss(sender, n_packets):
         sender.packet([7] * 10)  # lost
         table = dict.fromkeys(range(10), 0)

@@ -137,7 +137,7 @@ def test_what_is_lost_and_what_is_stale_is_what_a_queue_says(rule, size, operati
 
 
 @given(size=st.integers(2, 9), operations=OPERATIONS)
-def test_the_mended_ring_takes_every_byte_in_order_but_those_overwritten(size, operations):
+def test_the_corrected_ring_takes_every_byte_in_order_but_those_overwritten(size, operations):
     ring, queue = Ring(size, "corrected"), []
     for operation in operations:
         if operation is not None:
@@ -187,9 +187,9 @@ def test_a_lead_of_two_rounds_looks_in_order_and_is_lost_silently():
     assert (ring.unread, ring.seems_unread, ring.case) == (260, 4, "b")
     assert drain(ring) == bytes([0xCC] * 4)
     assert (ring.lost, ring.unread) == (256, 0)
-    mended = filled(128, "corrected", [0xCC] * 260)
-    assert mended.extract().lost == 132
-    assert len(drain(mended)) == 128
+    corrected = filled(128, "corrected", [0xCC] * 260)
+    assert corrected.extract().lost == 132
+    assert len(drain(corrected)) == 128
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -235,8 +235,8 @@ def test_a_ring_that_is_just_full_is_repaired_though_nothing_is_lost(size):
     full = table[table.unread == size]
     assert set(full.case) == {"c"} and set(full.action) == {"repair"}
     assert full.lost.max() == (size + 1) // 2
-    mended = Ring(size, "corrected").explore(size)
-    assert not mended.lost.any() and not mended.stale.any()
+    corrected = Ring(size, "corrected").explore(size)
+    assert not corrected.lost.any() and not corrected.stale.any()
 
 
 @pytest.mark.parametrize(
@@ -288,8 +288,8 @@ def test_twenty_of_128_places_break_a_value_by_the_letter_and_none_with_round_in
     assert printed.wrong.tolist() == bad
     assert sum(bad) == 20
     assert printed.outside.sum() == 10 * (1 + 2)
-    mended = extraction(items, form, wrap=True)
-    assert not mended.wrong.any() and not mended.outside.any()
+    corrected = extraction(items, form, wrap=True)
+    assert not corrected.wrong.any() and not corrected.outside.any()
 
 
 @given(cells=st.binary(min_size=3, max_size=200), data=st.data())

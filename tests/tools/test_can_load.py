@@ -95,7 +95,7 @@ def test_a_dbc_is_loaded_as_text():
 def test_a_file_that_is_no_text_changes_nothing_and_what_windows_writes_is_text():
     page = CanLoad().explore()
     load(page.uploads["load a message set"], b"\x89PNG\0", "a.png")
-    assert page.note == "a.png: this is no text file"
+    assert page.note == "a.png: this is not a text file"
     assert page.controls["text"].value == EXAMPLE and "meet their deadlines" in page.text
     load(page.uploads["load a message set"], EXAMPLE.replace("alarm", "\xf6l").encode("cp1252"))
     assert "\xf6l" in page.controls["text"].value and page.note == ""

@@ -20,7 +20,7 @@ from shipnet.design.site import Site
 from shipnet.errors import ArgumentError, InputError
 from shipnet.tools import _design_steps
 from shipnet.tools._design_steps import EXAMPLES, MIXES
-from shipnet.tools._state import read_state, write_state
+from shipnet.tools._view import read_state, write_state
 from shipnet.tools.ship_design import PICTURES, ShipDesign, from_file
 from tests.support import load
 
@@ -144,7 +144,7 @@ def test_the_table_and_the_page_say_what_it_is(small):
     assert shown.table.index.tolist() == list(OPTIONS)
     assert shown.table.loc["home runs", "points lost by one failure"] == "1"
     assert BANNER in shown.caption and "assumptions" in shown.caption
-    assert BANNER in shown.verdict and "<th" in shown.verdict and "cabinet" in shown.numbers
+    assert BANNER in shown.html and "<th" in shown.html and "cabinet" in shown.numbers
     costs = shown.table["cost [EUR]"].str.findall(r"[\d,]+").explode().str.replace(",", "")
     assert all(len(cost.rstrip("0")) <= 3 for cost in costs)
 
@@ -254,7 +254,7 @@ def test_the_page_refuses_a_bad_list_fault_by_fault_and_takes_a_good_one():
     assert page.text.startswith("few.csv") is False and "type its place" in page.text
     page.controls["cabinet"].value = "10, 0, 8"
     assert "connect all 8 points" in page.text and page.note == ""
-    assert HOSTILE not in page._said.value
+    assert HOSTILE not in page._shown.value
     page.controls["points"].value = "tag,type,x,y,z\nA,DI,1,2,x\nA,DI,1,2,3\n"
     assert page.text.splitlines()[0] == "few.csv:" and len(page.text.splitlines()) == 3
 

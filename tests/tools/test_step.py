@@ -2,7 +2,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError
-from shipnet.tools.step import draw_steps, stepper
+from shipnet.tools._page import draw_steps, stepper
 
 
 def test_the_stepper_goes_through_its_frames_and_stops_at_both_ends():

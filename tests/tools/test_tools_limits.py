@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from shipnet import tools
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Choice, Number, Series, Switch, Text, Whole, declared
-from shipnet.tools._controls import Controls
+from shipnet.tools._page import Controls
 from shipnet.tools._tool import Tool
 
 FOLDER = Path(__file__).resolve().parents[2] / "shipnet" / "tools"
-TOOLS = sorted({path.stem for path in FOLDER.glob("[a-z]*.py")} - {"step"})  # for the lessons
+TOOLS = sorted(path.stem for path in FOLDER.glob("[a-z]*.py"))
 CSV = "name,arbitration_id,dlc,period_ms\n"
 #: Where the example of a tool is large, a small one.
 SMALL = {
@@ -66,7 +66,7 @@ def computes(tool, values, figure=False):
     """Compute; whatever goes wrong must be an error that a page can show. Return whether it did."""
     try:
         view = kind_of(tool)(**(SMALL.get(tool, {}) | values))._view()
-        assert view.text
+        assert view.verdict
         if figure:
             assert "data:image/png" in view.figure
     except (ArgumentError, InputError) as error:

@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check, choice, number, series, switch, text, whole
 from shipnet.tools._page import Page
-from shipnet.tools._state import read_state, write_state
-from shipnet.tools._tool import Button, Preset, Upload
-from shipnet.tools._view import View
+from shipnet.tools._view import Button, Preset, Upload, View, read_state, write_state
 from tests.support import load
+
+#: What a saved state calls the tool: the module that its record is of.
+TOOL = "test_tools_page"
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,10 @@ class Seen(list):
         if toy.name == "file":
             raise InputError("a.csv", "row 1 is empty")
         return View(
-            text=f"{toy.slaves} slaves <on> {toy.bus}",
-            good=not toy.dead,
+            verdict=f"{toy.slaves} slaves <on> {toy.bus}",
+            ok=not toy.dead,
             numbers={"dead": str(toy.dead)},
-            draw=lambda ax: ax.plot([0, toy.slaves]),
+            plot=lambda ax: ax.plot([0, toy.slaves]),
             height=1,
             about="A line",
             files={"report.html": "<p>fine</p>"},
@@ -63,7 +64,7 @@ def seen():
 
 @pytest.fixture
 def page(seen):
-    return Page("toy", Toy(), seen)
+    return Page(Toy(), seen)
 
 
 def test_every_control_shows_its_value_within_its_limits_and_has_its_help(page):
@@ -86,7 +87,7 @@ def test_a_control_that_must_not_exceed_another_follows_it(page, seen):
 
 def test_text_becomes_no_html_and_the_picture_has_words(page):
     assert page.text == "5 slaves <on> CAN\ndead: 0"
-    assert "5 slaves &lt;on&gt; CAN" in page._said.value
+    assert "5 slaves &lt;on&gt; CAN" in page._shown.value
     assert 'alt="A line: 5 slaves &lt;on&gt; CAN"' in page.figure.value
 
 
@@ -106,8 +107,8 @@ def test_what_is_wrong_is_a_sentence_and_the_old_picture_pales(page):
     assert page.text.startswith(
         "This should not happen: ZeroDivisionError: <b>1/0</b>. Please report"
     )
-    assert "&lt;b&gt;1/0" in page._said.value
-    assert "shipnet_toy.json" in page.links.value
+    assert "&lt;b&gt;1/0" in page._shown.value
+    assert "shipnet_test_tools_page.json" in page.links.value
     assert "shipnet-busy" not in page._dom_classes
 
 
@@ -120,22 +121,22 @@ def test_a_file_with_several_faults_is_told_fault_by_fault(seen):
     def see(toy):
         raise InputError("a.csv", *faults[:2])
 
-    page = Page("toy", Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
+    page = Page(Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
     load(page.uploads["own"], b"x", "x.txt")
     assert page.note.startswith("x.txt: row 0 is <empty>; row 1") and "\n" not in page.note
     assert page._noted.value.count("<br>") == 52 and "and 15 more" in page._noted.value
     assert "<empty>" not in page._noted.value
-    assert Page("toy", Toy(), see).text == "a.csv:\nrow 0 is <empty>\nrow 1 is <empty>"
+    assert Page(Toy(), see).text == "a.csv:\nrow 0 is <empty>\nrow 1 is <empty>"
 
 
 def test_a_table_stands_between_verdict_and_numbers():
     table = pd.DataFrame({"cost <EUR>": ["<1", "2"]}, index=["a & b", "c"])
-    view = View(text="two", good=True, numbers={"n": "2"}, table=table, caption="made <up>")
+    view = View(verdict="two", ok=True, numbers={"n": "2"}, table=table, caption="made <up>")
     assert str(view).splitlines()[-2:] == ["made <up>", "n: 2"] and "cost <EUR>" in str(view)
-    said = view.verdict
+    said = view.html
     order = ["two", "cost &lt;EUR&gt;", "a &amp; b", "<td>&lt;1</td>", "made &lt;up&gt;", "<dt>n"]
     assert sorted(map(said.index, order)) == [said.index(part) for part in order]
-    assert "<table" not in View(text="none", good=True).verdict
+    assert "<table" not in View(verdict="none", ok=True).html
 
 
 def test_the_page_is_busy_while_it_computes():
@@ -143,9 +144,9 @@ def test_the_page_is_busy_while_it_computes():
 
     def see(toy):
         found.append("shipnet-busy" in page._dom_classes)
-        return View(text="", good=True)
+        return View(verdict="", ok=True)
 
-    page = Page("toy", Toy(), lambda toy: View(text="", good=True))
+    page = Page(Toy(), lambda toy: View(verdict="", ok=True))
     page._see = see
     page.controls["slaves"].value = 6
     assert found == [True]
@@ -167,7 +168,7 @@ def test_changes_in_quick_succession_are_computed_once(page, seen):
 
 def test_a_preset_sets_all_controls_and_is_computed_once(seen):
     preset = Preset(Toy(name="all"), lambda two, toy: replace(toy, slaves=2 * two.slaves))
-    page = Page("toy", Toy(), seen, preset=preset)
+    page = Page(Toy(), seen, preset=preset)
     page.presets["slaves"].value = 7
     assert [toy.slaves for toy in seen] == [5, 14]
     page.presets["slaves"].value = 30
@@ -181,7 +182,7 @@ def test_a_button_changes_what_no_control_shows_and_failure_is_said(seen):
         Button("crash", "Fails.", lambda toy: 1 / 0),
         Button("again", "Once more.", lambda toy: None),
     ]
-    page = Page("toy", Toy(), seen, buttons=buttons)
+    page = Page(Toy(), seen, buttons=buttons)
     for _ in range(4):
         page.buttons["a"].click()
     assert page.inputs.done == ("a", "a", "a")
@@ -198,7 +199,7 @@ def test_an_upload_changes_inputs_or_says_why_not_and_takes_the_same_file_twice(
             raise InputError(name, "it is empty")
         return replace(toy, name=content.decode())
 
-    page = Page("toy", Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
+    page = Page(Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
     load(page.uploads["own"], b"", "x.txt")
     assert page.note == "x.txt: it is empty" and page.inputs == Toy()
     assert "those from before" in page._noted.value and "shipnet-before" in page._dom_classes
@@ -224,11 +225,11 @@ TOYS = st.builds(
 
 @given(toy=TOYS)
 def test_a_saved_state_comes_back_as_it_was(toy):
-    assert read_state(write_state("toy", toy).encode(), "toy", Toy) == toy
+    assert read_state(write_state(TOOL, toy).encode(), TOOL, Toy) == toy
 
 
 def state(**changes):
-    whole = json.loads(write_state("toy", Toy(dead=3, done=("b",))))
+    whole = json.loads(write_state(TOOL, Toy(dead=3, done=("b",))))
     inputs = whole["inputs"] | changes.pop("inputs", {})
     return json.dumps({**whole, "inputs": inputs, **changes}).encode()
 
@@ -236,8 +237,10 @@ def state(**changes):
 def test_the_link_saves_what_load_takes_back(page):
     page.controls["slaves"].value = 9
     page.controls["name"].value = "caf\xe9"
-    kept = b64decode(re.search('shipnet_toy.json" href="data:[^,]*,([^"]*)"', page.links.value)[1])
-    other = Page("toy", Toy(), Seen())
+    kept = b64decode(
+        re.search('shipnet_test_tools_page.json" href="data:[^,]*,([^"]*)"', page.links.value)[1]
+    )
+    other = Page(Toy(), Seen())
     load(other.uploads["load state"], kept, "kept.json")
     assert other.inputs == Toy(slaves=9, name="caf\xe9") and other.text.startswith("9 slaves")
     report = re.search('report.html" href="data:[^,]*,([^"]*)"', page.links.value)[1]
@@ -247,12 +250,12 @@ def test_the_link_saves_what_load_takes_back(page):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "it is no JSON"),
-        (b"\xff\xfe", "it is no JSON"),
-        (b"[" * 100_000, "it is no JSON"),
+        (b"", "it is not JSON"),
+        (b"\xff\xfe", "it is not JSON"),
+        (b"[" * 100_000, "it is not JSON"),
         (b"[1]", "lacks the format"),
-        (b'{"tool": "toy"}', "lacks the format"),
-        (state(tool="other"), "it is a state of the tool 'other', not of 'toy'"),
+        (b'{"tool": "test_tools_page"}', "lacks the format"),
+        (state(tool="other"), "it is a state of the tool 'other', not of 'test_tools_page'"),
         (state(version=2), "its version is 2; this tool reads version 1"),
         (state(version=None), "its version is None"),
         (state(inputs={"more": 1}), "unknown input 'more'"),
@@ -287,9 +290,9 @@ def test_a_state_that_cannot_be_is_refused_and_nothing_changes(page, content, me
 
 
 def test_missing_inputs_are_named_all_at_once():
-    short = json.dumps({"format": "shipnet tool", "version": 1, "tool": "toy", "inputs": {}})
+    short = json.dumps({"format": "shipnet tool", "version": 1, "tool": TOOL, "inputs": {}})
     with pytest.raises(InputError, match=r"'slaves' is missing; .*'done' is missing"):
-        read_state(short.encode(), "toy", Toy)
+        read_state(short.encode(), TOOL, Toy)
 
 
 def test_a_slider_holds_the_nearest_step_and_what_the_browser_sends_back_is_no_change(page, seen):

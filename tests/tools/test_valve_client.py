@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from shipnet.ballast.live import serve
 from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
-from shipnet.modbus.adu import decode, tcp_frame
+from shipnet.modbus.frame import tcp_frame
+from shipnet.modbus.pdu import decode
 from shipnet.tools.valve_client import Link, ModelValves, ValveClient, draw, send, update
 
 
@@ -180,7 +181,7 @@ def test_a_refusal_colours_its_valve_only_until_that_obeys():
 
         def look(valve):
             fields["valve"].value = valve
-            colours.append(not box.good)
+            colours.append(not box.ok)
 
         look(2)
         buttons["open"].click()

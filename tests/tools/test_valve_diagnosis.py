@@ -42,10 +42,8 @@ def test_the_plant_sets_the_sensors_to_its_operating_point(code):
 def test_every_fault_is_active_in_some_state_and_health_in_all_is_normal(code):
     found = {state: ValveDiagnosis.from_plant(code, state=state).result for state in STATES}
     assert any(code in result.active for result in found.values())
-    assert all(
-        ValveDiagnosis.from_plant(state=state).result.headline == "normal" for state in STATES
-    )
-    mild = [ValveDiagnosis.from_plant(code, 0.0, state).result.headline for state in STATES]
+    assert all(ValveDiagnosis.from_plant(state=state).result.top == "normal" for state in STATES)
+    mild = [ValveDiagnosis.from_plant(code, 0.0, state).result.top for state in STATES]
     assert mild == ["normal"] * 4
 
 
@@ -54,21 +52,21 @@ def test_the_vectors_of_the_paper_are_diagnosed_as_it_says():
     for code, row in table.iterrows():
         commanded = bool(row["DVPos"] == row["DVPos"])
         values = {name: float(x) for name, x in row.items()}
-        assert ValveDiagnosis(**values, commanded=commanded).result.headline == code
+        assert ValveDiagnosis(**values, commanded=commanded).result.top == code
 
 
 def test_standstill_without_a_command_and_a_missing_sensor_fire_nothing():
-    assert ValveDiagnosis(DVPos=0.0).result.headline == "V2"
-    assert ValveDiagnosis(DVPos=0.0, commanded=False).result.headline == "normal"
+    assert ValveDiagnosis(DVPos=0.0).result.top == "V2"
+    assert ValveDiagnosis(DVPos=0.0, commanded=False).result.top == "normal"
     lost = ValveDiagnosis(FP=nan, MC=4.0).result
-    assert lost.headline == "normal"
+    assert lost.top == "normal"
     assert "missing FP" in lost.decision.explain(0)
 
 
-def test_the_cut_decides_what_is_active_and_print_does_not_heed_it():
+def test_the_threshold_decides_what_is_active_but_not_what_fires_as_printed():
     half = ValveDiagnosis(FP=119.0, OP=4.0)
     assert half.result.active == half.result.printed == ()
-    low = ValveDiagnosis(FP=119.0, OP=4.0, cut=0.4).result
+    low = ValveDiagnosis(FP=119.0, OP=4.0, threshold=0.4).result
     assert low.active == ("V1",)
     assert low.strength["V1"] == pytest.approx(0.4)
     noise = ValveDiagnosis(FP=0.0, MC=0.0, VPos=100.1).result
@@ -83,8 +81,8 @@ def test_the_cut_decides_what_is_active_and_print_does_not_heed_it():
         ("VPos", 321.0, "VPos is 321 %"),
         ("OP", "x", "OP is 'x'"),
         ("MC", None, "MC is None"),
-        ("cut", 0.0, "cut is 0"),
-        ("cut", nan, "cut is nan"),
+        ("threshold", 0.0, "threshold is 0"),
+        ("threshold", nan, "threshold is nan"),
     ],
 )
 def test_a_value_out_of_range_is_named(field, value, message):
@@ -107,8 +105,8 @@ def test_the_bars_are_the_strengths_and_crosses_mark_what_is_printed():
     assert [bar.get_width() for bar in ax.patches] == list(result.strength.values())
     active = [bar.get_facecolor() for bar in ax.patches]
     assert len(set(active)) == 2
-    cut, crosses = ax.lines
-    assert set(cut.get_xdata()) == {0.5}
+    threshold, crosses = ax.lines
+    assert set(threshold.get_xdata()) == {0.5}
     codes = list(result.strength)
     assert [codes[int(y)] for y in crosses.get_ydata()] == ["P2"]
 
@@ -130,11 +128,11 @@ def test_the_sliders_start_where_the_inputs_do_and_a_fault_sets_them():
     assert not controls["commanded"].value
     controls["FP"].value, controls["MC"].value = 125.0, 0.0
     assert "G1: pressure gauge fault" in page.text
-    controls["cut"].value = 1.0
+    controls["threshold"].value = 1.0
     controls["FP"].value = 124.0
     assert "closest G1 0.90" in page.text
     plant["state"].value = "opening"
-    assert controls["cut"].value == 1.0
+    assert controls["threshold"].value == 1.0
 
 
 def test_the_confusion_matrix_shows_percent_and_frames_what_is_right():
@@ -146,7 +144,7 @@ def test_the_confusion_matrix_shows_percent_and_frames_what_is_right():
     assert [text.get_text() for text in ax.texts] == ["100", "100"]
     assert [label.get_text() for label in ax.get_xticklabels()] == ["normal", "Pos3", "S1"]
     assert sorted(p.get_xy() for p in ax.patches) == [(-0.5, -0.5), (0.5, 0.5)]
-    assert ax.get_xlabel() == "headline of the diagnosis [% of the row]"
+    assert ax.get_xlabel() == "top-ranked fault [% of the row]"
 
 
 def test_the_strengths_over_time_are_those_of_the_diagnosis():

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from shipnet import style
 from shipnet.asi.emc.immunity import levels_table
-from shipnet.line.plot import axes as axes_of
+from shipnet.style import axes as axes_of
 
 #: Parameters of `levels` that say how severe a test is; the others say what kind of test it is.
 _SEVERITY = [

@@ -16,7 +16,6 @@ from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.experiment import recommend, switch_staleness
 from shipnet.remote_control.faults import DeadStation, LostPacket
 from shipnet.remote_control.packet import MarkerFormat
-from shipnet.remote_control.residual import packet_shares, single_flip_share
 from shipnet.remote_control.signals import HOPS, SIGNALS, STATIONS, Hop
 from shipnet.remote_control.simulation import Change, simulate, switch_delays
 from shipnet.remote_control.station import Sender
@@ -320,13 +319,13 @@ def silence_while_waiting(*, rate: float = 9600.0, items: int = ITEMS) -> float:
 
 
 def cascades(
-    mends: Mapping[str, Mapping[str, Any]], rates: Sequence[float] = (9600, 600)
+    changes: Mapping[str, Mapping[str, Any]], rates: Sequence[float] = (9600, 600)
 ) -> pd.DataFrame:
     """Return what BCS sees while RCS waits for a dead SS, as printed or corrected.
 
     Parameters
     ----------
-    mends : mapping of str to mapping
+    changes : mapping of str to mapping
         Name of each rule, and the fields of `System` that it changes.
     rates : sequence of float, optional
         Bit rates [bit/s].
@@ -352,7 +351,7 @@ def cascades(
     import pandas as pd
 
     rows = []
-    for name, fields in mends.items():
+    for name, fields in changes.items():
         for rate in rates:
             seen = replace(as_printed(rate), **fields).cascade()
             rows.append((name, rate, seen.wait[1], seen.silent[1], seen.longest, seen.alarm))
@@ -361,12 +360,14 @@ def cascades(
     return pd.DataFrame(rows, columns=columns)
 
 
-def deaths(mends: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30) -> pd.DataFrame:
+def deaths(
+    changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
+) -> pd.DataFrame:
     """Return who is taken as failed when SS dies, its deaths spread over a cycle.
 
     Parameters
     ----------
-    mends : mapping of str to mapping
+    changes : mapping of str to mapping
         Name of each rule, and the fields of `System` that it changes.
     rate : float, default 600
         Bit rate [bit/s].
@@ -393,7 +394,7 @@ def deaths(mends: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 3
 
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []
-    for name, fields in mends.items():
+    for name, fields in changes.items():
         system = replace(as_printed(rate), **fields)
         rng, cycle, found = np.random.default_rng(2024), system.cycle_time, []
         for k in range(runs):
@@ -481,7 +482,7 @@ def flips(items: int = ITEMS) -> pd.DataFrame:
         ("C", "markers", MarkerFormat(), 1),
         ("A", "markers and CRC", MarkerFormat(n_numbers=items, crc=True), items),
     ):
-        bits, share = 8 * form.size(n), single_flip_share(form, n)
+        bits, share = 8 * form.size(n), form.undetected_flips(n)
         rows.append((reading, what, bits, round(share * bits), round(100 * share, 1)))
     return pd.DataFrame(rows, columns=["reading", "check", "bits", "pass", "share [%]"])
 
@@ -526,7 +527,7 @@ def recommendations(items: Sequence[int], patience: Mapping[float, float]) -> pd
 @check("chung1998-019", counter={"crc": True})
 def flags_show_errors(*, crc: bool = False) -> bool:
     """Whether a packet whose flags stand at their places has no error, tried with single bits."""
-    return single_flip_share(MarkerFormat(n_numbers=ITEMS, crc=crc), ITEMS) == 0
+    return MarkerFormat(n_numbers=ITEMS, crc=crc).undetected_flips(ITEMS) == 0
 
 
 @numeric("chung1998-020")
@@ -553,7 +554,7 @@ def loss_does_no_harm(*, interval: float = 3600.0) -> bool:
     """
     form = MarkerFormat(n_numbers=ITEMS)
     wait = switch_staleness(
-        packet_shares(form, 1, 1e-5), System(form).cycle_time, interval, "changed"
+        form.error_shares(1, 1e-5), System(form).cycle_time, interval, "changed"
     )
     return wait.duration <= PATIENCE
 

@@ -11,7 +11,8 @@ from shipnet.fields import check_scalar, check_whole
 from shipnet.papers.chung1998.link import ITEMS, PRINTED, as_printed, length
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.faults import Stall
-from shipnet.remote_control.packet import PACKET_START, Items, MarkerFormat, check_bytes
+from shipnet.remote_control.packet import PACKET_START, MarkerFormat
+from shipnet.remote_control.packet_format import Items, check_bytes
 from shipnet.remote_control.ring_buffer import Case, Ring, Rule, State, pointer_case
 from shipnet.remote_control.ring_buffer import case_of as case_in
 from shipnet.remote_control.simulation import simulate

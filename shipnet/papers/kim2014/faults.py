@@ -20,7 +20,7 @@ from shipnet.ballast.simulation import Run
 from shipnet.ballast.trials import fault_trials
 from shipnet.ballast.valve_faults import FAULTS
 from shipnet.errors import ArgumentError
-from shipnet.fuzzy.rules import NORMAL
+from shipnet.fuzzy.terms import NORMAL
 from shipnet.modbus.faults import Break
 from shipnet.modbus.redundancy import Loop
 from shipnet.papers.registry import check, numeric
@@ -388,7 +388,7 @@ def age_table(
     Parameters
     ----------
     commands : iterable of int
-        How many valves are told to open at once, 0..n_valves each.
+        How many valves get the command to open at once, 0..n_valves each.
     n_valves : int, default 247
         Number of valves, 1..247, at 9600 bit/s.
     duration : float, default 50
@@ -434,7 +434,7 @@ def broken_loops(
     n_valves : int, default 247
         Number of valves, at 9600 bit/s.
     opened : int, default 100
-        How many are told to open at 3 s.
+        How many get the command to open at 3 s.
     start : float, default 12
         When the loop breaks [s].
     duration : float, default 60

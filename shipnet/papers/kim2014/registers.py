@@ -27,8 +27,8 @@ from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.adu import MAX_UNIT, decode, rtu_frame, tcp_frame
-from shipnet.modbus.pdu import MAX_PDU, FunctionCode, Request, Response
+from shipnet.modbus.frame import MAX_PDU, MAX_UNIT, rtu_frame, tcp_frame
+from shipnet.modbus.pdu import FunctionCode, Request, Response, decode
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.slave import Slave
 from shipnet.modbus.uart import SerialLine
@@ -62,7 +62,7 @@ def printed_adu(
     adu = b""
     for row in rows:
         length, text = int(row["length_byte"]), row["value_printed"]
-        match row["field_mended"]:
+        match row["field_corrected"]:
             case "unit identifier":
                 number = unit
             case "position in percent":
@@ -583,8 +583,8 @@ def survival_table() -> pd.DataFrame:
     -------
     pandas.DataFrame
         One row a value of the rule table: ``code``, ``channel``, ``value``, ``received``,
-        ``saturated``, and ``survives``: received within half a step. Positions are the mended ones,
-        and 305 as printed besides.
+        ``saturated``, and ``survives``: received within half a step. Positions are the corrected
+        ones, and 305 as printed.
 
     Examples
     --------
@@ -599,7 +599,9 @@ def survival_table() -> pd.DataFrame:
     for rule in rules.to_dict("records"):
         for k, scale in enumerate(SCALES):
             name = scale.channel.lower()
-            texts = [rule[f"{name}_printed"]] + [rule.get("vpos_mended_percent")] * (name == "vpos")
+            texts = [rule[f"{name}_printed"]]
+            if name == "vpos":
+                texts.append(rule.get("vpos_corrected_percent"))
             numbers = [str(t).split(" or ") for t in texts if isinstance(t, str)]
             for value in dict.fromkeys(float(n) for several in numbers for n in several):
                 sent, saturated = whole_steps(np.array([value]) / scale.step, HIGHEST)

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.engine.assessment import Redundancy
-from shipnet.engine.class_rules import Description
+from shipnet.engine.class_rules import Description, Redundancy
 from shipnet.engine.class_rules import check as check_rules
 from shipnet.engine.faults import CanBreak, DeadBox, ModbusBreak
 from shipnet.engine.points import read_points
 from shipnet.engine.registers import CODINGS
-from shipnet.engine.simulation import simulate
+from shipnet.engine.simulation import simulate, single_failures
 from shipnet.engine.system import RULE, System
 from shipnet.modbus.slave import Slave
 from shipnet.papers.lee2012.buses import BIT_RATE, JB1, JB3, LINE, answer, read, whole_poll
@@ -98,7 +97,7 @@ def survives_any_cut(*, topology: str = "ring") -> bool:
     system = System(topology=topology)  # type: ignore[arg-type] # one of two
     breaks = [CanBreak(where, start=10.0) for where in system.segments]
     channels = [ModbusBreak(channel, start=10.0) for channel in ("1", "2")]
-    table = system.single_failures([*breaks, *channels], trials=1)
+    table = single_failures(system, [*breaks, *channels], trials=1)
     return not table["lost"].any()
 
 

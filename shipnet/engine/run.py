@@ -1,0 +1,698 @@
+"""What came of a simulation: what went over both buses, and what the AMS shows of it.
+
+Times are whole nanoseconds from the start of the AMS in arrays, and seconds in tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.clock import nanoseconds
+from shipnet.engine.faults import EngineFault, StuckSensor, outages
+from shipnet.engine.points import Point, PointList
+from shipnet.engine.system import RULE, System
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+Bools = npt.NDArray[np.bool_]
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+_Slices = list[tuple[int, int, str]]
+
+
+# What went over the buses ----------------------------------------------------------------------
+
+
+class Cpu:
+    """What the Modbus interrupts of a given length [ns] leave of a CPU's time, in nanoseconds.
+
+    The next interrupt does not begin earlier than the one before ends.
+    """
+
+    def __init__(self, begins: npt.ArrayLike, length: int) -> None:
+        self.begins = np.asarray(begins, dtype=np.int64)
+        self.length = length
+        self._left = self.begins - length * np.arange(self.begins.size)
+
+    def until(self, time: Integers) -> Integers:
+        """Return how much time the interrupts have left until some times [ns]."""
+        begun = np.searchsorted(self.begins, time, side="right")
+        if not self.begins.size:
+            return np.asarray(time, dtype=np.int64)
+        inside = time - self.begins[np.maximum(begun - 1, 0)]
+        last = np.where(begun > 0, np.minimum(inside, self.length), 0)
+        taken = self.length * np.maximum(begun - 1, 0) + last
+        return np.asarray(time - taken, dtype=np.int64)
+
+    def at(self, left: Integers) -> Integers:
+        """Return when so much time has been left: the inverse of `until` [ns].
+
+        Work that is done when an interrupt begins is done before it.
+        """
+        begun = np.searchsorted(self._left, left, side="left")
+        return np.asarray(left + self.length * begun, dtype=np.int64)
+
+    def queue(self, due: Integers, work: int) -> Integers:
+        """Return when jobs begin that wait for each other, as time left by the interrupts [ns].
+
+        `due` rises, `work` is what each takes of the CPU; `at` makes times of the result.
+        """
+        number = work * np.arange(due.size, dtype=np.int64)
+        return np.asarray(number + np.maximum.accumulate(self.until(due) - number), dtype=np.int64)
+
+
+#: What became of a request.
+OUTCOMES = ("answered", "no answer", "response damaged")
+
+
+class Attempts(NamedTuple):
+    """Requests in order of time: poll, channel (0 or 1), first bit [ns], place in `OUTCOMES`."""
+
+    poll: Integers
+    channel: Integers
+    start: Integers
+    outcome: Integers
+
+
+#: A round, or a step of it, that did not happen.
+NEVER = -1 << 62
+
+
+class Rounds(NamedTuple):
+    """Rounds of the loop of one box, by number; `NEVER` for steps that did not happen.
+
+    `work` is the CPU time left by the interrupts at which a round begins [ns], for `Cpu.at`;
+    `converted` is when its values are in the box's own table, and `queued` when its frames ask for
+    the bus [ns].
+    """
+
+    work: Integers
+    converted: Integers
+    queued: Integers
+
+
+class Frames(NamedTuple):
+    """Frames that went over the bus, in no order.
+
+    `start` is the first bit and `arrival` the end without the intermission [ns]; bit k of
+    `hearers` is set if box k is on the same part of the bus.
+    """
+
+    message: Integers
+    round: Integers
+    start: Integers
+    arrival: Integers
+    hearers: Integers
+
+
+class Views(NamedTuple):
+    """What the AMS knows after each answer, one row per answer.
+
+    `seen` is when the answer was complete [ns]; by message, `number` is the round of the sender's
+    loop that the values are from, -1 if they are missing or marked, and no value was sampled
+    before `known` [ns], as far as the reader can tell.
+    """
+
+    seen: Integers
+    number: Integers
+    known: Integers
+
+
+class Shown(NamedTuple):
+    """What the AMS shows of a point, one entry per view, from `seen` to `until` [ns].
+
+    It is shown as `good` at first, and so until `good_until`, which is `seen` if it is marked from
+    the start; the value was true when it was `sampled` [ns].
+    """
+
+    seen: Integers
+    until: Integers
+    good: Bools
+    good_until: Integers
+    sampled: Integers
+
+
+# What the AMS shows --------------------------------------------------------------------------
+
+
+#: What a register holds for an error, by lee2012, section III.2.c; as 16 bits it is 0x00FF.
+_ERROR = 0xFF
+
+
+class SyntheticValues:
+    """Values that were never measured: a slow wave about a mean for every point.
+
+    `rng` draws mean (40..60 % of the range), amplitude (5..15 %), period (60..600 s) and phase of
+    each wave. Switches stay closed, at 0.
+    """
+
+    def __init__(self, points: Iterable[Point], rng: Any) -> None:
+        self.points, rng = PointList(points), np.random.default_rng(rng)
+        low = np.array([point.low for point in self.points])
+        span = np.array([point.span for point in self.points])
+        n = low.size
+        self._mean = low + span * rng.uniform(0.4, 0.6, n)
+        self._amplitude = span * rng.uniform(0.05, 0.15, n)
+        self._omega = 2 * np.pi / rng.uniform(60, 600, n)
+        self._phase = rng.uniform(0, 2 * np.pi, n)
+
+    def at(self, place: int, time: npt.ArrayLike) -> Floats:
+        """Return the value of point number `place` at some times [s]."""
+        t = np.asarray(time, dtype=np.float64)
+        if not self.points[place].analogue:
+            return np.zeros(t.shape)
+        angle = self._omega[place] * t + self._phase[place]
+        return np.asarray(self._mean[place] + self._amplitude[place] * np.sin(angle))
+
+    def now(self, time: float) -> Floats:
+        """Return the values of all points at one time [s]."""
+        return np.array([self.at(place, time) for place in range(len(self.points))])
+
+
+class Screen:
+    """What the AMS shows at a time, with **synthetic** values; `Run.screen` makes one.
+
+    Parameters
+    ----------
+    time : float
+        When [s].
+    table : pandas.DataFrame
+        One row per point, by tag: ``box``, ``service``, ``value`` shown, ``unit``, ``true`` (what
+        the sensor measures now), ``age_s`` of the value, and ``mark``: empty, ``0xFF``,
+        ``too old``, or ``0xFF?`` for a good value that equals the code of an error. Value and age
+        of what is marked are NaN.
+    old : float, default 2
+        Age from which a value that is shown as good counts as old [s].
+
+    Notes
+    -----
+    In the printed coding a register holds whole units, an **assumption**: the width and the scale
+    are not printed. So a temperature of 255 degC cannot be distinguished from an error. In the
+    corrected coding a value is carried in tenths, and its mark apart from it.
+
+    Examples
+    --------
+    >>> from shipnet import engine
+    >>> dead = engine.faults.DeadBox("JB2", start=10)
+    >>> run = engine.simulate(engine.System(), faults=dead, until=20)
+    >>> run.screen(13)
+    Screen(13 s: 99 points, 0 marked, 18 older than 2 s)
+    >>> run.screen(14).mark("JB2"), run.screen(15).mark("JB2")
+    ('', '0xFF')
+    """
+
+    def __init__(self, time: float, table: pd.DataFrame, old: float = RULE) -> None:
+        self.time, self._table, self._old = time, table, old
+
+    def table(self) -> pd.DataFrame:
+        """Return all points: one row per tag."""
+        return self._table.copy()
+
+    def mark(self, box: str) -> str:
+        """Return the mark of the first point of a box; empty if it is shown as good."""
+        own = self._table.loc[self._table["box"] == box, "mark"]
+        if own.empty:
+            raise ArgumentError(
+                f"box is {box!r}; it must be one of {', '.join(self._table['box'].unique())}"
+            )
+        return str(own.iloc[0])
+
+    @property
+    def marked(self) -> int:
+        """How many points are marked."""
+        return int((self._table["mark"] != "").sum())
+
+    @property
+    def old(self) -> int:
+        """How many points are shown as good, but are older than the rule allows."""
+        return int((self._table["age_s"] > self._old).sum())
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the points as tiles: good ones pale blue, old ones orange, marked ones dark.
+
+        A real AMS in the printed coding would not know which values are old.
+        """
+        from shipnet.engine.plot import plot_screen
+
+        return plot_screen(self._table, ax=ax, old=self._old)
+
+    def __repr__(self) -> str:
+        return (
+            f"Screen({self.time:g} s: {len(self._table)} points, {self.marked} marked, "
+            f"{self.old} older than {self._old:g} s)"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Ages:
+    """The age of one point over time."""
+
+    tag: str
+    _table: pd.DataFrame
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per answer of a box.
+
+        ``seen_s``, ``until_s`` (the next answer), ``good_until_s`` (until when it is shown as
+        good), ``sampled_s``, ``age_s`` when it is seen and ``last_age_s`` when it is last shown as
+        good; ages are NaN where it is marked at once.
+        """
+        return self._table.copy()
+
+    def plot(
+        self, ax: Axes | None = None, *, limits: Mapping[str, float] | None = None, label: str = ""
+    ) -> Axes:
+        """Draw the age as a saw, broken while the point is marked, and `limits` [s] by name."""
+        from shipnet.engine.plot import plot_ages
+
+        return plot_ages(self._table, ax=ax, limits=limits, label=label)
+
+    def __repr__(self) -> str:
+        return f"Ages({self.tag}, at most {self._table['last_age_s'].max():.2f} s)"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Timeline:
+    """What each CPU and each line does in a stretch of time."""
+
+    start: float
+    stop: float
+    _table: pd.DataFrame
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per stretch of work.
+
+        ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``), ``task`` (``convert``, ``send``,
+        ``CAN``, ``timer``, ``Modbus``; a box whose frame is on the bus; ``request``,
+        ``response``), ``start_ms`` and ``end_ms``.
+        """
+        return self._table.copy()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw CPUs, CAN bus and Modbus lines as rows of bars; what is not drawn is waiting."""
+        from shipnet.engine.plot import plot_timeline
+
+        return plot_timeline(self._table, ax=ax)
+
+    def __repr__(self) -> str:
+        return f"Timeline({self.start:g}..{self.stop:g} s: {len(self._table)} stretches of work)"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run:
+    """A finished simulation of a `system` with some `faults`; `simulate` makes one.
+
+    A table has one row per point, alarm, request or poll. Times are in seconds from the start of
+    the AMS; the attributes after `until` are arrays of the simulator, in nanoseconds.
+
+    Examples
+    --------
+    >>> from shipnet import engine
+    >>> run = engine.simulate(engine.System(), until=30)
+    >>> run
+    Run(30 s, 30 requests, 0 alarms, oldest value shown 1.75 s)
+    >>> run.ages("ME-JB2-044")
+    Ages(ME-JB2-044, at most 1.75 s)
+    >>> run.bus_loads.round(3).to_dict()
+    {'CAN': 0.046, 'channel 1': 0.242, 'channel 2': 0.0}
+    """
+
+    system: System
+    faults: tuple[EngineFault, ...]
+    until: float
+    end: int
+    attempts: Attempts
+    cpus: tuple[Cpu, ...]
+    loops: tuple[Rounds, ...]
+    sent: Frames
+    views: Views
+    paths: tuple[Views, ...] = ()
+
+    def __repr__(self) -> str:
+        return (
+            f"Run({self.until:g} s, {self.attempts.start.size} requests, "
+            f"{len(self.alarms())} alarms, oldest value shown {self.worst_age:.2f} s)"
+        )
+
+    def shown(self, tag: str) -> Shown:
+        """Return what the AMS shows of a point over time."""
+        return self._shown(self._place(tag))
+
+    def _place(self, tag: str) -> int:
+        tags = [point.tag for point in self.system.points]
+        if tag not in tags:
+            raise ArgumentError(f"tag is {tag!r}; it must be one of {tags[0]} .. {tags[-1]}")
+        return tags.index(tag)
+
+    def _shown(self, place: int) -> Shown:
+        system, message = self.system, self.system.message_of[place]
+        box = int(system.sender[message])
+        number = self.views.number[:, message]
+        begun = self.loops[box].work[number] + system.offset_ns[place]
+        sampled = self.cpus[box].at(begun)
+        for begin, stop in outages(self.faults, system.points[place].tag, StuckSensor):
+            sampled = np.where((sampled > begin) & (sampled < stop), begin, sampled)
+        until, good, good_until = self._good
+        return Shown(self.views.seen, until, good[:, message], good_until[:, message], sampled)
+
+    @cached_property
+    def _good(self) -> tuple[Integers, Bools, Integers]:
+        """Until when each view holds, which messages are shown as good, and until when [ns]."""
+        seen = self.views.seen
+        until = np.append(seen[1:], max(self.end, int(seen.max(initial=0))))
+        good = self.views.number >= 0
+        good_until = np.broadcast_to(until[:, None], good.shape)
+        if self.system.coding == "corrected":
+            limit = self.views.known + nanoseconds(self.system.age_limit)
+            good, good_until = good & (limit > seen[:, None]), np.minimum(good_until, limit)
+        return until, good, np.where(good, good_until, seen[:, None])
+
+    def ages(self, tag: str) -> Ages:
+        """Return the age of a point over time."""
+        import pandas as pd
+
+        shown = self.shown(tag)
+        good = shown.good
+        columns = {
+            "seen_s": shown.seen,
+            "until_s": shown.until,
+            "good_until_s": shown.good_until,
+            "sampled_s": np.where(good, shown.sampled, np.nan),
+            "age_s": np.where(good, shown.seen - shown.sampled, np.nan),
+            "last_age_s": np.where(good, shown.good_until - shown.sampled, np.nan),
+        }
+        table = pd.DataFrame({name: values / 1e9 for name, values in columns.items()})
+        return Ages(tag, table)
+
+    @property
+    def worst_age(self) -> float:
+        """Greatest age of any value shown as good [s]."""
+        return float(self._table["worst_s"].max())
+
+    @property
+    def mean_age(self) -> float:
+        """Mean over the points of their mean age while they are shown as good [s]."""
+        return float(self._table["mean_s"].mean())
+
+    def timeline(self, start: float, stop: float) -> Timeline:
+        """Return what each CPU and each line does between two times, 60 s apart at most [s].
+
+        Where a CPU is not listed it waits. The CAN routine runs while the loop waits for the
+        multiplexer, so it cuts the conversion in two without making it longer; a Modbus interrupt
+        makes it longer. Frames that are lost by overrun are shown as if they were taken over.
+        """
+        return _timeline(self, start, stop)
+
+    def screen(self, time: float, values: SyntheticValues | None = None) -> Screen:
+        """Return what the AMS shows at a time between its first answer and the end [s].
+
+        `values` are what the sensors measure; synthetic ones with the seed 2024 if not given.
+        """
+        import pandas as pd
+
+        known = values or SyntheticValues(self.system.points, 2024)
+        seen = self.views.seen
+        now = nanoseconds(check_scalar("time", time, "s", 0, 1e6))
+        first = int(seen[0]) if seen.size else self.end
+        if not first <= now <= self.end:
+            raise ArgumentError(
+                f"time is {time} s; it must be {first / 1e9:g}..{self.end / 1e9:g} s"
+            )
+        if known.points != self.system.points:
+            raise ArgumentError("values are of other points than the run; they must be the same")
+        row = int(np.searchsorted(seen, now, side="right")) - 1
+        printed = self.system.coding == "printed"
+        rows = []
+        for place, point in enumerate(self.system.points):
+            shown = self._shown(place)
+            value, age, mark = np.nan, np.nan, "0xFF" if printed else "too old"
+            if shown.good[row] and (
+                now < shown.good_until[row] or shown.good_until[row] == self.end
+            ):
+                sampled = int(shown.sampled[row]) / 1e9
+                age, mark = time - sampled, ""
+                value = round(float(known.at(place, sampled)), 0 if printed else 1)
+                if printed and int(value) == _ERROR:
+                    mark = "0xFF?"
+            true = float(known.at(place, time))
+            rows.append((point.tag, point.box, point.service, value, point.unit, true, age, mark))
+        columns = ["tag", "box", "service", "value", "unit", "true", "age_s", "mark"]
+        return Screen(time, pd.DataFrame(rows, columns=columns).set_index("tag"))
+
+    def table(self) -> pd.DataFrame:
+        """Return how old each point was: one row per tag.
+
+        ``box``, ``worst_s`` (greatest age shown as good), ``mean_s`` (mean age over the
+        time in which it is shown as good), ``marked_s`` (how long it is marked), ``sampled_s``
+        (when the value that is shown as good at last was true, NaN without any) and
+        ``good_until_s`` (when it was last shown as good).
+        """
+        return self._table.copy()
+
+    @cached_property
+    def _table(self) -> pd.DataFrame:
+        import pandas as pd
+
+        rows = []
+        for place, point in enumerate(self.system.points):
+            shown = self._shown(place)
+            length = shown.good_until - shown.seen
+            good = np.flatnonzero(shown.good)
+            marked = int((shown.until - shown.good_until).sum()) / 1e9
+            row = [point.tag, point.box, np.nan, np.nan, marked, np.nan, np.nan]
+            if good.size:
+                length = length[good]
+                last = shown.good_until[good] - shown.sampled[good]
+                middle = last - length / 2
+                mean = float(np.average(middle, weights=np.maximum(length, 1)))
+                sampled = int(shown.sampled[good].max())
+                until = int(shown.good_until[good].max())
+                row[2:4] = [int(last.max()) / 1e9, mean / 1e9]
+                row[5:] = [sampled / 1e9, until / 1e9]
+            rows.append(row)
+        columns = ["tag", "box", "worst_s", "mean_s", "marked_s", "sampled_s", "good_until_s"]
+        return pd.DataFrame(rows, columns=columns).set_index("tag")
+
+    def requests(self) -> pd.DataFrame:
+        """Return one row per request: ``poll``, ``channel``, ``time_s``, ``outcome``."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            {
+                "poll": self.attempts.poll,
+                "channel": self.attempts.channel + 1,
+                "time_s": self.attempts.start / 1e9,
+                "outcome": pd.Categorical.from_codes(self.attempts.outcome, pd.Index(OUTCOMES)),
+            }
+        )
+
+    def answers(self) -> pd.DataFrame:
+        """Return one row per poll: ``time_s``, ``answer_s`` (how long; infinite without one)."""
+        import pandas as pd
+
+        rows = pd.DataFrame(self.attempts._asdict())
+        took = np.where(rows["outcome"] == 0, nanoseconds(self.system.poll.time), np.inf)
+        rows["end"] = rows["start"] + took
+        by = rows.groupby("poll").agg(start=("start", "min"), end=("end", "min")).reset_index()
+        return pd.DataFrame(
+            {
+                "poll": by["poll"],
+                "time_s": by["start"] / 1e9,
+                "answer_s": (by["end"] - by["start"]) / 1e9,
+            }
+        )
+
+    def alarms(self) -> pd.DataFrame:
+        """Return what the AMS raises: ``time_s``, ``source`` (a tag or a channel), ``kind``.
+
+        Kinds are ``no answer`` and ``answers again`` of a channel; ``0xFF`` (or ``too old`` in the
+        corrected coding) and ``good again`` of a point; ``path lost`` and ``path back`` of a box as
+        one of two polled channels shows it.
+        """
+        return self._alarms.copy()
+
+    @cached_property
+    def _alarms(self) -> pd.DataFrame:
+        import pandas as pd
+
+        rows = self._link_alarms() + self._path_alarms()
+        until, good, good_until = self._good
+        bad = "0xFF" if self.system.coding == "printed" else "too old"
+        tags: dict[int, list[str]] = {}
+        for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
+            tags.setdefault(message, []).append(point.tag)
+        for message, own in tags.items():
+            # Good from each answer on, bad from where that ends before the next.
+            fine, end = good[:, message], good_until[:, message]
+            time = np.stack([self.views.seen, end], axis=1)
+            state = np.stack([fine, fine & (end == until)], axis=1)
+            for when, back in _changes(time.ravel(), state.ravel()):
+                rows += [(when / 1e9, tag, "good again" if back else bad) for tag in own]
+        rows.sort(key=lambda row: row[0])
+        return pd.DataFrame(rows, columns=["time_s", "source", "kind"])
+
+    def _link_alarms(self) -> list[tuple[float, str, str]]:
+        rows = []
+        tries = 1 + self.system.retries
+        silent = nanoseconds(self.system.poll.line.frame_time(8) + self.system.timeout)
+        for channel in (0, 1):
+            own = self.attempts.channel == channel
+            columns = (self.attempts.poll, self.attempts.start, self.attempts.outcome)
+            poll, start, outcome = (column[own] for column in columns)
+            fine = outcome == 0
+            _, count = np.unique(poll, return_counts=True)
+            final = np.repeat(count, count) == tries
+            ends = np.append(poll[1:] != poll[:-1], True) if poll.size else fine
+            known = ends & (fine | final)
+            wait = np.where(outcome == 1, silent, nanoseconds(self.system.poll.time))
+            for when, good in _changes((start + wait)[known], fine[known]):
+                word = "answers again" if good else "no answer"
+                rows.append((when / 1e9, f"channel {channel + 1}", word))
+        return rows
+
+    def _path_alarms(self) -> list[tuple[float, str, str]]:
+        rows = []
+        limit = nanoseconds(self.system.age_limit)
+        for channel, path in enumerate(self.paths, start=1):
+            fresh = path.known + limit > path.seen[:, None]
+            for box, name in enumerate(self.system.boxes):
+                fine = np.asarray(fresh[:, self.system.sender == box].all(axis=1))
+                for when, good in _changes(path.seen, fine):
+                    word = "path back" if good else "path lost"
+                    rows.append((when / 1e9, f"{name} on channel {channel}", word))
+        return rows
+
+    @cached_property
+    def bus_loads(self) -> pd.Series[float]:
+        """Share of the time in which the CAN bus and both Modbus lines are busy."""
+        import pandas as pd
+
+        inside = self.sent.start >= 0
+        bits = self.system.frame_ns[self.sent.message[inside]]
+        busy = {"CAN": int(bits.sum())}
+        line = self.system.serial
+        request = nanoseconds(line.frame_time(8))
+        response = nanoseconds(line.frame_time(5 + 2 * self.system.registers))
+        for channel in (0, 1):
+            outcome = self.attempts.outcome[self.attempts.channel == channel]
+            heard = int((outcome != 1).sum())
+            busy[f"channel {channel + 1}"] = outcome.size * request + heard * response
+        return pd.Series(busy) / self.end
+
+
+def _changes(time: Integers, good: Bools) -> Sequence[tuple[int, bool]]:
+    """Return when a state, good at first, changes, and to what."""
+    before = np.append(True, good[:-1]) if good.size else good
+    places = np.flatnonzero(good != before)
+    return list(zip(time[places].tolist(), good[places].tolist(), strict=True))
+
+
+# Who works when: figures 5 and 6 of lee2012 in time --------------------------------------------
+
+
+def _timeline(run: Run, start: float, stop: float) -> Timeline:
+    """Return who works when."""
+    import pandas as pd
+
+    check_scalar("start", start, "s", -1.0, 1e6)
+    check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
+    if not start < stop <= start + 60:
+        raise ArgumentError(f"stop is {stop!r} s; it must be in the 60 s after {start!r} s")
+    span = nanoseconds(start), nanoseconds(stop)
+    rows: dict[str, _Slices] = {}
+    for box, name in enumerate(run.system.boxes):
+        rows[name] = _cpu(run, box)
+    senders = run.system.sender[run.sent.message].tolist()
+    ends = run.sent.start + run.system.frame_ns[run.sent.message]
+    names = run.system.boxes
+    rows["CAN"] = [
+        (begin, end, names[sender])
+        for begin, end, sender in zip(run.sent.start.tolist(), ends.tolist(), senders, strict=True)
+    ]
+    rows.update(_lines(run))
+    table = [
+        (row, task, max(begin, span[0]) / 1e6, min(end, span[1]) / 1e6)
+        for row, slices in rows.items()
+        for begin, end, task in sorted(slices)
+        if begin < span[1] and end > span[0]
+    ]
+    columns = ["row", "task", "start_ms", "end_ms"]
+    return Timeline(start, stop, pd.DataFrame(table, columns=columns))
+
+
+def _cpu(run: Run, box: int) -> _Slices:
+    system, cpu, loop = run.system, run.cpus[box], run.loops[box]
+    modbus = [(t, t + system.service_ns, "Modbus") for t in cpu.begins.tolist()]
+    heard = (run.sent.hearers >> box & 1).astype(bool) & (system.sender[run.sent.message] != box)
+    work = nanoseconds(system.firmware.receive)
+    order = np.argsort(run.sent.arrival[heard], kind="stable")
+    due = run.sent.arrival[heard][order]
+    left = cpu.queue(due, work) if due.size else due
+    starts, ends = np.maximum(cpu.at(left), due), cpu.at(left + work)
+    can = _without(
+        [(a, b, "CAN") for a, b in zip(starts.tolist(), ends.tolist(), strict=True)], modbus
+    )
+    if system.coding == "printed" and box in system.ports:
+        senders = system.sender[run.sent.message[heard][order]]
+        timer = [m for sender in set(senders) for m in _marks(run, box, ends[senders == sender])]
+        can += _without(timer, [*modbus, *can])
+    whole = loop.queued > NEVER
+    begins = cpu.at(loop.work[whole]).tolist()
+    converted, queued = loop.converted[whole].tolist(), loop.queued[whole].tolist()
+    steps = [(a, b, "convert") for a, b in zip(begins, converted, strict=True)]
+    steps += [(a, b, "send") for a, b in zip(converted, queued, strict=True)]
+    return [*modbus, *can, *_without(steps, [*modbus, *can])]
+
+
+def _marks(run: Run, box: int, heard: Integers) -> _Slices:
+    """Return when the timer of a sender marks its values: each time it was silent for too long."""
+    system, cpu = run.system, run.cpus[box]
+    silent = np.append(np.diff(heard) > nanoseconds(system.stale_limit), True)
+    begins = cpu.until(heard[silent] + nanoseconds(system.stale_limit))
+    ends = cpu.at(begins + nanoseconds(system.firmware.mark))
+    return [(a, b, "timer") for a, b in zip(cpu.at(begins).tolist(), ends.tolist(), strict=True)]
+
+
+def _without(slices: _Slices, busy: _Slices) -> _Slices:
+    """Return what is left of slices of time when others take theirs."""
+    found = []
+    starts = np.array(sorted(begin for begin, _, _ in busy), dtype=np.int64)
+    taken = sorted(busy)
+    for begin, end, task in slices:
+        # A slice of the busy ones that began before may reach into this one.
+        first = max(int(np.searchsorted(starts, begin)) - 1, 0)
+        for other, until, _ in taken[first : int(np.searchsorted(starts, end))]:
+            if until <= begin:
+                continue
+            if other > begin:
+                found.append((begin, other, task))
+            begin = max(begin, until)
+        if begin < end:
+            found.append((begin, end, task))
+    return found
+
+
+def _lines(run: Run) -> dict[str, _Slices]:
+    request = nanoseconds(run.system.poll.line.frame_time(8))
+    response = nanoseconds(run.system.poll.line.frame_time(5 + 2 * run.system.registers))
+    wait = nanoseconds(run.system.serial.t35 + run.system.firmware.processing)
+    lines: dict[str, _Slices] = {"channel 1": [], "channel 2": []}
+    columns = (run.attempts.channel, run.attempts.start, run.attempts.outcome)
+    for channel, begin, outcome in zip(*(c.tolist() for c in columns), strict=True):
+        line = lines[f"channel {channel + 1}"]
+        line.append((begin, begin + request, "request"))
+        if outcome != 1:
+            answer = begin + request + wait
+            line.append((answer, answer + response, "response"))
+    return lines

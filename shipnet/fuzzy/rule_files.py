@@ -1,0 +1,182 @@
+"""The two CSV files that hold a rule base.
+
+    code,antecedent,flag,priority,english,korean
+    V1,FP.high & OP.high,ValveStick,3,valve stuck,
+
+    variable,term,unit,low,high,left_foot,left_shoulder,right_shoulder,right_foot,crisp,english,korean
+    FP,,bar,0,160,,,,,,oil pump pressure,
+    FP,high,,,,115,125,,,x > 120,high,
+
+A row of the second file without a term describes its variable; both left corners empty, or both
+right ones, are an open shoulder. Columns may come in any order; a column `note` is not kept.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from math import inf
+from os import PathLike
+from typing import TypeAlias, TypeVar
+
+from shipnet.errors import ArgumentError, InputError
+from shipnet.fuzzy.rules import CORNERS, RULE_COLUMNS, TERM_COLUMNS, RuleBase, rule_faults
+from shipnet.fuzzy.terms import Rule, Term, Variable
+from shipnet.tables import NUMBER, parse_sheet, read_bytes
+
+#: Columns that a row of each kind leaves empty.
+_NOT_OF_A_VARIABLE, _NOT_OF_A_TERM = (*CORNERS, "crisp"), ("unit", "low", "high")
+
+_Row: TypeAlias = tuple[str, Mapping[str, str]]
+_Made = TypeVar("_Made", Rule, Term, Variable)
+
+
+def read_rules(rules: str | PathLike[str], terms: str | PathLike[str]) -> RuleBase:
+    """Read a rule base from two CSV files.
+
+    Parameters
+    ----------
+    rules : path
+        File with one row per rule: code, antecedent, flag, priority, english, korean.
+    terms : path
+        File with one row per variable and one row per term: variable, term, unit, low, high,
+        left_foot, left_shoulder, right_shoulder, right_foot, crisp, english, korean. Both files are
+        UTF-8, separated by commas, semicolons or tabs, numbers with a decimal point. Blank rows are
+        skipped.
+
+    Returns
+    -------
+    RuleBase
+        Variables and rules in the order of the rows.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or is faulty: every fault with its row, column and value, and what
+        was expected. The terms are read first.
+
+    Examples
+    --------
+    >>> from shipnet import datasets
+    >>> files = (datasets.path(f"kim2014_assumed_{what}.csv") for what in ("rules", "terms"))
+    >>> read_rules(*files).rule("V1").text
+    'FP.high & OP.high'
+    """
+    variables = _variables(str(terms), _rows(terms, TERM_COLUMNS, ("variable", "term")))
+    rows = _rows(rules, RULE_COLUMNS, ("code", "antecedent", "priority"))
+    faults: list[str] = []
+    made, places = [], []
+    for place, cells in rows:
+        rule = _make(place, faults, lambda cells=cells: _rule(cells))  # type: ignore[misc]
+        if rule is not None:
+            made.append(rule)
+            places.append(place)
+    faults += [f"{places[number]}: {fault}" for number, fault in rule_faults(variables, made)]
+    if faults or not made:
+        raise InputError(str(rules), *(faults or ["has no rule; expected one row per rule"]))
+    return RuleBase(tuple(variables), tuple(made))
+
+
+def _rows(path: str | PathLike[str], known: tuple[str, ...], needed: tuple[str, ...]) -> list[_Row]:
+    """Return the rows that are not blank, each with its place; the titles are checked."""
+    file = str(path)
+    try:
+        # No other encoding is guessed: it would make other letters of the labels.
+        sheet = parse_sheet(read_bytes(path).decode("utf-8-sig"), file)
+    except UnicodeDecodeError as error:
+        raise InputError(file, f"is not UTF-8: byte {error.start} is wrong") from None
+    columns = [title.lower() for title in sheet.titles]
+    faults = [
+        f"column {place}: title {title!r} is unknown; expected one of {', '.join(known)}, note"
+        for place, title in enumerate(columns, start=1)
+        if title not in (*known, "note")
+    ]
+    faults += [f"title {t!r} occurs twice" for t in sorted(set(columns)) if columns.count(t) > 1]
+    faults += [f"no column {title}" for title in needed if title not in columns]
+    # A row that is too long is shifted: its cells cannot be trusted.
+    faults += [
+        f"row {number} has {len(row)} cells; expected {len(columns)}"
+        for number, row in sheet.rows
+        if any(row[len(columns) :])
+    ]
+    if faults:
+        raise InputError(file, *faults)
+    blank = dict.fromkeys(known, "")
+    return [
+        (f"row {n}", {**blank, **dict(zip(columns, row, strict=False))}) for n, row in sheet.rows
+    ]
+
+
+def _rule(cells: Mapping[str, str]) -> Rule:
+    number = cells["priority"]
+    if not re.fullmatch("[0-9]{1,4}", number):
+        raise ArgumentError(f"column priority: {number!r}; expected a whole number 1..9999")
+    labels = (cells["english"], cells["korean"])
+    return Rule(cells["code"], cells["antecedent"], int(number), cells["flag"], *labels)
+
+
+def _variables(file: str, rows: list[_Row]) -> list[Variable]:
+    """Make the variables of the rows, or raise all that is wrong with them."""
+    faults: list[str] = []
+    heads: dict[str, _Row] = {}
+    terms: dict[str, list[Term]] = {}
+    for place, cells in rows:
+        name, empty = cells["variable"], _NOT_OF_A_TERM if cells["term"] else _NOT_OF_A_VARIABLE
+        kind = "term" if cells["term"] else "variable"
+        faults += [
+            f"{place}, column {column}: {cells[column]!r}; expected nothing, a {kind} has none"
+            for column in empty
+            if cells[column]
+        ]
+        if cells["term"]:
+            term = _make(place, faults, lambda cells=cells: _term(cells))  # type: ignore[misc]
+            terms.setdefault(name, [])
+            terms[name] += [term] if term is not None else []
+        elif name in heads:
+            faults.append(f"{place}: variable {name} occurs twice")
+        else:
+            heads[name] = (place, cells)
+    faults += [f"no row describes variable {name!r}" for name in terms if name not in heads]
+    made = []
+    for name, (place, cells) in heads.items():
+        mine = tuple(terms.get(name, ()))
+        # Without a row there is nothing else to say; faulty terms were named before.
+        if mine or name not in terms:
+            make = lambda cells=cells, mine=mine: _variable(cells, mine)  # noqa: E731
+            variable = _make(place, faults, make)
+            made += [variable] if variable is not None else []
+    if faults or not made:
+        raise InputError(file, *(faults or ["has no variable; expected one row per variable"]))
+    return made
+
+
+def _variable(cells: Mapping[str, str], terms: tuple[Term, ...]) -> Variable:
+    low, high = (_number(cells, column) for column in ("low", "high"))
+    labels = (cells["english"], cells["korean"])
+    return Variable(cells["variable"], cells["unit"], low, high, terms, *labels)
+
+
+def _term(cells: Mapping[str, str]) -> Term:
+    corners = [
+        _number(cells, column, inf if column.startswith("right") else -inf) for column in CORNERS
+    ]
+    a, b, c, d = corners
+    return Term(cells["term"], (a, b, c, d), cells["crisp"], cells["english"], cells["korean"])
+
+
+def _number(cells: Mapping[str, str], column: str, default: float | None = None) -> float:
+    cell = cells[column]
+    if not cell and default is not None:
+        return default
+    if not NUMBER.fullmatch(cell):
+        raise ArgumentError(f"column {column}: {cell!r}; expected a number")
+    return float(cell)
+
+
+def _make(place: str, faults: list[str], make: Callable[[], _Made]) -> _Made | None:
+    """Return what is made, or None and note the fault."""
+    try:
+        return make()
+    except ArgumentError as fault:
+        faults.append(f"{place}: {fault}")
+        return None

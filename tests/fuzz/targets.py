@@ -1,0 +1,261 @@
+"""What is fuzzed: every reader and decoder of the package, with good inputs to start from.
+
+A target takes bytes, as a file or a line would hold them. It may refuse them with an error of
+`shipnet.errors`; any other exception is a defect.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from shipnet import asi, can, crc, datasets, design, engine, fuzzy, line, modbus, remote_control
+from shipnet.errors import ArgumentError, FrameError, InputError
+
+#: Files of a target live in memory where the system has a place for that.
+_FOLDER = Path(
+    tempfile.mkdtemp(prefix="fuzz-", dir="/dev/shm" if os.access("/dev/shm", os.W_OK) else None)
+)
+
+
+class Target(NamedTuple):
+    """One function under test: what it does with bytes, and good inputs."""
+
+    run: Callable[[bytes], Any]
+    seeds: Callable[[], Iterable[bytes]]
+
+
+def _file(suffix: str, read: Callable[[Path], Any]) -> Callable[[bytes], Any]:
+    """Return a target that reads a file with these bytes."""
+    path = _FOLDER / f"input{suffix}"
+
+    def run(data: bytes) -> Any:
+        path.write_bytes(data)
+        return read(path)
+
+    return run
+
+
+def _text(parse: Callable[[str], Any]) -> Callable[[bytes], Any]:
+    """Return a target that takes text: any bytes are some text in Latin-1."""
+    return lambda data: parse(data.decode("latin-1"))
+
+
+def _bits(parse: Callable[[str], Any]) -> Callable[[bytes], Any]:
+    """Return a target that takes bits as text; other characters come through now and then."""
+    return lambda data: parse("".join(chr(48 + (b & 1)) if b < 250 else chr(b) for b in data))
+
+
+def _data(*names: str) -> Callable[[], Iterable[bytes]]:
+    return lambda: [datasets.path(name).read_bytes() for name in names]
+
+
+def _saved(suffix: str, *things: Callable[[Path], Any]) -> Callable[[], Iterable[bytes]]:
+    """Return what our own writers write."""
+
+    def seeds() -> Iterable[bytes]:
+        for save in things:
+            path = _FOLDER / f"seed{suffix}"
+            save(path)
+            yield path.read_bytes()
+
+    return seeds
+
+
+def _log(path: Path) -> None:
+    messages = can.example()
+    run = can.simulate(messages, 125e3, until=0.1)
+    run.log(payload=lambda name, k: bytes(messages[name].dlc)).save(path)
+
+
+def _foreign_log(path: Path) -> None:
+    """Write a log with python-can, in the format of the suffix."""
+    import can as python_can
+
+    with python_can.Logger(path) as logger:
+        for k in range(20):
+            logger(
+                python_can.Message(
+                    timestamp=0.01 * k,
+                    arbitration_id=0x100 + k,
+                    is_extended_id=k % 3 == 0,
+                    is_remote_frame=k % 7 == 6,
+                    channel=0,
+                    data=b"" if k % 7 == 6 else bytes(range(k % 9)),
+                )
+            )
+
+
+def _capture(path: Path) -> None:
+    heard = asi.line(50, slaves=(5,)).waveform(
+        asi.Request.data_exchange(5, 3), "5 m", before=20e-6, after=296e-6
+    )
+    heard.save(path)
+
+
+def _session() -> bytes:
+    """Return a session of sigrok with one logic channel."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as file:
+        file.writestr("version", "2")
+        file.writestr(
+            "metadata",
+            "[device 1]\ncapturefile=logic-1\ntotal probes=1\nsamplerate=1 MHz\n"
+            "total analog=1\nprobe1=D0\nanalog2=A0\nunitsize=1\n",
+        )
+        file.writestr("logic-1-1", bytes(range(256)))
+        file.writestr("analog-1-2-1", np.sin(np.arange(400) / 3).astype("f4").tobytes())
+    return made.getvalue()
+
+
+def _sheet(data: bytes) -> bytes:
+    """Return a workbook whose only sheet has these bytes."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(_workbook())) as good, zipfile.ZipFile(made, "w") as bad:
+        for name in good.namelist():
+            bad.writestr(name, data if name.endswith("sheet1.xml") else good.read(name))
+    return made.getvalue()
+
+
+def _workbook() -> bytes:
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    for row in (["tag", "signal", "x_m", "y_m", "z_m"], ["TI 101", "rtd_3wire", 1.0, 2.0, 3.0]):
+        book.active.append(row)
+    made = io.BytesIO()
+    book.save(made)
+    return made.getvalue()
+
+
+def _sheet_xml() -> Iterable[bytes]:
+    with zipfile.ZipFile(io.BytesIO(_workbook())) as book:
+        yield book.read("xl/worksheets/sheet1.xml")
+
+
+def _adus() -> Iterable[bytes]:
+    requests = [
+        modbus.Request.read_holding_registers(0, 10),
+        modbus.Request.read_coils(3, 17),
+        modbus.Request.write_single_register(7, 0xABCD),
+        modbus.Request.write_multiple_registers(1, [1, 2, 3]),
+        modbus.Request.write_multiple_coils(1, [1, 0, 1]),
+        modbus.Request.read_write_multiple_registers(0, 4, 9, [5, 6]),
+    ]
+    for request in requests:
+        yield request.rtu(17)
+        yield request.tcp(3, 17)
+        yield request.ascii(17)
+
+
+_SLAVE = modbus.Slave(
+    coils=range(2), holding_registers=range(40), input_registers=range(9), limits={3: (0, 9)}
+)
+
+
+def _answered(data: bytes) -> Any:
+    """Send bytes as a request with a right CRC, for no fuzzer guesses that."""
+    frame = data + crc.crc("CRC-16/MODBUS", data).to_bytes(2, "little")
+    return modbus.answer({17: _SLAVE}, modbus.decode(frame))
+
+
+def _can_bits() -> Iterable[bytes]:
+    for frame in (can.Frame(0x123, b"\x01\x02"), can.Frame(0x1ABCDEF, bytes(8), extended=True)):
+        yield frame.bits.encode()
+
+
+def _rules(data: bytes) -> Any:
+    rules, _, terms = data.partition(b"\0")
+    (_FOLDER / "rules.csv").write_bytes(rules)
+    (_FOLDER / "terms.csv").write_bytes(terms)
+    return fuzzy.read_rules(_FOLDER / "rules.csv", _FOLDER / "terms.csv")
+
+
+def _levels(data: bytes) -> Any:
+    """Decode bytes as the samples of a record of an AS-i line."""
+    u = np.frombuffer(data[: len(data) // 8 * 8], "f8")
+    return asi.decode(u, 0.25e-6)
+
+
+def _packet(kind: Any) -> Target:
+    """Return a packet format as a target: a stream of bytes, then one packet."""
+
+    def run(data: bytes) -> None:
+        kind.trace(data)
+        kind.decode(data)
+
+    return Target(run, lambda: [kind.encode({1: 500, 3: 0xFFFF}), kind.encode({}) * 2])
+
+
+TARGETS: dict[str, Target] = {
+    "asi request": Target(
+        _bits(asi.Request.parse), lambda: [asi.Request.data_exchange(21, 14).bits.encode()]
+    ),
+    "asi response": Target(_bits(asi.Response.parse), lambda: [asi.Response(5).bits.encode()]),
+    "asi capture.csv": Target(_file(".csv", asi.decode), _saved(".csv", _capture)),
+    "asi capture.npz": Target(_file(".npz", asi.decode), _saved(".npz", _capture)),
+    "asi capture.sr": Target(_file(".sr", asi.decode), lambda: [_session()]),
+    "asi samples": Target(_levels, lambda: [np.sin(np.arange(900) / 3.7).tobytes()]),
+    "asi plan": Target(
+        _file(".csv", asi.read_plan),
+        _data("synthetic_asi_plan_300m.csv", "synthetic_asi_plan_ballast.csv"),
+    ),
+    "can frame": Target(_bits(can.decode), _can_bits),
+    "can log.log": Target(_file(".log", can.read_log), _saved(".log", _log)),
+    "can log.asc": Target(_file(".asc", can.read_log), _saved(".asc", _foreign_log)),
+    "can log.blf": Target(_file(".blf", can.read_log), _saved(".blf", _foreign_log)),
+    "can log.trc": Target(_file(".trc", can.read_log), _saved(".trc", _foreign_log)),
+    "can log.csv": Target(_file(".csv", can.read_log), _saved(".csv", _foreign_log)),
+    "can messages": Target(_text(can.MessageSet.parse), _data("synthetic_can_lee2012.csv")),
+    "can messages.dbc": Target(
+        _file(".dbc", can.read_messages),
+        lambda: [
+            b'VERSION ""\nNS_ :\nBS_:\nBU_: A B\nBO_ 291 Speed: 8 A\n SG_ rpm : 0|16@1+ (0.5,0)'
+            b' [0|8000] "rpm" B\nBA_DEF_ BO_ "GenMsgCycleTime" INT 0 10000;\n'
+            b'BA_DEF_DEF_ "GenMsgCycleTime" 100;\nBA_ "GenMsgCycleTime" BO_ 291 10;\n'
+        ],
+    ),
+    "modbus rtu": Target(lambda data: modbus.decode(data, "rtu"), _adus),
+    "modbus tcp": Target(lambda data: modbus.decode(data, "tcp"), _adus),
+    "modbus ascii": Target(lambda data: modbus.decode(data, "ascii"), _adus),
+    "modbus request": Target(modbus.Request.parse, _adus),
+    "modbus response": Target(modbus.Response.parse, _adus),
+    "modbus answer": Target(_answered, lambda: [adu[:-2] for adu in _adus()]),
+    "packet, marker": _packet(remote_control.MarkerFormat()),
+    "packet, marker and CRC": _packet(remote_control.MarkerFormat(crc=True)),
+    "packet, COBS": _packet(remote_control.CobsFormat()),
+    "waveform.csv": Target(_file(".csv", line.Waveform.read), _saved(".csv", _capture)),
+    "rules": Target(
+        _rules,
+        lambda: [
+            datasets.path("kim2014_assumed_rules.csv").read_bytes()
+            + b"\0"
+            + datasets.path("kim2014_assumed_terms.csv").read_bytes()
+        ],
+    ),
+    "engine points": Target(
+        _file(".csv", engine.read_points),
+        _saved(".csv", lambda path: engine.read_points().table().to_csv(path)),
+    ),
+    "I/O list.csv": Target(
+        _file(".csv", design.read_iolist),
+        _data("synthetic_iolist_valves.csv"),
+    ),
+    "I/O list.xlsx": Target(_file(".xlsx", design.read_iolist), lambda: [_workbook()]),
+    "sheet of a workbook": Target(
+        lambda data: _file(".xlsx", design.read_iolist)(_sheet(data)), _sheet_xml
+    ),
+    "settings": Target(_text(design.Settings.parse), lambda: [design.Settings().text().encode()]),
+    "trays": Target(_text(design.Trays.parse), _data("synthetic_trays_ship.csv")),
+    "class rules": Target(_file(".csv", design.RuleSet.read), _data("design_rules.csv")),
+}
+
+#: What a target may raise.
+REFUSALS = (ArgumentError, FrameError, InputError)
