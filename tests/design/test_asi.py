@@ -12,8 +12,7 @@ from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import cycle_time
-from shipnet.design.plan_asi_lines import Piece, draw, place_supply
-from shipnet.design.plan_asi_modules import analogue_response, digital_response
+from shipnet.design.plan_asi import Piece, analogue_response, digital_response, draw, place_supply
 from shipnet.design.planning import plan
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
