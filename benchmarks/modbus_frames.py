@@ -8,7 +8,7 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersRequest
 
-from shipnet.crc import crc, crc_batch
+from shipnet.crc import MODBUS
 from shipnet.modbus.pdu import Request, Response, decode
 
 NUMBER = 1_000_000
@@ -61,8 +61,8 @@ def main():
     for size, number in ((6, NUMBER), (253, NUMBER // 20)):
         rows = rng.integers(0, 256, (number, size), dtype=np.uint8)
         bodies = [row.tobytes() for row in rows[:SAMPLE]]
-        expected = crc_batch("CRC-16/MODBUS", rows[:SAMPLE]).tolist()
-        assert [crc("CRC-16/MODBUS", body) for body in bodies] == expected
+        expected = MODBUS.of(rows[:SAMPLE]).tolist()
+        assert [MODBUS.of(body) for body in bodies] == expected
         swapped = [FramerRTU.compute_CRC(body) for body in bodies]
         assert [value >> 8 | (value & 255) << 8 for value in swapped] == expected
         small = [int.from_bytes(minimalmodbus._calculate_crc(b), "little") for b in bodies]
@@ -74,8 +74,8 @@ def main():
         report(
             f"CRC of {size} bytes",
             {
-                "batch": seconds(lambda rows=rows: crc_batch("CRC-16/MODBUS", rows)) / number,
-                "ours, one by one": each(lambda body: crc("CRC-16/MODBUS", body)),
+                "batch": seconds(lambda rows=rows: MODBUS.of(rows)) / number,
+                "ours, one by one": each(lambda body: MODBUS.of(body)),
                 "pymodbus": each(FramerRTU.compute_CRC),
                 "minimalmodbus": each(minimalmodbus._calculate_crc),
             },

@@ -59,27 +59,7 @@ def axes(ax: Axes | None = None, *, figsize: tuple[float, float] | None = None) 
 
 
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
-    """Show nothing of the axes but what is drawn on them, as a diagram wants it.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        The axes.
-    x, y : tuple of float
-        Limits of the drawing, in its own units.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = bare(Figure().subplots(), (0, 2), (0, 1))
-    >>> ax.get_xlim() == (0, 2), len(ax.get_xticks())
-    (True, 0)
-    """
+    """Show nothing of the axes but what is drawn on them, within these limits."""
     ax.set(xlim=x, ylim=y, xticks=[], yticks=[])
     ax.grid(visible=False)
     ax.spines[:].set_visible(False)

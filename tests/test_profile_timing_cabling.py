@@ -10,7 +10,7 @@ from shipnet.asi.profile import (
     describe_status,
     io_code,
 )
-from shipnet.errors import ArgumentError, explain
+from shipnet.errors import ArgumentError, name_of
 
 
 def test_io_codes_mirror_inputs_and_outputs():
@@ -94,8 +94,8 @@ def test_impossible_pauses(pauses):
 
 
 def test_error_codes_have_names():
-    names = [explain(code) for code in range(18)]
+    names = [name_of(code) for code in range(18)]
     assert len(set(names)) == 18
-    assert explain(np.uint8(5)) == "ParityError"
+    assert name_of(np.uint8(5)) == "ParityError"
     with pytest.raises(ValueError, match="code is 18"):
-        explain(18)
+        name_of(18)

@@ -19,7 +19,7 @@ from shipnet.asi.modulation import HALF_BIT
 from shipnet.asi.receiver import TOLERANCE, Reception, receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
-from shipnet.errors import ArgumentError, explain
+from shipnet.errors import ArgumentError, name_of
 from shipnet.line.waveform import Waveform
 
 if TYPE_CHECKING:
@@ -110,14 +110,14 @@ def transactions_of(
 
     cut, asks, answers = _roles(telegrams)
     request, response = _pairs(asks, answers)
-    states = np.array([explain(code) for code in telegrams.error.tolist()], dtype=object)
+    states = np.array([name_of(code) for code in telegrams.error.tolist()], dtype=object)
     states[cut] = CUT_OFF
     request_error, response_error = _pick(states, request, ""), _pick(states, response, "")
 
     words = np.where(request_error == "ok", _pick(telegrams.word, request, 0), -1)
     calls = parse_requests(words, extended=np.isin(words >> 7 & 31, list(extended)))
     readable = request_error == "ok"
-    request_error[readable] = [explain(code) for code in calls.error[readable].tolist()]
+    request_error[readable] = [name_of(code) for code in calls.error[readable].tolist()]
     replies = np.where(response_error == "ok", _pick(telegrams.word, response, 0), -1)
     data, _ = parse_responses(replies)
 

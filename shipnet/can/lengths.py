@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.can.frame import (
-    CRC,
     CRC_BITS,
     INTERMISSION,
     RUN,
@@ -23,7 +22,7 @@ from shipnet.can.frame import (
     highest_id,
     stuffed_region,
 )
-from shipnet.crc import crc_batch
+from shipnet.crc import CAN as CRC
 from shipnet.errors import ArgumentError
 
 Stuffing = Literal["none", "mean", "attainable", "worst", "worst 1994"]
@@ -201,7 +200,7 @@ def region_bits(dlc: Integers, extended: Flags, remote: Flags) -> Integers:
 
 def check_values(high: Words, low: Words) -> npt.NDArray[np.uint16]:
     """Return the check values of frames given as numbers."""
-    return crc_batch(CRC, columns(high, low)[3:].T).astype(np.uint16)
+    return CRC.of(columns(high, low)[3:].T).astype(np.uint16)
 
 
 def left(word: Words, distance: npt.ArrayLike) -> Words:

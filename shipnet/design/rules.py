@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.answers import Findings
-from shipnet.crc import undetected
+from shipnet.crc import Crc
 from shipnet.design.designs import Design
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
 from shipnet.errors import ArgumentError, InputError
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Bools = npt.NDArray[np.bool_]
 
 #: Buses with an open international standard or public specification, and the CRC they have.
-STANDARDS: Mapping[str, tuple[str, str | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
+STANDARDS: Mapping[str, tuple[str, Crc | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
 
 #: What the list wants within so long is fast [ms]: the shortest time that class rules name, 0.1 s
 #: in DNV-OS-D202 Ch.2 Sec.3 Table A1.
@@ -248,8 +248,9 @@ def _unseen(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     without = [bus for bus, check in checks.items() if check is None]
     if without:
         return Outcome(float("inf"), ", ".join(without), "has no CRC")
-    missed = sum(undetected(check, flips=n) for check in checks.values() if check for n in (1, 2))
-    return Outcome(missed, "", ", ".join(check for check in checks.values() if check))
+    used = [check for check in checks.values() if check]
+    missed = sum(check.undetected(flips=n) for check in used for n in (1, 2))
+    return Outcome(missed, "", ", ".join(check.name for check in used))
 
 
 def _repeats(facts: Facts, concerned: Bools, host: bool) -> Outcome:

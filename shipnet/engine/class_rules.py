@@ -13,7 +13,7 @@ from math import inf, isnan, nan
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from shipnet.answers import Findings
-from shipnet.crc import undetected
+from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.engine.points import Point, PointList, read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 Verdict = Literal["met", "violated", "not verified"]
 
 #: Protocols with an open international standard or public specification, and the CRC they have.
-STANDARDS: dict[str, tuple[str, str | None]] = {
-    "CAN": ("ISO 11898-1", "CRC-15/CAN"),
-    "Modbus RTU": ("MODBUS over serial line V1.02", "CRC-16/MODBUS"),
+STANDARDS: dict[str, tuple[str, Crc | None]] = {
+    "CAN": ("ISO 11898-1", CAN),
+    "Modbus RTU": ("MODBUS over serial line V1.02", MODBUS),
     # The checksum of TCP is none.
     "Modbus TCP": ("MODBUS application protocol V1.1b3", None),
 }
@@ -352,12 +352,12 @@ def _answer(system: Description, poll: Poll) -> _Outcome:
 
 
 def _crc(system: Description, protocols: tuple[str, ...]) -> _Outcome:
-    algorithms = {name: STANDARDS.get(name, ("", None))[1] for name in protocols}
-    if without := [name for name, algorithm in algorithms.items() if algorithm is None]:
+    checks = {name: STANDARDS.get(name, ("", None))[1] for name in protocols}
+    if without := [name for name, check in checks.items() if check is None]:
         return inf, f"no CRC: {', '.join(without)}"
-    used = [algorithm for algorithm in algorithms.values() if algorithm]
-    missed = sum(undetected(algorithm, flips=n) for algorithm in used for n in (1, 2))
-    return missed, ", ".join(used)
+    used = [check for check in checks.values() if check]
+    missed = sum(check.undetected(flips=n) for check in used for n in (1, 2))
+    return missed, ", ".join(check.name for check in used)
 
 
 def _repeats(system: Description, protocols: tuple[str, ...]) -> _Outcome:

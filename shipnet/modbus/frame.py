@@ -5,7 +5,7 @@ from __future__ import annotations
 from struct import pack, unpack
 from typing import Literal
 
-from shipnet.crc import crc
+from shipnet.crc import MODBUS
 from shipnet.errors import (
     ArgumentError,
     CrcError,
@@ -35,7 +35,7 @@ _HEXADECIMAL = frozenset(b"0123456789ABCDEFabcdef")
 def rtu_frame(unit_id: int, pdu: bytes) -> bytes:
     """Return the RTU frame of a PDU."""
     body = _serial_body(unit_id, pdu)
-    return body + crc("CRC-16/MODBUS", body).to_bytes(2, "little")
+    return body + MODBUS.of(body).to_bytes(2, "little")
 
 
 def ascii_frame(unit_id: int, pdu: bytes) -> bytes:
@@ -57,7 +57,7 @@ def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
     if framing == "rtu":
         frame = _checked_frame(data, "RTU", 1 + RTU_BYTES, MAX_PDU + RTU_BYTES)
         body, found = frame[:-2], int.from_bytes(frame[-2:], "little")
-        expected = crc("CRC-16/MODBUS", body)
+        expected = MODBUS.of(body)
         if found != expected:
             raise CrcError(f"CRC is 0x{found:04X}, but the bytes before it make 0x{expected:04X}")
     elif framing == "ascii":

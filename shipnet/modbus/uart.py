@@ -190,7 +190,7 @@ class Characters(NamedTuple):
     time: Floats
     #: The byte, whatever its code.
     value: Bits
-    #: 0, or the code of `ParityError` or `FormError`; `shipnet.errors.explain` names it.
+    #: 0, or the code of `ParityError` or `FormError`; `shipnet.errors.name_of` names it.
     code: npt.NDArray[np.int64]
 
     @property

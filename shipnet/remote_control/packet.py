@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.crc import crc, crc_batch, syndromes
+from shipnet.crc import MODBUS
 from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
 from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
 from shipnet.remote_control.packet_format import (
@@ -68,7 +68,7 @@ Floats = npt.NDArray[np.float64]
 
 def _trailer(data: bytes) -> bytes:
     """Return the CRC-16/MODBUS of some bytes as it is sent, low byte first."""
-    return crc("CRC-16/MODBUS", data).to_bytes(_CRC, "little")
+    return MODBUS.of(data).to_bytes(_CRC, "little")
 
 
 def _check_items(items: Mapping[int, int], n_numbers: int) -> Items:
@@ -112,12 +112,12 @@ def _check_numbers(items: Items, numbers: NumberCheck, n_numbers: int) -> Items:
 
 def _crc_fits(rows: Bytes) -> Flags:
     # Behind its own check, the register of a reflected CRC without final addition is 0.
-    fits: Flags = crc_batch("CRC-16/MODBUS", rows) == 0
+    fits: Flags = MODBUS.of(rows) == 0
     return fits
 
 
 def _with_crc(rows: Bytes) -> Bytes:
-    check = crc_batch("CRC-16/MODBUS", rows)
+    check = MODBUS.of(rows)
     return np.column_stack([rows, (check & 0xFF).astype(np.uint8), (check >> 8).astype(np.uint8)])
 
 
@@ -610,7 +610,7 @@ def _marked_weights(packet_format: MarkerFormat, n_items: int) -> tuple[int, ...
 def _weights(n_bytes: int, fixed: Sequence[int]) -> tuple[int, ...]:
     """Return the weights for bytes and their CRC, where some of the bytes are known."""
     bits = 8 * np.array(fixed, np.int64)[:, np.newaxis] + np.arange(8)
-    found = np.delete(syndromes("CRC-16/MODBUS", n_bytes), bits.reshape(-1))
+    found = np.delete(MODBUS.syndromes(n_bytes), bits.reshape(-1))
     # The Walsh-Hadamard transform counts, for each of the 2**16 sums of checks, even minus odd.
     sums = np.bincount(found, minlength=1 << _CRC_BITS)
     for bit in range(_CRC_BITS):

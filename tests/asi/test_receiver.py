@@ -22,7 +22,7 @@ from shipnet.asi.modulation import (
     violations,
 )
 from shipnet.asi.receiver import matched_filter, receive, within_tolerance
-from shipnet.errors import ArgumentError, FrameError, SilenceError, explain
+from shipnet.errors import ArgumentError, FrameError, SilenceError, name_of
 
 RESPONSES = bits_of(encode_responses(np.arange(16))[0], 7)
 INFORMATION = np.arange(2**11)
@@ -151,7 +151,7 @@ def test_every_class_of_error_is_told_apart_on_the_line(name):
     u = 2 * slots @ np.where((x > 0) & (x < 1), np.sin(np.pi * x) ** 2, 0)
     for matched in (True, False):
         received = receive(u, 250e-9, 7, matched=matched)
-        assert explain(int(received.error)) == CLASSES[name].__name__
+        assert name_of(int(received.error)) == CLASSES[name].__name__
         assert (received.slots == slots).all()
 
 
@@ -177,7 +177,7 @@ def test_the_scalar_code_agrees_on_random_rows(n_bits):
 def test_a_pulse_before_the_telegram_is_a_start_error():
     slots = slots_of(RESPONSES[6])
     slots[0] = 1
-    assert explain(int(check_slots(slots, 7)[1])) == "StartBitError"
+    assert name_of(int(check_slots(slots, 7)[1])) == "StartBitError"
     with pytest.raises(CLASSES["start"], match="slot 0 holds"):
         bits_of_slots(slots)
 
@@ -321,7 +321,7 @@ def test_weak_pulses_and_ringing_are_measured():
         assert within_tolerance(received, amplitude=0.55, ringing=0.45).all()
         assert not receive(u, 250e-9, 7, matched=matched).error.any()
         lost = receive(u, 250e-9, 7, matched=matched, threshold=0.65)
-        assert [explain(code) for code in lost.error] == ["ok", "ok", "AlternationError", "ok"]
+        assert [name_of(code) for code in lost.error] == ["ok", "ok", "AlternationError", "ok"]
 
 
 def test_below_the_minimum_nothing_counts():

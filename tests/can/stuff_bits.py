@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.frame import CRC, CRC_BITS, RUN, Frame, head, payload
-from shipnet.crc import crc
+from shipnet.can.frame import CRC_BITS, RUN, Frame, head, payload
+from shipnet.crc import CAN as CRC
 
 Floats = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int8]
@@ -44,7 +44,7 @@ def _follow(run: int, bit: int) -> tuple[int, int]:
 def _shifts() -> npt.NDArray[np.intp]:
     """Return the register after one more bit: shape (2, registers)."""
     register = np.arange(_REGISTERS)
-    polynomial = crc(CRC, "1")
+    polynomial = CRC.of("1")
     shifted = register << 1 & _REGISTERS - 1
     out = register >> (CRC_BITS - 1)
     return np.stack([shifted ^ (out ^ bit) * polynomial for bit in (0, 1)])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from shipnet.can.frame import Frame
 from shipnet.can.lengths import measure_frames
-from shipnet.errors import ArgumentError, explain
+from shipnet.errors import ArgumentError, name_of
 from tests.can.frames import frames
 from tests.can.stuff_bits import longest_frame
 
@@ -89,7 +89,7 @@ def test_frames_that_cannot_be_get_a_code():
     dlc = [8, 8, 8, 8, 8, 16, -1]
     legal = [False, True, False, False, True, False, False]
     measures = measure_frames(number, [0] * 8, dlc, extended=extended)
-    assert [explain(code) for code in measures.error] == [
+    assert [name_of(code) for code in measures.error] == [
         "ok" if good else "ArgumentError" for good in legal
     ]
     for field in measures[1:]:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from shipnet.crc import crc_batch
+from shipnet.crc import MODBUS
 from shipnet.errors import ArgumentError
 from shipnet.remote_control import (
     Change,
@@ -71,11 +71,11 @@ def test_no_crc_code_word_has_fewer_than_four_bits_and_the_fours_are_counted():
     # Two routes to the words of weight four: pairs with equal sums, and the residual at a small p.
     size = 20
     frame = np.zeros(size + 2, np.uint8)
-    check = int(crc_batch("CRC-16/MODBUS", frame[:size]))
+    check = int(MODBUS.of(frame[:size]))
     frame[size:] = check & 0xFF, check >> 8
     bits = np.unpackbits(frame)
     rows = np.packbits(bits ^ np.eye(bits.size, dtype=np.uint8), axis=1)
-    syndrome = crc_batch("CRC-16/MODBUS", rows).astype(int)
+    syndrome = MODBUS.of(rows).astype(int)
     assert np.unique(syndrome).size == bits.size and 0 not in syndrome
     pairs = np.bincount([a ^ b for a, b in combinations(syndrome.tolist(), 2)])
     fours = int((pairs * (pairs - 1) // 2).sum()) // 3

@@ -19,7 +19,7 @@ from shipnet.asi.simulation.master import FAULTY, SILENT, Phase
 from shipnet.asi.simulation.slave import OBEY, PreparedRequest, RunningSlave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Response
 from shipnet.asi.timing import Transaction
-from shipnet.errors import ArgumentError, SilenceError, explain
+from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
 #: Stands in the field of the response where there is none.
 NO_RESPONSE = 16
 
-_OUTCOMES = [explain(code) for code in range(SilenceError.code + 1)]
+_OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
 
 Integers = npt.NDArray[np.int64]
 
