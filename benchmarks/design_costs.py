@@ -7,10 +7,9 @@ from timeit import repeat
 
 import numpy as np
 
-from shipnet.design.costs import CABLE_RANGES, Model, quantities
+from shipnet.design.catalogue import Assumptions, values_at
+from shipnet.design.costs import CABLE_RANGES, Model, draw, quantities, tornado
 from shipnet.design.plant import Plant
-from shipnet.design.settings import Assumptions, values_at
-from shipnet.design.uncertainty import draw, tornado
 
 DRAWS = 10_000
 SAMPLE = 100  # what the loop gets; its time is scaled up

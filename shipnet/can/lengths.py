@@ -38,7 +38,7 @@ _TAIL_BITS = sum(len(bits) for _, bits in TAIL) + INTERMISSION
 
 #: Mean stuff bits by data bytes, 11-bit and 29-bit identifiers, if identifier and data are
 #: uniformly random: the expectation over all of them, CRC included, by dynamic programming over
-#: CRC register, last bit and run. The tests do it again (`tests/can/stuff_bits.py`).
+#: CRC register, last bit and run. The tests do it again (`tests/can/test_lengths.py`).
 _MEAN_STUFF = (
     (1.968750, 2.018089, 2.248796, 2.648793, 2.348793, 2.548793, 2.815460, 3.352960, 3.283168),
     (2.738010, 2.791322, 3.022456, 3.422457, 3.122450, 3.322451, 3.589117, 4.126897, 4.055775),
