@@ -10,9 +10,8 @@ from unittest.mock import patch
 import numpy as np
 from _timing import seconds
 
-from shipnet.asi import BIT_TIME, Master, Slave, simulate
-from shipnet.asi.simulation import channel
-from shipnet.asi.simulation.channel import MISSED, REQUEST_LOST, draw_disturbances
+from shipnet.asi import BIT_TIME, Master, Slave, channel, simulate
+from shipnet.asi.channel import MISSED, REQUEST_LOST, draw_disturbances
 
 try:
     import simpy

@@ -10,7 +10,7 @@ import numpy as np
 from _timing import seconds
 
 from shipnet import datasets
-from shipnet.asi.plan_file import read_plan
+from shipnet.asi.plan import read_plan
 from shipnet.asi.topologies import line, ring, star
 from shipnet.line.waveform import laplace_grid
 

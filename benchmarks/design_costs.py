@@ -6,10 +6,9 @@ Both get the same quantiles of the same assumptions, and their costs are compare
 import numpy as np
 from _timing import seconds
 
-from shipnet.design.costs import CABLE_RANGES, Model, quantities
+from shipnet.design.catalogue import Assumptions, values_at
+from shipnet.design.costs import CABLE_RANGES, Model, draw, quantities, tornado
 from shipnet.design.plant import Plant
-from shipnet.design.settings import Assumptions, values_at
-from shipnet.design.uncertainty import draw, tornado
 
 DRAWS = 10_000
 SAMPLE = 100  # what the loop gets; its time is scaled up

@@ -11,7 +11,8 @@ from _timing import seconds
 from openpyxl import load_workbook
 
 from shipnet import datasets
-from shipnet.design.iolist import RANGES, read_iolist
+from shipnet.design.iolist import read_iolist
+from shipnet.design.points import RANGES
 from shipnet.design.site import Site, Trays
 from shipnet.signals import KINDS, SIGNALS
 
