@@ -468,7 +468,7 @@ def _read_foreign(file: Path, kind: str, can: Any) -> tuple[Log, list[str]]:
         # The readers raise whatever their parsing meets.
         except Exception as problem:
             place = f"line {stream.line}" if stream else f"after frame {len(messages)}"
-            faults.append(f"{place}: {problem or type(problem).__name__}")
+            faults.append(f"{place}: {str(problem) or type(problem).__name__}")
     data = np.zeros((len(messages), 8), dtype=np.uint8)
     for row, message in enumerate(messages):
         data[row, : len(message.data)] = list(message.data)
