@@ -15,7 +15,7 @@ import numpy.typing as npt
 from shipnet import datasets
 from shipnet.answers import Findings
 from shipnet.crc import Crc
-from shipnet.design.designs import Design
+from shipnet.design.layout import Layout
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
@@ -70,13 +70,10 @@ APPLIES: Mapping[str, Callable[[pd.DataFrame], pd.Series[bool]]] = {
 class Facts:
     """A design with what several measures need of it."""
 
-    design: Design
+    design: Layout
+    #: Every single failure.
+    cuts: pd.DataFrame
     host_time: float
-
-    @cached_property
-    def cuts(self) -> pd.DataFrame:
-        """Every single failure."""
-        return self.design._failures
 
     @cached_property
     def links(self) -> pd.DataFrame:
@@ -562,16 +559,17 @@ def _faults(
 
 
 def check(
-    design: Design,
+    design: Layout,
+    failures: pd.DataFrame,
     rules: RuleSet | str | PathLike[str] = "DNV",
     *,
     host_time: float | None = None,
 ) -> Findings:
-    """Check a design against class rules."""
+    """Check a design, of which every single failure is known, against class rules."""
     import pandas as pd
 
     host = design.settings.host_time if host_time is None else host_time
-    facts = Facts(design, check_scalar("host_time", host, "s", 0.0, 60.0))
+    facts = Facts(design, failures, check_scalar("host_time", host, "s", 0.0, 60.0))
     rows = []
     for rule in RuleSet.of(rules):
         outcome = _outcome(rule, facts)

@@ -85,7 +85,7 @@ def test_a_protocol_of_ones_own_fails_two_rules():
 
 def test_two_of_three_links_apart_are_enough():
     links = {"1": ("JB1",), "2": ("JB1", "JB3"), "3": ("JB3",)}
-    routes = {name: ("a",) for name in links}
+    routes = dict.fromkeys(links, ("a",))
     table = check(replace(GOOD, links=links, routes=routes)).table().set_index("rule")
     assert table.value["links duplicated"] == 2
     assert table.why["links duplicated"] == "shared: JB1, JB3"

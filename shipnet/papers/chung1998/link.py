@@ -547,7 +547,7 @@ def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
 @check("chung1998-070", counter={"per_packet": 1})
 def one_error_costs_much(*, per_packet: int = 40) -> bool:
     """Whether a bit of an end flag costs more than half of 40 data, so many in each packet."""
-    data = {number: 1 for number in range(40)}
+    data = dict.fromkeys(range(40), 1)
     form = MarkerFormat(n_numbers=40)
     parts = [dict(list(data.items())[k : k + per_packet]) for k in range(0, 40, per_packet)]
     stream = bytearray(b"".join(form.encode(part) for part in parts))

@@ -177,7 +177,7 @@ def packet_is_found(*, before: bytes = bytes(5)) -> bool:
 @check("chung1998-023", counter={"wrap": True})
 def values_are_whole(*, wrap: bool = False) -> bool:
     """Whether the printed line takes the right values wherever a packet stands in the ring."""
-    table = extraction({number: 1000 for number in range(ITEMS)}, size=SIZE, wrap=wrap)
+    table = extraction(dict.fromkeys(range(ITEMS), 1000), size=SIZE, wrap=wrap)
     return bool((table["wrong"] == 0).all())
 
 
