@@ -7,9 +7,9 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from dataclasses import replace
 from functools import partial
-from timeit import repeat
 
 import numpy as np
+from _timing import seconds
 
 from shipnet import asi
 from shipnet.asi.emc.disturbances import Burst, ConductedRF, Impulses, Noise
@@ -18,11 +18,6 @@ from shipnet.asi.receiver import Receiver
 
 NUMBER = 40_000
 SAMPLE = 500  # what the loop gets; its time is scaled up
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def plain_loop(wave, disturbance, amplitude, number, rng, receiver):
