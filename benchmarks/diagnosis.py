@@ -10,10 +10,9 @@ from timeit import default_timer, repeat
 import numpy as np
 
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import Command, Fault
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.simulation import blocks, simulate
-from shipnet.ballast.valve_faults import Fault
 from shipnet.fuzzy.firing import METHODS
 
 N, FEW = 256, 100

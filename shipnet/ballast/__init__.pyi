@@ -10,7 +10,9 @@ from .live import acceptance_tests as acceptance_tests
 from .live import serve as serve
 from .master import MasterRun as MasterRun
 from .master import Screen as Screen
+from .plant import FAULTS as FAULTS
 from .plant import Command as Command
+from .plant import Fault as Fault
 from .registers import RegisterMap as RegisterMap
 from .rule_table import rule_base as rule_base
 from .rule_table import rule_vectors as rule_vectors
@@ -22,6 +24,4 @@ from .simulation import simulate as simulate
 from .trials import Trials as Trials
 from .trials import false_alarms as false_alarms
 from .trials import fault_trials as fault_trials
-from .valve_faults import FAULTS as FAULTS
-from .valve_faults import Fault as Fault
 from .wear import Wear as Wear

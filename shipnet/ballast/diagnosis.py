@@ -127,7 +127,7 @@ class Diagnosis:
     --------
     >>> from shipnet.ballast.plant import Command
     >>> from shipnet.ballast.simulation import simulate
-    >>> from shipnet.ballast.valve_faults import Fault
+    >>> from shipnet.ballast.plant import Fault
     >>> stuck = Fault("V1", valves=2)
     >>> run = simulate(2, [Command("open", 1.0)], faults=stuck, until=25, rng=2024)
     >>> found = run.diagnose()

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shipnet.ballast.diagnosis import Diagnosis, diagnose_run
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.scan import System, as_system
 from shipnet.ballast.simulation import blocks, stroke_rows
-from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.fields import check_scalar
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.intervals import event_interval

@@ -17,7 +17,7 @@ import numpy as np
 
 from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.master import Screen, Station, received_run, valve_states
-from shipnet.ballast.plant import Plant
+from shipnet.ballast.plant import FAULTS, Fault, Plant
 from shipnet.ballast.registers import (
     COMMAND_REGISTER,
     FIRST_REGISTER,
@@ -29,7 +29,6 @@ from shipnet.ballast.registers import (
 from shipnet.ballast.scan import READ_STATUS, status_poll
 from shipnet.ballast.simulation import Recorder, Run
 from shipnet.ballast.slave import ValveDevice, valve_slaves
-from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase

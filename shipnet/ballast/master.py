@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.plant import Fault as ValveFault
 from shipnet.ballast.registers import COMMAND_REGISTER, MISSING, Code, RegisterMap
 from shipnet.ballast.scan import READ_STATUS, System, command_poll
 from shipnet.ballast.sensors import CHANNELS, position_speed
 from shipnet.ballast.simulation import Run
 from shipnet.ballast.slave import valve_slaves
-from shipnet.ballast.valve_faults import Fault as ValveFault
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole

@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.ballast.actuator import Actuator
-from shipnet.ballast.plant import Command, Movement, Plant
+from shipnet.ballast.plant import Command, Fault, Movement, Plant
 from shipnet.ballast.sensors import CHANNELS, WINDOW, Sensors, position_speed
-from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 
@@ -198,8 +197,7 @@ def blocks(
         raise ArgumentError(f"commands is {commands!r}; it must have `Command`s only") from None
     for command in orders:
         command.mask(plant.n_valves)
-    events = {plant.ticks(fault.start) for fault in plant.faults}
-    events |= {plant.ticks(command.time) for command in orders}
+    events = {*plant.changes, *(plant.ticks(command.time) for command in orders)}
     pause = max(round(idle / plant.step), 1)
     return _record(plant, orders, sorted(events), last, pause, most)
 

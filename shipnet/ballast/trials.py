@@ -15,11 +15,10 @@ import numpy.typing as npt
 
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.diagnosis import Diagnosis, diagnose_run
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
-from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS

@@ -6,12 +6,11 @@ from matplotlib.figure import Figure
 
 from shipnet.ballast.actuator import Actuator, operating_point
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import FAULTS, Command, Fault, faulty
 from shipnet.ballast.plot import plot_confusion, plot_trend
 from shipnet.ballast.rule_table import rule_vectors
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.trials import confusion, fault_trials
-from shipnet.ballast.valve_faults import FAULTS, Fault, faulty
 from shipnet.ballast.wear import (
     fit_trend,
     leak_from_pressure,
@@ -95,7 +94,7 @@ def test_a_fault_or_state_that_there_is_not_is_named():
         ValveDiagnosis.from_plant("V9")
     with pytest.raises(ArgumentError, match="state is 'flying'"):
         ValveDiagnosis.from_plant("V1", state="flying")
-    with pytest.raises(ArgumentError, match=r"severity of V1 is 1\.5"):
+    with pytest.raises(ArgumentError, match=r"severity is 1\.5"):
         ValveDiagnosis.from_plant("V1", 1.5)
 
 
