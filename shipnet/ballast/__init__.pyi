@@ -1,5 +1,6 @@
 from .actuator import Actuator as Actuator
 from .diagnosis import Diagnosis as Diagnosis
+from .diagnosis import Run as Run
 from .diagnosis import diagnose as diagnose
 from .fleet import FleetReport as FleetReport
 from .fleet import run_fleet as run_fleet
@@ -19,7 +20,6 @@ from .rule_table import rule_vectors as rule_vectors
 from .scan import System as System
 from .scan import status_poll as status_poll
 from .sensors import Sensors as Sensors
-from .simulation import Run as Run
 from .simulation import simulate as simulate
 from .trials import Trials as Trials
 from .trials import false_alarms as false_alarms

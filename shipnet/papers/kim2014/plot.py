@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from shipnet import style
-from shipnet.ballast.simulation import Run
+from shipnet.ballast.diagnosis import Run
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.adu import decode
 from shipnet.modbus.uart import SerialLine
