@@ -8,12 +8,11 @@ import pandas as pd
 
 from shipnet import datasets
 from shipnet.design.comparison import compare
+from shipnet.design.costs import draw, likely, tornado
 from shipnet.design.failures import single_failures
 from shipnet.design.iolist import read_iolist
 from shipnet.design.planning import OPTIONS, plan
-from shipnet.design.rules import check
 from shipnet.design.site import Site
-from shipnet.design.uncertainty import draw, likely, tornado
 
 GRID = {"detour": [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7]}
 N = len(GRID["detour"])
@@ -33,7 +32,7 @@ def main():
         designs[option], times[f"plan {option}"] = timed(lambda o=option: plan(iolist, site, o))
     made = list(designs.values())
     _, times["failures of all"] = timed(lambda: [single_failures(design) for design in made])
-    _, times["rules of all"] = timed(lambda: [check(design) for design in made])
+    _, times["rules of all"] = timed(lambda: [design.check() for design in made])
     _, times["tornado"] = timed(lambda: tornado(designs))
     rng = np.random.default_rng(2024)
     _, times["draws"] = timed(lambda: likely(draw(designs, rng=rng)))

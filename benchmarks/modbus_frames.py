@@ -1,25 +1,18 @@
 """How fast Modbus frames are made and read: ours, pymodbus and minimalmodbus, in one run."""
 
-from timeit import repeat
-
 import minimalmodbus
 import numpy as np
+from _timing import seconds
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersRequest
 
-from shipnet.crc import crc, crc_batch
-from shipnet.modbus.adu import decode
-from shipnet.modbus.pdu import Request, Response
+from shipnet.crc import MODBUS
+from shipnet.modbus.pdu import Request, Response, decode
 
 NUMBER = 1_000_000
 SAMPLE = 3_000  # what the loops get; their time is scaled up
 REGISTERS = 38  # all points of the largest junction box of lee2012
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def report(title, per_item):
@@ -62,8 +55,8 @@ def main():
     for size, number in ((6, NUMBER), (253, NUMBER // 20)):
         rows = rng.integers(0, 256, (number, size), dtype=np.uint8)
         bodies = [row.tobytes() for row in rows[:SAMPLE]]
-        expected = crc_batch("CRC-16/MODBUS", rows[:SAMPLE]).tolist()
-        assert [crc("CRC-16/MODBUS", body) for body in bodies] == expected
+        expected = MODBUS.of(rows[:SAMPLE]).tolist()
+        assert [MODBUS.of(body) for body in bodies] == expected
         swapped = [FramerRTU.compute_CRC(body) for body in bodies]
         assert [value >> 8 | (value & 255) << 8 for value in swapped] == expected
         small = [int.from_bytes(minimalmodbus._calculate_crc(b), "little") for b in bodies]
@@ -75,8 +68,8 @@ def main():
         report(
             f"CRC of {size} bytes",
             {
-                "batch": seconds(lambda rows=rows: crc_batch("CRC-16/MODBUS", rows)) / number,
-                "ours, one by one": each(lambda body: crc("CRC-16/MODBUS", body)),
+                "batch": seconds(lambda rows=rows: MODBUS.of(rows)) / number,
+                "ours, one by one": each(lambda body: MODBUS.of(body)),
                 "pymodbus": each(FramerRTU.compute_CRC),
                 "minimalmodbus": each(minimalmodbus._calculate_crc),
             },

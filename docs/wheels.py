@@ -79,8 +79,9 @@ def main(uv: str, system: str = here(), python: str = "") -> int:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     for command in commands(uv, folder, system, python):
-        if code := subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL).returncode:
-            return code
+        done = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=False)
+        if done.returncode:
+            return done.returncode
     (folder / "README.txt").write_text(readme(system, python), encoding="utf-8", newline="")
     found = list(folder.glob("*.whl"))
     size = sum(file.stat().st_size for file in found) / 1e6

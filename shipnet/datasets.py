@@ -8,6 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shipnet.errors import ArgumentError
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -53,7 +55,7 @@ def path(name: str) -> Path:
 
     Raises
     ------
-    ValueError
+    ArgumentError
         If there is no such file; the message lists those that there are.
 
     Examples
@@ -62,7 +64,7 @@ def path(name: str) -> Path:
     'claims.csv'
     """
     if name not in names():
-        raise ValueError(f"name is {name!r}, but the data files are {', '.join(names())}")
+        raise ArgumentError(f"name is {name!r}; it must be one of {', '.join(names())}")
     return _folder() / name
 
 

@@ -5,6 +5,7 @@ scalar function raises. Code 0 means that nothing is wrong.
 """
 
 import re
+from typing import ClassVar
 
 __all__ = [
     "AcknowledgeError",
@@ -26,110 +27,82 @@ __all__ = [
     "StuffError",
     "SymbolError",
     "UnknownCallError",
-    "explain",
+    "name_of",
 ]
 
 
 class FrameError(ValueError):
     """A frame breaks a rule of its bus; the subclass says which."""
 
-    code: int
+    code: ClassVar[int]
+
+    def __init_subclass__(cls, code: int) -> None:
+        """Give the class its code."""
+        cls.code = code
 
 
-class LengthError(FrameError):
+class LengthError(FrameError, code=1):
     """The frame has too few or too many bits."""
 
-    code = 1
 
-
-class SymbolError(FrameError):
+class SymbolError(FrameError, code=2):
     """Something other than 0 and 1 stands where a bit should be."""
 
-    code = 2
 
-
-class StartBitError(FrameError):
+class StartBitError(FrameError, code=3):
     """The first bit of a telegram is not 0."""
 
-    code = 3
 
-
-class EndBitError(FrameError):
+class EndBitError(FrameError, code=4):
     """The last bit of a telegram is not 1."""
 
-    code = 4
 
-
-class ParityError(FrameError):
+class ParityError(FrameError, code=5):
     """The number of ones, parity bit included, is odd."""
 
-    code = 5
 
-
-class UnknownCallError(FrameError):
+class UnknownCallError(FrameError, code=6):
     """The bits are in order, but no call of the standard has this pattern."""
 
-    code = 6
 
-
-class AlternationError(FrameError):
+class AlternationError(FrameError, code=8):
     """Two pulses in a row have the same sign."""
 
-    code = 8
 
-
-class PauseError(FrameError):
+class PauseError(FrameError, code=9):
     """The line falls silent inside the telegram: two half-bits in a row without a pulse."""
 
-    code = 9
 
-
-class InformationError(FrameError):
+class InformationError(FrameError, code=10):
     """A bit lacks the pulse in its middle."""
 
-    code = 10
 
-
-class SilenceError(FrameError):
+class SilenceError(FrameError, code=11):
     """There is no telegram: nothing rises above the noise."""
 
-    code = 11
 
-
-class StuffError(FrameError):
+class StuffError(FrameError, code=12):
     """Six equal bits in a row where the sixth had to be a stuff bit."""
 
-    code = 12
 
-
-class FormError(FrameError):
+class FormError(FrameError, code=13):
     """A bit that the format fixes has the other value."""
 
-    code = 13
 
-
-class CrcError(FrameError):
+class CrcError(FrameError, code=14):
     """The check sequence received is not the one computed."""
 
-    code = 14
 
-
-class AcknowledgeError(FrameError):
+class AcknowledgeError(FrameError, code=15):
     """No receiver answered in the acknowledge slot."""
 
-    code = 15
 
-
-class FieldError(FrameError):
+class FieldError(FrameError, code=16):
     """A field has a value that the standard does not allow; the message names the field."""
 
-    code = 16
 
-
-class MismatchError(FrameError):
+class MismatchError(FrameError, code=17):
     """The response is in order, but it does not belong to the request."""
-
-    code = 17
 
 
 class ArgumentError(ValueError):
@@ -171,17 +144,9 @@ class InputError(ValueError):
         self.more = more
 
     def lines(self, most: int) -> list[str]:
-        """Return what is wrong, line by line.
+        """Return up to `most` groups of faults, one per line, and a line that counts the others.
 
-        Parameters
-        ----------
-        most : int
-            Most groups of faults that are named, 1 or more; the last line counts the others.
-
-        Returns
-        -------
-        list of str
-            A line a group: faults that differ in nothing but their rows are one.
+        Faults that differ only in their rows are one group.
         """
         groups = self._groups()
         rest = sum(count for _, count in groups[most:]) + self.more
@@ -225,32 +190,12 @@ def _listed(numbers: list[int]) -> str:
     return f"{'s' if len(set(numbers)) > 1 else ''} {listed}"
 
 
-_BY_CODE: dict[int, type[FrameError] | type[ArgumentError]] = {
-    kind.code: kind
-    for kind in (
-        LengthError,
-        SymbolError,
-        StartBitError,
-        EndBitError,
-        ParityError,
-        UnknownCallError,
-        ArgumentError,
-        AlternationError,
-        PauseError,
-        InformationError,
-        SilenceError,
-        StuffError,
-        FormError,
-        CrcError,
-        AcknowledgeError,
-        FieldError,
-        MismatchError,
-    )
-}
+_NAMES = {0: "ok"} | {kind.code: kind.__name__ for kind in FrameError.__subclasses__()}
+_NAMES[ArgumentError.code] = ArgumentError.__name__
 
 
-def explain(code: int) -> str:
-    """Return the name of the error class behind a batch code, or ``"ok"`` for 0.
+def name_of(code: int) -> str:
+    """Return the name of the error class that a batch code stands for, or ``"ok"`` for 0.
 
     Parameters
     ----------
@@ -264,16 +209,14 @@ def explain(code: int) -> str:
 
     Raises
     ------
-    ValueError
+    ArgumentError
         If no class has this code; the message lists the codes there are.
 
     Examples
     --------
-    >>> explain(0), explain(5)
+    >>> name_of(0), name_of(5)
     ('ok', 'ParityError')
     """
-    if code == 0:
-        return "ok"
-    if code not in _BY_CODE:
-        raise ValueError(f"code is {code}, but the error codes are 0 and {sorted(_BY_CODE)}")
-    return _BY_CODE[code].__name__
+    if code not in _NAMES:
+        raise ArgumentError(f"code is {code}; it must be one of {sorted(_NAMES)}")
+    return _NAMES[code]

@@ -19,40 +19,10 @@ Floats = npt.NDArray[np.float64]
 def share_interval(
     hits: npt.ArrayLike, trials: npt.ArrayLike, *, confidence: float = 0.95
 ) -> tuple[Floats, Floats]:
-    r"""Return the interval of Clopper and Pearson for a share, both sides alike.
+    """Return the ends of the interval of Clopper and Pearson for a share; no trials leave 0..1.
 
-    .. math:: B^{-1} \left( \frac{\alpha}{2}; x, n - x + 1 \right) \le p \le
-              B^{-1} \left( 1 - \frac{\alpha}{2}; x + 1, n - x \right)
-
-    Parameters
-    ----------
-    hits, trials : array_like of int
-        How often it happened, 0..trials, and could have happened, 0 or more.
-    confidence : float, default 0.95
-        Above 0, below 1.
-
-    Returns
-    -------
-    low, high : ndarray of float
-        Ends, 0..1. No trials leave 0..1.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range.
-
-    Notes
-    -----
-    It covers the true share at least as often as it says. C. J. Clopper, E. S. Pearson, "The use of
-    confidence or fiducial limits", Biometrika 26 (1934), 404-413.
-
-    Examples
-    --------
-    No false alarm in 2048 commands leaves up to 0.18 %:
-
-    >>> low, high = share_interval(0, 2048)
-    >>> float(low), round(100 * float(high), 2)
-    (0.0, 0.18)
+    It covers the true share at least as often as `confidence` says. C. J. Clopper, E. S. Pearson,
+    "The use of confidence or fiducial limits", Biometrika 26 (1934), 404-413.
     """
     from scipy.special import betaincinv
 
@@ -69,39 +39,10 @@ def share_interval(
 def event_interval(
     events: npt.ArrayLike, exposure: npt.ArrayLike, *, confidence: float = 0.95
 ) -> tuple[Floats, Floats]:
-    r"""Return the exact interval for the rate of independent events.
+    """Return the ends of the exact interval for the rate of independent events.
 
-    .. math:: \frac{\chi^2_{\alpha/2} \left( 2 x \right)}{2 T} \le \lambda \le
-              \frac{\chi^2_{1 - \alpha/2} \left( 2 x + 2 \right)}{2 T}
-
-    Parameters
-    ----------
-    events : array_like of int
-        How many were seen, 0 or more.
-    exposure : array_like of float
-        For how long, above 0, in any unit.
-    confidence : float, default 0.95
-        Above 0, below 1.
-
-    Returns
-    -------
-    low, high : ndarray of float
-        Events per unit of the exposure.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range.
-
-    Notes
-    -----
-    F. Garwood, "Fiducial limits for the Poisson distribution", Biometrika 28 (1936), 437-442.
-
-    Examples
-    --------
-    >>> low, high = event_interval(0, 0.7)
-    >>> float(low), round(float(high), 2)
-    (0.0, 5.27)
+    `exposure` is for how long they were counted, in any unit. F. Garwood, "Fiducial limits for the
+    Poisson distribution", Biometrika 28 (1936), 437-442.
     """
     from scipy.special import gammaincinv
 

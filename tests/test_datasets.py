@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from shipnet import datasets
+from shipnet.errors import ArgumentError
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 COLUMNS = [
@@ -66,13 +67,10 @@ def test_synthetic_data_say_so():
         assert synthetic == ("synthetic" in SOURCES[name]["how obtained"]), name
 
 
-def test_unknown_file():
-    with pytest.raises(
-        ValueError, match=r"name is 'nothing\.csv', but the data files are .*claims"
-    ):
-        datasets.path("nothing.csv")
-    with pytest.raises(ValueError, match="data files are"):
-        datasets.path("../pyproject.toml")
+def test_an_unknown_file_is_refused_with_the_names_there_are():
+    for name in ("nothing.csv", "../README.md"):
+        with pytest.raises(ArgumentError, match=r"name is .*; it must be one of .*claims"):
+            datasets.path(name)
 
 
 def test_read_changes_nothing():

@@ -4,12 +4,14 @@ import ast
 import importlib
 import re
 from pathlib import Path
+from types import ModuleType
 
 import nbformat
 import pytest
 
 import shipnet
 from shipnet import datasets
+from shipnet.papers import PAPERS
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = sorted(
@@ -94,10 +96,11 @@ def faults(notebook, kind):
     return found
 
 
-#: Packages with a front; notebooks use no other name of them.
+#: Packages with a front; notebooks use no other name of them, nor of the namespaces in them.
 FRONTS = {path.parent.name for path in (ROOT / "shipnet").glob("*/__init__.pyi")}
-#: Packages of which notebooks still import more.
-UNFINISHED: set[str] = set()
+#: Modules that an expression may begin with: the packages, and the papers by their own names.
+ROOTS = {name: importlib.import_module(f"shipnet.{name}") for name in FRONTS}
+ROOTS |= {name: getattr(ROOTS["papers"], name) for name in PAPERS}
 
 
 def is_public(module, name):
@@ -107,18 +110,38 @@ def is_public(module, name):
         return True
     if not parts:
         return name in dir(shipnet)
-    package, *inner = parts
-    if package not in FRONTS - UNFINISHED:
-        return True
-    names = dir(importlib.import_module(f"shipnet.{package}"))
-    if not inner:
-        return name in names
-    return len(inner) == 1 and inner[0] in names
+    return parts[0] not in FRONTS or not hidden(ROOTS[parts[0]], [*parts[1:], name])
+
+
+def hidden(value, names):
+    """Return the first of the names that its module does not export, looked up one by one."""
+    for name in names:
+        if not isinstance(value, ModuleType):
+            break
+        # A paper's drawings are a module beside its names: importing them loads matplotlib.
+        if name == "plot" and value in [ROOTS[paper] for paper in PAPERS]:
+            break
+        if name not in value.__all__:
+            return f"{value.__name__}.{name}"
+        value = getattr(value, name)
+    return ""
+
+
+def chain(node):
+    """Return the names of ``a.b.c``; empty for what does not begin with a name."""
+    names = []
+    while isinstance(node, ast.Attribute):
+        names.insert(0, node.attr)
+        node = node.value
+    return [node.id, *names] if isinstance(node, ast.Name) else []
 
 
 def import_faults(source):
-    """Yield what a cell imports beyond the fronts, and the names of packages that it hides."""
+    """Yield what a cell uses beyond the fronts, and the names of packages that it hides."""
     for node in ast.walk(ast.parse(source)):
+        first, *names = chain(node) or [""]
+        if names and (name := hidden(ROOTS.get(first), names)):
+            yield f"uses {name}, which is not public"
         if isinstance(node, ast.ImportFrom):
             for alias in node.names:
                 if not is_public(node.module, alias.name):
@@ -240,6 +263,9 @@ def test_a_sound_notebook_has_no_fault():
         ({"source": "x = 1\n" * 16}, "more than 15 lines"),
         ({"source": ""}, "empty"),
         ({"source": "from shipnet import nothing"}, "not public"),
+        ({"source": "from shipnet.papers.kim2014 import outlines"}, "not public"),
+        ({"source": "papers.kim2014.outlines"}, "uses shipnet.papers.kim2014.outlines"),
+        ({"source": "can.faults.BitErrors(1).x + asi.receiver.receive"}, "asi.receiver, which"),
         ({"source": "import shipnet.errors"}, "write `from shipnet import"),
         (
             {"outputs": [nbformat.v4.new_output("stream", name="stderr", text="!")]},

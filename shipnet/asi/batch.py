@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.calls import Call
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
 from shipnet.errors import (
     ArgumentError,
     EndBitError,
@@ -22,7 +21,7 @@ from shipnet.errors import (
     ParityError,
     StartBitError,
     UnknownCallError,
-    explain,
+    name_of,
 )
 from shipnet.fields import check_whole
 
@@ -87,7 +86,7 @@ class Requests(NamedTuple):
 
         title = np.array([call.rule.title for call in Call] + [""], dtype=object)
         codes, which = np.unique(self.error.ravel(), return_inverse=True)
-        errors = np.array([explain(code) for code in codes.tolist()], dtype=object)
+        errors = np.array([name_of(code) for code in codes.tolist()], dtype=object)
         return pd.DataFrame(
             {
                 "error": errors[which],

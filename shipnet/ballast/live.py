@@ -32,8 +32,8 @@ from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import NORMAL
-from shipnet.modbus.adu import MAX_UNIT, Adu, decode, tcp_frame
-from shipnet.modbus.pdu import ExceptionCode, Request, Response
+from shipnet.modbus.frame import MAX_UNIT, tcp_frame
+from shipnet.modbus.pdu import Adu, ExceptionCode, Request, Response, decode
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.server import Server, real_clock
 from shipnet.modbus.server import serve as serve_slaves

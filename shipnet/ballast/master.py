@@ -25,8 +25,8 @@ from shipnet.ballast.slave import valve_slaves
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.adu import MAX_UNIT, Adu
-from shipnet.modbus.pdu import ExceptionCode, Request
+from shipnet.modbus.frame import MAX_UNIT
+from shipnet.modbus.pdu import Adu, ExceptionCode, Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.simulation import LOST, A, Master, Try

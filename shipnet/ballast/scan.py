@@ -11,7 +11,7 @@ from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGIST
 from shipnet.ballast.sensors import Sensors
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop

@@ -25,7 +25,7 @@ from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed
 from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase
-from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import ExceptionCode
 from shipnet.modbus.slave import DeviceError, Slave, Table
 

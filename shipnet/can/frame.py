@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from shipnet.crc import crc
+from shipnet.crc import CAN as CRC
 from shipnet.errors import (
     AcknowledgeError,
     ArgumentError,
@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 
 # The layout of a frame -----------------------------------------------------------------------
 
-#: Row of `shipnet.crc.ALGORITHMS`, and its width.
-CRC, CRC_BITS = "CRC-15/CAN", 15
+#: Bits of the CRC sequence.
+CRC_BITS = CRC.width
 
 #: Recessive bits between the end of a frame and the start of the next, at least.
 INTERMISSION = 3
@@ -252,13 +252,13 @@ class Frame:
     @property
     def crc(self) -> int:
         """The check value of 15 bits, over the bits from start of frame to the last of the data."""
-        return crc(CRC, "".join(self._checked_parts().values()))
+        return CRC.of("".join(self._checked_parts().values()))
 
     @property
     def unstuffed(self) -> str:
         """The bits from start of frame to the end of the CRC sequence, without stuff bits."""
         checked = "".join(self._checked_parts().values())
-        return f"{checked}{crc(CRC, checked):0{CRC_BITS}b}"
+        return f"{checked}{CRC.of(checked):0{CRC_BITS}b}"
 
     @property
     def bits(self) -> str:
@@ -450,7 +450,7 @@ def decode(bits: str) -> Frame:
     line.reserved("r0")
     dlc = int(line.take("DLC", 4), 2)
     data = line.take("data", 8 * payload(dlc, remote == "1"))
-    expected = crc(CRC, line.read)
+    expected = CRC.of(line.read)
     received = int(line.take("CRC sequence", CRC_BITS), 2)
     line.skip_stuff_bit("CRC sequence")
     if received != expected:

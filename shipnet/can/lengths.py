@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.can.frame import (
-    CRC,
     CRC_BITS,
     INTERMISSION,
     RUN,
@@ -23,7 +22,7 @@ from shipnet.can.frame import (
     highest_id,
     stuffed_region,
 )
-from shipnet.crc import crc_batch
+from shipnet.crc import CAN as CRC
 from shipnet.errors import ArgumentError
 
 Stuffing = Literal["none", "mean", "attainable", "worst", "worst 1994"]
@@ -39,7 +38,7 @@ _TAIL_BITS = sum(len(bits) for _, bits in TAIL) + INTERMISSION
 
 #: Mean stuff bits by data bytes, 11-bit and 29-bit identifiers, if identifier and data are
 #: uniformly random: the expectation over all of them, CRC included, by dynamic programming over
-#: CRC register, last bit and run. The tests do it again (`tests/can/stuff_bits.py`).
+#: CRC register, last bit and run. The tests do it again (`tests/can/test_lengths.py`).
 _MEAN_STUFF = (
     (1.968750, 2.018089, 2.248796, 2.648793, 2.348793, 2.548793, 2.815460, 3.352960, 3.283168),
     (2.738010, 2.791322, 3.022456, 3.422457, 3.122450, 3.322451, 3.589117, 4.126897, 4.055775),
@@ -201,7 +200,7 @@ def region_bits(dlc: Integers, extended: Flags, remote: Flags) -> Integers:
 
 def check_values(high: Words, low: Words) -> npt.NDArray[np.uint16]:
     """Return the check values of frames given as numbers."""
-    return crc_batch(CRC, columns(high, low)[3:].T).astype(np.uint16)
+    return CRC.of(columns(high, low)[3:].T).astype(np.uint16)
 
 
 def left(word: Words, distance: npt.ArrayLike) -> Words:

@@ -31,19 +31,22 @@ Floats = npt.NDArray[np.float64]
 
 #: One line of a log as candump writes it and python-can, which adds the direction. A remote frame
 #: has R and perhaps its DLC in the place of its data.
-_START = rb"^\((\d{1,10}\.\d{1,9})\) +(\S+) +([0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})#"
-_END = rb"(?: [RT])?[ \t]*\r?$"
-_LINE = re.compile(_START + rb"(?:([Rr][0-8]?)|((?:[0-9A-Fa-f]{2}){0,8}))" + _END, re.M)
-#: The same for most lines, and faster; it does not see an odd number of digits.
-_QUICK = re.compile(_START + rb"([Rr][0-8]?|)([0-9A-Fa-f]{0,16})" + _END, re.M)
+_LINE = re.compile(
+    rb"^\((\d{1,10}\.\d{1,9})\) +(\S+) +([0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})#"
+    rb"(?:([Rr][0-8]?)|((?:[0-9A-Fa-f]{2}){0,8}))(?: [RT])?[ \t]*\r?$",
+    re.M,
+)
 
 #: Flag in an identifier of 8 digits: not a frame but an error, from linux/can.h, CAN_ERR_FLAG.
 _ERROR_FLAG = 0x20000000
 
-_LONGEST, _SHORTEST = 0x1FFFFFFF, 0x7FF
-
-#: Formats of python-can that are read, and whether they consist of lines.
-_FORMATS = {".asc": True, ".blf": False, ".csv": True, ".trc": True}
+#: Formats of python-can that are read: the name of the reader, and whether it reads lines.
+_FORMATS = {
+    ".asc": ("ASCReader", True),
+    ".blf": ("BLFReader", False),
+    ".csv": ("CSVReader", True),
+    ".trc": ("TRCReader", True),
+}
 
 #: More frames than any file has per byte, even a compressed one; damaged ones can be endless.
 _PER_BYTE = 100
@@ -131,7 +134,15 @@ class Log:
         """Write the frames as ``candump -l`` does; the suffix must be ``.log``."""
         if Path(path).suffix.lower() != ".log":
             raise ArgumentError(f"path is {str(path)!r}; its suffix must be .log")
-        _write_candump(self, path)
+        text = self.data.astype(np.uint8).tobytes().hex().upper()
+        columns = (column.tolist() for column in self.columns[:7])
+        with open(path, "w", encoding="utf-8", newline="\n") as file:
+            for row, (time, channel, number, long, remote, error, dlc) in enumerate(
+                zip(*columns, strict=True)
+            ):
+                name = f"{number | _ERROR_FLAG:08X}" if error else f"{number:0{8 if long else 3}X}"
+                rest = f"R{dlc or ''}" if remote else text[16 * row : 16 * row + 2 * min(dlc, 8)]
+                file.write(f"({time:017.6f}) {channel} {name}#{rest}\n")
 
     def load(self, bit_rate: float, *, window: float = 1.0) -> LogLoad:
         """Return how busy the buses were, over a sliding window and by identifier.
@@ -141,7 +152,50 @@ class Log:
         before the record counts over the whole window, so the first ones are low. Errors are left
         out.
         """
-        return _load(self, check_bit_rate(bit_rate, 5e3), window)
+        import pandas as pd
+
+        rate = check_bit_rate(bit_rate, 5e3)
+        window = check_scalar("window", window, "s", 1e-6, 1e9)
+        order = np.lexsort((self.time, self.channel))
+        order = order[~self.error[order]]
+        time, channel, ids, extended, remote, _, dlc, data = (c[order] for c in self.columns)
+        measured = measure_frames(ids, data, dlc, extended=extended, remote=remote)
+        wrong = (measured.error != 0) | ~np.isfinite(time)
+        if wrong.any():
+            at = int(np.argmax(wrong))
+            why = _impossible(time[at], ids[at], extended[at], dlc[at])
+            raise ArgumentError(f"frame {order[at] + 1} of the log: {why}")
+        bits, share = measured.length.astype(float), np.zeros(len(order))
+        totals, messages = [], []
+        for name in np.unique(channel).tolist():
+            here = channel == name
+            when, size = time[here], bits[here]
+            share[here] = _sliding(when, size, window) / (rate * window)
+            span = when[-1] - when[0] + size[0] / rate
+            totals.append((name, len(when), span, size.sum() / rate / span, share[here].max()))
+            keys = ids[here] << 1 | extended[here]
+            for key in np.unique(keys):
+                mine = keys == key
+                own = size[mine]
+                peak = _sliding(when[mine], own, window).max() / (rate * window)
+                messages.append(
+                    (
+                        name,
+                        key >> 1,
+                        bool(key & 1),
+                        len(own),
+                        own.sum(),
+                        own.sum() / rate / span,
+                        peak,
+                    )
+                )
+        columns = ["channel", "frames", "duration_s", "load", "peak_load"]
+        each = ["channel", "arbitration_id", "extended", "frames", "bits", "load", "peak_load"]
+        return LogLoad(
+            pd.DataFrame({"channel": channel, "time_s": time, "load": share}),
+            pd.DataFrame(messages, columns=each),
+            pd.DataFrame(totals, columns=columns).set_index("channel"),
+        )
 
     def compare(self, messages: MessageSet) -> Findings:
         """Return what the log says about a set of messages: missing, unknown, late, too often.
@@ -149,7 +203,39 @@ class Log:
         Between two frames of a message at most its period and its deadline may pass, and n frames
         take at least n - 1 periods less a deadline. Frames of all buses count, errors do not.
         """
-        return _compare(self, messages)
+        import pandas as pd
+
+        check_set(messages)
+        frames = ~self.error
+        keys = self.arbitration_id << 1 | self.extended
+        known = {m.arbitration_id << 1 | m.extended: m for m in messages}
+        rows: list[tuple[Any, ...]] = []
+
+        def add(rule: str, name: str, value: float, low: float, high: float, unit: str) -> None:
+            met = not (value < low or value > high)
+            verdict = "met" if met else "violated"
+            rows.append((rule, name, value, low, high, unit, verdict, _WHY[rule], "message set"))
+
+        for key, message in known.items():
+            times = np.sort(self.time[frames & (keys == key)])
+            add("sent", message.name, len(times), 1, np.inf, "frames")
+            if len(times) > 1:
+                latest = message.period + message.deadline
+                gaps, spans = np.diff(times), times[-1] - times[0]
+                add("interval", message.name, round(float(gaps.max()), 9), 0, latest, "s")
+                least = max(0.0, (len(times) - 1) * message.period - message.deadline)
+                add("time of all frames", message.name, round(float(spans), 9), least, np.inf, "s")
+            sizes = np.unique(self.dlc[frames & (keys == key)])
+            if len(sizes):
+                odd = [int(size) for size in sizes if size != message.dlc]
+                size = odd[0] if odd else message.dlc
+                add("length", message.name, size, message.dlc, message.dlc, "bytes")
+        for key in np.unique(keys[frames]):
+            if int(key) not in known:
+                digits = 8 if key & 1 else 3
+                count = int((frames & (keys == key)).sum())
+                add("known", f"0x{key >> 1:0{digits}X}", count, 0, 0, "frames")
+        return Findings(pd.DataFrame(rows, columns=list(COLUMNS)))
 
     def replay(
         self,
@@ -163,7 +249,33 @@ class Log:
 
         A `speed` of 1 keeps the times of the log; by default nothing waits.
         """
-        return _replay(self, bus, speed, clock, sleep)
+        can = load_extra("can", "python-can")
+        if not isinstance(speed, int | float | np.number) or not speed > 0:
+            raise ArgumentError(f"speed is {speed!r}; it must be positive")
+        if np.any(np.diff(self.time) < 0):
+            row = int(np.argmax(np.diff(self.time) < 0)) + 1
+            raise ArgumentError(f"time of frame {row + 1} of the log lies before the one before it")
+        begin = clock()
+        first = self.time[0] if len(self.time) else 0.0
+        count = 0
+        for time, _, number, extended, remote, error, dlc, data in zip(*self.columns, strict=True):
+            if error:
+                continue
+            if np.isfinite(speed):
+                ahead = begin + (time - first) / speed - clock()
+                if ahead > 0:
+                    sleep(ahead)
+            message = can.Message(
+                timestamp=float(time),
+                arbitration_id=int(number),
+                is_extended_id=bool(extended),
+                is_remote_frame=bool(remote),
+                dlc=int(dlc),
+                data=None if remote else bytes(data[: min(dlc, 8)]),
+            )
+            bus.send(message)
+            count += 1
+        return count
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -269,47 +381,31 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     return replace(log, faults=tuple(faults[:_FAULTS]))
 
 
-def _write_candump(log: Log, path: str | os.PathLike[str]) -> None:
-    text = log.data.astype(np.uint8).tobytes().hex().upper()
-    columns = (column.tolist() for column in log.columns[:7])
-    with open(path, "w", encoding="utf-8", newline="\n") as file:
-        for row, (time, channel, number, long, remote, error, dlc) in enumerate(
-            zip(*columns, strict=True)
-        ):
-            name = f"{number | _ERROR_FLAG:08X}" if error else f"{number:0{8 if long else 3}X}"
-            rest = f"R{dlc or ''}" if remote else text[16 * row : 16 * row + 2 * min(dlc, 8)]
-            file.write(f"({time:017.6f}) {channel} {name}#{rest}\n")
-
-
 def _read_candump(file: Path) -> tuple[Log, list[str]]:
     parts, faults, before = [], [], 0
     with open(file, "rb") as stream:
         while lines := stream.readlines(_BLOCK):
-            good = _QUICK.findall(b"".join(lines))
-            rows = np.arange(len(lines))
-            if len(good) < len(lines) or any(len(g[4]) % 2 or (g[3] and g[4]) for g in good):
+            good, rows = _LINE.findall(b"".join(lines)), np.arange(len(lines))
+            if len(good) < len(lines):
                 matches = [_LINE.match(line) for line in lines]
                 faults += [
-                    f"line {before + row + 1}: {_shown(lines[row])} is not a frame; expected "
-                    "(seconds) channel identifier#data"
+                    (before + row, f"{_shown(lines[row])} is not a frame; expected (seconds) "
+                    "channel identifier#data")
                     for row, match in enumerate(matches)
                     if match is None and lines[row].strip()
-                ]
+                ]  # fmt: skip
                 good = [match.groups(b"") for match in matches if match is not None]
                 rows = np.array([row for row, match in enumerate(matches) if match is not None])
             part = _columns(good)
-            high = part.arbitration_id > np.where(part.extended, _LONGEST, _SHORTEST)
-            if high.any():
-                faults += [
-                    f"line {before + rows[at] + 1}: the identifier {part.arbitration_id[at]:X} is "
-                    f"above {_LONGEST if part.extended[at] else _SHORTEST:X}"
-                    for at in np.flatnonzero(high)
-                ]
-                part = Log(*(column[~high] for column in part.columns))
-            parts.append(part)
+            # The form of a line leaves only the identifier to be checked.
+            ids = part.arbitration_id
+            bad = ids > np.where(part.extended, highest_id(True), highest_id(False))
+            for at in np.flatnonzero(bad):
+                why = _impossible(part.time[at], ids[at], part.extended[at], part.dlc[at])
+                faults.append((before + rows[at], why))
+            parts.append(Log(*(column[~bad] for column in part.columns)) if bad.any() else part)
             before += len(lines)
-    faults.sort(key=lambda fault: int(fault.split()[1].rstrip(":")))
-    return _joined(parts), faults
+    return _joined(parts), [f"line {row + 1}: {why}" for row, why in sorted(faults)]
 
 
 def _columns(groups: list[tuple[bytes, ...]]) -> Log:
@@ -329,7 +425,7 @@ def _columns(groups: list[tuple[bytes, ...]]) -> Log:
     return Log(
         np.array(time).astype(float),
         np.array([names[name] for name in channel]),
-        np.where(error, ids & _LONGEST, ids),
+        np.where(error, ids & highest_id(True), ids),
         long & ~error,
         asks,
         error,
@@ -349,26 +445,30 @@ class _Lines(io.TextIOWrapper):
 
 
 def _read_foreign(file: Path, kind: str, can: Any) -> tuple[Log, list[str]]:
-    readers = {".asc": "ASCReader", ".blf": "BLFReader", ".csv": "CSVReader", ".trc": "TRCReader"}
     messages: list[Any] = []
     faults: list[str] = []
     most = _PER_BYTE * file.stat().st_size
     with open(file, "rb") as binary:
-        stream = _Lines(binary, "utf-8", errors="replace") if _FORMATS[kind] else None
+        reader, by_line = _FORMATS[kind]
+        stream = _Lines(binary, "utf-8", errors="replace") if by_line else None
         try:
-            for number, message in enumerate(getattr(can, readers[kind])(stream or binary), 1):
+            for number, message in enumerate(getattr(can, reader)(stream or binary), 1):
                 if number > most:
                     raise ValueError(f"more than {most} frames in {most // _PER_BYTE} bytes")
                 if message.is_fd:
                     raise ValueError("a CAN FD frame")
-                if fault := _impossible(message):
+                fault = _impossible(
+                    message.timestamp, message.arbitration_id, message.is_extended_id,
+                    message.dlc, len(message.data),
+                )  # fmt: skip
+                if fault:
                     faults.append(f"frame {number}: {fault}")
                 else:
                     messages.append(message)
         # The readers raise whatever their parsing meets.
         except Exception as problem:
             place = f"line {stream.line}" if stream else f"after frame {len(messages)}"
-            faults.append(f"{place}: {problem or type(problem).__name__}")
+            faults.append(f"{place}: {str(problem) or type(problem).__name__}")
     data = np.zeros((len(messages), 8), dtype=np.uint8)
     for row, message in enumerate(messages):
         data[row, : len(message.data)] = list(message.data)
@@ -385,14 +485,16 @@ def _read_foreign(file: Path, kind: str, can: Any) -> tuple[Log, list[str]]:
     return log, faults
 
 
-def _impossible(message: Any) -> str:
-    """Return what a classic frame cannot have, or nothing."""
-    highest = highest_id(message.is_extended_id)
-    if not 0 <= message.arbitration_id <= highest:
-        return f"the identifier is {message.arbitration_id}; it must be 0..{highest:#x}"
-    if not 0 <= message.dlc <= 15 or len(message.data) > 8:
-        return f"it has a data length code of {message.dlc} and {len(message.data)} bytes"
-    return "" if np.isfinite(message.timestamp) else f"its time is {message.timestamp}"
+def _impossible(time: float, number: int, extended: bool, dlc: int, size: int = 0) -> str:
+    """Return what no frame of classic CAN can have, or nothing; each format is checked here."""
+    highest = highest_id(extended)
+    if not 0 <= number <= highest:
+        return f"the identifier is {number:#x}; it must be 0..{highest:#x}"
+    if not 0 <= dlc <= 15:
+        return f"the data length code is {dlc}; it must be 0..15"
+    if size > 8:
+        return f"it has {size} bytes of data; it must have 0..8"
+    return "" if np.isfinite(time) else f"the time is {time}"
 
 
 def _joined(parts: list[Log]) -> Log:
@@ -416,63 +518,6 @@ def _shown(line: bytes) -> str:
 # What a log says -------------------------------------------------------------------------------
 
 
-def _load(log: Log, bit_rate: float, window: float) -> LogLoad:
-    import pandas as pd
-
-    window = check_scalar("window", window, "s", 1e-6, 1e9)
-    order = np.lexsort((log.time, log.channel))
-    order = order[~log.error[order]]
-    time, channel, ids, extended, remote, _, dlc, data = (c[order] for c in log.columns)
-    measured = measure_frames(ids, data, dlc, extended=extended, remote=remote)
-    if len(order) and measured.error.any():
-        place = int(order[np.argmax(measured.error != 0)])
-        raise ArgumentError(
-            f"frame {place + 1} of the log has the identifier {log.arbitration_id[place]:#x} and "
-            f"the data length code {log.dlc[place]}; no frame has these"
-        )
-    bits = np.asarray(measured.length, dtype=np.int64)
-    windows, messages, totals = [], [], []
-    for name in np.unique(channel).tolist():
-        at = channel == name
-        when, size = time[at], bits[at].astype(float)
-        load = _sliding(when, size, window) / (bit_rate * window)
-        span = when[-1] - when[0] + size[0] / bit_rate
-        windows.append(pd.DataFrame({"channel": name, "time_s": when, "load": load}))
-        totals.append(
-            {
-                "channel": name,
-                "frames": len(when),
-                "duration_s": span,
-                "load": size.sum() / bit_rate / span,
-                "peak_load": load.max(),
-            }
-        )
-        keys = ids[at] << 1 | extended[at]
-        for key in np.unique(keys):
-            mine = keys == key
-            own = size[mine]
-            messages.append(
-                {
-                    "channel": name,
-                    "arbitration_id": key >> 1,
-                    "extended": bool(key & 1),
-                    "frames": len(own),
-                    "bits": own.sum(),
-                    "load": own.sum() / bit_rate / span,
-                    "peak_load": _sliding(when[mine], own, window).max() / (bit_rate * window),
-                }
-            )
-    return LogLoad(
-        pd.concat(windows, ignore_index=True) if windows else _empty("channel time_s load"),
-        pd.DataFrame(messages)
-        if messages
-        else _empty("channel arbitration_id extended frames bits load peak_load"),
-        (
-            pd.DataFrame(totals) if totals else _empty("channel frames duration_s load peak_load")
-        ).set_index("channel"),
-    )
-
-
 def _sliding(
     time: npt.NDArray[np.float64], bits: npt.NDArray[np.float64], window: float
 ) -> npt.NDArray[np.float64]:
@@ -484,49 +529,6 @@ def _sliding(
     return np.asarray(summed[last] - summed[first])
 
 
-def _empty(columns: str) -> pd.DataFrame:
-    import pandas as pd
-
-    names: Any = columns.split()
-    return pd.DataFrame(columns=names)
-
-
-def _compare(log: Log, messages: MessageSet) -> Findings:
-    import pandas as pd
-
-    check_set(messages)
-    frames = ~log.error
-    keys = log.arbitration_id << 1 | log.extended
-    known = {m.arbitration_id << 1 | m.extended: m for m in messages}
-    rows: list[tuple[Any, ...]] = []
-
-    def add(rule: str, name: str, value: float, low: float, high: float, unit: str) -> None:
-        met = not (value < low or value > high)
-        verdict = "met" if met else "violated"
-        rows.append((rule, name, value, low, high, unit, verdict, _WHY[rule], "message set"))
-
-    for key, message in known.items():
-        times = np.sort(log.time[frames & (keys == key)])
-        add("sent", message.name, len(times), 1, np.inf, "frames")
-        if len(times) > 1:
-            latest = message.period + message.deadline
-            gaps, spans = np.diff(times), times[-1] - times[0]
-            add("interval", message.name, round(float(gaps.max()), 9), 0, latest, "s")
-            least = max(0.0, (len(times) - 1) * message.period - message.deadline)
-            add("time of all frames", message.name, round(float(spans), 9), least, np.inf, "s")
-        sizes = np.unique(log.dlc[frames & (keys == key)])
-        if len(sizes):
-            odd = [int(size) for size in sizes if size != message.dlc]
-            size = odd[0] if odd else message.dlc
-            add("length", message.name, size, message.dlc, message.dlc, "bytes")
-    for key in np.unique(keys[frames]):
-        if int(key) not in known:
-            digits = 8 if key & 1 else 3
-            count = int((frames & (keys == key)).sum())
-            add("known", f"0x{key >> 1:0{digits}X}", count, 0, 0, "frames")
-    return Findings(pd.DataFrame(rows, columns=list(COLUMNS)))
-
-
 #: What each rule of a comparison means.
 _WHY = {
     "sent": "every message is in the log",
@@ -535,39 +537,3 @@ _WHY = {
     "length": "every frame has the data bytes of its message",
     "known": "every identifier belongs to a message",
 }
-
-
-def _replay(
-    log: Log,
-    bus: Any,
-    speed: float,
-    clock: Callable[[], float],
-    sleep: Callable[[float], object],
-) -> int:
-    can = load_extra("can", "python-can")
-    if not isinstance(speed, int | float | np.number) or not speed > 0:
-        raise ArgumentError(f"speed is {speed!r}; it must be positive")
-    if np.any(np.diff(log.time) < 0):
-        row = int(np.argmax(np.diff(log.time) < 0)) + 1
-        raise ArgumentError(f"time of frame {row + 1} of the log lies before the one before it")
-    begin = clock()
-    first = log.time[0] if len(log.time) else 0.0
-    count = 0
-    for time, _, number, extended, remote, error, dlc, data in zip(*log.columns, strict=True):
-        if error:
-            continue
-        if np.isfinite(speed):
-            ahead = begin + (time - first) / speed - clock()
-            if ahead > 0:
-                sleep(ahead)
-        message = can.Message(
-            timestamp=float(time),
-            arbitration_id=int(number),
-            is_extended_id=bool(extended),
-            is_remote_frame=bool(remote),
-            dlc=int(dlc),
-            data=None if remote else bytes(data[: min(dlc, 8)]),
-        )
-        bus.send(message)
-        count += 1
-    return count

@@ -1,6 +1,7 @@
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
 from .costs import Quantities as Quantities
+from .costs import Tornado as Tornado
 from .designs import Design as Design
 from .iolist import SIGNALS as SIGNALS
 from .iolist import IoList as IoList
@@ -13,4 +14,3 @@ from .rules import Rule as Rule
 from .rules import RuleSet as RuleSet
 from .settings import Settings as Settings
 from .site import Trays as Trays
-from .uncertainty import Tornado as Tornado

@@ -1,18 +1,25 @@
-"""Cables to choose from, each figure as a range: what is only estimated says so by its width."""
+"""What a design is made of and what it costs: cables, prices, hours and factors, as ranges."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cache
-from math import ceil, isfinite, nan, pi
+from math import ceil, inf, isfinite, pi
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.line.cable import CABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: How far the truth may lie from a figure, by what is known of it. Geometry: the model of the file
 #: is good to a quarter. Work: the one span that is published, 5 to 15 minutes a conductor
@@ -20,6 +27,15 @@ from shipnet.fields import check_whole
 SPREAD: Mapping[str, float] = {
     "confirmed": 0.0, "estimate": 0.25, "derived": 0.5, "assumption": 0.5,
 }  # fmt: skip
+
+Floats = npt.NDArray[np.float64]
+
+#: The names of the three values of a range.
+LEVELS: tuple[Literal["low", "nominal", "high"], ...] = ("low", "nominal", "high")
+
+#: Where in its range an assumption is taken: at one of its three values, or at quantiles of the
+#: triangular distribution over it, shape (n_draws,).
+Level = Literal["low", "nominal", "high"] | Floats
 
 
 class Range(NamedTuple):
@@ -45,32 +61,20 @@ class Cable:
 
     id: str
     description: str
-    bus: str
-    pairs: int
+    #: What it is for, "hardwired" or one or more buses.
+    buses: tuple[str, ...]
+    #: The cable of `shipnet.line.CABLES` that its signals meet; "" if it carries none of a bus.
+    line: str
     conductors: int
-    cross_section_mm2: float
-    diameter_mm: float
-    height_mm: float
+    #: Cross-section over all: a circle, or the rectangle about a flat cable.
+    area_mm2: float
     mass: Range
     price: Range
     lay: Range
     termination: Range
-    loop_resistance: float
     longest_m: float
     status: str
     source: str
-
-    @property
-    def buses(self) -> tuple[str, ...]:
-        """What it is for, one by one."""
-        return tuple(self.bus.split(" / "))
-
-    @property
-    def area_mm2(self) -> float:
-        """Cross-section over all [mm2]: a circle, or the rectangle about a flat cable."""
-        if self.height_mm < self.diameter_mm:
-            return self.diameter_mm * self.height_mm
-        return pi / 4 * self.diameter_mm**2
 
 
 @cache
@@ -83,25 +87,24 @@ def cables() -> Mapping[str, Cable]:
 
 def _cable(row: dict[str, str]) -> Cable:
     low, high = float(row["price_low_eur_per_m"]), float(row["price_high_eur_per_m"])
-    diameter = float(row["diameter_mm"])
-    known = ", ".join(f"{what} {row[f'status_{what}']}" for what in
-                      ("diameter", "mass", "price", "labour"))  # fmt: skip
+    width, height = float(row["diameter_mm"]), row["height_mm"]
+    if row["line_cable"] not in ("", *CABLES):
+        raise ArgumentError(f"line_cable is {row['line_cable']!r}; it must be a key of line.CABLES")
     return Cable(
         row["cable_id"],
         row["description"],
-        row["bus"],
-        int(row["pairs"]),
+        tuple(row["bus"].split(" / ")),
+        row["line_cable"],
         int(row["conductors"]),
-        float(row["cross_section_mm2"]),
-        diameter,
-        float(row["height_mm"] or diameter),
+        width * float(height) if height else pi / 4 * width**2,
         Range.around(float(row["mass_kg_per_km"]) / 1e3, row["status_mass"]),
         Range(low, (low + high) / 2, high),
         Range.around(float(row["lay_h_per_m"]), row["status_labour"]),
         Range.around(float(row["termination_h_per_conductor"]), row["status_labour"]),
-        float(row["loop_resistance_ohm_per_km"] or nan),
-        float(row["longest_m"] or "inf"),
-        known,
+        float(row["longest_m"] or inf),
+        ", ".join(
+            f"{what} {row[f'status_{what}']}" for what in ("diameter", "mass", "price", "labour")
+        ),
         row["source"],
     )
 
@@ -124,4 +127,138 @@ def smallest(conductors: int, bus: str = "hardwired", spare: float = 0.2) -> Cab
             f"conductors is {conductors}; with a reserve of {100 * spare:g} % that is {needed}, "
             f"and the largest cable for {bus} has {most}"
         )
-    return min(fit, key=lambda cable: cable.diameter_mm)
+    return min(fit, key=lambda cable: cable.area_mm2)
+
+
+# Assumptions: prices, hours and factors ------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Assumption:
+    """A price, an hour or a factor that a design rests on, with its unit, status and source."""
+
+    range: Range
+    unit: str
+    meaning: str = ""
+    status: str = "given"
+    source: str = "the user"
+
+    def __post_init__(self) -> None:
+        """Check the order."""
+        ordered("range", self.range)
+
+
+class Assumptions(Mapping[str, Range]):
+    """All assumptions by name: a mapping to their ranges, read from the data file by default."""
+
+    def __init__(self, entries: Mapping[str, Assumption] | None = None) -> None:
+        read = read_assumptions()
+        self._entries = dict(read if entries is None else entries)
+        missing = [name for name in read if name not in self._entries]
+        if missing:
+            raise ArgumentError(f"the assumptions lack {', '.join(missing)}")
+
+    def __getitem__(self, name: str) -> Range:
+        return self._entries[name].range
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __hash__(self) -> int:
+        """Return the same for equal ranges."""
+        return hash(frozenset(self.items()))
+
+    def entry(self, name: str) -> Assumption:
+        """Return an assumption with its unit and source."""
+        if name not in self._entries:
+            raise ArgumentError(
+                f"assumption is {name!r}; it must be one of {', '.join(self._entries)}"
+            )
+        return self._entries[name]
+
+    def at(self, name: str, level: Literal["low", "nominal", "high"] = "nominal") -> float:
+        """Return one of the three values of an assumption."""
+        return self.entry(name).range[_place(level)]
+
+    def with_(self, **ranges: Range) -> Assumptions:
+        """Return assumptions of which some are the user's own."""
+        changed = dict(self._entries)
+        for name, given in ranges.items():
+            changed[name] = replace(
+                self.entry(name),
+                range=ordered(name, Range(*given)),
+                status="given",
+                source="the user",
+            )
+        return Assumptions(changed)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row per assumption: name, meaning, low, nominal, high, unit, status, source."""
+        import pandas as pd
+
+        rows = [
+            (name, entry.meaning, *entry.range, entry.unit, entry.status, entry.source)
+            for name, entry in self._entries.items()
+        ]
+        return pd.DataFrame(
+            rows, columns=["name", "meaning", *LEVELS, "unit", "status", "source"]
+        ).set_index("name")
+
+
+def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
+    """Return where ranges stand at a level: one of their three values, or triangular quantiles."""
+    rows = np.asarray(ranges, dtype=float).reshape(-1, 3)
+    if isinstance(level, str):
+        chosen: Floats = rows[:, _place(level)]
+        return chosen
+    low, nominal, high = rows.T
+    u = np.asarray(level, dtype=float)[:, None]
+    width, rise, fall = high - low, nominal - low, high - nominal
+    # The density is a triangle from low to high with its peak at nominal.
+    left = low + np.sqrt(u * width * rise)
+    right = high - np.sqrt((1 - u) * width * fall)
+    drawn: Floats = np.clip(np.where(u * width < rise, left, right), low, high)
+    return drawn
+
+
+#: Parts of names that are written otherwise in a text.
+_SPELT = {"asi": "AS-i", "can": "CAN", "modbus": "Modbus", "plc": "PLC"}
+
+
+def words(name: str) -> str:
+    """Return the name of an assumption as a text or a figure says it."""
+    return " ".join(_SPELT.get(part, part) for part in name.split("_"))
+
+
+def _place(level: str) -> int:
+    if level not in LEVELS:
+        raise ArgumentError(f"level is {level!r}; it must be one of {', '.join(LEVELS)}")
+    return LEVELS.index(level)
+
+
+def ordered(name: str, given: Range) -> Range:
+    """Return a range, or raise unless its values are finite and in order."""
+    finite = len(given) == 3 and all(map(isfinite, given))
+    if not finite or not 0 <= given[0] <= given[1] <= given[2]:
+        raise ArgumentError(
+            f"{name} is {tuple(given)}; it must be low <= nominal <= high, 0 or more and finite"
+        )
+    return given
+
+
+@cache
+def read_assumptions() -> Mapping[str, Assumption]:
+    """Return the assumptions of the data file."""
+    return MappingProxyType(
+        {
+            row["name"]: Assumption(
+                Range(*(float(row[level]) for level in LEVELS)),
+                row["unit"], row["meaning"], row["status"], row["source"],
+            )
+            for row in datasets.read("synthetic_design_assumptions.csv").to_dict("records")
+        }
+    )  # fmt: skip

@@ -15,15 +15,27 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.answers import Findings
-from shipnet.design.costs import Quantities, label, number
+from shipnet.design.costs import (
+    Quantities,
+    Rng,
+    Tornado,
+    check_figure,
+    draw,
+    label,
+    likely,
+    number,
+    ranges_of,
+    tornado,
+)
 from shipnet.design.designs import Design
 from shipnet.design.failures import worst
-from shipnet.design.iolist import Given, IoList, Rng, Where
-from shipnet.design.planning import OPTIONS, as_settings, plan, site_of
+from shipnet.design.planning import OPTIONS, plan
+from shipnet.design.plot import plot_pareto, plot_ranges
+from shipnet.design.points import PointTable
+from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
-from shipnet.design.settings import Settings, meaning, names, shown, unit
-from shipnet.design.site import Site, Trays
-from shipnet.design.uncertainty import Tornado, draw, likely, tornado
+from shipnet.design.settings import Given, Settings, meaning, names, shown, unit
+from shipnet.design.site import Site, Trays, Where, site_of
 from shipnet.errors import ArgumentError
 from shipnet.parallel import points_of, sweep
 
@@ -35,9 +47,6 @@ RESPONSE = "worst_response_ms"
 
 #: Columns of a comparison in which less is better, and by which designs are weighed.
 CRITERIA = ("total_cost_eur", RESPONSE, "lost_by_failure")
-
-#: What the first page of a report and the end of a text say.
-BANNER = "A design aid, not class approval."
 
 #: Lengths given by the list and our own may differ by this much per metre, unsaid; assumed.
 _ALIKE = 0.1
@@ -114,7 +123,7 @@ class Comparison:
     remarks: tuple[str, ...] = ()
 
     @property
-    def iolist(self) -> IoList:
+    def iolist(self) -> PointTable:
         """The points, which all designs share."""
         return self._first.iolist
 
@@ -282,12 +291,14 @@ class Comparison:
 
     def plot(self, x: str = "total_cost_eur", y: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw a figure of each design with its range, or two columns against each other."""
-        from shipnet.design.plot import plot_pareto, plot_quantities
-
         if y is None:
-            return plot_quantities(self.quantities, x, ax=ax, likely=self._likely)
-        best = self.pareto(x, y)
-        return plot_pareto(self._table[self._table["points_left_out"] == 0], x, y, best, ax=ax)
+            drawn: Any = self._likely.xs(check_figure(x), level="figure")
+            return plot_ranges(ranges_of(self.quantities, x), label(x), likely=drawn, ax=ax)
+        self._known(x, y)
+        whole = self._table[self._table["points_left_out"] == 0]
+        return plot_pareto(
+            whole[[x, y]].set_axis([label(x), label(y)], axis=1), self.pareto(x, y), ax=ax
+        )
 
     def plan(
         self,
@@ -357,9 +368,22 @@ class Comparison:
 
     def html(self, *, title: str | None = None, date: str | None = None) -> str:
         """Return the report as one HTML page that stands alone."""
-        from shipnet.design.report import report_html
-
-        return report_html(self, title=title, date=date)
+        return report_html(
+            title or f"Connecting the points of {Path(self.iolist.source).name}",
+            date or "",
+            designs=self.designs,
+            table=self._table,
+            quantities=self.quantities,
+            likely=self._likely,
+            findings=self.findings().table(),
+            reasons=self.reasons(),
+            changes=self.changes(),
+            tornado=self.tornado(),
+            pareto=self.pareto(),
+            criteria=self.criteria,
+            remarks=self.remarks,
+            conclusions=self.conclusions(),
+        )
 
     def report(
         self, path: str | PathLike[str], *, title: str | None = None, date: str | None = None
@@ -472,7 +496,7 @@ def _same_trays(a: Trays | None, b: Trays | None) -> bool:
 
 
 def compare_options(
-    iolist: IoList,
+    iolist: PointTable,
     cabinet: Where,
     options: Sequence[str] | None,
     *,
@@ -483,7 +507,7 @@ def compare_options(
     rng: Rng = 2024,
 ) -> Comparison:
     """Plan the points of a list in several ways and compare them."""
-    values, rules = as_settings(settings), RuleSet.of(rules)
+    values, rules = Settings.of(settings), RuleSet.of(rules)
     site, said = site_of(iolist, cabinet, trays, values)
     ways = OPTIONS if options is None else options
     designs = [plan(iolist, site, option, settings=values) for option in ways]
@@ -544,7 +568,7 @@ def _by_design(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 class _Case:
     """A comparison at given values; it travels to other processes, so it is no inner function."""
 
-    iolist: IoList
+    iolist: PointTable
     site: Site
     options: tuple[str, ...]
     settings: Settings
@@ -563,7 +587,7 @@ _TABLE = "comparison"
 
 
 def study(
-    iolist: IoList,
+    iolist: PointTable,
     grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]],
     cabinet: Where = None,
     options: Sequence[str] | None = None,
@@ -578,7 +602,7 @@ def study(
     import pandas as pd
 
     points = points_of(grid)
-    start = as_settings(settings)
+    start = Settings.of(settings)
     site, _ = site_of(iolist, cabinet, trays, start)
     start = start.replace({"detour": site.detour, "tails": site.tails})
     faults = {fault for point in points for fault in start.tried(point)[1]}

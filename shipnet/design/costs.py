@@ -1,26 +1,29 @@
-"""What a design takes: conductors, cable, hours and money, each low, nominal and high."""
+"""What designs take: conductors, cable, hours and money, and what the assumptions do to them."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import floor, isinf, isnan, log10
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
+from shipnet.design.catalogue import LEVELS, Assumptions, Level, values_at, words
 from shipnet.design.catalogue import cables as catalogue
-from shipnet.design.settings import LEVELS, Assumptions, Level, values_at, words
+from shipnet.design.plot import plot_ranges
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-    from shipnet.design.designs import Design
+    from shipnet.design.layout import Layout
 
 
 # Numbers as a table of a design shows them: counts whole, estimates with three digits
@@ -41,6 +44,9 @@ def number(value: float) -> str:
 # What a design consists of, counted: cables by type, devices, channels -------------------------
 
 Floats = npt.NDArray[np.float64]
+
+#: What `numpy.random.default_rng` takes.
+Rng: TypeAlias = np.random.Generator | int | None
 
 #: The assumptions that a device of a kind costs on a bus, one price and one time each; "" stands
 #: for every other bus.
@@ -79,13 +85,13 @@ class Bill:
         return np.asarray(self.cables[name].to_numpy(dtype=float))
 
 
-def conductors_at_cabinet(design: Design) -> int:
+def conductors_at_cabinet(design: Layout) -> int:
     """Count the conductors in use in the cables that enter the cabinet."""
     runs = design.cables
     return int(runs["used"][runs["at_cabinet"]].sum())
 
 
-def bill_of(design: Design) -> Bill:
+def bill_of(design: Layout) -> Bill:
     """Count what a design consists of."""
     runs = design.cables
     cables = (
@@ -107,7 +113,7 @@ def bill_of(design: Design) -> Bill:
     )
 
 
-def _devices(design: Design, points: pd.DataFrame) -> dict[str, int]:
+def _devices(design: Layout, points: pd.DataFrame) -> dict[str, int]:
     bus_of = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     bus = [bus_of.get(segment, "") for segment in design.devices["segment"]]
     devices = design.devices
@@ -127,7 +133,7 @@ def _devices(design: Design, points: pd.DataFrame) -> dict[str, int]:
     return items
 
 
-def _second_interfaces(design: Design) -> int:
+def _second_interfaces(design: Layout) -> int:
     """Count the stations at which both lines of a redundant pair end."""
     trunk = design.cables[(design.cables["kind"] == "trunk") & (design.cables["line"] != "")]
     lines = trunk.melt(id_vars="line", value_vars=["a", "b"], value_name="device")
@@ -264,9 +270,10 @@ class Quantities:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what cable, hardware and labour cost, each from all low to all high."""
-        from shipnet.design.plot import plot_costs
-
-        return plot_costs(self, ax=ax)
+        names = ["cable_cost_eur", "hardware_cost_eur", "labour_cost_eur", "total_cost_eur"]
+        ends = self.figures.loc[names]
+        ends = ends.set_axis([label(name).partition(" [")[0] for name in names])
+        return plot_ranges(ends, f"cost of {self.name} [EUR]", ax=ax)
 
     def __repr__(self) -> str:
         """Say the figures that are asked for first, and what is left out."""
@@ -286,12 +293,20 @@ def check_figure(figure: str) -> str:
     return figure
 
 
+def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame:
+    """Return a figure of each of several designs: low, nominal, high."""
+    import pandas as pd
+
+    ends = {name: one.figures.loc[figure, list(LEVELS)] for name, one in quantities.items()}
+    return pd.DataFrame(ends).T.astype(float)
+
+
 class Model:
     """The figures of one design as a function of what is assumed."""
 
     def __init__(
         self,
-        design: Design,
+        design: Layout,
         assumptions: Assumptions | None = None,
     ) -> None:
         self.bill: Bill = bill_of(design)
@@ -376,7 +391,7 @@ class Model:
                 yield (what, *getattr(cable, field), unit, cable.status, cable.source)
 
 
-def quantities(design: Design, assumptions: Assumptions | None = None) -> Quantities:
+def quantities(design: Layout, assumptions: Assumptions | None = None) -> Quantities:
     """Return what a design takes; by default under its own assumptions."""
     import pandas as pd
 
@@ -392,7 +407,7 @@ def quantities(design: Design, assumptions: Assumptions | None = None) -> Quanti
     )
 
 
-def bill_table(design: Design) -> pd.DataFrame:
+def bill_table(design: Layout) -> pd.DataFrame:
     """Return cables, parts and work of a design, at nominal; their costs add up to the total."""
     import pandas as pd
 
@@ -420,3 +435,202 @@ def _by_cable(model: Model) -> pd.DataFrame:
     return counts.assign(
         length_m=length, mass_kg=length * each["mass"], cost_eur=length * each["price"]
     )
+
+
+# Where the figures of designs lie when every assumption is drawn from its range ----------------
+
+
+def models_of(
+    designs: Mapping[str, Layout] | Layout, assumptions: Assumptions | None = None
+) -> dict[str, Model]:
+    """Return the models of several designs under the same assumptions, else under their own."""
+    named = designs if isinstance(designs, Mapping) else {designs.name: designs}
+    if not named:
+        raise ArgumentError("there is no design")
+    return {name: Model(design, assumptions) for name, design in named.items()}
+
+
+def draw(
+    designs: Mapping[str, Layout] | Layout,
+    assumptions: Assumptions | None = None,
+    *,
+    rng: Rng,
+    draws: int = 10_000,
+    figures: Sequence[str] = tuple(FIGURES),
+) -> pd.DataFrame:
+    """Draw every assumption from its range, again and again, and return the figures."""
+    import pandas as pd
+
+    models = models_of(designs, assumptions)
+    rng = np.random.default_rng(rng)
+    n = check_whole("draws", draws, 1, 1_000_000)
+    wanted = [check_figure(figure) for figure in figures]
+    # Every assumption is drawn, in use or not: a further option must not change the others' draws.
+    names = [*CABLE_RANGES, *next(iter(models.values())).assumptions]
+    levels = dict(zip(names, rng.random((len(names), n)), strict=True))
+    columns: dict[tuple[str, str], Floats] = {}
+    for option, model in models.items():
+        every = model.figures(levels)
+        columns |= {(option, figure): np.broadcast_to(every[figure], n) for figure in wanted}
+    return pd.DataFrame(columns).rename_axis(columns=["option", "figure"])
+
+
+def likely(sample: pd.DataFrame, share: float = 0.9) -> pd.DataFrame:
+    """Return the range that holds a share of the draws, as much above it as below."""
+    if not 0 < share < 1:
+        raise ArgumentError(f"share is {share}; it must be above 0 and below 1")
+    quantiles = {"low": 0.5 - share / 2, "median": 0.5, "high": 0.5 + share / 2}
+    table = sample.quantile(list(quantiles.values())).T
+    table.columns = list(quantiles)
+    return table.assign(
+        unit=[FIGURES[figure][1] for figure in table.index.get_level_values("figure")]
+    )
+
+
+# Which assumptions matter: each one at its low and at its high, all others nominal
+
+
+@dataclass(frozen=True, eq=False)
+class Tornado:
+    """Which assumption matters: each one at its low and at its high, all others nominal.
+
+    `Comparison.tornado` returns one.
+
+    Parameters
+    ----------
+    figure : str
+        The figure, such as ``"total_cost_eur"``.
+    between : tuple of str
+        One design, or two whose difference counts.
+    nominal : dict of str to float
+        The figure of each design with every assumption nominal.
+    every : pandas.DataFrame
+        One row per assumption, the one that does most first: the figure of each design at low and
+        at high, their difference, whether their order changes, and the swing.
+
+    Examples
+    --------
+    >>> from shipnet.design import Plant, compare
+    >>> plant = Plant(10, contacts=2, distance=20, spacing=4)
+    >>> found = compare([plant.hardwired, plant.on_asi]).tornado()
+    >>> found.between, found.top(1)
+    (('AS-i', 'hardwired'), ['laying_time'])
+    """
+
+    figure: str
+    between: tuple[str, ...]
+    nominal: dict[str, float]
+    every: pd.DataFrame
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per assumption: the figures at low and at high, and the swing."""
+        return self.every.copy()
+
+    def plot(self, ax: Axes | None = None, *, rows: int = 8) -> Axes:
+        """Draw the assumptions that do most, the longest bar on top."""
+        ax, names = style.axes(ax), self.top(rows)
+        ends = self.ends.loc[names]
+        y, base = np.arange(len(names)), self.at_nominal
+        for level, colour in (("low", "C5"), ("high", "C1")):
+            values = ends[level].to_numpy()
+            ax.barh(y, values - base, left=base, height=0.7, color=colour, label=f"at its {level}")
+        ax.axvline(base, color="0.25", linewidth=1)
+        ax.set_yticks(y, [words(name) for name in names], fontsize=8)
+        ax.set_ylim(max(len(names), 1) - 0.5, -0.5)
+        ax.set_xlabel(f"{self.subject} [{self.unit}]" if self.unit else self.subject)
+        ax.locator_params(axis="x", nbins=6)
+        ax.grid(visible=False, axis="y")
+        low, high = ax.get_xlim()
+        if len(self.between) == 2 and low <= 0 <= high:
+            ax.axvline(0, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+        ax.legend(loc="lower right", fontsize=8)
+        return ax
+
+    @property
+    def unit(self) -> str:
+        """Unit of the figure."""
+        return FIGURES[self.figure][1]
+
+    @property
+    def subject(self) -> str:
+        """What the rows are about, in words."""
+        return f"{FIGURES[self.figure][0]} of {' less that of '.join(self.between)}"
+
+    @property
+    def at_nominal(self) -> float:
+        """The figure, or the difference of both designs, with every assumption nominal."""
+        first, *second = (self.nominal[option] for option in self.between)
+        return first - sum(second)
+
+    @property
+    def ends(self) -> pd.DataFrame:
+        """Columns low and high: the figure, or the difference, at both ends of each assumption."""
+        of = "difference" if len(self.between) == 2 else self.between[0]
+        table = self.every[[f"{of} at low", f"{of} at high"]]
+        return table.set_axis(["low", "high"], axis=1)
+
+    def top(self, n: int = 3) -> list[str]:
+        """Return the names of the assumptions that matter most."""
+        return [str(name) for name in self.every.index[self.every["swing"] > 0][:n]]
+
+    def __str__(self) -> str:
+        """Name the three assumptions that matter most."""
+        unit = f" {self.unit}" if self.unit else ""
+        low, high = self.ends["low"], self.ends["high"]
+        said = [
+            f"{words(name)} ({number(low[name])} to {number(high[name])})" for name in self.top()
+        ]
+        what = f"{self.subject} is {number(self.at_nominal)}{unit}"
+        return f"{what}; what matters most: {', '.join(said) or 'nothing that is assumed'}"
+
+
+def tornado(
+    designs: Mapping[str, Layout] | Layout,
+    figure: str = "total_cost_eur",
+    *,
+    between: tuple[str, str] | None = None,
+    assumptions: Assumptions | None = None,
+) -> Tornado:
+    """Take every assumption to its low and its high, one at a time."""
+    import pandas as pd
+
+    models = models_of(designs, assumptions)
+    check_figure(figure)
+    nominal = {name: float(model.figures()[figure]) for name, model in models.items()}
+    pair = _pair(nominal, between)
+    names = list(dict.fromkeys(name for option in pair for name in models[option].names))
+    table = pd.DataFrame(
+        {
+            f"{option} at {level}": [
+                models[option].figures({name: level})[figure] for name in names
+            ]
+            for option in pair
+            for level in ("low", "high")
+        },
+        index=pd.Index(names, name="assumption"),
+        dtype=float,
+    )
+    of = pair[0]
+    if len(pair) == 2:
+        of = "difference"
+        for level in ("low", "high"):
+            table[f"{of} at {level}"] = (
+                table[f"{pair[0]} at {level}"] - table[f"{pair[1]} at {level}"]
+            )
+        ends = table[[f"{of} at low", f"{of} at high"]]
+        base = nominal[pair[0]] - nominal[pair[1]]
+        table["order changes"] = (ends * base < 0).any(axis=1)
+    table["swing"] = (table[f"{of} at high"] - table[f"{of} at low"]).abs()
+    table = table.sort_values("swing", ascending=False, kind="stable")
+    return Tornado(figure, pair, {option: nominal[option] for option in pair}, table)
+
+
+def _pair(nominal: Mapping[str, float], between: tuple[str, str] | None) -> tuple[str, ...]:
+    if between is None:
+        first, *others = nominal
+        return (*sorted(others, key=lambda option: nominal[option])[:1], first)
+    if len(between) != 2 or between[0] == between[1] or not set(between) <= set(nominal):
+        raise ArgumentError(
+            f"between is {between!r}; it must be two of {', '.join(map(repr, nominal))}"
+        )
+    return tuple(between)

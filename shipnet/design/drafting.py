@@ -15,7 +15,8 @@ from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from shipnet.design.catalogue import cables, smallest
-from shipnet.design.designs import COLUMNS, Design, frame
+from shipnet.design.designs import Design
+from shipnet.design.layout import COLUMNS, frame
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError
 from shipnet.signals import SIGNALS
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from shipnet.design.catalogue import Cable
-    from shipnet.design.iolist import IoList
+    from shipnet.design.points import PointTable
     from shipnet.design.site import Site
 
 
@@ -255,7 +256,7 @@ class Laid(NamedTuple):
 class Draft:
     """A design in the making."""
 
-    iolist: IoList
+    iolist: PointTable
     site: Site
     settings: Settings
 
@@ -423,14 +424,14 @@ class Box(NamedTuple):
 
     name: str
     place: Place
-    rows: npt.NDArray[np.intp]
-    lengths: npt.NDArray[np.float64]
+    rows: Ints
+    lengths: Floats
 
-    def part(self, chosen: npt.NDArray[np.intp]) -> Box:
+    def part(self, chosen: Ints) -> Box:
         """Return the same box with some of its points, by their places in `rows`."""
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
-    def halved(self, need: npt.NDArray[np.float64]) -> list[Box]:
+    def halved(self, need: Floats) -> list[Box]:
         """Return two boxes here, the urgent points apart; none if there is one point."""
         if len(self.rows) < 2:
             return []
@@ -438,7 +439,7 @@ class Box(NamedTuple):
         return [self.part(np.sort(part)) for part in np.array_split(order, 2)]
 
 
-def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
+def boxes(draft: Draft, rows: Ints) -> list[Box]:
     """Return the boxes of some points; those that no box can be found for are given a reason."""
     table = draft.iolist.points
     names = table["box"].to_numpy(object)
@@ -470,7 +471,7 @@ def boxes(draft: Draft, rows: npt.NDArray[np.intp]) -> list[Box]:
     return found
 
 
-def without_place(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
+def without_place(draft: Draft, rows: Ints) -> None:
     """Give points the reason that their place is not known."""
     for row in rows:
         tag = draft.tags[row]
@@ -488,9 +489,9 @@ def too_far(draft: Draft, box: Box, away: float, longest: float, most: str) -> N
 
 def _box(
     name: str,
-    places: npt.NDArray[np.float64],
-    rows: npt.NDArray[np.intp],
-    lengths: npt.NDArray[np.float64],
+    places: Floats,
+    rows: Ints,
+    lengths: Floats,
 ) -> Box:
     x, y, z = (float(value) for value in np.median(places, axis=0))
     return Box(name, (x, y, z), rows, lengths)
@@ -506,7 +507,7 @@ class Backbone(NamedTuple):
     """The way of a trunk past its stations."""
 
     order: list[int]
-    hops: npt.NDArray[np.float64]
+    hops: Floats
     avoid: frozenset[str]
 
     @property

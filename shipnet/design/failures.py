@@ -15,7 +15,7 @@ from shipnet.errors import ArgumentError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from shipnet.design.designs import Design
+    from shipnet.design.layout import Layout
 
 
 # What of a planned design is still reached when some of its cables are cut and devices dead
@@ -45,7 +45,7 @@ _CHUNK = 2**24
 class Reach:
     """A planned design as arrays: runs and devices are the rows of its tables."""
 
-    design: Design
+    design: Layout
 
     @cached_property
     def kinds(self) -> npt.NDArray[Any]:
@@ -352,7 +352,7 @@ def _nth(values: Whole) -> Iterator[Whole]:
 FAILURES = ("cut", "short", "tray", "device")
 
 
-def single_failures(design: Design) -> pd.DataFrame:
+def single_failures(design: Layout) -> pd.DataFrame:
     """Return what each single failure of a planned design costs."""
     import pandas as pd
 
@@ -397,7 +397,7 @@ def single_failures(design: Design) -> pd.DataFrame:
 
 
 def lost(
-    design: Design,
+    design: Layout,
     *,
     cables: Collection[str] = (),
     devices: Collection[str] = (),

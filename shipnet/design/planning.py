@@ -3,26 +3,91 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from os import PathLike
+from math import ceil
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.design.catalogue import cables, smallest
 from shipnet.design.designs import Design
-from shipnet.design.drafting import Draft
-from shipnet.design.iolist import Given, IoList, Where
-from shipnet.design.plan_asi_lines import plan_asi
-from shipnet.design.plan_can import plan_can
-from shipnet.design.plan_hardwired import plan_boxes, plan_home_runs
-from shipnet.design.plan_modbus import plan_modbus
+from shipnet.design.drafting import Box, Draft, Laid, boxes, without_place
+from shipnet.design.plan_asi import plan_asi
+from shipnet.design.plan_stations import plan_can, plan_modbus
+from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site, Trays, find_cabinet
+from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 
-_Planner = Callable[[Draft, npt.NDArray[np.intp]], None]
+# Every point on wires of its own: to the cabinet, or to a box with a cable of many pairs -------
 
-_PLANNERS: Mapping[str, _Planner] = MappingProxyType(
+Rows = npt.NDArray[np.intp]
+
+
+def plan_home_runs(draft: Draft, rows: Rows) -> None:
+    """Give each point a cable of its own to the cabinet."""
+    given = draft.given_lengths("home_run_m")
+    known = np.isfinite(given) | draft.iolist.located
+    without_place(draft, rows[~known[rows]])
+    for row in rows[known[rows]]:
+        wires = int(draft.wires[row])
+        x, y, z = draft.places[row].tolist()
+        laid = Laid(draft.middle, (x, y, z), float(given[row]))
+        ends = draft.cabinet, draft.tags[row]
+        draft.run("home run", ends, laid, smallest(wires, spare=0), wires)
+        draft.connect(row, "hardwired", "", draft.cabinet, "", 0.0)
+
+
+def plan_boxes(draft: Draft, rows: Rows) -> None:
+    """Bring points to junction boxes, and each box to the cabinet with a cable of many pairs."""
+    for box in boxes(draft, rows):
+        name = draft.device(box.name, "box", "", box.place)
+        for row, length in zip(box.rows, box.lengths, strict=True):
+            draft.drop(row, name, box.place, "", float(length))
+            draft.connect(row, "hardwired", "", name, "", 0.0)
+        for part in _trunks(draft, box):
+            used, pairs = _wires(draft, part)
+            cable = smallest(2 * pairs, spare=draft.settings.spare)
+            laid = Laid(draft.middle, box.place)
+            draft.run("trunk", (draft.cabinet, name), laid, cable, used)
+
+
+def _trunks(draft: Draft, box: Box) -> list[Rows]:
+    """Divide the points of a box among cables that are large enough."""
+    largest = max(c.conductors for c in cables().values() if "hardwired" in c.buses) // 2
+    room = int(largest / (1 + draft.settings.spare) + 1e-9)
+    each = _pairs(draft, box.rows)
+    number = max(1, ceil(each.sum() / room))
+    while True:
+        # Cut where the pairs so far pass an equal share.
+        share = np.cumsum(each) - each / 2
+        part = np.minimum((share * number / each.sum()).astype(np.intp), number - 1)
+        parts = [box.rows[part == own] for own in range(number) if (part == own).any()]
+        if all(_wires(draft, own)[1] <= room for own in parts) or number >= len(box.rows):
+            return parts
+        number += 1
+
+
+def _wires(draft: Draft, rows: Rows) -> tuple[int, int]:
+    """Return conductors in use and pairs of a trunk; common returns count once a kind."""
+    signals = draft.iolist.points["signal"].to_numpy(object)[rows]
+    returns = 0
+    pairs = _pairs(draft, rows)
+    alone = draft.common[rows] == 0
+    for kind in dict.fromkeys(signals[~alone]):
+        returns += int(draft.common[rows][signals == kind][0])
+    own = int((draft.wires - draft.common)[rows].sum())
+    shared = int((draft.wires - draft.common)[rows][~alone].sum()) + returns
+    return own + returns, int(pairs[alone].sum()) + ceil(shared / 2)
+
+
+def _pairs(draft: Draft, rows: Rows) -> npt.NDArray[np.intp]:
+    return np.asarray((draft.wires[rows] + 1) // 2, dtype=np.intp)
+
+
+# The ways to connect all points alike, and a mix of them ----------------------------------------
+
+_PLANNERS: Mapping[str, Callable[[Draft, Rows], None]] = MappingProxyType(
     {
         "home runs": plan_home_runs,
         "junction boxes": plan_boxes,
@@ -40,7 +105,7 @@ _BY = ("tag", "signal", "system", "category", "type")
 
 
 def plan(
-    iolist: IoList,
+    iolist: PointTable,
     site: Site,
     option: str,
     *,
@@ -51,7 +116,8 @@ def plan(
     """Connect the points of a list in one way, and those that `mix` names in another."""
     choose = mix or {}
     for one in (option, *choose.values()):
-        _known(one)
+        if one not in _PLANNERS:
+            raise ArgumentError(f"option is {one!r}; it must be one of {', '.join(OPTIONS)}")
     allowances = {"detour": site.detour, "tails": site.tails}
     values = Settings(allowances) if settings is None else settings
     if any(values[what] != value for what, value in allowances.items()):
@@ -74,41 +140,3 @@ def plan(
         if len(rows):
             planner(draft, rows)
     return draft.made(name or ("mix" if choose else option))
-
-
-def as_settings(settings: Given) -> Settings:
-    """Return settings from themselves, from values by name, or from nothing."""
-    return settings if isinstance(settings, Settings) else Settings(settings)
-
-
-def site_of(
-    iolist: IoList, cabinet: Where, trays: Trays | str | PathLike[str] | None, settings: Settings
-) -> tuple[Site, str]:
-    """Return where a list is planned, and how the cabinet's place is known if it was found."""
-    if isinstance(cabinet, Site):
-        return cabinet, ""
-    if isinstance(trays, str | PathLike):
-        trays = Trays.read(trays)
-    known = {} if trays is None else trays.cabinets
-    names = f" or one of {', '.join(map(repr, known))}" if known else ""
-    place, said = cabinet, ""
-    if isinstance(cabinet, str):
-        if cabinet not in known:
-            raise ArgumentError(f"cabinet is {cabinet!r}; it must be a place x, y, z in m{names}")
-        place = known[cabinet]
-    elif cabinet is None:
-        place = (0.0, 0.0, 0.0)
-        if iolist.located.any() or np.isfinite(iolist.box_places).any():
-            try:
-                found = find_cabinet(iolist)
-            except ArgumentError as mistake:
-                raise ArgumentError(
-                    f"cabinet is not given, and {mistake}; give its place x, y, z in m{names}"
-                ) from None
-            place, said = found.place, str(found)
-    return Site(place, trays, settings.detour, settings.tails), said  # type: ignore[arg-type]
-
-
-def _known(option: str) -> None:
-    if option not in _PLANNERS:
-        raise ArgumentError(f"option is {option!r}; it must be one of {', '.join(OPTIONS)}")

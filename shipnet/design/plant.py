@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from shipnet.design.costs import conductors_at_cabinet, quantities
-from shipnet.design.designs import Design, frame
-from shipnet.design.iolist import IoList, Rng
+from shipnet.design.costs import Rng, conductors_at_cabinet, draw, quantities
+from shipnet.design.designs import Design
+from shipnet.design.iolist import IoList
+from shipnet.design.layout import frame
 from shipnet.design.site import Site
-from shipnet.design.uncertainty import draw
 from shipnet.fields import check_whole, choice, number, record, whole
 from shipnet.signals import ASI_PAIR, SIGNALS
 from shipnet.signals import Saving as Saving

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from shipnet import __version__
-from shipnet.design.comparison import BANNER, Comparison
-from shipnet.design.costs import EXCLUDED, label, number
+from shipnet.design.catalogue import LEVELS
+from shipnet.design.costs import EXCLUDED, Quantities, Tornado, label, number, ranges_of
+from shipnet.design.designs import Design
 from shipnet.design.failures import FAILURES
-from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado, svg
+from shipnet.design.plot import plot_pareto, plot_ranges, svg
 from shipnet.design.settings import shown
-from shipnet.errors import ArgumentError
 
-if TYPE_CHECKING:
-    import pandas as pd
+#: What the first page of a report and the end of a text say.
+BANNER = "A design aid, not class approval."
 
 
 # One page of HTML that stands alone: tables, pictures and text, nothing fetched, nothing run
@@ -152,25 +153,13 @@ _FAILURE_WORDS = {
 }  # fmt: skip
 
 
-def details(comparison: Comparison) -> list[str]:
-    """Return the sections in which the details of a comparison stand."""
-    return [
-        _failures(comparison),
-        _reasons(comparison),
-        _segments(comparison),
-        _figures(comparison),
-        _assumptions(comparison),
-        _points(comparison),
-    ]
-
-
 def _each(rows: pd.DataFrame) -> Iterator[Any]:
     return iter(rows.itertuples())
 
 
-def _failures(comparison: Comparison) -> str:
+def _failures(designs: Mapping[str, Design]) -> str:
     rows, details = [], []
-    for option, design in comparison.designs.items():
+    for option, design in designs.items():
         cuts = design._failures
         cuts = cuts[cuts["kind"] != "cabinet"]
         for failure in FAILURES:
@@ -212,8 +201,7 @@ def _some(names: tuple[str, ...], shown: int = 6) -> str:
     return ", ".join(names[:shown]) + more
 
 
-def _reasons(comparison: Comparison) -> str:
-    reasons = comparison.reasons()
+def _reasons(reasons: pd.DataFrame) -> str:
     rows = [
         [row.design, row.subject, row.text, row.limit, f"{number(row.value)} {row.unit}",
          f"{number(row.bound)} {row.unit}"]
@@ -230,12 +218,12 @@ def _reasons(comparison: Comparison) -> str:
     )
 
 
-def _segments(comparison: Comparison) -> str:
+def _segments(designs: Mapping[str, Design]) -> str:
     rows = [
         [option, row.segment, row.bus, str(row.points), str(row.devices), number(row.length_m),
          "-" if row.load != row.load else f"{row.load:.1%}".replace("%", " %"),
          number(row.response_ms), number(row.slowest_update_ms)]
-        for option, design in comparison.designs.items()
+        for option, design in designs.items()
         for row in _each(design.segments)
     ]  # fmt: skip
     head = ["option", "segment", "bus", "points", "devices", "trunk [m]", "load", "response [ms]",
@@ -244,17 +232,16 @@ def _segments(comparison: Comparison) -> str:
     return section("Segments", body, page=False)
 
 
-def _figures(comparison: Comparison) -> str:
+def _figures(quantities: Mapping[str, Quantities], likely: pd.DataFrame) -> str:
     parts = []
-    for option, takes in comparison.quantities.items():
+    head = ["", "all low", "nominal", "all high", "5 %", "95 %"]
+    for option, takes in quantities.items():
+        drawn: Any = likely.loc[option]
         rows = [
-            [label(str(name)),
-             *(number(row[level]) for level in ("low", "nominal", "high")),
-             *_likely(comparison, option, str(name))]
+            [label(str(name)), *(number(row[level]) for level in LEVELS),
+             number(drawn.loc[name, "low"]), number(drawn.loc[name, "high"])]
             for name, row in takes.figures.iterrows()
         ]  # fmt: skip
-        head = ["", "all low", "nominal", "all high"]
-        head += ["5 %", "95 %"]
         parts.append(text(option, tag="h3"))
         parts.append(table(head, rows, numbers=range(1, len(head))))
         cables = [
@@ -266,19 +253,12 @@ def _figures(comparison: Comparison) -> str:
     return section("What each option takes", *parts)
 
 
-def _likely(comparison: Comparison, option: str, figure: str) -> list[str]:
-    row: Any = comparison._likely.loc[(option, figure)]
-    return [number(row["low"]), number(row["high"])]
-
-
-def _assumptions(comparison: Comparison) -> str:
-    import pandas as pd
-
-    used = pd.concat([takes.assumptions for takes in comparison.quantities.values()])
+def _assumptions(quantities: Mapping[str, Quantities]) -> str:
+    used = pd.concat([takes.assumptions for takes in quantities.values()])
     used = used.drop_duplicates("name")
     rows = [
         [row["name"].replace("_", " "),
-         *(number(row[level]) for level in ("low", "nominal", "high")),
+         *(number(row[level]) for level in LEVELS),
          row["unit"], row["status"], row["source"]]
         for _, row in used.iterrows()
     ]  # fmt: skip
@@ -291,18 +271,19 @@ def _assumptions(comparison: Comparison) -> str:
     )
 
 
-def _points(comparison: Comparison) -> str:
-    listed: pd.DataFrame = comparison.iolist.points.head(_POINTS_SHOWN)
+def _points(designs: Mapping[str, Design]) -> str:
+    iolist = next(iter(designs.values())).iolist
+    listed: pd.DataFrame = iolist.points.head(_POINTS_SHOWN)
     columns = [listed["tag"], listed["system"], listed["signal"]]
-    for design in comparison.designs.values():
+    for design in designs.values():
         points = design.points.head(_POINTS_SHOWN)
         at = (points["device"] + " " + points["address"]).str.strip()
         columns.append(at.where(points["bus"] != "", "does not fit"))
     rows = list(zip(*columns, strict=True))
-    more = len(comparison.iolist) - len(rows)
+    more = len(iolist) - len(rows)
     return section(
         "Points",
-        table(["tag", "system", "signal", *comparison.designs], rows,
+        table(["tag", "system", "signal", *designs], rows,
               caption="Device and address of each point."),
         *([text(f"And {more} points more.")] if more else []),
     )  # fmt: skip
@@ -318,44 +299,56 @@ _BANNER_MORE = (
 
 
 def report_html(
-    comparison: Comparison, *, title: str | None = None, date: str | None = None
+    title: str,
+    date: str,
+    *,
+    designs: Mapping[str, Design],
+    table: pd.DataFrame,
+    quantities: Mapping[str, Quantities],
+    likely: pd.DataFrame,
+    findings: pd.DataFrame,
+    reasons: pd.DataFrame,
+    changes: pd.DataFrame,
+    tornado: Tornado,
+    pareto: Sequence[str],
+    criteria: Sequence[str],
+    remarks: Sequence[str],
+    conclusions: Sequence[str],
 ) -> str:
-    """Return the report of a comparison."""
-    if not isinstance(comparison, Comparison):
-        raise ArgumentError(f"comparison is {comparison!r}; it must be a Comparison")
-    named = title or f"Connecting the points of {Path(comparison.iolist.source).name}"
+    """Return the report of a comparison, from what `Comparison` computes."""
     return document(
-        named,
-        text(named, tag="h1"),
+        title,
+        text(title, tag="h1"),
         text(f"{date + ', ' if date else ''}shipnet {__version__}", "lead"),
         f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
-        bullets(comparison.conclusions()),
-        _side_by_side(comparison),
-        _what(comparison),
-        _pictures(comparison),
-        _rules(comparison),
-        *details(comparison),
+        bullets(conclusions),
+        _side_by_side(table, criteria),
+        _what(next(iter(designs.values())), remarks, changes),
+        _pictures(table, quantities, likely, tornado, pareto),
+        _rules(findings, list(designs)),
+        _failures(designs),
+        _reasons(reasons),
+        _segments(designs),
+        _figures(quantities, likely),
+        _assumptions(quantities),
+        _points(designs),
     )
 
 
-def _side_by_side(comparison: Comparison) -> str:
-    shown = comparison.table()
-    best = shown.pop("pareto")
+def _side_by_side(compared: pd.DataFrame, criteria: Sequence[str]) -> str:
+    shown = compared.drop(columns="pareto")
     rows = [[label(str(name)), *(number(value) for value in shown[name])] for name in shown]
-    rows.append([label("pareto"), *("yes" if one else "no" for one in best)])
+    rows.append([label("pareto"), *("yes" if one else "no" for one in compared["pareto"])])
+    weighed = ", ".join(label(name).partition(" [")[0] for name in criteria)
     return table(
         ["", *map(str, shown.index)], rows, numbers=range(1, len(shown) + 1),
         caption="The designs side by side. Pareto-optimal: connects every point, and no other is "
-        f"as good in {_criteria(comparison)} and better in one of them.",
+        f"as good in {weighed} and better in one of them.",
     )  # fmt: skip
 
 
-def _criteria(comparison: Comparison) -> str:
-    return ", ".join(label(name).partition(" [")[0] for name in comparison.criteria)
-
-
-def _what(comparison: Comparison) -> str:
-    iolist, site = comparison.iolist, comparison.site
+def _what(design: Design, remarks: Sequence[str], changes: pd.DataFrame) -> str:
+    iolist, site = design.iolist, design.site
     counts = iolist.points["type"].value_counts()
     systems = iolist.points["system"].replace("", None).nunique()
     of_systems = f"of {systems} system{'s' if systems > 1 else ''}" if systems else "of no system"
@@ -365,7 +358,7 @@ def _what(comparison: Comparison) -> str:
     cabinet = ", ".join(f"{x:g}" for x in site.cabinet)
     where = (
         f"Cabinet at {cabinet} m; {trays}. A cable is {site.detour:g} times its way and "
-        f"{site.tails:g} m for both ends{_assumed(comparison, 'detour', 'tails')}."
+        f"{site.tails:g} m for both ends{_assumed(changes, 'detour', 'tails')}."
     )
     if not (iolist.located.any() or np.isfinite(iolist.box_places).all(axis=1).any()):
         where = "The list gives no places: every length is its own."
@@ -373,25 +366,25 @@ def _what(comparison: Comparison) -> str:
         f"I/O list {Path(iolist.source).name}: {len(iolist)} points ("
         + ", ".join(f"{n} {kind}" for kind, n in counts.items())
         + f") {of_systems}.",
-        *(f"{said[:1].upper()}{said[1:]}." for said in (*iolist.remarks, *comparison.remarks)),
+        *(f"{said[:1].upper()}{said[1:]}." for said in (*iolist.remarks, *remarks)),
         where,
-        f"The host adds {comparison.settings.host_time:g} s to a response where a rule counts it"
-        f"{_assumed(comparison, 'host_time')}.",
+        f"The host adds {design.settings.host_time:g} s to a response where a rule counts it"
+        f"{_assumed(changes, 'host_time')}.",
     ]
-    return section("What was planned", bullets(lines), _changes(comparison), page=False)
+    return section("What was planned", bullets(lines), _changes(changes), page=False)
 
 
-def _assumed(comparison: Comparison, *names: str) -> str:
+def _assumed(changes: pd.DataFrame, *names: str) -> str:
     """Return what to say of values that nobody gave."""
-    if not {*names}.isdisjoint(comparison.changes()["name"]):
+    if not {*names}.isdisjoint(changes["name"]):
         return ""
     return ", both assumed" if len(names) > 1 else ", assumed"
 
 
-def _changes(comparison: Comparison) -> str:
+def _changes(changes: pd.DataFrame) -> str:
     rows = [
         [row["name"], shown(row["value"]), shown(row["default"]), row["meaning"], row["designs"]]
-        for row in comparison.changes().to_dict("records")
+        for row in changes.to_dict("records")
     ]
     if not rows:
         return text("Every limit, price and allowance has its default value.")
@@ -401,51 +394,52 @@ def _changes(comparison: Comparison) -> str:
     )  # fmt: skip
 
 
-def _pictures(comparison: Comparison) -> str:
+def _pictures(
+    compared: pd.DataFrame,
+    quantities: Mapping[str, Quantities],
+    likely: pd.DataFrame,
+    tornado: Tornado,
+    pareto: Sequence[str],
+) -> str:
     # A point that is left out costs nothing: no picture may hide that.
-    table = comparison.table()
-    left_out = table["points_left_out"]
     named = {
         str(option): f"{option} ({count} left out)" if count else str(option)
-        for option, count in left_out.items()
+        for option, count in compared["points_left_out"].items()
     }
-    takes = {named[option]: takes for option, takes in comparison.quantities.items()}
-    shown = table.rename(index=named)
-    best = [named[name] for name in comparison.pareto()]
-    likely = comparison._likely.rename(index=named, level="option")
-    height = 1.2 + 0.4 * len(takes)
+    axes = ["total_cost_eur", "lost_by_failure"]
+    dots = compared[axes].rename(index=named).set_axis(list(map(label, axes)), axis=1)
+    best = [named[name] for name in pareto]
+
+    def ranges(figure: str, drawn: pd.DataFrame | None = None) -> str:
+        ends = ranges_of(quantities, figure).rename(index=named)
+        return svg(
+            lambda ax: plot_ranges(ends, label(figure), likely=drawn, ax=ax),
+            height=1.2 + 0.4 * len(ends),
+        )
+
     figures = [
         picture(
-            svg(lambda ax: plot_quantities(takes, ax=ax, likely=likely), height=height),
+            ranges(axes[0], pd.DataFrame(likely.xs(axes[0], level="figure")).rename(index=named)),
             "Total cost of each design: nominal, with all assumptions at low and at high, and in 9 "
             "of 10 draws of them.",
         ),
+        picture(ranges("conductors_at_cabinet"), "Conductors in use that enter the cabinet."),
         picture(
-            svg(lambda ax: plot_quantities(takes, "conductors_at_cabinet", ax=ax), height=height),
-            "Conductors in use that enter the cabinet.",
-        ),
-        picture(
-            svg(lambda ax: plot_pareto(shown, "total_cost_eur", "lost_by_failure", best, ax=ax)),
+            svg(lambda ax: plot_pareto(dots, best, ax=ax)),
             "Cost against the points that the worst failure takes along; filled: Pareto-optimal.",
         ),
     ]
-    tornado = comparison.tornado()
     if best:
         # Of options that leave points out, no difference in cost says anything.
         figures.append(
-            picture(
-                svg(lambda ax: plot_tornado(tornado, ax=ax)),
-                f"What each assumption does to the {tornado.subject}.",
-            )
+            picture(svg(tornado.plot), f"What each assumption does to the {tornado.subject}.")
         )
     return section("Figures", f'<div class="pair">{"".join(figures)}</div>')
 
 
-def _rules(comparison: Comparison) -> str:
-    rules: Any = comparison.findings().table()  # a table without types
+def _rules(rules: Any, options: Sequence[str]) -> str:
     keys = ["rule_set", "rule"]
     first = rules.drop_duplicates(keys)
-    options = list(comparison.designs)
     found = {(r.rule_set, r.rule, r.design): r for r in rules.itertuples()}
 
     def cell(rule: tuple[str, str], option: str) -> str:

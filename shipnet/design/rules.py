@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.answers import Findings
-from shipnet.crc import undetected
-from shipnet.design.designs import Design
+from shipnet.crc import Crc
+from shipnet.design.layout import Layout
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Bools = npt.NDArray[np.bool_]
 
 #: Buses with an open international standard or public specification, and the CRC they have.
-STANDARDS: Mapping[str, tuple[str, str | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
+STANDARDS: Mapping[str, tuple[str, Crc | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
 
 #: What the list wants within so long is fast [ms]: the shortest time that class rules name, 0.1 s
 #: in DNV-OS-D202 Ch.2 Sec.3 Table A1.
@@ -70,13 +70,10 @@ APPLIES: Mapping[str, Callable[[pd.DataFrame], pd.Series[bool]]] = {
 class Facts:
     """A design with what several measures need of it."""
 
-    design: Design
+    design: Layout
+    #: Every single failure.
+    cuts: pd.DataFrame
     host_time: float
-
-    @cached_property
-    def cuts(self) -> pd.DataFrame:
-        """Every single failure."""
-        return self.design._failures
 
     @cached_property
     def links(self) -> pd.DataFrame:
@@ -248,8 +245,9 @@ def _unseen(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     without = [bus for bus, check in checks.items() if check is None]
     if without:
         return Outcome(float("inf"), ", ".join(without), "has no CRC")
-    missed = sum(undetected(check, flips=n) for check in checks.values() if check for n in (1, 2))
-    return Outcome(missed, "", ", ".join(check for check in checks.values() if check))
+    used = [check for check in checks.values() if check]
+    missed = sum(check.undetected(flips=n) for check in used for n in (1, 2))
+    return Outcome(missed, "", ", ".join(check.name for check in used))
 
 
 def _repeats(facts: Facts, concerned: Bools, host: bool) -> Outcome:
@@ -561,16 +559,17 @@ def _faults(
 
 
 def check(
-    design: Design,
+    design: Layout,
+    failures: pd.DataFrame,
     rules: RuleSet | str | PathLike[str] = "DNV",
     *,
     host_time: float | None = None,
 ) -> Findings:
-    """Check a design against class rules."""
+    """Check a design, of which every single failure is known, against class rules."""
     import pandas as pd
 
     host = design.settings.host_time if host_time is None else host_time
-    facts = Facts(design, check_scalar("host_time", host, "s", 0.0, 60.0))
+    facts = Facts(design, failures, check_scalar("host_time", host, "s", 0.0, 60.0))
     rows = []
     for rule in RuleSet.of(rules):
         outcome = _outcome(rule, facts)

@@ -4,38 +4,27 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
 from functools import cache
-from math import isfinite
 from os import PathLike
 from pathlib import Path
 from textwrap import wrap
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from shipnet import datasets
-from shipnet.design.catalogue import Range, cables
+from shipnet.design.catalogue import Assumptions, Range, cables, ordered, read_assumptions
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Kind, Switch, Whole, check_whole, declared, number, record, switch, whole
+from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.uart import SerialLine
 from shipnet.tables import read_bytes, text_of
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Floats = npt.NDArray[np.float64]
-
-#: The names of the three values of a range.
-LEVELS: tuple[Literal["low", "nominal", "high"], ...] = ("low", "nominal", "high")
-
-#: Where in its range an assumption is taken: at one of its three values, or at quantiles of the
-#: triangular distribution over it, shape (n_draws,).
-Level = Literal["low", "nominal", "high"] | Floats
 
 
 # Kinds of values that only a design has ------------------------------------------------------
@@ -103,7 +92,7 @@ class _Ends(Kind):
         ends = value if isinstance(value, tuple) else (value,) * 3
         if len(ends) != 3 or not all(map(_is_number, ends)):
             raise ArgumentError(f"{name} is {value!r}; it must be {self.legal}")
-        return _checked(name, Range(*ends))
+        return ordered(name, Range(*ends))
 
 
 def _cable(bus: str, help: str, default: str) -> Any:
@@ -200,6 +189,10 @@ class CanLimits:
     cable: str = _cable("CAN", "The trunk, a key of the catalogue", "CAN_5_0p75")
 
 
+#: The limits of RS-485 as makers print them; 1200 m, as some write, is 4000 ft rounded.
+_RS485 = INTERFACES["RS-485"]
+
+
 @record(slots=True)
 class ModbusLimits:
     """What a Modbus RTU loop on RS-485 may be.
@@ -213,12 +206,12 @@ class ModbusLimits:
         "full length", (9600, 19_200, 38_400, 57_600),
     )  # fmt: skip
     length: float = number(
-        1, 10e3, "m", "Cable between the ends or repeaters: EIA-485 up to about 90 kbit/s",
-        default=1200.0,
+        1, 10e3, "m", "Cable between the ends or repeaters: 4000 ft up to 100 kbit/s, EIA-485",
+        default=_RS485.length,
     )  # fmt: skip
     unit_loads: int = whole(
         2, 256, help="Devices between the ends or repeaters, the master among them: EIA-485",
-        default=32,
+        default=_RS485.receivers,
     )  # fmt: skip
     repeaters: int = whole(0, 9, help="Most repeaters of a loop", default=0)
     units: int = whole(1, 247, help="Unit ids of a loop", default=247)
@@ -234,138 +227,6 @@ class ModbusLimits:
         metadata={"kind": _Character(help="Data bits, parity and stop bits of a character")},
     )
     cable: str = _cable("Modbus RTU", "The trunk, a key of the catalogue", "RS485_MARINE")
-
-
-# Assumptions: prices, hours and factors ------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Assumption:
-    """A price, an hour or a factor that a design rests on, with its unit, status and source."""
-
-    range: Range
-    unit: str
-    meaning: str = ""
-    status: str = "given"
-    source: str = "the user"
-
-    def __post_init__(self) -> None:
-        """Check the order."""
-        _checked("range", self.range)
-
-
-class Assumptions(Mapping[str, Range]):
-    """All assumptions by name: a mapping to their ranges, read from the data file by default."""
-
-    def __init__(self, entries: Mapping[str, Assumption] | None = None) -> None:
-        read = _read()
-        self._entries = dict(read if entries is None else entries)
-        missing = [name for name in read if name not in self._entries]
-        if missing:
-            raise ArgumentError(f"the assumptions lack {', '.join(missing)}")
-
-    def __getitem__(self, name: str) -> Range:
-        return self._entries[name].range
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._entries)
-
-    def __len__(self) -> int:
-        return len(self._entries)
-
-    def __hash__(self) -> int:
-        """Return the same for equal ranges."""
-        return hash(frozenset(self.items()))
-
-    def entry(self, name: str) -> Assumption:
-        """Return an assumption with its unit and source."""
-        if name not in self._entries:
-            raise ArgumentError(
-                f"assumption is {name!r}; it must be one of {', '.join(self._entries)}"
-            )
-        return self._entries[name]
-
-    def at(self, name: str, level: Literal["low", "nominal", "high"] = "nominal") -> float:
-        """Return one of the three values of an assumption."""
-        return self.entry(name).range[_place(level)]
-
-    def with_(self, **ranges: Range) -> Assumptions:
-        """Return assumptions of which some are the user's own."""
-        changed = dict(self._entries)
-        for name, given in ranges.items():
-            changed[name] = replace(
-                self.entry(name),
-                range=_checked(name, Range(*given)),
-                status="given",
-                source="the user",
-            )
-        return Assumptions(changed)
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """One row per assumption: name, meaning, low, nominal, high, unit, status, source."""
-        import pandas as pd
-
-        rows = [
-            (name, entry.meaning, *entry.range, entry.unit, entry.status, entry.source)
-            for name, entry in self._entries.items()
-        ]
-        return pd.DataFrame(
-            rows, columns=["name", "meaning", *LEVELS, "unit", "status", "source"]
-        ).set_index("name")
-
-
-def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
-    """Return where ranges stand at a level: one of their three values, or triangular quantiles."""
-    rows = np.asarray(ranges, dtype=float).reshape(-1, 3)
-    if isinstance(level, str):
-        chosen: Floats = rows[:, _place(level)]
-        return chosen
-    low, nominal, high = rows.T
-    u = np.asarray(level, dtype=float)[:, None]
-    width, rise, fall = high - low, nominal - low, high - nominal
-    # The density is a triangle from low to high with its peak at nominal.
-    left = low + np.sqrt(u * width * rise)
-    right = high - np.sqrt((1 - u) * width * fall)
-    drawn: Floats = np.clip(np.where(u * width < rise, left, right), low, high)
-    return drawn
-
-
-#: Parts of names that are written otherwise in a text.
-_SPELT = {"asi": "AS-i", "can": "CAN", "modbus": "Modbus", "plc": "PLC"}
-
-
-def words(name: str) -> str:
-    """Return the name of an assumption as a text or a figure says it."""
-    return " ".join(_SPELT.get(part, part) for part in name.split("_"))
-
-
-def _place(level: str) -> int:
-    if level not in LEVELS:
-        raise ArgumentError(f"level is {level!r}; it must be one of {', '.join(LEVELS)}")
-    return LEVELS.index(level)
-
-
-def _checked(name: str, given: Range) -> Range:
-    ordered = len(given) == 3 and all(isfinite(value) for value in given)
-    if not ordered or not 0 <= given[0] <= given[1] <= given[2]:
-        raise ArgumentError(
-            f"{name} is {tuple(given)}; it must be low <= nominal <= high, 0 or more and finite"
-        )
-    return given
-
-
-@cache
-def _read() -> Mapping[str, Assumption]:
-    return MappingProxyType(
-        {
-            row["name"]: Assumption(
-                Range(*(float(row[level]) for level in LEVELS)),
-                row["unit"], row["meaning"], row["status"], row["source"],
-            )
-            for row in datasets.read("synthetic_design_assumptions.csv").to_dict("records")
-        }
-    )  # fmt: skip
 
 
 # All of it -----------------------------------------------------------------------------------
@@ -405,6 +266,9 @@ class _Plain:
         "like all others, where they are known", default=True,
     )  # fmt: skip
 
+
+#: Settings, or values by name that are not the defaults.
+Given: TypeAlias = "Settings | Mapping[str, object] | None"
 
 _PARTS: Mapping[str, type[Any]] = MappingProxyType(
     {"": _Plain, "boxes": BoxLimits, "asi": AsiLimits, "can": CanLimits, "modbus": ModbusLimits}
@@ -476,6 +340,11 @@ class Settings:
         faults = self._fill(_defaults(), values or {})
         if faults:
             raise ArgumentError("; ".join(faults))
+
+    @classmethod
+    def of(cls, settings: Given) -> Settings:
+        """Return settings from themselves, from values by name, or from nothing."""
+        return settings if isinstance(settings, Settings) else cls(settings)
 
     def _fill(
         self, start: Mapping[str, Mapping[str, Any]], values: Mapping[str, object]
@@ -639,7 +508,7 @@ def _kinds() -> Mapping[str, Kind]:
         for part, record in _PARTS.items()
         for own, kind in declared(record).items()
     }
-    for name, entry in _read().items():
+    for name, entry in read_assumptions().items():
         said = f"{entry.unit if entry.unit != '1' else 'factor'}: {entry.meaning}"
         found[f"assumptions.{name}"] = _Ends(help=said, unit=entry.unit.replace("1", ""))
     return MappingProxyType(found)

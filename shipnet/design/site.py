@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from math import isfinite, prod
 from os import PathLike
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from shipnet import style
+from shipnet.design.plot import draw_cables
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import number, record
 from shipnet.tables import NUMBER, Sheet, parse_sheet, read_sheet
@@ -23,7 +25,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-    from shipnet.design.iolist import IoList
+    from shipnet.design.points import PointTable
+    from shipnet.design.settings import Settings
 
 
 # Cable trays of a ship as a graph: places where they meet, and the ways along them
@@ -108,10 +111,18 @@ class Trays:
         return pd.DataFrame(columns, index=pd.Index(self.names, name="tray"))
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the trays from above, with their nodes and the cabinets."""
-        from shipnet.design.plot import plot_trays
-
-        return plot_trays(self, ax=ax)
+        """Draw the trays from above, with their nodes and the cabinets that have a name."""
+        ax = style.axes(ax)
+        a, b = self.places[self.ends.T][:, :, :2]
+        draw_cables(ax, a, b, "C0", width=1.5)
+        ax.plot(*self.places[:, :2].T, "o", color="C0", markersize=4, label="node")
+        for place, (name, (x, y, _)) in enumerate(self.cabinets.items()):
+            ax.plot(x, y, "D", color="C3", label="" if place else "cabinet")
+            ax.annotate(name, (x, y), (5, 5), textcoords="offset points", fontsize=8)
+        ax.set(xlabel="x [m]", ylabel="y [m]")
+        ax.margins(0.05)
+        ax.legend(fontsize=8)
+        return ax
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -474,6 +485,10 @@ _FIRST, _NEXT, _KEPT = 15, 5, 25
 _CLOSE, _ROUNDED = 0.02, 0.2
 
 
+#: A place [m], the name of a cabinet in the trays, or None to find it from the list's lengths.
+Where: TypeAlias = "tuple[float, float, float] | Sequence[float] | str | Site | None"
+
+
 class Found(NamedTuple):
     """A cabinet that lengths speak for."""
 
@@ -493,7 +508,7 @@ class Found(NamedTuple):
         return said if self.settled else said + other
 
 
-def find_cabinet(iolist: IoList, *, detour: float = 1.15, tails: float = 5.0) -> Found:
+def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0) -> Found:
     """Find where the cabinet stands from home runs of known length."""
     length = iolist.points["home_run_m"].to_numpy(float)
     known = np.isfinite(length) & iolist.located
@@ -528,3 +543,34 @@ def find_cabinet(iolist: IoList, *, detour: float = 1.15, tails: float = 5.0) ->
     flat = np.ptp(places, axis=0) < _ROUNDED
     settled = bool((~held).sum() <= 1 and not (flat & ~held).any())
     return Found((x, y, z), float(np.median(misfits)), int(known.sum()), settled)
+
+
+def site_of(
+    iolist: PointTable,
+    cabinet: Where,
+    trays: Trays | str | PathLike[str] | None,
+    settings: Settings,
+) -> tuple[Site, str]:
+    """Return where a list is planned, and how the cabinet's place is known if it was found."""
+    if isinstance(cabinet, Site):
+        return cabinet, ""
+    if isinstance(trays, str | PathLike):
+        trays = Trays.read(trays)
+    known = {} if trays is None else trays.cabinets
+    names = f" or one of {', '.join(map(repr, known))}" if known else ""
+    place, said = cabinet, ""
+    if isinstance(cabinet, str):
+        if cabinet not in known:
+            raise ArgumentError(f"cabinet is {cabinet!r}; it must be a place x, y, z in m{names}")
+        place = known[cabinet]
+    elif cabinet is None:
+        place = (0.0, 0.0, 0.0)
+        if iolist.located.any() or np.isfinite(iolist.box_places).any():
+            try:
+                found = find_cabinet(iolist)
+            except ArgumentError as mistake:
+                raise ArgumentError(
+                    f"cabinet is not given, and {mistake}; give its place x, y, z in m{names}"
+                ) from None
+            place, said = found.place, str(found)
+    return Site(place, trays, settings.detour, settings.tails), said  # type: ignore[arg-type]

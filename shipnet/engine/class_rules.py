@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
+from math import inf, isnan, nan
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from shipnet.answers import Findings
-from shipnet.crc import undetected
+from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.engine.points import Point, PointList, read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
@@ -26,9 +27,9 @@ if TYPE_CHECKING:
 Verdict = Literal["met", "violated", "not verified"]
 
 #: Protocols with an open international standard or public specification, and the CRC they have.
-STANDARDS: dict[str, tuple[str, str | None]] = {
-    "CAN": ("ISO 11898-1", "CRC-15/CAN"),
-    "Modbus RTU": ("MODBUS over serial line V1.02", "CRC-16/MODBUS"),
+STANDARDS: dict[str, tuple[str, Crc | None]] = {
+    "CAN": ("ISO 11898-1", CAN),
+    "Modbus RTU": ("MODBUS over serial line V1.02", MODBUS),
     # The checksum of TCP is none.
     "Modbus TCP": ("MODBUS application protocol V1.1b3", None),
 }
@@ -274,24 +275,17 @@ def _routes_of(what: str, given: object) -> dict[str, tuple[str, ...]]:
 
 # The rules -------------------------------------------------------------------------------------
 
-
-class _Outcome(NamedTuple):
-    """What a check came to: verdict, the value computed, and why."""
-
-    verdict: Verdict
-    computed: float
-    why: str
-
-
-_UNKNOWN = _Outcome("not verified", float("nan"), "not described")
+#: What a check computes, NaN if too little is described, and why.
+_Outcome = tuple[float, str]
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
     """A class rule as the paper quotes it: what it asks of an object, the measure and its limit.
 
-    The limit is the highest value, or with `at_least` the lowest; `elsewhere` says what public
-    texts ask on the same matter.
+    `compute` gets a system and its field `known`, unless that is not described. The limit is the
+    highest value, or with `at_least` the lowest; `elsewhere` says what public texts ask on the same
+    matter.
     """
 
     name: str
@@ -300,210 +294,115 @@ class Rule:
     measure: str
     unit: str
     limit: float
-    outcome: Callable[[Description, Rule], _Outcome]
+    known: str
+    compute: Callable[[Description, Any], _Outcome]
     elsewhere: str
     at_least: bool = False
 
-    def judge(self, computed: float, why: str = "") -> _Outcome:
-        """Return the outcome of a computed value."""
-        good = computed >= self.limit if self.at_least else computed <= self.limit
-        return _Outcome("met" if good else "violated", float(computed), why)
+    def judge(self, system: Description) -> tuple[Verdict, float, str]:
+        """Return the verdict on a system, the value computed, and why."""
+        known = getattr(system, self.known)
+        value, why = (nan, "not described") if known is None else self.compute(system, known)
+        if isnan(value):
+            return "not verified", value, why
+        good = value >= self.limit if self.at_least else value <= self.limit
+        return "met" if good else "violated", value, why
 
 
-def _lost(kind: str) -> Callable[[Description, Rule], _Outcome]:
-    def outcome(system: Description, rule: Rule) -> _Outcome:
-        count = system.cpus if kind == "cpu" else system.supplies
-        if count is None:
-            return _UNKNOWN
+def _lost(kind: str) -> Callable[[Description, int], _Outcome]:
+    def compute(system: Description, count: int) -> _Outcome:
         boxes = Redundancy(system.points, supplies=count, cpus=count)
         lost = max(boxes.lost([part]) for part in boxes.parts if part.kind == kind)
-        return rule.judge(lost, f"{count} per box")
+        return lost, f"{count} per box"
 
-    return outcome
-
-
-def _switch_over(system: Description, rule: Rule) -> _Outcome:
-    if system.power_switch_over is None:
-        return _UNKNOWN
-    return rule.judge(system.power_switch_over)
+    return compute
 
 
-def _memory(system: Description, rule: Rule) -> _Outcome:
-    return _UNKNOWN if system.volatile is None else rule.judge(system.volatile)
+def _itself(system: Description, known: float) -> _Outcome:
+    return float(known), ""
 
 
-def _standard(system: Description, rule: Rule) -> _Outcome:
-    if system.protocols is None:
-        return _UNKNOWN
-    own = [name for name in system.protocols if name not in STANDARDS]
-    known = [f"{name}: {STANDARDS[name][0]}" for name in system.protocols if name in STANDARDS]
-    return rule.judge(len(own), "; ".join([*known, *(f"{name}: none known" for name in own)]))
+def _standard(system: Description, protocols: tuple[str, ...]) -> _Outcome:
+    own = [name for name in protocols if name not in STANDARDS]
+    known = [f"{name}: {STANDARDS[name][0]}" for name in protocols if name in STANDARDS]
+    return len(own), "; ".join([*known, *(f"{name}: none known" for name in own)])
 
 
-def _links(system: Description, rule: Rule) -> _Outcome:
-    if system.links is None:
-        return _UNKNOWN
-    apart = _apart(system.links)
-    shared = f"shared: {', '.join(sorted(apart[1]))}" if apart[1] else ""
-    return rule.judge(apart[0], shared)
-
-
-def _routes(system: Description, rule: Rule) -> _Outcome:
-    if system.routes is None:
-        return _Outcome("not verified", float("nan"), "the routes are not described")
-    apart = _apart(system.routes)
-    return rule.judge(apart[0], f"shared: {', '.join(sorted(apart[1]))}" if apart[1] else "")
-
-
-def _apart(links: Mapping[str, tuple[str, ...]]) -> tuple[int, set[str]]:
+def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> _Outcome:
     """Return how many links no two of which share anything, at most, and what any two share."""
-    sets = [set(way) for way in links.values()]
+    sets = [set(touched) for touched in links.values()]
     shared: set[str] = set().union(*(a & b for a, b in combinations(sets, 2)))
+    why = f"shared: {', '.join(sorted(shared))}" if shared else ""
     for count in range(len(sets), 0, -1):
         for some in combinations(sets, count):
             if all(not (a & b) for a, b in combinations(some, 2)):
-                return count, shared
-    return 0, shared
+                return count, why
+    return 0, why
 
 
-def _answer(system: Description, rule: Rule) -> _Outcome:
-    if system.poll is None:
-        return _UNKNOWN
-    poll = system.poll
+def _routes(system: Description, points: PointList) -> _Outcome:
+    if system.routes is None:
+        return nan, "the routes are not described"
+    return _apart(system, system.routes)
+
+
+def _answer(system: Description, poll: Poll) -> _Outcome:
     time = poll.line.frame_time(poll.request_size) + poll.shortest_timeout
-    return rule.judge(time, "from the first bit of the request to the last of the response")
+    return time, "from the first bit of the request to the last of the response"
 
 
-def _crc(system: Description, rule: Rule) -> _Outcome:
-    if system.protocols is None:
-        return _UNKNOWN
-    names = {name: STANDARDS.get(name, ("", None))[1] for name in system.protocols}
-    without = [name for name, algorithm in names.items() if algorithm is None]
-    if without:
-        return _Outcome("violated", float("nan"), f"no CRC: {', '.join(without)}")
-    used = [algorithm for algorithm in names.values() if algorithm]
-    missed = sum(undetected(algorithm, flips=n) for algorithm in used for n in (1, 2))
-    return rule.judge(missed, ", ".join(used))
+def _crc(system: Description, protocols: tuple[str, ...]) -> _Outcome:
+    checks = {name: STANDARDS.get(name, ("", None))[1] for name in protocols}
+    if without := [name for name, check in checks.items() if check is None]:
+        return inf, f"no CRC: {', '.join(without)}"
+    used = [check for check in checks.values() if check]
+    missed = sum(check.undetected(flips=n) for check in used for n in (1, 2))
+    return missed, ", ".join(check.name for check in used)
 
 
-def _repeats(system: Description, rule: Rule) -> _Outcome:
-    if system.protocols is None:
-        return _UNKNOWN
+def _repeats(system: Description, protocols: tuple[str, ...]) -> _Outcome:
     # A CAN controller repeats until it succeeds; ISO 11898-1. A Modbus master may ask again.
-    asked = [name for name in system.protocols if name != "CAN"]
+    asked = [name for name in protocols if name != "CAN"]
     if not asked:
-        return rule.judge(float("inf"), "CAN repeats by itself")
+        return inf, "CAN repeats by itself"
     if system.poll is None or not system.retries_known:
-        return _Outcome("not verified", float("nan"), f"retries of {asked[0]} are not described")
-    return rule.judge(system.poll.retries, f"retries of {asked[0]}")
+        return nan, f"retries of {asked[0]} are not described"
+    return system.poll.retries, f"retries of {asked[0]}"
 
+
+_NONE_FOUND = "none found in the public texts consulted"
 
 #: The rules of section II in the order of the paper.
 RULES = (
-    Rule(
-        "CPU duplicated",
-        "CPUs",
-        "the CPU is duplicated",
-        "points lost by a dead CPU",
-        "",
-        0,
-        _lost("cpu"),
-        "none found in the public texts consulted",
-    ),
-    Rule(
-        "supply duplicated",
-        "supplies",
-        "the power supply is duplicated",
-        "points lost by a dead supply",
-        "",
-        0,
-        _lost("supply"),
-        "SOLAS II-1/51: a stand-by supply of the alarm system",
-    ),
-    Rule(
-        "supply changes over",
-        "supplies",
-        "the supply changes over within 2 s",
-        "change-over",
-        "s",
-        2.0,
-        _switch_over,
-        "SOLAS II-1/51: automatic, without a number",
-    ),
-    Rule(
-        "memory",
-        "memory",
-        "only non-volatile memory",
-        "volatile memories (1 is some)",
-        "",
-        0,
-        _memory,
-        "none found in the public texts consulted",
-    ),
-    Rule(
-        "standard protocol",
-        "protocols",
-        "the protocol is an open international standard",
-        "protocols without a standard",
-        "",
-        0,
-        _standard,
-        f"{_CIRCULAR} 4.6.4: standardized interfaces",
-    ),
-    Rule(
-        "links duplicated",
-        "links",
-        "the data link is duplicated",
-        "links that share no station",
-        "",
-        2,
-        _links,
-        f"{_CIRCULAR} 4.6.2: redundant where two essential functions share a link",
-        at_least=True,
-    ),
-    Rule(
-        "links routed apart",
-        "links",
-        "the cables of the links are routed apart",
-        "links that share no space",
-        "",
-        2,
-        _routes,
-        f"{_CIRCULAR} 4.6.2: as much separation as practical",
-        at_least=True,
-    ),
-    Rule(
-        "answer",
-        "poll",
-        "data are answered within 2 s",
-        "request and response",
-        "s",
-        2.0,
-        _answer,
-        f"{_DNV}: alarms presented within 2 s; BV Pt C Ch 3 Sec 3: 5 s",
-    ),
-    Rule(
-        "CRC",
-        "protocols",
-        "transmission is verified by a CRC",
-        "single and double bit errors unseen (CAN: before bit stuffing)",
-        "",
-        0,
-        _crc,
-        f"{_CIRCULAR} 4.6.1: the link checks itself",
-    ),
-    Rule(
-        "retransmission",
-        "protocols",
-        "what went wrong is sent again",
-        "repeats",
-        "",
-        1,
-        _repeats,
-        "none found in the public texts consulted",
-        at_least=True,
-    ),
-)
+    Rule("CPU duplicated", "CPUs", "the CPU is duplicated",
+         "points lost by a dead CPU", "", 0, "cpus", _lost("cpu"), _NONE_FOUND),
+    Rule("supply duplicated", "supplies", "the power supply is duplicated",
+         "points lost by a dead supply", "", 0, "supplies", _lost("supply"),
+         "SOLAS II-1/51: a stand-by supply of the alarm system"),
+    Rule("supply changes over", "supplies", "the supply changes over within 2 s",
+         "change-over", "s", 2.0, "power_switch_over", _itself,
+         "SOLAS II-1/51: automatic, without a number"),
+    Rule("memory", "memory", "only non-volatile memory",
+         "volatile memories (1 is some)", "", 0, "volatile", _itself, _NONE_FOUND),
+    Rule("standard protocol", "protocols", "the protocol is an open international standard",
+         "protocols without a standard", "", 0, "protocols", _standard,
+         f"{_CIRCULAR} 4.6.4: standardized interfaces"),
+    Rule("links duplicated", "links", "the data link is duplicated",
+         "links that share no station", "", 2, "links", _apart,
+         f"{_CIRCULAR} 4.6.2: redundant where two essential functions share a link",
+         at_least=True),
+    Rule("links routed apart", "links", "the cables of the links are routed apart",
+         "links that share no space", "", 2, "points", _routes,
+         f"{_CIRCULAR} 4.6.2: as much separation as practical", at_least=True),
+    Rule("answer", "poll", "data are answered within 2 s",
+         "request and response", "s", 2.0, "poll", _answer,
+         f"{_DNV}: alarms presented within 2 s; BV Pt C Ch 3 Sec 3: 5 s"),
+    Rule("CRC", "protocols", "transmission is verified by a CRC",
+         "single and double bit errors unseen (CAN: before bit stuffing)", "", 0, "protocols",
+         _crc, f"{_CIRCULAR} 4.6.1: the link checks itself"),
+    Rule("retransmission", "protocols", "what went wrong is sent again",
+         "repeats", "", 1, "protocols", _repeats, _NONE_FOUND, at_least=True),
+)  # fmt: skip
 
 
 def check(system: Description) -> Findings:
@@ -540,17 +439,17 @@ def check(system: Description) -> Findings:
         raise ArgumentError(f"system is {system!r}; it must be a Description")
     rows: list[dict[str, Any]] = []
     for rule in RULES:
-        outcome = rule.outcome(system, rule)
+        verdict, value, why = rule.judge(system)
         rows.append(
             {
                 "rule": rule.name,
                 "object": rule.object,
-                "value": outcome.computed,
-                "low": rule.limit if rule.at_least else float("nan"),
-                "high": float("nan") if rule.at_least else rule.limit,
+                "value": value,
+                "low": rule.limit if rule.at_least else nan,
+                "high": nan if rule.at_least else rule.limit,
                 "unit": rule.unit,
-                "verdict": outcome.verdict,
-                "why": outcome.why,
+                "verdict": verdict,
+                "why": why,
                 "source": rule.elsewhere,
                 "asks": rule.asks,
                 "measure": rule.measure,

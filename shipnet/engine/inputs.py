@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.engine.points import Point, PointList
+from shipnet.engine.points import PT100, Point, PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, record, switch, whole
 
@@ -42,13 +42,10 @@ _Codes = npt.NDArray[np.uint16]
 _R0 = 100.0
 _A, _B, _C = 3.9083e-3, -5.775e-7, -4.183e-12
 
-#: Range of the standard [degC].
-RANGE = (-200.0, 850.0)
-
 
 def pt100_resistance(temperature: npt.ArrayLike) -> float | _Floats:
     """Return the resistance [ohm] of a Pt100 at -200..850 degC; IEC 60751, section 4.2."""
-    t = _within("temperature", temperature, *RANGE, "degC")
+    t = _within("temperature", temperature, *PT100, "degC")
     cold = np.minimum(t, 0)
     r = _R0 * (1 + _A * t + _B * t**2 + _C * (cold - 100) * cold**3)
     return r if r.ndim else float(r)
@@ -56,7 +53,7 @@ def pt100_resistance(temperature: npt.ArrayLike) -> float | _Floats:
 
 def pt100_temperature(resistance: npt.ArrayLike) -> float | _Floats:
     """Return the temperature [degC] of a Pt100: closed form from 0 degC up, Newton's rule below."""
-    low, high = (float(pt100_resistance(end)) for end in RANGE)
+    low, high = (float(pt100_resistance(end)) for end in PT100)
     r = _within("resistance", resistance, low, high, "ohm")
     t = (-_A + np.sqrt(_A**2 - 4 * _B * (1 - r / _R0))) / (2 * _B)
     # The formula is 2.5 K off at -200 degC; each step squares the error.
@@ -280,7 +277,7 @@ class InputCard:
                 values[..., k] = s if _opens(point) else 1 - s
             elif point.condition == "RTD" and curve:
                 # A window may reach beyond the standard; a value stops there.
-                lowest, highest = (pt100_resistance(end) for end in RANGE)
+                lowest, highest = (pt100_resistance(end) for end in PT100)
                 values[..., k] = pt100_temperature(np.clip(s, lowest, highest))
             else:
                 zero, full = ends[k]

@@ -5,17 +5,17 @@ A list of points keeps the order of its file, which is the order of registers an
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterable
 from functools import cache
 from os import PathLike
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple, SupportsIndex, overload
+from typing import TYPE_CHECKING, Literal, SupportsIndex, overload
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_whole, choice, number, record
+from shipnet.signals import SIGNALS, Saving
+from shipnet.tables import read_sheet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,7 +30,7 @@ _COLUMNS = ("tag", "box", "condition", "quantity", "low", "high", "unit", "signa
             "service")  # fmt: skip
 
 #: Range of a platinum thermometer [degC]; IEC 60751.
-_PT100 = (-200.0, 850.0)
+PT100 = (-200.0, 850.0)
 
 
 @record(slots=True)
@@ -93,7 +93,7 @@ class Point:
         ends = (self.low, self.high)
         if self.condition == "switch" and ends != (0, 1):
             raise ArgumentError(f"range is {self.low:g}..{self.high:g}; that of a switch is 0..1")
-        if self.condition == "RTD" and not _PT100[0] <= self.low < self.high <= _PT100[1]:
+        if self.condition == "RTD" and not PT100[0] <= self.low < self.high <= PT100[1]:
             raise ArgumentError(
                 f"range is {self.low:g}..{self.high:g}; a Pt100 has -200..850 degC (IEC 60751)"
             )
@@ -113,18 +113,6 @@ class Point:
         """Number of the cylinder that `service` names as ``cyl 3``; None if it names none."""
         found = re.search(r"\bcyl (\d+)\b", self.service)
         return int(found[1]) if found else None
-
-
-class Conductors(NamedTuple):
-    """Conductors between the boxes and the monitoring system."""
-
-    hardwired: int
-    bus: int
-
-    @property
-    def share(self) -> float:
-        """The conductors of the buses as a fraction of the hardwired ones."""
-        return self.bus / self.hardwired
 
 
 class PointList(tuple[Point, ...]):
@@ -152,7 +140,7 @@ class PointList(tuple[Point, ...]):
     JB3   27        0      11        27      38
     all   62       18      19        80      99
     >>> points.conductors()
-    Conductors(hardwired=260, bus=10)
+    Saving(hardwired=260, bus=10)
     """
 
     __slots__ = ()
@@ -219,30 +207,30 @@ class PointList(tuple[Point, ...]):
     def conductors(
         self,
         *,
-        rtd: int = 3,
-        loop: int = 2,
-        switch: int = 2,
+        rtd: int = SIGNALS["rtd_3wire"].conductors,
+        loop: int = SIGNALS["current_loop"].conductors,
+        switch: int = SIGNALS["contact"].conductors,
         segments: int = 3,
         segment_wires: int = 2,
         channels: int = 2,
         channel_wires: int = 2,
-    ) -> Conductors:
+    ) -> Saving:
         """Count the conductors of hardwired points, and of the two buses in their place.
 
         `rtd`, `loop` and `switch` are the conductors of one sensor (1..4); a bus has `segments`
         or `channels` cables (0..100) with a number of wires each (1..8). Shields, supplies and
         spare cores are not counted.
         """
-        cores = {"RTD": ("rtd", rtd), "4-20 mA": ("loop", loop), "switch": ("switch", switch)}
-        each = {kind: check_whole(name, value, 1, 4) for kind, (name, value) in cores.items()}
-        counts = {"segments": segments, "channels": channels}
-        wires = {"segment_wires": segment_wires, "channel_wires": channel_wires}
-        runs = [check_whole(name, value, 0, 100) for name, value in counts.items()]
-        widths = [check_whole(name, value, 1, 8) for name, value in wires.items()]
-        return Conductors(
-            sum(each[point.condition] for point in self),
-            sum(run * width for run, width in zip(runs, widths, strict=True)),
-        )
+        each = {
+            "RTD": check_whole("rtd", rtd, 1, 4),
+            "4-20 mA": check_whole("loop", loop, 1, 4),
+            "switch": check_whole("switch", switch, 1, 4),
+        }
+        can = check_whole("segments", segments, 0, 100)
+        can *= check_whole("segment_wires", segment_wires, 1, 8)
+        modbus = check_whole("channels", channels, 0, 100)
+        modbus *= check_whole("channel_wires", channel_wires, 1, 8)
+        return Saving(sum(each[point.condition] for point in self), can + modbus)
 
     def kinds(self) -> list[tuple[int, int]]:
         """Return place of the first point and number of points of each kind of input."""
@@ -254,14 +242,14 @@ class PointList(tuple[Point, ...]):
 
 
 def read_points(path: str | PathLike[str] | None = None) -> PointList:
-    """Read the points of an engine: the 99 of lee2012, or those of a CSV file.
+    """Read the points of an engine: the 99 of lee2012, or those of a CSV or Excel file.
 
     Parameters
     ----------
     path : path, optional
-        File in UTF-8 with a row of column titles: the fields of `Point`, of which ``tag``,
-        ``box``, ``condition`` and ``quantity`` are required. Other columns are for remarks; an
-        empty cell takes the default. Without a path, the points of lee2012.
+        CSV file or Excel workbook with a row of column titles: the fields of `Point`, of which
+        ``tag``, ``box``, ``condition`` and ``quantity`` are required. Other columns are for
+        remarks; an empty cell takes the default. Without a path, the points of lee2012.
 
     Returns
     -------
@@ -299,40 +287,32 @@ def _points_of_lee2012() -> PointList:
 
 
 def _read(path: str | PathLike[str]) -> PointList:
-    name = str(path)
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(name, f"cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise InputError(name, "is not UTF-8 text; expected a CSV file") from None
-    lines = csv.DictReader(text.splitlines())
-    missing = [column for column in _COLUMNS[:4] if column not in (lines.fieldnames or ())]
+    sheet = read_sheet(path)
+    missing = [column for column in _COLUMNS[:4] if column not in sheet.titles]
     if missing:
-        raise InputError(name, f"column {', '.join(missing)} is missing; expected a row of titles")
+        raise InputError(
+            sheet.source, f"column {', '.join(missing)} is missing; expected a row of titles"
+        )
     points: list[Point] = []
     faults = []
     tags: set[str] = set()
-    try:
-        for row in lines:
-            where = f"row {lines.line_num}"
-            try:
-                points.append(_point(row))
-            except ArgumentError as error:
-                faults.append(f"{where}: {error}")
-            tag = (row["tag"] or "").strip()
-            if tag in tags:
-                faults.append(f"{where}: tag {tag!r} is taken")
-            tags.add(tag)
-    except csv.Error as error:
-        faults.append(f"is not a CSV file: {error}")
+    for line, cells in sheet.rows:
+        row = dict(zip(sheet.titles, cells, strict=False))
+        try:
+            points.append(_point(row))
+        except ArgumentError as error:
+            faults.append(f"row {line}: {error}")
+        tag = row.get("tag", "")
+        if tag in tags:
+            faults.append(f"row {line}: tag {tag!r} is taken")
+        tags.add(tag)
     if faults or not points:
-        raise InputError(name, *(faults or ["has no points; expected one per row"]))
+        raise InputError(sheet.source, *(faults or ["has no points; expected one per row"]))
     return PointList(points)
 
 
 def _point(row: dict[str, str]) -> Point:
-    given = {column: (row.get(column) or "").strip() for column in _COLUMNS}
+    given = {column: row.get(column, "") for column in _COLUMNS}
     fields: dict[str, str | float] = {k: v for k, v in given.items() if v or k in _COLUMNS[:4]}
     for end in ("low", "high"):
         if end in fields:

@@ -89,7 +89,7 @@ def read_scope_file(
             # The parsers below raise a dozen kinds, from BadZipFile and zlib.error to
             # UnicodeDecodeError and MemoryError; for the user all say that the file is broken.
             raise InputError(
-                file, f"not a whole {kind} file: {fault or type(fault).__name__}"
+                file, f"not a whole {kind} file: {str(fault) or type(fault).__name__}"
             ) from fault
     else:
         read = read_table(file, data)

@@ -1,12 +1,12 @@
 from . import faults as faults
 from . import udp as udp
-from .adu import Adu as Adu
-from .adu import decode as decode
 from .electrical import interfaces as interfaces
+from .pdu import Adu as Adu
 from .pdu import ExceptionCode as ExceptionCode
 from .pdu import FunctionCode as FunctionCode
 from .pdu import Request as Request
 from .pdu import Response as Response
+from .pdu import decode as decode
 from .polling import Poll as Poll
 from .polling import scan_time as scan_time
 from .redundancy import DualChannel as DualChannel

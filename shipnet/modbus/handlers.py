@@ -12,7 +12,8 @@ from pymodbus.server.requesthandler import ServerRequestHandler
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from shipnet.errors import FrameError
-from shipnet.modbus.adu import Adu, decode
+from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
+from shipnet.modbus.pdu import Adu, decode
 from shipnet.modbus.slave import Answer
 from shipnet.modbus.uart import SerialLine
 
@@ -25,9 +26,7 @@ _STORE = SimDevice(0, SimData(0, datatype=DataType.REGISTERS))
 _UNREAD = 1 << 16
 
 #: Bytes before those that the length field of a TCP frame counts, and that length's legal range.
-_HEAD, _SHORTEST, _LONGEST = 6, 2, 254
-
-_LONGEST_RTU = 256
+_HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU
 
 
 class _Handler(ServerRequestHandler):
@@ -103,7 +102,7 @@ class _RtuHandler(_Handler):
         if self.timer is not None:
             self.timer.cancel()
         # One byte too many is enough to know that it is no frame.
-        self.received = (self.received + data)[: _LONGEST_RTU + 1]
+        self.received = (self.received + data)[: MAX_PDU + RTU_BYTES + 1]
         try:
             adu = decode(self.received)
         except FrameError:
@@ -126,7 +125,7 @@ class TcpServer(ModbusTcpServer):
         self.respond = respond
 
     def callback_new_connection(self) -> _Handler:
-        """Return the handler of a connection."""
+        """Return the handler of a connection; every connection begins here."""
         return _TcpHandler(self)
 
     @property

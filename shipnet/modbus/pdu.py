@@ -1,8 +1,8 @@
-"""What a master asks and a slave answers: function codes, requests, responses.
+"""What a master asks and a slave answers: requests, responses, and frames that carry them.
 
-The bytes of both are the PDU, function code first, numbers with the high byte first; the frame
-around it is made in `shipnet.modbus.adu`. Sections of the standard are those of the "MODBUS
-application protocol specification" V1.1b3, 2012.
+The bytes of both are the PDU, function code first, numbers with the high byte first; with the
+address of the slave and a check they are the frame, the ADU. Sections of the standard are those
+of the "MODBUS application protocol specification" V1.1b3, 2012.
 """
 
 from __future__ import annotations
@@ -11,19 +11,31 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from struct import pack, unpack
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from shipnet.errors import (
     ArgumentError,
     FieldError,
+    FrameError,
     LengthError,
     MismatchError,
     UnknownCallError,
 )
 from shipnet.fields import check_whole
+from shipnet.modbus.frame import (
+    MAX_PDU,
+    MAX_UNIT,
+    MBAP_BYTES,
+    Framing,
+    ascii_frame,
+    checked_pdu,
+    read_frame,
+    rtu_frame,
+    tcp_frame,
+)
 
-#: Longest PDU [byte]: an RS-485 frame of 256 without unit id and CRC; section 4.1.
-MAX_PDU = 253
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Most coils or registers that one request reads, by function code; section 6.
 READ_LIMITS = {1: 2000, 2: 2000, 3: 125, 4: 125, 23: 125}
@@ -148,20 +160,14 @@ class _Framed:
 
     def rtu(self, unit_id: int) -> bytes:
         """Return the RTU frame to or from a slave: unit id, PDU, CRC with its low byte first."""
-        from shipnet.modbus.adu import rtu_frame
-
         return rtu_frame(unit_id, self.pdu)
 
     def ascii(self, unit_id: int) -> bytes:
         """Return the ASCII frame to or from a slave: colon, hexadecimals with their LRC, CR, LF."""
-        from shipnet.modbus.adu import Adu
-
-        return Adu(unit_id, self.pdu).ascii
+        return ascii_frame(unit_id, self.pdu)
 
     def tcp(self, unit_id: int, transaction_id: int) -> bytes:
         """Return the TCP frame: transaction id, protocol id 0, length, unit id, PDU."""
-        from shipnet.modbus.adu import tcp_frame
-
         return tcp_frame(unit_id, self.pdu, transaction_id)
 
 
@@ -574,3 +580,171 @@ def _registers(data: bytes, quantity: int | None = None) -> tuple[int, ...]:
         needed = "an even number" if quantity is None else f"2 x {quantity}"
         raise FieldError(f"byte count is {len(data)}; it must be {needed}")
     return unpack(f">{len(data) // 2}H", data)
+
+
+# Frames -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Adu:
+    r"""A frame: who is asked or answers, and the PDU.
+
+    Parameters
+    ----------
+    unit_id : int
+        Address of the slave, 0..255; on a serial line 0..247, where 0 is the broadcast.
+    pdu : bytes or Request or Response
+        1..253 bytes, function code first; a request or a response is turned into them.
+    transaction_id : int, optional
+        Number that pairs a response with its request in TCP, 0..65535; None on a serial line.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Examples
+    --------
+    >>> adu = Adu(17, Request.read_holding_registers(0x6B, 3))
+    >>> adu.rtu.hex(" "), adu.ascii
+    ('11 03 00 6b 00 03 76 87', b':1103006B00037E\r\n')
+    >>> adu.request()
+    Request.read_holding_registers(107, 3)
+    """
+
+    unit_id: int
+    pdu: bytes
+    transaction_id: int | None = None
+
+    #: Longest PDU [byte], and highest address of a slave on a serial line.
+    MAX_PDU: ClassVar[int] = MAX_PDU
+    MAX_UNIT: ClassVar[int] = MAX_UNIT
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        put, unit, pdu = object.__setattr__, self.unit_id, self.pdu
+        if not (type(unit) is int and 0 <= unit <= 255):
+            put(self, "unit_id", check_whole("unit_id", unit, 0, 255))
+        if not (type(pdu) is bytes and 1 <= len(pdu) <= MAX_PDU):
+            put(self, "pdu", checked_pdu(getattr(pdu, "pdu", pdu)))
+        if self.transaction_id is not None:
+            number = check_whole("transaction_id", self.transaction_id, 0, 0xFFFF)
+            put(self, "transaction_id", number)
+
+    @property
+    def rtu(self) -> bytes:
+        """The RTU frame of 4..256 bytes: unit id, PDU, CRC with its low byte first."""
+        return rtu_frame(self.unit_id, self.pdu)
+
+    @property
+    def ascii(self) -> bytes:
+        """The ASCII frame of 9..513 characters: colon, hexadecimals with their LRC, CR, LF."""
+        return ascii_frame(self.unit_id, self.pdu)
+
+    @property
+    def tcp(self) -> bytes:
+        """The TCP frame of 8..260 bytes: transaction id (0 if None), protocol id 0, length, unit id, PDU."""  # noqa: E501
+        return tcp_frame(self.unit_id, self.pdu, self.transaction_id or 0)
+
+    def request(self) -> Request:
+        """Return the request that the PDU is, or raise the error that names the wrong field."""
+        return Request.parse(self.pdu)
+
+    def response(self, request: Request | None = None) -> Response:
+        """Return the response that the PDU is, compared with the request if it is given."""
+        return Response.parse(self.pdu, request)
+
+    def table(self) -> pd.DataFrame:
+        """Return the bytes of each field, in order; a PDU that may be either is read as a request.
+
+        With a transaction id the frame is that of TCP, else RTU.
+        """
+        import pandas as pd
+
+        if self.transaction_id is None:
+            fields, rest = {"unit id": self.rtu[:1]}, {"CRC": self.rtu[-2:]}
+        else:
+            head = self.tcp[:MBAP_BYTES]
+            fields = {
+                "transaction id": head[:2],
+                "protocol id": head[2:4],
+                "length": head[4:6],
+                "unit id": head[6:],
+            }
+            rest = {}
+        fields |= _fields(self.pdu) | rest
+        return pd.DataFrame(
+            {"bytes": [part.hex(" ") for part in fields.values()]},
+            index=pd.Index(list(fields), name="field"),
+        )
+
+
+def decode(data: bytes, framing: Framing = "rtu") -> Adu:
+    r"""Return what a frame carries.
+
+    Parameters
+    ----------
+    data : bytes-like
+        One whole frame. On a serial line silence shows where an RTU frame ends; in a stream of TCP
+        its length field (bytes 4 and 5) does; an ASCII frame includes colon and line end.
+    framing : {"rtu", "tcp", "ascii"}, default "rtu"
+        Kind of frame.
+
+    Returns
+    -------
+    Adu
+        Unit id and PDU, in TCP the transaction id too.
+
+    Raises
+    ------
+    LengthError
+        If the frame is too short or too long, does not have as many bytes as its length field
+        says, or has half a byte too many.
+    CrcError
+        If the CRC or LRC differs from that of the bytes before it.
+    FormError, SymbolError
+        If the colon or line end of an ASCII frame is missing, or a character is not hexadecimal.
+    FieldError
+        If the unit id is reserved, or the protocol id of TCP is not 0.
+    ArgumentError
+        If `data` is not bytes, or `framing` is unknown.
+
+    Examples
+    --------
+    >>> decode(bytes.fromhex("11 03 00 6b 00 03 76 87")).unit_id
+    17
+    >>> decode(b":1103006B00037E\r\n", "ascii").pdu.hex(" ")
+    '03 00 6b 00 03'
+    >>> decode(bytes.fromhex("15 01 00 00 00 06 ff 03 00 04 00 01"), "tcp").transaction_id == 0x1501
+    True
+    """
+    return Adu(*read_frame(data, framing))
+
+
+def _fields(pdu: bytes) -> dict[str, bytes]:
+    """Return the bytes of a PDU by field."""
+    fields = {"function code": pdu[:1]}
+    code, rest = pdu[0], pdu[1:]
+    try:
+        Request.parse(pdu)
+    except FrameError:
+        pass
+    else:
+        if code in (5, 6):
+            return fields | {"address": rest[:2], "value": rest[2:]}
+        fields |= {"starting address": rest[:2], "quantity": rest[2:4]}
+        if code in (15, 16):
+            fields |= {"byte count": rest[4:5], "values": rest[5:]}
+        elif code == 23:
+            fields |= {"write starting address": rest[4:6], "write quantity": rest[6:8]}
+            fields |= {"byte count": rest[8:9], "values": rest[9:]}
+        return fields
+    try:
+        response = Response.parse(pdu)
+    except FrameError:
+        return fields | ({"data": rest} if rest else {})
+    if response.exception is not None:
+        return fields | {"exception code": rest}
+    if code in READ_LIMITS:
+        return fields | {"byte count": rest[:1], "values": rest[1:]}
+    return fields | {"starting address": rest[:2], "quantity": rest[2:]}

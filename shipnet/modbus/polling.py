@@ -10,12 +10,9 @@ from math import floor
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, number, record, whole
-from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.frame import MAX_UNIT, RTU_BYTES
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.uart import SerialLine
-
-#: What an RTU frame adds to its PDU [byte].
-_OVERHEAD = 3
 
 
 @record(slots=True)
@@ -80,8 +77,8 @@ class Poll:
                 raise ArgumentError(
                     f"{name} is {getattr(self, name)!r}; it must be a {kind.__name__}"
                 )
-        object.__setattr__(self, "request_size", len(self.request.pdu) + _OVERHEAD)
-        object.__setattr__(self, "response_size", self.request.response_size + _OVERHEAD)
+        object.__setattr__(self, "request_size", len(self.request.pdu) + RTU_BYTES)
+        object.__setattr__(self, "response_size", self.request.response_size + RTU_BYTES)
         check_scalar("timeout", self.timeout, "s", self.shortest_timeout, 3600)
 
     @property

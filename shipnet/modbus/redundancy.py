@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, record, switch, whole
-from shipnet.modbus.adu import MAX_UNIT
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
+from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import Poll
 
 if TYPE_CHECKING:
@@ -21,6 +22,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Floats = npt.NDArray[np.float64]
+
+#: Colour and word of what serves a slave.
+_SERVED = {"A": ("C0", "through A"), "B": ("C1", "through B"), "-": ("0.75", "lost")}
+
+#: More slaves than this are drawn without their numbers.
+_NUMBERED = 40
 
 #: What the faults of a redundant line are given as: one of them or several.
 Faults = Fault | Iterable[Fault]
@@ -334,9 +341,53 @@ class Loop(_Redundant):
 
         A break is a gap in the line, a short a heavy line, a dead slave or port a cross.
         """
-        from shipnet.modbus.plot import plot_loop
-
-        return plot_loop(self, line_faults(faults), ax)
+        ax = style.axes(ax)
+        failed = line_faults(faults)
+        served = self.reach(failed).served
+        n = self.n_slaves
+        # From port A on the left over the top and back to port B on the right of the master.
+        angle = np.linspace(-0.6 * np.pi, -2.4 * np.pi, n + 2)
+        x, y = np.cos(angle), np.sin(angle)
+        cables = [f for f in failed if isinstance(f, Break | Short)]
+        broken = {f.section for f in failed if isinstance(f, Break)}
+        shorted = {f.section for f in failed if isinstance(f, Short)}
+        red = style.LIMIT["color"]
+        for k in range(self.n_sections):
+            arc = np.linspace(angle[k], angle[k + 1], 12)
+            bad = k in broken | shorted
+            ax.plot(
+                np.cos(arc), np.sin(arc), zorder=4 if bad else 1, label=f"_section {k}",
+                color=red if bad else "0.3",
+                linestyle=":" if k in broken else "-", linewidth=4 if k in shorted else 1.5,
+            )  # fmt: skip
+            if bad:
+                words = "\n".join(str(f) for f in cables if f.section == k)
+                ax.text(
+                    1.15 * np.cos(arc[6]), 1.15 * np.sin(arc[6]), words,
+                    color=red, fontsize=8, ha="center", va="center",
+                )  # fmt: skip
+        for port, (colour, words) in _SERVED.items():
+            own = np.flatnonzero(np.array(served) == port) + 1
+            if own.size:
+                ax.plot(
+                    x[own], y[own], "o", color=colour, markersize=14 if n <= _NUMBERED else 4,
+                    label=f"{own.size} {words}", zorder=2,
+                )  # fmt: skip
+        if n <= _NUMBERED:
+            for s in range(1, n + 1):
+                ax.text(x[s], y[s], str(s), ha="center", va="center", fontsize=8, zorder=3)
+        ax.bar(0, 0.26, 0.84, bottom=y[0] - 0.16, color="white", edgecolor="0.2", zorder=3)
+        ax.text(0, y[0] - 0.03, "master", ha="center", va="center", fontsize=9, zorder=5)
+        for s, port in ((0, "A"), (n + 1, "B"))[: 1 + self.closed]:
+            ax.text(x[s], y[s] - 0.03, port, ha="center", va="center", fontweight="bold", zorder=5)
+        dead = [f.slave for f in failed if isinstance(f, DeadSlave)]
+        dead += [0 if f.port == "A" else n + 1 for f in failed if isinstance(f, DeadPort)]
+        if dead:
+            ax.plot(x[dead], y[dead], "x", color=red, markersize=14, zorder=6, label="_dead")
+        ax.legend(loc="center")
+        ax.set(xlim=(-1.35, 1.35), ylim=(-1.25, 1.25), aspect="equal")
+        ax.set_axis_off()
+        return ax
 
 
 @record(slots=True)

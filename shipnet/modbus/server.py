@@ -12,7 +12,8 @@ from typing import Any, Literal
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.adu import MAX_UNIT, Adu
+from shipnet.modbus.frame import MAX_UNIT
+from shipnet.modbus.pdu import Adu
 from shipnet.modbus.slave import Answer, Device, Slave, answer
 from shipnet.modbus.uart import SerialLine
 
@@ -58,6 +59,13 @@ class Server:
         self._listener: Any = None
         self._thread: Thread | None = None
         self._stop: Callable[[], object] = lambda: None
+
+    def __repr__(self) -> str:
+        """Count the slaves, and say where it listens."""
+        where = f"listens on port {self.port}" if self.port else "listens on a serial line"
+        if self._listener is None:
+            where = "does not listen"
+        return f"Server({len(self.slaves)} slave{'s'[: len(self.slaves) > 1]}, {where})"
 
     def __enter__(self) -> Server:
         """Listen in a thread of its own."""

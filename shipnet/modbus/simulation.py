@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
@@ -29,6 +30,9 @@ A, B, LOST = range(3)
 #: Why a try is made: in its turn, on the other port at once, or to see whether all is well again.
 KINDS = ("poll", "switch", "probe")
 _POLL, _SWITCH, _PROBE = range(3)
+
+#: Colour of each outcome of a try.
+_OUTCOME = {"request": "C0", "response": "C2", "no response": style.LIMIT["color"]}
 
 #: Start [s], slave from 0, port, kind, answered.
 Try = tuple[float, int, int, int, bool]
@@ -316,9 +320,42 @@ class Run:
 
         A request without a response is red until its time-out.
         """
-        from shipnet.modbus.plot import plot_run
-
-        return plot_run(self, ax, start=start, stop=stop)
+        ax = style.axes(ax)
+        begin = check_scalar("start", 0.0 if start is None else start, "s", 0, 1e5)
+        end = check_scalar("stop", self.until if stop is None else stop, "s", 0, 1e6)
+        if not end > begin:
+            raise ArgumentError(f"stop is {end:g} s; it must be later than start, {begin:g} s")
+        polls = self.events()
+        polls = polls[(polls["end_s"] > begin) & (polls["start_s"] < end)]
+        poll = self.system.poll
+        request = poll.line.frame_time(poll.request_size)
+        response = poll.line.frame_time(poll.response_size)
+        for row, port in ((1.0, "A"), (0.0, "B")):
+            own = polls[polls["port"] == port]
+            first, answered = own["start_s"].to_numpy(), own["answered"].to_numpy()
+            silent = first[~answered] + request
+            answers = first[answered] + poll.time - poll.line.t35 - response
+            for (name, colour), begins, length, height in zip(
+                _OUTCOME.items(),
+                (first, answers, silent),
+                (request, response, poll.timeout),
+                (0.6, 0.6, 0.15),
+                strict=True,
+            ):
+                ax.broken_barh(
+                    [(at, length) for at in begins], (row, height), facecolor=colour,
+                    label=name if port == "A" else f"_{name}",
+                )  # fmt: skip
+        red = style.LIMIT["color"]
+        for fault in self.faults:
+            for at, words in ((fault.start, str(fault)), (fault.stop, f"{fault} repaired")):
+                if begin <= at <= end:
+                    ax.axvline(at, color=red, linestyle=style.LIMIT["linestyle"], linewidth=1)
+                    ax.annotate(f" {words}", (at, 1.75), color=red, fontsize=8, va="center")
+        ax.set_yticks([1.3, 0.3], labels=["port A", "port B"])
+        ax.set(xlabel="time [s]", xlim=(begin, end), ylim=(-0.2, 1.95))
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, frameon=False)
+        return ax
 
 
 def simulate(system: System, *, faults: Faults = (), until: float) -> Run:

@@ -6,13 +6,13 @@ No library and no socket is needed here; `shipnet.modbus.server` puts a server i
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.adu import Adu
 from shipnet.modbus.pdu import (
+    Adu,
     ExceptionCode,
     FunctionCode,
     Request,
@@ -101,10 +101,10 @@ class Registers:
         input_registers: Mapping[int, int] | Iterable[int] = (),
         limits: Mapping[int, tuple[int, int]] | None = None,
     ) -> None:
-        self.coils = _bits("coils", coils)
-        self.discrete_inputs = _bits("discrete_inputs", discrete_inputs)
-        self.holding_registers = _registers("holding_registers", holding_registers)
-        self.input_registers = _registers("input_registers", input_registers)
+        self.coils = _memory("coils", coils, check_coils)
+        self.discrete_inputs = _memory("discrete_inputs", discrete_inputs, check_coils)
+        self.holding_registers = _memory("holding_registers", holding_registers, check_registers)
+        self.input_registers = _memory("input_registers", input_registers, check_registers)
         self.limits = dict(limits or {})
         for address, (low, high) in self.limits.items():
             if address not in self.holding_registers:
@@ -133,25 +133,27 @@ class Registers:
                     raise DeviceError(ExceptionCode.ILLEGAL_DATA_VALUE)
         memory.update(new)
 
-
-def _bits(name: str, given: Mapping[int, bool] | Iterable[bool]) -> dict[int, int]:
-    addresses, values = _columns(name, given)
-    coils = check_coils(values, _WHOLE_TABLE) if values else ()
-    return dict(zip(addresses, map(int, coils), strict=True))
-
-
-def _registers(name: str, given: Mapping[int, int] | Iterable[int]) -> dict[int, int]:
-    addresses, values = _columns(name, given)
-    registers = check_registers(values, _WHOLE_TABLE) if values else ()
-    return dict(zip(addresses, registers, strict=True))
+    def __repr__(self) -> str:
+        """Count what each table holds."""
+        held = []
+        for table in ("coils", "discrete_inputs", "holding_registers", "input_registers"):
+            if number := len(getattr(self, table)):
+                name = table.replace("_", " ")
+                held.append(f"{number} {name if number > 1 else name[:-1]}")
+        return ", ".join(held) or "empty"
 
 
-def _columns(name: str, given: Mapping[int, Any] | Iterable[Any]) -> tuple[list[int], list[Any]]:
+def _memory(
+    name: str, given: Mapping[int, Any] | Iterable[Any], check: Callable[[Any, int], Sequence[int]]
+) -> dict[int, int]:
+    """Return checked values by address; a sequence begins at address 0."""
     try:
         pairs = dict(given if isinstance(given, Mapping) else enumerate(given))
     except TypeError:
         raise ArgumentError(f"{name} is {given!r}; it must be a mapping or a sequence") from None
-    return [check_whole(f"address in {name}", a, 0, 0xFFFF) for a in pairs], list(pairs.values())
+    addresses = [check_whole(f"address in {name}", a, 0, 0xFFFF) for a in pairs]
+    values = check(pairs.values(), _WHOLE_TABLE) if pairs else ()
+    return dict(zip(addresses, map(int, values), strict=True))
 
 
 class Answer(NamedTuple):
@@ -274,6 +276,18 @@ class Slave:
             case _ if name not in Slave.__annotations__:
                 raise AttributeError(f"a slave does not have {name!r}")
         super().__setattr__(name, value)
+
+    def __repr__(self) -> str:
+        """Return what it holds, and where it is not a slave that serves everything at once."""
+        device = self.device
+        said = [repr(device) if isinstance(device, Registers) else type(device).__name__]
+        if self.functions != frozenset(FunctionCode):
+            said.append(f"functions {', '.join(str(int(code)) for code in sorted(self.functions))}")
+        if self.delay:
+            said.append(f"delay {self.delay:g} s")
+        if self.exception is not None:
+            said.append(f"exception {self.exception.name}")
+        return f"Slave({', '.join(said + ['silent'] * self.silent)})"
 
     def answer(self, request: Request | bytes, time: float = 0.0) -> bytes:
         """Execute a request at a model time [s] and return the response, function code first.

@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.errors import ArgumentError, FormError, ParityError
 from shipnet.fields import check_scalar, check_whole, number, record
+from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,9 +29,6 @@ Floats = npt.NDArray[np.float64]
 
 #: Data bits of a character of RTU.
 _DATA = 8
-
-#: Shortest and longest RTU frame [byte].
-_SHORTEST, _LONGEST = 4, 256
 
 
 @record(slots=True)
@@ -99,7 +98,7 @@ class SerialLine:
 
     def frame_time(self, size: int) -> float:
         """Return how long a frame of 4..256 bytes takes [s], unit id and CRC included."""
-        return check_whole("size", size, _SHORTEST, _LONGEST) * self.character_time
+        return check_whole("size", size, RTU_BYTES + 1, RTU_BYTES + MAX_PDU) * self.character_time
 
     def waveform(
         self,
@@ -191,7 +190,7 @@ class Characters(NamedTuple):
     time: Floats
     #: The byte, whatever its code.
     value: Bits
-    #: 0, or the code of `ParityError` or `FormError`; `shipnet.errors.explain` names it.
+    #: 0, or the code of `ParityError` or `FormError`; `shipnet.errors.name_of` names it.
     code: npt.NDArray[np.int64]
 
     @property
@@ -310,6 +309,27 @@ class Waveform:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the level over time [ms], each byte above its shaded data bits; return the axes."""
-        from shipnet.modbus.plot import plot_waveform
-
-        return plot_waveform(self, ax)
+        ax = style.axes(ax)
+        line, time, level = self.line, self.time, self.level
+        found = self.decode()
+        low, high = float(level.min()), float(level.max())
+        differential = self.threshold == 0
+        span, bit = high - low, 1e3 / line.bit_rate
+        start = found.time * 1e3
+        ax.bar(
+            start + bit, span, 8 * bit, bottom=low, align="edge",
+            color=style.FIELD["information"], alpha=0.6,
+        )  # fmt: skip
+        for middle, value in zip(start + line.character_bits * bit / 2, found.value, strict=True):
+            ax.text(
+                middle, high + 0.08 * span, f"{value:02X}",
+                ha="center", va="bottom", family="monospace",
+            )  # fmt: skip
+        ax.plot(time * 1e3, level, drawstyle="steps-post", color="C0")
+        ax.set(
+            xlabel="time [ms]", ylabel="D1 - D0 [V]" if differential else "level",
+            xlim=(0, time[-1] * 1e3), ylim=(low - 0.1 * span, high + 0.4 * span),
+        )  # fmt: skip
+        if not differential:
+            ax.set_yticks([0, 1])
+        return ax

@@ -1,7 +1,6 @@
 """Modbus in datagrams: what a late reply does when nothing says which request it answers.
 
-Simulated time only; of the frames of `shipnet.modbus.adu`, the transaction id and the unit id
-matter here.
+Simulated time only; of a frame, the transaction id and the unit id matter here.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from shipnet import datasets, style
 from shipnet.errors import ArgumentError
@@ -137,8 +137,8 @@ def table(paper: str, item: str) -> PrintedTable:
     return PrintedTable(paper, item)
 
 
-def figure(paper: str, item: str, ax: Axes | None = None) -> Axes:
-    """Draw a figure of a paper that needs no inputs.
+def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes:
+    """Draw a figure of a paper from our models and outlines.
 
     Parameters
     ----------
@@ -148,6 +148,8 @@ def figure(paper: str, item: str, ax: Axes | None = None) -> Axes:
         The figure as the paper numbers it, such as ``"Fig 7"``.
     ax : matplotlib.axes.Axes, optional
         Where to draw; new axes if omitted.
+    **inputs
+        What the drawing depends on, such as another ``frame``; as in the paper if omitted.
 
     Returns
     -------
@@ -157,10 +159,13 @@ def figure(paper: str, item: str, ax: Axes | None = None) -> Axes:
     Raises
     ------
     ArgumentError
-        If no function draws the figure; the message lists those that are drawn.
+        If no function draws the figure; the message lists those that are drawn, and names the
+        notebook in which the figure is shown, if there is one.
 
     Examples
     --------
+    >>> figure("kim2014", "Fig 7").texts[0].get_text()
+    'row 9 of the table'
     >>> figure("kim2023", "Fig 99")
     Traceback (most recent call last):
         ...
@@ -173,8 +178,11 @@ def figure(paper: str, item: str, ax: Axes | None = None) -> Axes:
         importlib.import_module(f"shipnet.papers.{paper}.plot")
     drawn = sorted(name for key, name in FIGURES if key == paper)
     if item not in drawn:
+        items = datasets.read("figures_tables.csv").set_index(["paper", "item"])["notebook"]
+        shown = items.get((paper, item))
         raise ArgumentError(
             f"figure of {paper} is {item!r}; drawn are {', '.join(drawn) or 'none'}"
+            + (f"; see notebooks/{shown}" if shown else "")
         )
-    made: Axes = FIGURES[paper, item](ax=style.axes(ax))
+    made: Axes = FIGURES[paper, item](ax=style.axes(ax), **inputs)
     return made

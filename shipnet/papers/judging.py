@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Collection, Hashable, Mapping
+from collections.abc import Collection, Hashable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from shipnet import datasets
+from shipnet import datasets, style
 from shipnet.errors import ArgumentError
-from shipnet.papers.registry import REGISTRY
+from shipnet.papers.registry import REGISTRY, Recomputation
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,8 +45,16 @@ VERDICTS = (
     "open",
 )
 
-#: What has been done about a claim.
-STATUSES = ("recomputed", "checked", "ours", "context", "not reproducible", "open")
+#: Colour of each status: what has been done about a claim.
+_COLOURS = {
+    "recomputed": "#0072B2",
+    "checked": "#56B4E9",
+    "ours": "#009E73",
+    "context": "#d9d9d9",
+    "not reproducible": "#8c8c8c",
+    "open": "#E69F00",
+}
+STATUSES = tuple(_COLOURS)
 
 
 class Claim:
@@ -93,7 +101,7 @@ class Claim:
         """Return the value with other inputs; without any, what the ledger holds."""
         if self.id not in REGISTRY:
             raise ArgumentError(f"claim {self.id} is not computed; its status is {self.status}")
-        return REGISTRY[self.id].function(**inputs)
+        return REGISTRY[self.id](**inputs)
 
     def __repr__(self) -> str:
         """Say what is printed, what we compute, and the verdict."""
@@ -168,10 +176,22 @@ class Ledger:
         return items if self.paper is None else items[items["paper"] == self.paper]
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw how many claims of each paper have each status, one bar per paper."""
-        from shipnet.papers.plot import draw_counts
-
-        return draw_counts(self.counts(), ax)
+        """Draw how many claims of each paper have each status; numbers below 4 are not written."""
+        ax, counts = style.axes(ax), self.counts()
+        left = counts["claims"] * 0
+        for status, colour in _COLOURS.items():
+            number = counts[status]
+            bars = ax.barh(counts.index, number, left=left, color=colour, label=status)
+            ax.bar_label(
+                bars, [str(n) if n >= 4 else "" for n in number], label_type="center",
+                color="white" if status in ("recomputed", "ours") else "black", fontsize=8,
+            )  # fmt: skip
+            left = left + number
+        ax.invert_yaxis()
+        ax.set_xlabel("claims [1]")
+        ax.grid(visible=False, axis="y")
+        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0), fontsize=8)
+        return ax
 
     def __len__(self) -> int:
         """Return the number of claims."""
@@ -337,15 +357,15 @@ _COLUMNS = (
 
 
 @cache
-def _computed(function: Callable[[], Any]) -> Any:
-    """Call what recomputes a claim, once: it has no other inputs than its defaults."""
-    return function()
+def _computed(recomputation: Recomputation) -> Any:
+    """Call what recomputes a claim, once: it has no other inputs than its own."""
+    return recomputation()
 
 
 def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
     """Put one claim beside its recomputation."""
     recomputation = REGISTRY.get(claim["id"])
-    computed: Any = _computed(recomputation.function) if recomputation else None
+    computed: Any = _computed(recomputation) if recomputation else None
     difference, outcome = math.nan, ""
     if recomputation and claim["kind"] == "numeric":
         published = as_number(claim["value"])

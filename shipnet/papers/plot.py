@@ -1,39 +1,99 @@
-"""Figures of the ledger."""
+"""Outlines: blocks with words in them, what leads from one to another, and rows of fields."""
 
 from __future__ import annotations
 
-import pandas as pd
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from shipnet import style
-from shipnet.papers.judging import STATUSES
 
-_COLOURS = {
-    "recomputed": "#0072B2",
-    "checked": "#56B4E9",
-    "ours": "#009E73",
-    "context": "#d9d9d9",
-    "not reproducible": "#8c8c8c",
-    "open": "#E69F00",
-}
+#: Text, colour and place of each block by its name.
+Blocks: TypeAlias = Mapping[str, tuple[str, str, float, float]]
+
+#: Names of blocks that are joined, and the word on the way.
+Ways: TypeAlias = Sequence[tuple[str, str, str]]
+
+#: Colours of blocks, light enough to write on.
+FILL = {
+    "": "white", "blue": style.FIELD["address"], "amber": style.FIELD["information"],
+    "green": style.FIELD["parity"], "purple": style.FIELD["control"],
+}  # fmt: skip
+
+#: Half the width and height of a block.
+HALF = (0.82, 0.33)
 
 
-def draw_counts(counts: pd.DataFrame, ax: Axes | None) -> Axes:
-    """Draw the counts of a ledger; numbers below 4 are drawn but not written."""
-    ax = style.axes(ax)
-    left = pd.Series(0, index=counts.index)
-    for status in STATUSES:
-        bars = ax.barh(
-            counts.index, counts[status], left=left, color=_COLOURS[status], label=status
+def spread(blocks: Blocks, step: float) -> Blocks:
+    """Return the blocks with their columns this far apart."""
+    return {name: (text, fill, step * x, y) for name, (text, fill, x, y) in blocks.items()}
+
+
+def outline(ax: Axes, blocks: Blocks, ways: Ways, arrowstyle: str = "->") -> None:
+    """Draw blocks, and an arrow or a line from edge to edge of those that are joined."""
+    for first, second, word in ways:
+        tail, head = (np.array(blocks[name][2:]) for name in (first, second))
+        way = head - tail
+        with np.errstate(divide="ignore"):
+            inside = float(np.min(np.array(HALF) / np.abs(way)))
+        begin, end = tail + inside * way, head - inside * way
+        arrow(ax, begin, end, arrowstyle)
+        if word:
+            x, y = (begin + end) / 2
+            # Above a level way, left of any other.
+            level = abs(way[1]) < 0.1
+            ax.text(
+                x - (0 if level else 0.2), y + (0.05 if level else 0), word, fontsize=8,
+                ha="center" if level else "right", va="bottom" if level else "center",
+            )  # fmt: skip
+    width, height = HALF
+    for text, fill, x, y in blocks.values():
+        box(ax, (x - width, y - height), 2 * width, 2 * height, FILL[fill], text)
+
+
+def box(
+    ax: Axes,
+    corner: tuple[float, float],
+    width: float,
+    height: float,
+    colour: str,
+    text: str = "",
+    *,
+    edge: str = "0.2",
+    linestyle: str = "-",
+) -> None:
+    """Draw a filled box with a text in its middle."""
+    (x, y), look = corner, {"facecolor": colour, "edgecolor": edge, "linestyle": linestyle}
+    ax.add_patch(Rectangle(corner, width, height, zorder=2, **look))  # type: ignore[arg-type]
+    ax.text(x + width / 2, y + height / 2, text, ha="center", va="center", fontsize=8, zorder=3)
+
+
+def arrow(ax: Axes, tail: Sequence[float], head: Sequence[float], arrowstyle: str = "->") -> None:
+    """Draw an arrow between two points."""
+    ax.add_patch(
+        FancyArrowPatch(
+            (tail[0], tail[1]), (head[0], head[1]), arrowstyle=arrowstyle, mutation_scale=10,
+            color="0.3", shrinkA=0, shrinkB=0,
         )
-        labels = [str(number) if number >= 4 else "" for number in counts[status]]
-        dark = status in ("recomputed", "ours")
-        ax.bar_label(
-            bars, labels, label_type="center", color="white" if dark else "black", fontsize=8
-        )
-        left = left + counts[status]
-    ax.invert_yaxis()
-    ax.set_xlabel("claims [1]")
-    ax.grid(visible=False, axis="y")
-    ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0), fontsize=8)
-    return ax
+    )  # fmt: skip
+
+
+def fields(ax: Axes, rows: Mapping[str, Sequence[tuple[str, str, str]]]) -> Axes:
+    """Draw rows of fields, each with its words, its colour in `style.FIELD`, and bytes below."""
+    widest = 0.0
+    for row, (title, parts) in enumerate(rows.items()):
+        x, y = 0.0, -1.6 * row
+        ax.text(-1, y + 0.5, title, ha="right", va="center", fontsize=9)
+        for words, kind, data in parts:
+            width = max(len(line) for line in [*words.split("\n"), data]) + 3.0
+            dotted = ":" if kind == "pause" else "-"
+            box(ax, (x, y), width, 1, style.FIELD[kind], words, linestyle=dotted)
+            ax.text(
+                x + width / 2, y - 0.08, data, ha="center", va="top", fontsize=8, family="monospace"
+            )
+            x += width
+        widest = max(widest, x)
+    return style.bare(ax, (-8, widest + 1), (-1.6 * (len(rows) - 1) - 0.55, 1.1))

@@ -2,24 +2,37 @@
 
 A *numeric* claim is a number that a paper prints; its function returns ours. A *qualitative* one
 is a statement; its function says whether it holds. Both take named inputs, so that a test can
-move an input and see the result move: a typed constant cannot pass for a computation.
+move an input and see the result move: a typed constant cannot pass for a computation. Claims that
+differ in their inputs alone share a function.
 """
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Recomputation:
-    """A claim's function, and for a check the inputs with which its answer is the opposite."""
+    """A function, a claim's own inputs to it, and for a check those that turn its answer round."""
 
     function: Callable[..., Any]
-    counter: Mapping[str, object] = field(default_factory=dict)
+    inputs: Mapping[str, object]
+    counter: Mapping[str, object]
+
+    def __call__(self, **others: object) -> Any:
+        """Return what the claim comes to, with other inputs if any are given."""
+        return self.function(**{**self.inputs, **others})
+
+    @property
+    def defaults(self) -> dict[str, object]:
+        """Every input, with its value for this claim."""
+        known = inspect.signature(self.function).parameters.items()
+        return {name: p.default for name, p in known} | dict(self.inputs)
 
     @property
     def evidence(self) -> str:
@@ -37,27 +50,33 @@ FIGURES: dict[tuple[str, str], Callable[..., Any]] = {}
 TABLES: dict[tuple[str, str], Callable[[], Any]] = {}
 
 
-def numeric(*claims: str) -> Callable[[Function], Function]:
-    """Register a function as the recomputation of numbers, by the ids of their claims."""
-
-    def decorate(function: Function) -> Function:
-        for claim in claims:
-            _register(claim, Recomputation(function))
-        return function
-
-    return decorate
+def numeric(*claims: str, **inputs: object) -> Callable[[Function], Function]:
+    """Register a function, with these inputs, as the recomputation of numbers by their claims."""
+    return _registered(claims, inputs, {})
 
 
-def check(*claims: str, counter: Mapping[str, object]) -> Callable[[Function], Function]:
-    """Register a function as the check of statements, by the ids of their claims.
+def check(
+    *claims: str, counter: Mapping[str, object], **inputs: object
+) -> Callable[[Function], Function]:
+    """Register a function, with these inputs, as the check of statements by their claims.
 
-    With the inputs in `counter` the answer is the opposite; a test calls the function with them,
-    so that a check that cannot fail is found out.
+    With those of `counter` the answer is the opposite; a test calls the function with them, so
+    that a check that cannot fail is found out.
     """
+    return _registered(claims, inputs, counter)
 
+
+def _registered(
+    claims: tuple[str, ...], inputs: Mapping[str, object], counter: Mapping[str, object]
+) -> Callable[[Function], Function]:
     def decorate(function: Function) -> Function:
+        made = Recomputation(function, inputs, counter)
         for claim in claims:
-            _register(claim, Recomputation(function, counter))
+            # A module that is loaded again registers the same function again.
+            if claim in REGISTRY and REGISTRY[claim].evidence != made.evidence:
+                first = REGISTRY[claim].evidence
+                raise ValueError(f"claim {claim} has two functions: {first} is the first")
+            REGISTRY[claim] = made
         return function
 
     return decorate
@@ -67,8 +86,7 @@ def figure(paper: str, *items: str) -> Callable[[Function], Function]:
     """Register a function of the axes as the drawing of one or more printed figures."""
 
     def decorate(function: Function) -> Function:
-        for item in items:
-            FIGURES[paper, item] = function
+        FIGURES.update({(paper, item): function for item in items})
         return function
 
     return decorate
@@ -82,12 +100,3 @@ def table(paper: str, item: str) -> Callable[[Function], Function]:
         return function
 
     return decorate
-
-
-def _register(claim: str, recomputation: Recomputation) -> None:
-    # A module that is loaded again registers the same function again.
-    if claim in REGISTRY and REGISTRY[claim].evidence != recomputation.evidence:
-        raise ValueError(
-            f"claim {claim} has two functions: {REGISTRY[claim].evidence} is the first"
-        )
-    REGISTRY[claim] = recomputation

@@ -4,11 +4,11 @@ from .experiment import compare_checks as compare_checks
 from .experiment import recommend as recommend
 from .packet import CobsFormat as CobsFormat
 from .packet import MarkerFormat as MarkerFormat
-from .packet import changed_items as changed_items
 from .ring_buffer import Ring as Ring
 from .simulation import Change as Change
 from .simulation import Run as Run
 from .simulation import simulate as simulate
 from .simulation import switch_delays as switch_delays
+from .station import changed_items as changed_items
 from .system import Supervision as Supervision
 from .system import System as System

@@ -7,29 +7,22 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.intervals import share_interval
-from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat, PacketFormat
-from shipnet.remote_control.residual import Shares, packet_shares
+from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
+from shipnet.remote_control.packet_format import PacketFormat, Shares
 from shipnet.remote_control.system import Supervision, System
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-Outcome = Literal["intact", "detected", "undetected"]
-
 #: Only when the value has changed, as printed; or in every packet.
 Sending = Literal["changed", "cyclic"]
 
 #: Ways to check a packet: as printed; with CRC-16 after it; with CRC-16 only, byte-stuffed.
 CHECKS = ("markers", "markers + CRC", "CRC")
-
-#: Packets worked on at a time.
-_CHUNK = 1 << 16
 
 #: A year of 365 days [s].
 _YEAR = 365 * 86400.0
@@ -38,113 +31,11 @@ _YEAR = 365 * 86400.0
 # Packets over a disturbed line -----------------------------------------------------------------
 
 
-class Interval(NamedTuple):
-    """Bounds of a share, by Clopper and Pearson."""
-
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """Packets that were sent over a disturbed line: all, discarded, and accepted though wrong."""
-
-    sent: int
-    detected: int
-    undetected: int
-
-    @property
-    def intact(self) -> int:
-        """Packets accepted as they were sent."""
-        return self.sent - self.detected - self.undetected
-
-    @property
-    def missed(self) -> float:
-        """Share of the disturbed packets that is accepted; NaN if none was disturbed."""
-        hit = self.detected + self.undetected
-        return self.undetected / hit if hit else float("nan")
-
-    def share(self, outcome: Outcome) -> float:
-        """Return the share of the packets with an outcome; NaN if none was sent."""
-        return self._count(outcome) / self.sent if self.sent else float("nan")
-
-    def interval(self, outcome: Outcome, confidence: float = 0.95) -> Interval:
-        """Return the interval in which that share lies with a confidence of 0.5..0.999999."""
-        level = check_scalar("confidence", confidence, "", 0.5, 0.999999)
-        count = self._count(outcome)
-        low, high = share_interval(count, self.sent, confidence=level)
-        return Interval(float(low), float(high))
-
-    def _count(self, outcome: Outcome) -> int:
-        if outcome not in ("intact", "detected", "undetected"):
-            raise ArgumentError(
-                f"outcome is {outcome!r}; it must be 'intact', 'detected' or 'undetected'"
-            )
-        return int(getattr(self, outcome))
-
-
 def check_formats(n_items: int) -> dict[str, PacketFormat]:
     """Return a format for 1..84 items by each way to check packets."""
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     formats = (MarkerFormat("A", n), MarkerFormat("A", n, crc=True), CobsFormat(n))
     return dict(zip(CHECKS, formats, strict=True))
-
-
-def draw_outcomes(
-    packet_format: PacketFormat, n_items: int, rate: float, packets: int, rng: np.random.Generator
-) -> npt.NDArray[np.uint8]:
-    """Return what became of packets with random values: 0 intact, 1 detected, 2 undetected.
-
-    Gaps between inverted bits are drawn, not bits; and only packets that are hit are built and
-    checked, since all others are accepted as they are.
-    """
-    p = check_scalar("rate", rate, "", 0, 0.5)
-    n = check_whole("packets", packets, 0, 10**9)
-    size = packet_format.size(n_items)
-    outcome = np.zeros(n, np.uint8)
-    numbers = np.arange(n_items)
-    for first in range(0, n, _CHUNK):
-        count = min(_CHUNK, n - first)
-        place = _hits(8 * size * count, p, rng)
-        if place.size == 0:
-            continue
-        hit, row = np.unique(place // (8 * size), return_inverse=True)
-        values = rng.integers(0, 1 << 16, (hit.size, n_items), dtype=np.uint16)
-        rows = packet_format.encode_batch(numbers, values)
-        bit = place % (8 * size)
-        masks = (0x80 >> (bit & 7)).astype(np.uint8)
-        np.bitwise_xor.at(rows.reshape(-1), row * size + (bit >> 3), masks)
-        checked = packet_format.decode_batch(rows)
-        same = (checked.numbers == numbers).all(axis=1) & (checked.values == values).all(axis=1)
-        outcome[first + hit] = np.where(checked.accepted, np.where(same, 0, 2), 1)
-    return outcome
-
-
-def _hits(n_bits: int, p: float, rng: np.random.Generator) -> npt.NDArray[np.int64]:
-    """Return which of so many bits are inverted, in rising order."""
-    if p == 0 or n_bits == 0:
-        return np.zeros(0, np.int64)
-    parts, reached = [], -1
-    while reached < n_bits:
-        more = int(1.1 * (n_bits - reached) * p) + 20
-        places = reached + np.cumsum(rng.geometric(p, more))
-        parts.append(places)
-        reached = int(places[-1])
-    every = np.concatenate(parts)
-    return every[: np.searchsorted(every, n_bits)]
-
-
-def transmit(
-    packet_format: PacketFormat,
-    n_items: int,
-    rate: float,
-    packets: int,
-    rng: np.random.Generator | int | None = None,
-) -> Trial:
-    """Return how many of so many packets were discarded, and accepted though wrong."""
-    chance = np.random.default_rng(rng)
-    counts = np.bincount(draw_outcomes(packet_format, n_items, rate, packets, chance), minlength=3)
-    return Trial(int(counts.sum()), int(counts[1]), int(counts[2]))
 
 
 def compare_checks(
@@ -192,7 +83,7 @@ def compare_checks(
     for n in n_items:
         for rate in rates:
             for name, form in (formats or check_formats(n)).items():
-                trial = transmit(form, n, rate, packets, chance)
+                trial = form.transmit(n, rate, packets, chance)
                 low, high = trial.interval("undetected")
                 rows.append(
                     {
@@ -205,7 +96,7 @@ def compare_checks(
                         "undetected": trial.undetected,
                         "low": low,
                         "high": high,
-                        "expected": packet_shares(form, n, rate).undetected,
+                        "expected": form.error_shares(n, rate).undetected,
                         "missed": trial.missed,
                         "items_lost": trial.share("detected"),
                     }
@@ -382,7 +273,7 @@ def candidates(
             ways: tuple[Sending, ...] = ("changed", "cyclic") if per_packet == n else ("cyclic",)
             for sending in ways:
                 changed = sending == "changed"
-                shares = packet_shares(form, 1 if changed else per_packet, p)
+                shares = form.error_shares(1 if changed else per_packet, p)
                 # A packet for one change in each interval, or four in each cycle.
                 packets = 1 / interval if changed else 4 / cycle
                 timeout = cycle / 2 if base.turn_timeout is None else base.turn_timeout

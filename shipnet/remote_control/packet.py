@@ -12,28 +12,28 @@ That every value is a packet of its own is reading A with one item per packet.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from decimal import Decimal, localcontext
+from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.crc import crc, crc_batch
-from shipnet.errors import (
-    ArgumentError,
-    CrcError,
-    FieldError,
-    FormError,
-    FrameError,
-    LengthError,
+from shipnet.crc import MODBUS
+from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
+from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
+from shipnet.remote_control.packet_format import (
+    Bytes,
+    Flags,
+    Items,
+    NumberCheck,
+    PacketFormat,
+    check_bytes,
 )
-from shipnet.fields import check_whole, choice, record, switch, whole
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from shipnet.remote_control.experiment import Trial
-    from shipnet.remote_control.residual import Shares
 
 #: The markers; K. Y. Chung and K. S. Rhyu, "A study on the communication method for a ship main
 #: engine remote control system", 1998, section 3.2.
@@ -54,34 +54,21 @@ MOST_STUFFED = 84
 #: What the bytes of an item are.
 _PARTS = ("number", "low byte", "high byte")
 
-#: Number and value of each item, in the order of the packet.
-Items = tuple[tuple[int, int], ...]
+#: Bits of the CRC, and digits with which sums that almost cancel are taken.
+_CRC_BITS, _DIGITS = 16, 80
 
-#: What a receiver requires of the numbers.
-NumberCheck = Literal["any", "known", "rising"]
 _NUMBER_CHECKS = {
     "any": "any number is taken",
     "known": "the receiver's table has the number",
     "rising": "the numbers are known and rise",
 }
 
-Bytes = npt.NDArray[np.uint8]
-Flags = npt.NDArray[np.bool_]
-
-
-# Bytes and items -------------------------------------------------------------------------------
-
-
-def check_bytes(name: str, data: object) -> bytes:
-    """Return bytes, or raise; `bytes` would turn a number into as many zeros."""
-    if not isinstance(data, (bytes, bytearray, memoryview)):
-        raise ArgumentError(f"{name} is {data!r}; it must be bytes")
-    return bytes(data)
+Floats = npt.NDArray[np.float64]
 
 
 def _trailer(data: bytes) -> bytes:
     """Return the CRC-16/MODBUS of some bytes as it is sent, low byte first."""
-    return crc("CRC-16/MODBUS", data).to_bytes(_CRC, "little")
+    return MODBUS.of(data).to_bytes(_CRC, "little")
 
 
 def _check_items(items: Mapping[int, int], n_numbers: int) -> Items:
@@ -123,194 +110,15 @@ def _check_numbers(items: Items, numbers: NumberCheck, n_numbers: int) -> Items:
     return items
 
 
-# What all formats share ------------------------------------------------------------------------
-
-
-class Parser(Protocol):
-    """Finds the packets in a stream of bytes."""
-
-    #: Bytes discarded so far, because no packet that holds them was found.
-    discarded: int
-
-    def feed(self, data: bytes) -> list[Items]:
-        """Return the packets that these bytes complete."""
-
-
-class Decoded(NamedTuple):
-    """What a receiver makes of many packets: error codes, 0 for none, and the items accepted."""
-
-    error: Bytes
-    numbers: Bytes
-    values: npt.NDArray[np.uint16]
-
-    @property
-    def accepted(self) -> Flags:
-        """Whether each packet is accepted, shape (n_packets,)."""
-        accepted: Flags = self.error == 0
-        return accepted
-
-
-class PacketFormat:
-    """What the two formats share; each packs, reads and traces its packets in its own way."""
-
-    __slots__ = ()
-
-    @property
-    def n_numbers(self) -> int:
-        """How many numbers there are, and the most items of a packet."""
-        raise NotImplementedError
-
-    @property
-    def numbers(self) -> NumberCheck:
-        """What a receiver requires of the numbers."""
-        raise NotImplementedError
-
-    def size(self, n_items: int) -> int:
-        """Return the length of a packet with 0..n_numbers items [byte]."""
-        raise NotImplementedError
-
-    def encode(self, items: Mapping[int, int]) -> bytes:
-        """Return a packet."""
-        raise NotImplementedError
-
-    def decode(self, packet: bytes | bytearray) -> Items:
-        """Return the items of one packet, or raise."""
-        raise NotImplementedError
-
-    def parser(self) -> Parser:
-        """Return a parser that has seen nothing yet."""
-        raise NotImplementedError
-
-    def stream(self, n_bytes: int, items: int | None = None, *, phase: int = 0) -> bytes:
-        """Return the bytes of packets sent without a pause, from byte `phase` of the first one.
-
-        Every packet has the same number of `items`, all if omitted, each with the value 1000.
-        """
-        n = self.n_numbers if items is None else items
-        check_whole("items", n, 0, self.n_numbers)
-        packet = self.encode(dict.fromkeys(range(n), 1000))
-        count, begin = check_whole("n_bytes", n_bytes, 0, 10**6), phase % len(packet)
-        stream = packet * ((begin + count) // len(packet) + 1)
-        return stream[begin : begin + count]
-
-    def encode_batch(self, numbers: npt.ArrayLike, values: npt.ArrayLike) -> Bytes:
-        """Return many packets as rows of bytes, each as `encode` makes it.
-
-        `values` has the shape (n_packets, n_items), `numbers` the same or (n_items,); numbers
-        rise in each row.
-        """
-        value = _whole("values", values, 0xFFFF)
-        number = _whole("numbers", numbers, self.n_numbers - 1)
-        if value.ndim != 2 or number.shape not in (value.shape, value.shape[1:]):
-            raise ArgumentError(
-                f"numbers and values have the shapes {number.shape} and {value.shape}; they must "
-                "be (n_items,) or (n_packets, n_items), and (n_packets, n_items)"
-            )
-        if (np.diff(number, axis=-1) <= 0).any():
-            raise ArgumentError("numbers must rise in each row")
-        n_packets, n_items = value.shape
-        items = np.empty((n_packets, n_items, 3), np.uint8)
-        items[..., 0], items[..., 1], items[..., 2] = number, value & 0xFF, value >> 8
-        return self._encode_rows(items)
-
-    def decode_batch(self, packets: npt.ArrayLike) -> Decoded:
-        """Return what a receiver makes of rows of uint8, each as `decode` finds it.
-
-        All rows have one length. A row that is refused has an error code and items of 0.
-        """
-        rows = np.asarray(packets)
-        if rows.dtype != np.uint8 or rows.ndim != 2:
-            raise ArgumentError(
-                f"packets must be a 2-D uint8 array, got {rows.dtype}, {rows.ndim}-D"
-            )
-        step = self.size(1) - self.size(0)
-        n_items, rest = divmod(rows.shape[1] - self.size(0), step)
-        if rest or not 0 <= n_items <= self.n_numbers:
-            error = np.full(len(rows), LengthError.code, np.uint8)
-            none = np.zeros((len(rows), 0), np.uint8)
-            return Decoded(error, none, none.astype(np.uint16))
-        formed, checked, items = self._decode_rows(rows, n_items)
-        numbers = items[..., 0]
-        error = np.where(self._accepts(numbers), 0, FieldError.code).astype(np.uint8)
-        error[~checked] = CrcError.code
-        error[~formed] = FormError.code
-        values = items[..., 1] | items[..., 2].astype(np.uint16) << 8
-        good = (error == 0)[:, None]
-        return Decoded(error, numbers * good, values * good)
-
-    def error_shares(self, n_items: int, rate: float) -> Shares:
-        """Return which shares of packets arrive intact, detected and undetected, in closed form.
-
-        Bits are inverted independently of each other with the probability `rate`, 0..0.5.
-        """
-        from shipnet.remote_control.residual import packet_shares
-
-        return packet_shares(self, n_items, rate)
-
-    def undetected_flips(self, n_items: int) -> float:
-        r"""Return the share of single inverted bits that a receiver does not see.
-
-        All are tried, on values of 0. Where the receiver looks at markers only, it is
-
-        .. math:: S = \frac{24 n}{8 L}
-
-        for n items in a packet of L bytes, unless a bit turns a number into 0xEE.
-        """
-        from shipnet.remote_control.residual import single_flip_share
-
-        return single_flip_share(self, n_items)
-
-    def transmit(
-        self,
-        n_items: int,
-        rate: float,
-        packets: int,
-        rng: np.random.Generator | int | None = None,
-    ) -> Trial:
-        """Return how many of so many packets are detected as wrong, and accepted though wrong.
-
-        The values are random, and bits are inverted with the probability `rate`, 0..0.5.
-        """
-        from shipnet.remote_control.experiment import transmit
-
-        return transmit(self, n_items, rate, packets, rng)
-
-    def _encode_rows(self, items: Bytes) -> Bytes:
-        raise NotImplementedError
-
-    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Flags, Flags, Bytes]:
-        """Return whether form and CRC are in order, and the items."""
-        raise NotImplementedError
-
-    def _accepts(self, numbers: Bytes) -> Flags:
-        """Return whether the receiver accepts each row of numbers."""
-        if self.numbers == "any":
-            return np.ones(len(numbers), bool)
-        accepts: Flags = np.all(numbers < self.n_numbers, axis=1)
-        if self.numbers == "rising":
-            accepts &= np.all(numbers[:, 1:] > numbers[:, :-1], axis=1)
-        return accepts
-
-
 def _crc_fits(rows: Bytes) -> Flags:
     # Behind its own check, the register of a reflected CRC without final addition is 0.
-    fits: Flags = crc_batch("CRC-16/MODBUS", rows) == 0
+    fits: Flags = MODBUS.of(rows) == 0
     return fits
 
 
 def _with_crc(rows: Bytes) -> Bytes:
-    check = crc_batch("CRC-16/MODBUS", rows)
+    check = MODBUS.of(rows)
     return np.column_stack([rows, (check & 0xFF).astype(np.uint8), (check >> 8).astype(np.uint8)])
-
-
-def _whole(name: str, values: npt.ArrayLike, highest: int) -> npt.NDArray[np.int64]:
-    try:
-        array = np.asarray(values)
-    except ValueError:
-        raise ArgumentError(f"{name} must be whole numbers, in rows of equal length") from None
-    if array.size and (array.dtype.kind not in "iu" or array.min() < 0 or array.max() > highest):
-        raise ArgumentError(f"{name} must be whole numbers 0..{highest}")
-    return array.astype(np.int64)
 
 
 def _traced(taken: list[tuple[int, str]], start: int, size: int) -> pd.DataFrame:
@@ -449,6 +257,28 @@ class MarkerFormat(PacketFormat):
         """
         n = check_whole("n_bytes", n_bytes, 0, 10**6)
         return 1 - (1 - check_whole("markers", markers, 0, 256) / 256) ** n
+
+    def _undetected(self, n_items: int, p: float, hit: float) -> float:
+        r"""Return the share that is accepted though wrong.
+
+        Markers alone let every packet pass in which none of the m marker bytes is hit,
+
+        .. math:: P_u = (1 - p)^{8 m} \left( Q - (1 - p)^{24 n} \right)
+
+        with the probability Q that the receiver accepts the n numbers, 1 or nearly so. With a CRC,
+        the bits beside the markers must be a code word as well, see `crc_residual`. This is an
+        upper bound, less than a thousandth too high: the check of the numbers is left out.
+        """
+        markers = len(self.head) + n_items * len(self.lead) + 1
+        intact = (1 - p) ** (8 * markers)
+        if self.crc:
+            return intact * _residual(_marked_weights(self, n_items), p)
+        if self.numbers == "any":
+            # As a sum without cancellation, for small p.
+            changed = -float(np.expm1(24 * n_items * np.log1p(-p))) - _ends_early(self, n_items, p)
+        else:
+            changed = _numbers_taken(self, n_items, p) - (1 - p) ** (24 * n_items)
+        return intact * max(changed, 0.0)
 
     def _encode_rows(self, items: Bytes) -> Bytes:
         n_packets, n_items, _ = items.shape
@@ -672,6 +502,17 @@ class CobsFormat(PacketFormat):
             place += packet[place]
         return [*parts, "end of the packet"]
 
+    def _undetected(self, n_items: int, p: float, hit: float) -> float:
+        """Return an upper estimate, not a bound, of the share that is accepted though wrong.
+
+        Single inverted bits that pass are counted by trying them all on a packet with values of 0,
+        and two or more are taken as noise, of which 2**-16 passes. They are not noise: of four
+        million pairs of inverted bits none passed.
+        """
+        bits = 8 * self.size(n_items)
+        single = bits * p * (1 - p) ** (bits - 1)
+        return self.undetected_flips(n_items) * single + max(hit - single, 0.0) * 2.0**-_CRC_BITS
+
     def _encode_rows(self, items: Bytes) -> Bytes:
         """Stuff every row, with the 0 that ends it."""
         data = _with_crc(items.reshape(len(items), -1))
@@ -734,53 +575,90 @@ class CobsParser:
         self._lost = 0
 
 
-# What to send ----------------------------------------------------------------------------------
+# What the checks let through --------------------------------------------------------------------
 
 
-def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
-    """Return the values that differ from those sent last, by number.
+def crc_residual(n_bytes: int, rate: float) -> float:
+    r"""Return how often CRC-16/MODBUS passes bytes, with their check, that are not those sent.
 
-    Parameters
-    ----------
-    sending : sequence of int
-        The values to send, 0..65535 each; ``SENDING`` of the paper [1]_.
-    sended : sequence of int
-        The values sent last, ``SENDED`` of the paper; as many as `sending`.
+    By MacWilliams' identity, with the number B of words of weight w in the dual code of a code
+    of L bits (T. Fujiwara, T. Kasami, S. Lin, IEEE Trans. Communications 37 (1989) 986-989):
 
-    Returns
-    -------
-    dict of int to int
-        Number and value of each that differs, ``NEW_SEND`` of the paper; it may be empty.
-
-    Raises
-    ------
-    ArgumentError
-        If the two differ in length, or a value is not a whole number 0..65535.
-
-    References
-    ----------
-    .. [1] K. Y. Chung, K. S. Rhyu, "A study on the communication method for a ship main engine
-       remote control system", J. Korean Soc. Marine Eng., 1998, section 4.1 and Fig 6.
-
-    Examples
-    --------
-    >>> from shipnet import remote_control as rc
-    >>> rc.changed_items([120, 1, 0], [118, 1, 1])
-    {0: 120, 2: 0}
+    .. math:: P_u = 2^{-16} \sum_{w=0}^{L} B_w (1 - 2 p)^w - (1 - p)^L
     """
-    if len(sending) != len(sended):
-        raise ArgumentError(
-            f"sending has {len(sending)} data; it must have {len(sended)}, as many as sended"
-        )
-    pairs = zip(_values("sending", sending), _values("sended", sended), strict=True)
-    return {number: value for number, (value, last) in enumerate(pairs) if value != last}
+    n = check_whole("n_bytes", n_bytes, 0, 4096)
+    p = check_scalar("rate", rate, "", 0, 0.5)
+    return _residual(code_weights(n), p)
 
 
-def _values(name: str, values: Sequence[int]) -> list[int]:
-    # The name of a value is only made for one that does not look right: there are two per byte.
-    return [
-        value
-        if type(value) is int and 0 <= value <= 0xFFFF
-        else check_whole(f"{name}[{number}]", value, 0, 0xFFFF)
-        for number, value in enumerate(values)
-    ]
+@cache
+def code_weights(n_bytes: int) -> tuple[int, ...]:
+    """Return how many words of weight 0, 1, ... the dual code of CRC-16/MODBUS has."""
+    return _weights(n_bytes, ())
+
+
+@cache
+def _marked_weights(packet_format: MarkerFormat, n_items: int) -> tuple[int, ...]:
+    """Return the weights for all bits of a packet but those of its markers."""
+    head, step = len(packet_format.head), len(packet_format.lead) + 3
+    end = head + n_items * step
+    places = [*range(head), end]
+    places += [head + k * step + j for k in range(n_items) for j in range(len(packet_format.lead))]
+    return _weights(end + 1, places)
+
+
+def _weights(n_bytes: int, fixed: Sequence[int]) -> tuple[int, ...]:
+    """Return the weights for bytes and their CRC, where some of the bytes are known."""
+    bits = 8 * np.array(fixed, np.int64)[:, np.newaxis] + np.arange(8)
+    found = np.delete(MODBUS.syndromes(n_bytes), bits.reshape(-1))
+    # The Walsh-Hadamard transform counts, for each of the 2**16 sums of checks, even minus odd.
+    sums = np.bincount(found, minlength=1 << _CRC_BITS)
+    for bit in range(_CRC_BITS):
+        pairs = sums.reshape(-1, 2, 1 << bit)
+        sums = np.stack([pairs[:, 0] + pairs[:, 1], pairs[:, 0] - pairs[:, 1]], axis=1)
+    weights = (found.size - sums.reshape(-1)) // 2
+    return tuple(np.bincount(weights, minlength=found.size + 1).tolist())
+
+
+def _residual(weights: tuple[int, ...], p: float) -> float:
+    with localcontext() as context:
+        context.prec = _DIGITS
+        rate = Decimal(p)
+        total, power, base = Decimal(0), Decimal(1), 1 - 2 * rate
+        for number in weights:
+            total += number * power
+            power *= base
+        length = len(weights) - 1
+        residual = total / (1 << _CRC_BITS) - (1 - rate) ** length
+        # Of an exact 0 the rounding may leave less.
+        return max(0.0, float(residual))
+
+
+def _becomes(number: int, p: float) -> Floats:
+    """Return with which probability each of the 256 bytes comes instead of a number."""
+    distance = np.bitwise_count(np.arange(256, dtype=np.uint8) ^ np.uint8(number))
+    return np.asarray(p**distance * (1 - p) ** (8.0 - distance))
+
+
+def _ends_early(packet_format: MarkerFormat, n_items: int, p: float) -> float:
+    """Return how often a number turns into the last marker, which reading A takes for its end."""
+    if packet_format.lead:
+        return 0.0
+    early = [float(_becomes(number, p)[PACKET_END]) for number in range(n_items)]
+    return -float(np.expm1(np.log1p(-np.array(early)).sum())) if early else 0.0
+
+
+def _numbers_taken(packet_format: MarkerFormat, n_items: int, p: float) -> float:
+    """Return how often the receiver takes the numbers that arrive."""
+    if packet_format.numbers == "any":
+        return 1 - _ends_early(packet_format, n_items, p)
+    known = np.arange(256) < packet_format.n_numbers
+    if packet_format.numbers == "known":
+        return float(np.prod([_becomes(number, p)[known].sum() for number in range(n_items)]))
+    # Probability that the numbers so far rise, by the last of them; -1 stands in front.
+    rising = np.zeros(257)
+    rising[0] = 1.0
+    for number in range(n_items):
+        below = np.cumsum(rising)[:256]
+        rising = np.append(0.0, below * _becomes(number, p) * known)
+    return float(rising.sum())

@@ -2,48 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch, Rectangle, Wedge
 
 from shipnet import style
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
-from shipnet.remote_control.ring_buffer import Case, Ring, RingCases, case_of
-from shipnet.remote_control.signals import STATIONS
-from shipnet.remote_control.system import Counter, Supervision
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from shipnet.remote_control.simulation import Run
-
 #: What each case shows, and its colour: normal pale, abnormal strong.
-_CASES: dict[Case, tuple[str, str]] = {
+_CASES = {
     "b": ("b: same flags, no >= get_no", "#cfe3f3"),
     "d": ("d: flags differ, no < get_no", "#9cc4e4"),
     "c": ("c: flags differ, no >= get_no", "#f2b27a"),
     "a": ("a: same flags, no < get_no", "#c44e52"),
 }
 
+#: Field whose colour shows to whom a packet goes.
+_TARGETS = {"RCS": "control", "BCS": "address", "SS": "information"}
+
 #: Packets that one figure can show.
 _MOST_PACKETS = 500
 
 
-def plot_ring(ring: Ring, ax: Axes | None) -> Axes:
+def plot_ring(
+    cells: Sequence[str],
+    held: Collection[int],
+    places: Mapping[str, int],
+    text: str,
+    *,
+    overrun: bool,
+    ax: Axes | None,
+) -> Axes:
     """Draw a ring as a circle of cells, clockwise from the top, with its writer and its reader."""
     ax = style.axes(ax)
-    size, state = ring.size, ring.state
+    size = len(cells)
     step = 360 / size
-    held = {count % size for count in range(max(0, ring.written - min(ring.unread, size)),
-                                            ring.written)}  # fmt: skip
-    overrun = ring.unread > size
     shade = style.LIMIT["color"] if overrun else "C0"
-    for cell, byte in enumerate(ring.cells):
+    for cell, byte in enumerate(cells):
         middle = 90 - (cell + 0.5) * step
         wedge = Wedge(
             (0, 0), 1, middle - step / 2, middle + step / 2, width=0.25,
@@ -52,20 +56,13 @@ def plot_ring(ring: Ring, ax: Axes | None) -> Axes:
         )  # fmt: skip
         ax.add_patch(wedge)
         if size <= 32:
-            x, y = _at(0.875, middle)
-            written = cell < ring.written or ring.written >= size
-            ax.text(x, y, f"{byte:02X}" if written else "", ha="center", va="center", fontsize=8)
-    for name, cell, radius, tip in (
-        ("no", state.no, 1.38, 1.02),
-        ("get_no", state.get_no, 0.15, 0.74),
-    ):
+            ax.text(*_at(0.875, middle), byte, ha="center", va="center", fontsize=8)
+    for (name, cell), radius, tip in zip(places.items(), (1.38, 0.15), (1.02, 0.74), strict=True):
         angle = 90 - (cell + 0.5) * step
         ax.annotate(
             name, xy=_at(tip, angle), xytext=_at(radius, angle), ha="center", va="center",
             arrowprops={"arrowstyle": "->", "color": "0.2"},
         )  # fmt: skip
-    text = f"ring_f = {state.ring_f}, ring_get_f = {state.ring_get_f}"
-    text += f"\ncase {ring.case}, {ring.unread} unread"
     ax.text(0, -1.55, text, ha="center", va="top", fontsize="small")
     ax.set_xlim(-1.6, 1.6)
     ax.set_ylim(-2.1, 1.5)
@@ -79,18 +76,14 @@ def _at(radius: float, degrees: float) -> tuple[float, float]:
     return float(radius * np.cos(angle)), float(radius * np.sin(angle))
 
 
-def plot_cases(cases: RingCases, ax: Axes | None) -> Axes:
-    """Draw which case shows over the unread bytes and the reader's place."""
+def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
+    """Draw which case shows: a row per place of the reader, a column per unread byte."""
     ax = style.axes(ax)
-    size, laps = check_whole("size", cases.size, 2, 512), check_whole("laps", cases.laps, 1, 8)
-    order = list(_CASES)
-    shown = np.empty((size, laps * size), int)
-    for get_no in range(size):
-        for lead in range(laps * size):
-            shown[get_no, lead] = order.index(case_of(get_no, lead, size))
+    size = len(shown)
+    order = np.vectorize(list(_CASES).index)(shown)
     colours = [colour for _, colour in _CASES.values()]
     ax.imshow(
-        shown, cmap=ListedColormap(colours), norm=BoundaryNorm(np.arange(-0.5, 4), 4),
+        order, cmap=ListedColormap(colours), norm=BoundaryNorm(np.arange(-0.5, 4), 4),
         origin="lower", aspect="auto", interpolation="nearest",
     )  # fmt: skip
     ax.axvline(size, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
@@ -106,59 +99,62 @@ def plot_cases(cases: RingCases, ax: Axes | None) -> Axes:
     return ax
 
 
-def plot_lead(cases: RingCases, get_no: int, ax: Axes | None) -> Axes:
+def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
     """Draw what the four variables show of the unread bytes, over how many there are."""
     ax = style.axes(ax)
-    size, laps = cases.size, cases.laps
-    leads = np.arange(laps * size)
-    seems = leads % (2 * size)
+    leads = np.arange(len(letters))
     ax.plot(leads, leads, color="0.5", linewidth=1, label="truly unread")
-    ax.plot(leads, seems, color="C0", label="what the variables show")
-    letters = [case_of(get_no, int(lead), size) for lead in leads]
+    ax.plot(leads, leads % (2 * size), color="C0", label="what the variables show")
     edges = [0, *(np.flatnonzero(np.array(letters[1:]) != np.array(letters[:-1])) + 1), leads.size]
     for start, end in pairwise(edges):
         abnormal = letters[start] in ("a", "c")
         ax.axvspan(start, end, color="#f7d9d5" if abnormal else "#dceaf5", zorder=0)
-        ax.text((start + end) / 2, laps * size * 0.93, letters[start], ha="center")
+        ax.text((start + end) / 2, leads.size * 0.93, letters[start], ha="center")
     ax.axvline(size, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
     ax.annotate(
         "ring full", (size, 0.8), (4, 0), xycoords=("data", "axes fraction"),
         textcoords="offset points", color=style.LIMIT["color"],
     )  # fmt: skip
     ax.set(xlabel="bytes unread [byte]", ylabel="true and shown [byte]")
-    ax.set(xlim=(0, laps * size), ylim=(0, laps * size))
+    ax.set(xlim=(0, leads.size), ylim=(0, leads.size))
     ax.grid(visible=False)
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return ax
 
 
-def plot_time_chart(run: Run, ax: Axes | None, start: float, end: float) -> Axes:
+def plot_time_chart(
+    traffic: pd.DataFrame,
+    alarms: pd.DataFrame,
+    ax: Axes | None,
+    start: float,
+    end: float,
+    until: float,
+) -> Axes:
     """Draw the packets of each station in time, as Fig. 2 of chung1998."""
-    shown = [p for p in run.packets if p.end >= start and p.start <= end]
+    shown = traffic[(traffic["end_s"] >= start) & (traffic["start_s"] <= end)]
     if not 1 <= len(shown) <= _MOST_PACKETS:
         raise ArgumentError(
             f"start and stop show {len(shown)} packets; a figure shows 1 to {_MOST_PACKETS}"
         )
     ax = style.axes(ax)
     row = {name: place for place, name in enumerate(("BCS", "RCS", "SS"))}
-    colour = dict(zip(STATIONS, ("control", "address", "information"), strict=True))
-    for packet in shown:
-        lost = packet.outcome == "lost"
+    columns = ("start_s", "end_s", "source", "target", "read_s", "outcome")
+    packets = zip(*(shown[name].tolist() for name in columns), strict=True)
+    for begin, sent, source, target, read, outcome in packets:
+        lost = outcome == "lost"
         ax.add_patch(
             Rectangle(
-                (packet.start, row[packet.source] - 0.3), packet.end - packet.start, 0.6,
-                facecolor=style.FIELD[colour[packet.target]], edgecolor="0.3", linewidth=0.5,
+                (begin, row[source] - 0.3), sent - begin, 0.6,
+                facecolor=style.FIELD[_TARGETS[target]], edgecolor="0.3", linewidth=0.5,
                 hatch="////" if lost else None,
             )
         )  # fmt: skip
         if not lost:
-            side = 1 if row[packet.target] > row[packet.source] else -1
+            side = 1 if row[target] > row[source] else -1
             ax.annotate(
-                "", (packet.read, row[packet.target] - 0.3 * side),
-                (packet.end, row[packet.source] + 0.3 * side),
+                "", (read, row[target] - 0.3 * side), (sent, row[source] + 0.3 * side),
                 arrowprops={"arrowstyle": "->", "color": "0.4", "linewidth": 0.8},
             )  # fmt: skip
-    alarms = run.alarms()
     alarms = alarms[(alarms["time_s"] >= start) & (alarms["time_s"] <= end)]
     for one in alarms.to_dict("records"):
         place = row[one["station"]] - 0.4
@@ -168,22 +164,20 @@ def plot_time_chart(run: Run, ax: Axes | None, start: float, end: float) -> Axes
             textcoords="offset points", color=style.LIMIT["color"], fontsize="small",
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
         )  # fmt: skip
-    ax.set_xlim(start, min(end, run.until))
+    ax.set_xlim(start, min(end, until))
     ax.set_ylim(2.5, -0.75)
     ax.set_yticks(list(row.values()), list(row))
     ax.set_xlabel("time [s]")
     ax.grid(visible=False, axis="y")
+    handles = [
+        Patch(facecolor=style.FIELD[field], edgecolor="0.3", label=f"to {name}")
+        for name, field in _TARGETS.items()
+    ]
+    if (shown["outcome"] == "lost").any():
+        handles.append(Patch(facecolor="white", edgecolor="0.3", hatch="////", label="lost"))
     ax.legend(
-        handles=[
-            Patch(facecolor=style.FIELD[colour[name]], edgecolor="0.3", label=f"to {name}")
-            for name in STATIONS
-        ]
-        + [
-            Patch(facecolor="white", edgecolor="0.3", hatch="////", label="lost")
-            for _ in range(any(packet.outcome == "lost" for packet in shown))
-        ],
-        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False,
-    )  # fmt: skip
+        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False
+    )
     return ax
 
 
@@ -213,34 +207,31 @@ def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
     return ax
 
 
-def plot_counters(rule: Supervision, label: str, ax: Axes | None) -> Axes:
+def plot_counters(
+    times: Sequence[float],
+    counts: Sequence[int],
+    misses: Sequence[float],
+    label: str,
+    ax: Axes | None,
+) -> Axes:
     """Draw the counters of Fig 5 of chung1998 after the last 0xDD of a partner.
 
     The count is a line, each miss a mark with its number, the last one in red.
     """
     ax = style.axes(ax)
     place = len(ax.get_legend_handles_labels()[1])
-    counter = Counter(rule)
-    times, counts = [0.0], [0]
-    while not counter.failed:
-        missed = counter.miss
-        counter.step()
-        times.append(len(times) * rule.tick)
-        counts.append(counter.count)
-        if counter.count == 0:
-            colour = style.LIMIT["color"] if counter.failed else f"C{place}"
-            y = 11.7 + 1.8 * place
-            ax.plot(times[-1], y, "v", color=colour)
-            said = f"failed, {times[-1]:.1f} s" if counter.failed else f"miss {missed + 1}"
-            ax.annotate(
-                said, (times[-1], y), (5, 0), textcoords="offset points", va="center",
-                color=colour, fontsize="small",
-            )  # fmt: skip
+    for number, time in enumerate(misses, start=1):
+        failed = number == len(misses)
+        colour = style.LIMIT["color"] if failed else f"C{place}"
+        y = 11.7 + 1.8 * place
+        ax.plot(time, y, "v", color=colour)
+        ax.annotate(
+            f"failed, {time:.1f} s" if failed else f"miss {number}", (time, y), (5, 0),
+            textcoords="offset points", va="center", color=colour, fontsize="small",
+        )  # fmt: skip
     line, name = "-" if place == 0 else "--", label or f"rule {place + 1}"
     ax.plot(times, counts, line, drawstyle="steps-post", color=f"C{place}", label=name)
     ax.set(xlabel="time since the last 0xDD [s]", ylabel="count [tick]")
-    if (rule.count_limit, rule.tick) == (10, 0.1) and times[-1] <= 5.4:
-        ax.set(xlim=(0, 5.4), ylim=(0, 15.5), yticks=range(0, 11, 2))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return ax
 
@@ -261,7 +252,7 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None, bit_error_rate: float | No
         # Beside each other, so that none hides another.
         beside = items + 0.4 * place
         low, high = (rows[name].to_numpy(dtype=float) for name in ("low", "high"))
-        # See `packet_shares`: of the byte-stuffed packet the share is an estimate from above.
+        # See `CobsFormat`: of the byte-stuffed packet the share is an estimate from above.
         label = f"{check}" + ", upper estimate" * (check == "CRC")
         ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=label)
         some = count > 0

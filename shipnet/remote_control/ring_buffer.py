@@ -19,10 +19,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
+import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.remote_control.packet import PACKET_START, check_bytes
+from shipnet.remote_control.packet import PACKET_START
+from shipnet.remote_control.packet_format import check_bytes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -284,7 +286,16 @@ class Ring:
         """
         from shipnet.remote_control.plot import plot_ring
 
-        return plot_ring(self, ax)
+        held = range(max(0, self.written - min(self.unread, self.size)), self.written)
+        return plot_ring(
+            [f"{byte:02X}" if k < self.written else "" for k, byte in enumerate(self._cells)],
+            {count % self.size for count in held},
+            {"no": self.state.no, "get_no": self.state.get_no},
+            f"ring_f = {self.state.ring_f}, ring_get_f = {self.state.ring_get_f}\n"
+            f"case {self.case}, {self.unread} unread",
+            overrun=self.unread > self.size,
+            ax=ax,
+        )
 
     def _take(self, case: Case) -> Step:
         place = self._reader % self.size
@@ -331,6 +342,12 @@ class RingCases:
     size: int
     laps: int
 
+    def _shown(self) -> npt.NDArray[np.str_]:
+        """Return the case by the writer's lead and the reader's place."""
+        lead, place = np.ogrid[: self.laps * self.size, : self.size]
+        no, same = (lead + place) % self.size, (lead + place) // self.size % 2 == 0
+        return np.where(same, np.where(no >= place, "b", "a"), np.where(no >= place, "c", "d"))
+
     def table(self) -> pd.DataFrame:
         """Return in how many pairs of lead and reader's place each case shows.
 
@@ -339,15 +356,10 @@ class RingCases:
         """
         import pandas as pd
 
-        size, laps = self.size, self.laps
-        lead, place = np.ogrid[: laps * size, :size]
-        written = lead + place
-        same = written // size % 2 == 0
-        ahead = written % size >= place
-        shown = {"a": same & ~ahead, "b": same & ahead, "c": ~same & ahead, "d": ~same & ~ahead}
-        first = np.arange(laps) * size
-        table = {case: at.reshape(laps, -1).sum(axis=1) for case, at in shown.items()}
-        return pd.DataFrame({"from": first, "to": first + size - 1, **table})
+        shown = self._shown().reshape(self.laps, -1)
+        first = np.arange(self.laps) * self.size
+        counts = {case: (shown == case).sum(axis=1) for case in get_args(Case)}
+        return pd.DataFrame({"from": first, "to": first + self.size - 1, **counts})
 
     def plot(self, ax: Axes | None = None, *, get_no: int | None = None) -> Axes:
         """Draw a map of the cases over the unread bytes and the reader's place.
@@ -357,5 +369,8 @@ class RingCases:
         from shipnet.remote_control.plot import plot_cases, plot_lead
 
         if get_no is None:
-            return plot_cases(self, ax)
-        return plot_lead(self, check_whole("get_no", get_no, 0, self.size - 1), ax)
+            check_whole("size", self.size, 2, 512)
+            check_whole("laps", self.laps, 1, 8)
+            return plot_cases(self._shown().T, ax)
+        place = check_whole("get_no", get_no, 0, self.size - 1)
+        return plot_lead(self._shown()[:, place].tolist(), self.size, ax)

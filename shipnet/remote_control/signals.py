@@ -8,12 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from shipnet.errors import ArgumentError
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Hop = tuple[str, str]
 
@@ -91,23 +88,3 @@ def forwarded(source: str, target: str) -> frozenset[int]:
         raise ArgumentError(f"source and target are {source!r}, {target!r}; they must be BCS, SS")
     route = (source, "RCS", target)
     return frozenset(signal.number for signal in SIGNALS if route in signal.routes)
-
-
-def signal_table() -> pd.DataFrame:
-    """Return all signals and, in a column per hop such as ``RCS-BCS``, whether they cross it."""
-    import pandas as pd
-
-    rows = [
-        {
-            "number": signal.number,
-            "name": signal.name,
-            "kind": signal.kind,
-            "sources": ", ".join(signal.sources),
-            "readers": ", ".join(signal.readers),
-            "mirrored": signal.mirrored,
-            "where": signal.where,
-        }
-        | {f"{a}-{b}": (a, b) in signal.hops for a, b in HOPS}
-        for signal in SIGNALS
-    ]
-    return pd.DataFrame(rows)

@@ -18,7 +18,8 @@ from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, record, whole
 from shipnet.remote_control.faults import BitErrors, DeadStation, LostPacket, Stall
-from shipnet.remote_control.packet import DATA_START, Items, MarkerFormat
+from shipnet.remote_control.packet import DATA_START, MarkerFormat
+from shipnet.remote_control.packet_format import Items
 from shipnet.remote_control.signals import HOPS, STATIONS, forwarded
 from shipnet.remote_control.station import Event, Role, State, Station
 from shipnet.remote_control.system import BIT_RATES, System
@@ -268,7 +269,8 @@ class Run:
         """
         from shipnet.remote_control.plot import plot_time_chart
 
-        return plot_time_chart(self, ax, start, self.until if stop is None else stop)
+        end = self.until if stop is None else stop
+        return plot_time_chart(self.traffic(), self.alarms(), ax, start, end, self.until)
 
 
 # The simulation --------------------------------------------------------------------------------

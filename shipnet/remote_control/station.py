@@ -9,10 +9,59 @@ from typing import NamedTuple
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.remote_control.packet import Items, PacketFormat, Parser, changed_items
+from shipnet.remote_control.packet_format import Items, PacketFormat, Parser
 from shipnet.remote_control.ring_buffer import Ring
 from shipnet.remote_control.signals import HOPS
 from shipnet.remote_control.system import Counter, System
+
+
+def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
+    """Return the values that differ from those sent last, by number.
+
+    Parameters
+    ----------
+    sending : sequence of int
+        The values to send, 0..65535 each; ``SENDING`` of the paper [1]_.
+    sended : sequence of int
+        The values sent last, ``SENDED`` of the paper; as many as `sending`.
+
+    Returns
+    -------
+    dict of int to int
+        Number and value of each that differs, ``NEW_SEND`` of the paper; it may be empty.
+
+    Raises
+    ------
+    ArgumentError
+        If the two differ in length, or a value is not a whole number 0..65535.
+
+    References
+    ----------
+    .. [1] K. Y. Chung, K. S. Rhyu, "A study on the communication method for a ship main engine
+       remote control system", J. Korean Soc. Marine Eng., 1998, section 4.1 and Fig 6.
+
+    Examples
+    --------
+    >>> from shipnet import remote_control as rc
+    >>> rc.changed_items([120, 1, 0], [118, 1, 1])
+    {0: 120, 2: 0}
+    """
+    if len(sending) != len(sended):
+        raise ArgumentError(
+            f"sending has {len(sending)} data; it must have {len(sended)}, as many as sended"
+        )
+    pairs = zip(_values("sending", sending), _values("sended", sended), strict=True)
+    return {number: value for number, (value, last) in enumerate(pairs) if value != last}
+
+
+def _values(name: str, values: Sequence[int]) -> list[int]:
+    # The name of a value is only made for one that does not look right: there are two per byte.
+    return [
+        value
+        if type(value) is int and 0 <= value <= 0xFFFF
+        else check_whole(f"{name}[{number}]", value, 0, 0xFFFF)
+        for number, value in enumerate(values)
+    ]
 
 
 class Sender:

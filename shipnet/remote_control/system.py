@@ -1,4 +1,4 @@
-"""The link as it is built, its supervision, and its times in closed form.
+"""The link as it is built: its supervision, and its times in closed form.
 
 All times are for a link without bit errors in which every packet has all its items.
 """
@@ -14,7 +14,9 @@ import numpy as np
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, choice, number, record, switch, whole
-from shipnet.remote_control.packet import MarkerFormat, PacketFormat
+from shipnet.remote_control.packet import MarkerFormat
+from shipnet.remote_control.packet_format import PacketFormat
+from shipnet.remote_control.signals import HOPS, SIGNALS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -101,7 +103,17 @@ class Supervision:
         """
         from shipnet.remote_control.plot import plot_counters
 
-        return plot_counters(self, label, ax)
+        counter, counts, misses = Counter(self), [0], []
+        while not counter.failed:
+            counter.step()
+            counts.append(counter.count)
+            if counter.count == 0:
+                misses.append((len(counts) - 1) * self.tick)
+        times = [k * self.tick for k in range(len(counts))]
+        ax = plot_counters(times, counts, misses, label, ax)
+        if (self.count_limit, self.tick) == (10, 0.1) and times[-1] <= 5.4:
+            ax.set(xlim=(0, 5.4), ylim=(0, 15.5), yticks=range(0, 11, 2))
+        return ax
 
 
 @dataclass(slots=True)
@@ -330,9 +342,22 @@ class System:
 
     def signals(self) -> pd.DataFrame:
         """Return the values that cross the link: who sets them, who reads them, on which hops."""
-        from shipnet.remote_control.signals import signal_table
+        import pandas as pd
 
-        return signal_table()
+        rows = [
+            {
+                "number": signal.number,
+                "name": signal.name,
+                "kind": signal.kind,
+                "sources": ", ".join(signal.sources),
+                "readers": ", ".join(signal.readers),
+                "mirrored": signal.mirrored,
+                "where": signal.where,
+            }
+            | {f"{a}-{b}": (a, b) in signal.hops for a, b in HOPS}
+            for signal in SIGNALS
+        ]
+        return pd.DataFrame(rows)
 
     def cascade(self) -> Cascade:
         r"""Return what BCS sees when SS dies.

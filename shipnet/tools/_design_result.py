@@ -8,10 +8,10 @@ from typing import Any
 
 import pandas as pd
 
+from shipnet.design.catalogue import words
 from shipnet.design.comparison import RESPONSE, Comparison
 from shipnet.design.costs import label
 from shipnet.design.failures import worst
-from shipnet.design.settings import words
 
 #: Reasons for points left out, and violated rules, that are shown of each design.
 _TOLD = 3

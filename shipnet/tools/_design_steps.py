@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shipnet import datasets
-from shipnet.design.catalogue import Range
+from shipnet.design.catalogue import Assumptions, Range
 from shipnet.design.comparison import Comparison, compare
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
 from shipnet.design.planning import OPTIONS, plan
-from shipnet.design.settings import Assumptions, Settings, names
+from shipnet.design.settings import Settings, names
 from shipnet.design.site import Site, find_cabinet
 from shipnet.errors import ArgumentError
 

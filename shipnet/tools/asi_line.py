@@ -2,57 +2,48 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 
-from shipnet import style
-from shipnet.asi.modulation import HALF_BIT, bits_of_slots
-from shipnet.asi.receiver import (
-    MINIMUM,
-    TOLERANCE,
-    Reception,
-    matched_filter,
-    receive,
-)
+from shipnet.asi.modulation import HALF_BIT
+from shipnet.asi.receiver import MINIMUM, TOLERANCE, Receiver, Reception, Waveform
 from shipnet.asi.telegram import Response
-from shipnet.asi.topology import straight_line
+from shipnet.asi.topologies import line
 from shipnet.errors import FrameError, SilenceError
 from shipnet.fields import choice, number, record, switch, whole
-from shipnet.line.cable import CABLES, Cable
+from shipnet.line.cable import Cable
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
 #: Cables to choose from. The corners combine the limits of a data sheet, 0.5 to 0.75 uH/m and at
 #: most 80 pF/m (Lapp, UNITRONIC BUS ASI); their resistance is that of the nominal cable.
-CABLE_CHOICES = MappingProxyType(
+CABLE_CHOICES = MappingProxyType[str, str | Cable](
     {
-        "nominal: 100 ohm, 6.5 ns/m": CABLES["as-i 1.5"],
-        "lossless: 100 ohm, 6.5 ns/m": CABLES["as-i lossless"],
+        "nominal: 100 ohm, 6.5 ns/m": "as-i 1.5",
+        "lossless: 100 ohm, 6.5 ns/m": "as-i lossless",
         "low: 79 ohm, 6.3 ns/m": Cable(r=0.06, l=0.5e-6, c=80e-12),
         "slow: 97 ohm, 7.7 ns/m": Cable(r=0.06, l=0.75e-6, c=80e-12),
     }
 )
 
-#: Sampling interval, length of the record and begin of the answer in it [s].
-STEP, DURATION, START = 250e-9, 76.8e-6, 6e-6
+#: Sampling interval, and what is recorded before and after the answer [s].
+STEP, BEFORE, AFTER = 250e-9, 6e-6, 28.8e-6
 
 #: Standard deviation of white noise behind the matched filter over that before it: the root of
 #: 8/3 of the sampling interval in half-bits.
 FILTERED = (8 / 3 * STEP / HALF_BIT) ** 0.5
-
-Floats = npt.NDArray[np.floating]
 
 
 @record
 class AsiLine(Tool):
     """A slave that answers over a cable, and what the master reads.
 
-    `result` has the voltage at the master, the bits sent and read, and the error.
+    `wave` is the voltage at the master, an `asi.Waveform`, and `result` what the master's receiver
+    makes of it, an `asi.Reception`.
 
     Raises
     ------
@@ -80,9 +71,7 @@ class AsiLine(Tool):
         help="Impedance and delay: the nominal cable, and the corners of a data sheet's limits.",
     )  # fmt: skip
     terminator: bool = switch(
-        default=False,
-        label="100 ohm at the end",
-        help="A resistor at the far end takes up the echo.",
+        default=False, label="100 ohm at the end", help="A terminator absorbs the echo."
     )
     noise: float = number(
         0, 10, default=0.0, unit="V", slider=(0, 1.5), step=0.05, label="noise",
@@ -93,103 +82,68 @@ class AsiLine(Tool):
         0, 999, default=0, slider=(0, 99), label="try", help="Another try draws other noise."
     )
 
+    @property
+    def receiver(self) -> Receiver:
+        """The receiver of the master."""
+        # Four standard deviations keep the noise before the answer from looking like a pulse.
+        return Receiver(minimum=max(MINIMUM, 4 * FILTERED * self.noise))
+
     @cached_property
-    def result(self) -> Result:
-        """Send an answer over the line and receive it."""
-        sent = Response(self.data).bits
-        segment = straight_line(
+    def wave(self) -> Waveform:
+        """The voltage at the master while the slave answers, noise included."""
+        plan = line(
             self.length,
             slaves=(min(self.place, self.length),),
             cable=CABLE_CHOICES[self.cable],
             terminator=100.0 if self.terminator else None,
         )
-        t, (((u,),)) = segment.signals(sent, dt=STEP, duration=DURATION, start=START)
-        u = u + np.random.default_rng(self.seed).normal(0, self.noise, u.size)
-        # Four standard deviations keep the noise before the answer from looking like a pulse.
-        minimum = max(MINIMUM, 4 * FILTERED * self.noise)
-        found = receive(u, STEP, len(sent), minimum=minimum)
-        return Result(t - START, u, matched_filter(u, STEP), sent, found, _error_of(found))
+        node = plan.slaves[0].node
+        wave = plan.waveform(Response(self.data), node, dt=STEP, before=BEFORE, after=AFTER)
+        noise = np.random.default_rng(self.seed).normal(0, self.noise, wave.u.size)
+        return replace(wave, u=wave.u + noise)
+
+    @cached_property
+    def result(self) -> Reception:
+        """What the master receives."""
+        return self.wave.receive(self.receiver)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the voltage with what the receiver sees in it."""
-        result, ax = self.result, style.axes(ax)
-        found = result.reception
-        ax.plot(result.t * 1e6, result.u, color="0.6", linewidth=1, label="on the line")
-        ax.plot(result.t * 1e6, result.filtered, color="C0", label="behind the filter")
-        if np.isfinite(found.start):
-            middles = found.start - START + HALF_BIT * (np.arange(found.slots.size) + 0.5)
-            heights = np.interp(middles, result.t, result.filtered)
-            filled = found.slots != 0
-            ax.plot(middles[filled] * 1e6, heights[filled], "o", color="C1", label="pulse")
-            ax.plot(middles[~filled][1:] * 1e6, heights[~filled][1:], "x", color="C1", label="none")
-            threshold = abs(heights[1]) / 2
-            for level in (threshold, -threshold):
-                ax.axhline(level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
-            ax.text(62, threshold, "threshold", color=style.LIMIT["color"], ha="right", va="bottom")
-        ax.set(xlim=(-5, 63), xlabel="time [us]", ylabel="voltage at the master [V]")
-        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
-        return ax
+        return self.result.plot(self.wave, ax, receiver=self.receiver)
 
     def _view(self) -> View:
         """Return what the page shows."""
-        result = self.result
+        sent, read = Response(self.data).bits, ""
+        try:
+            read = self._read()
+            verdict = f"read {read}: {Response.parse(read)}"
+        except FrameError as error:
+            verdict = f"{type(error).__name__}: {error}"
+        if read and read != sent:
+            verdict = f"read {read}, but {sent} was sent: the fault went undetected"
         return View(
-            verdict=result.verdict,
-            ok=result.read == result.sent,
-            numbers=result.numbers,
+            verdict=verdict,
+            ok=read == sent,
+            numbers=self._numbers(),
             plot=self.plot,
             about="Voltage at the master over time, and the pulses that the receiver finds",
         )
 
+    def _read(self) -> str:
+        """Return the bits that the master reads, or raise the FrameError of the first check."""
+        if self.result.error == SilenceError.code:
+            raise SilenceError("no pulse rises above the noise")
+        return self.result.pulses.decode()
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Result:
-    """What the master makes of the answer."""
-
-    t: Floats
-    u: Floats
-    filtered: Floats
-    sent: str
-    reception: Reception
-    error: FrameError | None
-
-    @property
-    def read(self) -> str:
-        """The bits that the master read; empty after an error."""
-        if self.error is not None:
-            return ""
-        return "".join(map(str, self.reception.bits.tolist()))
-
-    @property
-    def verdict(self) -> str:
-        """One line: what was read, or what is wrong."""
-        if self.error is not None:
-            return f"{type(self.error).__name__}: {self.error}"
-        if self.read != self.sent:
-            return f"read {self.read}, but {self.sent} was sent: the fault went undetected"
-        return f"read {self.read}: {Response.parse(self.read)}"
-
-    @property
-    def numbers(self) -> dict[str, str]:
-        """Size of the signal, and how even and how still it is, as text with units."""
-        found = self.reception
-        texts = {"signal": f"{np.ptp(self.u):.1f} Vpp"}
-        if np.isfinite(found.amplitude):
-            texts["first pulse"] = f"{found.amplitude:.2f} V"
-            texts["weakest pulse"] = (
-                f"{found.weakest:.0%} of the largest, {TOLERANCE.evenness:.0%} needed"
-            )
-            texts["ringing"] = (
-                f"{found.ringing:.0%} of the largest, {TOLERANCE.ringing:.0%} allowed"
-            )
-        return texts
-
-
-def _error_of(found: Reception) -> FrameError | None:
-    if found.error == SilenceError.code:
-        return SilenceError("the line holds no pulse that stands out of the noise")
-    try:
-        bits_of_slots(found.slots)
-    except FrameError as error:
-        return error
-    return None
+    def _numbers(self) -> dict[str, str]:
+        """Return the size of the signal, and how even and how still it is."""
+        heard, swing = self.result, {"signal": f"{np.ptp(self.wave.u):.1f} Vpp"}
+        if np.isnan(heard.amplitude):
+            return swing
+        evenness, ringing = TOLERANCE
+        return {
+            **swing,
+            "first pulse": f"{heard.amplitude:.2f} V",
+            "weakest pulse": f"{heard.weakest:.0%} of the largest, {evenness:.0%} needed",
+            "ringing": f"{heard.ringing:.0%} of the largest, {ringing:.0%} allowed",
+        }

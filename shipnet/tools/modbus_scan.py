@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, whole
-from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, ClassVar
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.design.comparison import BANNER, RESPONSE
+from shipnet.design.comparison import RESPONSE
+from shipnet.design.costs import label
 from shipnet.design.plot import plot_pareto
+from shipnet.design.report import BANNER
 from shipnet.design.rules import RULE_SETS
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, switch, text
@@ -190,7 +192,8 @@ class ShipDesign(Tool):
         if picture == "assumptions":
             return comparison.tornado().plot(ax)
         best = [result.names[name] for name in comparison.pareto("total_cost_eur", picture)]
-        plot_pareto(comparison.table().rename(result.names), "total_cost_eur", picture, best, ax=ax)
+        shown = comparison.table()[["total_cost_eur", picture]].rename(result.names)
+        plot_pareto(shown.rename(columns=label), best, ax=ax)
         if picture == "lost_by_failure":
             ax.set_ylabel("points lost by one failure")
         return ax

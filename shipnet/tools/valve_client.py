@@ -18,7 +18,7 @@ from shipnet import style
 from shipnet.ballast.live import Ask, Client, Link, ModelValves, Readout, said, serve
 from shipnet.ballast.master import Screen
 from shipnet.fields import record, text, whole
-from shipnet.modbus.adu import MAX_UNIT
+from shipnet.modbus.frame import MAX_UNIT
 from shipnet.tools._page import Page
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, View

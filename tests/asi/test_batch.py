@@ -14,7 +14,7 @@ from shipnet.asi.batch import (
     parse_responses,
     words_of,
 )
-from shipnet.errors import ArgumentError, FrameError, LengthError, explain
+from shipnet.errors import ArgumentError, FrameError, LengthError, name_of
 
 HALVES = {None: NONE, "A": 0, "B": 1}
 
@@ -52,7 +52,7 @@ def test_all_fields_encode_as_the_scalar_code_does():
         try:
             expected = Request(int(c), int(a), int(d), names[int(h)]).bits
         except (ValueError, KeyError):
-            assert (word, explain(fault)) == (0, "ArgumentError")
+            assert (word, name_of(fault)) == (0, "ArgumentError")
         else:
             assert (f"{word:014b}", fault) == (expected, 0)
 
@@ -60,7 +60,7 @@ def test_all_fields_encode_as_the_scalar_code_does():
 def test_all_responses_encode_as_the_scalar_code_does():
     words, error = encode_responses(np.arange(-1, 17))
     assert [f"{word:07b}" for word in words[1:-1]] == [Response(data).bits for data in range(16)]
-    assert [explain(code) for code in error[[0, -1]]] == ["ArgumentError"] * 2
+    assert [name_of(code) for code in error[[0, -1]]] == ["ArgumentError"] * 2
     assert not error[1:-1].any()
 
 

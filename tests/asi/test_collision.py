@@ -5,6 +5,7 @@ import pytest
 
 from shipnet.asi import Response
 from shipnet.asi.batch import bits_of
+from shipnet.asi.channel import MISSED, REQUEST_LOST, VARIANTS
 from shipnet.asi.modulation import (
     ONE_PULSE_CODES,
     add_pulses,
@@ -13,8 +14,7 @@ from shipnet.asi.modulation import (
     collide,
     pulses_of,
 )
-from shipnet.asi.simulation.channel import MISSED, REQUEST_LOST, VARIANTS
-from shipnet.errors import ArgumentError, FrameError, explain
+from shipnet.errors import ArgumentError, FrameError, name_of
 from tests.asi.lines import draw
 
 ANSWERS = [Response(data).bits for data in range(16)]
@@ -73,7 +73,7 @@ def test_the_codes_of_one_disturbed_pulse_are_those_that_the_scalar_receiver_fin
                 other[slot] = value
                 with pytest.raises(FrameError) as caught:
                     bits_of_slots(other)
-                assert type(caught.value).__name__ == explain(next(wrong))
+                assert type(caught.value).__name__ == name_of(next(wrong))
 
 
 @pytest.mark.parametrize(

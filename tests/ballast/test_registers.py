@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from shipnet.ballast.registers import CODE_READINGS, SCALES, Code, RegisterMap, command_codes
 from shipnet.ballast.rule_table import rule_base
 from shipnet.errors import ArgumentError, FieldError, LengthError
-from shipnet.modbus.adu import decode
-from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.pdu import Request, Response, decode
 from shipnet.papers.kim2014.line import switch_table, unit_id
 from shipnet.papers.kim2014.registers import (
     MESSAGES,

@@ -201,7 +201,7 @@ def test_the_index_leads_to_the_line_which_keys_alone_move_and_which_tells_its_h
 
 def test_a_state_that_is_not_one_is_refused_in_a_sentence(page, app):
     tool = Tool.opened(page, app, "asi_network")
-    tool.moves(lambda: tool.press("cable [m]", 10), "all rules kept", "cable length")
+    tool.moves(lambda: tool.press("cable [m]", 10), "all rules met", "cable length")
     name, state = tool.saved()
     note = page.locator(".shipnet-note")
     for wrong, why in [
@@ -216,7 +216,7 @@ def test_a_state_that_is_not_one_is_refused_in_a_sentence(page, app):
         expect(tool.slider("cable [m]")).to_have_attribute("aria-valuenow", "150.0")
         tool.says("cable length")
     tool.press("cable [m]", 10, "ArrowLeft")
-    tool.says("all rules kept")
+    tool.says("all rules met")
     expect(note).to_have_count(0)
     tool.load("load state", name, state)
     tool.says("cable length")

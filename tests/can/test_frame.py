@@ -1,6 +1,3 @@
-import csv
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import example, given
@@ -18,15 +15,7 @@ from shipnet.errors import (
     StuffError,
     SymbolError,
 )
-from tests.can.bit_reference import line_bits
-from tests.can.frames import frames
-
-REFERENCE = Path(__file__).parents[1] / "reference" / "can"
-
-
-def rows(name):
-    with (REFERENCE / name).open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+from tests.can.frames import LONGEST, frames, line_bits, rows
 
 
 @given(frames())
@@ -52,10 +41,7 @@ def test_lengths_are_those_of_can_utils():
 
 
 def test_frames_known_to_be_long_have_their_crc_and_stuff_bits():
-    for row in rows("worst_attainable_frames.csv"):
-        frame = Frame(
-            int(row["id_hex"], 16), bytes.fromhex(row["data_hex"]), row["format"] == "ext"
-        )
+    for row, frame in zip(rows("worst_attainable_frames.csv"), LONGEST, strict=True):
         assert frame.crc == int(row["crc15"])
         assert frame.stuff_bits == int(row["stuff_bits"])
         assert frame.length == int(row["total_bits_incl_ifs3"])

@@ -1,15 +1,14 @@
 """Lengths of frames: formulas, published tables, and counting every bit of every frame."""
 
-import csv
-from pathlib import Path
-
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from shipnet.can.lengths import frame_length, length_table
-from shipnet.errors import ArgumentError
-
-REFERENCE = Path(__file__).parents[1] / "reference" / "can"
+from shipnet.can.frame import Frame
+from shipnet.can.lengths import frame_length, length_table, measure_frames
+from shipnet.errors import ArgumentError, name_of
+from tests.can.frames import LONGEST, frames, rows
 
 #: Ways of counting, shortest frames first.
 WAYS = ("none", "mean", "worst 1994", "attainable", "worst")
@@ -18,12 +17,7 @@ WAYS = ("none", "mean", "worst 1994", "attainable", "worst")
 POLYNOMIAL = 0x4599
 
 
-def reference(name):
-    with (REFERENCE / name).open() as stream:
-        return list(csv.DictReader(stream))
-
-
-@pytest.mark.parametrize("row", reference("frame_lengths.csv"))
+@pytest.mark.parametrize("row", rows("frame_lengths.csv"))
 def test_lengths_are_those_of_the_reference(row):
     s, extended = int(row["bytes"]), row["format"] == "ext"
     for stuffing, column in (
@@ -54,24 +48,6 @@ def test_ways_of_counting_keep_their_order():
     assert length_table("worst 1994")[0][8] == 130 < length_table("attainable")[0][8] == 133
 
 
-def crc(bits):
-    register = 0
-    for bit in bits:
-        out = (register >> 14) ^ bit
-        register = (register << 1) & 0x7FFF ^ POLYNOMIAL * out
-    return register
-
-
-def count_stuff_bits(bits):
-    count, last, run = 0, None, 0
-    for bit in bits:
-        run = run + 1 if bit == last else 1
-        last = bit
-        if run == 5:
-            count, last, run = count + 1, 1 - bit, 1
-    return count
-
-
 def frame_head(extended, dlc):
     """Return the bits from start of frame to the data; None where a bit is free."""
     length = [int(bit) for bit in f"{dlc:04b}"]
@@ -80,21 +56,29 @@ def frame_head(extended, dlc):
     return [0, *[None] * 11, 0, 0, 0, *length]
 
 
-@pytest.mark.parametrize("row", reference("worst_attainable_frames.csv"))
-def test_the_longest_frames_exist(row):
-    extended, dlc = row["format"] == "ext", int(row["dlc"])
-    free = iter(f"{int(row['id_hex'], 16):0{29 if extended else 11}b}")
-    bits = [int(next(free)) if bit is None else bit for bit in frame_head(extended, dlc)]
-    data = bytes.fromhex(row["data_hex"])
-    assert len(data) == dlc
-    bits += [int(bit) for byte in data for bit in f"{byte:08b}"]
-    bits += [int(bit) for bit in f"{crc(bits):015b}"]
-    total = frame_length(dlc, stuffing="none", extended=extended) + count_stuff_bits(bits)
-    assert (
-        total
-        == frame_length(dlc, stuffing="attainable", extended=extended)
-        == int(row["total_bits_incl_ifs3"])
+@pytest.mark.parametrize("frame", LONGEST, ids=str)
+def test_the_longest_frames_exist(frame):
+    most = frame_length(len(frame.data), stuffing="attainable", extended=frame.extended)
+    assert frame.length == most < frame_length(len(frame.data), extended=frame.extended)
+
+
+@given(frames().filter(lambda frame: frame.dlc <= 8 and not frame.remote))
+def test_no_frame_is_longer_than_the_longest_nor_shorter_than_without_stuff_bits(frame):
+    least, most = (
+        frame_length(frame.dlc, stuffing=way, extended=frame.extended)
+        for way in ("none", "attainable")
     )
+    assert least <= frame.length <= most
+
+
+@pytest.mark.parametrize("kind", ["std", "ext"])
+def test_random_frames_have_the_mean_within_four_standard_errors(kind):
+    (row,) = (r for r in rows("stuff_bits.csv") if (r["format"], r["dlc"]) == (kind, "8"))
+    rng, n, long = np.random.default_rng(2024), 20_000, kind == "ext"
+    numbers = rng.integers(0, 2 ** (29 if long else 11), n)
+    found = measure_frames(numbers, rng.integers(0, 256, (n, 8)), extended=long).length
+    mean = frame_length(8, stuffing="mean", extended=long)
+    assert abs(found.mean() - mean) < 4 * float(row["sd_stuff_uniform"]) / np.sqrt(n)
 
 
 def over_all_frames(extended, dlc):
@@ -161,7 +145,7 @@ def test_mean_and_longest_frames_follow_from_all_frames(extended, dlc):
 
 
 def test_the_means_of_all_formats_are_those_of_the_reference():
-    for row in reference("stuff_bits.csv"):
+    for row in rows("stuff_bits.csv"):
         ours = frame_length(int(row["dlc"]), stuffing="mean", extended=row["format"] == "ext")
         assert ours == pytest.approx(float(row["mean_total_bits"]), abs=6e-7)
 
@@ -183,3 +167,119 @@ def test_other_wrong_arguments_are_refused():
 def test_whole_floats_are_numbers_of_bytes():
     assert frame_length(2.0) == frame_length(2) == 75
     assert frame_length([2.0, 8.0]).tolist() == [75, 135]
+
+
+# Frames by the million.
+
+
+def columns(found):
+    """Return the arguments of the batch functions for frames."""
+    data = np.array([list(frame.data.ljust(8, b"\xa5")) for frame in found], np.uint8)
+    return (
+        [frame.arbitration_id for frame in found],
+        data.reshape(-1, 8),
+        [frame.dlc for frame in found],
+    ), {
+        "extended": [frame.extended for frame in found],
+        "remote": [frame.remote for frame in found],
+    }
+
+
+def some_frames(n, seed=2024):
+    rng = np.random.default_rng(seed)
+    for _ in range(n):
+        extended, remote = bool(rng.integers(2)), rng.random() < 0.1
+        dlc = int(rng.integers(16))
+        data = rng.choice([0, 255, 15, rng.integers(256)], 0 if remote else min(dlc, 8))
+        number = int(rng.integers(2**29 if extended else 2**11))
+        yield Frame(number, data.astype(np.uint8).tobytes(), extended, remote, dlc)
+
+
+def assert_batch_is_as_frames(found):
+    arguments, flags = columns(found)
+    measures = measure_frames(*arguments, **flags)
+    assert measures.crc.tolist() == [frame.crc for frame in found]
+    assert measures.stuff_bits.tolist() == [frame.stuff_bits for frame in found]
+    assert measures.length.tolist() == [frame.length for frame in found]
+    assert not measures.error.any()
+
+
+@given(st.lists(frames(), min_size=1, max_size=8))
+def test_any_frames_are_as_the_scalar_code_has_them(found):
+    assert_batch_is_as_frames(found)
+
+
+def test_thousands_of_frames_are_as_the_scalar_code_has_them():
+    assert_batch_is_as_frames(list(some_frames(2000)))
+
+
+def test_the_longest_frames_are_measured():
+    assert_batch_is_as_frames([*LONGEST, Frame(LONGEST[17].arbitration_id, bytes(8), True, dlc=15)])
+
+
+def test_lengths_are_those_of_can_utils():
+    found = rows("can_utils_lengths.csv")
+    data = [list(bytes.fromhex(row["data_hex"]).ljust(8, b"\0")) for row in found]
+    measures = measure_frames(
+        [int(row["arbitration_id_hex"], 16) for row in found],
+        data,
+        [len(row["data_hex"]) // 2 for row in found],
+        extended=[row["extended"] == "1" for row in found],
+        remote=[row["remote"] == "1" for row in found],
+    )
+    assert measures.length.tolist() == [int(row["length_with_intermission"]) for row in found]
+
+
+def test_more_frames_than_one_chunk_keep_their_order():
+    number = np.arange(20_000) % 2048
+    short = measure_frames(number[:2048], np.zeros(8, int), 3)
+    long = measure_frames(number, np.zeros(8, int), 3)
+    assert (long.crc == short.crc[number]).all()
+
+
+def test_bytes_of_zero_cost_more_stuff_bits_than_random_data_do():
+    zeros = measure_frames(np.arange(2048), [0] * 8).stuff_bits
+    assert (zeros.min(), zeros.max()) == (13, 17)
+
+
+def test_frames_that_cannot_be_get_a_code():
+    number = [2048, 2047, -1, 2**29, 2**29 - 1, 0, 0]
+    extended = [False, False, False, True, True, False, False]
+    dlc = [8, 8, 8, 8, 8, 16, -1]
+    legal = [False, True, False, False, True, False, False]
+    measures = measure_frames(number, [0] * 8, dlc, extended=extended)
+    assert [name_of(code) for code in measures.error] == [
+        "ok" if good else "ArgumentError" for good in legal
+    ]
+    for field in measures[1:]:
+        assert [bool(value) for value in field] == legal
+    rows = np.zeros((2, 8), int)
+    rows[1, 7] = 256
+    assert measure_frames(1, rows).error.tolist() == [0, ArgumentError.code]
+
+
+def test_no_frames_and_one_frame():
+    empty = measure_frames([], np.empty((0, 8), np.uint8), [])
+    assert all(field.shape == (0,) for field in empty)
+    assert measure_frames(5, range(8)).length.tolist() == [Frame(5, bytes(range(8))).length]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"arbitration_id": [1.0]}, "arbitration_id must be whole numbers"),
+        ({"arbitration_id": [True]}, "arbitration_id must be whole numbers"),
+        ({"data": [float("nan")] * 8}, "data must be whole numbers"),
+        ({"dlc": ["8"]}, "dlc must be whole numbers"),
+        ({"extended": [1]}, "extended must be True or False"),
+        ({"remote": 0}, "remote must be True or False"),
+        ({"data": [0] * 7}, r"data have shape \(7,\)"),
+        ({"data": 0}, r"data have shape \(\)"),
+        ({"arbitration_id": [[1]]}, r"must be \(n, 8\) and \(n,\)"),
+        ({"arbitration_id": [1, 2], "dlc": [1, 2, 3]}, "different lengths"),
+    ],
+)
+def test_other_types_and_shapes_are_refused(change, message):
+    arguments = {"arbitration_id": 1, "data": [0] * 8} | change
+    with pytest.raises(ArgumentError, match=message):
+        measure_frames(**arguments)

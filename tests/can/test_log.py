@@ -143,8 +143,8 @@ GOOD = "(1.000000) can0 123#0102\n"
         ("(2.0) can0 123#010203040506070809", "line 2: "),
         ("(2.0) can0 123#0102 X", "line 2: "),
         ("(nan) can0 123#01", "line 2: "),
-        ("(2.0) can0 800#01", "line 2: the identifier 800 is above 7FF"),
-        ("(2.0) can0 40000000#01", "line 2: the identifier 40000000 is above 1FFFFFFF"),
+        ("(2.0) can0 800#01", "line 2: the identifier is 0x800; it must be 0..0x7ff"),
+        ("(2.0) can0 40000000#01", "line 2: the identifier is 0x40000000; it must be 0..0x1ff"),
         ("(2.0) can0 \xff#01", "line 2: "),
     ],
 )
@@ -297,9 +297,14 @@ def test_a_load_needs_sensible_arguments(change, message):
 
 def test_a_frame_that_cannot_be_has_no_length():
     log = random_log(5, np.random.default_rng(6), channels=("can0",))
-    wrong = replace(log, arbitration_id=np.full(5, 0x800), extended=np.zeros(5, dtype=bool))
-    with pytest.raises(ArgumentError, match=r"identifier 0x800 and .*; no frame has these"):
-        wrong.load(125e3)
+    short = np.zeros(5, dtype=bool)
+    for change, why in (
+        ({"arbitration_id": np.full(5, 0x800), "extended": short}, "the identifier is 0x800; it"),
+        ({"dlc": np.full(5, 32, np.uint8)}, "the data length code is 32"),
+        ({"time": np.full(5, np.nan)}, "the time is nan"),
+    ):
+        with pytest.raises(ArgumentError, match=f"frame 1 of the log: {why}"):
+            replace(log, **change).load(125e3)
     with pytest.raises(ArgumentError, match="log has columns of"):
         replace(log, time=log.time[:3])
 
@@ -353,7 +358,7 @@ def test_frames_of_other_formats_that_cannot_be_are_faults(tmp_path):
     cells = lines[2].split(",")
     cells[1] = "0x40000000"
     path.write_text("\n".join([*lines[:2], ",".join(cells), *lines[3:]]) + "\n")
-    with pytest.raises(InputError, match="frame 2: the identifier is 1073741824; it must be 0"):
+    with pytest.raises(InputError, match="frame 2: the identifier is 0x40000000; it must be 0"):
         read_log(path)
     assert len(read_log(path, keep=True)) == 2
 

@@ -7,10 +7,10 @@ from matplotlib.figure import Figure
 from shipnet import style
 from shipnet.can.frame import Frame
 from shipnet.errors import ArgumentError
-from tests.can.stuff_bits import longest_frame
+from tests.can.frames import LONGEST
 
 FRAMES = [
-    longest_frame(8, extended=True),
+    LONGEST[-1],
     Frame(0x1ABCDEF5, bytes(range(1, 9)), True),
     Frame(0x123, bytes.fromhex("00000000DEADBEEF")),
     Frame(0x14, remote=True),

@@ -3,14 +3,19 @@
 import csv
 import json
 import math
+from collections import deque
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.colors import same_color
+from matplotlib.figure import Figure
 
+from shipnet import style
 from shipnet.can import (
     Assumptions,
     Message,
@@ -19,13 +24,12 @@ from shipnet.can import (
     faults,
     lowest_bit_rate,
     response_times,
+    simulate,
 )
-from shipnet.can import simulate as simulate_bus
 from shipnet.can.faults import NO_ERRORS, ErrorBound
 from shipnet.can.response import AS_USUAL
 from shipnet.can.response import schedulable as _schedulable
 from shipnet.errors import ArgumentError
-from tests.can.played_bus import simulate
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "can"
 
@@ -107,6 +111,38 @@ def small_sets(draw, most_jitter=2.0):
     return frames, periods, jitters
 
 
+def play(frames, releases, *, foreign=None, faults=(), error_bits=31):
+    """Send frames on a bus without any theory; return when each instance ends, by message.
+
+    Times are bit times, and the most urgent frame that waits goes first. `releases` holds the
+    queueing times of each message, the most urgent first, and `foreign` a frame of (start, length)
+    that has the bus already. A fault destroys the frame on the bus; an error frame follows, and
+    the frame waits for arbitration again.
+    """
+    waiting = [deque(sorted(times)) for times in releases]
+    faults = deque(sorted(faults))
+    finish = [[] for _ in releases]
+    now = min((times[0] for times in waiting if times), default=0)
+    if foreign:
+        now = sum(foreign)
+    while any(waiting):
+        ready = [m for m, times in enumerate(waiting) if times and times[0] <= now]
+        if not ready:
+            now = min(times[0] for times in waiting if times)
+            continue
+        m, end = ready[0], now + frames[ready[0]]
+        # A fault on an idle bus or in an error frame destroys nothing.
+        while faults and faults[0] <= now:
+            faults.popleft()
+        if faults and faults[0] <= end:
+            now = faults.popleft() + error_bits
+            continue
+        now = end
+        waiting[m].popleft()
+        finish[m].append(end)
+    return finish
+
+
 @given(small_sets(), st.integers(0, 160))
 def test_the_worst_release_attains_the_response_of_every_instance(drawn, foreign):
     frames, periods, jitters = drawn
@@ -123,7 +159,7 @@ def test_the_worst_release_attains_the_response_of_every_instance(drawn, foreign
         ]
         releases = [[max(0, arrival) for arrival in times] for times in arrivals]
         begun = (-1, blocking + 1) if blocking else None
-        finish = simulate(frames, releases, foreign=begun)[m]
+        finish = play(frames, releases, foreign=begun)[m]
         expected = [end - arrival for end, arrival in zip(finish, arrivals[m], strict=True)]
         instances = [round(response / US) for response in found.instances]
         assert instances == expected[: len(instances)]
@@ -144,7 +180,7 @@ def test_no_release_at_all_passes_the_response(drawn, seed):
             np.maximum.accumulate(times + rng.integers(jitter + 1, size=len(times))).tolist()
             for times, jitter in zip(arrivals, jitters, strict=True)
         ]
-        for ends, times, most in zip(simulate(frames, releases), arrivals, bound, strict=True):
+        for ends, times, most in zip(play(frames, releases), arrivals, bound, strict=True):
             assert (np.array(ends) - times).max() <= most
 
 
@@ -162,7 +198,7 @@ def test_no_release_and_no_fault_pass_the_response_with_faults(drawn, burst, see
         for times, jitter in zip(arrivals, jitters, strict=True)
     ]
     faults = np.sort(rng.integers(0, 600, size=burst))
-    finish = simulate(frames, releases, faults=faults)
+    finish = play(frames, releases, faults=faults)
     for ends, times, most in zip(finish, arrivals, bound, strict=True):
         assert (np.array(ends) - times).max() <= most
 
@@ -171,7 +207,7 @@ def test_no_release_and_no_fault_pass_the_response_with_faults(drawn, burst, see
 def test_faults_in_last_bits_attain_the_response_of_a_lone_message(faults):
     frame, period = 135, 2000
     ends = [k * (frame + 31) + frame for k in range(faults)]
-    attained = simulate([frame], [[0]], faults=ends)[0][0]
+    attained = play([frame], [[0]], faults=ends)[0][0]
     found = response_times(message_set([frame], [period]), FAST, faults=errors(faults))[0]
     assert found.response == pytest.approx(attained * US, rel=1e-12)
     assert attained == frame + faults * (31 + frame)
@@ -404,7 +440,7 @@ def test_the_table_says_what_the_results_say():
         lambda other: schedulable(other, 125_000),
         lambda other: audsley(other, 125_000),
         lambda other: lowest_bit_rate(other),
-        lambda other: simulate_bus(other, 125_000, until=1.0),
+        lambda other: simulate(other, 125_000, until=1.0),
     ],
 )
 def test_what_is_not_a_message_set_is_refused(function, other):
@@ -429,3 +465,55 @@ def test_results_are_read_by_name_and_the_critical_message_is_named():
 def test_an_analysis_takes_one_bound_on_errors(wrong):
     with pytest.raises(ArgumentError, match=r"an analysis takes one faults\.ErrorBound"):
         response_times(davis_messages(), 125e3, faults=wrong)
+
+
+# The picture.
+
+
+@pytest.fixture
+def ax():
+    with mpl.rc_context():
+        yield Figure(figsize=(6.4, 3.2)).subplots()
+
+
+def late_responses(period=3.5e-3):
+    messages = MessageSet(
+        [
+            Message("A", 1, 7, 2.5e-3),
+            Message("B", 2, 7, period, 3.25e-3),
+            Message("C", 3, 7, period, 3.25e-3),
+        ]
+    )
+    return response_times(messages, 125_000)
+
+
+def test_bars_are_the_responses_in_order_of_priority_and_marks_the_deadlines(ax):
+    assert late_responses().plot(ax) is ax
+    met, missed = ax.containers
+    assert [bar.get_width() for bar in met] == [2.0, 3.0]
+    assert [bar.get_width() for bar in missed] == [3.5]
+    assert same_color(missed[0].get_facecolor()[:3], style.LIMIT["color"])
+    assert not same_color(met[0].get_facecolor()[:3], style.LIMIT["color"])
+    (marks,) = ax.lines
+    assert marks.get_xydata().tolist() == [[2.5, 0], [3.25, 1], [3.25, 2]]
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["A", "B", "C"]
+    bottom, top = ax.get_ylim()
+    assert bottom > 2 > 0 > top
+    assert ax.get_xlabel() == "time [ms]"
+    labels = ax.get_legend_handles_labels()[1]
+    assert labels == ["deadline", "response, met", "response, missed"]
+    ax.figure.draw_without_rendering()
+
+
+def test_a_response_without_bound_leaves_the_axes_and_says_so(ax):
+    without = late_responses(period=1.5e-3 / 0.9)
+    assert [one.response for one in without][1:] == [math.inf, math.inf]
+    without.plot(ax)
+    assert [text.get_text().strip() for text in ax.texts] == ["no bound", "no bound"]
+    assert ax.containers[1][0].get_width() > ax.get_xlim()[1]
+    ax.figure.draw_without_rendering()
+
+
+def test_a_set_without_messages_can_be_drawn(ax):
+    response_times(MessageSet([]), 125_000).plot(ax)
+    ax.figure.draw_without_rendering()

@@ -8,23 +8,26 @@ from hypothesis import strategies as st
 from scipy.stats import triang
 
 from shipnet import datasets
-from shipnet.design.catalogue import Range, cables
+from shipnet.design.catalogue import Assumption, Assumptions, Range, cables, values_at
 from shipnet.design.costs import (
     CABLE_RANGES,
     FIGURES,
     Model,
     bill_of,
     conductors_at_cabinet,
+    draw,
+    likely,
     quantities,
+    tornado,
 )
-from shipnet.design.designs import Design, example, frame
+from shipnet.design.designs import Design
 from shipnet.design.iolist import read_iolist
+from shipnet.design.layout import frame
 from shipnet.design.planning import OPTIONS as OPTIONS_OF_A_PLAN
 from shipnet.design.planning import plan
 from shipnet.design.plant import Plant
-from shipnet.design.settings import Assumption, Assumptions, Settings, values_at
+from shipnet.design.settings import Settings
 from shipnet.design.site import Site
-from shipnet.design.uncertainty import draw, likely, tornado
 from shipnet.errors import ArgumentError
 from shipnet.signals import hardwired_conductors
 
@@ -72,6 +75,8 @@ def mixed():
 
 
 MIXED = mixed()
+SIZES = pd.read_csv(datasets.path("estimated_cables.csv"), index_col="cable_id")
+SIZES = SIZES[["diameter_mm", "height_mm"]]
 
 
 def by_hand(design, level, assumptions=None):
@@ -83,8 +88,8 @@ def by_hand(design, level, assumptions=None):
     for run in design.cables.itertuples():
         cable = known[run.cable]
         length = run.length_m * assumed.at("laid_length", level)
-        width, height = cable.diameter_mm / 1e3, cable.height_mm / 1e3
-        area = width * height * (1 if height < width else np.pi / 4)
+        width, height = SIZES.loc[run.cable] / 1e3
+        area = np.pi / 4 * width**2 if np.isnan(height) else width * height
         area *= assumed.at("cable_diameter", level) ** 2
         total["cable_mass_kg"] += length * getattr(cable.mass, level)
         total["cable_volume_l"] += 1000 * length * area
@@ -302,7 +307,7 @@ def test_the_assumptions_file_is_in_order_and_every_row_is_used():
     assert set(table["unit"]) == {"EUR", "EUR/h", "h", "1"}
     # The mixed plant has every device and every channel; a digital module and stations with two
     # lines stand in the others.
-    others = Model(PLANT.on_asi).names, Model(example(redundant=True)).names
+    others = Model(PLANT.on_asi).names, Model(Design.example(redundant=True)).names
     assert set(table.index) <= set(Model(MIXED).names).union(*others)
     # What a length laid may be, from the detour and the tails that the row names.
     low, nominal, high = ((k * 40 + tail) / 51 for k, tail in [(1.05, 3), (1.15, 5), (1.3, 8)])

@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.design.designs import Design, example, frame
+from shipnet.design.designs import Design
 from shipnet.design.failures import FAILURES, lost, single_failures, worst
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import frame
 from shipnet.design.planning import plan
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
@@ -241,7 +242,7 @@ def test_a_dead_master_takes_the_points_of_its_line_also_behind_a_repeater_besid
 
 
 def test_a_short_takes_one_line_between_two_repeaters():
-    design = example()
+    design = Design.example()
     assert single_failures(design).query("failure == 'short'")["points_lost"].tolist() == [4]
     repeated = design.devices.assign(
         kind=design.devices["kind"].where(design.devices["device"] != "JB1", "repeater")
@@ -278,7 +279,7 @@ def test_a_short_of_a_feeder_takes_the_stations_that_hang_on_the_same_supply():
 
 
 def test_feeders_that_meet_in_the_cabinet_alone_are_shorted_one_by_one():
-    design = example()
+    design = Design.example()
     supplies = pd.DataFrame({"device": ["S1", "S2"], "kind": "supply", "segment": "loop 1",
                              "x_m": 9.0, "y_m": 0.0, "z_m": 4.0, "at": ""})  # fmt: skip
     feeders = design.cables.head(2).assign(
@@ -334,7 +335,7 @@ def test_a_repeater_beside_the_master_is_as_dead_as_its_line():
 
 
 def test_two_lines_are_lost_only_if_both_are_cut():
-    design = example(redundant=True)
+    design = Design.example(redundant=True)
     table = single_failures(design)
     trunk = table[table["kind"] == "trunk"]
     assert set(trunk["failure"]) == {"cut", "short"}
@@ -344,7 +345,7 @@ def test_two_lines_are_lost_only_if_both_are_cut():
 
 
 def test_a_tray_that_holds_both_lines_is_worth_both():
-    design = example(redundant=True)
+    design = Design.example(redundant=True)
     together = Design(
         "together", design.iolist, design.site, design.points, design.devices,
         design.cables.assign(way=[("port",)] * len(design.cables)), design.segments, design.reasons,
@@ -358,7 +359,7 @@ def test_a_tray_that_holds_both_lines_is_worth_both():
 
 
 def test_the_worst_of_each_kind_leaves_the_cabinet_out():
-    table = worst(single_failures(example()))
+    table = worst(single_failures(Design.example()))
     assert table["failure"].tolist() == list(FAILURES)
     assert table["points_lost"].tolist() == [4, 4, 4, 4]
     assert table["failed"].tolist() == ["trunk 1", "trunk 1", "port", "master"]
@@ -367,13 +368,13 @@ def test_the_worst_of_each_kind_leaves_the_cabinet_out():
 
 def test_what_does_not_exist_cannot_fail():
     with pytest.raises(ArgumentError, match=r"no cable 'trunk 9', no device 'JB9', no tray 'aft'"):
-        lost(example(), cables=["trunk 9"], devices=["JB9"], trays=["aft"])
+        lost(Design.example(), cables=["trunk 9"], devices=["JB9"], trays=["aft"])
     with pytest.raises(ArgumentError, match="cables is 'trunk 1'; it must be a list"):
-        lost(example(), cables="trunk 1")
+        lost(Design.example(), cables="trunk 1")
 
 
 def test_a_network_without_points_or_cables_loses_nothing():
-    design = example()
+    design = Design.example()
     none = IoList(design.iolist.points.iloc[:0].reset_index(drop=True), "")
     empty = Design(
         "empty", none, design.site, frame("points"),

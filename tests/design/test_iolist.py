@@ -8,7 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.design.iolist import COLUMNS, RANGES, IoList, column_of, read_iolist
+from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.points import COLUMNS, RANGES, column_of
 from shipnet.errors import ArgumentError, InputError
 from shipnet.signals import KINDS, SIGNALS, find_signal
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.design.plan_can import bit_rate_for, pack
-from shipnet.design.plan_modbus import registers_of, sections
+from shipnet.design.plan_stations import bit_rate_for, pack, registers_of, sections
 from shipnet.errors import ArgumentError
 
 KINDS = st.sampled_from(["DI", "DO", "AI", "AO"])

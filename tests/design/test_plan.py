@@ -121,7 +121,7 @@ def test_a_common_return_counts_once_a_trunk_and_once_a_home_run():
     [
         ("AS-i", 400, "length", 300),
         ("CAN", 900, "length", 1000),
-        ("Modbus RTU", 1100, "length", 1200),
+        ("Modbus RTU", 1100, "length", 1219),
     ],
 )
 def test_what_is_too_far_away_is_left_out_with_value_and_bound(option, away, limit, bound):

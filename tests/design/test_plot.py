@@ -8,12 +8,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet import datasets
-from shipnet.design.costs import quantities
+from shipnet.design.comparison import compare
+from shipnet.design.costs import quantities, tornado
 from shipnet.design.iolist import read_iolist
 from shipnet.design.plant import Plant
-from shipnet.design.plot import plot_pareto, plot_quantities, plot_tornado
+from shipnet.design.plot import plot_pareto
 from shipnet.design.site import Trays
-from shipnet.design.uncertainty import draw, likely, tornado
 from shipnet.errors import ArgumentError
 
 VALVES = read_iolist(datasets.path("synthetic_iolist_valves.csv"))
@@ -32,31 +32,32 @@ def spans(collection):
     return [segment[:, 0].tolist() for segment in collection.get_segments()]
 
 
-def test_options_stand_side_by_side_with_their_ranges(ax):
-    ranges = likely(draw(NETWORKS, rng=np.random.default_rng(1), draws=100))
-    assert plot_quantities(OPTIONS, "cable_mass_kg", ax=ax, likely=ranges) is ax
+def test_designs_stand_side_by_side_with_their_ranges(ax):
+    found = compare(NETWORKS.values())
+    assert found.plot("cable_mass_kg", ax=ax) is ax
     assert [bar.get_width() for bar in ax.patches] == [q["cable_mass_kg"] for q in OPTIONS.values()]
     bounds, inner = ax.collections
     ends = [q.figures.loc["cable_mass_kg"] for q in OPTIONS.values()]
     assert spans(bounds) == [[row["low"], row["high"]] for row in ends]
-    rows = [ranges.loc[(option, "cable_mass_kg")] for option in OPTIONS]
+    rows = [found.likely().loc[(option, "cable_mass_kg")] for option in OPTIONS]
     assert spans(inner) == [[row["low"], row["high"]] for row in rows]
     assert ax.get_xlabel() == "cable mass [kg]"
     assert [label.get_text() for label in ax.get_yticklabels()] == ["hardwired", "AS-i"]
-
-
-def test_options_can_be_drawn_without_draws(ax):
-    plot_quantities({"AS-i": OPTIONS["AS-i"]}, ax=ax)
-    assert len(ax.collections) == 1
-    with pytest.raises(ArgumentError, match="no option"):
-        plot_quantities({}, ax=ax)
     with pytest.raises(ArgumentError, match="figure is 'mass'"):
-        plot_quantities(OPTIONS, "mass", ax=ax)
+        found.plot("mass", ax=ax)
+
+
+def test_two_columns_of_a_comparison_are_drawn_in_words(ax):
+    found = compare(NETWORKS.values())
+    found.plot("cable_mass_kg", "conductors_at_cabinet", ax=ax)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("cable mass [kg]", "conductors at the cabinet")
+    with pytest.raises(ArgumentError, match="no column 'mass'"):
+        found.plot("mass", "cables", ax=ax)
 
 
 def test_the_tornado_has_its_longest_bars_on_top(ax):
     found = tornado(NETWORKS)
-    plot_tornado(found, ax=ax, rows=5)
+    found.plot(ax, rows=5)
     low, high = ax.patches[:5], ax.patches[5:]
     ends = found.ends.iloc[:5]
     for bars, level in ((low, "low"), (high, "high")):
@@ -69,10 +70,10 @@ def test_the_tornado_has_its_longest_bars_on_top(ax):
 
 
 def test_level_options_are_marked_only_if_they_are_in_the_picture(ax):
-    plot_tornado(tornado(NETWORKS, "cable_mass_kg"), ax=ax)
+    tornado(NETWORKS, "cable_mass_kg").plot(ax)
     assert len(ax.lines) == 1
     other = Figure().subplots()
-    plot_tornado(tornado({"a": PLANT.on_asi, "b": PLANT.on_asi}), ax=other)
+    tornado({"a": PLANT.on_asi, "b": PLANT.on_asi}).plot(other)
     assert [line.get_xdata()[0] for line in other.lines] == [0, 0]
     assert not other.patches
 
@@ -81,14 +82,12 @@ def test_the_front_joins_the_options_that_none_beats(ax):
     table = pd.DataFrame(
         {"total_cost_eur": [3.0, 1.0, 2.0], "worst response": [1.0, 3.0, 4.0]}, index=list("abc")
     )
-    plot_pareto(table, y="worst response", pareto=["a", "b"], ax=ax)
+    plot_pareto(table, ["a", "b"], ax=ax)
     front, *dots = ax.lines
     assert list(zip(*front.get_data(), strict=True)) == [(1, 3), (3, 1)]
     assert [dot.get_markerfacecolor() for dot in dots] == ["C0", "C0", "white"]
     assert [text.get_text() for text in ax.texts] == ["a", "b", "c"]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("total cost [EUR]", "worst response")
-    with pytest.raises(ArgumentError, match="no column conductors_at_cabinet"):
-        plot_pareto(table, ax=ax)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("total_cost_eur", "worst response")
 
 
 def test_options_at_the_same_place_share_a_label_and_near_ones_do_not_overlap(ax):
@@ -100,7 +99,7 @@ def test_options_at_the_same_place_share_a_label_and_near_ones_do_not_overlap(ax
         index=["home runs", "AS-i", "CAN", "Modbus RTU", "none"],
     )
     ax.figure.set_size_inches(6.4, 2.6)
-    plot_pareto(table, y="cables", ax=ax)
+    plot_pareto(table, [], ax=ax)
     assert [text.get_text() for text in ax.texts] == ["home runs", "AS-i", "CAN, Modbus RTU"]
     ax.figure.draw_without_rendering()
     boxes = [text.get_window_extent() for text in ax.texts]
@@ -111,28 +110,22 @@ def test_options_at_the_same_place_share_a_label_and_near_ones_do_not_overlap(ax
 
 def test_a_filled_dot_is_not_hidden_by_another(ax):
     table = pd.DataFrame({"total_cost_eur": [3.0, 3.0], "cables": [1.0, 1.0]}, index=["a", "b"])
-    plot_pareto(table, y="cables", pareto=["a"], ax=ax)
+    plot_pareto(table, ["a"], ax=ax)
     _, filled, empty = ax.lines
     assert filled.get_zorder() > empty.get_zorder()
 
 
 def test_options_that_are_all_at_one_place_have_one_label(ax):
     table = pd.DataFrame({"total_cost_eur": [3.0, 3.0], "cables": [0.0, 0.0]}, index=["a", "b"])
-    plot_pareto(table, y="cables", ax=ax)
+    plot_pareto(table, [], ax=ax)
     assert [text.get_text() for text in ax.texts] == ["a, b"]
-    nothing = plot_pareto(table.iloc[:0], y="cables", ax=Figure().subplots())
+    nothing = plot_pareto(table.iloc[:0], [], ax=Figure().subplots())
     assert len(nothing.texts) == 0
-
-
-def test_a_count_has_no_unit(ax):
-    table = pd.DataFrame({"conductors_at_cabinet": [3.0], "cable_mass_kg": [1.0]}, index=["a"])
-    plot_pareto(table, x="cable_mass_kg", ax=ax)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("cable mass [kg]", "conductors at the cabinet")
 
 
 def test_without_a_front_no_option_is_filled(ax):
     table = pd.DataFrame({"total_cost_eur": [3.0], "cables": [1.0]}, index=["a"])
-    plot_pareto(table, y="cables", ax=ax)
+    plot_pareto(table, [], ax=ax)
     front, dot = ax.lines
     assert len(front.get_xdata()) == 0
     assert dot.get_markerfacecolor() == "white"

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.design.designs import Design, example
+from shipnet.design.designs import Design
 from shipnet.design.failures import lost
 from shipnet.design.iolist import IoList
 from shipnet.design.planning import plan
@@ -23,6 +23,8 @@ from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 from tests.modbus.sweeps import sweep
+
+ONE_LINE, TWO_LINES = Design.example(), Design.example(redundant=True)
 
 
 def checked(design, rules="DNV", **more):
@@ -47,7 +49,7 @@ def test_lee2012_is_quoted_in_the_words_of_the_engine():
 
 @pytest.mark.parametrize("rule_set", RULE_SETS)
 def test_what_was_not_read_is_never_passed_and_what_was_needs_a_source(rule_set):
-    for design in (example(), example(redundant=True)):
+    for design in (ONE_LINE, TWO_LINES):
         table = checked(design, rule_set)
         open_ = table[~table["confirmed"]]
         assert set(open_["verdict"]) <= {"not verified"}
@@ -60,21 +62,21 @@ def test_what_was_not_read_is_never_passed_and_what_was_needs_a_source(rule_set)
 
 def test_the_same_rule_passes_once_it_is_confirmed():
     (rule,) = (r for r in RuleSet.published("lee2012") if r.rule == "links duplicated")
-    design = example(redundant=True)
+    design = TWO_LINES
     assert checked(design, (rule,))["verdict"].item() == "not verified"
     assert checked(design, (replace(rule, confirmed=True),))["verdict"].item() == "met"
-    assert checked(example(), (replace(rule, confirmed=True),))["verdict"].item() == "violated"
+    assert checked(ONE_LINE, (replace(rule, confirmed=True),))["verdict"].item() == "violated"
 
 
 def test_the_host_is_added_where_the_rule_counts_it_and_only_there():
     rule = Rule("alarm", "response", 0.7, confirmed=True, host=True)
-    assert checked(example(), (rule,))["value"].item() == pytest.approx(0.18 + Settings().host_time)
-    assert checked(example(), (rule,), host_time=0.53)["verdict"].item() == "violated"
-    assert judged(example(), "response", 0.18)["value"] == pytest.approx(0.18)
+    assert checked(ONE_LINE, (rule,))["value"].item() == pytest.approx(0.18 + Settings().host_time)
+    assert checked(ONE_LINE, (rule,), host_time=0.53)["verdict"].item() == "violated"
+    assert judged(ONE_LINE, "response", 0.18)["value"] == pytest.approx(0.18)
 
 
 def test_a_limit_is_kept_on_it_or_not_by_its_bound():
-    design = example()
+    design = ONE_LINE
     verdicts = [
         judged(design, "lines of a link", 1.0, bound=bound)["verdict"]
         for bound in ("at most", "below", "at least")
@@ -83,7 +85,7 @@ def test_a_limit_is_kept_on_it_or_not_by_its_bound():
 
 
 def test_a_point_without_a_response_leaves_a_pass_open_but_not_a_fail():
-    design = example()
+    design = ONE_LINE
     points = design.points.assign(response_ms=[180.0, np.nan, 180.0, 180.0])
     partly = changed(design, points=points)
     assert judged(partly, "response", 2.0)["verdict"] == "not verified"
@@ -94,13 +96,13 @@ def test_a_point_without_a_response_leaves_a_pass_open_but_not_a_fail():
 
 
 def test_hardwired_points_answer_at_once():
-    design = example()
+    design = ONE_LINE
     points = design.points.assign(bus="hardwired", response_ms=np.nan)
     assert judged(changed(design, points=points), "response", 0.0)["value"] == 0.0
 
 
 def test_a_rule_counts_the_points_that_it_is_for():
-    design = example()
+    design = ONE_LINE
     outputs = design.iolist.points["type"].isin(["DO", "AO"])
     assert not outputs.any()
     row = judged(design, "response", 2.0, applies="outputs")
@@ -111,7 +113,7 @@ def test_a_rule_counts_the_points_that_it_is_for():
 
 
 def test_losses_are_those_of_the_cuts():
-    design = example(redundant=True)
+    design = TWO_LINES
     assert judged(design, "points lost by a cable", 0.0)["value"] == 1  # a drop
     stations = design.devices.query("kind == 'station'")["device"]
     worst = max(len(lost(design, devices=[name])) for name in stations)
@@ -121,15 +123,15 @@ def test_losses_are_those_of_the_cuts():
 
 
 def test_two_essential_systems_on_one_line_are_one_too_many():
-    row = checked(example(), "IMO").set_index("rule").loc["shared link redundant"]
+    row = checked(ONE_LINE, "IMO").set_index("rule").loc["shared link redundant"]
     assert (row["value"], row["verdict"]) == (2, "violated")
     assert "Cooling, Fuel oil" in row["why"]  # Bilge is of category I
-    row = checked(example(redundant=True), "IMO").set_index("rule").loc["shared link redundant"]
+    row = checked(TWO_LINES, "IMO").set_index("rule").loc["shared link redundant"]
     assert (row["value"], row["verdict"]) == (0, "met")
 
 
 def test_systems_without_a_name_are_not_taken_for_one():
-    design = example()
+    design = ONE_LINE
     unnamed = replace(design.iolist, points=design.iolist.points.assign(system=""))
     row = judged(changed(design, iolist=unnamed), "systems on one link", 1.0)
     assert (row["verdict"], row["why"]) == (
@@ -139,7 +141,7 @@ def test_systems_without_a_name_are_not_taken_for_one():
     row = judged(changed(design, iolist=replace(unnamed, points=partly)), "systems on one link", 1)
     assert (row["value"], row["verdict"]) == (2, "violated")
     # A cut that costs nothing costs no system, named or not.
-    both = changed(example(redundant=True), iolist=unnamed)
+    both = changed(TWO_LINES, iolist=unnamed)
     assert judged(both, "systems on one link", 1.0)["verdict"] == "met"
     row = judged(design, "systems on one link", 1.0, applies="category III")
     assert (row["verdict"], row["why"]) == ("not verified", "the list has no such point")
@@ -147,7 +149,7 @@ def test_systems_without_a_name_are_not_taken_for_one():
 
 @pytest.mark.parametrize("measure", sorted(set(MEASURES) - {"unconnected points"}))
 def test_nothing_is_passed_while_a_point_concerned_is_left_out(measure):
-    design = example(redundant=True)
+    design = TWO_LINES
     out = design.points.assign(fits=False, bus="", segment="", device="", response_ms=np.nan)
     partly = design.points.assign(fits=[True, True, False, True])
     nothing = {table: getattr(design, table).iloc[:0] for table in ("cables", "segments")}
@@ -188,7 +190,7 @@ def test_a_link_with_one_line_never_switches_over_and_can_has_nothing_to_switch(
     assert (
         judged(planned("home runs"), "switch-over", 0.0)["why"] == "no data link has such a point"
     )
-    row = judged(example(redundant=True), "switch-over", 60.0, confirmed=True)
+    row = judged(TWO_LINES, "switch-over", 60.0, confirmed=True)
     assert row["verdict"] == "not verified" and "is not in the plan" in row["why"]
     outputs = judged(planned("CAN", redundant=True), "switch-over", 0.0, applies="outputs")
     assert outputs["verdict"] == "not verified"
@@ -206,7 +208,7 @@ def test_a_supply_changes_over_only_if_another_feeds_beside_it():
 
 
 def test_lines_that_share_a_tray_do_not_run_apart():
-    design = example(redundant=True)
+    design = TWO_LINES
     assert judged(design, "trays shared by two lines", 0.0)["verdict"] == "met"
     ways = [(*way, "riser") if way else way for way in design.cables["way"]]
     row = judged(
@@ -216,12 +218,12 @@ def test_lines_that_share_a_tray_do_not_run_apart():
     bare = changed(design, cables=design.cables.assign(way=[()] * len(design.cables)))
     row = judged(bare, "trays shared by two lines", 0.0)
     assert row["verdict"] == "not verified" and "no trays" in row["why"]
-    row = judged(example(), "trays shared by two lines", 0.0)
+    row = judged(ONE_LINE, "trays shared by two lines", 0.0)
     assert row["why"] == "no link has two lines"
 
 
 def test_buses_are_known_by_their_standards_and_checks():
-    design = example()
+    design = ONE_LINE
     assert judged(design, "bit errors unseen", 0.0)["value"] == 0
     asi = changed(design, segments=design.segments.assign(bus="AS-i"))
     assert judged(asi, "bit errors unseen", 0.0)["verdict"] == "violated"
@@ -235,7 +237,7 @@ def test_buses_are_known_by_their_standards_and_checks():
 
 
 def test_points_that_are_late_or_fit_nowhere_are_counted():
-    design = example()
+    design = ONE_LINE
     points = design.points.assign(response_ms=[600.0, 600.0, 1200.0, 600.0])
     points["fits"] = [True, True, False, True]
     other = changed(design, points=points)
@@ -248,7 +250,7 @@ def test_points_that_are_late_or_fit_nowhere_are_counted():
 @pytest.mark.parametrize("measure", MEASURES)
 @pytest.mark.parametrize("applies", APPLIES)
 def test_every_measure_comes_to_something_for_every_kind_of_point(measure, applies):
-    row = judged(example(), measure, 0.0, applies=applies)
+    row = judged(ONE_LINE, measure, 0.0, applies=applies)
     assert row["verdict"] in ("met", "violated", "not verified")
     assert np.isnan(row["value"]) or row["value"] >= 0
     assert row["unit"] == MEASURES[measure].unit
@@ -264,7 +266,7 @@ def test_rules_of_ones_own_are_read_in_any_order(tmp_path):
     quick, lines = RuleSet.read(file)
     assert (quick.limit, quick.confirmed, quick.applies) == (0.5, True, "inputs")
     assert (lines.confirmed, lines.bound) == (False, "at most")
-    assert checked(example(), str(file))["verdict"].tolist() == ["met", "not verified"]
+    assert checked(ONE_LINE, str(file))["verdict"].tolist() == ["met", "not verified"]
     assert RuleSet.of(file).rules == (quick, lines)
 
 
@@ -332,13 +334,13 @@ def test_wrong_arguments_are_named():
     with pytest.raises(
         ArgumentError, match="'KR'; they must be one of DNV, BV, IMO, lee2012, or a file"
     ):
-        checked(example(), "KR")
+        checked(ONE_LINE, "KR")
     with pytest.raises(ArgumentError, match="host_time"):
-        checked(example(), host_time=-1.0)
+        checked(ONE_LINE, host_time=-1.0)
     with pytest.raises(ArgumentError, match="one Rule or more"):
-        checked(example(), ())
+        checked(ONE_LINE, ())
     with pytest.raises(InputError, match="cannot be read"):
-        checked(example(), "nowhere.csv")
+        checked(ONE_LINE, "nowhere.csv")
 
 
 def test_the_data_file_names_each_rule_once_in_its_set():

@@ -11,9 +11,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from shipnet.__main__ import main
-from shipnet.design.catalogue import Range
+from shipnet.design.catalogue import Assumptions, Range
 from shipnet.design.iolist import IoList
-from shipnet.design.settings import Assumptions, Settings, legal, meaning, names, shown
+from shipnet.design.settings import Settings, legal, meaning, names, shown
 from shipnet.errors import ArgumentError, InputError
 
 LIST = "tag,signal,x,y,z\n" + "".join(f"LS-{n},contact,{10 + 3 * n},{n % 3},1\n" for n in range(6))

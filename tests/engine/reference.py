@@ -183,7 +183,7 @@ def run_reference(system, duration, faults, phases):
                 times.append(box.modbus_until)
             else:
                 times += [now + work for work in box.pending()]
-            times += [deadline for deadline in box.deadline.values()]
+            times += list(box.deadline.values())
         times += [wire[0] if not wire[4] else wire[1] for wire in wires.values()]
         then = min(times)
         for box in boxes:

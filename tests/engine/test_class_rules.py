@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shipnet.can import Frame, decode
-from shipnet.crc import undetected
+from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.engine.class_rules import RULES, Description, Part, Redundancy, check
 from shipnet.engine.points import read_points
 from shipnet.errors import ArgumentError
@@ -85,7 +85,7 @@ def test_a_protocol_of_ones_own_fails_two_rules():
 
 def test_two_of_three_links_apart_are_enough():
     links = {"1": ("JB1",), "2": ("JB1", "JB3"), "3": ("JB3",)}
-    routes = {name: ("a",) for name in links}
+    routes = dict.fromkeys(links, ("a",))
     table = check(replace(GOOD, links=links, routes=routes)).table().set_index("rule")
     assert table.value["links duplicated"] == 2
     assert table.why["links duplicated"] == "shared: JB1, JB3"
@@ -111,7 +111,7 @@ def test_two_wrong_bits_behind_the_bit_stuffing_can_pass_the_crc_of_can():
         wrong[place] = "10"[int(wrong[place])]
     assert decode("".join(wrong)).data.hex() == "00f0bbff80323d8f"
     # What the CRC itself is given never passes.
-    assert undetected("CRC-15/CAN", payload=8) == 0
+    assert CAN.undetected(payload=8) == 0
 
 
 def test_the_measure_of_the_crc_says_where_it_ends():
@@ -120,11 +120,10 @@ def test_the_measure_of_the_crc_says_where_it_ends():
 
 
 def test_a_useless_crc_is_seen_to_miss(monkeypatch):
-    import shipnet.crc as module
-
-    monkeypatch.setattr(module, "crc", lambda name, data: 0)
-    monkeypatch.setattr(module, "crc_batch", lambda name, rows: np.zeros(len(rows), np.int64))
-    assert undetected("CRC-16/MODBUS", flips=1) == 48
+    monkeypatch.setattr(
+        Crc, "of", lambda crc, rows: np.zeros(np.shape(rows)[:1], np.int64) if np.ndim(rows) else 0
+    )
+    assert MODBUS.undetected(flips=1) == 48
     assert verdicts(GOOD)["CRC"] == "violated"
 
 

@@ -60,7 +60,7 @@ def test_the_inputs_of_each_box_fit_its_converters():
 def test_conductors_are_counted_sensor_by_sensor():
     points = read_points()
     assert points.conductors().hardwired == 62 * 3 + 18 * 2 + 19 * 2
-    assert points.conductors().share == pytest.approx(10 / 260)
+    assert points.conductors().left == pytest.approx(10 / 260)
     assert points.conductors(rtd=4, loop=3, switch=1).hardwired == 62 * 4 + 18 * 3 + 19
     assert points.conductors(segments=2, segment_wires=3, channel_wires=4).bus == 14
     assert points.conductors(segments=0, channels=0).bus == 0
@@ -130,9 +130,9 @@ def test_every_fault_of_a_file_is_named_at_once(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "column tag, box, condition, quantity is missing"),
+        (b"", "is empty"),
+        (b"tag,box\nA,B\n", "column condition, quantity is missing"),
         (b"tag,box,condition,quantity\n", "has no points"),
-        (b"\xff\xfe\x00", "not UTF-8"),
         (b"tag,box,condition,quantity\nA,B\n", "condition is ''"),
     ],
 )

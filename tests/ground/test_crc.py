@@ -7,28 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.crc import ALGORITHMS, Algorithm, crc, crc_batch, undetected
+from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.errors import ArgumentError, SymbolError
 
 # Two that the standard library computes too: one of each direction, one with a final addition.
-PEERS = {
-    "CRC-16/XMODEM": (
-        Algorithm(16, 0x1021, 0, 0, False, 0x31C3),
-        lambda data: binascii.crc_hqx(data, 0),
-    ),
-    "CRC-32/ISO-HDLC": (
-        Algorithm(32, 0x04C11DB7, 0xFFFFFFFF, 0xFFFFFFFF, True, 0xCBF43926),
-        zlib.crc32,
-    ),
-}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def peers():
-    with pytest.MonkeyPatch.context() as patch:
-        for name, (algorithm, _) in PEERS.items():
-            patch.setitem(ALGORITHMS, name, algorithm)
-        yield
+XMODEM = Crc("CRC-16/XMODEM", 16, 0x1021)
+ISO_HDLC = Crc("CRC-32/ISO-HDLC", 32, 0x04C11DB7, 0xFFFFFFFF, 0xFFFFFFFF, reflected=True)
+ALL = [CAN, MODBUS, XMODEM, ISO_HDLC]
+#: What the catalogue gives over b"123456789".
+CHECKS = [0x059E, 0x4B37, 0x31C3, 0xCBF43926]
 
 
 def remainder(algorithm, bits):
@@ -47,24 +34,24 @@ def remainder(algorithm, bits):
     return int(rest[::-1] if algorithm.reflected else rest, 2) ^ algorithm.xorout
 
 
-@pytest.mark.parametrize("name", [*ALGORITHMS, *PEERS])
-def test_each_row_of_the_table_gives_its_check_value(name):
-    assert crc(name, b"123456789") == ALGORITHMS[name].check
-    assert crc_batch(name, np.frombuffer(b"123456789", np.uint8)) == ALGORITHMS[name].check
+@pytest.mark.parametrize(("check", "value"), [*zip(ALL, CHECKS, strict=True)])
+def test_each_algorithm_gives_its_check_value(check, value):
+    assert check.of(b"123456789") == value
+    assert check.of(np.frombuffer(b"123456789", np.uint8)) == value
 
 
-@pytest.mark.parametrize("name", PEERS)
+@pytest.mark.parametrize(
+    ("check", "peer"), [(XMODEM, lambda data: binascii.crc_hqx(data, 0)), (ISO_HDLC, zlib.crc32)]
+)
 @given(data=st.binary(max_size=40))
-def test_the_engine_agrees_with_the_standard_library(name, data):
-    expected = PEERS[name][1](data)
-    assert crc(name, data) == expected
-    assert crc_batch(name, np.frombuffer(data, np.uint8)) == expected
+def test_the_engine_agrees_with_the_standard_library(check, peer, data):
+    assert check.of(data) == check.of(np.frombuffer(data, np.uint8)) == peer(data)
 
 
-@pytest.mark.parametrize("name", [*ALGORITHMS, *PEERS])
+@pytest.mark.parametrize("check", ALL)
 @given(bits=st.text("01", max_size=100))
-def test_any_number_of_bits_leaves_the_remainder_of_a_long_division(name, bits):
-    assert crc(name, bits) == remainder(ALGORITHMS[name], bits)
+def test_any_number_of_bits_leaves_the_remainder_of_a_long_division(check, bits):
+    assert check.of(bits) == remainder(check, bits)
 
 
 # From the libraries pymodbus, umodbus and fastcrc, which agree; low byte first on the line.
@@ -73,76 +60,59 @@ def test_any_number_of_bits_leaves_the_remainder_of_a_long_division(name, bits):
     [("01030000000A", "C5CD"), ("1103006B0003", "7687"), ("0207", "4112"), ("018402", "C2C1")],
 )
 def test_known_modbus_frames_end_in_their_check(message, line):
-    assert crc("CRC-16/MODBUS", bytes.fromhex(message)).to_bytes(2, "little").hex().upper() == line
+    assert MODBUS.of(bytes.fromhex(message)).to_bytes(2, "little").hex().upper() == line
 
 
-@pytest.mark.parametrize("name", [*ALGORITHMS, *PEERS])
-def test_rows_of_different_length_give_what_single_messages_give(name):
-    rng = np.random.default_rng(1)
-    rows = rng.integers(0, 256, (3, 40, 12), dtype=np.uint8)
-    lengths = rng.integers(0, 13, (3, 40))
-    batch = crc_batch(name, rows, lengths)
-    assert batch.shape == (3, 40)
-    for place in np.ndindex(3, 40):
-        assert batch[place] == crc(name, rows[place][: lengths[place]].tobytes())
+@pytest.mark.parametrize("check", ALL)
+def test_rows_give_what_single_messages_give(check):
+    rows = np.random.default_rng(1).integers(0, 256, (3, 40, 12), dtype=np.uint8)
+    assert check.of(rows).tolist() == [[check.of(row.tobytes()) for row in own] for own in rows]
 
 
 def test_leading_zeros_do_not_count_for_can():
-    assert crc("CRC-15/CAN", b"\0\0\x57") == crc("CRC-15/CAN", "1010111")
-    assert crc("CRC-16/MODBUS", b"\0\x57") != crc("CRC-16/MODBUS", b"\x57")
+    assert CAN.of(b"\0\0\x57") == CAN.of("1010111")
+    assert MODBUS.of(b"\0\x57") != MODBUS.of(b"\x57")
 
 
-def test_nothing_gives_the_first_register():
-    for nothing in (b"", ""):
-        assert crc("CRC-15/CAN", nothing) == 0
-        assert crc("CRC-16/MODBUS", nothing) == 0xFFFF
-    assert crc_batch("CRC-16/MODBUS", np.empty((2, 0), np.uint8)).tolist() == [0xFFFF] * 2
-    assert crc_batch("CRC-16/MODBUS", np.empty((0, 5), np.uint8)).shape == (0,)
-
-
-def test_other_arguments_are_refused():
-    with pytest.raises(ArgumentError, match=r"'CRC-15/CAN', 'CRC-16/"):
-        crc("CRC-8", b"")
-    with pytest.raises(ArgumentError, match="must be bytes"):
-        crc("CRC-15/CAN", [1, 2])
-    with pytest.raises(SymbolError, match="'2' among its bits"):
-        crc("CRC-15/CAN", "012")
-    with pytest.raises(ArgumentError, match="uint8"):
-        crc_batch("CRC-15/CAN", [[1.0]])
-    rows = np.zeros((2, 3), np.uint8)
-    for lengths, message in [
-        ([1, 4], r"1\.\.4; they must be 0\.\.3"),
-        ([-1, 0], r"-1\.\.0"),
-        ([1], r"shape \(1,\)"),
-        ([1.0, 2.0], "whole"),
-    ]:
-        with pytest.raises(ArgumentError, match=message):
-            crc_batch("CRC-16/MODBUS", rows, lengths)
-
-
-@pytest.mark.parametrize("name", ALGORITHMS)
-@pytest.mark.parametrize("flips", [1, 2])
-def test_no_one_or_two_wrong_bits_pass_a_crc(name, flips):
-    assert undetected(name, flips=flips) == 0
-    # The second route: bit by bit, over two bytes.
-    width, data = ALGORITHMS[name].width, b"\x01\x02"
-    good = crc(name, data)
-    missed = 0
-    for wrong in combinations(range(16 + width), flips):
-        pattern = sum(1 << bit for bit in wrong)
-        received = (int.from_bytes(data, "big") ^ (pattern & 0xFFFF)).to_bytes(2, "big")
-        missed += crc(name, received) == good ^ (pattern >> 16)
-    assert missed == undetected(name, 2, flips)
+@pytest.mark.parametrize(("check", "first"), [(CAN, 0), (MODBUS, 0xFFFF)])
+def test_nothing_gives_the_first_register(check, first):
+    assert check.of(b"") == check.of("") == first
+    assert check.of(np.empty((2, 0), np.uint8)).tolist() == [first] * 2
+    assert check.of(np.empty((0, 5), np.uint8)).shape == (0,)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("data", "error", "message"),
     [
-        (("CRC-8",), "name is 'CRC-8'"),
-        (("CRC-16/MODBUS", 17), "payload is 17"),
-        (("CRC-16/MODBUS", 6, 3), "flips is 3"),
+        ([1, 2], ArgumentError, "must be bytes"),
+        ("012", SymbolError, "'2' among its bits"),
+        (np.array([[1.0]]), ArgumentError, "uint8"),
+        (np.array(1, np.uint8), ArgumentError, "0-d"),
     ],
+)
+def test_other_data_are_refused(data, error, message):
+    with pytest.raises(error, match=message):
+        CAN.of(data)
+
+
+@pytest.mark.parametrize("check", [CAN, MODBUS])
+@pytest.mark.parametrize("flips", [1, 2])
+def test_no_one_or_two_wrong_bits_pass_a_crc(check, flips):
+    assert check.undetected(flips=flips) == 0
+    # The second route: bit by bit, over two bytes.
+    data = b"\x01\x02"
+    good = check.of(data)
+    missed = 0
+    for wrong in combinations(range(16 + check.width), flips):
+        pattern = sum(1 << bit for bit in wrong)
+        received = (int.from_bytes(data, "big") ^ (pattern & 0xFFFF)).to_bytes(2, "big")
+        missed += check.of(received) == good ^ (pattern >> 16)
+    assert missed == check.undetected(2, flips)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"), [((17,), "payload is 17"), ((6, 3), "flips is 3")]
 )
 def test_errors_that_cannot_be_tried_are_refused(arguments, message):
     with pytest.raises(ArgumentError, match=message):
-        undetected(*arguments)
+        MODBUS.undetected(*arguments)

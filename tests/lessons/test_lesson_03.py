@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from shipnet.asi.modulation import check_slots, pulses_of
-from shipnet.crc import crc
+from shipnet.crc import CAN
 from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_03 import _MESSAGES, _TRIED, _distance, _remainder
@@ -44,7 +44,7 @@ def test_check_bits_with_the_generator_of_can_are_those_of_the_library():
     rng = np.random.default_rng(3)
     for _ in range(20):
         bits = "".join(map(str, rng.integers(0, 2, 20)))
-        assert int(_remainder(bits + "0" * 15, f"{0xC599:b}"), 2) == crc("CRC-15/CAN", bits)
+        assert int(_remainder(bits + "0" * 15, f"{0xC599:b}"), 2) == CAN.of(bits)
 
 
 def test_the_distance_is_that_of_scipy():

@@ -5,8 +5,8 @@ import pytest
 
 from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
-from shipnet.modbus.adu import decode, rtu_frame
-from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.frame import rtu_frame
+from shipnet.modbus.pdu import Request, Response, decode
 from shipnet.modbus.uart import SerialLine
 
 NAMES = ["Kim", "Jeong", "a student", "Lee", "Park"]

@@ -7,12 +7,12 @@ import pytest
 
 from shipnet import datasets
 from shipnet.design.comparison import compare
+from shipnet.design.costs import tornado
 from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.planning import plan
 from shipnet.design.plant import Plant
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
-from shipnet.design.uncertainty import tornado
 from shipnet.exercises import check, given, student
 from shipnet.exercises.checking import exercise
 

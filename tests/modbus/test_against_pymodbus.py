@@ -10,8 +10,7 @@ from pymodbus.pdu import bit_message as bits_of
 from pymodbus.pdu import register_message as registers_of
 
 from shipnet.errors import FieldError
-from shipnet.modbus.adu import Adu, decode
-from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.pdu import Adu, Request, Response, decode
 
 WORD, UNIT = st.integers(0, 0xFFFF), st.integers(1, 247)
 FRAMERS = {

@@ -18,8 +18,8 @@ from shipnet.errors import (
     SymbolError,
     UnknownCallError,
 )
-from shipnet.modbus.adu import Adu, decode, rtu_frame, tcp_frame
-from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.frame import rtu_frame, tcp_frame
+from shipnet.modbus.pdu import Adu, Request, Response, decode
 
 VECTORS = Path(__file__).parents[1] / "reference" / "modbus" / "modbus_crc_vectors.csv"
 WORD = st.integers(0, 0xFFFF)

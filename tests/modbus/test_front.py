@@ -114,6 +114,18 @@ def test_a_slave_has_a_device_or_tables():
     assert modbus.Response.parse(found.pdu).registers == (9, 8)
 
 
+def test_slaves_and_servers_say_in_one_line_what_they_are():
+    box = modbus.Slave(holding_registers=[1, 2], coils=[1], functions={3}, delay=0.02)
+    assert repr(box) == "Slave(1 coil, 2 holding registers, functions 3, delay 0.02 s)"
+    assert repr(modbus.Slave()) == "Slave(empty)"
+    box = modbus.Slave(input_registers=[7], exception=6, silent=True)
+    assert repr(box) == "Slave(1 input register, exception SERVER_DEVICE_BUSY, silent)"
+    server = modbus.serve({1: box, 2: box})
+    assert repr(server) == "Server(2 slaves, does not listen)"
+    with server:
+        assert repr(server) == f"Server(2 slaves, listens on port {server.port})"
+
+
 def test_a_server_runs_at_a_multiple_of_real_time():
     times = []
 

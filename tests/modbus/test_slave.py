@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError
-from shipnet.modbus.adu import Adu
-from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.pdu import Adu, Request, Response
 from shipnet.modbus.slave import DeviceError, Registers, Slave, answer
 
 

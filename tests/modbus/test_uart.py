@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError, FormError, ParityError
-from shipnet.modbus.adu import rtu_frame
+from shipnet.modbus.frame import rtu_frame
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.uart import SerialLine, Waveform, _line_bits
 

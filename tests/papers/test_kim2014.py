@@ -14,9 +14,9 @@ from shipnet.ballast.rule_table import rule_vectors
 from shipnet.ballast.sensors import CHANNELS, normal_values, rule_limits
 from shipnet.engine.class_rules import RULES
 from shipnet.errors import ArgumentError, LengthError
-from shipnet.modbus.adu import decode, rtu_frame
 from shipnet.modbus.faults import Break, Short
-from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.frame import rtu_frame
+from shipnet.modbus.pdu import Request, Response, decode
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 from shipnet.modbus.udp import LossyPath, compare, simulate

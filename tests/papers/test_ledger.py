@@ -1,5 +1,4 @@
 import importlib
-import inspect
 import itertools
 import json
 import math
@@ -128,12 +127,19 @@ def moved(function, name, value):
 
 @pytest.mark.parametrize("claim", NUMBERS)
 def test_every_input_of_a_number_moves_it(claim):
-    function = REGISTRY[claim].function
-    inputs = {name: p.default for name, p in inspect.signature(function).parameters.items()}
+    recomputation = REGISTRY[claim]
+    inputs = recomputation.defaults
     assert inputs, "a number without inputs is typed, not computed"
-    original = function()
+    original = recomputation()
     for name, value in inputs.items():
-        results = moved(function, name, value)
+        # Which of several: another claim of the same function has another one.
+        if name in recomputation.inputs and isinstance(value, str):
+            assert any(
+                other.function is recomputation.function and other.inputs != recomputation.inputs
+                for other in REGISTRY.values()
+            )
+            continue
+        results = moved(recomputation, name, value)
         assert any(result != original for _, result in results), f"{name} moves nothing"
         assert any(result != neighbour for neighbour, result in results), f"{name} is handed back"
 
@@ -141,9 +147,9 @@ def test_every_input_of_a_number_moves_it(claim):
 @pytest.mark.parametrize("claim", CHECKS)
 def test_every_check_can_turn_round(claim):
     recomputation = REGISTRY[claim]
-    answer = recomputation.function()
+    answer = recomputation()
     assert isinstance(answer, bool)
-    assert recomputation.function(**recomputation.counter) is (not answer)
+    assert recomputation(**recomputation.counter) is (not answer)
 
 
 def test_the_perturbation_finds_a_typed_constant():

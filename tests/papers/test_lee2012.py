@@ -21,9 +21,9 @@ from shipnet.engine.registers import CODINGS
 from shipnet.engine.simulation import simulate as simulate_engine
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.modbus.adu import decode, rtu_frame
 from shipnet.modbus.electrical import INTERFACES
-from shipnet.modbus.pdu import Request, Response
+from shipnet.modbus.frame import rtu_frame
+from shipnet.modbus.pdu import Request, Response, decode
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.lee2012 import buses, engine, operation
 from shipnet.papers.lee2012.plot import plot_channels

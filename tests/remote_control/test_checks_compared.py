@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from shipnet.crc import crc_batch
+from shipnet.crc import MODBUS
 from shipnet.errors import ArgumentError
 from shipnet.remote_control import (
     Change,
@@ -19,14 +19,10 @@ from shipnet.remote_control import (
     recommend,
     simulate,
 )
-from shipnet.remote_control.experiment import (
-    Trial,
-    check_formats,
-    draw_outcomes,
-    switch_staleness,
-)
+from shipnet.remote_control.experiment import check_formats, switch_staleness
 from shipnet.remote_control.faults import LostPacket
-from shipnet.remote_control.residual import Shares, code_weights, crc_residual, packet_shares
+from shipnet.remote_control.packet import code_weights, crc_residual
+from shipnet.remote_control.packet_format import Shares, Trial
 
 #: What a count may differ from its expectation: once in a million by chance.
 RARE = 1e-6
@@ -75,11 +71,11 @@ def test_no_crc_code_word_has_fewer_than_four_bits_and_the_fours_are_counted():
     # Two routes to the words of weight four: pairs with equal sums, and the residual at a small p.
     size = 20
     frame = np.zeros(size + 2, np.uint8)
-    check = int(crc_batch("CRC-16/MODBUS", frame[:size]))
+    check = int(MODBUS.of(frame[:size]))
     frame[size:] = check & 0xFF, check >> 8
     bits = np.unpackbits(frame)
     rows = np.packbits(bits ^ np.eye(bits.size, dtype=np.uint8), axis=1)
-    syndrome = crc_batch("CRC-16/MODBUS", rows).astype(int)
+    syndrome = MODBUS.of(rows).astype(int)
     assert np.unique(syndrome).size == bits.size and 0 not in syndrome
     pairs = np.bincount([a ^ b for a, b in combinations(syndrome.tolist(), 2)])
     fours = int((pairs * (pairs - 1) // 2).sum()) // 3
@@ -138,7 +134,7 @@ def test_the_gaps_between_inverted_bits_make_the_same_packets_as_a_coin_for_ever
     checked = form.decode_batch(sent ^ flips)
     hit = flips.any(axis=1)
     coin = [int((~hit).sum()), int((~checked.accepted).sum()), int((hit & checked.accepted).sum())]
-    drawn = np.bincount(draw_outcomes(form, n, rate, len(sent), rng), minlength=3)
+    drawn = np.bincount(form.outcomes(n, rate, len(sent), rng), minlength=3)
     # Both are random: 5 standard deviations of a difference of two counts.
     assert np.abs(np.array(coin) - drawn).max() < 5 * np.sqrt(2 * max(coin) / 2)
 
@@ -151,10 +147,10 @@ def test_the_gaps_between_inverted_bits_make_the_same_packets_as_a_coin_for_ever
     name=st.sampled_from(["markers", "markers + CRC", "CRC"]),
 )
 def test_every_size_and_rate_can_be_drawn(n, rate, count, name):
-    outcome = draw_outcomes(check_formats(84)[name], n, rate, count, np.random.default_rng(1))
+    outcome = check_formats(84)[name].outcomes(n, rate, count, np.random.default_rng(1))
     assert outcome.shape == (count,) and outcome.dtype == np.uint8
     assert set(outcome) <= ({0} if rate == 0 else {0, 1, 2})
-    shares = packet_shares(check_formats(84)[name], n, rate)
+    shares = check_formats(84)[name].error_shares(n, rate)
     assert min(shares) >= -1e-15 and sum(shares) == pytest.approx(1)
 
 
@@ -172,7 +168,7 @@ def test_the_interval_holds_the_truth_as_often_as_it_says():
 
 def simulate_switch(form, n_items, rate, period, interval, sending, packets, rng):
     """Return the share of packets after which the receiver shows a wrong position."""
-    outcome = draw_outcomes(form, n_items, rate, packets, rng)
+    outcome = form.outcomes(n_items, rate, packets, rng)
     if sending == "changed":
         position = np.arange(packets) % 2
     else:
@@ -306,7 +302,7 @@ def test_the_figures_show_what_the_tables_hold(ax):
         (lambda: MarkerFormat().error_shares(1, 0.6), "rate is 0.6"),
         (lambda: crc_residual(-1, 0.1), "n_bytes is -1"),
         (lambda: check_formats(85), r"n_items is 85.*1\.\.84"),
-        (lambda: draw_outcomes(MarkerFormat(), 1, 0.1, -1, None), "packets is -1"),
+        (lambda: MarkerFormat().outcomes(1, 0.1, -1, None), "packets is -1"),
         (lambda: Trial(1, 0, 0).share("lost"), "outcome is 'lost'"),
         (lambda: Trial(1, 0, 0).interval("intact", 1), "confidence is 1"),
         (lambda: switch_staleness(Shares(0, 1, 0), 1, 1, "cyclic"), "below 1 in sum"),

@@ -277,7 +277,7 @@ def test_a_repair_that_finds_no_packet_ends_with_an_empty_ring(cells):
 
 @pytest.mark.parametrize("form", [MarkerFormat("A"), MarkerFormat("B")], ids=str)
 def test_twenty_of_128_places_break_a_value_by_the_letter_and_none_with_round_indices(form):
-    items = {number: 0x1234 for number in range(10)}
+    items = dict.fromkeys(range(10), 4660)
     printed = extraction(items, form)
     # By hand: item k's number stands at offset + first + k * step; 126 and 127 are bad.
     first, step = (2, 3) if form.reading == "A" else (2, 4)
@@ -307,7 +307,7 @@ def test_a_value_is_the_two_bytes_behind_its_number(cells, data):
 
 
 def test_a_packet_half_arrived_gives_old_bytes_as_values():
-    old, new = ({number: value for number in range(10)} for value in (0x1111, 0x2222))
+    old, new = (dict.fromkeys(range(10), value) for value in (0x1111, 0x2222))
     form = MarkerFormat()
     ring = bytearray(form.encode(old).ljust(128, b"\0"))
     packet = form.encode(new)

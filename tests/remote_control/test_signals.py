@@ -1,13 +1,8 @@
 import pytest
 
 from shipnet.errors import ArgumentError
-from shipnet.remote_control.signals import (
-    HOPS,
-    SIGNALS,
-    forwarded,
-    signal_table,
-    signals_on,
-)
+from shipnet.remote_control import System
+from shipnet.remote_control.signals import HOPS, SIGNALS, forwarded, signals_on
 
 
 def test_numbers_count_from_zero_without_a_gap():
@@ -43,8 +38,8 @@ def test_what_is_forwarded_crosses_both_lines_of_its_way():
         assert forwarded(source, target) <= first & second
 
 
-def test_the_table_has_a_row_a_signal_and_counts_the_lines_that_the_functions_name():
-    table = signal_table()
+def test_the_table_has_a_row_per_signal_and_counts_the_lines_that_the_functions_name():
+    table = System().signals()
     assert table.name.tolist() == [signal.name for signal in SIGNALS]
     for source, target in HOPS:
         assert table[f"{source}-{target}"].sum() == len(signals_on(source, target))

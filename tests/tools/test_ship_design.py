@@ -10,10 +10,11 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.design.comparison import BANNER, RESPONSE
+from shipnet.design.comparison import RESPONSE
 from shipnet.design.costs import label
 from shipnet.design.iolist import IoList
 from shipnet.design.planning import OPTIONS
+from shipnet.design.report import BANNER
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError, InputError

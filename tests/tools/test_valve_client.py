@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from shipnet.ballast.live import serve
 from shipnet.ballast.plant import Fault
 from shipnet.errors import ArgumentError
-from shipnet.modbus.adu import decode, tcp_frame
+from shipnet.modbus.frame import tcp_frame
+from shipnet.modbus.pdu import decode
 from shipnet.tools.valve_client import Link, ModelValves, ValveClient, draw, send, update
 
 

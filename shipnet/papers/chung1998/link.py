@@ -16,7 +16,6 @@ from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.experiment import recommend, switch_staleness
 from shipnet.remote_control.faults import DeadStation, LostPacket
 from shipnet.remote_control.packet import MarkerFormat
-from shipnet.remote_control.residual import packet_shares, single_flip_share
 from shipnet.remote_control.signals import HOPS, SIGNALS, STATIONS, Hop
 from shipnet.remote_control.simulation import Change, simulate, switch_delays
 from shipnet.remote_control.station import Sender
@@ -483,7 +482,7 @@ def flips(items: int = ITEMS) -> pd.DataFrame:
         ("C", "markers", MarkerFormat(), 1),
         ("A", "markers and CRC", MarkerFormat(n_numbers=items, crc=True), items),
     ):
-        bits, share = 8 * form.size(n), single_flip_share(form, n)
+        bits, share = 8 * form.size(n), form.undetected_flips(n)
         rows.append((reading, what, bits, round(share * bits), round(100 * share, 1)))
     return pd.DataFrame(rows, columns=["reading", "check", "bits", "pass", "share [%]"])
 
@@ -528,7 +527,7 @@ def recommendations(items: Sequence[int], patience: Mapping[float, float]) -> pd
 @check("chung1998-019", counter={"crc": True})
 def flags_show_errors(*, crc: bool = False) -> bool:
     """Whether a packet whose flags stand at their places has no error, tried with single bits."""
-    return single_flip_share(MarkerFormat(n_numbers=ITEMS, crc=crc), ITEMS) == 0
+    return MarkerFormat(n_numbers=ITEMS, crc=crc).undetected_flips(ITEMS) == 0
 
 
 @numeric("chung1998-020")
@@ -555,7 +554,7 @@ def loss_does_no_harm(*, interval: float = 3600.0) -> bool:
     """
     form = MarkerFormat(n_numbers=ITEMS)
     wait = switch_staleness(
-        packet_shares(form, 1, 1e-5), System(form).cycle_time, interval, "changed"
+        form.error_shares(1, 1e-5), System(form).cycle_time, interval, "changed"
     )
     return wait.duration <= PATIENCE
 
@@ -575,7 +574,7 @@ def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
 @check("chung1998-070", counter={"per_packet": 1})
 def one_error_costs_much(*, per_packet: int = 40) -> bool:
     """Whether a bit of an end flag costs more than half of 40 data, so many in each packet."""
-    data = {number: 1 for number in range(40)}
+    data = dict.fromkeys(range(40), 1)
     form = MarkerFormat(n_numbers=40)
     parts = [dict(list(data.items())[k : k + per_packet]) for k in range(0, 40, per_packet)]
     stream = bytearray(b"".join(form.encode(part) for part in parts))

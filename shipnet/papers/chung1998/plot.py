@@ -27,10 +27,13 @@ _STATIONS = {
     "SS": (4.8, "safety system"),
 }
 
+#: Numbers and values of a packet to draw.
+_ITEMS = {0: 1, 3: 120, 4: 0x1234}
+
 
 @figure("chung1998", "Fig 1")
-def plot_stations(*, ax: Axes) -> Axes:
-    """Draw the three stations and the values that cross each line: Fig 1."""
+def _stations(*, ax: Axes) -> Axes:
+    """Draw the three stations and the values that cross each line."""
     for name, (x, what) in _STATIONS.items():
         box = FancyBboxPatch(
             (x - 0.42, -0.55), 0.84, 1.1, boxstyle="round,pad=0.04",
@@ -59,8 +62,9 @@ def plot_stations(*, ax: Axes) -> Axes:
     return ax
 
 
-def plot_packets(items: Mapping[int, int], *, ax: Axes) -> Axes:
-    """Draw the bytes of the same data in the three readings of Fig 4."""
+@figure("chung1998", "Fig 4")
+def _packets(*, items: Mapping[int, int] = _ITEMS, ax: Axes) -> Axes:
+    """Draw the bytes of the same data in the three readings of the packet."""
     colours = {"flag": "control", "number": "address", "low": "information", "high": "parity"}
     rows = {
         "A": [MarkerFormat("A").encode(items)],
@@ -138,14 +142,19 @@ def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
     return ax
 
 
-def plot_storing(size: int, n: int, *, axes: tuple[Axes, Axes]) -> None:
-    """Draw place and flag of the writer while bytes are stored: Fig 7."""
+@figure("chung1998", "Fig 7")
+def _storing(*, size: int = SIZE, n: int = 600, ax: Axes) -> Axes:
+    """Draw place and flag of the writer, each to its own scale, while bytes are stored."""
     seen = stored(n, size)
-    bytes_stored = range(n)
-    axes[0].plot(bytes_stored, [state.no for state in seen], drawstyle="steps-post")
-    axes[0].set(ylabel="no [index]")
-    axes[1].plot(bytes_stored, [s.ring_f for s in seen], drawstyle="steps-post", color="C1")
-    axes[1].set(ylabel="ring_f [1]", xlabel="bytes stored", ylim=(-0.2, 1.2), yticks=[0, 1])
+    place, flag = ([getattr(state, name) for state in seen] for name in ("no", "ring_f"))
+    ax.plot(range(n), place, drawstyle="steps-post", label="no")
+    ax.plot(
+        range(n), [size * (value - 1.5) for value in flag], drawstyle="steps-post", label="ring_f"
+    )
+    ax.set(xlabel="bytes stored", ylabel="ring_f [1]   no [index]")
+    ax.set_yticks([-1.5 * size, -0.5 * size, 0, size // 2, size - 1])
+    ax.set_yticklabels(["0", "1", "0", f"{size // 2}", f"{size - 1}"])
+    return ax
 
 
 def plot_outside(table: pd.DataFrame, *, ax: Axes) -> Axes:
@@ -157,7 +166,7 @@ def plot_outside(table: pd.DataFrame, *, ax: Axes) -> Axes:
 
 
 @figure("chung1998", "Fig 9")
-def plot_given_up(*, ax: Axes, items: int = 10) -> Axes:
+def _given_up(*, ax: Axes, items: int = 10) -> Axes:
     """Draw how many bytes the repair of Fig 9 gives up, over the place of the writer."""
     places = np.arange(SIZE)
     alone = given_up()

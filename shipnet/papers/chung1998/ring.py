@@ -11,7 +11,8 @@ from shipnet.fields import check_scalar, check_whole
 from shipnet.papers.chung1998.link import ITEMS, PRINTED, as_printed, length
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.faults import Stall
-from shipnet.remote_control.packet import PACKET_START, Items, MarkerFormat, check_bytes
+from shipnet.remote_control.packet import PACKET_START, MarkerFormat
+from shipnet.remote_control.packet_format import Items, check_bytes
 from shipnet.remote_control.ring_buffer import Case, Ring, Rule, State, pointer_case
 from shipnet.remote_control.ring_buffer import case_of as case_in
 from shipnet.remote_control.simulation import simulate
@@ -176,7 +177,7 @@ def packet_is_found(*, before: bytes = bytes(5)) -> bool:
 @check("chung1998-023", counter={"wrap": True})
 def values_are_whole(*, wrap: bool = False) -> bool:
     """Whether the printed line takes the right values wherever a packet stands in the ring."""
-    table = extraction({number: 1000 for number in range(ITEMS)}, size=SIZE, wrap=wrap)
+    table = extraction(dict.fromkeys(range(ITEMS), 1000), size=SIZE, wrap=wrap)
     return bool((table["wrong"] == 0).all())
 
 

@@ -24,9 +24,9 @@ from shipnet.ballast.slave import valve_slaves
 from shipnet.engine.class_rules import RULES
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.modbus.adu import MAX_UNIT, rtu_frame
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.faults import Break, DeadPort
+from shipnet.modbus.frame import MAX_UNIT, rtu_frame
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine

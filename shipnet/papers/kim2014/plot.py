@@ -1,6 +1,7 @@
-"""Figures of kim2014 that are outlines: hydraulics, actuator, frames, flow charts, test bed.
+"""Figures of kim2014: hydraulics, actuator, frames, flow charts, test bed, and what a master sees.
 
-None of the printed figures was available; these are drawn from the text and from our encoders.
+None of the printed figures was available. The words of the outlines are from sections 1, 2.1, 2.3,
+3.1, 3.2 and 4 and from the rule table; the places of the blocks are ours.
 """
 
 from __future__ import annotations
@@ -10,108 +11,164 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from shipnet import style
 from shipnet.ballast.diagnosis import Run
+from shipnet.ballast.registers import FIRST_REGISTER, N_REGISTERS
+from shipnet.ballast.scan import scan_table
 from shipnet.fuzzy.rules import RuleBase
-from shipnet.modbus.adu import decode
+from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.faults import Picture
-from shipnet.papers.kim2014.line import scan_table
-from shipnet.papers.kim2014.outlines import (
-    ACTUATOR,
-    ACTUATOR_WAYS,
-    ALGORITHM,
-    ALGORITHM_WAYS,
-    CENTRAL,
-    COMMAND,
-    COMMAND_WAYS,
-    MASTER,
-    MODES,
-    MODES_WAYS,
-    TESTBED,
-    TESTBED_WAYS,
-    Blocks,
-    Ways,
-)
-from shipnet.style import LIMIT
+from shipnet.papers.plot import FILL, HALF, Blocks, Ways, arrow, box, fields, outline, spread
+from shipnet.papers.registry import figure
 
-__all__ = [
-    "plot_actuator",
-    "plot_algorithm",
-    "plot_command",
-    "plot_hydraulics",
-    "plot_modes",
-    "plot_rtu_frame",
-    "plot_scan_times",
-    "plot_tcp_frame",
-    "plot_testbed",
-]
+__all__ = ["plot_ages", "plot_control_system", "plot_scan_times", "plot_seen_strokes"]
 
-#: Fill of a block by its kind; light enough to write on.
-_FILL = {
-    "": "white", "control": style.FIELD["address"], "oil": style.FIELD["information"],
-    "valve": style.FIELD["parity"], "ask": style.FIELD["control"],
+#: The query of Table 3, and the line that it is sent on by default.
+_QUERY = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
+_LINE = SerialLine(9600)
+
+_ACTUATOR: Blocks = {
+    "relay": ("control module\nrelay outputs", "blue", 0, 2),
+    "motor": ("reversible motor", "", 1, 2),
+    "pump": ("pump\nturns both ways", "amber", 2, 2),
+    "rack": ("cylinder\nwith rack", "amber", 3, 2),
+    "pinion": ("pinion", "green", 4, 2),
+    "valve": ("valve", "green", 4, 3),
+    "bus": ("communication\nmodule, Modbus", "blue", 0, 3),
+    "MC": ("current MC", "purple", 1, 1),
+    "OT": ("temperature OT", "purple", 2, 1),
+    "OP": ("pressures FP, OP", "purple", 3, 1),
+    "VPos": ("potentiometer\nVPos", "purple", 4, 1),
+    "ADC": ("A/D converter\n5 channels, 12 bit", "blue", 0, 1),
+}
+_ACTUATOR_WAYS: Ways = [
+    ("bus", "relay", ""), ("relay", "motor", ""), ("motor", "pump", ""), ("pump", "rack", "oil"),
+    ("rack", "pinion", ""), ("pinion", "valve", ""), ("pinion", "VPos", ""), ("motor", "MC", ""),
+    ("motor", "OT", ""), ("pump", "OP", ""), ("rack", "OP", ""),
+]  # fmt: skip
+
+_MODES: Blocks = {
+    "start": ("auto/manual switch", "purple", 0, 2),
+    "auto": ("command of the\nmaster by Modbus", "blue", 1.3, 3),
+    "position": ("position asked for,\nor an end", "blue", 2.6, 3),
+    "time": ("motor time\nis set", "", 1.3, 1),
+    "switch": ("on-off-on switch:\nopen, stop, close", "", 2.6, 1),
+    "motor": ("motor forward,\nstop, backward", "amber", 3.9, 2),
+    "valve": ("valve, position\nby potentiometer", "green", 5.2, 2),
+}
+_MODES_WAYS: Ways = [
+    ("start", "auto", "auto"), ("auto", "position", ""), ("position", "motor", ""),
+    ("start", "time", "manual"), ("time", "switch", ""), ("switch", "motor", ""),
+    ("motor", "valve", ""),
+]  # fmt: skip
+
+_COMMAND: Blocks = {
+    "receive": ("write register\nreceived", "blue", 0, 3),
+    "id": ("own id?", "purple", 1.3, 3),
+    "ignore": ("keep silent", "", 1.3, 1.7),
+    "way": ("which way?", "purple", 2.6, 3),
+    "run": ("motor runs", "amber", 3.9, 3),
+    "there": ("position\nreached?", "purple", 3.9, 1.7),
+    "reply": ("reply: result\nand diagnosis", "blue", 5.2, 1.7),
+    "echo": ("reply at once:\nwhat we propose", "green", 5.2, 3),
+}
+_COMMAND_WAYS: Ways = [
+    ("receive", "id", ""), ("id", "ignore", "no"), ("id", "way", "yes"), ("way", "run", ""),
+    ("run", "there", ""), ("there", "reply", "yes"), ("run", "echo", ""),
+]  # fmt: skip
+
+_ALGORITHM: Blocks = {
+    "sensors": ("five sensors\nof a valve", "", 0, 2),
+    "poll": ("master reads\nby Modbus RTU", "blue", 1.3, 2),
+    "limits": ("upper and lower\nlimit of a sensor", "blue", 2.6, 3),
+    "compare": ("above or below\na limit?", "purple", 2.6, 2),
+    "rules": ("rule table:\nif ... then flag", "amber", 3.9, 2),
+    "ramps": ("ramps, minimum,\ncut: our assumption", "green", 3.9, 3),
+    "cause": ("fault\nand its cause", "amber", 5.2, 2),
+    "slave": ("slave finds\nPos1 to Pos4", "blue", 0, 1),
+    "display": ("display\nof the master", "blue", 5.2, 1),
+}
+_ALGORITHM_WAYS: Ways = [
+    ("sensors", "poll", ""), ("poll", "compare", ""), ("limits", "compare", ""),
+    ("compare", "rules", ""), ("ramps", "rules", ""), ("rules", "cause", ""),
+    ("cause", "display", ""), ("sensors", "slave", ""),
+    ("slave", "display", "row 9 of the table"),
+]  # fmt: skip
+
+_TESTBED: Blocks = {
+    "PC": ("PC\nsimulator of the\nship's system", "", 0.1, 3.2),
+    "master": ("master", "blue", 2, 3.2),
+    "S1": ("S1", "blue", 0.1, 2), "S2": ("S2", "blue", 1.05, 2),
+    "S3": ("S3", "blue", 2, 2), "S4": ("S4", "blue", 2.95, 2),
+    "S5": ("S5", "blue", 3.9, 2),
+    "V2": ("butterfly valve", "green", 1.05, 1),
+    "V3": ("pump, valve,\nsmall tank", "green", 2, 1),
+    "V5": ("fault simulator", "purple", 3.9, 1),
 }  # fmt: skip
-
-#: Half the width and height of a block.
-_HALF = (0.82, 0.33)
+_TESTBED_WAYS: Ways = [("S2", "V2", ""), ("S3", "V3", ""), ("S5", "V5", "")]
 
 
-def plot_hydraulics(n_valves: int = 4, *, axes: Sequence[Axes]) -> None:
-    """Draw central hydraulics beside valves with pumps of their own: Fig 1 and its counterpart."""
-    where = np.linspace(-0.8, 2.8, n_valves)
-    low = 0.35
-    for ax, blocks in zip(axes, (CENTRAL, MASTER), strict=True):
-        central = blocks is CENTRAL
-        for place, x in enumerate(where):
-            _valve(ax, (x, low), "" if central else "motor, pump,\ncontroller")
-            if central:
-                # A pipe to open and a pipe to close, to every valve.
-                for shift in (-0.07, 0.07):
-                    ax.plot(
-                        [1 + shift + (x - 1) * 0.25, x + shift], [1.67, low + 0.35],
-                        color="#b8860b", lw=1.6, zorder=0, label="_pipe",
-                    )  # fmt: skip
-            else:
-                ax.plot([x - 0.1] * 2, [low + 1, 1.5], color="C0", lw=1.2, label="_bus")
-                ax.plot([x + 0.1] * 2, [low + 1, 1.65], color="C1", lw=1.2, label="_power")
-            ax.text(x, low - 0.32, f"valve {place + 1}", ha="center", va="top", fontsize=8)
-        if central:
-            _diagram(ax, blocks, [("console", "station", "")])
-        else:
-            left, right = where[0] - 0.35, where[-1] + 0.35
-            ax.plot(
-                [0.18, left, left, right, right, 1.82], [3, 3, 1.5, 1.5, 3, 3], color="C0", lw=1.2
-            )
-            ax.plot([where[0] + 0.1, where[-1] + 0.1], [1.65, 1.65], color="C1", lw=1.2)
-            ax.plot([1, 1], [1.65, 1.82], color="C1", lw=1.2)
-            ax.text(left + 0.08, 2.55, "closed loop\nof Modbus", fontsize=8, color="C0")
-            _diagram(ax, blocks, [])
-        style.bare(ax, (-1.4, 3.5), (-0.25, 3.5))
-    axes[0].set_title("central: pipes to every valve", loc="left")
-    axes[1].set_title("distributed: a pump in every valve", loc="left")
+@figure("kim2014", "Fig 1")
+def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
+    """Draw central hydraulics, pipes to every valve, beside valves with pumps of their own."""
+    places, low, aside = np.linspace(-0.8, 2.8, n_valves), 0.35, 5.2
+    for number, x in enumerate([*places, *(places + aside)]):
+        _valve(ax, (x, low), "" if number < n_valves else "motor, pump,\ncontroller")
+        text = f"valve {number % n_valves + 1}"
+        ax.text(x, low - 0.32, text, ha="center", va="top", fontsize=8)
+    pipe: dict[str, Any] = {"color": "#b8860b", "lw": 1.6, "zorder": 0, "label": "_pipe"}
+    for x in places:
+        # A pipe to open and a pipe to close, to every valve.
+        for shift in (-0.07, 0.07):
+            ax.plot([1 + shift + (x - 1) * 0.25, x + shift], [1.67, low + 0.35], **pipe)
+    bus: dict[str, Any] = {"color": "C0", "lw": 1.2, "label": "_bus"}
+    power: dict[str, Any] = {"color": "C1", "lw": 1.2, "label": "_power"}
+    own = places + aside
+    for x in own:
+        ax.plot([x - 0.1] * 2, [low + 1, 1.5], **bus)
+        ax.plot([x + 0.1] * 2, [low + 1, 1.65], **power)
+    middle, left, right = 1 + aside, own[0] - 0.35, own[-1] + 0.35
+    ax.plot(
+        [middle - HALF[0], left, left, right, right, middle + HALF[0]], [3, 3, 1.5, 1.5, 3, 3],
+        color="C0", lw=1.2,
+    )  # fmt: skip
+    ax.plot([own[0] + 0.1, own[-1] + 0.1], [1.65, 1.65], color="C1", lw=1.2)
+    ax.plot([middle, middle], [1.65, 1.82], color="C1", lw=1.2)
+    ax.text(left + 0.08, 2.55, "closed loop\nof Modbus", fontsize=8, color="C0")
+    blocks = {
+        "console": ("console", "blue", 1, 3),
+        "station": ("pump, tank and\nsolenoid valves", "amber", 1, 2),
+        "master": ("master with\ntouch screen", "blue", middle, 3),
+        "power": ("power", "", middle, 2.15),
+    }
+    outline(ax, blocks, [("console", "station", "")])
+    ax.text(-1.4, 3.6, "central: pipes to every valve")
+    ax.text(left, 3.6, "distributed: a pump in every valve")
+    return style.bare(ax, (-1.4, 3.5 + aside), (-0.25, 3.8))
 
 
-def plot_actuator(*, ax: Axes) -> Axes:
-    """Draw the parts of an actuator and what measures them: Fig 2."""
-    blocks = _spread(ACTUATOR)
-    _diagram(ax, blocks, ACTUATOR_WAYS)
+@figure("kim2014", "Fig 2")
+def _actuator(*, ax: Axes) -> Axes:
+    """Draw the parts of an actuator and what measures them."""
+    blocks = spread(_ACTUATOR, 2.0)
+    outline(ax, blocks, _ACTUATOR_WAYS)
     sensors = [blocks[name] for name in ("MC", "OT", "OP", "VPos")]
     for _, _, x, y in sensors:
-        ax.plot([x, x], [y - _HALF[1], 0.35], color="0.45", lw=1)
+        ax.plot([x, x], [y - HALF[1], 0.35], color="0.45", lw=1)
     _, _, x, y = blocks["ADC"]
     ax.plot([sensors[-1][2], x], [0.35, 0.35], color="0.45", lw=1)
-    _arrow(ax, (x, 0.35), (x, y - _HALF[1]))
-    left, top = x - _HALF[0] - 0.2, blocks["bus"][3]
-    ax.plot([x - _HALF[0], left, left], [y, y, top], color="0.3", lw=1)
-    _arrow(ax, (left, top), (x - _HALF[0], top))
+    arrow(ax, (x, 0.35), (x, y - HALF[1]))
+    left, top = x - HALF[0] - 0.2, blocks["bus"][3]
+    ax.plot([x - HALF[0], left, left], [y, y, top], color="0.3", lw=1)
+    arrow(ax, (left, top), (x - HALF[0], top))
     return style.bare(ax, (-1.1, 8.9), (0.2, 3.45))
 
 
-def plot_rtu_frame(frame: bytes, serial: SerialLine, *, ax: Axes) -> Axes:
-    """Draw an RTU frame field by field, the general one above it: Figs 3 and 4."""
+@figure("kim2014", "Fig 3", "Fig 4")
+def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: Axes) -> Axes:
+    """Draw an RTU frame field by field, the general one above it."""
     pdu = decode(frame).pdu
     silence = f"{serial.t35 / serial.character_time:.3g} char\nsilence"
     general = [
@@ -124,11 +181,12 @@ def plot_rtu_frame(frame: bytes, serial: SerialLine, *, ax: Axes) -> Axes:
         (f"data\n{len(pdu) - 1} bytes", "information", pdu[1:].hex(" ")),
         ("CRC\n2 bytes", "parity", frame[-2:].hex(" ")), (silence, "pause", ""),
     ]  # fmt: skip
-    return _fields(ax, {"Fig 3": general, "Fig 4": detail})
+    return fields(ax, {"Fig 3": general, "Fig 4": detail})
 
 
-def plot_tcp_frame(frame: bytes, *, ax: Axes) -> Axes:
-    """Draw a frame of Modbus TCP, header and PDU above its fields: Figs 5 and 6."""
+@figure("kim2014", "Fig 5", "Fig 6")
+def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
+    """Draw a frame of Modbus TCP, header and PDU above its fields."""
     pdu = decode(frame, "tcp").pdu
     general = [
         ("MBAP header, 7 bytes", "address", frame[:7].hex(" ")),
@@ -142,7 +200,7 @@ def plot_tcp_frame(frame: bytes, *, ax: Axes) -> Axes:
             ("function code", 7, 8, "control"), ("data", 8, len(frame), "information"),
         )
     ]  # fmt: skip
-    return _fields(ax, {"Fig 5": general, "Fig 6": detail})
+    return fields(ax, {"Fig 5": general, "Fig 6": detail})
 
 
 def plot_scan_times(slaves: Sequence[int], *, ax: Axes) -> Axes:
@@ -158,56 +216,56 @@ def plot_scan_times(slaves: Sequence[int], *, ax: Axes) -> Axes:
     return ax
 
 
-def plot_modes(*, ax: Axes) -> Axes:
-    """Draw who moves the motor in auto and in manual mode: Fig 9."""
-    _diagram(ax, _spread(MODES, 1.65), MODES_WAYS)
+@figure("kim2014", "Fig 9")
+def _modes(*, ax: Axes) -> Axes:
+    """Draw who moves the motor in auto and in manual mode."""
+    outline(ax, spread(_MODES, 1.65), _MODES_WAYS)
     return style.bare(ax, (-1.0, 9.6), (0.5, 3.5))
 
 
-def plot_command(*, ax: Axes) -> Axes:
-    """Draw what a slave does with a command, as printed, and when it should reply: Fig 10."""
-    blocks = _spread(COMMAND, 1.65)
-    _diagram(ax, blocks, COMMAND_WAYS)
+@figure("kim2014", "Fig 10")
+def _command(*, ax: Axes) -> Axes:
+    """Draw what a slave does with a command, as printed, and when it should reply."""
+    blocks = spread(_COMMAND, 1.65)
+    outline(ax, blocks, _COMMAND_WAYS)
     # Not there yet: round again.
     x, y = blocks["there"][2:]
-    left = x - _HALF[0] - 0.35
-    ax.plot([x - _HALF[0], left, left], [y, y, 2.35], color="0.3", lw=1)
+    left = x - HALF[0] - 0.35
+    ax.plot([x - HALF[0], left, left], [y, y, 2.35], color="0.3", lw=1)
     ax.plot([left, x - 0.45], [2.35, 2.35], color="0.3", lw=1)
-    _arrow(ax, (x - 0.45, 2.35), (x - 0.45, 3 - _HALF[1]))
+    arrow(ax, (x - 0.45, 2.35), (x - 0.45, 3 - HALF[1]))
     ax.text(left - 0.05, y + 0.3, "no", ha="right", va="center", fontsize=8)
     return style.bare(ax, (-1.0, 9.6), (1.25, 3.5))
 
 
-def plot_algorithm(*, ax: Axes) -> Axes:
-    """Draw how a fault is found, from section 2.3 and row 9 of the rule table: Fig 7."""
-    _diagram(ax, _spread(ALGORITHM, 1.65), ALGORITHM_WAYS)
+@figure("kim2014", "Fig 7")
+def _algorithm(*, ax: Axes) -> Axes:
+    """Draw how a fault is found, from section 2.3 and row 9 of the rule table."""
+    outline(ax, spread(_ALGORITHM, 1.65), _ALGORITHM_WAYS)
     return style.bare(ax, (-1.0, 9.6), (0.5, 3.5))
 
 
-def plot_testbed(*, ax: Axes) -> Axes:
-    """Draw the test bed, the line closed through the second port of the master: Fig 15."""
-    blocks = _spread(TESTBED)
+@figure("kim2014", "Fig 15")
+def _testbed(*, ax: Axes) -> Axes:
+    """Draw the test bed, the line closed through the second port of the master."""
+    blocks = spread(_TESTBED, 2.0)
     x, y = blocks["master"][2:]
     first, last, row = blocks["S1"][2], blocks["S5"][2], blocks["S1"][3]
     ax.plot(
         [x - 0.3, x - 0.3, first - 1.0, first - 1.0, last],
-        [y - _HALF[1], 2.6, 2.6, row, row], color="C0", lw=1.5, zorder=0,
+        [y - HALF[1], 2.6, 2.6, row, row], color="C0", lw=1.5, zorder=0,
     )  # fmt: skip
     ax.plot(
-        [last, last + 1.0, last + 1.0, x + 0.3, x + 0.3], [row, row, 2.6, 2.6, y - _HALF[1]],
+        [last, last + 1.0, last + 1.0, x + 0.3, x + 0.3], [row, row, 2.6, 2.6, y - HALF[1]],
         color="C0", lw=1.5, ls=":", zorder=0,
     )  # fmt: skip
     ax.text(first - 0.9, 2.66, "RS-485, port 1", fontsize=8, color="C0")
     ax.text(last + 0.95, 2.66, "port 2 (section 2.1)", fontsize=8, color="C0", ha="right")
-    left = blocks["PC"][2] + _HALF[0]
-    ax.plot([left, x - _HALF[0]], [y, y], color="C1", lw=1.5, zorder=0)
-    ax.text((left + x - _HALF[0]) / 2, y + 0.06, "Ethernet, UDP port 502", ha="center", fontsize=8)
-    _diagram(ax, blocks, TESTBED_WAYS)
+    left = blocks["PC"][2] + HALF[0]
+    ax.plot([left, x - HALF[0]], [y, y], color="C1", lw=1.5, zorder=0)
+    ax.text((left + x - HALF[0]) / 2, y + 0.06, "Ethernet, UDP port 502", ha="center", fontsize=8)
+    outline(ax, blocks, _TESTBED_WAYS)
     return style.bare(ax, (-1.1, 9.2), (0.55, 3.65))
-
-
-def _spread(blocks: Blocks, step: float = 2.0) -> Blocks:
-    return {name: (text, kind, step * x, y) for name, (text, kind, x, y) in blocks.items()}
 
 
 def _valve(ax: Axes, place: tuple[float, float], drive: str) -> None:
@@ -216,76 +274,13 @@ def _valve(ax: Axes, place: tuple[float, float], drive: str) -> None:
     for side in (-1, 1):
         ax.fill(
             [x, x + 0.3 * side, x + 0.3 * side], [y, y - 0.2, y + 0.2],
-            facecolor=_FILL["valve"], edgecolor="0.2", lw=1,
+            facecolor=FILL["green"], edgecolor="0.2", lw=1,
         )  # fmt: skip
     ax.plot([x, x], [y, y + 0.35], color="0.2", lw=1)
     if drive:
-        ax.add_patch(
-            Rectangle((x - 0.52, y + 0.35), 1.04, 0.65, facecolor=_FILL["oil"], edgecolor="0.2")
-        )
-        ax.text(x, y + 0.675, drive, ha="center", va="center", fontsize=7)
+        box(ax, (x - 0.52, y + 0.35), 1.04, 0.65, FILL["amber"], drive)
     else:
-        ax.add_patch(
-            Rectangle((x - 0.25, y + 0.2), 0.5, 0.3, facecolor=_FILL["oil"], edgecolor="0.2")
-        )
-
-
-def _diagram(ax: Axes, blocks: Blocks, ways: Ways) -> None:
-    for first, second, word in ways:
-        tail, head = (np.array(blocks[name][2:]) for name in (first, second))
-        way = head - tail
-        with np.errstate(divide="ignore"):
-            inside = float(np.min(np.array(_HALF) / np.abs(way)))
-        begin, end = tail + inside * way, head - inside * way
-        _arrow(ax, begin, end)
-        if word:
-            x, y = (begin + end) / 2
-            # Above a level way, left of any other.
-            level = abs(way[1]) < 0.1
-            ax.text(
-                x - (0 if level else 0.2), y + (0.05 if level else 0), word, fontsize=8,
-                ha="center" if level else "right", va="bottom" if level else "center",
-            )  # fmt: skip
-    for text, kind, x, y in blocks.values():
-        corner = (x - _HALF[0], y - _HALF[1])
-        ax.add_patch(
-            Rectangle(
-                corner, 2 * _HALF[0], 2 * _HALF[1], facecolor=_FILL[kind], edgecolor="0.2", zorder=2
-            )
-        )
-        ax.text(x, y, text, ha="center", va="center", fontsize=8, zorder=3)
-
-
-def _arrow(ax: Axes, tail: Sequence[float], head: Sequence[float]) -> None:
-    ax.add_patch(
-        FancyArrowPatch(
-            (tail[0], tail[1]), (head[0], head[1]), arrowstyle="->", mutation_scale=10,
-            color="0.3", shrinkA=0, shrinkB=0,
-        )
-    )  # fmt: skip
-
-
-def _fields(ax: Axes, rows: Mapping[str, Sequence[tuple[str, str, str]]]) -> Axes:
-    """Draw rows of fields: words, colour, bytes below."""
-    widest = 0.0
-    for row, (title, fields) in enumerate(rows.items()):
-        x, y = 0.0, -1.6 * row
-        ax.text(-1, y + 0.5, title, ha="right", va="center", fontsize=9)
-        for words, kind, data in fields:
-            width = max(len(line) for line in [*words.split("\n"), data]) + 3.0
-            ax.add_patch(
-                Rectangle(
-                    (x, y), width, 1, facecolor=style.FIELD[kind], edgecolor="0.2",
-                    linestyle=":" if kind == "pause" else "-",
-                )
-            )  # fmt: skip
-            ax.text(x + width / 2, y + 0.5, words, ha="center", va="center", fontsize=8)
-            ax.text(
-                x + width / 2, y - 0.08, data, ha="center", va="top", fontsize=8, family="monospace"
-            )
-            x += width
-        widest = max(widest, x)
-    return style.bare(ax, (-8, widest + 1), (-1.6 * (len(rows) - 1) - 0.55, 1.1))
+        box(ax, (x - 0.25, y + 0.2), 0.5, 0.3, FILL["amber"])
 
 
 _MARKS = ".o^sD"
@@ -313,10 +308,10 @@ def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axe
             time, np.where(np.isfinite(oldest), oldest, np.nan), color=f"C{place}", label=name,
             linewidth=5 - 0.8 * place, alpha=0.9,
         )  # fmt: skip
-    ax.axvline(start, linewidth=1, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
+    ax.axvline(start, linewidth=1, **style.LIMIT)  # type: ignore[arg-type]
     ax.annotate(
         " the loop breaks", (start, 0.95), xycoords=ax.get_xaxis_transform(), va="top",
-        color=LIMIT["color"], fontsize=8,
+        color=style.LIMIT["color"], fontsize=8,
     )  # fmt: skip
     ax.set(xlabel="time [s]", ylabel="oldest position shown [s]", ylim=(0, None))
     ax.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)

@@ -27,8 +27,8 @@ from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.adu import MAX_UNIT, decode, rtu_frame, tcp_frame
-from shipnet.modbus.pdu import MAX_PDU, FunctionCode, Request, Response
+from shipnet.modbus.frame import MAX_PDU, MAX_UNIT, rtu_frame, tcp_frame
+from shipnet.modbus.pdu import FunctionCode, Request, Response, decode
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.slave import Slave
 from shipnet.modbus.uart import SerialLine

@@ -16,8 +16,7 @@ from shipnet.engine.points import read_points
 from shipnet.engine.simulation import simulate as simulate_engine
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError, CrcError, FrameError
-from shipnet.modbus.adu import decode
-from shipnet.modbus.pdu import ExceptionCode, FunctionCode, Request, Response
+from shipnet.modbus.pdu import ExceptionCode, FunctionCode, Request, Response, decode
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.registry import check, numeric

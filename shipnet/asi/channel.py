@@ -12,14 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.asi.batch import encode_requests
-from shipnet.asi.calls import Call
-from shipnet.asi.elements import Slave, slave_key
+from shipnet.asi.master import FAULTY, SILENT, Phase
 from shipnet.asi.modulation import ONE_PULSE_CODES, collide
-from shipnet.asi.simulation.master import FAULTY, SILENT, Phase
-from shipnet.asi.simulation.slave import OBEY, PreparedRequest, RunningSlave
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Response
+from shipnet.asi.slave import OBEY, PreparedRequest, RunningSlave, Slave, slave_key
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Response
 from shipnet.asi.timing import Transaction
-from shipnet.errors import ArgumentError, SilenceError, explain
+from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
@@ -35,7 +33,7 @@ ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
 #: Stands in the field of the response where there is none.
 NO_RESPONSE = 16
 
-_OUTCOMES = [explain(code) for code in range(SilenceError.code + 1)]
+_OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
 
 Integers = npt.NDArray[np.int64]
 

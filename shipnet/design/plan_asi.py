@@ -12,27 +12,186 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
-from shipnet.asi.cycle import ADDRESSES, cycle_time
-from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply
+from shipnet.asi.elements import Repeater, Supply
+from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
+from shipnet.asi.profile import Profile
 from shipnet.asi.rules import rule_limits
+from shipnet.asi.slave import Slave
+from shipnet.asi.timing import ADDRESSES, Transaction, cycle_time, response_time, transfer_time
 from shipnet.asi.topologies import assign_addresses as share_addresses
 from shipnet.design.catalogue import cables
-from shipnet.design.drafting import Draft, Laid, Place, chain, divided, tree, without_place
-from shipnet.design.plan_asi_modules import Module, analogue_response, digital_response, modules
+from shipnet.design.drafting import (
+    Draft,
+    Floats,
+    Ints,
+    Laid,
+    Place,
+    balanced,
+    chain,
+    divided,
+    tree,
+    without_place,
+    zones,
+)
 from shipnet.design.settings import AsiLimits
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES
+from shipnet.line.network import CableRun
+
+# Which points share a module, where it is, and how late the host knows of them -------------------
+
+#: A module of values takes an address of its own; its outputs and inputs have this profile.
+_ANALOGUE = "S-7.3"
+
+#: Digital modules by whether they have outputs and whether they may share their address. Four
+#: outputs of an A/B slave come in two requests, as one bit of four selects the half.
+_DIGITAL = {
+    (False, False): "S-0.F",
+    (True, False): "S-7.F",
+    (False, True): "S-0.A",
+    (True, True): "S-7.A.7",
+}
+
+#: Most points that are shared out among modules at once; the time grows with their cube.
+_MOST = 400
+
+
+class Module(NamedTuple):
+    """A module with its points."""
+
+    profile: str
+    place: Place
+    rows: Ints
+    ports: list[str]
+
+    @property
+    def shares(self) -> bool:
+        """Whether its profile lets it share an address."""
+        return Profile.parse(self.profile).extended
+
+    @property
+    def analogue(self) -> bool:
+        """Whether it transfers values."""
+        return self.ports[0].startswith("A")
+
+    @property
+    def outputs(self) -> bool:
+        """Whether it has outputs, which auxiliary power feeds."""
+        return any("Q" in port for port in self.ports)
+
+    def current(self, limits: AsiLimits) -> float:
+        """Return what it draws from the line [A]."""
+        return limits.current + limits.loop_current * len(self.ports) * self.analogue
+
+
+def modules(draft: Draft, rows: Ints, places: Floats) -> list[Module]:
+    """Return the modules of some points."""
+    limits = draft.settings.asi
+    kinds = np.array([draft.types[row] for row in rows], dtype=object)
+    channels = _channels(draft, rows, kinds)
+    found = []
+    digital = np.flatnonzero(np.isin(kinds, ["DI", "DO"]) & (channels > 0))
+    found += _grouped(
+        digital, rows, places, kinds, ("DI", "DO"), (limits.inputs, limits.outputs), limits
+    )
+    for kind in ("AI", "AO"):
+        for number in range(limits.channels, 0, -1):
+            values = np.flatnonzero((kinds == kind) & (channels == number))
+            found += _grouped(values, rows, places, kinds, (kind,), (number,), limits)
+    return found
+
+
+def analogue_response(channels: int, limits: AsiLimits, cycle: float | None = None) -> float:
+    """Return how late the host knows of a value."""
+    one = float(transfer_time(_ANALOGUE, float(cycle_time(ADDRESSES)) if cycle is None else cycle))
+    late = limits.repetitions * Transaction().duration
+    return (channels + 1) * one + late + channels * limits.conversion
+
+
+def digital_response(
+    cycle: float, paired: bool, profile: str, output: bool, limits: AsiLimits
+) -> float:
+    """Return how late a change of a state is known at the other end."""
+    worst = float(response_time(cycle, paired=paired, repetitions=limits.repetitions).worst)
+    if output and Profile.parse(profile).extended:
+        whole = float(transfer_time(profile, cycle, paired=paired, direction="out"))
+        return whole + worst - cycle * (2 if paired else 1)
+    return worst
+
+
+def _channels(draft: Draft, rows: Ints, kinds: npt.NDArray[np.object_]) -> Ints:
+    """Return how many points of its kind a point's module may have; 0 if even one is too slow."""
+    limits = draft.settings.asi
+    need = draft.need[rows]
+    channels = np.zeros(len(rows), dtype=np.intp)
+    least = np.empty(len(rows))
+    for kind, most in (("DI", limits.inputs), ("DO", limits.outputs)):
+        output = kind == "DO"
+        profile = _DIGITAL[output, limits.shared]
+        alone = digital_response(float(cycle_time(1)), False, profile, output, limits)
+        least[kinds == kind] = alone
+        channels[(kinds == kind) & (need >= alone)] = most
+    for kind in ("AI", "AO"):
+        least[kinds == kind] = analogue_response(1, limits)
+        for number in range(1, limits.channels + 1):
+            quick = need >= analogue_response(number, limits)
+            channels[(kinds == kind) & quick] = number
+    for place in np.flatnonzero(channels == 0):
+        tag, wanted, alone = draft.tags[rows[place]], 1e3 * need[place], 1e3 * least[place]
+        text = (
+            f"{tag} needs an update every {wanted:g} ms; with an AS-i module of its own it has a "
+            f"response of {alone:.3g} ms"
+        )
+        draft.reason(tag, "update", float(alone), float(wanted), "ms", text)
+    return channels
+
+
+def _grouped(
+    mine: Ints,
+    rows: Ints,
+    places: Floats,
+    kinds: npt.NDArray[np.object_],
+    names: tuple[str, ...],
+    ports: tuple[int, ...],
+    limits: AsiLimits,
+) -> list[Module]:
+    found = []
+    labels = zones(places[mine], reach=limits.reach, most=_MOST)
+    for zone in range(labels.max(initial=-1) + 1):
+        inside = mine[labels == zone]
+        kind = np.array([names.index(str(name)) for name in kinds[inside]], dtype=np.intp)
+        counts = np.bincount(kind, minlength=len(names))
+        number = max(ceil(count / room) for count, room in zip(counts, ports, strict=True))
+        groups = balanced(places[inside], number, kinds=kind, most=ports)
+        for group in range(groups.max() + 1):
+            own = inside[groups == group]
+            found.append(_module(rows[own], places[own], kinds[own], limits))
+    return found
+
+
+def _module(
+    rows: Ints,
+    places: Floats,
+    kinds: npt.NDArray[np.object_],
+    limits: AsiLimits,
+) -> Module:
+    letters = {"DI": "I", "DO": "Q", "AI": "AI", "AO": "AQ"}
+    seen: dict[str, int] = {}
+    ports = []
+    for kind in kinds:
+        seen[kind] = seen.get(kind, 0) + 1
+        ports.append(f"{letters[kind]}{seen[kind]}")
+    x, y, z = (float(value) for value in np.median(places, axis=0))
+    outputs = "DO" in seen
+    profile = _ANALOGUE if kinds[0][0] == "A" else _DIGITAL[outputs, limits.shared]
+    return Module(profile, (x, y, z), rows, ports)
+
 
 # One AS-i line: the way of its cable, the segments that repeaters make of it, their supplies
 
-#: The cable that the rules reckon with: 1.5 mm2, as any round cable of this area is much alike.
-_CABLE = "as-i 1.5"
-
 #: Shortest cable of a plan, and the least that is worth a cable before a repeater [m].
 _SHORTEST, _WORTH = 0.01, 1.0
-
-Floats = npt.NDArray[np.float64]
 
 
 class Piece(NamedTuple):
@@ -111,7 +270,7 @@ def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn:
 
 
 def place_supply(
-    pieces: Sequence[Piece], draws: dict[str, float], first: str, voltage: float
+    pieces: Sequence[Piece], draws: dict[str, float], first: str, voltage: float, resistance: float
 ) -> str:
     """Return the node at which the supply of a segment stands."""
     nodes = list(dict.fromkeys(node for piece in pieces for node in (piece.near, piece.far)))
@@ -125,7 +284,6 @@ def place_supply(
     current = np.array([draws.get(node, 0.0) for node in nodes])
     # Axes: supply, device, device; what both ways from the supply have in common.
     shared = (away[:, :, None] + away[:, None, :] - away[None]) / 2
-    resistance = CABLES[_CABLE].resistance
     drop = (resistance * shared @ current).max(axis=1, where=current > 0, initial=0.0)
     least = float(rule_limits()["low"]["slave_voltage"])
     if first in number and voltage - drop[number[first]] >= least:
@@ -136,8 +294,10 @@ def place_supply(
 
 def plan_of(drawn: Drawn, slaves: Sequence[Slave], limits: AsiLimits) -> Plan:
     """Return the plan of a line, with a supply in each segment."""
+    cable = cables()[limits.cable].line
+    resistance = float(CABLES[cable].resistance)
     runs = [
-        CableRun(piece.near, piece.far, max(piece.length, _SHORTEST), _CABLE)
+        CableRun(piece.near, piece.far, max(piece.length, _SHORTEST), cable)
         for piece in drawn.pieces
     ]
     master = Master(node="0", current=limits.current)
@@ -150,7 +310,7 @@ def plan_of(drawn: Drawn, slaves: Sequence[Slave], limits: AsiLimits) -> Plan:
         for node, current in segment.draws:
             draws[node] = draws.get(node, 0.0) + current
         pieces = [piece for piece in drawn.pieces if (piece.near, piece.far) in ends]
-        node = place_supply(pieces, draws, "0", limits.voltage)
+        node = place_supply(pieces, draws, "0", limits.voltage, resistance)
         supplies.append(Supply(node, limits.voltage, limits.rating))
     return Plan(runs, [master], supplies, slaves, repeaters)
 
@@ -271,7 +431,7 @@ def _against_rules(plan: Plan, limits: AsiLimits) -> Broken | None:
 _PAIR = 2
 
 
-def plan_asi(draft: Draft, rows: npt.NDArray[np.intp]) -> None:
+def plan_asi(draft: Draft, rows: Ints) -> None:
     """Connect points by AS-i modules near them, on as few lines as keep the limits."""
     limits = draft.settings.asi
     places = np.where(draft.iolist.located[:, None], draft.places, draft.iolist.box_places)

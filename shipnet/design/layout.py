@@ -1,0 +1,190 @@
+"""The tables of a design: devices, the cables between them, segments, and their checks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from shipnet.design.points import PointTable
+from shipnet.design.settings import Settings
+from shipnet.design.site import Site
+from shipnet.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+#: What a point can be connected by; the empty name is that of a point that fits nowhere.
+BUSES = ("hardwired", "AS-i", "CAN", "Modbus RTU", "")
+
+#: What stands in a plant, beside the points themselves. The auxiliary supply is that of the outputs
+#: of an AS-i line, whose modules take what they need themselves from the line.
+DEVICE_KINDS = (
+    "cabinet", "box", "module", "station", "master", "gateway", "repeater", "supply",
+    "auxiliary supply", "terminator",
+)  # fmt: skip
+
+#: Cables: from a device to a point, between devices of a segment, from the cabinet to a point,
+#: and what brings a supply to its segment or a link to a gateway.
+RUN_KINDS = ("drop", "trunk", "home run", "feeder")
+
+#: A trunk that is alone, and the two of a redundant pair.
+LINES = ("", "A", "B")
+
+#: The columns of each table with their types; a segment may have more.
+COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {
+        "points": {
+            "tag": "str", "bus": "str", "segment": "str", "device": "str", "address": "str",
+            "response_ms": "float", "fits": "bool",
+        },
+        "devices": {
+            "device": "str", "kind": "str", "segment": "str",
+            "x_m": "float", "y_m": "float", "z_m": "float",
+        },
+        "cables": {
+            "run": "str", "cable": "str", "a": "str", "b": "str", "segment": "str", "kind": "str",
+            "route_m": "float", "length_m": "float", "used": "int", "conductors": "int",
+            "at_cabinet": "bool", "line": "str", "way": "object",
+        },
+        "segments": {
+            "segment": "str", "bus": "str", "points": "int", "devices": "int", "length_m": "float",
+            "load": "float", "response_ms": "float", "slowest_update_ms": "float",
+        },
+        "reasons": {
+            "subject": "str", "limit": "str", "value": "float", "bound": "float", "unit": "str",
+            "text": "str",
+        },
+    }
+)  # fmt: skip
+
+
+_DTYPES = {"float": float, "int": np.int64, "bool": bool}
+
+
+def frame(table: str, rows: Any = ()) -> pd.DataFrame:
+    """Return one of a design's tables, with its columns in order and of their types."""
+    import pandas as pd
+
+    if table not in COLUMNS:
+        raise ArgumentError(f"table is {table!r}; it must be one of {', '.join(COLUMNS)}")
+    types = COLUMNS[table]
+    if not isinstance(rows, pd.DataFrame | Mapping):
+        rows = list(rows)
+    made = pd.DataFrame(rows) if len(rows) else pd.DataFrame(columns=list(types))
+    missing = [column for column in types if column not in made.columns]
+    if missing:
+        raise ArgumentError(f"{table} has no column {' and no column '.join(missing)}")
+    more = [column for column in made.columns if column not in types]
+    made = made[[*types, *more]].reset_index(drop=True)
+    for column, kind in types.items():
+        try:
+            made[column] = made[column].astype(np.dtype(_DTYPES.get(kind, object)))
+        except (TypeError, ValueError) as error:
+            raise ArgumentError(f"column {column} of {table} is not all {kind}: {error}") from None
+    return made
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The tables of a design; `Design` adds what is computed from them."""
+
+    name: str
+    iolist: PointTable
+    site: Site
+    points: pd.DataFrame
+    devices: pd.DataFrame
+    cables: pd.DataFrame
+    segments: pd.DataFrame
+    reasons: pd.DataFrame
+    settings: Settings = field(default_factory=Settings)
+
+    def __post_init__(self) -> None:
+        """Check that the tables hang together."""
+        for table in COLUMNS:
+            object.__setattr__(self, table, frame(table, getattr(self, table)))
+        if "at" not in self.devices.columns:
+            inside = self.devices["kind"].isin(["master", "gateway"])
+            self.devices["at"] = inside.map({True: _cabinet(self.devices), False: ""})
+        faults = list(_faults(self))
+        if faults:
+            more = f"; and {len(faults) - 10} more" if len(faults) > 10 else ""
+            raise ArgumentError(f"design {self.name!r}: {'; '.join(faults[:10])}{more}")
+
+    def __repr__(self) -> str:
+        """Say what it is in one line."""
+        fit, length = int(self.points["fits"].sum()), self.cables["length_m"].sum()
+        return (
+            f"<{type(self).__name__} {self.name!r}: {fit} of {len(self.points)} points fit, "
+            f"{len(self.cables)} cables, {length:.0f} m>"
+        )
+
+    @property
+    def fits(self) -> bool:
+        """Whether every point is connected within the limits of its bus."""
+        return bool(self.points["fits"].all())
+
+    @property
+    def worst_response_ms(self) -> float:
+        """Longest response of the points that fit [ms]; NaN if none does."""
+        return float(self.points.loc[self.points["fits"], "response_ms"].max())
+
+    @property
+    def cabinet(self) -> str:
+        """Name of the cabinet among the devices."""
+        return _cabinet(self.devices)
+
+    @property
+    def links(self) -> pd.DataFrame:
+        """What holds the design together: a, b and run, for counts of what a failure cuts off."""
+        import pandas as pd
+
+        inside = self.devices[self.devices["at"] != ""]
+        housed = pd.DataFrame({"a": inside["at"], "b": inside["device"], "run": ""})
+        return pd.concat([self.cables[["a", "b", "run"]], housed], ignore_index=True)
+
+
+def _cabinet(devices: pd.DataFrame) -> str:
+    names = devices.loc[devices["kind"] == "cabinet", "device"]
+    return str(names.iloc[0]) if len(names) else ""
+
+
+def _faults(design: Layout) -> Iterator[str]:
+    points, devices, runs = design.points, design.devices, design.cables
+    if points["tag"].tolist() != design.iolist.points["tag"].tolist():
+        yield "the tags of points are not those of the list, in its order"
+    if (devices["kind"] == "cabinet").sum() != 1:
+        yield f"there are {(devices['kind'] == 'cabinet').sum()} cabinets; it must be one"
+    names = set(devices["device"])
+    for what, column in (
+        ("device", devices["device"]),
+        ("run", runs["run"]),
+        ("segment", design.segments["segment"]),
+    ):
+        yield from (f"{what} {name!r} stands twice" for name in column[column.duplicated()])
+    to_point = runs["kind"].isin(["drop", "home run"])
+    segments = {"", *design.segments["segment"]}
+    for what, values, known in (
+        ("bus", points["bus"], set(BUSES)),
+        ("device of a point", points["device"], {"", *names}),
+        ("segment of a point", points["segment"], segments),
+        ("kind of device", devices["kind"], set(DEVICE_KINDS)),
+        ("housing of a device", devices["at"], {"", *names}),
+        ("segment of a device", devices["segment"], segments),
+        ("kind of run", runs["kind"], set(RUN_KINDS)),
+        ("line of a run", runs["line"], set(LINES)),
+        ("segment of a run", runs["segment"], segments),
+        ("end of a run", runs["a"], names),
+        ("end of a run", runs.loc[~to_point, "b"], names),
+        ("point of a run", runs.loc[to_point, "b"], set(points["tag"])),
+    ):
+        unknown = values[~values.isin(list(known))].drop_duplicates()
+        yield from (f"there is no {what} {value!r}" for value in unknown)
+    for row in runs[~(np.isfinite(runs["length_m"]) & (runs["length_m"] >= 0))].itertuples():
+        yield f"length of {row.run} is {row.length_m} m; it must be 0 or more"
+    for row in runs[(runs["used"] < 0) | (runs["used"] > runs["conductors"])].itertuples():
+        yield f"{row.run} uses {row.used} of {row.conductors} conductors"

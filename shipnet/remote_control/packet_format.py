@@ -1,0 +1,327 @@
+"""What all packets have in common: items, rows of packets, and what bit errors do to them.
+
+Bits are inverted independently of each other with a probability p, start and stop bits left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, LengthError
+from shipnet.fields import check_scalar, check_whole
+from shipnet.intervals import share_interval
+
+#: Number and value of each item, in the order of the packet.
+Items = tuple[tuple[int, int], ...]
+
+#: What a receiver requires of the numbers.
+NumberCheck = Literal["any", "known", "rising"]
+
+Outcome = Literal["intact", "detected", "undetected"]
+
+Bytes = npt.NDArray[np.uint8]
+Flags = npt.NDArray[np.bool_]
+
+#: Packets worked on at a time.
+_CHUNK = 1 << 16
+
+
+def check_bytes(name: str, data: object) -> bytes:
+    """Return bytes, or raise; `bytes` would turn a number into as many zeros."""
+    if not isinstance(data, (bytes, bytearray, memoryview)):
+        raise ArgumentError(f"{name} is {data!r}; it must be bytes")
+    return bytes(data)
+
+
+# What becomes of packets -----------------------------------------------------------------------
+
+
+class Shares(NamedTuple):
+    """What becomes of packets, as shares of all; `undetected` are accepted though wrong."""
+
+    intact: float
+    detected: float
+    undetected: float
+
+
+class Interval(NamedTuple):
+    """Bounds of a share, by Clopper and Pearson."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """Packets that were sent over a disturbed line: all, discarded, and accepted though wrong."""
+
+    sent: int
+    detected: int
+    undetected: int
+
+    @property
+    def intact(self) -> int:
+        """Packets accepted as they were sent."""
+        return self.sent - self.detected - self.undetected
+
+    @property
+    def missed(self) -> float:
+        """Share of the disturbed packets that is accepted; NaN if none was disturbed."""
+        hit = self.detected + self.undetected
+        return self.undetected / hit if hit else float("nan")
+
+    def share(self, outcome: Outcome) -> float:
+        """Return the share of the packets with an outcome; NaN if none was sent."""
+        return self._count(outcome) / self.sent if self.sent else float("nan")
+
+    def interval(self, outcome: Outcome, confidence: float = 0.95) -> Interval:
+        """Return the interval in which that share lies with a confidence of 0.5..0.999999."""
+        level = check_scalar("confidence", confidence, "", 0.5, 0.999999)
+        count = self._count(outcome)
+        low, high = share_interval(count, self.sent, confidence=level)
+        return Interval(float(low), float(high))
+
+    def _count(self, outcome: Outcome) -> int:
+        if outcome not in ("intact", "detected", "undetected"):
+            raise ArgumentError(
+                f"outcome is {outcome!r}; it must be 'intact', 'detected' or 'undetected'"
+            )
+        return int(getattr(self, outcome))
+
+
+# A format --------------------------------------------------------------------------------------
+
+
+class Parser(Protocol):
+    """Finds the packets in a stream of bytes."""
+
+    #: Bytes discarded so far, because no packet that holds them was found.
+    discarded: int
+
+    def feed(self, data: bytes) -> list[Items]:
+        """Return the packets that these bytes complete."""
+
+
+class Decoded(NamedTuple):
+    """What a receiver makes of many packets: error codes, 0 for none, and the items accepted."""
+
+    error: Bytes
+    numbers: Bytes
+    values: npt.NDArray[np.uint16]
+
+    @property
+    def accepted(self) -> Flags:
+        """Whether each packet is accepted, shape (n_packets,)."""
+        accepted: Flags = self.error == 0
+        return accepted
+
+
+class PacketFormat:
+    """What the two formats share; each packs, reads and traces its packets in its own way."""
+
+    __slots__ = ()
+
+    @property
+    def n_numbers(self) -> int:
+        """How many numbers there are, and the most items of a packet."""
+        raise NotImplementedError
+
+    @property
+    def numbers(self) -> NumberCheck:
+        """What a receiver requires of the numbers."""
+        raise NotImplementedError
+
+    def size(self, n_items: int) -> int:
+        """Return the length of a packet with 0..n_numbers items [byte]."""
+        raise NotImplementedError
+
+    def encode(self, items: Mapping[int, int]) -> bytes:
+        """Return a packet."""
+        raise NotImplementedError
+
+    def decode(self, packet: bytes | bytearray) -> Items:
+        """Return the items of one packet, or raise."""
+        raise NotImplementedError
+
+    def parser(self) -> Parser:
+        """Return a parser that has seen nothing yet."""
+        raise NotImplementedError
+
+    def stream(self, n_bytes: int, items: int | None = None, *, phase: int = 0) -> bytes:
+        """Return the bytes of packets sent without a pause, from byte `phase` of the first one.
+
+        Every packet has the same number of `items`, all if omitted, each with the value 1000.
+        """
+        n = self.n_numbers if items is None else items
+        check_whole("items", n, 0, self.n_numbers)
+        packet = self.encode(dict.fromkeys(range(n), 1000))
+        count, begin = check_whole("n_bytes", n_bytes, 0, 10**6), phase % len(packet)
+        stream = packet * ((begin + count) // len(packet) + 1)
+        return stream[begin : begin + count]
+
+    def encode_batch(self, numbers: npt.ArrayLike, values: npt.ArrayLike) -> Bytes:
+        """Return many packets as rows of bytes, each as `encode` makes it.
+
+        `values` has the shape (n_packets, n_items), `numbers` the same or (n_items,); numbers
+        rise in each row.
+        """
+        value = _whole("values", values, 0xFFFF)
+        number = _whole("numbers", numbers, self.n_numbers - 1)
+        if value.ndim != 2 or number.shape not in (value.shape, value.shape[1:]):
+            raise ArgumentError(
+                f"numbers and values have the shapes {number.shape} and {value.shape}; they must "
+                "be (n_items,) or (n_packets, n_items), and (n_packets, n_items)"
+            )
+        if (np.diff(number, axis=-1) <= 0).any():
+            raise ArgumentError("numbers must rise in each row")
+        n_packets, n_items = value.shape
+        items = np.empty((n_packets, n_items, 3), np.uint8)
+        items[..., 0], items[..., 1], items[..., 2] = number, value & 0xFF, value >> 8
+        return self._encode_rows(items)
+
+    def decode_batch(self, packets: npt.ArrayLike) -> Decoded:
+        """Return what a receiver makes of rows of uint8, each as `decode` finds it.
+
+        All rows have one length. A row that is refused has an error code and items of 0.
+        """
+        rows = np.asarray(packets)
+        if rows.dtype != np.uint8 or rows.ndim != 2:
+            raise ArgumentError(
+                f"packets must be a 2-D uint8 array, got {rows.dtype}, {rows.ndim}-D"
+            )
+        step = self.size(1) - self.size(0)
+        n_items, rest = divmod(rows.shape[1] - self.size(0), step)
+        if rest or not 0 <= n_items <= self.n_numbers:
+            error = np.full(len(rows), LengthError.code, np.uint8)
+            none = np.zeros((len(rows), 0), np.uint8)
+            return Decoded(error, none, none.astype(np.uint16))
+        formed, checked, items = self._decode_rows(rows, n_items)
+        numbers = items[..., 0]
+        error = np.where(self._accepts(numbers), 0, FieldError.code).astype(np.uint8)
+        error[~checked] = CrcError.code
+        error[~formed] = FormError.code
+        values = items[..., 1] | items[..., 2].astype(np.uint16) << 8
+        good = (error == 0)[:, None]
+        return Decoded(error, numbers * good, values * good)
+
+    def error_shares(self, n_items: int, rate: float) -> Shares:
+        """Return which shares of packets arrive intact, detected and undetected, in closed form.
+
+        Bits are inverted independently of each other with the probability `rate`, 0..0.5; start and
+        stop bits are left out.
+        """
+        p = check_scalar("rate", rate, "", 0, 0.5)
+        bits = 8 * self.size(n_items)
+        # Of the difference 1 - intact nothing is left at small p unless it is taken like this.
+        hit = -float(np.expm1(bits * np.log1p(-p)))
+        undetected = self._undetected(n_items, p, hit)
+        return Shares((1 - p) ** bits, hit - undetected, undetected)
+
+    def undetected_flips(self, n_items: int) -> float:
+        r"""Return the share of single inverted bits that a receiver does not see.
+
+        All are tried, on values of 0. Where the receiver looks at markers only, it is
+
+        .. math:: S = \frac{24 n}{8 L}
+
+        for n items in a packet of L bytes, unless a bit turns a number into 0xEE.
+        """
+        return _single_flip_share(self, check_whole("n_items", n_items, 0, self.n_numbers))
+
+    def transmit(
+        self,
+        n_items: int,
+        rate: float,
+        packets: int,
+        rng: np.random.Generator | int | None = None,
+    ) -> Trial:
+        """Return how many of so many packets are detected as wrong, and accepted though wrong.
+
+        The values are random, and bits are inverted with the probability `rate`, 0..0.5.
+        """
+        outcomes = self.outcomes(n_items, rate, packets, np.random.default_rng(rng))
+        return Trial(outcomes.size, *np.bincount(outcomes, minlength=3)[1:].tolist())
+
+    def outcomes(self, n_items: int, rate: float, packets: int, rng: np.random.Generator) -> Bytes:
+        """Return what became of packets with random values: 0 intact, 1 detected, 2 undetected.
+
+        Gaps between inverted bits are drawn, not bits; and only packets that are hit are built and
+        checked, since all others are accepted as they are.
+        """
+        p = check_scalar("rate", rate, "", 0, 0.5)
+        n = check_whole("packets", packets, 0, 10**9)
+        size = self.size(n_items)
+        outcome = np.zeros(n, np.uint8)
+        numbers = np.arange(n_items)
+        for first in range(0, n, _CHUNK):
+            count = min(_CHUNK, n - first)
+            place = _hits(8 * size * count, p, rng)
+            if place.size == 0:
+                continue
+            hit, row = np.unique(place // (8 * size), return_inverse=True)
+            values = rng.integers(0, 1 << 16, (hit.size, n_items), dtype=np.uint16)
+            rows = self.encode_batch(numbers, values)
+            bit = place % (8 * size)
+            masks = (0x80 >> (bit & 7)).astype(np.uint8)
+            np.bitwise_xor.at(rows.reshape(-1), row * size + (bit >> 3), masks)
+            checked = self.decode_batch(rows)
+            same = (checked.numbers == numbers).all(axis=1) & (checked.values == values).all(axis=1)
+            outcome[first + hit] = np.where(checked.accepted, np.where(same, 0, 2), 1)
+        return outcome
+
+    def _undetected(self, n_items: int, p: float, hit: float) -> float:
+        """Return the share that is accepted though wrong, where a share `hit` is disturbed."""
+        raise NotImplementedError
+
+    def _encode_rows(self, items: Bytes) -> Bytes:
+        raise NotImplementedError
+
+    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Flags, Flags, Bytes]:
+        """Return whether form and CRC are in order, and the items."""
+        raise NotImplementedError
+
+    def _accepts(self, numbers: Bytes) -> Flags:
+        """Return whether the receiver accepts each row of numbers."""
+        if self.numbers == "any":
+            return np.ones(len(numbers), bool)
+        accepts: Flags = np.all(numbers < self.n_numbers, axis=1)
+        if self.numbers == "rising":
+            accepts &= np.all(numbers[:, 1:] > numbers[:, :-1], axis=1)
+        return accepts
+
+
+def _whole(name: str, values: npt.ArrayLike, highest: int) -> npt.NDArray[np.int64]:
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise ArgumentError(f"{name} must be whole numbers, in rows of equal length") from None
+    if array.size and (array.dtype.kind not in "iu" or array.min() < 0 or array.max() > highest):
+        raise ArgumentError(f"{name} must be whole numbers 0..{highest}")
+    return array.astype(np.int64)
+
+
+@cache
+def _single_flip_share(packet_format: PacketFormat, n_items: int) -> float:
+    frame = np.frombuffer(packet_format.encode(dict.fromkeys(range(n_items), 0)), np.uint8)
+    flipped = frame ^ np.packbits(np.eye(8 * frame.size, dtype=np.uint8), axis=1)
+    return float(packet_format.decode_batch(flipped).accepted.mean())
+
+
+def _hits(n_bits: int, p: float, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+    """Return which of so many bits are inverted, in rising order."""
+    if p == 0 or n_bits == 0:
+        return np.zeros(0, np.int64)
+    parts, reached = [], -1
+    while reached < n_bits:
+        more = int(1.1 * (n_bits - reached) * p) + 20
+        places = reached + np.cumsum(rng.geometric(p, more))
+        parts.append(places)
+        reached = int(places[-1])
+    every = np.concatenate(parts)
+    return every[: np.searchsorted(every, n_bits)]
