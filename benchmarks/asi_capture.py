@@ -1,9 +1,9 @@
 """How fast a recorded line voltage is decoded: against real time, and beside a plain loop."""
 
 from functools import partial
-from timeit import repeat
 
 import numpy as np
+from _timing import seconds
 from scipy.signal import bilinear, lfilter
 
 from shipnet.asi import Request
@@ -13,11 +13,6 @@ from shipnet.asi.modulation import send_current
 RATE = 10e6
 LOOPED = 0.02  # seconds of the record that the loop gets; its time is scaled up
 BIT = 6e-6
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def record(duration, rate):

@@ -5,14 +5,13 @@ address; a lost request or response is repeated at once. The disturbances are th
 must be the cycle times. Rates are requests a second; a line itself carries about 6400.
 """
 
-from timeit import repeat
 from unittest.mock import patch
 
 import numpy as np
+from _timing import seconds
 
-from shipnet.asi import BIT_TIME, Master, Slave, simulate
-from shipnet.asi.simulation import channel
-from shipnet.asi.simulation.channel import MISSED, REQUEST_LOST, draw_disturbances
+from shipnet.asi import BIT_TIME, Master, Slave, channel, simulate
+from shipnet.asi.channel import MISSED, REQUEST_LOST, draw_disturbances
 
 try:
     import simpy
@@ -23,11 +22,6 @@ CYCLES = 2000
 RATE = 1e-3  # of requests, and of responses, each
 LABELS = [f"{address}{half}" for address in range(1, 32) for half in "AB"]
 SLAVES = [Slave(label, "S-7.A.E") for label in LABELS]
-
-
-def seconds(function, repeats=5):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def with_simpy(disturbances):

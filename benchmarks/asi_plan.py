@@ -5,19 +5,14 @@ import os
 # One core is promised, so one is measured: numpy reads this when it is loaded.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-from timeit import repeat
 
 import numpy as np
+from _timing import seconds
 
 from shipnet import datasets
-from shipnet.asi.plan_file import read_plan
+from shipnet.asi.plan import read_plan
 from shipnet.asi.topologies import line, ring, star
 from shipnet.line.waveform import laplace_grid
-
-
-def seconds(function, repeats=5):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def main():

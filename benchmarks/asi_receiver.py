@@ -6,9 +6,9 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import math
-from timeit import repeat
 
 import numpy as np
+from _timing import seconds
 
 from shipnet.asi.batch import bits_of, encode_responses
 from shipnet.asi.modulation import HALF_BIT, check_slots, send_current
@@ -19,11 +19,6 @@ SAMPLES = 256
 NUMBER = 50_000
 SAMPLE = 500  # what the loops get; their time is scaled up
 BITS = 7
-
-
-def seconds(function, repeats=5):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def plain_receive(u, matched):

@@ -1,19 +1,13 @@
 """How much faster the batch functions are than a loop over single telegrams, in one run."""
 
-from timeit import repeat
-
 import numpy as np
+from _timing import seconds
 
 from shipnet.asi import Call, Request
 from shipnet.asi.batch import encode_requests, parse_requests
 
 NUMBER = 1_000_000
 SAMPLE = 20_000  # what the loops get; their time is scaled up
-
-
-def seconds(function, repeats=5):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def plain_parse(word):

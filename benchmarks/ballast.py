@@ -6,11 +6,12 @@ the second route, not of a slower way to the same numbers; how far both are apar
 
 import sys
 from pathlib import Path
-from timeit import repeat
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from _timing import seconds
+
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.plant import Command
 from shipnet.ballast.scan import System
@@ -20,11 +21,6 @@ from tests.ballast.compliance import integrate_stroke
 
 N, DURATION = 256, 20.0
 OPEN = [Command("open", 1.0)]
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def many():

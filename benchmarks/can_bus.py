@@ -5,10 +5,10 @@ import os
 # One core is promised, so one is measured: numpy reads this when it is loaded.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-from timeit import repeat
 
 import numpy as np
 import simpy
+from _timing import seconds
 
 from shipnet.can import Message, MessageSet, faults, simulate, simulate_batch
 
@@ -16,11 +16,6 @@ BIT_RATE = 125e3
 BIT_US = 8
 PERIODS_MS = [5, 5, 10, 10, 10, 20, 20, 50, 50, 50, 100, 100, 100, 100, 1000, 1000, 1000]
 SINGLE, LOOPED, BATCH, SETS = 60.0, 10.0, 3.0, 2000  # seconds simulated; sets of offsets
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def peer(messages, duration):

@@ -1,19 +1,13 @@
 """How much faster many CAN frames are measured at once than in loops over single ones."""
 
-from timeit import repeat
-
 import numpy as np
+from _timing import seconds
 
 from shipnet.can.frame import Frame
 from shipnet.can.lengths import measure_frames
 
 NUMBER = 1_000_000
 SAMPLE = 5_000  # what the loops get; their time is scaled up
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def plain_length(number, data):

@@ -2,9 +2,9 @@
 
 import math
 from functools import partial
-from timeit import repeat
 
 import numpy as np
+from _timing import seconds
 
 from shipnet.can import Message, MessageSet, audsley, response_times
 
@@ -13,12 +13,6 @@ BIT = 1 / BIT_RATE
 
 #: What a float needs beneath a ceiling, so that an exact multiple does not count once more [s].
 DUST = 1e-12
-
-
-def seconds(function, repeats=7):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    number = 5
-    return min(repeat(function, number=number, repeat=repeats)) / number
 
 
 def message_set(n, load, rng):

@@ -3,9 +3,8 @@
 Both get the same quantiles of the same assumptions, and their costs are compared before the times.
 """
 
-from timeit import repeat
-
 import numpy as np
+from _timing import seconds
 
 from shipnet.design.catalogue import Assumptions, values_at
 from shipnet.design.costs import CABLE_RANGES, Model, draw, quantities, tornado
@@ -14,11 +13,6 @@ from shipnet.design.plant import Plant
 DRAWS = 10_000
 SAMPLE = 100  # what the loop gets; its time is scaled up
 POINTS = (350, 2000)
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def loop(model, levels):

@@ -11,11 +11,11 @@ import os
 # One core is promised, so one is measured: numpy reads this when it is loaded.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-from timeit import repeat
 
 import networkx as nx
 import numpy as np
 import pandas as pd
+from _timing import seconds
 
 from shipnet.design.failures import single_failures
 from shipnet.design.iolist import IoList
@@ -25,11 +25,6 @@ from shipnet.design.site import Site
 POINTS = 2000
 SAMPLE = 100  # failures that the loop gets
 OPTIONS = ("home runs", "junction boxes", "CAN", "Modbus RTU")
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def ship(n):

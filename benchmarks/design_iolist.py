@@ -4,11 +4,10 @@ import csv
 import math
 import tempfile
 from pathlib import Path
-from time import process_time
-from timeit import repeat
 
 import networkx as nx
 import numpy as np
+from _timing import seconds
 from openpyxl import load_workbook
 
 from shipnet import datasets
@@ -19,11 +18,6 @@ from shipnet.signals import KINDS, SIGNALS
 
 POINTS = 20_000
 ROUTES = 500  # what the loop over networkx gets; its time is scaled up
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several processor times: other work on the machine counts little."""
-    return min(repeat(function, timer=process_time, number=1, repeat=repeats))
 
 
 def enlarged(folder):

@@ -6,10 +6,10 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from itertools import pairwise
-from timeit import repeat
 
 import numpy as np
 import pandas as pd
+from _timing import seconds
 
 from shipnet import datasets
 from shipnet.design.drafting import balanced, chain, zones
@@ -19,11 +19,6 @@ from shipnet.design.site import Site
 
 PORTS, REACH = 4, 10.0
 CABINET = (26.0, 6.0, 14.0)
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def ship(n):

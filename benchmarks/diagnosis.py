@@ -5,9 +5,10 @@ scaled. The day is that of 256 valves with a command an hour, simulated block by
 """
 
 import warnings
-from timeit import default_timer, repeat
+from timeit import default_timer
 
 import numpy as np
+from _timing import seconds
 
 from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.plant import Command
@@ -18,11 +19,6 @@ from shipnet.fuzzy.firing import METHODS
 
 N, FEW = 256, 100
 BASE = rule_base()
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def control_loop(rows):

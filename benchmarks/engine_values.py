@@ -1,20 +1,14 @@
 """How much faster the values of an engine are coded in one batch than row by row, in one run."""
 
-from timeit import repeat
-
 import cantools.database as db
 import numpy as np
+from _timing import seconds
 from pymodbus.client.mixin import ModbusClientMixin
 
 from shipnet.engine import CanLayout, InputCard, RegisterMap, read_points
 
 ROWS = 20_000  # one a second: five and a half hours
 SAMPLE = 200  # what the loops get; their time is scaled up
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def database(layout):

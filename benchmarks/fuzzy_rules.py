@@ -9,9 +9,9 @@ from contextlib import redirect_stdout
 from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
-from timeit import repeat
 
 import numpy as np
+from _timing import seconds
 
 from shipnet.ballast.rule_table import rule_base
 
@@ -20,11 +20,6 @@ from tests.fuzzy.skfuzzy_control import control_strengths
 
 NUMBER = 1_000_000
 FEW = 200  # what the loops get; their time is scaled up
-
-
-def seconds(function, repeats=5):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def control_loop(base):

@@ -9,9 +9,9 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
-from timeit import repeat
 
 import numpy as np
+from _timing import seconds
 from scipy.interpolate import CubicSpline
 
 from shipnet.line import Cable, CableRun, Load, Network
@@ -23,11 +23,6 @@ DURATION, START, SWING, HALF_BIT = 64e-6, 5e-6, 60e-3, 3e-6
 DEVICE, SUPPLY = Load(r=13.5e3, l=13.5e-3, c=50e-12), Load(r=78.0, l=100e-6)
 RESPONSE = [0, 0, 1, 1, 0, 0, 1]
 SENDER = "stub 20"
-
-
-def seconds(function, repeats=20):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def tree(cable):

@@ -1,9 +1,8 @@
 """How fast Modbus frames are made and read: ours, pymodbus and minimalmodbus, in one run."""
 
-from timeit import repeat
-
 import minimalmodbus
 import numpy as np
+from _timing import seconds
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersRequest
@@ -14,11 +13,6 @@ from shipnet.modbus.pdu import Request, Response, decode
 NUMBER = 1_000_000
 SAMPLE = 3_000  # what the loops get; their time is scaled up
 REGISTERS = 38  # all points of the largest junction box of lee2012
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def report(title, per_item):

@@ -1,18 +1,12 @@
 """How much faster batches of remote-control packets are than loops over single ones, in one run."""
 
-from timeit import repeat
-
 import numpy as np
+from _timing import seconds
 
 from shipnet.remote_control import CobsFormat, MarkerFormat
 
 NUMBER, ITEMS = 200_000, 10
 SAMPLE = 2_000  # what the loops get; their time is scaled up
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def main():

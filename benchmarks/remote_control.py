@@ -1,19 +1,13 @@
 """How much faster the experiment is than a loop over single packets, in one run."""
 
-from timeit import repeat
-
 import numpy as np
+from _timing import seconds
 
 from shipnet.errors import FrameError
 from shipnet.remote_control import CobsFormat, MarkerFormat, System, simulate
 
 ITEMS = 10
 NUMBER, SAMPLE = 1_000_000, 3_000
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def one_by_one(form, rate, number, rng):

@@ -13,6 +13,7 @@ from pathlib import Path
 from timeit import repeat
 
 import nbformat
+from _timing import seconds
 from nbclient import NotebookClient
 
 from shipnet import tools
@@ -26,11 +27,6 @@ TOOLS = {
     for kind in (getattr(tools, name) for name in dir(tools))
     if isinstance(kind, type)
 }
-
-
-def seconds(function, repeats=3):
-    """Return the shortest of several times: the one least disturbed by other work."""
-    return min(repeat(function, number=1, repeat=repeats))
 
 
 def first_picture(tool):

@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 
 from shipnet import datasets, style
 from shipnet.asi import Request, Transaction
-from shipnet.asi.plot import plot_transaction
 from shipnet.design import read_iolist
 
 FOLDER = Path(__file__).parent / "_static"
@@ -18,7 +17,7 @@ def main() -> None:
     style.use()
     figure = Figure(figsize=(9, 2.8))
     request = Request.data_exchange(21, 0xE)
-    plot_transaction(request, request.answer(0x6), Transaction(3, 2), ax=figure.subplots())
+    Transaction(3, 2).plot(request, request.answer(0x6), figure.subplots())
     figure.savefig(FOLDER / "telegram.png", dpi=120, metadata={"Software": None})
 
     iolist = read_iolist(datasets.path("synthetic_iolist_valves.csv"))

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.resources import as_file, files
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "use"]
+__all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
 
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
@@ -49,13 +49,20 @@ def use() -> None:
         plt.style.use(sheet)
 
 
-def axes(ax: Axes | None = None, *, figsize: tuple[float, float] | None = None) -> Axes:
-    """Return the axes given, or those of a new figure of some size [inch]."""
+def axes(ax: Axes | None = None, **options: Any) -> Axes:
+    """Return the axes given, or those of a new figure with options of `pyplot.subplots`."""
     if ax is None:
         import matplotlib.pyplot as plt
 
-        _, ax = plt.subplots(figsize=figsize)
+        _, ax = plt.subplots(**options)
     return ax
+
+
+def box(ax: Axes, x: float, y: float, width: float, height: float, **look: Any) -> None:
+    """Draw a rectangle by its lower left corner."""
+    from matplotlib.patches import Rectangle
+
+    ax.add_patch(Rectangle((x, y), width, height, **look))
 
 
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:

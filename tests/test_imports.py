@@ -25,7 +25,7 @@ def loaded(statement):
         ("import shipnet.line", []),
         ("import shipnet.design", []),
         ("import shipnet.__main__", []),
-        ("import shipnet.asi.simulation.run", ["numpy"]),
+        ("import shipnet.asi.simulation", ["numpy"]),
         ("import shipnet.can", []),
         ("from shipnet.can import Frame, response_times, simulate, read_messages", ["numpy"]),
         ("import shipnet.modbus", []),

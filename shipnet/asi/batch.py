@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.calls import Call
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
 from shipnet.errors import (
     ArgumentError,
     EndBitError,

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.answers import Findings
 from shipnet.asi.batch import NONE, parse_requests, parse_responses, words_of
 from shipnet.asi.bursts import Bursts, Piece, find_bursts, pieces, smallest_pulses
-from shipnet.asi.calls import Call
 from shipnet.asi.modulation import HALF_BIT
 from shipnet.asi.receiver import TOLERANCE, Reception, receive
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
 from shipnet.errors import ArgumentError, name_of
 from shipnet.line.waveform import Waveform
@@ -487,9 +487,47 @@ class Capture:
 
         Each is shaded, with its bits above it; one with an error has the error's name above them.
         """
-        from shipnet.asi.plot import plot_capture
+        ax = style.axes(ax, figsize=(10, 3.2))
+        u, dt = self.wave.u, self.wave.dt
+        stop = len(u) * dt if stop is None else stop
+        low, high = max(0, int(start / dt)), min(len(u), int(stop / dt) + 1)
+        # More samples than a figure has dots: draw the extremes of each group, in their order.
+        group = max(1, (high - low) // 10_000)
+        whole = u[low : high - (high - low) % group].reshape(-1, group)
+        index = np.stack([whole.argmin(axis=1), whole.argmax(axis=1)], axis=1)
+        index = np.unique(np.arange(len(whole))[:, np.newaxis] * group + index)
+        ax.plot((low + index) * dt * 1e6, u[low:high][index], color="C0", linewidth=0.8)
 
-        return plot_capture(self, self.wave.u, self.wave.dt, ax=ax, start=start, stop=stop)
+        ends = ax.get_xaxis_transform()
+        for row in self.transactions.to_dict("records"):
+            begin = row["start_s"]
+            for kind in ("request", "response"):
+                bits, error = row[kind], row[f"{kind}_error"]
+                if kind == "response" and row["request"]:
+                    begin = row["start_s"] + (REQUEST_BITS + row["master_pause_bit"]) * BIT_TIME
+                middle, length = begin + len(bits) * BIT_TIME / 2, len(bits) * BIT_TIME
+                if not bits or not start <= middle <= stop:
+                    continue
+                colour = style.FIELD["address" if kind == "request" else "information"]
+                ax.axvspan(
+                    begin * 1e6, (begin + length) * 1e6, color=colour, alpha=0.5, linewidth=0
+                )
+                ax.text(
+                    middle * 1e6,
+                    1.02,
+                    bits,
+                    transform=ends,
+                    ha="center",
+                    family="monospace",
+                    fontsize=7,
+                )
+                if error != "ok":
+                    ax.text(
+                        middle * 1e6, 1.1, error, transform=ends, ha="center", fontsize=7,
+                        color=style.LIMIT["color"],
+                    )  # fmt: skip
+        ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [us]", ylabel="voltage [V]")
+        return ax
 
     def __str__(self) -> str:
         """Return the summary."""

@@ -7,19 +7,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from shipnet.asi.calls import Call
-from shipnet.asi.elements import check_bits, slave_key
-from shipnet.asi.profile import describe_status
-from shipnet.asi.simulation.master import (
+from shipnet.asi.master import (
     CommandFailed,
     Lists,
     Task,
     activate,
+    check_bits,
     half_of,
     identify,
     move,
 )
-from shipnet.asi.simulation.slave import prepared
+from shipnet.asi.profile import describe_status
+from shipnet.asi.slave import prepared, slave_key
+from shipnet.asi.telegram import Call
 from shipnet.errors import ArgumentError
 
 __all__ = [

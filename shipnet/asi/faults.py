@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from functools import partial
 from math import inf
 
-from shipnet.asi.calls import Call
-from shipnet.asi.elements import slave_key
-from shipnet.asi.simulation.channel import Channel, Station, Stations
+from shipnet.asi.channel import Channel, Station, Stations
+from shipnet.asi.slave import slave_key
+from shipnet.asi.telegram import Call
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, record, text, whole

@@ -17,11 +17,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.asi.batch import NONE
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Response
 from shipnet.asi.timing import BIT_TIME
@@ -40,7 +41,7 @@ from shipnet.errors import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from shipnet.asi.receiver import Waveform
+    from shipnet.line.waveform import Waveform
 
 #: Length of a half-bit [s].
 HALF_BIT = BIT_TIME / 2
@@ -424,9 +425,58 @@ class Modulation:
         Three axes show levels, current and voltage, as icn2007's Figs 7a and 7b; six, also made
         if none are given, show all steps from bits to pulses and back, as kim2023's Table 3.
         """
-        from shipnet.asi.plot import plot_modulation
+        if axes is None:
+            six = style.axes(nrows=6, figsize=(7, 9), sharex=True)
+            axes = cast("Sequence[Axes]", six)
+        u = wave.u.reshape(-1, wave.u.shape[-1])
+        if len(axes) not in (3, 6) or len(u) != 1:
+            raise ArgumentError(
+                f"there are {len(axes)} axes and {len(u)} voltages; there must be 3 or 6, and one"
+            )
+        bits, t, u = self.text, wave.t, u[0]
+        if len(axes) == 3:
+            return _plot_levels_to_voltage(bits, t, u, axes)
+        edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6
+        levels = levels_of(bits)
+        received = bits_of_slots(np.pad(pulses_of(bits), (0, 2)))
+        for ax, row, what in [
+            (axes[0], bits, "1 bits to send"),
+            (axes[5], received, "6 bits received"),
+        ]:
+            ax.step(edges[::2], [int(bit) for bit in row + row[-1]], where="post", color="C0")
+            for place, bit in enumerate(row):
+                ax.text(6 * place + 3, 0.5, bit, ha="center", va="center", family="monospace")
+            ax.set(ylabel="level [1]", ylim=(-0.2, 1.2), title=what)
+        axes[1].step(edges, [*levels, levels[-1]], where="post", color="C0")
+        axes[1].set(ylabel="level [1]", ylim=(-0.2, 1.2), title="2 Manchester code")
+        axes[2].plot(t * 1e6, send_current(t, bits) * 1e3, color="C1")
+        axes[2].set(ylabel="current [mA]", title="3 send current")
+        axes[3].plot(t * 1e6, u, color="C2")
+        axes[3].set(ylabel="voltage [V]", title="4 voltage on the line")
+        pulses = pulses_of(bits)
+        slots = np.flatnonzero(pulses)
+        axes[4].stem((slots + 0.5) * HALF_BIT * 1e6, pulses[slots], basefmt="0.7")
+        axes[4].set(ylabel="pulse [1]", ylim=(-1.4, 1.4), title="5 pulses that the receiver takes")
+        axes[5].set_xlabel("time [us]")
+        return axes
 
-        return plot_modulation(self.text, wave, axes=axes)
+
+def _plot_levels_to_voltage(
+    bits: str, t: Floats, u: Floats, axes: Sequence[Axes]
+) -> Sequence[Axes]:
+    """Draw bits with their levels, the send current and the voltage."""
+    levels = levels_of(bits)
+    edges = np.arange(levels.size + 1) * HALF_BIT * 1e6
+    axes[0].step(edges, [*levels, 1], where="post")
+    for place, bit in enumerate(bits):
+        middle = (2 * place + 1) * HALF_BIT * 1e6
+        axes[0].text(middle, 1.25, bit, ha="center", family="monospace")
+    axes[0].set(ylabel="level [1]", ylim=(-0.2, 1.7))
+    axes[1].plot(t * 1e6, 1e3 * send_current(t, bits), color="C1")
+    axes[1].set(ylabel="current [mA]")
+    axes[2].plot(t * 1e6, u, color="C2")
+    axes[2].set(ylabel="voltage [V]", xlabel="time [us]")
+    return axes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -526,6 +576,12 @@ class Pulses:
 
     def plot(self, ax: Axes | None = None, *, faults: Sequence[int] = ()) -> Axes:
         """Draw the pulses of one telegram half-bit by half-bit, those numbered in `faults` red."""
-        from shipnet.asi.plot import plot_slots
-
-        return plot_slots(self.signs, ax=ax, faults=faults)
+        ax = style.axes(ax)
+        for slot, pulse in enumerate(self.signs):
+            colour = style.LIMIT["color"] if slot in faults else "C0"
+            x = slot + np.linspace(0, 1, 30)
+            ax.plot(x, pulse * np.sin(np.pi * (x - slot)) ** 2, color=colour)
+            if slot in faults:
+                ax.axvspan(slot, slot + 1, color=colour, alpha=0.15, linewidth=0)
+        ax.set(xlim=(0, self.signs.size), ylim=(-1.3, 1.3), yticks=[-1, 0, 1])
+        return ax

@@ -7,157 +7,62 @@ make a *line*, which one master asks. A plan may hold several lines: a ship has 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from heapq import heappop, heappush
 from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
-from shipnet.asi.cycle import Cycle
-from shipnet.asi.elements import (
-    CableRun,
+from shipnet import style
+from shipnet.answers import Findings
+from shipnet.asi.elements import Repeater, Supply, Terminator
+from shipnet.asi.master import Master
+from shipnet.asi.plan_file import read_elements, write_elements
+from shipnet.asi.receiver import TOLERANCE
+from shipnet.asi.rules import check_lines
+from shipnet.asi.segment import (
     Element,
-    Load,
-    Master,
-    Repeater,
-    Slave,
-    Supply,
-    Terminator,
+    Groups,
+    Quality,
+    Segment,
+    nodes_of,
+    shortest_paths,
+    structure_faults,
 )
-from shipnet.asi.quality import Quality, signal_quality
-from shipnet.asi.segment import DEVICE, Segment
+from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES
-from shipnet.asi.timing import Transaction
+from shipnet.asi.timing import Cycle, Transaction, transfers_values
 from shipnet.errors import ArgumentError
-from shipnet.line.network import Network
+from shipnet.line.network import CableRun, Network
+from shipnet.style import LIMIT
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
     from shipnet.asi.receiver import Waveform
-    from shipnet.asi.rules import PlanFindings
     from shipnet.asi.telegram import Request, Response
 
 _E = TypeVar("_E", bound=Element)
 
-#: Requests that stand for all 2048: the first makes the least signal, as its pulses are the
-#: fewest; runs of ones and of zeros make the most uneven one. A test tries them all.
-PROBES = ("01010101010101", "01111111111111", "00011111111111")
+Floats = npt.NDArray[np.float64]
 
+#: Marker, colour and size by the name in the legend, the last ones drawn on top.
+_MARKS: dict[str, tuple[Any, str, int]] = {
+    "supply": (6, "C4", 12),  # a caret whose tip is at the node
+    "master": ("s", "0.2", 7),
+    "repeater": ("D", "C1", 6),
+    "terminator": ("|", "0.2", 14),
+    "slave": ("o", "C0", 4),
+    "slave, passed": ("o", "C2", 4),
+    "slave, failed": ("o", LIMIT["color"], 4),
+}
 
-@dataclass(frozen=True)
-class PlanSegment:
-    """One electrical network of a plan, with the elements in it."""
-
-    #: Number of the line that it belongs to, from 0.
-    line: int
-    cables: tuple[CableRun, ...]
-    masters: tuple[Master, ...]
-    supplies: tuple[Supply, ...]
-    slaves: tuple[Slave, ...]
-    terminators: tuple[Terminator, ...]
-    #: Repeaters at it, each with its node in this segment.
-    ports: tuple[tuple[Repeater, str], ...]
-    #: Node through which telegrams come from the master: the master's own or that of a repeater;
-    #: None if the line has no master.
-    head: str | None
-    #: Repeaters between the master and this segment.
-    path: tuple[Repeater, ...]
-    #: Cable between the master and `head` [m].
-    lead: float
-
-    def __str__(self) -> str:
-        """Name the segment by its head, or by the first node of its first cable."""
-        return f"segment at {self.head or self.cables[0].a}"
-
-    @property
-    def length(self) -> float:
-        """Cable in it, all branches added up [m]."""
-        return sum(float(cable.length) for cable in self.cables)
-
-    @property
-    def draws(self) -> tuple[tuple[str, float], ...]:
-        """Node and current [A] of each master, slave and repeater at it."""
-        own: tuple[Master | Slave, ...] = (*self.masters, *self.slaves)
-        return (
-            *((device.node, device.current) for device in own),
-            *((node, repeater.current) for repeater, node in self.ports),
-        )
-
-    @property
-    def current(self) -> float:
-        """What all its devices draw together [A]."""
-        return sum(current for _, current in self.draws)
-
-    @property
-    def onward(self) -> tuple[tuple[Repeater, str], ...]:
-        """Repeaters that lead away from the master, each with its node in this segment."""
-        return tuple(port for port in self.ports if port[1] != self.head)
-
-    @cached_property
-    def distances(self) -> dict[str, float]:
-        """Shortest way along the cable from `head` to each node [m]; empty without a head."""
-        return {} if self.head is None else shortest_paths(self.cables, self.head)
-
-    @property
-    def reach(self) -> float:
-        """Longest way along the cable from the master to a node [m]; 0 without a master."""
-        return self.lead + max(self.distances.values(), default=0.0)
-
-    @property
-    def listeners(self) -> tuple[tuple[str, str], ...]:
-        """Name and node of each slave, then of each repeater that leads on."""
-        slaves = ((str(slave), slave.node) for slave in self.slaves)
-        return (*slaves, *((str(repeater), node) for repeater, node in self.onward))
-
-    @cached_property
-    def network(self) -> Network:
-        """Its cables and loads as a network."""
-        loads: dict[str, Load] = {}
-        given = [(device.node, device.load) for device in self.slaves]
-        given += [(device.node, DEVICE) for device in self.masters]
-        given += [(node, DEVICE) for _, node in self.ports]
-        given += [(supply.node, supply.load) for supply in self.supplies]
-        given += [(plug.node, Load(r=plug.resistance)) for plug in self.terminators]
-        for node, load in given:
-            loads[node] = loads[node] + load if node in loads else load
-        return Network(self.cables, loads)
-
-    @cached_property
-    def voltages(self) -> dict[str, float]:
-        """Voltage of the supply left at each node [V]; devices draw their current whatever it is.
-
-        Raises ArgumentError unless the segment has exactly one supply.
-        """
-        if len(self.supplies) != 1:
-            raise ArgumentError(f"{self} has {len(self.supplies)} supplies; it must be one")
-        drawn: dict[str, float] = {}
-        for node, current in self.draws:
-            drawn[node] = drawn.get(node, 0.0) + current
-        (supply,) = self.supplies
-        point = self.network.operating_point(supply.node, supply.voltage, drawn)
-        return {node: float(volts) for node, volts in point.voltage.items()}
-
-    def signals(self) -> Quality:
-        """Return the worst of all 16 responses and of the requests `PROBES` for each listener."""
-        if self.head is None:
-            raise ArgumentError(f"{self} has no head; its line needs a master")
-        nodes = tuple(node for _, node in self.listeners)
-        if not nodes:
-            none = np.empty(0)
-            return Quality(none, none, none, none, none)
-        places = tuple(dict.fromkeys(nodes))
-        line = Segment(self.network, self.head, places)
-        responses, requests = (signal_quality(line, words) for words in (RESPONSES, PROBES))
-        share = len(RESPONSES) / (len(RESPONSES) + len(PROBES))
-        worst = responses.worst(requests)._replace(
-            received=share * responses.received + (1 - share) * requests.received
-        )
-        return worst.of([places.index(node) for node in nodes], nodes)
+#: Most slaves that are named one by one.
+_NAMED = 12
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -268,7 +173,7 @@ class Plan:
     # What hangs together -----------------------------------------------------------------------
 
     @cached_property
-    def segments(self) -> tuple[PlanSegment, ...]:
+    def segments(self) -> tuple[Segment, ...]:
         """Segments in the order of their first cable."""
         groups = Groups()
         for cable in self.cables:
@@ -282,7 +187,7 @@ class Plan:
         }
 
         def within(elements: Iterable[_E], leader: str) -> tuple[_E, ...]:
-            return tuple(e for e in elements if groups.leader(_nodes(e)[0]) == leader)
+            return tuple(e for e in elements if groups.leader(nodes_of(e)[0]) == leader)
 
         # From each line's first master outward, repeater by repeater.
         reached: dict[str, tuple[str, tuple[Repeater, ...], float]] = {}
@@ -304,7 +209,7 @@ class Plan:
                         waiting.append((far, (*path, repeater), lead + metres[near]))
 
         return tuple(
-            PlanSegment(
+            Segment(
                 numbers[lines.leader(leader)],
                 within(self.cables, leader),
                 within(self.masters, leader),
@@ -323,7 +228,7 @@ class Plan:
         )
 
     @property
-    def lines(self) -> tuple[tuple[PlanSegment, ...], ...]:
+    def lines(self) -> tuple[tuple[Segment, ...], ...]:
         """The segments of each line."""
         count = 1 + max(segment.line for segment in self.segments)
         return tuple(
@@ -331,13 +236,13 @@ class Plan:
             for line in range(count)
         )
 
-    def only(self, what: str) -> PlanSegment:
+    def only(self, what: str) -> Segment:
         """Return the one segment of a plan of one segment, or raise; `what` wants to know."""
         if len(self.segments) != 1:
             raise ArgumentError(f"{what} is of one segment; the plan has {len(self.segments)}")
         return self.segments[0]
 
-    def only_line(self, what: str) -> tuple[PlanSegment, ...]:
+    def only_line(self, what: str) -> tuple[Segment, ...]:
         """Return the segments of a plan of one line, or raise; `what` wants to know."""
         if len(self.lines) != 1:
             raise ArgumentError(f"{what} is of one line; the plan has {len(self.lines)}")
@@ -348,20 +253,12 @@ class Plan:
     def renamed(self, prefix: str) -> Plan:
         """Return the same plan with a prefix before the name of each node."""
 
-        def moved(elements: Iterable[_E]) -> Iterator[_E]:
-            for element in elements:
-                ends = [name for name in ("node", "a", "b") if hasattr(element, name)]
-                names: dict[str, Any] = {name: prefix + getattr(element, name) for name in ends}
-                yield replace(element, **names)
+        def moved(element: Element) -> Element:
+            ends = [name for name in ("node", "a", "b") if hasattr(element, name)]
+            names: dict[str, Any] = {name: prefix + getattr(element, name) for name in ends}
+            return replace(element, **names)
 
-        return Plan(
-            moved(self.cables),
-            moved(self.masters),
-            moved(self.supplies),
-            moved(self.slaves),
-            moved(self.repeaters),
-            moved(self.terminators),
-        )
+        return plan_of(map(moved, self))
 
     def with_repeater(
         self,
@@ -409,9 +306,7 @@ class Plan:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the plan as a CSV file, from which `read_plan` makes the same plan."""
-        from shipnet.asi.plan_file import save_plan
-
-        save_plan(self, path)
+        write_elements(list(self), path)
 
     # What it does ------------------------------------------------------------------------------
 
@@ -435,9 +330,7 @@ class Plan:
         than by how many millivolts it passes. The length of 500 m between two slaves is no rule
         of its own: it follows from two repeaters to either side of a master in the middle.
         """
-        from shipnet.asi.rules import check_plan
-
-        return check_plan(self, wanted_cycle=wanted_cycle, transaction=transaction, limits=limits)
+        return PlanFindings(check_lines(self.lines, wanted_cycle, transaction, limits), self)
 
     @property
     def network(self) -> Network:
@@ -461,18 +354,10 @@ class Plan:
         supply, sampled every `dt` [s], a whole fraction of 3 us, from `before` the telegram to
         `after` its end [s]. The plan must have one segment with a master.
         """
-        from shipnet.asi.segment import telegram_waveform
-
         segment = self.only("waveform")
-        if segment.head is None:
-            raise ArgumentError(f"{segment} has no head; its line needs a master")
         nodes = tuple(node for _, node in segment.listeners) if node is None else (node,)
-        if not nodes:
-            raise ArgumentError(f"{segment} has no slave; one must send or hear")
-        wave = telegram_waveform(
-            self.network, segment.head, nodes, RESPONSES if telegrams is None else telegrams,
-            dt=dt, before=before, after=after,
-        )  # fmt: skip
+        words = RESPONSES if telegrams is None else telegrams
+        wave = segment.waveform(words, nodes, dt=dt, before=before, after=after)
         return wave if node is None else replace(wave, u=wave.u[0], names=())
 
     def quality(self) -> Quality:
@@ -480,16 +365,9 @@ class Plan:
 
         `check` judges three requests as well, and is stricter.
         """
-        segment = self.only("quality")
-        if segment.head is None:
-            raise ArgumentError(f"{segment} has no head; its line needs a master")
-        nodes = tuple(slave.node for slave in segment.slaves)
-        places = tuple(dict.fromkeys(nodes))
-        if not places:
-            raise ArgumentError(f"{segment} has no slave; one must send or hear")
-        found = signal_quality(Segment(self.network, segment.head, places))
-        rows = [places.index(node) for node in nodes]
-        return found.of(rows, tuple(slave.label for slave in segment.slaves))
+        slaves = self.only("quality").slaves
+        found = self.only("quality").quality([slave.node for slave in slaves])
+        return found._replace(slaves=tuple(slave.label for slave in slaves))
 
     @property
     def voltages(self) -> dict[str, float]:
@@ -521,8 +399,6 @@ class Plan:
         """
         import pandas as pd
 
-        from shipnet.asi.cycle import transfers_values
-
         used, cycle = self._addresses(), self.cycle
         rows = {}
         for slave in self.slaves:
@@ -538,96 +414,216 @@ class Plan:
         return table.rename_axis("slave")
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
-        """Draw the plan to scale along the cable; `findings` colour what breaks a rule red."""
-        from shipnet.asi.plot import plot_plan
+        """Draw the plan to scale along the cable, the slaves in the colour of their verdict.
 
-        return plot_plan(self, findings, ax=ax)
-
-
-# What hangs together ---------------------------------------------------------------------------
-
-
-class Groups:
-    """Disjoint groups of names, found by union; this module is needed before scipy is loaded."""
-
-    def __init__(self) -> None:
-        self._parent: dict[str, str] = {}
-
-    def __contains__(self, name: str) -> bool:
-        """Whether a name has been seen."""
-        return name in self._parent
-
-    def leader(self, name: str) -> str:
-        """Return the name that stands for a group; a new name is a group of its own."""
-        self._parent.setdefault(name, name)
-        while self._parent[name] != name:
-            self._parent[name] = name = self._parent[self._parent[name]]
-        return name
-
-    def join(self, a: str, b: str) -> bool:
-        """Make one group of two; return whether they were two."""
-        a, b = self.leader(a), self.leader(b)
-        self._parent[b] = a
-        return a != b
-
-
-def shortest_paths(cables: Iterable[CableRun], start: str) -> dict[str, float]:
-    """Return the shortest way along cables from a node to each that they reach [m]."""
-    near: dict[str, list[tuple[str, float]]] = {}
-    for cable in cables:
-        near.setdefault(cable.a, []).append((cable.b, float(cable.length)))
-        near.setdefault(cable.b, []).append((cable.a, float(cable.length)))
-    paths: dict[str, float] = {}
-    waiting = [(0.0, start)]
-    while waiting:
-        so_far, node = heappop(waiting)
-        if node not in paths:
-            paths[node] = so_far
-            for other, length in near.get(node, ()):
-                heappush(waiting, (so_far + length, other))
-    return paths
-
-
-def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
-    """Return each element that keeps others from being a network, and why."""
-    faults: list[tuple[Element, str]] = []
-    groups, lines = Groups(), Groups()
-    laid = set()
-    closing = []
-    for cable in elements:
-        if not isinstance(cable, CableRun):
-            continue
-        ends = frozenset((cable.a, cable.b))
-        if ends in laid:
-            faults.append((cable, f"{cable} lies there already"))
-        elif not groups.join(cable.a, cable.b):
-            closing.append(cable)
-        laid.add(ends)
-    ringed = set()
-    for cable in closing:
-        segment = groups.leader(cable.a)
-        if segment in ringed:
-            faults.append((cable, f"{cable} closes a second ring; a segment has at most one"))
-        ringed.add(segment)
-    for element in elements:
-        if isinstance(element, CableRun):
-            continue
-        loose = [node for node in _nodes(element) if node not in groups]
-        faults += [
-            (element, f"{element}: no cable reaches its node {node}" if node else
-             f"{element} has no node; a plan needs to know where it is")
-            for node in loose
-        ]  # fmt: skip
-        if isinstance(element, Repeater) and not loose:
-            a, b = groups.leader(element.a), groups.leader(element.b)
-            if a == b:
-                faults.append((element, f"{element} has both ends in one segment"))
-            elif not lines.join(a, b):
-                faults.append((element, f"{element} gives telegrams a second way around"))
-    return faults
+        A slave that violates a rule is red, a segment that does has red cable. A cable that
+        closes a ring is dashed, a repeater is joined to both of its nodes. Up to 12 slaves are
+        named.
+        """
+        ax = style.axes(ax)
+        table = None if findings is None else findings.table()
+        failed = set() if table is None else set(table.loc[table["verdict"] != "met", "object"])
+        points: dict[str, list[Floats]] = {kind: [] for kind in _MARKS}
+        places: dict[str, Floats] = {}
+        top = 0.0
+        for segment in self.segments:
+            network = segment.network
+            placed = network.layout(segment.head)
+            origin = np.array([segment.lead, top])
+            places |= dict(zip(network.nodes, placed.spot + origin, strict=True))
+            colour = LIMIT["color"] if str(segment) in failed else "0.6"
+            for stroke in placed.strokes:
+                ax.plot(*(stroke + origin[:, np.newaxis]), color=colour, zorder=1)
+            if placed.closing is not None:
+                ax.plot(*(placed.closing + origin[:, np.newaxis]), "--", color=colour, zorder=1)
+            top += placed.lowest - 1.5
+        for master in self.masters:
+            points["master"].append(places[master.node])
+        for supply in self.supplies:
+            points["supply"].append(places[supply.node])
+        for terminator in self.terminators:
+            points["terminator"].append(places[terminator.node])
+        for repeater in self.repeaters:
+            ends = np.array([places[repeater.a], places[repeater.b]])
+            ax.plot(*ends.T, ":", color="C1", zorder=1)
+            # Clear of the branches that hang on the upper one.
+            points["repeater"].append(ends[ends[:, 1].argmin()] + [0, 0.75])
+        for slave in self.slaves:
+            verdict = (
+                "slave"
+                if table is None
+                else f"slave, {'failed' if str(slave) in failed else 'passed'}"
+            )
+            points[verdict].append(places[slave.node])
+        if len(self.slaves) <= _NAMED:
+            for node in dict.fromkeys(slave.node for slave in self.slaves):
+                labels = " ".join(slave.label for slave in self.slaves if slave.node == node)
+                ax.annotate(
+                    labels, tuple(places[node]), (0, 6), textcoords="offset points",
+                    ha="center", fontsize=8,
+                )  # fmt: skip
+        for label, (marker, colour, size) in _MARKS.items():
+            if points[label]:
+                x, y = np.transpose(points[label])
+                ax.plot(
+                    x,
+                    y,
+                    marker=marker,
+                    color=colour,
+                    markersize=size,
+                    linestyle="none",
+                    label=label,
+                )
+        ax.set(
+            xlabel="distance from the master [m]",
+            yticks=[],
+            ylim=(1.04 * top + 0.7, 0.8 - 0.04 * top),
+        )
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=6, fontsize=8)
+        return ax
 
 
-def _nodes(element: Element) -> tuple[str, ...]:
-    if isinstance(element, CableRun | Repeater):
-        return element.a, element.b
-    return (element.node,)
+class PlanFindings(Findings):
+    """What the rules say of a plan; the drawing shows it."""
+
+    def __init__(self, table: pd.DataFrame, plan: Plan) -> None:
+        super().__init__(table)
+        self.plan = plan
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the plan; what violates a rule is red."""
+        return self.plan.plot(self, ax=ax)
+
+
+def plan_of(elements: Iterable[Element]) -> Plan:
+    """Return the plan of elements in any order."""
+    given = list(elements)
+    return Plan(
+        [one for one in given if isinstance(one, CableRun)],
+        [one for one in given if isinstance(one, Master)],
+        [one for one in given if isinstance(one, Supply)],
+        [one for one in given if isinstance(one, Slave)],
+        [one for one in given if isinstance(one, Repeater)],
+        [one for one in given if isinstance(one, Terminator)],
+    )
+
+
+def read_plan(path: str | PathLike[str]) -> Plan:
+    """Read a plan from a CSV file.
+
+    Parameters
+    ----------
+    path : path
+        File with a row of column titles, upper or lower case, and one row an element. Separated
+        by commas, semicolons or tabs; with semicolons or tabs a decimal comma is understood.
+        UTF-8 with or without a mark, UTF-16 with a mark, or Windows-1252. Blank rows are skipped.
+        Or an Excel workbook with such a sheet.
+
+    Returns
+    -------
+    Plan
+        The elements in the order of their rows.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or does not describe a network: every fault with its row,
+        column and value, and what was expected.
+
+    Examples
+    --------
+    >>> from shipnet import datasets
+    >>> plan = read_plan(datasets.path("synthetic_asi_plan_300m.csv"))
+    >>> len(plan.slaves), [f"{segment.length:.0f} m" for segment in plan.segments]
+    (62, ['100 m', '100 m', '100 m'])
+    """
+    return plan_of(read_elements(path))
+
+
+# Several plans --------------------------------------------------------------------------------
+
+
+class Comparison:
+    """Qualities of several plans, by name."""
+
+    def __init__(self, qualities: Mapping[Any, Quality]) -> None:
+        self.qualities = dict(qualities)
+
+    def __repr__(self) -> str:
+        """Count the plans and those within tolerance."""
+        good = int(self.within_tolerance.sum())
+        return f"<Comparison: {len(self.qualities)} plans, {good} within tolerance>"
+
+    def table(self, *, by_slave: bool = False) -> pd.DataFrame:
+        """Return the worst slave of each plan, one row per plan, or one row per slave of each."""
+        import pandas as pd
+
+        if by_slave:
+            parts = {name: one.table() for name, one in self.qualities.items()}
+            return pd.DataFrame(pd.concat(parts, names=["plan"]))
+        rows = {
+            name: (
+                len(q.received), q.received.min(), q.level_least.min(), q.evenness.min(),
+                q.ringing.max(),
+            )
+            for name, q in self.qualities.items()
+        }  # fmt: skip
+        columns = ["slaves", "received", "level_least_Vpp", "evenness", "ringing"]
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+        return table.rename_axis("plan")
+
+    @property
+    def within_tolerance(self) -> npt.NDArray[np.bool_]:
+        """Which plans keep all their slaves within both tolerances."""
+        return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
+
+    def plot(self, ax: Axes | None = None, *, label: str = "", **line: Any) -> Axes:
+        """Draw weakest pulse and ringing over the names, if these are numbers, or the order."""
+        names = list(self.qualities)
+        numbers = all(isinstance(name, int | float | np.number) for name in names)
+        x = names if numbers else range(1, len(names) + 1)
+        ax = style.axes(ax)
+        table = self.table()
+        name = f", {label}" if label else ""
+        for column, colour, what in (
+            ("evenness", "C0", "weakest pulse"),
+            ("ringing", "C1", "ringing"),
+        ):
+            ax.plot(x, 100 * table[column], color=colour, label=what + name, **line)
+        for level in TOLERANCE:
+            ax.axhline(100 * level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+        ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))
+        ax.legend()
+        return ax
+
+
+def compare(plans: Mapping[Any, Plan]) -> Comparison:
+    """Compare how the responses of slaves come over in several plans.
+
+    Parameters
+    ----------
+    plans : mapping of str or float to Plan
+        The plans, each of one segment, by name or by what differs, such as the length [m].
+
+    Returns
+    -------
+    Comparison
+        It has ``table(by_slave=False)``, ``within_tolerance`` and ``plot(ax)``.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no plan.
+
+    Examples
+    --------
+    >>> from shipnet.asi.topologies import line
+    >>> lengths = compare({m: line(m, slaves=(5, m)) for m in (50, 100, 200)})
+    >>> lengths.table()["evenness"].round(2).to_dict()
+    {50: 0.91, 100: 0.95, 200: 0.36}
+    >>> lengths.within_tolerance.tolist()
+    [True, True, False]
+    """
+    if not plans:
+        raise ArgumentError("plans are empty; there must be at least one")
+    return Comparison({name: plan.quality() for name, plan in plans.items()})

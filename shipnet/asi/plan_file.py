@@ -14,28 +14,22 @@ default of its element. Columns may come in any order and be left out if no row 
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from decimal import Decimal
 from itertools import zip_longest
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from shipnet.asi.elements import (
-    CableRun,
-    Element,
-    Master,
-    Repeater,
-    Slave,
-    Supply,
-    Terminator,
-    slave_key,
-)
-from shipnet.asi.plan import Plan, structure_faults
+from shipnet.asi.elements import Repeater, Supply, Terminator
+from shipnet.asi.master import Master
 from shipnet.asi.profile import Profile
+from shipnet.asi.segment import Element, structure_faults
+from shipnet.asi.slave import Slave, slave_key
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Number, declared
 from shipnet.line.cable import CABLES
+from shipnet.line.network import CableRun
 from shipnet.tables import NUMBER, Sheet, read_sheet
 
 
@@ -87,48 +81,21 @@ COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "cur
            "voltage_v", "rating_a", "delay_us", "resistance_ohm")  # fmt: skip
 
 
-def read_plan(path: str | PathLike[str]) -> Plan:
-    """Read a plan from a CSV file.
-
-    Parameters
-    ----------
-    path : path
-        File with a row of column titles, upper or lower case, and one row an element. Separated
-        by commas, semicolons or tabs; with semicolons or tabs a decimal comma is understood.
-        UTF-8 with or without a mark, UTF-16 with a mark, or Windows-1252. Blank rows are skipped.
-        Or an Excel workbook with such a sheet.
-
-    Returns
-    -------
-    Plan
-        The elements in the order of their rows.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or does not describe a network: every fault with its row,
-        column and value, and what was expected.
-
-    Examples
-    --------
-    >>> from shipnet import datasets
-    >>> plan = read_plan(datasets.path("synthetic_asi_plan_300m.csv"))
-    >>> len(plan.slaves), [f"{segment.length:.0f} m" for segment in plan.segments]
-    (62, ['100 m', '100 m', '100 m'])
-    """
+def read_elements(path: str | PathLike[str]) -> list[Element]:
+    """Read the elements of a plan from a file; `read_plan` says how."""
     return _parse(read_sheet(path))
 
 
-def save_plan(plan: Plan, path: str | PathLike[str]) -> None:
-    """Write a plan as a CSV file with all digits that tell its numbers apart."""
-    own = [run for run in plan.cables if not isinstance(run.cable, str)]
-    if own:
-        raise ArgumentError(f"{own[0]} has a cable of its own; a file knows cables by name only")
-    used = [column for column in COLUMNS if any(column in _row(element) for element in plan)]
+def write_elements(elements: Sequence[Element], path: str | PathLike[str]) -> None:
+    """Write the elements of a plan as a CSV file, with all digits of their numbers."""
+    for one in elements:
+        if isinstance(one, CableRun) and not isinstance(one.cable, str):
+            raise ArgumentError(f"{one} has a cable of its own; a file names cables by type only")
+    used = [column for column in COLUMNS if any(column in _row(element) for element in elements)]
     with Path(path).open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, used, restval="", lineterminator="\n")
         writer.writeheader()
-        writer.writerows(_row(element) for element in plan)
+        writer.writerows(_row(element) for element in elements)
 
 
 def _row(element: Element) -> dict[str, str]:
@@ -147,7 +114,7 @@ def _row(element: Element) -> dict[str, str]:
     return row
 
 
-def _parse(sheet: Sheet) -> Plan:
+def _parse(sheet: Sheet) -> list[Element]:
     columns = [title.lower() or f"#{n}" for n, title in enumerate(sheet.titles, start=1)]
     faults = _title_faults(sheet.top, columns)
     if faults:
@@ -184,14 +151,7 @@ def _parse(sheet: Sheet) -> Plan:
             faults += [f"row {rows[id(element)]}: {fault}" for element, fault in found]
     if faults:
         raise InputError(sheet.source, *faults)
-    return Plan(
-        [e for e in elements if isinstance(e, CableRun)],
-        [e for e in elements if isinstance(e, Master)],
-        [e for e in elements if isinstance(e, Supply)],
-        [e for e in elements if isinstance(e, Slave)],
-        [e for e in elements if isinstance(e, Repeater)],
-        [e for e in elements if isinstance(e, Terminator)],
-    )
+    return elements
 
 
 def _title_faults(row: int, columns: list[str]) -> list[str]:

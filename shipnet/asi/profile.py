@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 
@@ -148,6 +149,23 @@ class Profile:
     @classmethod
     def plot_table(cls, ax: Axes | None = None) -> Axes:
         """Draw the ports of the 16 I/O configuration codes as a grid, one column per code."""
-        from shipnet.asi.plot import plot_io_codes
-
-        return plot_io_codes(ax=ax)
+        ax = style.axes(ax, figsize=(8, 2))
+        colours = {
+            "IN": style.FIELD["address"],
+            "OUT": style.FIELD["information"],
+            "I/O": style.FIELD["parity"],
+            "TRI": style.FIELD["frame"],
+        }
+        for code, ports in enumerate(IO_CONFIGURATIONS):
+            for row, port in enumerate(ports):
+                style.box(ax, code, row, 1, 1, facecolor=colours[port], edgecolor="white")
+                ax.text(code + 0.5, row + 0.5, port, ha="center", va="center", fontsize=8)
+        codes = range(len(IO_CONFIGURATIONS))
+        ax.set_xticks([code + 0.5 for code in codes], [f"{code:X}" for code in codes])
+        ax.set_yticks([row + 0.5 for row in range(4)], [f"D{row}" for row in range(4)])
+        ax.set(xlim=(0, len(codes)), ylim=(4, 0), xlabel="I/O configuration code [hexadecimal]")
+        ax.set_ylabel("port")
+        ax.grid(visible=False)
+        ax.tick_params(length=0)
+        ax.spines[:].set_visible(False)
+        return ax

@@ -7,13 +7,13 @@ finds goes through the seven checks of `shipnet.asi.modulation`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.asi.modulation import HALF_BIT, Pulses, check_bit_count, check_columns, pulses_of
 from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import number, record, switch
@@ -109,15 +109,38 @@ class Reception(NamedTuple):
     @property
     def within_tolerance(self) -> npt.NDArray[np.bool_]:
         """Which telegrams came without an error and with pulses as even as they should be."""
-        return within_tolerance(self)
+        even = (self.weakest >= TOLERANCE.evenness) & (self.ringing <= TOLERANCE.ringing)
+        return np.asarray((self.error == 0) & even)
 
     def plot(
         self, wave: Waveform, ax: Axes | None = None, *, receiver: Receiver | None = None
     ) -> Axes:
         """Draw one telegram as its receiver sees it: voltage, filtered voltage, and its slots."""
-        from shipnet.asi.plot import plot_reception
-
-        return plot_reception(self, wave, receiver or Receiver(), ax=ax)
+        ax = style.axes(ax)
+        receiver = receiver or Receiver()
+        if wave.u.ndim != 1:
+            raise ArgumentError(f"wave holds {wave.u.shape[:-1]} telegrams; one can be drawn")
+        t = wave.t * 1e6
+        seen = matched_filter(wave.u, wave.dt) if receiver.matched else wave.u
+        ax.plot(t, wave.u, color="0.6", linewidth=1, label="on the line")
+        if receiver.matched:
+            ax.plot(t, seen, color="C0", label="behind the filter")
+        end = wave.span[1] * 1e6 + 21
+        if np.isfinite(self.start):
+            middles = wave.start + self.start + HALF_BIT * (np.arange(self.slots.size) + 0.5)
+            heights = np.interp(middles, wave.t, seen)
+            filled = self.slots != 0
+            ax.plot(middles[filled] * 1e6, heights[filled], "o", color="C1", label="pulse")
+            ax.plot(middles[~filled][1:] * 1e6, heights[~filled][1:], "x", color="C1", label="none")
+            threshold = abs(heights[1]) * receiver.threshold
+            for level in (threshold, -threshold):
+                ax.axhline(level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+            ax.text(
+                end - 1, threshold, "threshold", color=style.LIMIT["color"], ha="right", va="bottom"
+            )
+        ax.set(xlim=(-5, end), xlabel="time [us]", ylabel="voltage at the master [V]")
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
+        return ax
 
 
 class Tolerance(NamedTuple):
@@ -252,17 +275,45 @@ class Waveform(line_waveform.Waveform):
 
     def eye(self, points: int = 61) -> Eye:
         """Lay all half-bits of the telegrams over each other, each `points` long."""
-        return eye(self.u, self.dt, self.bits, points=points)
+        from scipy.ndimage import map_coordinates
+
+        if points < 2:
+            raise ArgumentError(f"points is {points}; it must be 2 or more")
+        bits, rows = self.records
+        heard = receive(rows, self.dt, bits.shape[-1], matched=False)
+        if not np.isfinite(heard.start).all():
+            raise ArgumentError("a telegram in u holds no pulse above the receiver's minimum")
+        signs = np.pad(pulses_of(bits), ((0, 0), (0, 2)))[:, 1:]
+        t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, points)
+        middles = heard.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
+        place = (middles[..., np.newaxis] + t) / self.dt
+        if place.max() > rows.shape[1] - 1:
+            raise ArgumentError(
+                f"u ends after {rows.shape[1] * self.dt:.3g} s; a telegram and its silence last "
+                f"until {place.max() * self.dt:.3g} s"
+            )
+        # A row off by one would blend two telegrams, so the row coordinate is a whole number.
+        row = np.broadcast_to(np.arange(len(rows))[:, np.newaxis, np.newaxis], place.shape)
+        folded = map_coordinates(rows - rows.mean(axis=1, keepdims=True), [row, place], order=1)
+        folded /= np.abs(folded).max(axis=(1, 2), keepdims=True)
+        filled = signs != 0
+        return Eye(t, folded[filled] * signs[filled][:, np.newaxis], folded[~filled])
 
     def disturbed(
         self, disturbance: Disturbance, amplitude: float, rng: RNGLike | None = None
     ) -> Waveform:
         """Return the waveform with a disturbance on every telegram, such as ``emc.Noise()``."""
-        t, rows = self.t - self.start, self.u.reshape(-1, self.u.shape[-1])
-        added = disturbance.voltage(
-            t, amplitude, np.random.default_rng(rng), len(rows), span=(-self.start, self.span[1])
-        )
+        rows = self.u.reshape(-1, self.u.shape[-1])
+        added = self.disturbance(disturbance, amplitude, np.random.default_rng(rng), len(rows))
         return replace(self, u=(rows + added).reshape(self.u.shape))
+
+    def disturbance(
+        self, disturbance: Disturbance, amplitude: float, rng: np.random.Generator, size: int
+    ) -> Floats:
+        """Return the voltages of a disturbance on so many records like this one."""
+        begin, end = self.span
+        span = -self.start + begin, round(end - self.start, 12)
+        return disturbance.voltage(self.t - self.start, amplitude, rng, size, span=span)
 
 
 def matched_filter(u: npt.ArrayLike, dt: float) -> Floats:
@@ -306,18 +357,6 @@ def receive(
         parts.append(_decide(line, y, dt, n_bits, threshold, window, minimum))
     joined = (np.concatenate(field) for field in zip(*parts, strict=True))
     return Reception(*(field.reshape(u.shape[:-1] + field.shape[1:]) for field in joined))
-
-
-def within_tolerance(
-    reception: Reception,
-    *,
-    amplitude: float = TOLERANCE.evenness,
-    ringing: float = TOLERANCE.ringing,
-) -> npt.NDArray[np.bool_]:
-    """Return which telegrams came without an error and with pulses as even as they should be."""
-    return np.asarray(
-        (reception.error == 0) & (reception.weakest >= amplitude) & (reception.ringing <= ringing)
-    )
 
 
 def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:
@@ -452,44 +491,14 @@ class Eye(NamedTuple):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw all half-bits over each other with the tolerances: icn2007's Fig 8."""
-        from shipnet.asi.plot import plot_eye
-
-        return plot_eye(self, ax=ax)
-
-
-def eye(
-    u: npt.ArrayLike, dt: float, bits: str | Sequence[str] | npt.ArrayLike, *, points: int = 61
-) -> Eye:
-    """Lay the half-bits of telegrams over each other."""
-    from scipy.ndimage import map_coordinates
-
-    if points < 2:
-        raise ArgumentError(f"points is {points}; it must be 2 or more")
-    u = np.asarray(u)
-    sent = pulses_of(bits)
-    heard = receive(u, dt, sent.shape[-1] // 2, matched=False)
-    try:
-        signs = np.broadcast_to(sent, (*u.shape[:-1], sent.shape[-1]))
-    except ValueError:
-        raise ArgumentError(
-            f"bits have the shape {sent.shape[:-1]}, which does not fit the telegrams' "
-            f"{u.shape[:-1]}"
-        ) from None
-    if not np.isfinite(heard.start).all():
-        raise ArgumentError("a telegram in u holds no pulse above the receiver's minimum")
-    signs = np.pad(signs.reshape(-1, signs.shape[-1]), ((0, 0), (0, 2)))[:, 1:]
-    rows = u.reshape(len(signs), -1)
-    t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, points)
-    middles = heard.start.reshape(-1, 1) + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
-    place = (middles[..., np.newaxis] + t) / dt
-    if place.max() > rows.shape[1] - 1:
-        raise ArgumentError(
-            f"u ends after {rows.shape[1] * dt:.3g} s; a telegram and its silence last until "
-            f"{place.max() * dt:.3g} s"
-        )
-    # A row off by one would blend two telegrams, so the row coordinate is a whole number.
-    row = np.broadcast_to(np.arange(len(rows))[:, np.newaxis, np.newaxis], place.shape)
-    folded = map_coordinates(rows - rows.mean(axis=1, keepdims=True), [row, place], order=1)
-    folded /= np.abs(folded).max(axis=(1, 2), keepdims=True)
-    filled = signs != 0
-    return Eye(t, folded[filled] * signs[filled][:, np.newaxis], folded[~filled])
+        ax = style.axes(ax)
+        t = self.t * 1e6
+        for rows, colour, label in [(self.pulses, "C0", "pulse"), (self.gaps, "C1", "no pulse")]:
+            lines = ax.plot(t, rows.T, color=colour, alpha=0.15, linewidth=0.8)
+            if lines:
+                ax.plot([], [], color=colour, label=label)
+        for level in (TOLERANCE.evenness, TOLERANCE.ringing, -TOLERANCE.ringing):
+            ax.axhline(level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+        ax.set(xlim=(t[0], t[-1]), ylim=(-1.05, 1.05))
+        ax.set(xlabel="time from the middle [us]", ylabel="voltage / largest [1]")
+        return ax

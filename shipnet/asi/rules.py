@@ -1,29 +1,27 @@
-"""Does a plan keep the rules of AS-i? Each rule on each object, with its limit and its source.
+"""Does a plan meet the rules of AS-i? Each rule on each object, with its limit and its source.
 
-The limits are data, `asi_plan_rules.csv`; what they are compared with is computed here, from the
-plan, its voltages and its waveforms.
+The limits are data, `asi_plan_rules.csv`. The values that are compared with them are computed here,
+from the segments of a plan, their voltages and their waveforms.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shipnet import datasets
-from shipnet.answers import COLUMNS, Findings
-from shipnet.asi.cycle import Cycle
-from shipnet.asi.plan import Plan, PlanSegment
-from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Transaction
+from shipnet.answers import COLUMNS
+from shipnet.asi.segment import Segment
+from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Cycle, Transaction
 from shipnet.errors import ArgumentError
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
 
-#: A value that is on its limit but for rounding keeps the rule.
+#: A value that is on its limit but for rounding meets the rule.
 _SLACK = 1e-9
 
 #: One row of the table before it is judged: rule, object, value, highest if the object has a
@@ -57,26 +55,13 @@ def rule_limits() -> pd.DataFrame:
     return table
 
 
-class PlanFindings(Findings):
-    """What the rules say of a plan; the drawing shows it."""
-
-    def __init__(self, table: pd.DataFrame, plan: Plan) -> None:
-        super().__init__(table)
-        self.plan = plan
-
-    def plot(self, *, ax: Axes | None = None) -> Axes:
-        """Draw the plan; what violates a rule is red."""
-        return self.plan.plot(self, ax=ax)
-
-
-def check_plan(
-    plan: Plan,
-    *,
-    wanted_cycle: float | None = None,
-    transaction: Transaction | None = None,
-    limits: pd.DataFrame | None = None,
-) -> PlanFindings:
-    """Check a plan against every rule; `Plan.check` says how."""
+def check_lines(
+    lines: Sequence[tuple[Segment, ...]],
+    wanted_cycle: float | None,
+    transaction: Transaction | None,
+    limits: pd.DataFrame | None,
+) -> pd.DataFrame:
+    """Check the lines of a plan against every rule; `Plan.check` says how."""
     import pandas as pd
 
     if wanted_cycle is not None and not 0 < wanted_cycle < np.inf:
@@ -85,7 +70,7 @@ def check_plan(
     _check_limits(bounds)
     transaction = Transaction() if transaction is None else transaction
     rows: list[_Row] = []
-    for line in plan.lines:
+    for line in lines:
         rows += _line_rows(line, wanted_cycle, transaction)
         rows += _address_rows(line)
         terminated = any(segment.terminators for segment in line)
@@ -105,7 +90,7 @@ def check_plan(
     known = np.where(met, "met", "violated")
     table["verdict"] = np.where(table["value"].isna(), "not verified", known)
     table["why"] = table["why"].where(table["why"] != "", table["note"])
-    return PlanFindings(table[list(COLUMNS)], plan)
+    return table[list(COLUMNS)]
 
 
 def _check_limits(bounds: pd.DataFrame) -> None:
@@ -117,7 +102,7 @@ def _check_limits(bounds: pd.DataFrame) -> None:
 
 
 def _line_rows(
-    line: tuple[PlanSegment, ...], wanted: float | None, transaction: Transaction
+    line: tuple[Segment, ...], wanted: float | None, transaction: Transaction
 ) -> Iterator[_Row]:
     masters = [master for segment in line for master in segment.masters]
     name = f"line of {masters[0]}" if masters else f"line with {line[0]}"
@@ -131,7 +116,7 @@ def _line_rows(
         yield "update_time", name, float(cycle.update_time), wanted, ""
 
 
-def _address_rows(line: tuple[PlanSegment, ...]) -> Iterator[_Row]:
+def _address_rows(line: tuple[Segment, ...]) -> Iterator[_Row]:
     slaves = [slave for segment in line for slave in segment.slaves]
     for slave in slaves:
         name = str(slave)
@@ -149,7 +134,7 @@ def _address_rows(line: tuple[PlanSegment, ...]) -> Iterator[_Row]:
         yield "half", name, int(odd), None, f"profile {slave.profile}" if odd else ""
 
 
-def _segment_rows(segment: PlanSegment, terminated: bool) -> Iterator[_Row]:
+def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
     name = str(segment)
     rule = "cable_length_terminated" if segment.terminators else "cable_length"
     yield rule, name, segment.length, None, ""
@@ -177,7 +162,7 @@ def _slowest_answer() -> float:
     return float(times["edge to edge, asynchronous, most"]) * 1e-6 - BIT_TIME
 
 
-def _supply_rows(segment: PlanSegment) -> Iterator[_Row]:
+def _supply_rows(segment: Segment) -> Iterator[_Row]:
     yield "supplies", str(segment), len(segment.supplies), None, ""
     current = segment.current
     for supply in segment.supplies:
@@ -191,7 +176,7 @@ def _supply_rows(segment: PlanSegment) -> Iterator[_Row]:
         yield "slave_voltage", str(slave), volts.get(slave.node, np.nan), None, note
 
 
-def _signal_rows(segment: PlanSegment) -> Iterator[_Row]:
+def _signal_rows(segment: Segment) -> Iterator[_Row]:
     names = [name for name, _ in segment.listeners]
     rules = ("signal_level_least", "signal_level_most", "signal_evenness", "ringing", "reception")
     why = "no master on the line" if segment.head is None else ""

@@ -5,14 +5,26 @@
 
 The parity bit makes the number of ones even, counted from the start bit up to and including the
 parity bit; the end bit does not count (claim kim2023-040 weighs the other reading).
+
+Each of the 13 calls is a pattern of the eleven bits between the start bit and the parity bit:
+
+    0 1   a fixed bit
+    a     a bit of the slave's address
+    d     a bit of the data that the call carries
+    s S   the select bit of an A/B slave (A 0, B 1), as it is and inverted
+
+The patterns, one under the other, are the table of requests; encoding, decoding, the batch
+functions and the printed tables are all read from them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import TYPE_CHECKING, Literal
 
-from shipnet.asi.calls import Answer, Call
+from shipnet import style
 from shipnet.asi.profile import describe_io_configuration, describe_status
 from shipnet.errors import (
     ArgumentError,
@@ -29,6 +41,190 @@ from shipnet.fields import check_whole
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+
+# Calls ----------------------------------------------------------------------------------------
+
+
+class Answer(IntEnum):
+    """The answers that the standard fixes, whatever the slave."""
+
+    DONE = 0x6
+    ERASED = 0x0
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """How one call looks on the line."""
+
+    title: str
+    pattern: str
+    says: str
+    extended: str = ""
+    symbol: str = "D"
+    lowest_address: int = 0
+    answer: str | Answer | None = None
+
+    def layout(self, extended: bool) -> str:
+        """Return the pattern for an A/B slave, or for a standard one."""
+        return self.extended if extended and self.extended else self.pattern
+
+
+class Call(IntEnum):
+    """The 13 calls of a master; the number is an index of this package, not of the standard.
+
+    References
+    ----------
+    .. [1] ZMD AG, "ASI4U Universal AS-Interface IC", data sheet rev. 1.4, 2006, table 6.
+    .. [2] ZMD AG, "SAP5S/SAP51 Universal AS-Interface IC", data sheet rev. 3.1, 2012, table 6.
+
+    Examples
+    --------
+    >>> Call.READ_STATUS.rule.pattern
+    '1aaaaa1S110'
+    """
+
+    DATA_EXCHANGE = 0
+    WRITE_PARAMETER = 1
+    ASSIGN_ADDRESS = 2
+    WRITE_ID1 = 3
+    DELETE_ADDRESS = 4
+    RESET = 5
+    READ_IO_CONFIGURATION = 6
+    READ_ID = 7
+    READ_ID1 = 8
+    READ_ID2 = 9
+    READ_STATUS = 10
+    BROADCAST_RESET = 11
+    ENTER_PROGRAM_MODE = 12
+
+    @property
+    def rule(self) -> Rule:
+        """Bits, wording and answer of this call."""
+        return _RULES[self]
+
+
+_RULES = {
+    Call.DATA_EXCHANGE: Rule(
+        "data exchange",
+        "0aaaaa0dddd",
+        "data exchange with slave {slave}: outputs {bits} ({data:X})",
+        extended="0aaaaa0Sddd",
+        lowest_address=1,
+        answer="inputs",
+    ),
+    Call.WRITE_PARAMETER: Rule(
+        "write parameter",
+        "0aaaaa1dddd",
+        "write parameter {bits} ({data:X}) to slave {slave}",
+        extended="0aaaaa1Sddd",
+        symbol="P",
+        lowest_address=1,
+        answer="parameter",
+    ),
+    Call.ASSIGN_ADDRESS: Rule(
+        "assign address",
+        "000000ddddd",
+        "assign address {data} to the slave at address 0",
+        symbol="A",
+        answer=Answer.DONE,
+    ),
+    Call.WRITE_ID1: Rule(
+        "write extended ID code 1",
+        "1000000dddd",
+        "write extended ID code 1 {bits} ({data:X}) to the slave at address 0",
+        symbol="ID",
+        answer=Answer.ERASED,
+    ),
+    Call.DELETE_ADDRESS: Rule(
+        "delete address",
+        "1aaaaa0s000",
+        "delete the address of slave {slave}",
+        lowest_address=1,
+        answer=Answer.ERASED,
+    ),
+    Call.RESET: Rule("reset slave", "1aaaaa1S100", "reset slave {slave}", answer=Answer.DONE),
+    Call.READ_IO_CONFIGURATION: Rule(
+        "read I/O configuration",
+        "1aaaaa1s000",
+        "read the I/O configuration of slave {slave}",
+        answer="I/O configuration",
+    ),
+    Call.READ_ID: Rule(
+        "read ID code", "1aaaaa1s001", "read the ID code of slave {slave}", answer="ID code"
+    ),
+    Call.READ_ID1: Rule(
+        "read extended ID code 1",
+        "1aaaaa1s010",
+        "read extended ID code 1 of slave {slave}",
+        answer="extended ID code 1",
+    ),
+    Call.READ_ID2: Rule(
+        "read extended ID code 2",
+        "1aaaaa1s011",
+        "read extended ID code 2 of slave {slave}",
+        answer="extended ID code 2",
+    ),
+    Call.READ_STATUS: Rule(
+        "read status", "1aaaaa1S110", "read the status of slave {slave}", answer="status"
+    ),
+    Call.BROADCAST_RESET: Rule(
+        "broadcast reset", "11111110101", "broadcast reset of all slaves, without answer"
+    ),
+    Call.ENTER_PROGRAM_MODE: Rule(
+        "enter program mode",
+        "10000011101",
+        "enter program mode at address 0, without answer",
+    ),
+}
+
+
+# Telegrams ------------------------------------------------------------------------------------
+
+#: Parts of the telegrams: label, number of bits, key of `style.FIELD`.
+REQUEST_PARTS = (
+    ("ST", 1, "frame"),
+    ("CB", 1, "control"),
+    ("address A4..A0", 5, "address"),
+    ("information I4..I0", 5, "information"),
+    ("PB", 1, "parity"),
+    ("EB", 1, "frame"),
+)
+RESPONSE_PARTS = (
+    ("ST", 1, "frame"),
+    ("I3..I0", 4, "information"),
+    ("PB", 1, "parity"),
+    ("EB", 1, "frame"),
+)
+
+
+def plot_telegram(
+    bits: str,
+    *,
+    ax: Axes | None = None,
+    start: float = 0.0,
+    parts: Sequence[tuple[str, int, str]] | None = None,
+) -> Axes:
+    """Draw a telegram as a row of coloured bits with its level line above."""
+    ax = style.axes(ax)
+    lengths = {sum(part[1] for part in own) for own in (REQUEST_PARTS, RESPONSE_PARTS)}
+    if parts is None and len(bits) not in lengths:
+        raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
+    if parts is None:
+        parts = (
+            REQUEST_PARTS if len(bits) == sum(part[1] for part in REQUEST_PARTS) else RESPONSE_PARTS
+        )
+    place = start
+    for label, length, colour in parts:
+        style.box(ax, place, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
+        ax.text(place + length / 2, -0.22, label, ha="center", va="top", fontsize=8)
+        place += length
+    for index, bit in enumerate(bits):
+        ax.text(start + index + 0.5, 0.5, bit, ha="center", va="center", family="monospace")
+    edges = [start + index for index in range(len(bits) + 1)]
+    levels = [1.35 + 0.5 * int(bit) for bit in bits]
+    ax.step(edges, [*levels, levels[-1]], where="post", color="C0")
+    return ax
+
 
 #: Columns of the bits between start bit and parity bit.
 _PLACES = ["CB", "A4", "A3", "A2", "A1", "A0", "I4", "I3", "I2", "I1", "I0"]
@@ -115,8 +311,6 @@ class Response:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the response as coloured bits, with its level line above; x is in bit times."""
-        from shipnet.asi.plot import plot_telegram
-
         return plot_telegram(self.bits, ax=ax)
 
     def __str__(self) -> str:
@@ -268,8 +462,6 @@ class Request:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the request as coloured bits, with its level line above; x is in bit times."""
-        from shipnet.asi.plot import plot_telegram
-
         return plot_telegram(self.bits, ax=ax)
 
     def __str__(self) -> str:

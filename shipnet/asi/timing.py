@@ -1,24 +1,35 @@
-"""How long a transaction takes: request, master pause, response, slave pause.
+"""How long a transaction and a cycle take, and how late the host learns of a change.
 
-All lengths are counted in bit times of 6 us. The end of a pause is the start of the next
-telegram's first bit.
+A transaction is a request, the master pause, a response and the slave pause, counted in bit times
+of 6 us. The end of a pause is the start of the next telegram's first bit.
+
+In every cycle the master asks each address once, then sends one management request and looks for
+one new slave. An address that an A and a B slave share is asked once per cycle like any other, the
+two slaves by turns: each of them is heard every second cycle.
+
+Four bits pass in a cycle, so the profiles for analogue values cut a value into pieces, each type
+of transfer (CTT) in its own way. How many cycles a value takes is data, from
+`asi_analogue_profiles.csv`. Profiles that are not in there are unknown to us, as is CTT4.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from functools import cache
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
+from shipnet import datasets, style
+from shipnet.asi.profile import Profile
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response, plot_telegram
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
-
-    from shipnet.asi.telegram import Request, Response
 
 
 #: Length of one bit on the line [s], from icn2007 section 5 and OMRON manual W357, p. 5.
@@ -169,6 +180,396 @@ class Transaction:
 
         Telegrams may be given as bits, right or wrong; x is in bit times, microseconds on top.
         """
-        from shipnet.asi.plot import plot_transaction
+        ax = style.axes(ax, figsize=(8, 2.6))
+        telegrams = {
+            "request": request if isinstance(request, str) else request.bits,
+            "response": response if isinstance(response, str) else response.bits,
+        }
+        for span in self.spans:
+            if span.name in telegrams:
+                plot_telegram(telegrams[span.name], ax=ax, start=span.start)
+            else:
+                style.box(
+                    ax,
+                    span.start,
+                    0,
+                    span.length,
+                    1,
+                    facecolor=style.FIELD["pause"],
+                    edgecolor="0.3",
+                    linestyle=":",
+                )
+            ax.annotate(
+                "", (span.start, 2.35), (span.end, 2.35),
+                arrowprops={"arrowstyle": "<->", "color": "0.3", "shrinkA": 0, "shrinkB": 0},
+            )  # fmt: skip
+            ax.text(
+                (span.start + span.end) / 2, 2.5, f"{span.name}\n{span.length:g} bit",
+                ha="center", va="bottom", fontsize=8,
+            )  # fmt: skip
+        ax.set(xlim=(-0.5, self.bits + 0.5), ylim=(-0.75, 3.6), yticks=[], xlabel="time [bit]")
+        ax.grid(visible=False)
+        ax.spines["left"].set_visible(False)
+        bit_us = self.bit_time * 1e6
+        top = ax.secondary_xaxis(
+            "top",
+            functions=(lambda bits: np.multiply(bits, bit_us), lambda us: np.divide(us, bit_us)),
+        )
+        top.set_xlabel("time [us]")
+        return ax
 
-        return plot_transaction(request, response, self, ax=ax)
+
+# Cycles ---------------------------------------------------------------------------------------
+
+#: Addresses that slaves can be given: five bits without address 0.
+ADDRESSES = 31
+
+#: What an exchange takes unless said otherwise.
+_USUAL = Transaction()
+
+#: Most transactions of one kind that are taken; no cycle comes near.
+_MOST = 10_000
+
+#: Most channels of a slave.
+_CHANNELS = 4
+
+Floats = npt.NDArray[np.float64]
+Direction = Literal["in", "out"]
+
+
+class ResponseTime(NamedTuple):
+    """Shortest and longest time from a change at a slave to the host's knowing of it [s]."""
+
+    best: float | Floats
+    worst: float | Floats
+
+
+@dataclass(frozen=True)
+class Cycle:
+    r"""The cycle of a master that polls all slaves of a line.
+
+    .. math:: T_c = \max\left(T_{min},\, (n - n_{pairs} + m + i + k) \, T\right)
+
+    Parameters
+    ----------
+    slaves : int or array_like of int, default 31
+        Slaves n, 0..62. Numbers may be arrays, which broadcast against each other.
+    pairs : int or array_like of int, optional
+        Addresses that an A and a B slave share, so many that 31 addresses are enough. As few as
+        can be if omitted: n - 31.
+    transaction : Transaction, default Transaction()
+        What one exchange takes, T; 26 bit times by default.
+    management, inclusion : int or array_like of int, default 1
+        Requests m and i of the management and of the inclusion phase in a cycle.
+    repetitions : int or array_like of int, default 0
+        Telegrams k that must be sent once more.
+    minimum : float, default 0
+        Time below which the master does not begin the next cycle [s].
+
+    Raises
+    ------
+    ArgumentError
+        If a number is not whole or out of its range.
+
+    Notes
+    -----
+    The makers print the same formula with different additions. OMRON [1]_ adds two requests to
+    any number of slaves. Schneider adds two, but one at 31 slaves [2]_: there is no address left
+    where a new slave could be found, which is ``inclusion=0``. Schneider's masters do not go below
+    3 ms [3]_, which is ``minimum=3e-3``. The specification's "5 ms for 31 slaves" needs
+    transactions of 25 bit times; with 26 it is 5.148 ms.
+
+    References
+    ----------
+    .. [1] OMRON, "CQM1-ARM21", manual W357, 1999, p. 5.
+    .. [2] Schneider Electric, AS-i help D-SA-0011791.
+    .. [3] Schneider Electric, FAQ FA231757.
+
+    Examples
+    --------
+    From [1]_ and [2]_, 31 slaves:
+
+    >>> round(Cycle(31).time * 1e6), round(Cycle(31, inclusion=0).time * 1e6)
+    (5148, 4992)
+
+    62 slaves take no longer, but each is heard every other cycle:
+
+    >>> Cycle(62).time == Cycle(31).time, f"{Cycle(62).update_time * 1e3:.3f} ms"
+    (True, '10.296 ms')
+    >>> Cycle([6, 31], transaction=Transaction(2, 2)).time.round(5).tolist()
+    [0.0012, 0.00495]
+    """
+
+    slaves: npt.ArrayLike = ADDRESSES
+    pairs: npt.ArrayLike | None = field(default=None, kw_only=True)
+    transaction: Transaction = field(default=_USUAL, kw_only=True)
+    management: npt.ArrayLike = field(default=1, kw_only=True)
+    inclusion: npt.ArrayLike = field(default=1, kw_only=True)
+    repetitions: npt.ArrayLike = field(default=0, kw_only=True)
+    minimum: float = field(default=0.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        slaves = _whole("slaves", self.slaves, 2 * ADDRESSES)
+        least = np.maximum(slaves - ADDRESSES, 0)
+        pairs = least if self.pairs is None else _whole("pairs", self.pairs, ADDRESSES)
+        if (pairs < least).any() or (2 * pairs > slaves).any():
+            raise ArgumentError(
+                f"pairs is {self.pairs!r}; {self.slaves!r} slaves take {ADDRESSES} addresses at "
+                "most, and two slaves share one"
+            )
+        for name in ("management", "inclusion", "repetitions"):
+            _whole(name, getattr(self, name), _MOST)
+        _seconds("minimum", self.minimum)
+        object.__setattr__(self, "pairs", pairs if pairs.ndim else int(pairs))
+
+    @property
+    def addresses(self) -> int | npt.NDArray[np.int64]:
+        """Addresses that are asked in each cycle."""
+        used = np.asarray(self.slaves) - np.asarray(self.pairs)
+        return used if used.ndim else int(used)
+
+    @property
+    def time(self) -> float | Floats:
+        """Time in which the master asks every address once [s]."""
+        requests = np.asarray(self.addresses)
+        for extra in (self.management, self.inclusion, self.repetitions):
+            requests = requests + np.asarray(extra)
+        return _plain(np.maximum(requests * self.transaction.duration, self.minimum))
+
+    @property
+    def update_time(self) -> float | Floats:
+        """Time after which every slave has been heard again: two cycles where any share [s]."""
+        return _plain(np.multiply(self.time, np.where(np.asarray(self.pairs) > 0, 2, 1)))
+
+    def response_time(
+        self,
+        profile: Profile | str | None = None,
+        *,
+        channels: int = 1,
+        conversion: float = 0.0,
+        direction: Direction = "in",
+        paired: npt.ArrayLike | None = None,
+        repetitions: npt.ArrayLike = 0,
+        host: float = 0.0,
+    ) -> ResponseTime:
+        """Return how soon and how late the host knows of a change, or a slave of an output.
+
+        Without a `profile`, or with one for single bits, a slave looks at its inputs when the
+        request ends. At best the change comes just before: pause and response pass. At worst it
+        comes just after, and waits for the next request to this slave, every second cycle if it
+        shares its address (`paired`; the slowest slave if omitted); every one of the
+        `repetitions` makes that later by one transaction, and the `host` looks at the master's
+        image so often [s]. Delays of the input itself, a filter or a relay, come on top.
+
+        With a profile for values, its module converts so many `channels`, each in `conversion`
+        [s], and transfers them in turn; at worst a round of all has just missed the value.
+        """
+        shared = np.asarray(self.pairs) > 0 if paired is None else np.asarray(paired)
+        digital = response_time(
+            self.time, paired=shared, repetitions=repetitions, host=host,
+            transaction=self.transaction,
+        )  # fmt: skip
+        if profile is None:
+            return digital
+        interval = np.asarray(self.time) * np.where(shared, 2, 1)
+        one = interval * transfer_cycles(profile, direction=direction)
+        if not transfers_values(profile):
+            # The last piece of several takes an exchange, as a single one does.
+            return ResponseTime(digital.best, _plain(one + digital.worst - interval))
+        count = check_whole("channels", channels, 1, _CHANNELS)
+        wait = float(_seconds("conversion", conversion))
+        late = np.asarray(repetitions) * self.transaction.duration + _seconds("host", host)
+        return ResponseTime(_plain(one + wait), _plain((count + 1) * one + late + count * wait))
+
+    def transfer_time(
+        self,
+        profile: Profile | str,
+        *,
+        channels: int = 1,
+        paired: bool = False,
+        direction: Direction = "in",
+        value_bit: int | None = None,
+        extra_rounds: int = 0,
+    ) -> float | Floats:
+        """Return how long the bus takes to transfer all values of a slave [s].
+
+        ``S-7.3.C`` counts as ``S-7.3`` if it has no row of its own in `analogue_profiles`; of
+        several sizes the largest counts unless `value_bit` says which. `extra_rounds` are values
+        lost to synchronising; Siemens counts one (SlimLine analogue module, manual: 7 x 2 + 7 =
+        21 cycles for two channels). 20 to 60 ms of conversion per channel come on top.
+        """
+        return transfer_time(
+            profile, self.time, channels=channels, paired=paired, direction=direction,
+            value_bit=value_bit, extra_rounds=extra_rounds,
+        )  # fmt: skip
+
+    def efficiency(self, user_bits: int = 4) -> float | Floats:
+        """Return the share of the cycle in which user bits pass, so many each way, 0..1."""
+        bits = 2 * check_whole("user_bits", user_bits, 0, 4)
+        return _plain(np.asarray(self.addresses) * bits * self.transaction.bit_time / self.time)
+
+
+def cycle_time(
+    slaves: npt.ArrayLike = ADDRESSES,
+    *,
+    pairs: npt.ArrayLike | None = None,
+    transaction: Transaction = _USUAL,
+    management: npt.ArrayLike = 1,
+    inclusion: npt.ArrayLike = 1,
+    repetitions: npt.ArrayLike = 0,
+    minimum: float = 0.0,
+) -> float | Floats:
+    """Return the time in which the master asks every address once: `Cycle.time`.
+
+    Parameters
+    ----------
+    slaves, pairs, transaction, management, inclusion, repetitions, minimum
+        As for `Cycle`.
+
+    Returns
+    -------
+    float or ndarray of float
+        Cycle time [s]; the arguments broadcast against each other.
+
+    Raises
+    ------
+    ArgumentError
+        As `Cycle`.
+
+    Examples
+    --------
+    From OMRON's manual W357, p. 5, 31 slaves:
+
+    >>> cycle_time(31)
+    0.005148
+    """
+    return Cycle(
+        slaves, pairs=pairs, transaction=transaction, management=management, inclusion=inclusion,
+        repetitions=repetitions, minimum=minimum,
+    ).time  # fmt: skip
+
+
+def response_time(
+    cycle: npt.ArrayLike,
+    *,
+    paired: npt.ArrayLike = False,
+    repetitions: npt.ArrayLike = 0,
+    host: float = 0.0,
+    transaction: Transaction = _USUAL,
+) -> ResponseTime:
+    """Return how soon and how late the host knows of a change, by the time of a cycle [s]."""
+    interval = _seconds("cycle", cycle)
+    if not (interval > 0).all():
+        raise ArgumentError(f"cycle is {cycle!r} s; it must be positive")
+    shared = np.asarray(paired)
+    if shared.dtype.kind != "b":
+        raise ArgumentError(f"paired is {paired!r}; it must be True or False")
+    k = _whole("repetitions", repetitions, _MOST)
+    answer = (transaction.master_pause + RESPONSE_BITS) * transaction.bit_time
+    waited = interval * np.where(shared, 2, 1) + k * transaction.duration
+    look = _seconds("host", host)
+    return ResponseTime(_plain(np.full(waited.shape, answer)), _plain(waited + answer + look))
+
+
+# Values of more than four bits -----------------------------------------------------------------
+
+
+@cache
+def analogue_profiles() -> pd.DataFrame:
+    """Return what is known about transfers: a row per profile, direction and size of value.
+
+    `cycles` are exchanges with the slave; `evidence` says whether the source prints them or they
+    are derived from it. The table is shared: do not change it.
+    """
+    table = datasets.read("asi_analogue_profiles.csv")
+    return table.astype({"value_bit": int, "cycles": int, "addresses": int})
+
+
+def transfers_values(profile: Profile | str) -> bool:
+    """Return whether a profile is one for values of more than four bits."""
+    return _largest_value(Profile.parse(profile) if isinstance(profile, str) else profile) > 4
+
+
+@cache
+def _largest_value(profile: Profile) -> int:
+    table = analogue_profiles()
+    own = table[table["profile"].isin(_names(profile))]
+    return int(own["value_bit"].max()) if len(own) else 0
+
+
+def _names(profile: Profile) -> list[str]:
+    return [str(profile), f"S-{profile.io:X}.{profile.id:X}"]
+
+
+def transfer_cycles(
+    profile: Profile | str,
+    *,
+    channels: int = 1,
+    direction: Direction = "in",
+    value_bit: int | None = None,
+    extra_rounds: int = 0,
+) -> int:
+    """Return how many exchanges with a slave all of its values take."""
+    profile = Profile.parse(profile) if isinstance(profile, str) else profile
+    check_whole("channels", channels, 1, _CHANNELS)
+    check_whole("extra_rounds", extra_rounds, 0, 1000)
+    return _value_cycles(profile, direction, value_bit) * (channels + extra_rounds)
+
+
+@cache
+def _value_cycles(profile: Profile, direction: str, value_bit: int | None) -> int:
+    table = analogue_profiles()
+    found = table[table["profile"].isin(_names(profile)) & (table["direction"] == direction)]
+    if value_bit is not None:
+        found = found[found["value_bit"] == value_bit]
+    if found.empty:
+        columns = table[["profile", "direction", "value_bit"]]
+        known = [f"{name} {way} {bits} bit" for name, way, bits in columns.itertuples(index=False)]
+        raise ArgumentError(
+            f"profile is '{profile}' {direction}"
+            f"{'' if value_bit is None else f' {value_bit} bit'}; known are {', '.join(known)}"
+        )
+    return int(found.sort_values("value_bit")["cycles"].iloc[-1])
+
+
+def transfer_time(
+    profile: Profile | str,
+    cycle: npt.ArrayLike,
+    *,
+    channels: int = 1,
+    paired: bool = False,
+    direction: Direction = "in",
+    value_bit: int | None = None,
+    extra_rounds: int = 0,
+) -> float | Floats:
+    """Return how long all values of a slave take on the bus, by the time of a cycle [s]."""
+    time = np.asarray(cycle)
+    if time.dtype.kind not in "iuf" or not ((time > 0) & np.isfinite(time)).all():
+        raise ArgumentError(f"cycle is {cycle!r} s; it must be positive and finite")
+    exchanges = transfer_cycles(
+        profile, channels=channels, direction=direction, value_bit=value_bit,
+        extra_rounds=extra_rounds,
+    )  # fmt: skip
+    return _plain(time.astype(np.float64) * (exchanges * (2 if paired else 1)))
+
+
+# Checks ----------------------------------------------------------------------------------------
+
+
+def _whole(name: str, value: npt.ArrayLike, high: int) -> npt.NDArray[np.int64]:
+    array = np.asarray(value)
+    if array.dtype.kind not in "iu" or not ((array >= 0) & (array <= high)).all():
+        raise ArgumentError(f"{name} is {value!r}; it must be whole numbers 0..{high}")
+    return array.astype(np.int64)
+
+
+def _seconds(name: str, value: npt.ArrayLike) -> Floats:
+    array = np.asarray(value)
+    if array.dtype.kind not in "iuf" or not ((array >= 0) & np.isfinite(array)).all():
+        raise ArgumentError(f"{name} is {value!r} s; it must be 0 or more, and finite")
+    return array.astype(np.float64)
+
+
+def _plain(array: npt.NDArray[np.generic]) -> float | Floats:
+    return np.asarray(array, dtype=np.float64) if array.ndim else float(array)

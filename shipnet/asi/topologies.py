@@ -9,12 +9,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from shipnet.asi.cycle import ADDRESSES
-from shipnet.asi.elements import CURRENT, CableRun, Master, Slave, Supply, Terminator
+from shipnet.asi.elements import CURRENT, Supply, Terminator
+from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
+from shipnet.asi.slave import Slave
+from shipnet.asi.timing import ADDRESSES
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.line.cable import Cable
+from shipnet.line.network import CableRun
 
 
 def line(

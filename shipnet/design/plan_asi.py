@@ -12,12 +12,13 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
-from shipnet.asi.cycle import ADDRESSES, cycle_time, response_time, transfer_time
-from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply
+from shipnet.asi.elements import Repeater, Supply
+from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.rules import rule_limits
-from shipnet.asi.timing import Transaction
+from shipnet.asi.slave import Slave
+from shipnet.asi.timing import ADDRESSES, Transaction, cycle_time, response_time, transfer_time
 from shipnet.asi.topologies import assign_addresses as share_addresses
 from shipnet.design.catalogue import cables
 from shipnet.design.drafting import (
@@ -36,6 +37,7 @@ from shipnet.design.drafting import (
 from shipnet.design.settings import AsiLimits
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES
+from shipnet.line.network import CableRun
 
 # Which points share a module, where it is, and how late the host knows of them -------------------
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
-from shipnet.asi.quality import Quality, signal_quality
 from shipnet.asi.receiver import TOLERANCE
-from shipnet.asi.topology import straight_line
+from shipnet.asi.segment import Quality
+from shipnet.asi.topologies import line
 from shipnet.exercises.answers import Choice, Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function
@@ -37,7 +37,7 @@ def _echo(volts: float, resistor: float, z0: float) -> float:
 @cache
 def _quality(length: int, delay: float) -> Quality:
     cable = Cable.lossless(100, delay * 1e-9)
-    return signal_quality(straight_line(length, slaves=(5, length), cable=cable))
+    return line(length, slaves=(5, length), cable=cable).quality()
 
 
 def _in_tolerance(length: int, delay: float) -> bool:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from shipnet.asi.cycle import ADDRESSES, cycle_time, response_time
-from shipnet.asi.timing import Transaction
+from shipnet.asi.timing import ADDRESSES, Transaction, cycle_time, response_time
 from shipnet.exercises.answers import Number, Whole
 from shipnet.exercises.exercise import Exercise
 from shipnet.exercises.functions import Function

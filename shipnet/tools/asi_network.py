@@ -7,9 +7,8 @@ from functools import cached_property
 import numpy as np
 from matplotlib.axes import Axes
 
-from shipnet.asi.emc.failures import cycle_effect
-from shipnet.asi.plan import Plan
-from shipnet.asi.rules import PlanFindings
+from shipnet.asi.emc.error_rates import independent_failures
+from shipnet.asi.plan import Plan, PlanFindings
 from shipnet.asi.topologies import line, ring, star
 from shipnet.fields import choice, number, record, whole
 from shipnet.tools._tool import Tool
@@ -113,9 +112,7 @@ class AsiNetwork(Tool):
         cycle = self.plan.cycle
         # A slave is asked twice at most in a cycle; the second time counts in the worst case.
         response = cycle.response_time(repetitions=int(self.error_rate > 0))
-        effect = cycle_effect(
-            self.error_rate, slaves=self.slaves - self.shared, cycle_time=float(cycle.time)
-        ).iloc[0]
+        effect = independent_failures(self.error_rate, cycle).iloc[0]
         return {
             "cycle": f"{1e3 * float(cycle.time):.2f} ms",
             "each slave heard after": f"{1e3 * float(cycle.update_time):.2f} ms",

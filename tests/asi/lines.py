@@ -4,10 +4,13 @@ from unittest.mock import patch
 
 import numpy as np
 
-from shipnet.asi.elements import CableRun, Master, Repeater, Slave
+from shipnet.asi import channel
+from shipnet.asi.elements import Repeater
+from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
-from shipnet.asi.simulation import channel
-from shipnet.asi.simulation.run import simulate
+from shipnet.asi.simulation import simulate
+from shipnet.asi.slave import Slave
+from shipnet.line.network import CableRun
 
 
 def slave(profile, address=0, half=None, **options):

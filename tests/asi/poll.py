@@ -1,6 +1,6 @@
 """Many runs of a polled line at once: statistics of cycles, repetitions and dropped slaves.
 
-The model is that of `shipnet.asi.simulation.run`, for slaves that are all active at the start and
+The model is that of `shipnet.asi.simulation`, for slaves that are all active at the start and
 whose telegrams are disturbed: data exchange, one status request, one request to a vacant address.
 Given the same disturbances, both give the same cycles. Here all runs go through a cycle together,
 and only what is disturbed is looked at one by one.
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.elements import slave_key
-from shipnet.asi.simulation.channel import MISSED, PLANES, REQUEST_LOST
+from shipnet.asi.channel import MISSED, PLANES, REQUEST_LOST
+from shipnet.asi.slave import slave_key
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError

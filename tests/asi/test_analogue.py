@@ -3,7 +3,7 @@ import pytest
 
 from shipnet import datasets
 from shipnet.asi import Profile
-from shipnet.asi.cycle import (
+from shipnet.asi.timing import (
     Cycle,
     analogue_profiles,
     cycle_time,

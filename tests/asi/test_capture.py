@@ -16,7 +16,6 @@ from shipnet.asi import Request
 from shipnet.asi.bursts import pieces
 from shipnet.asi.capture import decode
 from shipnet.asi.modulation import send_current
-from shipnet.asi.plot import plot_capture
 from shipnet.errors import ArgumentError
 
 BIT = 6e-6
@@ -372,7 +371,7 @@ def test_figure_shades_the_telegrams_with_their_bits():
     u = 30 + five()
     capture = decode(u, 1e-7)
     ax = Figure().subplots()
-    assert plot_capture(capture, u, 1e-7, ax=ax, stop=180e-6) is ax
+    assert capture.plot(ax, stop=180e-6) is ax
     assert [text.get_text() for text in ax.texts] == [REQUESTS[1].bits, ANSWERS[1].bits]
     assert len(ax.patches) == 2
     (drawn,) = ax.lines
@@ -386,7 +385,7 @@ def test_figure_of_a_long_record_keeps_every_peak():
     u = noise(np.zeros(200_000), 0.1)
     u[123_456] = 9
     ax = Figure().subplots()
-    plot_capture(decode(u, 1e-7), u, 1e-7, ax=ax)
+    decode(u, 1e-7).plot(ax)
     (drawn,) = ax.lines
     assert len(drawn.get_ydata()) < 25_000
     assert drawn.get_ydata().max() == 9
@@ -396,7 +395,7 @@ def test_figure_names_an_error():
     u = five(rate=5e6)
     u[335:355] = 0
     ax = Figure().subplots()
-    plot_capture(decode(u, 2e-7), u, 2e-7, ax=ax, stop=150e-6)
+    decode(u, 2e-7).plot(ax, stop=150e-6)
     assert "PauseError" in [text.get_text() for text in ax.texts]
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from shipnet.asi import Response
 from shipnet.asi.batch import bits_of
+from shipnet.asi.channel import MISSED, REQUEST_LOST, VARIANTS
 from shipnet.asi.modulation import (
     ONE_PULSE_CODES,
     add_pulses,
@@ -13,7 +14,6 @@ from shipnet.asi.modulation import (
     collide,
     pulses_of,
 )
-from shipnet.asi.simulation.channel import MISSED, REQUEST_LOST, VARIANTS
 from shipnet.errors import ArgumentError, FrameError, name_of
 from tests.asi.lines import draw
 

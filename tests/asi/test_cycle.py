@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.asi import Transaction
-from shipnet.asi.cycle import Cycle, cycle_time, response_time
+from shipnet.asi.timing import Cycle, cycle_time, response_time
 from shipnet.errors import ArgumentError
 
 PUBLISHED = datasets.read("asi_published_cycles.csv").astype({"number": int, "time_ms": float})

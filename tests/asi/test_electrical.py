@@ -2,14 +2,17 @@ import numpy as np
 import pytest
 
 from shipnet.asi.batch import bits_of
-from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply, Terminator
+from shipnet.asi.elements import DEVICE, POWER_SUPPLY, Repeater, Supply, Terminator
+from shipnet.asi.master import Master
 from shipnet.asi.modulation import HALF_BIT
-from shipnet.asi.plan import PROBES, Plan
+from shipnet.asi.plan import Plan
 from shipnet.asi.receiver import receive
-from shipnet.asi.segment import DEVICE, POWER_SUPPLY, Segment
+from shipnet.asi.segment import PROBES, telegram_voltages
+from shipnet.asi.slave import Slave
 from shipnet.asi.topologies import line, ring, star
 from shipnet.errors import ArgumentError
 from shipnet.line import Load, Network
+from shipnet.line.network import CableRun
 
 R = 0.027  # ohm/m of the loop, 1.5 mm2
 INFORMATION = np.arange(2**11)
@@ -98,8 +101,7 @@ def test_the_signal_is_that_of_a_segment_built_by_hand():
         assert mine[ours.index(node)] == pytest.approx(theirs[network.index(node)], rel=1e-12)
 
     quality = plan.segments[0].signals()
-    by_hand = Segment(network, "m", ("s1", "s2"))
-    u = by_hand.signals(REQUESTS[::7], dt=50e-9, duration=102.4e-6)[1]
+    u = telegram_voltages(network, "m", ["s1", "s2"], REQUESTS[::7], dt=50e-9)
     # The levels found with four samples a microsecond, and those of a finer waveform.
     assert quality.level_most == pytest.approx(np.ptp(u, axis=-1).max(axis=1), rel=0.01)
     assert (quality.level_least <= np.ptp(u, axis=-1).min(axis=1) * 1.01).all()
@@ -124,8 +126,7 @@ def test_three_requests_and_the_responses_are_as_bad_as_all_requests(plan):
     each = slice(None, None, 10 if len(plan.slaves) > 10 else 1)
     quality = type(quality)(*(field[each] for field in quality))
     nodes = tuple(node for _, node in segment.listeners)[each]
-    ear = Segment(segment.network, segment.head, nodes)
-    u = ear.signals(REQUESTS, dt=HALF_BIT / 12, duration=102e-6)[1]
+    u = telegram_voltages(segment.network, segment.head, nodes, REQUESTS, dt=HALF_BIT / 12)
     heard = receive(u, HALF_BIT / 12, 14)
     level = np.ptp(u, axis=-1)
     assert (heard.error == 0).all(axis=1).tolist() == (quality.received == 1).tolist()

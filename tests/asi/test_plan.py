@@ -8,12 +8,15 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from shipnet import datasets
-from shipnet.asi.cycle import cycle_time
-from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply, Terminator
-from shipnet.asi.plan import Groups, Plan, shortest_paths, structure_faults
-from shipnet.asi.plan_file import read_plan
+from shipnet.asi.elements import Repeater, Supply, Terminator
+from shipnet.asi.master import Master
+from shipnet.asi.plan import Plan, read_plan
+from shipnet.asi.segment import Groups, shortest_paths, structure_faults
+from shipnet.asi.slave import Slave
+from shipnet.asi.timing import cycle_time
 from shipnet.asi.topologies import assign_addresses, evenly_spaced, line, ring, star
 from shipnet.errors import ArgumentError
+from shipnet.line.network import CableRun
 
 EDGES = st.lists(
     st.tuples(st.integers(0, 8), st.integers(0, 8), st.integers(1, 50)), min_size=1, max_size=20

@@ -7,14 +7,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply, Terminator
-from shipnet.asi.plan import Plan
-from shipnet.asi.plan_file import COLUMNS, read_plan
+from shipnet.asi.elements import Repeater, Supply, Terminator
+from shipnet.asi.master import Master
+from shipnet.asi.plan import Plan, read_plan
+from shipnet.asi.plan_file import COLUMNS
 from shipnet.asi.profile import Profile
+from shipnet.asi.slave import Slave
 from shipnet.asi.topologies import line, star
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import declared
 from shipnet.line import CABLES
+from shipnet.line.network import CableRun
 
 SMALL = """kind,node,to,length_m,cable,address,profile,current_ma,voltage_v,rating_a
 master,bridge,,,,,,100,,

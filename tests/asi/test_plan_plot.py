@@ -4,7 +4,7 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
 from shipnet import datasets
-from shipnet.asi.plan_file import read_plan
+from shipnet.asi.plan import read_plan
 from shipnet.asi.topologies import line, ring, star
 from shipnet.style import LIMIT
 

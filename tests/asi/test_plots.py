@@ -4,18 +4,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet import style
-from shipnet.asi import Request, Response, Transaction
-from shipnet.asi.modulation import pulses_of
-from shipnet.asi.plot import (
-    _plot_levels_to_voltage,
-    plot_eye,
-    plot_io_codes,
-    plot_telegram,
-    plot_transaction,
-)
+from shipnet.asi import Modulation, Profile, Request, Response, Transaction
+from shipnet.asi.modulation import as_bits, pulses_of
 from shipnet.asi.profile import IO_CONFIGURATIONS
-from shipnet.asi.receiver import eye
-from shipnet.asi.topology import straight_line
+from shipnet.asi.receiver import Waveform
+from shipnet.asi.telegram import plot_telegram
+from shipnet.asi.topologies import line
 from shipnet.errors import LengthError
 from shipnet.papers import ledger
 from shipnet.papers.icn2007.plot import plot_heights, plot_margins
@@ -45,7 +39,7 @@ def test_telegram_shows_its_bits_and_levels(ax):
 
 
 def test_transaction_is_drawn_to_scale(ax):
-    plot_transaction(Request.data_exchange(21, 0xE), Response(6), Transaction(2, 1.5), ax=ax)
+    Transaction(2, 1.5).plot(Request.data_exchange(21, 0xE), Response(6), ax)
     assert sum(patch.get_width() for patch in ax.patches) == 24.5
     assert {
         "request\n14 bit",
@@ -61,7 +55,7 @@ def test_transaction_is_drawn_to_scale(ax):
 
 
 def test_a_faulty_frame_can_be_drawn(ax):
-    plot_transaction("00101010111011", "0011001", ax=ax)
+    Transaction().plot("00101010111011", "0011001", ax)
     assert "".join(text for text in texts(ax) if text in "01") == "001010101110110011001"
 
 
@@ -71,7 +65,7 @@ def test_a_telegram_of_another_length_is_refused(ax):
 
 
 def test_io_codes_read_down_from_d0(ax):
-    plot_io_codes(ax=ax)
+    Profile.plot_table(ax)
     names = [label.get_text() for label in ax.get_yticklabels()]
     assert names == ["D0", "D1", "D2", "D3"]
     assert ax.yaxis_inverted()
@@ -95,9 +89,9 @@ def test_style_is_one_for_all():
 
 
 def test_an_eye_draws_every_half_bit_and_the_tolerances(ax):
-    u = train_of(2 * pulses_of(["0011001", "0000001"]))
-    opened = eye(u, 250e-9, ["0011001", "0000001"])
-    plot_eye(opened, ax=ax)
+    bits = as_bits(["0011001", "0000001"])
+    opened = Waveform(train_of(2 * pulses_of(bits)), 250e-9, bits=bits).eye()
+    opened.plot(ax)
     drawn = [line for line in ax.lines if len(line.get_xdata()) == len(opened.t)]
     assert len(drawn) == len(opened.pulses) + len(opened.gaps)
     assert drawn[0].get_ydata() == pytest.approx(opened.pulses[0])
@@ -108,11 +102,11 @@ def test_an_eye_draws_every_half_bit_and_the_tolerances(ax):
 
 def test_bits_and_pulses_share_their_time():
     axes = Figure().subplots(3, 1, sharex=True)
-    t, u = straight_line(100, slaves=(5,)).signals("0011001", start=0, duration=51.2e-6)
-    _plot_levels_to_voltage("0011001", t, u[0, 0], axes)
+    wave = line(100, slaves=(5,)).waveform("0011001", "5 m", dt=50e-9)
+    Modulation("0011001").plot(wave, axes)
     assert "".join(texts(axes[0])) == "0011001"
     assert axes[1].lines[0].get_ydata().max() == pytest.approx(60)
-    assert axes[2].lines[0].get_ydata() == pytest.approx(u[0, 0])
+    assert axes[2].lines[0].get_ydata() == pytest.approx(wave.u)
     assert axes[2].get_xlabel() == "time [us]"
 
 

@@ -4,8 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet.asi import BIT_TIME
-from shipnet.asi.elements import Master, Slave
-from shipnet.asi.simulation.channel import MISSED
+from shipnet.asi.channel import MISSED
+from shipnet.asi.master import Master
+from shipnet.asi.slave import Slave
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from tests.asi.lines import draw, placed, simulate_drawn

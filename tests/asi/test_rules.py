@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 
 from shipnet import datasets
-from shipnet.asi.cycle import Cycle
-from shipnet.asi.elements import CableRun, Master, Repeater, Slave, Supply, Terminator
+from shipnet.asi.elements import Repeater, Supply, Terminator
+from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.rules import rule_limits
-from shipnet.asi.timing import MASTER_PAUSE_BITS, Transaction
+from shipnet.asi.slave import Slave
+from shipnet.asi.timing import MASTER_PAUSE_BITS, Cycle, Transaction
 from shipnet.asi.topologies import line, ring, star
 from shipnet.errors import ArgumentError
+from shipnet.line.network import CableRun
 
 SHARED, ALONE = "S-0.A", "S-0.F"
 NUMBERS = datasets.read("icn2007_numbers.csv").set_index("parameter")["value"]

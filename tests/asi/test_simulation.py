@@ -6,6 +6,16 @@ import numpy as np
 import pytest
 
 from shipnet.asi import BIT_TIME, Call, Request, Response
+from shipnet.asi.channel import (
+    EXECUTED,
+    MISSED,
+    NO_RESPONSE,
+    OUTCOME,
+    PHASE,
+    REQUEST_LOST,
+    RESPONSE,
+    Record,
+)
 from shipnet.asi.commands import (
     BroadcastReset,
     ChangeAddress,
@@ -14,7 +24,6 @@ from shipnet.asi.commands import (
     ResetSlave,
     WriteParameter,
 )
-from shipnet.asi.elements import Master
 from shipnet.asi.faults import (
     BrokenCable,
     DeadSlave,
@@ -25,20 +34,10 @@ from shipnet.asi.faults import (
     SupplyDip,
     TelegramErrors,
 )
+from shipnet.asi.master import FAULTY, SILENT, Master, Phase, RunningMaster
 from shipnet.asi.modulation import check_slots, pulses_of
-from shipnet.asi.simulation.channel import (
-    EXECUTED,
-    MISSED,
-    NO_RESPONSE,
-    OUTCOME,
-    PHASE,
-    REQUEST_LOST,
-    RESPONSE,
-    Record,
-)
-from shipnet.asi.simulation.master import FAULTY, SILENT, Phase, RunningMaster
-from shipnet.asi.simulation.run import Run, Standby, simulate
-from shipnet.asi.simulation.slave import Event, RunningSlave, prepared
+from shipnet.asi.simulation import Run, Standby, simulate
+from shipnet.asi.slave import Event, RunningSlave, prepared
 from shipnet.asi.timing import Transaction
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError, SilenceError

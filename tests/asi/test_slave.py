@@ -5,8 +5,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.asi import Call, Profile, Request, Response
-from shipnet.asi.elements import WATCHDOG, WRITE_TIME, Slave
-from shipnet.asi.simulation.slave import TRANSITIONS, Action, Event, RunningSlave, State
+from shipnet.asi.slave import (
+    TRANSITIONS,
+    WATCHDOG,
+    WRITE_TIME,
+    Action,
+    Event,
+    RunningSlave,
+    Slave,
+    State,
+)
 from shipnet.errors import ArgumentError
 from tests.asi.lines import slave
 

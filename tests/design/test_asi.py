@@ -7,13 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shipnet.asi.cycle import cycle_time
-from shipnet.asi.elements import CableRun, Master, Slave, Supply
+from shipnet.asi.elements import Supply
+from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
+from shipnet.asi.slave import Slave
+from shipnet.asi.timing import cycle_time
 from shipnet.design.plan_asi import Piece, analogue_response, digital_response, draw, place_supply
 from shipnet.design.planning import plan
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
+from shipnet.line.network import CableRun
 from tests.design.lists import table
 
 LIMITS = Settings().asi

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from shipnet.asi.elements import DEVICE, POWER_SUPPLY
 from shipnet.asi.modulation import SEND_CURRENT, as_bits, steps_of
-from shipnet.asi.receiver import receive, within_tolerance
-from shipnet.asi.segment import DEVICE, POWER_SUPPLY
+from shipnet.asi.receiver import receive
 from shipnet.asi.telegram import RESPONSES
 from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
@@ -73,7 +73,7 @@ def test_the_longest_cable_is_that_of_another_solver(further, kept):
     heard = receive(u[:, :10240:25], 25 * dt, 7)
     assert (heard.error == 0).all()
     assert (heard.bits == np.tile(as_bits(RESPONSES), (2, 1))).all()
-    assert within_tolerance(heard).all() == kept
+    assert heard.within_tolerance.all() == kept
 
 
 def sender(word):

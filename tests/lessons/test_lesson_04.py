@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from shipnet.asi import Slave, simulate
-from shipnet.asi.cycle import cycle_time, response_time
 from shipnet.asi.faults import LostReply
-from shipnet.asi.timing import BIT_TIME, Transaction
+from shipnet.asi.timing import BIT_TIME, Transaction, cycle_time, response_time
 from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_04 import _efficiency

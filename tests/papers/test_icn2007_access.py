@@ -1,6 +1,6 @@
 from shipnet.asi.commands import ChangeAddress
 from shipnet.asi.faults import DeadSlave
-from shipnet.asi.simulation.run import simulate
+from shipnet.asi.simulation import simulate
 from shipnet.asi.telegram import Request
 from shipnet.asi.timing import Transaction
 from shipnet.papers.icn2007 import access

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from shipnet.asi.segment import DEVICE, POWER_SUPPLY
-from shipnet.asi.topology import straight_line
+from shipnet.asi.elements import DEVICE, POWER_SUPPLY
+from shipnet.asi.topologies import line
 from shipnet.line import Load, Network
 from shipnet.papers.icn2007.signals import arriving_share, pulse_height, share_above
 from shipnet.papers.kim2023.signals import (
@@ -18,11 +18,12 @@ def test_an_inductor_is_meant_not_a_conductor():
     assert not works_without(part="conductor")
     # The supply's inductor turns changes of current into voltage: without it the line is a
     # capacitor, whatever inductor a slave may have.
-    line = straight_line(100, slaves=(50,)).network
-    bare = Network(line.runs, {"0 m": Load(r=POWER_SUPPLY.r), "50 m": DEVICE})
+    plan = line(100, slaves=(50,))
+    network = plan.network
+    bare = Network(plan.cables, {"0 m": Load(r=POWER_SUPPLY.r), "50 m": DEVICE})
     s = [2j * np.pi * 100e3]
-    row = line.index("0 m")
-    assert line.transfer("50 m", s)[row].imag > 0
+    row = network.index("0 m")
+    assert network.transfer("50 m", s)[row].imag > 0
     assert bare.transfer("50 m", s)[row].imag < 0
 
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.asi.cycle import cycle_time
-from shipnet.asi.elements import Slave
 from shipnet.asi.faults import TelegramErrors
-from shipnet.asi.simulation.run import simulate
+from shipnet.asi.simulation import simulate
+from shipnet.asi.slave import Slave
+from shipnet.asi.timing import cycle_time
 from shipnet.errors import ArgumentError
 from shipnet.tools.asi_network import AsiNetwork
 

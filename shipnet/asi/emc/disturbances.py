@@ -18,8 +18,8 @@ from shipnet.fields import check_scalar, check_whole, number, record, whole
 
 Floats = npt.NDArray[np.float64]
 
-#: ``disturbance(t, amplitude, rng, size)`` -> voltages [V], shape (size, n_t).
-Disturbance = Callable[[Floats, float, np.random.Generator, int], Floats]
+#: Begin and end of a telegram in its record [s].
+Span = tuple[float, float]
 
 #: Largest legal amplitude [V]; the receiver takes no voltage whose square overflows.
 _MOST = 1e9
@@ -68,85 +68,8 @@ def add_events(
     u[row, column] += shape(since, *(parameter[row] for parameter in parameters))
 
 
-def noise(t: npt.ArrayLike, amplitude: float, rng: np.random.Generator, size: int = 1) -> Floats:
-    r"""Return white noise."""
-    t, _ = time_step(t)
-    amplitude, size = check_batch(amplitude, size)
-    return amplitude * rng.standard_normal((size, t.size))
-
-
-def impulses(
-    t: npt.ArrayLike,
-    amplitude: float,
-    rng: np.random.Generator,
-    size: int = 1,
-    *,
-    count: int = 1,
-    width: tuple[float, float] = (0.5e-6, 4e-6),
-    spread: float = 0.5,
-    between: tuple[float, float] | None = None,
-) -> Floats:
-    r"""Return impulses of random place, sign, height and width, each a raised cosine.
-
-    .. math:: u(t) = \pm \frac{a}{2} \left(1 + \cos \frac{2 \pi (t - t_0)}{w}\right),
-              \qquad |t - t_0| < \frac{w}{2}
-    """
-    t, _ = time_step(t)
-    amplitude, size = check_batch(amplitude, size)
-    count = check_whole("count", count, 0, 1000)
-    spread = check_scalar("spread", spread, "of the amplitude", 0, 1)
-    record = float(t[-1] - t[0])
-    narrow, wide = _pair("width", width, 0, record)
-    if narrow == 0:
-        raise ArgumentError("width begins with 0 s; an impulse must be wider than that")
-    first, last = _pair("between", (t[0], t[-1]) if between is None else between, -1e6, 1e6)
-    u = np.zeros((size, t.size))
-    for _ in range(count):
-        w = rng.uniform(narrow, wide, size)
-        height = amplitude * rng.uniform(1 - spread, 1 + spread, size)
-        height *= rng.choice([-1.0, 1.0], size)
-        begin = rng.uniform(first, last, size) - w / 2
-        add_events(u, t, begin, wide, _raised_cosine, w, height)
-    return u
-
-
 def _raised_cosine(since: Floats, width: Floats, height: Floats) -> Floats:
     return np.where(since < width, height * np.sin(np.pi * since / width) ** 2, 0.0)
-
-
-def conducted_rf(
-    t: npt.ArrayLike,
-    amplitude: float,
-    rng: np.random.Generator,
-    size: int = 1,
-    *,
-    frequency: float,
-    modulation: float = 0.8,
-    f_mod: float = 1e3,
-    phase: float | None = None,
-) -> Floats:
-    r"""Return a modulated carrier, as the test with conducted radio frequency couples it in.
-
-    .. math:: u(t) = a \bigl(1 + m \sin(2 \pi f_m t + \psi)\bigr) \sin(2 \pi f t + \varphi)
-    """
-    t, dt = time_step(t)
-    amplitude, size = check_batch(amplitude, size)
-    frequency = check_scalar("frequency", frequency, "Hz", 1e-3, 1e12)
-    modulation = check_scalar("modulation", modulation, "of the carrier", 0, 1)
-    f_mod = check_scalar("f_mod", f_mod, "Hz", 0, frequency)
-    if frequency + f_mod >= 0.5 / dt:
-        raise ArgumentError(
-            f"frequency is {frequency:g} Hz; with its sideband it must lie below "
-            f"{0.5 / dt:.6g} Hz, half the sampling rate"
-        )
-    carrier, slow = rng.uniform(0, 2 * np.pi, (2, size))
-    if phase is not None:
-        carrier = np.full(size, check_scalar("phase", phase, "rad", -1e6, 1e6))
-    # Carrier and sidebands, the same for all telegrams but for a complex factor each.
-    lines = np.exp(2j * np.pi * np.outer([frequency, frequency + f_mod, frequency - f_mod], t))
-    side = modulation / 2j * np.exp(1j * carrier)
-    factors = [np.exp(1j * carrier), side * np.exp(1j * slow), -side * np.exp(-1j * slow)]
-    return amplitude * (np.stack(factors, axis=-1) @ lines).imag
 
 
 def _pair(what: str, pair: tuple[float, float], low: float, high: float) -> tuple[float, float]:
@@ -182,58 +105,8 @@ _TOP_AT = np.log(_DECAY / _RISE) * _DECAY * _RISE / (_DECAY - _RISE)
 _TOP = np.exp(-_TOP_AT / _DECAY) - np.exp(-_TOP_AT / _RISE)
 
 
-def burst_pulse(t: npt.ArrayLike) -> Floats:
-    r"""Return one pulse of a burst, of height 1.
-
-    .. math:: p(t) = k \left(e^{-t / \tau_1} - e^{-t / \tau_2}\right), \qquad t \ge 0
-    """
-    t = np.asarray(t, dtype=float)
-    late = np.maximum(t, 0.0)
-    return np.asarray((np.exp(-late / _DECAY) - np.exp(-late / _RISE)) / _TOP)
-
-
-def burst_area() -> float:
-    """Return the area of `burst_pulse` [s]."""
-    return float((_DECAY - _RISE) / _TOP)
-
-
-def burst_spectrum(f: npt.ArrayLike) -> npt.NDArray[np.complex128]:
-    r"""Return the Fourier transform of `burst_pulse`.
-
-    .. math:: P(f) = \frac{A}{(1 + j 2 \pi f \tau_1)(1 + j 2 \pi f \tau_2)}
-    """
-    s = 2j * np.pi * np.asarray(f, dtype=float)
-    return np.asarray(burst_area() / ((1 + s * _DECAY) * (1 + s * _RISE)))
-
-
-def burst(
-    t: npt.ArrayLike,
-    amplitude: float,
-    rng: np.random.Generator,
-    size: int = 1,
-    *,
-    rate: float = PULSE_RATE,
-    corner: float = INPUT_CORNER,
-) -> Floats:
-    """Return what a receiver's input leaves of a burst, for telegrams inside a packet."""
-    t, dt = time_step(t)
-    amplitude, size = check_batch(amplitude, size)
-    rate = check_scalar("rate", rate, "1/s", 1, 1e6)
-    slowest = 1 / (2 * np.pi * check_scalar("corner", corner, "Hz", 1e3, 1e9))
-    # The formula divides by differences of time constants; a millionth apart is apart.
-    if min(abs(slowest / _DECAY - 1), abs(slowest / _RISE - 1)) < 1e-6:
-        slowest *= 1 + 2e-6
-    constants = np.array([_DECAY, _RISE, slowest])
-    length = dt + _ENOUGH * float(constants.max())
-    sign = amplitude * burst_area() / dt * rng.choice([-1.0, 1.0], size)
-    begin = t[0] - length + rng.uniform(0, 1 / rate, size)
-    u = np.zeros((size, t.size))
-    for _ in range(int((t[-1] - t[0] + length) * rate) + 1):
-        add_events(
-            u, t, begin, length, lambda since, sign: sign * _mean(since, dt, constants), sign
-        )
-        begin = begin + 1 / rate
-    return u
+#: Area of a pulse of height 1 [s].
+AREA = (_DECAY - _RISE) / float(_TOP)
 
 
 def _mean(since: Floats, dt: float, constants: Floats) -> Floats:
@@ -250,8 +123,6 @@ def _passed(since: Floats, constants: Floats) -> Floats:
 
 # Objects ---------------------------------------------------------------------------------------
 
-Span = tuple[float, float]
-
 
 @record
 class Noise:
@@ -264,7 +135,7 @@ class Noise:
     Examples
     --------
     >>> from shipnet.asi.topologies import line
-    >>> from shipnet.asi.emc.monte_carlo import error_rate
+    >>> from shipnet.asi.emc.error_rates import error_rate
     >>> from shipnet.asi.receiver import Receiver
     >>> answers = line(100, slaves=(5,)).waveform()
     >>> error_rate(answers, Noise(), 0.7, 1000, 2024, receiver=Receiver(minimum=0.9))
@@ -278,16 +149,21 @@ class Noise:
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
-        """Return the noise of so many telegrams."""
-        _, dt = time_step(t)
+        """Return the noise on so many telegrams."""
+        t, dt = time_step(t)
+        amplitude, size = check_batch(amplitude, size)
         # A step that is the reference must not change the noise by a rounding.
-        same = abs(dt / self.reference - 1) < 1e-9
-        return noise(t, amplitude if same else amplitude * (self.reference / dt) ** 0.5, rng, size)
+        if abs(dt / self.reference - 1) >= 1e-9:
+            amplitude *= (self.reference / dt) ** 0.5
+        return amplitude * rng.standard_normal((size, t.size))
 
 
 @record
 class Impulses:
-    """Impulses of random place, sign, height and width, each a raised cosine, on every telegram.
+    r"""Impulses of random place, sign, height and width, each a raised cosine, on every telegram.
+
+    .. math:: u(t) = \pm \frac{a}{2} \left(1 + \cos \frac{2 \pi (t - t_0)}{w}\right),
+              \qquad |t - t_0| < \frac{w}{2}
 
     Their amplitude is the mean height. Width and spread are assumptions: what coils and
     converters leave on a line differs from ship to ship.
@@ -318,10 +194,20 @@ class Impulses:
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the impulses on so many telegrams."""
-        return impulses(
-            t, amplitude, rng, size,
-            count=self.count, width=self.width, spread=self.spread, between=span,
-        )  # fmt: skip
+        t, _ = time_step(t)
+        amplitude, size = check_batch(amplitude, size)
+        narrow, wide = _pair("width", self.width, 0, float(t[-1] - t[0]))
+        if narrow == 0:
+            raise ArgumentError("width begins with 0 s; an impulse must be wider than that")
+        first, last = _pair("span", span, -1e6, 1e6)
+        u = np.zeros((size, t.size))
+        for _ in range(self.count):
+            w = rng.uniform(narrow, wide, size)
+            height = amplitude * rng.uniform(1 - self.spread, 1 + self.spread, size)
+            height *= rng.choice([-1.0, 1.0], size)
+            begin = rng.uniform(first, last, size) - w / 2
+            add_events(u, t, begin, wide, _raised_cosine, w, height)
+        return u
 
 
 @record
@@ -352,14 +238,28 @@ class ConductedRF:
     modulation: float = number(0, 1, "", "Depth of the amplitude modulation", default=0.8)
     f_mod: float = number(0, 1e12, "Hz", "Frequency of the modulation", default=1e3)
 
+    def __post_init__(self) -> None:
+        """Check that the modulation is slower than the carrier."""
+        check_scalar("f_mod", self.f_mod, "Hz", 0, self.frequency)
+
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the carrier on so many telegrams, each at another phase of the modulation."""
-        return conducted_rf(
-            t, amplitude, rng, size,
-            frequency=self.frequency, modulation=self.modulation, f_mod=self.f_mod,
-        )  # fmt: skip
+        t, dt = time_step(t)
+        amplitude, size = check_batch(amplitude, size)
+        f, f_mod = self.frequency, self.f_mod
+        if f + f_mod >= 0.5 / dt:
+            raise ArgumentError(
+                f"frequency is {f:g} Hz; with its sideband it must lie below {0.5 / dt:.6g} Hz, "
+                "half the sampling rate"
+            )
+        carrier, slow = rng.uniform(0, 2 * np.pi, (2, size))
+        # Carrier and sidebands, the same for all telegrams but for a complex factor each.
+        lines = np.exp(2j * np.pi * np.outer([f, f + f_mod, f - f_mod], t))
+        side = self.modulation / 2j * np.exp(1j * carrier)
+        factors = [np.exp(1j * carrier), side * np.exp(1j * slow), -side * np.exp(-1j * slow)]
+        return amplitude * (np.stack(factors, axis=-1) @ lines).imag
 
 
 @record
@@ -393,4 +293,20 @@ class Burst:
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the train of pulses on so many telegrams."""
-        return burst(t, amplitude, rng, size, rate=self.rate, corner=self.corner)
+        t, dt = time_step(t)
+        amplitude, size = check_batch(amplitude, size)
+        slowest = 1 / (2 * np.pi * self.corner)
+        # The formula divides by differences of time constants; a millionth apart is apart.
+        if min(abs(slowest / _DECAY - 1), abs(slowest / _RISE - 1)) < 1e-6:
+            slowest *= 1 + 2e-6
+        constants = np.array([_DECAY, _RISE, slowest])
+        length = dt + _ENOUGH * float(constants.max())
+        sign = amplitude * AREA / dt * rng.choice([-1.0, 1.0], size)
+        begin = t[0] - length + rng.uniform(0, 1 / self.rate, size)
+        u = np.zeros((size, t.size))
+        for _ in range(int((t[-1] - t[0] + length) * self.rate) + 1):
+            add_events(
+                u, t, begin, length, lambda since, sign: sign * _mean(since, dt, constants), sign
+            )
+            begin = begin + 1 / self.rate
+        return u

@@ -1,7 +1,7 @@
 """What AS-i is tested against, beside what a ship asks for.
 
 The numbers are test levels: kilovolts and volts a metre at the outside of a device. How many volts
-of them arrive between the wires is not in any of these standards; `disturbance` starts there.
+of them arrive between the wires is not in any of these standards; `disturbances` starts there.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from shipnet import datasets
+from shipnet import datasets, style
 from shipnet.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -38,6 +38,16 @@ STANDARDS: dict[str, str] = {
     "range 0 Hz to 150 kHz",
     "IEC 61000-6-4": "Emission standard for industrial environments",
 }
+
+
+#: Parameters of `levels` that say how severe a test is; the others say what kind of test it is.
+_SEVERITY = [
+    "voltage", "peak voltage", "field strength", "highest frequency",
+    "voltage over that of the supply",
+]  # fmt: skip
+
+#: Where a test that AS-i has not is drawn: left of all ratios.
+_NONE = 0.4
 
 
 def immunity_margin(
@@ -91,23 +101,18 @@ def immunity_margin(
     )
 
 
-def levels_table() -> pd.DataFrame:
-    """Return the immunity tests of AS-i and of ships, and the gap between them."""
-    table = datasets.read("emc_levels.csv")
-    table[["asi", "marine"]] = table[["asi", "marine"]].apply(pd.to_numeric)
-    table["ratio"] = table["asi"] / table["marine"]
-    table["gap"] = immunity_margin(
-        table["asi"], table["marine"], table["better"].to_numpy(dtype=str)
-    )
-    first = "test parameter unit asi_printed asi criterion marine ratio gap better".split()
-    return table[[*first, "printed_name", "standard", "source", "confirmed", "note"]]
-
-
 class Levels:
     """The immunity tests of AS-i beside those of ships."""
 
     def __init__(self) -> None:
-        self._table = levels_table()
+        table = datasets.read("emc_levels.csv")
+        table[["asi", "marine"]] = table[["asi", "marine"]].apply(pd.to_numeric)
+        table["ratio"] = table["asi"] / table["marine"]
+        table["gap"] = immunity_margin(
+            table["asi"], table["marine"], table["better"].to_numpy(dtype=str)
+        )
+        first = "test parameter unit asi_printed asi criterion marine ratio gap better".split()
+        self._table = table[[*first, "printed_name", "standard", "source", "confirmed", "note"]]
 
     def __repr__(self) -> str:
         """Count the verdicts."""
@@ -126,9 +131,46 @@ class Levels:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the test levels of AS-i over those that a ship asks for, one row per test."""
-        from shipnet.asi.emc.plot import plot_levels
-
-        return plot_levels(ax=ax, table=self._table)
+        ax, table = style.axes(ax, figsize=(6.4, 4)), self._table
+        asked = table["parameter"].isin(_SEVERITY) & (table["gap"] != "not asked")
+        rows = table[asked].to_dict("records")
+        for y, row in enumerate(rows):
+            bad = row["gap"] != "covers"
+            colour = style.LIMIT["color"] if bad else "C0"
+            missing = row["gap"] == "test missing"
+            x = _NONE if missing else row["ratio"]
+            unsure = row["confirmed"] != "yes"
+            ax.plot([1, x], [y, y], color=colour, linewidth=3, alpha=0.5, visible=not missing)
+            ax.plot(
+                [x], [y], marker="x" if missing else "o", linestyle="none", color=colour,
+                markerfacecolor="white" if unsure else colour,
+            )  # fmt: skip
+            tested = "no test" if missing else f"{row['asi']:g} {row['unit']}"
+            text = f"{tested}, ship {row['marine']:g} {row['unit']}"
+            ax.annotate(
+                text + (" (not confirmed)" if unsure else ""), (max(x, 1.0), y), (7, 0),
+                textcoords="offset points", va="center", fontsize=8,
+            )  # fmt: skip
+        ax.axvline(1, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"], zorder=0)
+        ax.annotate(
+            "what a ship asks for", (1, 1), (0, 3), xycoords=ax.get_xaxis_transform(),
+            textcoords="offset points", ha="center", fontsize=8, color=style.LIMIT["color"],
+        )  # fmt: skip
+        names = [
+            row["test"] + ("" if row["unit"] != "MHz" else ", highest frequency") for row in rows
+        ]
+        ax.set_yticks(range(len(rows)), names, fontsize=8)
+        ax.set_xscale("log")
+        ticks = [0.5, 1, 2, 5]
+        ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        ax.minorticks_off()
+        ax.set(
+            xlim=(0.8 * _NONE, 16),
+            ylim=(len(rows) - 0.5, -0.5),
+            xlabel="AS-i level over marine level [1]",
+        )
+        ax.grid(visible=False, axis="y")
+        return ax
 
 
 def levels() -> Levels:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from shipnet.asi.elements import Master, Slave
 from shipnet.asi.faults import DeadSlave, LostReply, MasterFailure
-from shipnet.asi.simulation.run import Run, Standby, simulate
+from shipnet.asi.master import Master
+from shipnet.asi.simulation import Run, Standby, simulate
+from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import REQUEST_BITS, Request
 from shipnet.papers.registry import check
 

@@ -7,10 +7,9 @@ import numpy.typing as npt
 
 from shipnet.asi.modulation import HALF_BIT, ramp_spectrum, send_spectrum, steps_of
 from shipnet.asi.plan import Plan
-from shipnet.asi.segment import Segment
+from shipnet.asi.segment import telegram_voltages
 from shipnet.asi.telegram import RESPONSES, Request
 from shipnet.asi.topologies import line, ring, star
-from shipnet.asi.topology import straight_line
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import Load, Network
 from shipnet.papers.icn2007.telegrams import bus_efficiencies
@@ -61,11 +60,12 @@ def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
 
     The supply's inductor does it; the counter leaves a resistor alone in its place.
     """
-    segment = straight_line(100, slaves=(5, 50, 100))
+    plan = line(100, slaves=(5, 50, 100))
+    network = plan.network
     if supply is not None:
-        network = Network(segment.network.runs, {segment.master: Load(**supply)})
-        segment = Segment(network, segment.master, segment.slaves)
-    _, u = segment.signals(RESPONSES, dt=250e-9)
+        network = Network(plan.cables, {"0 m": Load(**supply)})
+    nodes = [slave.node for slave in plan.slaves]
+    u = telegram_voltages(network, "0 m", nodes, RESPONSES, after=55e-6)
     return bool((np.abs(u.sum(axis=-1)) < 1e-2 * np.abs(u).sum(axis=-1)).all())
 
 
@@ -110,9 +110,11 @@ def pulse_height(
     >>> print(f"{pulse_height(100, '0' * 16):.2f} V, {pulse_height(100, '01' * 8):.2f} V")
     2.46 V, 2.34 V
     """
-    segment = straight_line(length, slaves=(place,), terminator=terminator)
-    t, u = segment.signals(bits, start=0)
-    end = 2 * len(bits) * HALF_BIT
+    plan = line(length, slaves=(place,), terminator=terminator)
+    dt, end = 50e-9, 2 * len(bits) * HALF_BIT
+    node = plan.slaves[0].node
+    u = telegram_voltages(plan.network, "0 m", [node], bits, dt=dt, before=0, after=6.4e-6)
+    t = dt * np.arange(u.shape[-1])
     return float(np.abs(u[..., (t > 0.4 * end) & (t < 0.8 * end)]).max())
 
 

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.calls import Call
-from shipnet.asi.cycle import cycle_time
-from shipnet.asi.telegram import Half, Request
-from shipnet.asi.timing import Transaction
+from shipnet.asi.telegram import Call, Half, Request
+from shipnet.asi.timing import Transaction, cycle_time
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.papers.kim2023.network import CHIP_EDGES, master_pause_of_chip

@@ -5,9 +5,8 @@ from __future__ import annotations
 import pandas as pd
 
 from shipnet import datasets
-from shipnet.asi.calls import Call
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
-from shipnet.asi.telegram import RESPONSE_BITS, Half, Request, Response, frame
+from shipnet.asi.telegram import RESPONSE_BITS, Call, Half, Request, Response, frame
 from shipnet.errors import FrameError
 from shipnet.papers.items import PrintedTable
 from shipnet.papers.registry import check, numeric, table

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from shipnet import datasets
-from shipnet.asi.calls import Call
 from shipnet.asi.commands import ChangeAddress, ReadCodes
-from shipnet.asi.cycle import Cycle, transfer_cycles
-from shipnet.asi.elements import Slave
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
-from shipnet.asi.simulation.run import simulate
-from shipnet.asi.telegram import REQUEST_BITS
-from shipnet.asi.timing import BIT_TIME, Transaction
+from shipnet.asi.simulation import simulate
+from shipnet.asi.slave import Slave
+from shipnet.asi.telegram import REQUEST_BITS, Call
+from shipnet.asi.timing import BIT_TIME, Cycle, Transaction, transfer_cycles
 from shipnet.design.costs import conductors_at_cabinet
 from shipnet.design.plant import Plant, lines_needed
 from shipnet.papers.registry import check, numeric

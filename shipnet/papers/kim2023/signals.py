@@ -9,17 +9,19 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from shipnet.asi.emc.disturbances import noise
-from shipnet.asi.emc.immunity import STANDARDS, immunity_margin, levels_table
-from shipnet.asi.emc.monte_carlo import Telegrams, all_telegrams, telegram_error_rate
+from shipnet.asi.elements import DEVICE
+from shipnet.asi.emc.disturbances import Noise
+from shipnet.asi.emc.error_rates import error_rate
+from shipnet.asi.emc.immunity import STANDARDS, immunity_margin, levels
 from shipnet.asi.modulation import CLASSES, HALF_BIT, as_bits, levels_of, pulses_of, send_current
-from shipnet.asi.receiver import receive, within_tolerance
-from shipnet.asi.segment import DEVICE, Segment
+from shipnet.asi.plan import Plan
+from shipnet.asi.receiver import Receiver, receive
+from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES, Response
-from shipnet.asi.topology import straight_line
+from shipnet.asi.topologies import line
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES, Cable
-from shipnet.line.network import CableRun, Network
+from shipnet.line.network import CableRun
 from shipnet.papers.registry import check, numeric
 
 # Section 3.4, Table 3, Figs 3 and 4: levels, pulses and what the place of a slave does.
@@ -28,8 +30,8 @@ from shipnet.papers.registry import check, numeric
 @check("kim2023-025", "icn2007-049", counter={"near": 100.0, "far": 5.0})
 def louder_far_from_supply(*, near: float = 5.0, far: float = 100.0) -> bool:
     """Whether a slave at `far` makes more voltage at the master than one at `near`."""
-    _, u = straight_line(100, slaves=(near, far)).signals(Response(0x6).bits)
-    smaller, larger = np.abs(u[:, 0]).max(axis=-1)
+    u = line(100, slaves=(near, far)).waveform(Response(0x6)).u
+    smaller, larger = np.abs(u).max(axis=-1)
     return bool(larger > smaller)
 
 
@@ -37,9 +39,8 @@ def louder_far_from_supply(*, near: float = 5.0, far: float = 100.0) -> bool:
 def above_supply(*, slave: float = 30.0, supply: float = 30.0) -> bool:
     """Whether the voltage at a slave that sends on 30 V rises above `supply`."""
     place = 100.0
-    segment = straight_line(100, slaves=(place,), master=place, supply=0)
-    _, u = segment.signals(Response(0x6).bits)
-    return bool(slave + u.max() > supply)
+    plan = line(100, slaves=(place,), master=place, supply=0)
+    return bool(slave + plan.waveform(Response(0x6)).u.max() > supply)
 
 
 @check("kim2023-087", counter={"zero": (0, 1)})
@@ -58,10 +59,10 @@ def first_pulse(*, sign: int = -1) -> bool:
 @check("icn2007-008", counter={"sign": 1})
 def rising_current(*, sign: int = -1) -> bool:
     """Whether the voltage on the line has this sign while the current begins to rise."""
-    t, u = straight_line(100, slaves=(5,)).signals(Response(0x6).bits, start=5e-6)
-    slope = np.gradient(send_current(t, Response(0x6).bits, start=5e-6), t)
+    wave = line(100, slaves=(5,)).waveform(Response(0x6), dt=50e-9)
+    slope = np.gradient(send_current(wave.t, Response(0x6).bits), wave.t)
     first = int(np.argmax(np.abs(slope) > 0.5 * np.abs(slope).max()))
-    return bool(slope[first] > 0 and np.sign(u[0, 0, first]) == sign)
+    return bool(slope[first] > 0 and np.sign(wave.u[0, first]) == sign)
 
 
 # Section 3.4: what the receiver copes with, and what an open cable does to the pulses.
@@ -116,10 +117,9 @@ def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
 @check("kim2023-098", "icn2007-047", counter={"length": 200.0})
 def copes_with_open_end(*, length: float = 100.0) -> bool:
     """Whether all responses from along an unterminated cable stay within both tolerances."""
-    segment = straight_line(length, slaves=(0.05 * length, 0.5 * length, length))
-    sent = as_bits(RESPONSES)
-    heard = receive(segment.signals(sent, dt=STEP)[1], STEP, 7)
-    return bool(within_tolerance(heard).all() and (heard.bits == sent).all())
+    wave = line(length, slaves=(0.05 * length, 0.5 * length, length)).waveform()
+    heard = wave.receive()
+    return bool(heard.within_tolerance.all() and (heard.bits == wave.bits).all())
 
 
 @check("kim2023-095", "icn2007-053", counter={"part": "inductor"})
@@ -128,14 +128,13 @@ def works_without(*, part: str = "conductor") -> bool:
 
     The conductor is the metre of wire from the slave to the cable.
     """
-    segment = straight_line(100, slaves=())
+    plan = line(100)
     lost = Cable(r=1e12, l=1e-6, c=1e-15)
     stub = CableRun("100 m", "slave", 1, lost if part == "conductor" else CABLES["as-i 1.5"])
-    slave = replace(DEVICE, l=None) if part == "inductor" else DEVICE
-    network = Network([*segment.network.runs, stub], {**segment.network.loads, "slave": slave})
-    sent = as_bits(RESPONSES)
-    _, u = Segment(network, segment.master, ("slave",)).signals(sent, dt=STEP)
-    return bool((receive(u[0], STEP, 7).error == 0).all())
+    load = replace(DEVICE, l=None) if part == "inductor" else DEVICE
+    slave = Slave("1", node="slave", load=load)
+    wired = Plan([*plan.cables, stub], plan.masters, plan.supplies, [slave])
+    return bool((wired.waveform().receive().error == 0).all())
 
 
 # Section 3.4: what error detection costs elsewhere, and what the pulses of AS-i detect.
@@ -221,11 +220,11 @@ LINES = ("supply", "signal")
 
 def level(test: str, parameter: str) -> pd.Series:
     """Return the row of a parameter of a test, from `levels`."""
-    table = levels_table()
+    table = levels().table()
     rows = table[(table["test"] == test) & (table["parameter"] == parameter)]
     if len(rows) != 1:
         raise ArgumentError(
-            f"test and parameter are {test!r} and {parameter!r}; see levels_table()"
+            f"test and parameter are {test!r} and {parameter!r}; see levels().table()"
         )
     return rows.iloc[0]
 
@@ -237,13 +236,12 @@ def supply_decides(
     deviations: tuple[float, float] = (0.6, 0.6),
 ) -> bool:
     """Whether the voltage of the supply, below which PELV stays, changes what noise destroys."""
-    near = all_telegrams(straight_line(100, slaves=(5,)))
+    near, receiver = line(100, slaves=(5,)).waveform(), Receiver(minimum=0.9)
     lost = []
     for supply, deviation in zip(supplies, deviations, strict=True):
-        lifted = Telegrams(near.bits, near.t, near.u + supply, near.span)
-        rng = np.random.default_rng(2024)
-        table = telegram_error_rate(lifted, noise, deviation, 2000, rng, minimum=0.9)
-        lost.append(int(table["failed"].iloc[0]))
+        lifted = replace(near, u=near.u + supply)
+        rates = error_rate(lifted, Noise(), deviation, 2000, 2024, receiver=receiver)
+        lost.append(int(rates.table()["failed"].iloc[0]))
     return lost[0] != lost[1]
 
 
@@ -275,7 +273,7 @@ def radiated_field(
 @check("kim2023-016", counter={"peak": 0.5})
 def bursts(*, peak: float = 2.0) -> bool:
     """Whether bursts of this height [kV] and Table 2's form cover what a ship asks for."""
-    table = levels_table()
+    table = levels().table()
     form = table[table["test"] == "burst"]
     heights = [level(f"burst, {lines} lines", "peak voltage")["marine"] for lines in LINES]
     return bool(
@@ -304,7 +302,7 @@ def source_impedance(*, ohm: float = 150.0) -> bool:
 @check("kim2023-019", counter={"standards": ("IEC 61000-4-4", "IEC 61000-4-6")})
 def covers_a_ship(*, standards: tuple[str, ...] = tuple(STANDARDS)) -> bool:
     """Whether the levels for these standards cover all that a ship asks for."""
-    table = levels_table()
+    table = levels().table()
     asked = table[table["standard"].isin(standards)]
     return bool(asked["gap"].isin(["covers", "not asked"]).all())
 
@@ -314,7 +312,7 @@ def pulsed_field(
     *, strength: float = 10.0, frequency: float = 900.0, duty: float = 50.0, rate: float = 200.0
 ) -> bool:
     """Whether Table 2 prints these values [V/m, MHz, %, Hz], as the older standard has them."""
-    table = levels_table()
+    table = levels().table()
     rows = table[table["test"] == "pulsed field"]
     return rows["asi"].tolist() == [strength, frequency, duty, rate] and set(rows["standard"]) == {
         "ENV 50204"

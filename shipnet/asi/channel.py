@@ -12,12 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.asi.batch import encode_requests
-from shipnet.asi.calls import Call
-from shipnet.asi.elements import Slave, slave_key
+from shipnet.asi.master import FAULTY, SILENT, Phase
 from shipnet.asi.modulation import ONE_PULSE_CODES, collide
-from shipnet.asi.simulation.master import FAULTY, SILENT, Phase
-from shipnet.asi.simulation.slave import OBEY, PreparedRequest, RunningSlave
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Response
+from shipnet.asi.slave import OBEY, PreparedRequest, RunningSlave, Slave, slave_key
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Response
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_whole

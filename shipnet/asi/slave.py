@@ -1,28 +1,195 @@
-"""A slave at work: what it reads, what it remembers, what it answers, and when it stays silent.
+"""A slave: its label, what it is, what it reads and remembers, and what it answers.
 
 What a request means depends on who reads it: the bits that carry four outputs to a standard slave
-carry three outputs and a select bit to an A/B slave. A `PreparedRequest` is read once by each of
-the three kinds of slave, and then knows what each of them makes of its bits.
+carry three outputs and a select bit to an A/B slave. A `PreparedRequest` is read once for each of
+the three kinds of slave and remembers what each of them makes of its bits.
 
 The receive states are a table: state and event -> next state and action. A slave reads requests
 only in the state RECEIVE. What it reads decides whether it keeps step with the master (SYNCHRONOUS)
-or has to look for the next pause (ASYNCHRONOUS). icn2007, data link layer, section 3, tells the
+or has to look for the next pause (ASYNCHRONOUS). icn2007, data link layer, section 3, describes the
 table in words and refers to a Fig 3.19 that it does not print.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from dataclasses import field
 from enum import Enum
 from functools import cache
-from typing import Literal, NamedTuple, cast
+from math import inf
+from typing import TYPE_CHECKING, Literal, NamedTuple, cast
 
+from shipnet import style
 from shipnet.asi.batch import NONE
-from shipnet.asi.calls import Answer, Call
-from shipnet.asi.elements import Half, Slave, label_of
-from shipnet.asi.profile import IO_CONFIGURATIONS
-from shipnet.asi.telegram import Request, Response
+from shipnet.asi.elements import CURRENT, DEVICE
+from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
+from shipnet.asi.telegram import Answer, Call, Half, Request, Response
+from shipnet.asi.timing import ADDRESSES
 from shipnet.errors import ArgumentError, FrameError, UnknownCallError
+from shipnet.fields import check_whole, number, record, switch, whole
+from shipnet.line.network import Load, check_node
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+#: After this time without data or parameters a slave resets itself [s]: SAP5S/SAP51 data sheet
+#: rev. 3.1, 2012, p. 47. The AS2702 (rev. C, 2001, p. 13) does it after 50 ms to 100 ms.
+WATCHDOG = 94.2e-3
+
+#: Longest time that a slave takes to store its address [s]: Siemens, "IE/AS-INTERFACE LINK PN IO",
+#: manual, p. 169.
+WRITE_TIME = 15e-3
+
+
+# Labels ----------------------------------------------------------------------------------------
+
+
+def slave_key(label: str) -> tuple[int, Half | None]:
+    """Return the key of a label, twice the address plus 1 for a B slave, and its half."""
+    found = _key_and_half(label) if isinstance(label, str) else None
+    if found is None:
+        raise ArgumentError(
+            f"slave is {label!r}; it must be '1'..'31', with A or B behind it for an A/B slave, "
+            "or '0'"
+        )
+    return found
+
+
+@cache
+def _key_and_half(label: str) -> tuple[int, Half | None] | None:
+    found = re.fullmatch(r"([0-9]{1,2})([AB]?)", label)
+    if not found or int(found[1]) > ADDRESSES or (found[1].strip("0") == "" and found[2]):
+        return None
+    half: Half | None = "A" if found[2] == "A" else "B" if found[2] == "B" else None
+    return 2 * int(found[1]) + (half == "B"), half
+
+
+def label_of(key: int, *, extended: bool) -> str:
+    """Return the label of a slave by its key; an A/B slave with an address has A or B in it."""
+    return f"{key >> 1}{'AB'[key & 1] if extended and key > 1 else ''}"
+
+
+@record
+class Slave:
+    """A slave: its address, what it is, and where it is.
+
+    Parameters
+    ----------
+    label : str
+        Its address, ``"1"`` to ``"31"`` with A or B behind it for an A/B slave; ``"0"`` for a
+        new one.
+    profile : Profile or str, optional
+        What it is, such as ``"S-7.A.E"``. ID code A makes it an A/B slave; without an ID code 2
+        it is one from before specification 2.1, which answers neither request for an extended
+        ID code. If omitted, four inputs: ``S-0.A.F`` with a half in the label, else ``S-0.F.F``.
+    node : str, default ""
+        Where it is; needed in a plan.
+    inputs : int, default 0
+        What its input ports read, 0..15.
+    current : float, default 0.065
+        What it draws from the line, sensors included, 0..10 [A].
+    id1 : int, optional
+        Extended ID code 1, 0..15, or 0..7 for an A/B slave; all bits set if omitted.
+    watchdog : float, default 94.2e-3
+        Time without data or parameters after which it resets itself [s]; ``inf`` for none.
+    write_time : float, default 15e-3
+        How long it takes to store an address or an ID code 1 [s].
+    locked : bool, default True
+        Whether its maker closed the program mode.
+    load : shipnet.line.Load, optional
+        What it loads the cable with; by default the limits of a chip's data sheet.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> print(Slave("12B", node="hatch 3"))
+    slave 12B at hatch 3
+    >>> Slave("5").profile, Slave("5A").profile
+    (Profile(io=0, id=15, id2=15), Profile(io=0, id=10, id2=15))
+
+    What it makes of each telegram that it hears; an empty one is a pause:
+
+    >>> from shipnet.asi.telegram import Request
+    >>> request = Request.read_id(21).bits
+    >>> heard = Slave("21", "S-3.F.F").listen([request, "", request])
+    >>> heard["state"].tolist()
+    ['asynchronous', 'receive', 'synchronous']
+    >>> heard["answer"].tolist()
+    ['silence', '', 'answer to read ID code: 1111 (F)']
+    """
+
+    label: str
+    profile: Profile | str = ""
+    node: str = field(default="", kw_only=True)
+    inputs: int = whole(0, 15, "", "What the input ports read", default=0, kw_only=True)
+    current: float = number(0, 10, "A", "Current", default=CURRENT, kw_only=True)
+    id1: int | None = whole(0, 15, "", "ID code 1", default=None, optional=True, kw_only=True)
+    watchdog: float = number(0, inf, "s", "Watchdog", default=WATCHDOG, kw_only=True)
+    write_time: float = number(0, inf, "s", "Time to store", default=WRITE_TIME, kw_only=True)
+    locked: bool = switch("Program mode closed", default=True, kw_only=True)
+    load: Load = field(default=DEVICE, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check label and profile."""
+        half = slave_key(self.label)[1]
+        profile = self.profile or ("S-0.A.F" if half else "S-0.F.F")
+        if not isinstance(profile, Profile):
+            object.__setattr__(self, "profile", Profile.parse(profile))
+        if self.node:
+            check_node(self.node)
+        if self.id1 is not None and self.kind.extended:
+            check_whole("id1", self.id1, 0, 7)
+
+    @property
+    def kind(self) -> Profile:
+        """Its profile."""
+        assert isinstance(self.profile, Profile)
+        return self.profile
+
+    @property
+    def address(self) -> int:
+        """Its address, 0..31."""
+        return slave_key(self.label)[0] >> 1
+
+    @property
+    def half(self) -> Half | None:
+        """Which half of the address is its own; None for a standard slave."""
+        return slave_key(self.label)[1]
+
+    def listen(self, telegrams: Iterable[str]) -> pd.DataFrame:
+        """Return what the slave makes of telegrams that it hears one after the other.
+
+        One row per telegram: `telegram`, the receive `state` after it, and the `answer` in words.
+        An empty telegram is a pause, as it follows a response.
+        """
+        import pandas as pd
+
+        running, rows = RunningSlave(self), []
+        for bits in telegrams:
+            if bits:
+                answer = str(running.hear(bits) or "silence")
+            else:
+                running.pause()
+                answer = ""
+            rows.append((bits, running.state.value, answer))
+        return pd.DataFrame(rows, columns=["telegram", "state", "answer"])
+
+    @staticmethod
+    def plot_states(ax: Axes | None = None) -> Axes:
+        """Draw the receive states of any slave, and what leads from one to another."""
+        return plot_states(ax)
+
+    def __str__(self) -> str:
+        """Name the slave by address and node."""
+        return f"slave {self.label} at {self.node}" if self.node else f"slave {self.label}"
+
 
 # Requests as slaves read them ------------------------------------------------------------------
 
@@ -138,6 +305,50 @@ TRANSITIONS: dict[tuple[State, Event], Step] = {
     (State.RECEIVE, Event.SILENT): Step(State.SYNCHRONOUS, Action.OBEY),
     (State.SYNCHRONOUS, Event.SLAVE_PAUSE): Step(State.RECEIVE, Action.NONE),
 }
+
+
+#: Middle of each state's box; half its width and height, and how far arrows keep from its middle.
+_X = {State.ASYNCHRONOUS: 0.0, State.RECEIVE: 6.0, State.SYNCHRONOUS: 12.0}
+_HALF_WIDTH, _HALF_HEIGHT, _LANE = 1.2, 0.5, 0.22
+
+
+def plot_states(ax: Axes | None = None) -> Axes:
+    """Draw the receive states of a slave from their table: the figure that icn2007 calls 3.19.
+
+    A box per state, an arrow from state to state with the events that lead along it, and after a
+    slash what the slave does.
+    """
+    ax = style.axes(ax)
+    for state, x in _X.items():
+        style.box(
+            ax,
+            x - _HALF_WIDTH,
+            -_HALF_HEIGHT,
+            2 * _HALF_WIDTH,
+            2 * _HALF_HEIGHT,
+            facecolor=style.FIELD["address"],
+            edgecolor="0.3",
+        )
+        ax.text(x, 0, state.value.upper(), ha="center", va="center", fontsize=8)
+    words = defaultdict(list)
+    for (state, event), step in TRANSITIONS.items():
+        # A pause after a response is a pause: where any will do, it need not be named.
+        if event is Event.SLAVE_PAUSE and (state, Event.PAUSE) in TRANSITIONS:
+            continue
+        doing = "" if step.action is Action.NONE else f" / {step.action.value}"
+        words[state, step.state].append(event.value + doing)
+    for (begin, end), said in words.items():
+        # Arrows out of RECEIVE run above those back to it, with their words outside.
+        lane = _LANE if begin is State.RECEIVE else -_LANE
+        side = 1 if _X[end] > _X[begin] else -1
+        x0, x1 = _X[begin] + side * _HALF_WIDTH, _X[end] - side * _HALF_WIDTH
+        arrow = {"arrowstyle": "-|>", "mutation_scale": 12, "color": "0.3"}
+        ax.annotate("", (x1, lane), (x0, lane), arrowprops={**arrow, "shrinkA": 0, "shrinkB": 0})
+        ax.text(
+            (x0 + x1) / 2, lane + (0.08 if lane > 0 else -0.08), "\n".join(said), ha="center",
+            va="bottom" if lane > 0 else "top", fontsize=7,
+        )  # fmt: skip
+    return style.bare(ax, (-1.4, 13.4), (-0.9, 1.6))
 
 
 # The slave -------------------------------------------------------------------------------------

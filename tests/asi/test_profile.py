@@ -1,16 +1,15 @@
 import itertools
 
-import numpy as np
 import pytest
 
-from shipnet.asi import Profile, Transaction
+from shipnet.asi import Profile
 from shipnet.asi.profile import (
     IO_CONFIGURATIONS,
     describe_io_configuration,
     describe_status,
     io_code,
 )
-from shipnet.errors import ArgumentError, name_of
+from shipnet.errors import ArgumentError
 
 
 def test_io_codes_mirror_inputs_and_outputs():
@@ -69,33 +68,3 @@ def test_only_id_code_a_shares_its_address():
 def test_other_profiles_are_refused(text):
     with pytest.raises(ArgumentError, match="must look like"):
         Profile.parse(text)
-
-
-@pytest.mark.parametrize(
-    ("pauses", "microseconds"), [((2, 1.5), 147), ((2, 2), 150), ((3, 2), 156), ((10, 2), 198)]
-)
-def test_transactions_of_published_length(pauses, microseconds):
-    transaction = Transaction(*pauses)
-    assert transaction.duration * 1e6 == pytest.approx(microseconds)
-    spans = transaction.spans
-    assert [span.length for span in spans] == [14, pauses[0], 7, pauses[1]]
-    assert all(a.end == b.start for a, b in itertools.pairwise(spans))
-
-
-@pytest.mark.parametrize(
-    "pauses",
-    [{"master_pause": 1.9}, {"master_pause": 10.1}, {"master_pause": float("nan")},
-     {"slave_pause": -1}, {"slave_pause": float("inf")},
-     {"bit_time": 0}, {"bit_time": float("nan")}],
-)  # fmt: skip
-def test_impossible_pauses(pauses):
-    with pytest.raises(ArgumentError, match=next(iter(pauses))):
-        Transaction(**pauses)
-
-
-def test_error_codes_have_names():
-    names = [name_of(code) for code in range(18)]
-    assert len(set(names)) == 18
-    assert name_of(np.uint8(5)) == "ParityError"
-    with pytest.raises(ValueError, match="code is 18"):
-        name_of(18)

@@ -1,4 +1,4 @@
-"""A master at work: its lists, the tasks that take it several requests, and its phases.
+"""A master: how it deals with its slaves, its lists, its tasks and its phases.
 
 Inside, a slave has a key, twice its address plus 1 for a B slave; the host sees labels. A task
 yields requests, one after the other, and is sent each reply: four bits, or `SILENT` or `FAULTY`.
@@ -9,14 +9,123 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
+from dataclasses import field
 from enum import IntEnum
 from typing import NamedTuple, Protocol, TypeAlias, TypeVar, cast
 
-from shipnet.asi.calls import Call
-from shipnet.asi.elements import Half, Master, check_bits, label_of, slave_key
+from shipnet.asi.elements import CURRENT
 from shipnet.asi.profile import Profile
-from shipnet.asi.simulation.slave import PreparedRequest, prepared
+from shipnet.asi.slave import PreparedRequest, label_of, prepared, slave_key
+from shipnet.asi.telegram import Call, Half
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole, number, record, switch, whole
+from shipnet.line.network import check_node
+
+
+@record
+class Master:
+    """A master: how it deals with its slaves, and where it is.
+
+    Parameters
+    ----------
+    projected : mapping of str to (Profile or str), optional
+        The slaves that should be there: label and profile. Given, the master works in protected
+        mode and activates these only; omitted, in configuration mode, and activates all.
+    outputs : mapping of str to int, optional
+        What each slave is sent, 0..15, or 0..7 for an A/B slave; all bits set if not named.
+    parameters : mapping of str to int, optional
+        Parameter bits of each slave, likewise.
+    repetitions : int, default 1
+        How often a failed request is sent again at once, 0..7.
+    drop_after : int, default 3
+        After so many failed data exchanges in a row, one per cycle, a slave is dropped, 1..1000.
+    automatic_addressing : bool, default False
+        Whether a new slave at address 0 takes the place of the only one missing, if its profile
+        is the same; in protected mode only.
+    status_poll : bool, default True
+        Whether the management phase asks one slave after the other for its status while the
+        host has no commands; it finds the periphery faults (LPF).
+    readmit : bool, default True
+        Whether the inclusion phase asks at the addresses of slaves that were dropped.
+    monitors_supply : bool, default True
+        Whether the master sees that the supply fails, stops, and starts again after it.
+    node : str, default ""
+        Where it is; needed in a plan.
+    current : float, default 0.065
+        What it draws from the line, 0..10 [A]; assumed to be that of a slave.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range, or a label does not fit its profile.
+
+    Notes
+    -----
+    Two tries in each of three cycles are the six tries after which an analyser counts a slave
+    as lost [1]_. *Read I/O configuration* asks whether anybody is there: silence is not repeated,
+    a faulty answer is. The operating phases are those of [2]_.
+
+    References
+    ----------
+    .. [1] Siemens, "AS-Interface Analyser 3RK1904-3AB01", manual.
+    .. [2] Beckhoff, "EL6201 AS-Interface master terminal", operating phases.
+
+    Examples
+    --------
+    >>> Master({"1": "S-7.F.F"}, repetitions=2).protected
+    True
+    """
+
+    projected: Mapping[str, Profile | str] | None = None
+    outputs: Mapping[str, int] = field(default_factory=dict, kw_only=True)
+    parameters: Mapping[str, int] = field(default_factory=dict, kw_only=True)
+    repetitions: int = whole(0, 7, "", "Repetitions of a request", default=1, kw_only=True)
+    drop_after: int = whole(1, 1000, "", "Failures until a drop", default=3, kw_only=True)
+    automatic_addressing: bool = switch("Readdress a new slave", default=False, kw_only=True)
+    status_poll: bool = switch("Ask for the status", default=True, kw_only=True)
+    readmit: bool = switch("Ask for dropped slaves", default=True, kw_only=True)
+    monitors_supply: bool = switch("Watch the supply", default=True, kw_only=True)
+    node: str = field(default="", kw_only=True)
+    current: float = number(0, 10, "A", "Current", default=CURRENT, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check the labels and what belongs to them."""
+        if self.node:
+            check_node(self.node)
+        projected = {}
+        for label, given in (self.projected or {}).items():
+            profile = given if isinstance(given, Profile) else Profile.parse(given)
+            key, half = slave_key(label)
+            if profile.extended != (half is not None) or key < 2:
+                raise ArgumentError(
+                    f"slave {label} is projected as {profile}; an A/B slave has A or B in its "
+                    "label, a standard slave neither, and none has address 0"
+                )
+            projected[label] = profile
+        if self.protected:
+            object.__setattr__(self, "projected", projected)
+        elif self.automatic_addressing:
+            raise ArgumentError(
+                "automatic_addressing is True, but without projected slaves none is missing"
+            )
+        for what, values in (("output", self.outputs), ("parameter", self.parameters)):
+            checked = {label: check_bits(what, label, value) for label, value in values.items()}
+            object.__setattr__(self, f"{what}s", checked)
+
+    @property
+    def protected(self) -> bool:
+        """Whether the master activates the projected slaves only."""
+        return self.projected is not None
+
+    def __str__(self) -> str:
+        """Name the master by its node."""
+        return f"master at {self.node}" if self.node else "master"
+
+
+def check_bits(what: str, label: str, value: int) -> int:
+    """Return four output or parameter bits, three for an A/B slave, or raise."""
+    return check_whole(f"{what} of slave {label}", value, 0, 7 if slave_key(label)[1] else 15)
+
 
 # Lists -----------------------------------------------------------------------------------------
 

@@ -10,11 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.calls import Call
-from shipnet.asi.elements import Master, Slave, check_bits
-from shipnet.asi.faults import LineFault
-from shipnet.asi.plan import Plan
-from shipnet.asi.simulation.channel import (
+from shipnet import style
+from shipnet.asi.channel import (
     ATTEMPT,
     EXECUTED,
     OUTCOME,
@@ -24,9 +21,11 @@ from shipnet.asi.simulation.channel import (
     Record,
     Stations,
 )
-from shipnet.asi.simulation.master import Command, Phase, RunningMaster
-from shipnet.asi.simulation.slave import KINDS, RunningSlave
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
+from shipnet.asi.faults import LineFault
+from shipnet.asi.master import Command, Master, Phase, RunningMaster, check_bits
+from shipnet.asi.plan import Plan
+from shipnet.asi.slave import KINDS, RunningSlave, Slave
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
 from shipnet.asi.timing import Transaction
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
@@ -127,6 +126,10 @@ class Summary:
         )
 
 
+#: Requests that one figure can show.
+_MOST_REQUESTS = 500
+
+
 @dataclass(frozen=True, repr=False)
 class Run:
     """A finished simulation: what was sent, and what an analyser makes of it.
@@ -214,10 +217,64 @@ class Run:
         response with an error is red, and so is the place where one is missing; a repeated
         request is hatched, with its number on it.
         """
-        from shipnet.asi.plot import plot_events
-
         events = self._events if where is None else self._events.query(where)
-        return plot_events(events, start, stop, self.record.transaction.bit_time, ax=ax)
+        ax = style.axes(ax)
+        keep = events["time_s"] >= (0.0 if start is None else start)
+        if stop is not None:
+            keep &= events["time_s"] < stop
+        shown = events[keep]
+        if not 1 <= len(shown) <= _MOST_REQUESTS:
+            raise ArgumentError(
+                f"start and stop show {len(shown)} requests; a figure shows 1 to {_MOST_REQUESTS}"
+            )
+        slaves = shown.sort_values(["address", "half"], kind="stable")["slave"].unique()
+        row = {slave: place + 1 for place, slave in enumerate(slaves)}
+        bit_time = self.record.transaction.bit_time
+        bit = 1e3 * bit_time
+        for one in shown.to_dict("records"):
+            begin, place = 1e3 * one["time_s"], row[one["slave"]]
+            again = one["attempt"] > 0
+            style.box(
+                ax,
+                begin,
+                -0.4,
+                REQUEST_BITS * bit,
+                0.8,
+                facecolor=style.FIELD["address"],
+                edgecolor="0.3",
+                linewidth=0.5,
+                hatch="////" if again else None,
+            )
+            if again:
+                ax.text(
+                    begin + REQUEST_BITS * bit / 2, -0.5, str(one["attempt"]), ha="center",
+                    va="bottom", fontsize=7,
+                )  # fmt: skip
+            fine, pause = one["outcome"] == "ok", one["master_pause_bit"]
+            if fine and pause != pause:
+                continue  # a call without an answer
+            # Where nothing came, the first place at which it could have come stays marked.
+            heard = pause == pause
+            offset = REQUEST_BITS + (pause if heard else 2.0)
+            style.box(
+                ax,
+                begin + offset * bit,
+                place - 0.4,
+                RESPONSE_BITS * bit,
+                0.8,
+                facecolor=style.FIELD["information"] if fine else style.LIMIT["color"],
+                edgecolor="0.3",
+                linewidth=0.5,
+                alpha=1.0 if heard else 0.35,
+                linestyle="-" if heard else ":",
+            )
+        last = shown.iloc[-1]
+        end = last["time_s"] + (REQUEST_BITS + 10 + RESPONSE_BITS) * bit_time
+        ax.set(xlim=(1e3 * shown["time_s"].iloc[0] - bit, 1e3 * end), ylim=(len(row) + 0.6, -0.8))
+        ax.set_yticks(range(len(row) + 1), ["master", *(f"slave {slave}" for slave in row)])
+        ax.set_xlabel("time [ms]")
+        ax.grid(visible=False)
+        return ax
 
     @cached_property
     def cycle_times(self) -> Floats:

@@ -1,8 +1,11 @@
+import itertools
+
 import pytest
 
 from shipnet import datasets
 from shipnet.asi import BIT_TIME, Transaction
 from shipnet.asi.timing import MASTER_PAUSE_BITS
+from shipnet.errors import ArgumentError
 
 TIMES = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"].astype(float)
 
@@ -24,3 +27,25 @@ def test_a_master_may_stretch_its_pause():
     assert longest / TIMES["bit"] > 80
     stretched = Transaction(slave_pause=longest / TIMES["bit"])
     assert stretched.duration * 1e6 == pytest.approx(84 + 18 + 42 + longest)
+
+
+@pytest.mark.parametrize(
+    ("pauses", "microseconds"), [((2, 1.5), 147), ((2, 2), 150), ((3, 2), 156), ((10, 2), 198)]
+)
+def test_transactions_of_published_length(pauses, microseconds):
+    transaction = Transaction(*pauses)
+    assert transaction.duration * 1e6 == pytest.approx(microseconds)
+    spans = transaction.spans
+    assert [span.length for span in spans] == [14, pauses[0], 7, pauses[1]]
+    assert all(a.end == b.start for a, b in itertools.pairwise(spans))
+
+
+@pytest.mark.parametrize(
+    "pauses",
+    [{"master_pause": 1.9}, {"master_pause": 10.1}, {"master_pause": float("nan")},
+     {"slave_pause": -1}, {"slave_pause": float("inf")},
+     {"bit_time": 0}, {"bit_time": float("nan")}],
+)  # fmt: skip
+def test_impossible_pauses(pauses):
+    with pytest.raises(ArgumentError, match=next(iter(pauses))):
+        Transaction(**pauses)

@@ -1,1 +1,0 @@
-"""Masters and slaves at work on a line, telegram by telegram."""
