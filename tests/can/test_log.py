@@ -160,7 +160,7 @@ def test_a_bad_line_is_named_and_the_rest_kept_on_request(tmp_path, line, messag
     assert len(kept.faults) == 1
 
 
-def test_all_faults_are_told_in_the_order_of_the_file(tmp_path):
+def test_all_faults_are_reported_in_the_order_of_the_file(tmp_path):
     path = tmp_path / "bus.log"
     path.write_text("(1.0) can0 FFF#00\n" + "x\n" * 3 + "(1.0) can0 900#00\n" + "y\n" * 2000)
     with pytest.raises(InputError) as caught:
@@ -328,7 +328,7 @@ def test_a_log_of_the_messages_is_as_they_should_be():
     assert set(found.table()["rule"]) == {"sent", "interval", "time of all frames", "length"}
 
 
-def test_what_is_missing_unknown_late_or_longer_is_named():
+def test_missing_unknown_late_or_longer_frames_are_named():
     log = recorded(example())
     other = MessageSet(
         [
