@@ -114,19 +114,24 @@ def _named() -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
 _NAMED, _WRITTEN = _named()
 
 
+def meanings(text: str) -> tuple[str, ...]:
+    """Return the signals that a word may mean."""
+    return _NAMED.get(plain(text), ())
+
+
 def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str:
     """Return the signal that a list means."""
     word = plain(text)
-    found = _NAMED.get(word, ())
+    found = meanings(text)
     if len(found) > 1:
         if kind in KINDS:
             found = tuple(name for name in found if SIGNALS[name].kind == kind)
         if conductors is not None and len(found) > 1:
             found = tuple(name for name in found if SIGNALS[name].conductors == conductors)
         if len(found) != 1:
+            either = " or ".join(found or meanings(text))
             raise ArgumentError(
-                f"signal is {text!r}; it may be {' or '.join(found or _NAMED[word])}: name one, or "
-                "give the conductors"
+                f"signal is {text!r}; it may be {either}: name one, or give the conductors"
             )
     if not found:
         near = get_close_matches(word, _NAMED, n=1)

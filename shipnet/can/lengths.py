@@ -198,11 +198,6 @@ def region_bits(dlc: Integers, extended: Flags, remote: Flags) -> Integers:
     return empty + np.where(remote, 0, 8 * np.minimum(dlc, 8))
 
 
-def check_values(high: Words, low: Words) -> npt.NDArray[np.uint16]:
-    """Return the check values of frames given as numbers."""
-    return CRC.of(columns(high, low)[3:].T).astype(np.uint16)
-
-
 def left(word: Words, distance: npt.ArrayLike) -> Words:
     """Shift words to the left, each by its own distance."""
     # numpy, unlike C, defines what a distance beyond the width gives.
@@ -330,7 +325,7 @@ def _pack(fields: _Fields) -> tuple[Words, Words, npt.NDArray[np.uint16]]:
     content = np.ascontiguousarray(fields.data).view(">u8")[:, 0].astype(np.uint64)
     low = right(content, 64 - carried) | left(head, carried)
     high = right(head, 64 - carried)
-    check = check_values(high, low)
+    check = CRC.of(columns(high, low)[3:].T).astype(np.uint16)
     high = left(high, CRC_BITS) | right(low, 64 - CRC_BITS)
     low = left(low, CRC_BITS) | check
     size = region_bits(fields.dlc, extended, remote)

@@ -639,10 +639,9 @@ def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
     for (field, kind), column in zip(_KINDS.items(), COLUMNS, strict=True):
         cell = cells.get(column, "")
         if cell:
-            value, expected = _value(field, kind, cell)
-            fields[field] = value
-            if value is None:
-                faults.append(f"column {column}: {cell!r}; expected {expected}")
+            fields[field] = _value(kind, cell)
+            if fields[field] is None:
+                faults.append(f"column {column}: {cell!r}; expected {_legal(field, kind)}")
         elif column in _NEEDED:
             faults.append(f"column {column}: is empty; a message needs it")
     if not faults:
@@ -653,22 +652,29 @@ def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
     return None, faults
 
 
-def _value(field: str, kind: Kind, cell: str) -> tuple[Any, str]:
-    """Return the value of a cell as a field declares it, None if it has none, and what fits."""
+def _value(kind: Kind, cell: str) -> Any:
+    """Return the value of a cell as its field declares it, None if it has none."""
     if isinstance(kind, Number):
         time = float(Decimal(cell).scaleb(-3)) if NUMBER.fullmatch(cell) else -1
-        legal = f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"
-        return time if kind.low <= time <= kind.high else None, legal
+        return time if kind.low <= time <= kind.high else None
     if isinstance(kind, Whole):
         base = 16 if cell[:2] in ("0x", "0X") else 10
         whole = int(cell.removesuffix(".0"), base) if _WHOLE.fullmatch(cell) else -1
-        legal = f"a whole number {kind.legal}"
-        if field == "arbitration_id":
-            legal = "an identifier 0..0x7FF, or 0x1FFFFFFF if extended"
-        return whole if kind.low <= whole <= kind.high else None, legal
+        return whole if kind.low <= whole <= kind.high else None
     if isinstance(kind, Switch):
-        return _YES.get(cell.lower()), "yes or no"
-    return cell if cell.isprintable() else None, "printable text"
+        return _YES.get(cell.lower())
+    return cell if cell.isprintable() else None
+
+
+def _legal(field: str, kind: Kind) -> str:
+    """Return in words what a cell may hold."""
+    if field == "arbitration_id":
+        return "an identifier 0..0x7FF, or 0x1FFFFFFF if extended"
+    if isinstance(kind, Number):
+        return f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"
+    if isinstance(kind, Whole):
+        return f"a whole number {kind.legal}"
+    return "yes or no" if isinstance(kind, Switch) else "printable text"
 
 
 def _milliseconds(time: float) -> str:

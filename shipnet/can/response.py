@@ -16,7 +16,6 @@ import numpy as np
 from shipnet import style
 from shipnet.can.faults import NO_ERRORS, ErrorBound, bound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
-from shipnet.can.lengths import length_table
 from shipnet.can.messages import BIT_RATES, Message, MessageSet, check_set
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
@@ -104,7 +103,6 @@ def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions) -> B
     bit_rate = int(rate)
     second = math.lcm(10**9, bit_rate)
     bit, nanosecond = second // bit_rate, second // 10**9
-    table = length_table(assumptions.stuffing)
     spared = INTERMISSION if assumptions.intermission == "nowhere" else 0
     return Bus(
         second,
@@ -113,7 +111,7 @@ def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions) -> B
         tuple(
             (
                 nanoseconds(m.period) * nanosecond,
-                ((m.bits or int(table[m.extended][m.dlc])) - spared) * bit,
+                (int(m.frame_length(assumptions.stuffing)) - spared) * bit,
                 nanoseconds(m.jitter) * nanosecond,
             )
             for m in messages
@@ -124,7 +122,7 @@ def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions) -> B
 
 
 class Level:
-    r"""One message among those that it waits for."""
+    """One message among those that it waits for."""
 
     def __init__(
         self,

@@ -13,6 +13,7 @@ from shipnet import style
 from shipnet.can.bus import (
     OVERWRITTEN,
     WAITING,
+    Counters,
     Disturbed,
     Releases,
     send_all,
@@ -264,16 +265,15 @@ def simulate(
     generator = np.random.default_rng(rng)
     arrival, releases = _releases(columns, horizon, bit, generator)
     overwrite = queue == "overwrite"
-    happened = None
     if several:
         happened = send_disturbed(
             releases, horizon, columns.owner, several, bit, generator, recover, overwrite=overwrite
         )
-    start = np.array(
-        send_all(releases, horizon, overwrite=overwrite) if happened is None else happened.start,
-        dtype=np.int64,
-    )
-    failures = [] if happened is None else happened.failures
+    else:
+        number = len(columns.senders)
+        begun = send_all(releases, horizon, overwrite=overwrite)
+        happened = Disturbed(begun, [], Counters(number), [0] * number)
+    start, failures = np.array(happened.start, dtype=np.int64), happened.failures
     failed = np.array([failure.release for failure in failures], dtype=int)
     retries = np.bincount(failed, minlength=len(start))
     end = start + releases.duration
@@ -518,11 +518,11 @@ def _statistics(
 
 
 def _error_tables(
-    messages: MessageSet, columns: _Columns, releases: Releases, happened: Disturbed | None
+    messages: MessageSet, columns: _Columns, releases: Releases, happened: Disturbed
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     import pandas as pd
 
-    failures = [] if happened is None else happened.failures
+    failures, counters = happened.failures, happened.counters
     ranks = [int(releases.message[failure.release]) for failure in failures]
     errors = pd.DataFrame(
         {
@@ -535,15 +535,12 @@ def _error_tables(
             "state": [failure.state for failure in failures],
         }
     )
-    counters = None if happened is None else happened.counters
     nodes = pd.DataFrame(
         {
-            "tec": 0 if counters is None else counters.tec,
-            "rec": 0 if counters is None else counters.rec,
-            "state": "error active"
-            if counters is None
-            else [counters.state(node) for node in range(len(columns.senders))],
-            "bus_off": 0 if happened is None else happened.bus_off,
+            "tec": counters.tec,
+            "rec": counters.rec,
+            "state": [counters.state(node) for node in range(len(columns.senders))],
+            "bus_off": happened.bus_off,
         },
         index=pd.Index(columns.senders, name="sender", dtype=object),
     )

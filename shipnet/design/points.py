@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.signals import KINDS, SIGNALS, find_signal, plain
+from shipnet.signals import KINDS, SIGNALS, find_signal, meanings, plain
 from shipnet.tables import NUMBER, frame_sheet, parse_sheet, read_sheet
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ COLUMNS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "category": ("text", ("cat", "e22 category", "system category", "category e22")),
     "note": ("text", ("notes", "remark", "remarks", "comment", "comments", "description",
                       "service")),
-    "device": ("text", ("actuator", "unit")),
+    "device": ("text", ("actuator",)),
 }  # fmt: skip
 
 #: Units that a title may name, each as a multiple of that of the column.
@@ -429,7 +430,21 @@ def _signals(cells: Cells, kinds: list[str]) -> list[str]:
         for column, text in faults:
             cells.fault(row, column, f", column {cells.title(column)}: {text}")
         signals.append(signal)
+    either = Counter(
+        word for word, kind in zip(map(clean, cells["signal"]), kinds, strict=True)
+        if not kind and _input_of(word)
+    )  # fmt: skip
+    cells.remarks += [
+        f"signal {word!r} without a type is taken for an input, not an output: {count} times"
+        for word, count in either.items()
+    ]
     return signals
+
+
+def _input_of(word: str) -> str:
+    """Return the type of the input that a word means, if it may mean an output too, else ""."""
+    kinds = {SIGNALS[name].kind for name in meanings(word)}
+    return next((k for k in kinds if k[1] == "I"), "") if {k[1] for k in kinds} == {*"IO"} else ""
 
 
 def _signal(word: str, given: str, kind: str, count: str) -> _Found:
@@ -444,7 +459,7 @@ def _signal(word: str, given: str, kind: str, count: str) -> _Found:
         none = [("signal", f"is empty; expected one of {', '.join(SIGNALS)}, or a type")]
         return "contact", faults + none * (not given)
     try:
-        signal = find_signal(word or kind, kind, conductors)
+        signal = find_signal(word or kind, kind or _input_of(word), conductors)
     except ArgumentError as error:
         if word:
             return "contact", [*faults, ("signal", str(error))]

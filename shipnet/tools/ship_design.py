@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from matplotlib.axes import Axes
@@ -12,14 +14,15 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.design.comparison import RESPONSE
 from shipnet.design.costs import label
+from shipnet.design.iolist import read_iolist
 from shipnet.design.plot import plot_pareto
 from shipnet.design.report import BANNER
 from shipnet.design.rules import RULE_SETS
-from shipnet.errors import ArgumentError
+from shipnet.design.settings import Settings
+from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import choice, number, record, switch, text
-from shipnet.tools._design_files import from_file, settings_from_file
-from shipnet.tools._design_result import Result
-from shipnet.tools._design_steps import EXAMPLES, MIXES, compared, place, points, settings_of
+from shipnet.tables import text_of
+from shipnet.tools._design import EXAMPLES, MIXES, Result, compared, place, points, settings_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, Upload, View
 
@@ -259,3 +262,25 @@ class ShipDesign(Tool):
                      Upload("load settings", "Limits and prices, as TOML; they replace those "
                             "above.", ".toml,.txt", settings_from_file)],
         )  # fmt: skip
+
+
+def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
+    """Return inputs with the I/O list of a file, whose cabinet is to be found."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "list"
+        path.write_bytes(content)
+        try:
+            iolist = read_iolist(path)
+        except InputError as problem:
+            raise InputError(name, *problem.faults, more=problem.more) from None
+        if content.startswith(b"PK"):
+            iolist.save(path)
+            content = path.read_bytes()
+    return replace(inputs, points=text_of(content), name=name[-80:], cabinet="")
+
+
+def settings_from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
+    """Return inputs with the lines of a file of settings."""
+    lines = text_of(content)
+    Settings.parse(lines, name)
+    return replace(inputs, own=lines)

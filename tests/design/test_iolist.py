@@ -356,3 +356,13 @@ def test_any_good_list_survives_a_file(tmp_path_factory, rows):
 def test_a_type_that_several_signals_have_asks_for_one_of_them():
     with pytest.raises(InputError, match="row 2, column signal: is empty; expected one of rtd_2w"):
         IoList.parse("tag,type,x,y,z\nTE-1,AI,1,2,3")
+
+
+def test_a_signal_that_may_be_both_is_an_input_unless_the_type_says_output():
+    engine = read_iolist(datasets.path("synthetic_iolist_engine.csv"))
+    assert engine.counts == {"rtd_3wire": 62, "contact": 19, "current_loop": 18}
+    said = "signal '4-20 mA' without a type is taken for an input, not an output: 18 times"
+    assert said in engine.remarks
+    typed = IoList.parse("tag,type,signal\nA,AO,4-20 mA\nB,AI,4-20 mA")
+    assert list(typed.counts) == ["analogue_output", "current_loop"]
+    assert not any("4-20 mA" in remark for remark in typed.remarks)

@@ -18,8 +18,8 @@ from shipnet.design.report import BANNER
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError, InputError
-from shipnet.tools import _design_steps
-from shipnet.tools._design_steps import EXAMPLES, MIXES
+from shipnet.tools import _design
+from shipnet.tools._design import EXAMPLES, MIXES
 from shipnet.tools._view import read_state, write_state
 from shipnet.tools.ship_design import PICTURES, ShipDesign, from_file
 from tests.support import load
@@ -52,8 +52,8 @@ def test_a_price_plans_nothing_anew_and_a_limit_does(monkeypatch, small):
     def planner(*_, **__):
         raise AssertionError("planned anew")
 
-    monkeypatch.setattr(_design_steps, "plan", planner)
-    monkeypatch.setattr(_design_steps, "find_cabinet", planner)
+    monkeypatch.setattr(_design, "plan", planner)
+    monkeypatch.setattr(_design, "find_cabinet", planner)
     dear = replace(SMALL, labour=110.0, parts=2.0, rules="BV", picture="assumptions").result
     kept = (dear.comparison.designs, small.comparison.designs)
     assert all(a.cables is b.cables for a, b in zip(*(own.values() for own in kept), strict=True))

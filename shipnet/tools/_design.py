@@ -1,17 +1,168 @@
-"""What the options of a design come to, in words and in one table for a page."""
+"""Behind the page of the ship design tool: the steps to a comparison, and what it comes to."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from shipnet.design.catalogue import words
-from shipnet.design.comparison import RESPONSE, Comparison
+from shipnet import datasets
+from shipnet.design.catalogue import Assumptions, Range, words
+from shipnet.design.comparison import RESPONSE, Comparison, compare
 from shipnet.design.costs import label
+from shipnet.design.designs import Design
 from shipnet.design.failures import worst
+from shipnet.design.iolist import IoList
+from shipnet.design.planning import OPTIONS, plan
+from shipnet.design.settings import Settings, names
+from shipnet.design.site import Place, Site, find_cabinet
+from shipnet.errors import ArgumentError
+
+# The steps from an I/O list to a comparison, each kept for what it depends on ---------------------
+
+#: Ways to connect some points by one option and the others by another: what decides, and how the
+#: points that it does not name are connected.
+MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
+    {
+        "digital AS-i + analogue CAN": ({"DI": "AS-i", "DO": "AS-i"}, "CAN"),
+        "digital AS-i + analogue Modbus RTU": ({"DI": "AS-i", "DO": "AS-i"}, "Modbus RTU"),
+        "digital AS-i + analogue home runs": ({"DI": "AS-i", "DO": "AS-i"}, "home runs"),
+        "category III home runs + rest CAN": ({"III": "home runs"}, "CAN"),
+        "category III home runs + rest Modbus RTU": ({"III": "home runs"}, "Modbus RTU"),
+    }
+)
+
+#: Seed of the draws of what is assumed, as `shipnet design` has it.
+_SEED = 2024
+
+#: Assumptions that make up the price of a bus, beside its cable.
+_BUS_PARTS = (
+    "asi_", "can_", "modbus_", "station_", "second_interface", "supply", "repeater", "terminator",
+    "gateway",
+)  # fmt: skip
+
+
+def _examples() -> Mapping[str, str]:
+    ship = datasets.path("synthetic_iolist_ship.csv").read_text(encoding="utf-8")
+    titles, *rows = ship.splitlines(keepends=True)
+    engine = [row for row in rows if row.split(",")[1] == "Main engine"]
+    return MappingProxyType({"main engine": titles + "".join(engine), "ship": ship})
+
+
+#: Lists to begin with, both synthetic: the 99 points of an engine, and the 353 of a ship.
+EXAMPLES = _examples()
+
+
+@lru_cache(maxsize=8)
+def points(text: str, name: str, update_ms: int) -> IoList:
+    """Return the points of a text, none of which may wait longer than a time."""
+    iolist = IoList.parse(text, name)
+    if not update_ms:
+        return iolist
+    # Where the list names none it is NaN, which fmin passes over.
+    needed = np.fmin(iolist.points["update_ms"], float(update_ms))
+    return replace(iolist, points=iolist.points.assign(update_ms=needed))
+
+
+@lru_cache(maxsize=8)
+def place(iolist: IoList, typed: str) -> tuple[Place, str]:
+    """Return where the cabinet stands, and how that is known."""
+    if typed.strip():
+        try:
+            x, y, z = (float(number) for number in typed.replace(";", ",").split(","))
+            return Site((x, y, z)).cabinet, f"the cabinet stands at {x:g}, {y:g}, {z:g} m, as typed"
+        except ValueError:
+            raise ArgumentError(
+                f"cabinet is {typed!r}; it must be three numbers in m, such as 26, 6, 14"
+            ) from None
+    if not iolist.located.any():
+        return (0.0, 0.0, 0.0), "every length to the cabinet is given by the list"
+    try:
+        found = find_cabinet(iolist)
+    except ArgumentError as problem:
+        raise ArgumentError(f"{problem}; type its place, such as 26, 6, 14") from None
+    return found.place, f"{found}; type its place if you know it"
+
+
+@lru_cache(maxsize=4)
+def _site(cabinet: Place, detour: float, tails: float) -> Site:
+    return Site(cabinet, detour=detour, tails=tails)
+
+
+@lru_cache(maxsize=48)
+def _planned(iolist: IoList, site: Site, settings: Settings, option: str) -> Design:
+    if option in OPTIONS:
+        return plan(iolist, site, option, settings=settings)
+    choose, default = MIXES[option]
+    there = {*iolist.points["type"], *iolist.points["category"]}
+    named = {key: value for key, value in choose.items() if key in there}
+    return plan(iolist, site, default, settings=settings, mix=named, name=option)
+
+
+@lru_cache(maxsize=8)
+def settings_of(
+    spare: float,
+    redundant: bool,
+    list_lengths: bool,
+    detour: float,
+    labour: float,
+    parts: float,
+    own: str,
+) -> Settings:
+    """Return the values of the controls, and over them lines of one's own."""
+    values: dict[str, object] = {
+        "spare": spare, "redundant": redundant, "list_lengths": list_lengths, "detour": detour,
+        **_prices(labour, parts),
+    }  # fmt: skip
+    controls = Settings(values)
+    told = Settings.parse(own, "limits and prices").changes()["value"]
+    return controls.replace(dict(told))
+
+
+@lru_cache(maxsize=8)
+def _prices(labour: float, parts: float) -> dict[str, Range]:
+    """Return the assumptions that another labour rate and other prices of bus parts change."""
+    assumed = Assumptions()
+    times = {"labour_rate": labour / assumed.at("labour_rate")}
+    times |= {
+        name: parts
+        for name in assumed
+        if name.startswith(_BUS_PARTS) and assumed.entry(name).unit == "EUR"
+    }
+    return {
+        f"assumptions.{name}": Range(*(factor * value for value in assumed[name]))
+        for name, factor in times.items()
+        if factor != 1
+    }
+
+
+@lru_cache(maxsize=4)
+def compared(
+    iolist: IoList,
+    cabinet: Place,
+    said: str,
+    settings: Settings,
+    options: tuple[str, ...],
+    rules: str,
+) -> Comparison:
+    """Plan and compare; a plan is kept for what it depends on, which prices and host are not."""
+    site = _site(cabinet, settings.detour, settings.tails)
+    default = Settings()
+    unpriced = settings.replace(
+        {name: default[name] for name in names() if name.startswith("assumptions.")}
+        | {"host_time": default.host_time}
+    )
+    designs = [_planned(iolist, site, unpriced, option).priced(settings) for option in options]
+    found = compare(designs, rules=rules, rng=_SEED)
+    return replace(found, remarks=(said,))
+
+
+# What the options come to, in words and in one table for a page -----------------------------------
 
 #: Reasons for points left out, and violated rules, that are shown of each design.
 _TOLD = 3
@@ -87,7 +238,7 @@ class Result:
 
     @property
     def numbers(self) -> dict[str, str]:
-        """What stands behind the table, in words."""
+        """What the table leaves out, in words."""
         comparison = self.comparison
         criteria = _and([label(name).partition(" [")[0] for name in comparison.criteria])
         return {
