@@ -10,15 +10,14 @@ import numpy as np
 import pandas as pd
 
 from shipnet import datasets
+from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.master import MasterRun, operate, received_run
-from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.rule_table import FILLS, rule_base, rule_vectors
 from shipnet.ballast.scan import status_poll, worst_age
 from shipnet.ballast.sensors import CHANNELS, rule_limits
-from shipnet.ballast.simulation import Run
 from shipnet.ballast.trials import fault_trials
-from shipnet.ballast.valve_faults import FAULTS
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.modbus.faults import Break
