@@ -11,10 +11,9 @@ import numpy as np
 from _timing import seconds
 
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import Command, Fault
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.simulation import blocks, simulate
-from shipnet.ballast.valve_faults import Fault
 from shipnet.fuzzy.firing import METHODS
 
 N, FEW = 256, 100

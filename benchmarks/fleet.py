@@ -12,9 +12,8 @@ from time import perf_counter
 import numpy as np
 
 from shipnet.ballast.fleet import run_fleet
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import Command, Fault
 from shipnet.ballast.simulation import blocks
-from shipnet.ballast.valve_faults import Fault
 
 DAY, N = 86400.0, 256
 

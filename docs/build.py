@@ -92,27 +92,22 @@ def api_pages(root: Path) -> Iterator[tuple[str, str]]:
         yield f"api/shipnet.{name}.rst", "\n".join(_front_page(f"shipnet.{name}", seen)) + "\n"
 
 
-def _front_page(name: str, seen: set[int]) -> Iterator[str]:
-    """Yield the lines of a front's page: its docstring, then every name that it exports.
+def _front_page(name: str, seen: set[int], underline: str = "=") -> Iterator[str]:
+    """Yield the lines of a front's page: its docstring, its names, then its namespaces.
 
     An object that two fronts export, `seen` before, is indexed once.
     """
     module = importlib.import_module(name)
-    yield from (name, "=" * len(name), "", f".. automodule:: {name}", "   :ignore-module-all:", "")
-    later = []
-    for public in sorted(getattr(module, "__all__", [])):
-        value = getattr(module, public)
+    yield from (name, underline * len(name), "", f".. automodule:: {name}")
+    yield from ("   :ignore-module-all:", "")
+    public = {one: getattr(module, one) for one in sorted(getattr(module, "__all__", []))}
+    for one, value in public.items():
+        if not isinstance(value, types.ModuleType):
+            yield from _entry(f"{name}.{one}", value, seen)
+    for one, value in public.items():
         if isinstance(value, types.ModuleType):
-            later.append(public)
-        else:
-            yield from _entry(f"{name}.{public}", value, seen)
-    for namespace in later:
-        inner = f"{name}.{namespace}"
-        yield from ("", inner, "-" * len(inner), "", f".. automodule:: {inner}")
-        yield from ("   :ignore-module-all:", "")
-        module = importlib.import_module(inner)
-        for public in sorted(getattr(module, "__all__", [])):
-            yield from _entry(f"{inner}.{public}", getattr(module, public), seen)
+            yield ""
+            yield from _front_page(f"{name}.{one}", seen, "-")
 
 
 def _entry(name: str, value: object, seen: set[int]) -> Iterator[str]:
@@ -141,36 +136,27 @@ def glossary_page() -> str:
 def ledger_page() -> str:
     """Return the ledger as a page: counts on top, then a table with an anchor for each claim."""
     from shipnet.papers import ledger
-    from shipnet.papers.judging import format_computed
 
     everything = ledger()
     done = everything.counts()
-    papers = dict(tuple(everything.table().reset_index().groupby("paper", sort=False)))
+    counts = (
+        f"<tr><th>{key}</th>{''.join(f'<td>{number}</td>' for number in numbers)}</tr>"
+        for key, *numbers in done.itertuples(name=None)
+    )
     parts = [
         "# Ledger",
         "What the papers print, and what shipnet computes. Below a claim stand a note and the "
         "evidence; a percentage below a computed value is its distance from the printed one.",
-        _table(
-            ["paper", *done.columns],
-            (
-                f"<tr><th>{key}</th>{''.join(f'<td>{number}</td>' for number in numbers)}</tr>"
-                for key, *numbers in done.itertuples(name=None)
-            ),
-        ),
+        _table(["paper", *done.columns], counts),
     ]
-    for key, claims in papers.items():
-        rows = (
-            _claim(claim, format_computed(claim["computed"], claim["published"]))
-            for claim in claims.to_dict("records")
-        )
-        parts += [f"## {key}", _table(COLUMNS, rows)]
+    for key, claims in everything.table().reset_index().groupby("paper", sort=False):
+        parts += [f"## {key}", _table(COLUMNS, map(_claim, claims.to_dict("records")))]
     return "\n\n".join(parts) + "\n"
 
 
 def errata_page() -> str:
     """Return the errata as a page: what a reader of the papers should correct, and why."""
     from shipnet.papers import ledger
-    from shipnet.papers.judging import format_computed
 
     frame = ledger().table().reset_index()
     wrong = frame[~frame["verdict"].isin(["", *NO_ERRATUM])]
@@ -181,34 +167,33 @@ def errata_page() -> str:
         "those that agree, are in the [ledger](ledger.md).",
     ]
     for key, claims in wrong.groupby("paper", sort=False):
-        rows = (
-            _erratum(claim, format_computed(claim["computed"], claim["published"]))
-            for claim in claims.to_dict("records")
-        )
+        rows = map(_erratum, claims.to_dict("records"))
         parts += [f"## {key}", _table(["where", "printed", "instead", "verdict"], rows)]
     return "\n\n".join(parts) + "\n"
 
 
-def _erratum(claim: dict[str, Any], computed: str) -> str:
-    """Return the table row of one erratum, which leads to its claim."""
+def _values(claim: dict[str, Any]) -> tuple[str, str]:
+    """Return what a claim prints and what is computed, each with its unit."""
+    from shipnet.papers.judging import format_computed
+
+    computed = format_computed(claim["computed"], claim["published"])
     unit = "" if isinstance(claim["computed"], bool) or not computed else claim["unit"]
     printed = f"{claim['published']} {claim['unit']}" if claim["published"] else ""
+    return printed, f"{computed} {unit}"
+
+
+def _erratum(claim: dict[str, Any]) -> str:
+    """Return the table row of one erratum, which leads to its claim."""
+    printed, computed = _values(claim)
     where = f'<a href="ledger.html#{claim["id"]}">{claim["id"]}</a>'
-    cells = [
-        (where, html.escape(claim["where"])),
-        (html.escape(claim["claim"]), html.escape(printed)),
-        (html.escape(f"{computed} {unit}"), html.escape(claim["note"])),
-        (html.escape(claim["verdict"]), ""),
-    ]
-    row = "".join(
-        f"<td>{text}{f'<small>{small}</small>' if small else ''}</td>" for text, small in cells
-    )
-    return f"<tr>{row}</tr>"
+    texts = (claim["where"], claim["claim"], printed, computed, claim["note"], claim["verdict"])
+    place, said, printed, computed, note, verdict = map(html.escape, texts)
+    return _row([(where, place), (said, printed), (computed, note), (verdict, "")])
 
 
-def _claim(claim: dict[str, Any], computed: str) -> str:
+def _claim(claim: dict[str, Any]) -> str:
     """Return the table row of one claim."""
-    unit = "" if isinstance(claim["computed"], bool) or not computed else claim["unit"]
+    printed, computed = _values(claim)
     difference = claim["relative_difference"]
     distance = [claim["match"]] if claim["match"].startswith(("factor", "differs")) else []
     if difference and not math.isnan(difference):
@@ -218,15 +203,18 @@ def _claim(claim: dict[str, Any], computed: str) -> str:
         (claim["id"], ""),
         (claim["where"], ""),
         (claim["claim"], "; ".join(filter(None, [claim["note"], evidence]))),
-        (f"{claim['published']} {claim['unit'] if claim['published'] else ''}", ""),
-        (f"{computed} {unit}", ", ".join(distance)),
+        (printed, ""),
+        (computed, ", ".join(distance)),
         (claim["verdict"] or claim["kind"], ""),
     ]
-    row = "".join(
-        f"<td>{_linked(text)}{f'<small>{_linked(small)}</small>' if small else ''}</td>"
-        for text, small in cells
-    )
-    return f'<tr id="{claim["id"]}">{row}</tr>'
+    linked = [(_linked(text), _linked(small)) for text, small in cells]
+    return _row(linked, f' id="{claim["id"]}"')
+
+
+def _row(cells: Iterable[tuple[str, str]], attributes: str = "") -> str:
+    """Return a table row; each cell is its text and what stands below it in small letters."""
+    smalls = ((text, f"<small>{small}</small>" if small else "") for text, small in cells)
+    return f"<tr{attributes}>{''.join(f'<td>{text}{small}</td>' for text, small in smalls)}</tr>"
 
 
 def _linked(text: str) -> str:

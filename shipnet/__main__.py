@@ -304,7 +304,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     from threading import Event
 
     from shipnet.ballast.live import serve
-    from shipnet.ballast.valve_faults import Fault
+    from shipnet.ballast.plant import Fault
     from shipnet.engine.serving import parse_fault
     from shipnet.engine.serving import serve as serve_engine
     from shipnet.engine.system import System

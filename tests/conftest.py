@@ -1,8 +1,9 @@
-"""Hypothesis profiles, and kernels that start again."""
+"""Hypothesis profiles, kernels that start again, and axes to draw on."""
 
 import os
 from typing import Any
 
+import pytest
 from hypothesis import settings
 from nbval import kernel
 
@@ -26,3 +27,13 @@ def _start_again(*args: Any, **options: Any) -> Any:
 
 
 kernel.start_new_kernel = _start_again
+
+
+@pytest.fixture
+def ax() -> Any:
+    """Return axes of a figure that is closed after the test."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots()
+    yield axes
+    plt.close(figure)

@@ -6,18 +6,22 @@ that of its last one it takes 78 us if it is a request, and 36 us if it is a res
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.asi.batch import NONE, words_of
 from shipnet.asi.modulation import HALF_BIT
+from shipnet.asi.receiver import Reception, receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.intp]
+Integers = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
 
 #: Silence that ends a telegram [s]. Two half-bits in a row are never empty, so pulses are 6 us
 #: apart at most, and 9 us where one is lost; from a telegram's last pulse to the first of the next
@@ -263,3 +267,209 @@ def _rejoin(
     join &= _fits((last[1:] - first[:-1]) * step)
     keep = np.append(True, ~join)
     return start[keep], first[keep], last[np.append(~join, True)]
+
+
+# Bursts received ------------------------------------------------------------------------------
+
+#: Length of a piece by which the record is measured [s], and how many there are.
+_SAMPLE, _SAMPLES = 2e-3, 8
+
+#: Samples from before the first peak and behind the last slot that the receiver gets [s].
+_BEFORE, _BEHIND = 5e-6, 1e-6
+
+#: The first pulse is looked for from this part of its own height on; ringing stays below.
+_FIRST_PULSE = 0.4
+
+#: Recording that begins or ends so near to a telegram may have missed a pulse of it [s]: pulses
+#: are two half-bits apart at most.
+_NEAR = 2.5 * HALF_BIT
+
+#: Fewest pulses that are reported as a broken telegram; with fewer it is a disturbance.
+_FEWEST_PULSES = 5
+
+
+class Telegrams(NamedTuple):
+    """The telegrams of a record, one array a field, all of the shape (n,)."""
+
+    start: Floats
+    first: Floats
+    last: Floats
+    length: Integers
+    word: Integers
+    known: Integers
+    error: Integers
+    amplitude: Floats
+    weakest: Floats
+    ringing: Floats
+    fits: Bools
+    edge: Integers
+
+    @classmethod
+    def of(
+        cls,
+        received: Reception,
+        begin: Floats,
+        *,
+        first: Floats,
+        last: Floats,
+        unit: Floats,
+        fits: Bools,
+        edge: Integers,
+    ) -> Telegrams:
+        """Take what was received from rows that begin at times, each measured in its own unit."""
+        bits = received.bits.astype(np.int64)
+        return cls(
+            begin + received.start,
+            first,
+            last,
+            np.full(len(bits), bits.shape[-1]),
+            words_of(np.maximum(bits, 0)),
+            words_of((bits != NONE).astype(np.int64)),
+            received.error.astype(np.int64),
+            received.amplitude * unit,
+            received.weakest,
+            received.ringing,
+            fits,
+            edge,
+        )
+
+    @classmethod
+    def none(cls) -> Telegrams:
+        """Return no telegram."""
+        kinds = [float] * 3 + [np.int64] * 4 + [float] * 3 + [bool, np.int64]
+        return cls._make(np.zeros(0, kind) for kind in kinds)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Telegrams]) -> Telegrams:
+        """Put batches together, in the order of time."""
+        whole = [np.concatenate(field) for field in zip(*parts, strict=True)]
+        order = np.argsort(whole[1], kind="stable")
+        return cls._make(field[order] for field in whole)
+
+
+class Found(NamedTuple):
+    """What is in a record."""
+
+    telegrams: Telegrams
+    #: When recording ends, at the end and before what is missing [s].
+    ends: Floats
+    inverted: bool
+    #: Voltage below which nothing counted as a pulse [V].
+    minimum: float
+    #: Bursts of too few pulses for a telegram.
+    disturbances: int
+
+
+def find_telegrams(u: Floats, dt: float, threshold: float, minimum: float | None) -> Found:
+    """Find and receive the telegrams of a record; `decode` says how."""
+    sample = list(pieces(u, dt, length=round(_SAMPLE / dt), only=_liveliest(u, dt)))
+    limits = smallest_pulses(sample) if minimum is None else [minimum]
+    minimum, sign = _measure(sample, limits, threshold)
+    begins, ends = _edges(u, dt)
+    parts = [Telegrams.none()]
+    disturbances = 0
+    for piece in pieces(u, dt):
+        bursts = find_bursts(piece, minimum)
+        first = piece.start + bursts.first * piece.step
+        last = piece.start + bursts.last * piece.step
+        own = (first >= piece.begin) & (first < piece.end)
+        # What is cut off may be short.
+        cut_front = _distance(first, begins, "right") < _NEAR
+        cut_back = -_distance(last, ends, "left") < _NEAR
+        whole = bursts.pulses >= np.where(cut_front | cut_back, 2, _FEWEST_PULSES)
+        disturbances += int((own & ~whole).sum())
+        kept = bursts.where(own & whole)
+        edge = np.where(cut_front, 1, np.where(cut_back, 2, 0))[own & whole]
+        parts.append(_receive(piece, kept, edge, sign, threshold))
+    return Found(Telegrams.joined(parts), ends, sign < 0, minimum, disturbances)
+
+
+def _liveliest(u: Floats, dt: float) -> npt.NDArray[np.intp]:
+    """Choose up to 8 short pieces with much going on, to take the measure of the record."""
+    length = round(_SAMPLE / dt)
+    count = -(-len(u) // length)
+    if count <= _SAMPLES:
+        return np.arange(count)
+    # A look at every 2 us or so finds the pieces with telegrams.
+    stride = max(1, round(2e-6 / dt))
+    whole = len(u) // length
+    looks = u[: whole * length].reshape(whole, length)[:, ::stride]
+    swing = np.nan_to_num(np.fmax.reduce(looks, axis=1) - np.fmin.reduce(looks, axis=1))
+    lively = np.flatnonzero(swing >= np.quantile(swing, 0.75))
+    return np.unique(lively[np.linspace(0, len(lively) - 1, _SAMPLES).astype(np.intp)])
+
+
+def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
+    """Return when recording begins and when it ends, at the ends and around what is missing [s]."""
+    nothing = np.isnan(u) if u.dtype.kind == "f" else np.zeros(0, dtype=bool)
+    if not nothing.any():
+        return np.zeros(1), np.array([len(u) * dt])
+    change = np.diff(nothing.view(np.int8), prepend=0, append=0)
+    since, until = np.flatnonzero(change > 0), np.flatnonzero(change < 0)
+    # A few samples that are missing break nothing.
+    long = (until - since) * dt > HALF_BIT
+    return np.append(0, until[long]) * dt, np.append(since[long], len(u)) * dt
+
+
+def _distance(
+    times: npt.NDArray[np.floating], edges: Floats, side: Literal["left", "right"]
+) -> npt.NDArray[np.floating]:
+    """Return the time since the last edge ("right"), or since the next one, which is negative."""
+    place = np.searchsorted(edges, times, side) - (side == "right")
+    return times - edges[np.clip(place, 0, len(edges) - 1)]
+
+
+def _measure(sample: list[Piece], limits: list[float], threshold: float) -> tuple[float, int]:
+    """Return the limit and the polarity with which most telegrams of a sample are right."""
+    best, most = (limits[0] if limits else 0.0, 1), -1.0
+    for minimum in limits:
+        right, heights, count = {1: 0, -1: 0}, 0, 0
+        for piece in sample:
+            bursts = find_bursts(piece, minimum)
+            few = bursts.where(bursts.fits & (np.cumsum(bursts.fits) <= 64))
+            edge = np.zeros(few.first.shape, dtype=np.int64)
+            for sign in right:
+                received = _receive(piece, few, edge, sign, threshold)
+                right[sign] += int((received.error == 0).sum())
+            count += int((bursts.pulses >= _FEWEST_PULSES).sum())
+            heights += int(np.sign(bursts.height).sum())
+        # The first pulse is negative: if no telegram is right, this is the next best evidence.
+        sign = -1 if (right[-1], heights) > (right[1], 0) else 1
+        if right[sign] > most:
+            best, most = (minimum, sign), right[sign]
+        if 2 * right[sign] > count:
+            break
+    return best
+
+
+def _receive(
+    piece: Piece, bursts: Bursts, edge: npt.NDArray[np.int64], sign: int, threshold: float
+) -> Telegrams:
+    """Decode the bursts of a piece, requests and responses each in one go."""
+    parts = []
+    before, behind = round(_BEFORE / piece.step), round(_BEHIND / piece.step)
+    for n_bits in (REQUEST_BITS, RESPONSE_BITS):
+        chosen = bursts.bits == n_bits
+        begin = bursts.first[chosen] - before
+        length = before + round(2 * n_bits * HALF_BIT / piece.step) + behind
+        # Beyond the ends of the record nothing was heard.
+        around = np.pad(piece.x, (before, length))
+        # Measured in its own first pulse, a telegram needs no common limit for what is a pulse.
+        unit = np.abs(bursts.height[chosen])
+        rows = around[begin[:, np.newaxis] + before + np.arange(length)]
+        rows *= (sign / unit).astype(np.float32)[:, np.newaxis]
+        received = receive(
+            rows, piece.step, n_bits, threshold=threshold, minimum=min(_FIRST_PULSE, threshold)
+        )
+        parts.append(
+            Telegrams.of(
+                received,
+                piece.start + begin * piece.step,
+                first=piece.start + bursts.first[chosen] * piece.step,
+                last=piece.start + bursts.last[chosen] * piece.step,
+                unit=unit,
+                fits=bursts.fits[chosen],
+                edge=edge[chosen],
+            )
+        )
+    return Telegrams.joined(parts)

@@ -50,6 +50,16 @@ _E = TypeVar("_E", bound=Element)
 
 Floats = npt.NDArray[np.float64]
 
+#: The kinds of elements of a plan, by the name of their attribute.
+_KINDS: dict[str, type[Element]] = {
+    "cables": CableRun,
+    "masters": Master,
+    "supplies": Supply,
+    "slaves": Slave,
+    "repeaters": Repeater,
+    "terminators": Terminator,
+}
+
 #: Marker, colour and size by the name in the legend, the last ones drawn on top.
 _MARKS: dict[str, tuple[Any, str, int]] = {
     "supply": (6, "C4", 12),  # a caret whose tip is at the node
@@ -127,16 +137,9 @@ class Plan:
         repeaters: Iterable[Repeater] = (),
         terminators: Iterable[Terminator] = (),
     ) -> None:
-        kinds = {
-            "cables": (cables, CableRun),
-            "masters": (masters, Master),
-            "supplies": (supplies, Supply),
-            "slaves": (slaves, Slave),
-            "repeaters": (repeaters, Repeater),
-            "terminators": (terminators, Terminator),
-        }
-        for name, (given, kind) in kinds.items():
-            elements = tuple(given)
+        given = (cables, masters, supplies, slaves, repeaters, terminators)
+        for (name, kind), several in zip(_KINDS.items(), given, strict=True):
+            elements = tuple(several)
             for element in elements:
                 if not isinstance(element, kind):
                     raise ArgumentError(f"{name} holds {element!r}; it must be a {kind.__name__}")
@@ -149,12 +152,8 @@ class Plan:
 
     def __iter__(self) -> Iterator[Element]:
         """Go through all elements, kind by kind."""
-        yield from self.cables
-        yield from self.masters
-        yield from self.supplies
-        yield from self.slaves
-        yield from self.repeaters
-        yield from self.terminators
+        for name in _KINDS:
+            yield from getattr(self, name)
 
     def __str__(self) -> str:
         """Count its elements."""
@@ -291,18 +290,9 @@ class Plan:
             replace(slave, label=f"{slave.address + first - 1}{slave.half or ''}")
             for slave in downstream.slaves
         ]
-        return Plan(
-            [*self.cables, *downstream.cables],
-            self.masters,
-            [*self.supplies, *downstream.supplies],
-            [*self.slaves, *moved],
-            [
-                *self.repeaters,
-                *downstream.repeaters,
-                Repeater(node, downstream.masters[0].node, delay),
-            ],
-            [*self.terminators, *downstream.terminators],
-        )
+        link = Repeater(node, downstream.masters[0].node, delay)
+        kept = (one for one in downstream if not isinstance(one, Master | Slave))
+        return plan_of([*self, *kept, *moved, link])
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the plan as a CSV file, from which `read_plan` makes the same plan."""
@@ -498,14 +488,10 @@ class PlanFindings(Findings):
 def plan_of(elements: Iterable[Element]) -> Plan:
     """Return the plan of elements in any order."""
     given = list(elements)
-    return Plan(
-        [one for one in given if isinstance(one, CableRun)],
-        [one for one in given if isinstance(one, Master)],
-        [one for one in given if isinstance(one, Supply)],
-        [one for one in given if isinstance(one, Slave)],
-        [one for one in given if isinstance(one, Repeater)],
-        [one for one in given if isinstance(one, Terminator)],
-    )
+    parts: dict[str, list[Any]] = {
+        name: [one for one in given if isinstance(one, kind)] for name, kind in _KINDS.items()
+    }
+    return Plan(**parts)
 
 
 def read_plan(path: str | PathLike[str]) -> Plan:

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 from shipnet.asi.elements import CURRENT, Supply, Terminator
 from shipnet.asi.master import Master
-from shipnet.asi.plan import Plan
+from shipnet.asi.plan import Plan, plan_of
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import ADDRESSES
 from shipnet.errors import ArgumentError
@@ -77,8 +77,7 @@ def line(
     )  # fmt: skip
     if terminator is None:
         return plan
-    plug = Terminator(_node(length), terminator)
-    return Plan(plan.cables, plan.masters, plan.supplies, plan.slaves, terminators=[plug])
+    return plan_of([*plan, Terminator(_node(length), terminator)])
 
 
 def star(
@@ -205,17 +204,13 @@ def ring(
             f"the last place on the ring is {last} m; it must lie between 0 and {length} m"
         )
     there = line(last, slaves, pairs=pairs, supply=supply, cable=cable, current=current)
-    if len(there.cables) > 1:
-        closing = [CableRun(_node(last), _node(0), length - last, cable)]
-        return Plan([*there.cables, *closing], there.masters, there.supplies, there.slaves)
-    # Two cables, since two nodes have at most one between them.
-    half = (length - last) / 2
-    back = _node(last + half)
+    # With one cable there, two lead back, since two nodes have at most one between them.
+    back = [last, length] if len(there.cables) > 1 else [last, last + (length - last) / 2, length]
+    names = [*map(_node, back[:-1]), _node(0)]
     closing = [
-        CableRun(_node(last), back, half, cable),
-        CableRun(back, _node(0), half, cable),
+        CableRun(names[k], names[k + 1], back[k + 1] - back[k], cable) for k in range(len(back) - 1)
     ]
-    return Plan([*there.cables, *closing], there.masters, there.supplies, there.slaves)
+    return plan_of([*there, *closing])
 
 
 def evenly_spaced(length: float, n: int) -> list[float]:

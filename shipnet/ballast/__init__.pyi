@@ -1,5 +1,6 @@
 from .actuator import Actuator as Actuator
 from .diagnosis import Diagnosis as Diagnosis
+from .diagnosis import Run as Run
 from .diagnosis import diagnose as diagnose
 from .fleet import FleetReport as FleetReport
 from .fleet import run_fleet as run_fleet
@@ -10,18 +11,17 @@ from .live import acceptance_tests as acceptance_tests
 from .live import serve as serve
 from .master import MasterRun as MasterRun
 from .master import Screen as Screen
+from .plant import FAULTS as FAULTS
 from .plant import Command as Command
+from .plant import Fault as Fault
 from .registers import RegisterMap as RegisterMap
 from .rule_table import rule_base as rule_base
 from .rule_table import rule_vectors as rule_vectors
 from .scan import System as System
 from .scan import status_poll as status_poll
 from .sensors import Sensors as Sensors
-from .simulation import Run as Run
 from .simulation import simulate as simulate
 from .trials import Trials as Trials
 from .trials import false_alarms as false_alarms
 from .trials import fault_trials as fault_trials
-from .valve_faults import FAULTS as FAULTS
-from .valve_faults import Fault as Fault
 from .wear import Wear as Wear

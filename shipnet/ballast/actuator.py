@@ -9,103 +9,28 @@ a quadratic equation in s: K s^2 + b s = c.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from math import pi, sqrt
-from typing import NamedTuple
+from dataclasses import fields
+from math import inf, pi, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
-from shipnet.fields import Quantity, check_quantity, check_scalar
-
-#: Unit and legal range of each number.
-_LEGAL: dict[str, tuple[str, float, float]] = {
-    "displacement": ("m3/rev", 1e-9, 1e-3),
-    "speed": ("1/s", 0.1, 500),
-    "pump_leak": ("m3/(s Pa)", 1e-18, 1e-6),
-    "relief_pressure": ("Pa", 1e5, 1e8),
-    "relief_slope": ("m3/(s Pa)", 1e-14, 1e-6),
-    "restrictor": ("m3/(s sqrt(Pa))", 1e-15, 1e-3),
-    "piston_area": ("m2", 1e-5, 1.0),
-    "pinion_radius": ("m", 1e-3, 1.0),
-    "piston_leak": ("m3/(s Pa)", 1e-18, 1e-6),
-    "trapped": ("1", 0, 1),
-    "bearing_torque": ("N m", 1e-3, float("inf")),
-    "seating_torque": ("N m", 0, 1e6),
-    "dynamic_torque": ("N m", 0, 1e6),
-    "no_load_current": ("A", 0, 1e3),
-    "torque_constant": ("N m/A", 1e-3, 1e4),
-    "pump_efficiency": ("1", 0.05, 1),
-    "friction": ("N m", 0, 1e4),
-    "voltage": ("V", 1, 1e4),
-    "power_factor": ("1", 0.05, 1),
-    "heat_capacity": ("J/K", 1, 1e7),
-    "cooling": ("W/K", 1e-3, 1e4),
-    "ambient": ("degC", -40, 100),
-    "duty": ("1", 0, 1),
-    "motor_time": ("s", 0.1, 3600),
-}
+from shipnet.fields import Quantity, check_scalar, number, record
 
 
-@dataclass(frozen=True, slots=True)
+def _number(low: float, high: float, unit: str, help: str, default: float) -> Any:
+    """Declare a number that may be an array, with one value per valve."""
+    return number(low, high, unit, help, default=default, many=True)
+
+
+@record(slots=True)
 class Actuator:
     """Reversible motor and pump, lock valve, cylinder with rack and pinion, butterfly valve.
 
-    Every number is one for all valves, or an array of one for each. `dataclasses.replace` makes
-    another actuator of this one.
-
-    Parameters
-    ----------
-    displacement : float or array, default 2.4e-6
-        Oil per revolution of the pump [m3/rev].
-    speed : float or array, default 1450/60
-        Speed of the motor at any load [1/s]: an induction motor with four poles at 50 Hz.
-    pump_leak : float or array, default 3.2e-6/90e5
-        Laminar leak of the pump [m3/(s Pa)]: 94.5 % volumetric efficiency at 90 bar.
-    relief_pressure : float or array, default 125e5
-        Pressure at which the relief valve begins to open [Pa].
-    relief_slope : float or array, default 2e-10
-        What it passes above that [m3/(s Pa)].
-    restrictor : float or array, default 54.8e-6/sqrt(88e5)
-        Flow through the lock valve over the root of its pressure drop [m3/(s sqrt(Pa))].
-    piston_area : float or array, default 7.85e-3
-        Area of the piston [m2], 100 mm across.
-    pinion_radius : float or array, default 0.04
-        Radius of the pinion [m].
-    piston_leak : float or array, default 1e-13
-        Laminar leak past the piston [m3/(s Pa)].
-    trapped : float or array, default 0
-        Part of the load's pressure that the lock valve keeps at rest, 0..1.
-    bearing_torque : float or array, default 55
-        Friction of bearings and packing [N m]; inf is a valve that is stuck.
-    seating_torque : float or array, default 15
-        Friction of the seat, in the closed valve [N m].
-    dynamic_torque : float or array, default 20
-        Torque of the flow, which closes the valve [N m].
-    no_load_current : float or array, default 0.7
-        Magnetising current of the motor [A].
-    torque_constant : float or array, default 4.15
-        Shaft torque over active current [N m/A].
-    pump_efficiency : float or array, default 0.85
-        Mechanical efficiency of the pump.
-    friction : float or array, default 0
-        Torque that the pump needs beside that [N m].
-    voltage : float or array, default 400
-        Line voltage [V], three phases.
-    power_factor : float or array, default 0.85
-        Power factor of the motor.
-    heat_capacity : float or array, default 4000
-        Heat capacity of the motor [J/K].
-    cooling : float or array, default 5.5
-        What it gives off over its surroundings [W/K].
-    ambient : float or array, default 45
-        Temperature around it [degC]: IACS UR M40, machinery spaces.
-    duty : float or array, default 0.15
-        Part of the time that it has been running before: cyclic duration factor of duty type S3
-        15 % in IEC 60034-1.
-    motor_time : float or array, default 20
-        The controller stops a motor that has been running for so long [s].
+    Every number holds for all valves, or is an array with one value per valve.
+    `dataclasses.replace` makes another actuator of this one.
 
     Raises
     ------
@@ -120,37 +45,63 @@ class Actuator:
     2
     """
 
-    displacement: Quantity = 2.4e-6
-    speed: Quantity = 1450 / 60
-    pump_leak: Quantity = 3.2e-6 / 90e5
-    relief_pressure: Quantity = 125e5
-    relief_slope: Quantity = 2e-10
-    restrictor: Quantity = 54.8e-6 / sqrt(88e5)
-    piston_area: Quantity = 7.85e-3
-    pinion_radius: Quantity = 0.04
-    piston_leak: Quantity = 1e-13
-    trapped: Quantity = 0.0
-    bearing_torque: Quantity = 55.0
-    seating_torque: Quantity = 15.0
-    dynamic_torque: Quantity = 20.0
-    no_load_current: Quantity = 0.7
-    torque_constant: Quantity = 4.15
-    pump_efficiency: Quantity = 0.85
-    friction: Quantity = 0.0
-    voltage: Quantity = 400.0
-    power_factor: Quantity = 0.85
-    heat_capacity: Quantity = 4000.0
-    cooling: Quantity = 5.5
-    ambient: Quantity = 45.0
-    duty: Quantity = 0.15
-    motor_time: Quantity = 20.0
+    displacement: Quantity = _number(1e-9, 1e-3, "m3/rev", "Oil per revolution of the pump", 2.4e-6)
+    speed: Quantity = _number(
+        0.1, 500, "1/s", "Speed of the motor at any load: four poles at 50 Hz", 1450 / 60
+    )
+    pump_leak: Quantity = _number(
+        1e-18, 1e-6, "m3/(s Pa)", "Laminar leak of the pump: 94.5 % efficiency at 90 bar",
+        3.2e-6 / 90e5,
+    )  # fmt: skip
+    relief_pressure: Quantity = _number(
+        1e5, 1e8, "Pa", "Pressure at which the relief valve begins to open", 125e5
+    )
+    relief_slope: Quantity = _number(
+        1e-14, 1e-6, "m3/(s Pa)", "What the relief valve passes above that", 2e-10
+    )
+    restrictor: Quantity = _number(
+        1e-15, 1e-3, "m3/(s sqrt(Pa))",
+        "Flow through the lock valve over the root of its pressure drop", 54.8e-6 / sqrt(88e5),
+    )  # fmt: skip
+    piston_area: Quantity = _number(1e-5, 1.0, "m2", "Area of the piston, 100 mm across", 7.85e-3)
+    pinion_radius: Quantity = _number(1e-3, 1.0, "m", "Radius of the pinion", 0.04)
+    piston_leak: Quantity = _number(1e-18, 1e-6, "m3/(s Pa)", "Laminar leak past the piston", 1e-13)
+    trapped: Quantity = _number(
+        0, 1, "", "Part of the load's pressure that the lock valve keeps at rest", 0.0
+    )
+    bearing_torque: Quantity = _number(
+        1e-3, inf, "N m", "Friction of bearings and packing; inf is a valve that is stuck", 55.0
+    )
+    seating_torque: Quantity = _number(
+        0, 1e6, "N m", "Friction of the seat, in the closed valve", 15.0
+    )
+    dynamic_torque: Quantity = _number(
+        0, 1e6, "N m", "Torque of the flow, which closes the valve", 20.0
+    )
+    no_load_current: Quantity = _number(0, 1e3, "A", "Magnetising current of the motor", 0.7)
+    torque_constant: Quantity = _number(
+        1e-3, 1e4, "N m/A", "Shaft torque over active current", 4.15
+    )
+    pump_efficiency: Quantity = _number(0.05, 1, "", "Mechanical efficiency of the pump", 0.85)
+    friction: Quantity = _number(0, 1e4, "N m", "Torque that the pump needs beside that", 0.0)
+    voltage: Quantity = _number(1, 1e4, "V", "Line voltage, three phases", 400.0)
+    power_factor: Quantity = _number(0.05, 1, "", "Power factor of the motor", 0.85)
+    heat_capacity: Quantity = _number(1, 1e7, "J/K", "Heat capacity of the motor", 4000.0)
+    cooling: Quantity = _number(
+        1e-3, 1e4, "W/K", "Heat that the motor gives off per kelvin above its surroundings", 5.5
+    )
+    ambient: Quantity = _number(
+        -40, 100, "degC", "Temperature around it; IACS UR M40, machinery spaces", 45.0
+    )
+    duty: Quantity = _number(
+        0, 1, "", "Part of the time that it ran before: type S3 15 % of IEC 60034-1", 0.15
+    )
+    motor_time: Quantity = _number(
+        0.1, 3600, "s", "The controller stops a motor that has been running for so long", 20.0
+    )
 
     def __post_init__(self) -> None:
-        """Check every number."""
-        for field in fields(self):
-            unit, low, high = _LEGAL[field.name]
-            value = check_quantity(field.name, getattr(self, field.name), unit, low=low, high=high)
-            object.__setattr__(self, field.name, value)
+        """Check that all arrays have one length."""
         lengths = {len(value) for value in self._arrays()}
         if len(lengths) > 1:
             raise ArgumentError(
@@ -164,7 +115,7 @@ class Actuator:
 
     @property
     def stroke_volume(self) -> Quantity:
-        """Oil that a quarter turn takes [m3]."""
+        """Oil for a quarter turn [m3]."""
         return self.piston_area * self.pinion_radius * (pi / 2)
 
     def _arrays(self) -> list[npt.NDArray[np.float64]]:

@@ -1,4 +1,4 @@
-"""Diagnosis of valves by the rule table: which faults are reported when, and why.
+"""What the sensors of valves read over time, and what the rule table says of it, and why.
 
 That it finds the faults of our own simulator verifies code: those faults are made to fit the rules.
 It does not validate the method.
@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
+from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.rule_table import rule_base
-from shipnet.ballast.sensors import WINDOW, position_speed
-from shipnet.ballast.simulation import Run, running_time, stroke_rows, valve_row
+from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import Samples, check_method
@@ -25,11 +26,254 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-
 Floats = npt.NDArray[np.float64]
-
-
 Flags = npt.NDArray[np.bool_]
+
+#: What 100 % of the operating display is for each sensor, in its unit.
+_FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
+
+#: Shorter travels than this say little about a whole stroke [%]; our choice.
+_SHORTEST = 20.0
+
+#: Valve readings whose strengths are held at once: 12 rules of them take 25 MB.
+_AT_ONCE = 2**18
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What was read, one row per instant, as `simulate` returns it.
+
+    Parameters
+    ----------
+    time : ndarray of float, shape (n_times,)
+        When [s]; not evenly spaced if it was idle in between.
+    readings : ndarray of float, shape (n_times, 5, n_valves)
+        FP, OP [bar], MC [A], OT [degC], VPos [%].
+    DVPos : ndarray of float, shape (n_times, n_valves)
+        By how much VPos has changed within the last second, up or down [%/s]; NaN unless the motor
+        has been running in one direction for all of it.
+    running, moving, active : ndarray of bool, shape (n_times, n_valves)
+        The motor runs; the valve turns; a command has not been fulfilled.
+    opening : ndarray of float, shape (n_times, n_valves)
+        True opening, 0..1, which no sensor knows.
+    movements : tuple of Movement
+        Runs of motors that ended meanwhile.
+
+    Examples
+    --------
+    >>> from shipnet.ballast import Command, simulate
+    >>> run = simulate(1, [Command("open", 1.0)], until=12)
+    >>> run.VPos[::20, 0].round().tolist()
+    [0.0, 11.0, 33.0, 56.0, 78.0, 100.0, 100.0]
+    """
+
+    time: Floats
+    readings: Floats
+    DVPos: Floats
+    running: Flags
+    moving: Flags
+    active: Flags
+    opening: Floats
+    movements: tuple[Movement, ...]
+
+    @property
+    def n_valves(self) -> int:
+        """Number of valves."""
+        return int(self.readings.shape[2])
+
+    @property
+    def FP(self) -> Floats:
+        """Pump pressure, shape (n_times, n_valves) [bar]."""
+        return self.readings[:, 0]
+
+    @property
+    def OP(self) -> Floats:
+        """Operating pressure, shape (n_times, n_valves) [bar]."""
+        return self.readings[:, 1]
+
+    @property
+    def MC(self) -> Floats:
+        """Motor current, shape (n_times, n_valves) [A]."""
+        return self.readings[:, 2]
+
+    @property
+    def OT(self) -> Floats:
+        """Motor temperature, shape (n_times, n_valves) [degC]."""
+        return self.readings[:, 3]
+
+    @property
+    def VPos(self) -> Floats:
+        """Valve position, shape (n_times, n_valves) [%]."""
+        return self.readings[:, 4]
+
+    @property
+    def samples(self) -> dict[str, Floats]:
+        """All channels by their name in the rule table, DVPos included."""
+        found = {channel.name: self.readings[:, k] for k, channel in enumerate(CHANNELS)}
+        return found | {"DVPos": self.DVPos}
+
+    def valve(self, valve: int) -> pd.DataFrame:
+        """Return the columns of one valve, counted from 1, indexed by ``time_s``."""
+        import pandas as pd
+
+        k = check_whole("valve", valve, 1, self.n_valves) - 1
+        columns = {c.column: self.readings[:, place, k] for place, c in enumerate(CHANNELS)}
+        columns["DVPos_percent_per_s"] = self.DVPos[:, k]
+        flags = {name: getattr(self, name)[:, k] for name in ("running", "moving", "active")}
+        return pd.DataFrame(columns | flags, index=pd.Index(self.time, name="time_s"))
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per instant and valve, indexed by ``valve`` and ``time_s``."""
+        import pandas as pd
+
+        tables = {k: self.valve(k) for k in range(1, self.n_valves + 1)}
+        return pd.concat(tables, names=["valve"])
+
+    def strokes(self) -> pd.DataFrame:
+        """Return one row per run of a motor that has ended, from what sensors and clock say.
+
+        ``valve``, ``action``, ``start_s``, ``end_s``, ``outcome``; ``duration_s``;
+        ``travel_percent`` of VPos; ``stroke_s``, the time of a whole stroke at that speed (NaN for
+        a way of less than 20 %); medians ``FP_bar``, ``MC_A`` and maxima ``OP_max_bar``,
+        ``OT_max_degC`` while the motor ran.
+        """
+        import pandas as pd
+
+        strokes = stroke_rows(self)
+        rows = np.full((len(strokes), 5), np.nan)
+        for row, moved in zip(rows, self.movements, strict=True):
+            first, last = np.searchsorted(self.time, [moved.start - 1e-9, moved.end + 1e-9])
+            if last - first < 1:
+                continue
+            seen = self.readings[first:last, :, moved.valve]
+            # The reading after the end is that of the place where it stopped.
+            place = self.readings[min(last, self.time.size - 1), 4, moved.valve]
+            row[0] = abs(place - seen[0, 4])
+            row[1:3] = np.median(seen[:, [0, 2]], axis=0)
+            row[3:5] = seen[:, [1, 3]].max(axis=0)
+        names = ["travel_percent", "FP_bar", "MC_A", "OP_max_bar", "OT_max_degC"]
+        table = strokes.join(pd.DataFrame(rows, columns=names))
+        far = table["travel_percent"].where(table["travel_percent"] >= _SHORTEST)
+        table["stroke_s"] = 100 * table["duration_s"] / far
+        return table
+
+    def diagnose(
+        self,
+        rules: RuleBase | None = None,
+        method: str = "fuzzy",
+        *,
+        k: int = 3,
+        n: int = 5,
+        threshold: float = 0.5,
+    ) -> Diagnosis:
+        """Diagnose all valves at all instants; the rules are those of the paper by default.
+
+        A code is active if its rule fired in `k` or more of the last `n` instants. `method` is
+        ``fuzzy``, ``midpoint`` or ``crisp``; with the last, which takes the table as printed, DVPos
+        counts at any time, with the others while a command is active only.
+        """
+        return diagnose_run(self, rules, method=method, k=k, n=n, threshold=threshold)
+
+    def plot(self, valve: int = 1, ax: Axes | None = None) -> Axes:
+        """Draw the sensors of a valve over time in percent of full scale, after Figure 12."""
+        ax = style.axes(ax)
+        frame = self.valve(valve)
+        ax.fill_between(
+            frame.index, 0, 1, where=frame["running"].to_numpy(), color="0.92", zorder=0,
+            step="post", linewidth=0, label="motor runs", transform=ax.get_xaxis_transform(),
+        )  # fmt: skip
+        for place, channel in enumerate(CHANNELS):
+            full = _FULL[channel.name]
+            said = f"{channel.name}, 100 % = {full:g} {channel.unit}"
+            if channel.name == "VPos":
+                said = "VPos"
+            ax.plot(frame.index, 100 * frame[channel.column] / full, color=f"C{place}", label=said)
+        ax.set(xlabel="time [s]", ylabel="of full scale [%]")
+        ax.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize="small", frameon=False)
+        return ax
+
+    def __repr__(self) -> str:
+        """Return the time, and the numbers of valves and motor runs."""
+        span = f"{self.time[-1] - self.time[0]:g} s, " if self.time.size else ""
+        said = f"{self.n_valves} valve{'s' if self.n_valves != 1 else ''}"
+        n = len(self.movements)
+        return f"Run({span}{said}, {n} motor run{'s' if n != 1 else ''})"
+
+
+def running_time(run: Run, before: npt.ArrayLike = np.nan) -> Floats:
+    """Return for how long each motor has been running in its direction."""
+    running, time = run.running, run.time
+    if not time.size:
+        return np.full(running.shape, np.nan)
+    starts = running.copy()
+    starts[1:] &= ~running[:-1]
+    # A motor that was running before goes on, unless it has been told otherwise.
+    goes_on = running[0] & np.isfinite(np.asarray(before, float))
+    for moved in run.movements:
+        # One that runs at the first instant after its end has been started again there.
+        row = int(np.searchsorted(time, moved.end - 1e-9))
+        if row < time.size and running[row, moved.valve]:
+            starts[row, moved.valve] = True
+            goes_on[moved.valve] &= row > 0
+    began = np.where(starts, time[:, np.newaxis], -np.inf)
+    began[0] = np.where(goes_on, before, began[0])
+    since = time[:, np.newaxis] - np.maximum.accumulate(began, axis=0)
+    return np.where(running, since, np.nan)
+
+
+def stroke_rows(run: Run) -> pd.DataFrame:
+    """Return the runs of motors that have ended: valve, action, times, opening, outcome."""
+    import pandas as pd
+
+    frame = pd.DataFrame(run.movements, columns=list(Movement._fields))
+    frame["valve"] += 1
+    frame["duration_s"] = frame["end"] - frame["start"]
+    return frame.rename(columns={"start": "start_s", "end": "end_s"})
+
+
+def valve_row(run: Run, time: float) -> int:
+    """Return the last instant that is not after a time."""
+    if not run.time.size:
+        raise ArgumentError(f"time is {time!r}; the run has no instants")
+    if not isinstance(time, int | float | np.number) or not time >= run.time[0] - 1e-9:
+        raise ArgumentError(
+            f"time is {time!r} s; it must be a number, and the run begins at {run.time[0]:g} s"
+        )
+    return int(np.searchsorted(run.time, time + 1e-9, side="right")) - 1
+
+
+class Recorder:
+    """Keeps what the sensors of a plant read while something else moves its time on."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
+        self._rows: list[tuple[float, Floats, Flags, Flags, Floats, npt.NDArray[np.int64]]] = []
+        self._first = len(plant.movements)
+
+    def take(self) -> None:
+        """Keep what is read now; twice at the same time counts once."""
+        plant = self.plant
+        if self._rows and self._rows[-1][0] == plant.time:
+            return
+        readings = plant.run_until(plant.time)
+        self._rows.append(
+            (plant.time, readings.copy(), plant.running.copy(), plant.active.copy(),
+             plant.opening.copy(), plant.ran.copy())
+        )  # fmt: skip
+
+    @property
+    def run(self) -> Run:
+        """What was kept."""
+        if not self._rows:
+            raise ArgumentError("nothing has been recorded")
+        columns = [np.array(column) for column in zip(*self._rows, strict=True)]
+        time, readings, running, active, opening, ran = columns
+        # A reading taken at the start is the first of the motor's run.
+        rate = position_speed(time, readings[:, 4], (ran - 1) * self.plant.step)
+        moving = np.zeros_like(running)
+        moving[:-1] = opening[1:] != opening[:-1]
+        movements = tuple(self.plant.movements[self._first :])
+        return Run(time, readings, rate, running, moving, active, opening, movements)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +333,6 @@ def rule_inputs(
     return found
 
 
-#: Valve readings whose strengths are held at once: 12 rules of them take 25 MB.
-_AT_ONCE = 2**18
-
-
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """What is reported of every valve at every instant, as `Run.diagnose` returns it.
@@ -125,9 +365,7 @@ class Diagnosis:
 
     Examples
     --------
-    >>> from shipnet.ballast.plant import Command
-    >>> from shipnet.ballast.simulation import simulate
-    >>> from shipnet.ballast.valve_faults import Fault
+    >>> from shipnet.ballast import Command, Fault, simulate
     >>> stuck = Fault("V1", valves=2)
     >>> run = simulate(2, [Command("open", 1.0)], faults=stuck, until=25, rng=2024)
     >>> found = run.diagnose()
@@ -247,9 +485,25 @@ class Diagnosis:
 
     def plot(self, valve: int = 1, ax: Axes | None = None) -> Axes:
         """Draw the greatest strength of each rule, and what was found, after Figure 13."""
-        from shipnet.ballast.plot import plot_diagnosis
-
-        return plot_diagnosis(self, ax, valve)
+        ax = style.axes(ax)
+        base = self.base
+        strength = self.firing(valve).strength.max(axis=0)
+        active = [bool(self.active[:, valve - 1, place].any()) for place in range(len(base.codes))]
+        colours = [style.LIMIT["color"] if on else "0.75" for on in active]
+        places = np.arange(len(base.codes))
+        ax.barh(places, strength, color=colours)
+        names = [f"{rule.english or rule.flag} ({rule.code})" for rule in base.rules]
+        ax.set_yticks(places, names, fontsize="small")
+        ax.invert_yaxis()
+        ax.axvline(self.threshold, color="0.3", linestyle=":", linewidth=1)
+        ax.set(xlim=(0, 1.02), xlabel="greatest firing strength [-]")
+        found = [code for code in base.ranking if active[base.codes.index(code)]]
+        others = f", also {', '.join(found[1:])}" if found[1:] else ""
+        ax.set_title(
+            f"diagnosis: {found[0]}{others}" if found else "diagnosis: normal", loc="left",
+            fontsize="medium", color=style.LIMIT["color"] if found else "C2",
+        )  # fmt: skip
+        return ax
 
     def __repr__(self) -> str:
         """Return the numbers of valves and alarms, and the top fault of each that has one."""

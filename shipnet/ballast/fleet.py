@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shipnet.ballast.diagnosis import Diagnosis, diagnose_run
-from shipnet.ballast.plant import Command
+from shipnet import style
+from shipnet.ballast.diagnosis import Diagnosis, diagnose_run, stroke_rows
+from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.scan import System, as_system
-from shipnet.ballast.simulation import blocks, stroke_rows
-from shipnet.ballast.valve_faults import FAULTS, Fault
+from shipnet.ballast.simulation import blocks
 from shipnet.fields import check_scalar
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.intervals import event_interval
@@ -154,9 +154,30 @@ class FleetReport:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw when each fault appeared, when its valve was moved, and when it was reported."""
-        from shipnet.ballast.plot import plot_history
-
-        return plot_history(self, ax)
+        ax = style.axes(ax)
+        faults, commands = self.faults(), self.commands
+        hour = 3600.0
+        rows = np.arange(len(faults))
+        known = faults["alarm_s"].fillna(self.duration).to_numpy()
+        start = faults["start_s"].to_numpy()
+        names = []
+        for row, (valve, code) in enumerate(faults[["valve", "code"]].itertuples(index=False)):
+            names.append(f"{code}, valve {valve}")
+            moved = commands.loc[commands["valve"] == valve, "start_s"] / hour
+            ax.plot(
+                moved, np.full(len(moved), row), "|", color="0.55", markersize=11,
+                label="_" if row else "valve is moved",
+            )  # fmt: skip
+        red = style.LIMIT["color"]
+        ax.hlines(rows, start / hour, known / hour, color=red, linewidth=3, label="unknown")
+        ax.plot(start / hour, rows, "o", color=red, markersize=5, label="fault appears")
+        found = faults["alarm_s"].notna().to_numpy()
+        ax.plot(known[found] / hour, rows[found], "D", color="C2", markersize=6, label="reported")
+        ax.set_yticks(rows, names, fontsize="small")
+        ax.invert_yaxis()
+        ax.set(xlabel="time [h]", xlim=(0, self.duration / hour))
+        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, frameon=False, fontsize="small")
+        return ax
 
 
 def run_fleet(

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from shipnet.ballast.diagnosis import diagnose_run
+from shipnet.ballast.diagnosis import Recorder, Run, diagnose_run
 from shipnet.ballast.master import Screen, Station, received_run, valve_states
-from shipnet.ballast.plant import Plant
+from shipnet.ballast.plant import FAULTS, Fault, Plant
 from shipnet.ballast.registers import (
     COMMAND_REGISTER,
     FIRST_REGISTER,
@@ -27,9 +27,7 @@ from shipnet.ballast.registers import (
     Status,
 )
 from shipnet.ballast.scan import READ_STATUS, status_poll
-from shipnet.ballast.simulation import Recorder, Run
 from shipnet.ballast.slave import ValveDevice, valve_slaves
-from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase

@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
+from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.plant import Fault as ValveFault
 from shipnet.ballast.registers import COMMAND_REGISTER, MISSING, Code, RegisterMap
 from shipnet.ballast.scan import READ_STATUS, System, command_poll
 from shipnet.ballast.sensors import CHANNELS, position_speed
-from shipnet.ballast.simulation import Run
 from shipnet.ballast.slave import valve_slaves
-from shipnet.ballast.valve_faults import Fault as ValveFault
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
@@ -44,6 +45,17 @@ Ints = npt.NDArray[np.int64]
 
 #: What a valve can be on the screen. The first that holds counts.
 STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
+
+#: Colour of each state on the screen, in the order of the legend.
+STATE_COLOURS = {
+    "open": "C2",
+    "closed": "C0",
+    "part open": "C9",
+    "moving": "C1",
+    "fault": style.LIMIT["color"],
+    "silent": "0.35",
+    "not seen": "0.8",
+}
 
 
 #: A valve within this of an end counts as open or closed [%]; the paper does not say.
@@ -144,9 +156,56 @@ class Screen:
         self, selected: int | None = None, ax: Axes | None = None, *, columns: int = 32
     ) -> Axes:
         """Draw a bar and a number per valve, coloured by its state; the selected one is framed."""
-        from shipnet.ballast.plot import plot_screen
-
-        return plot_screen(self.shown, ax, selected, columns)
+        ax = style.axes(ax)
+        units = self.shown.index.to_numpy()
+        wide = min(len(units), columns)
+        rows = -(-len(units) // wide)
+        size = 9 if wide <= 20 else 6
+        places = np.arange(len(units))
+        x, y = places % wide, rows - 1 - places // wide
+        position, framed = self.shown["position_percent"].to_numpy(float), units == selected
+        colours = [STATE_COLOURS[state] for state in self.shown["state"]]
+        ax.bar(
+            x, 0.62, 0.84, y, color="0.94", linewidth=np.where(framed, 2.0, 0.5),
+            edgecolor=["k" if frame else "0.7" for frame in framed],
+        )  # fmt: skip
+        part = 0.62 * np.clip(np.nan_to_num(position), 0, 100) / 100
+        # A strip of colour is left of a closed valve.
+        ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=colours)
+        for place, unit in enumerate(units):
+            said = "-" if np.isnan(position[place]) else f"{position[place]:.0f}"
+            where = x[place], y[place]
+            texts = (
+                ax.text(where[0], where[1] + 0.33, said, ha="center", va="center", fontsize=size),
+                ax.text(
+                    where[0], where[1] - 0.04, str(unit), ha="center", va="top", fontsize=size - 1,
+                    color="0.4",
+                ),
+            )  # fmt: skip
+            for text in texts:
+                # It stands within the axes, and hundreds of them take their time to measure.
+                text.set_in_layout(False)
+        ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[], yticks=[])
+        ax.grid(False)
+        for spine in ax.spines.values():
+            spine.set_visible(False)
+        present = [state for state in STATE_COLOURS if (self.shown["state"] == state).any()]
+        for state in present:
+            ax.fill_between([], [], color=STATE_COLOURS[state], label=state)
+        ax.legend(
+            loc="lower left", bbox_to_anchor=(0, 1), ncols=len(present), frameon=False,
+            fontsize="small",
+        )  # fmt: skip
+        ax.text(
+            1,
+            1.02,
+            "position [%]",
+            transform=ax.transAxes,
+            ha="right",
+            va="bottom",
+            fontsize="small",
+        )
+        return ax
 
 
 @dataclass(frozen=True, eq=False)

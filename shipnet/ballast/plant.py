@@ -1,19 +1,22 @@
-"""Commands, and valves that carry them out: relays, limit switches, sensors, step by step.
+"""Commands, faults, and valves that carry them out: relays, limit switches, sensors, step by step.
 
 Opening and motor temperature are the state; pressures and current follow from them at every
-instant.
+instant. What a fault changes is our reading: the paper says how it was seen, not what was broken.
+The values at severity 1 are chosen so that the rule of the fault is met; a diagnosis that finds
+them verifies code, it does not validate the rules.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from math import ceil, floor
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from math import ceil, floor, inf
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import clock
 from shipnet.ballast.actuator import (
     Actuator,
     Hydraulics,
@@ -23,10 +26,12 @@ from shipnet.ballast.actuator import (
     motor_current,
     steady_temperature,
 )
-from shipnet.ballast.sensors import Sensors
-from shipnet.ballast.valve_faults import Fault, faulty
+from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_scalar, check_whole, choice, number, record
+
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 #: What a command may ask for, besides a position.
 ACTIONS = ("open", "close", "stop")
@@ -35,8 +40,28 @@ ACTIONS = ("open", "close", "stop")
 #: longest run of a motor.
 _GROUP_PAUSE = 30.0
 
+#: A valve so near to the position asked for does not start [%]; our assumption.
+DEAD_BAND = 0.5
 
-@dataclass(frozen=True)
+#: Where the readings of temperature and position stand.
+_OT, _VPOS = 3, 4
+
+
+def _numbers(valves: int | Iterable[int] | None) -> tuple[int, ...] | None:
+    """Return the numbers of valves as a tuple; None means all."""
+    if valves is None:
+        return None
+    many = valves if isinstance(valves, Iterable) else (valves,)
+    return tuple(check_whole("valve", valve, 1, 10_000) for valve in many)
+
+
+def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
+    """Return the places of these valves among `n_valves`, counted from 0."""
+    known = range(1, n_valves + 1) if valves is None else _numbers(valves) or ()
+    return [check_whole("valve", valve, 1, n_valves) - 1 for valve in known]
+
+
+@record
 class Command:
     """A command to some valves.
 
@@ -63,24 +88,19 @@ class Command:
     """
 
     action: str | float
-    time: float = 0.0
+    time: float = number(0, 1e9, "s", "When it is given", default=0.0)
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:
-        """Check every field."""
-        if isinstance(self.action, str):
-            if self.action not in ACTIONS:
-                raise ArgumentError(
-                    f"action is {self.action!r}; it must be one of {', '.join(ACTIONS)}, or a "
-                    "position 0..100 %"
-                )
-        else:
+        """Check action and valves."""
+        if not isinstance(self.action, str):
             object.__setattr__(self, "action", check_scalar("position", self.action, "%", 0, 100))
-        object.__setattr__(self, "time", check_scalar("time", self.time, "s", 0, 1e9))
-        if self.valves is not None:
-            many = self.valves if isinstance(self.valves, Iterable) else (self.valves,)
-            checked = tuple(check_whole("valve", valve, 1, 10_000) for valve in many)
-            object.__setattr__(self, "valves", checked)
+        elif self.action not in ACTIONS:
+            raise ArgumentError(
+                f"action is {self.action!r}; it must be one of {', '.join(ACTIONS)}, or a "
+                "position 0..100 %"
+            )
+        object.__setattr__(self, "valves", _numbers(self.valves))
 
     @property
     def position(self) -> float | None:
@@ -94,11 +114,8 @@ class Command:
 
     def mask(self, n_valves: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return which of this number of valves are meant, valve 1 first."""
-        if self.valves is None:
-            return np.ones(n_valves, bool)
         meant = np.zeros(n_valves, bool)
-        for valve in self.valves:  # type: ignore[union-attr]
-            meant[check_whole("valve", valve, 1, n_valves) - 1] = True
+        meant[_places(self.valves, n_valves)] = True
         return meant
 
     @classmethod
@@ -127,14 +144,187 @@ class Command:
                 f"until is {until:g} s; {times} operations of {lasts:g} s take {times * lasts:g} s"
             )
         plan, generator = [], np.random.default_rng(rng)
-        for place in range(times):
-            begin = place * share + generator.uniform(0, share - lasts)
+        for turn in range(times):
+            begin = turn * share + generator.uniform(0, share - lasts)
             order = generator.permutation(valves)
-            for number, first in enumerate(range(0, valves, size)):
+            for place, first in enumerate(range(0, valves, size)):
                 members = [int(valve) + 1 for valve in order[first : first + size]]
-                when = begin + number * _GROUP_PAUSE
-                plan.append(cls(("open", "close")[place % 2], when, valves=members))
+                when = begin + place * _GROUP_PAUSE
+                plan.append(cls(("open", "close")[turn % 2], when, valves=members))
         return plan
+
+
+#: What severity s makes of a number: a factor that grows evenly or by powers, a factor without
+#: bound, or something added. Severity 0 leaves the number as it is, to the last bit.
+_LAWS = {
+    "linear": lambda number, value, s: number * (1 + (value - 1) * s),
+    "power": lambda number, value, s: number * value**s,
+    "stuck": lambda number, value, s: number / np.maximum(1 - s, 0.0),
+    "added": lambda number, value, s: number + value * s,
+}
+
+
+class Change(NamedTuple):
+    """What a fault does to one number."""
+
+    target: str
+    law: str
+    value: float
+
+
+#: Meaning and changes by the code of the rule table.
+FAULTS: dict[str, tuple[str, tuple[Change, ...]]] = {
+    "G1": ("pressure gauge reads too high", (Change("FP", "added", 125.0),)),
+    "P1": (
+        "discharge blocked and pump seizing",
+        (Change("restrictor", "linear", 0.02), Change("friction", "added", 10.6)),
+    ),
+    "P2": ("pump leaks inside", (Change("pump_leak", "power", 821.0),)),
+    "V1": ("valve stuck", (Change("bearing_torque", "stuck", np.inf),)),
+    "V2": ("piston leaks", (Change("piston_leak", "power", 6000.0),)),
+    "O1": ("motor no longer cooled", (Change("cooling", "linear", 0.1),)),
+    "S1": ("position reads too high, cylinder vented", (Change("VPos", "added", 5.0),)),
+    "S2": ("position reads too low, cylinder vented", (Change("VPos", "added", -5.0),)),
+    "Pos1": (
+        "position reads too high, pressure trapped",
+        (Change("VPos", "added", 5.0), Change("trapped", "added", 1.0)),
+    ),
+    "Pos2": (
+        "position reads too low, pressure trapped",
+        (Change("VPos", "added", -5.0), Change("trapped", "added", 1.0)),
+    ),
+    "Pos3": ("position reads far too high", (Change("VPos", "added", 15.0),)),
+    "Pos4": ("position reads far too low", (Change("VPos", "added", -15.0),)),
+}
+
+
+_SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
+
+
+@record
+class Fault(clock.Fault):
+    """A fault of some valves.
+
+    Parameters
+    ----------
+    code : str
+        Code of the rule table: G1, P1, P2, V1, V2, O1, S1, S2 or Pos1 to Pos4.
+    severity : float or array of float, shape (n,), default 1
+        0 healthy to 1; an array has one value for each valve of `valves`.
+    valves : int, sequence of int or None, default None
+        Which valves have it, counted from 1; None is all.
+    start : float, default 0
+        When it begins [s]. A motor that is not cooled from time 0 on has been so for long, and is
+        as warm as that makes it.
+    stop : float, default inf
+        When it ends [s]; a valve stays where the fault left it.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such code, or a number is out of its range.
+
+    Examples
+    --------
+    >>> Fault("V3")
+    Traceback (most recent call last):
+        ...
+    shipnet.errors.ArgumentError: code is 'V3'; it must be one of 'G1', 'P1', 'P2', 'V1', 'V2', ...
+    >>> fault = Fault.parse("3:P2:0.5")
+    >>> fault.code, fault.severity, fault.valves
+    ('P2', 0.5, (3,))
+    """
+
+    code: str = choice(tuple(FAULTS))
+    severity: float | Floats = number(0, 1, default=1.0, many=True)
+    valves: int | Iterable[int] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the times and the valves."""
+        super().__post_init__()
+        object.__setattr__(self, "valves", _numbers(self.valves))
+
+    def severities(self, n_valves: int) -> Floats:
+        """Return how severe it is for each valve, shape (n_valves,)."""
+        mine = _places(self.valves, n_valves)
+        if np.ndim(self.severity) and np.size(self.severity) != len(mine):
+            raise ArgumentError(
+                f"severity of {self.code} has {np.size(self.severity)} values for {len(mine)} "
+                "valves"
+            )
+        found = np.zeros(n_valves)
+        found[mine] = self.severity
+        return found
+
+    @classmethod
+    def parse(cls, text: str, n_valves: int = 247) -> Fault:
+        """Return the fault that a text such as ``3:V1:0.8`` names: valve, code and severity."""
+        parts = text.split(":")
+        try:
+            if len(parts) not in (2, 3):
+                raise ValueError
+            unit, severity = int(parts[0]), float(parts[2]) if parts[2:] else 1.0
+        except ValueError:
+            raise ArgumentError(
+                f"fault is {text!r}; it must be VALVE:CODE or VALVE:CODE:SEVERITY, such as 3:V1:0.8"
+            ) from None
+        try:
+            return cls(parts[1], severity, valves=check_whole("valve", unit, 1, n_valves))
+        except ArgumentError as error:
+            raise ArgumentError(f"fault {text!r}: {error}") from None
+
+    @classmethod
+    def random(
+        cls,
+        n_faults: int,
+        *,
+        n_valves: int = 256,
+        until: float = 86400.0,
+        codes: Sequence[str] = tuple(FAULTS),
+        severity: float | tuple[float, float] = 1.0,
+        rng: Any = None,
+    ) -> list[Fault]:
+        """Return faults that appear at random times up to `until` [s], each on its own valve.
+
+        All `codes` come up equally often but for one; `severity` is one for all, or the lowest and
+        the highest, 0..1.
+        """
+        if not codes:
+            raise ArgumentError("codes is empty; it must name one fault or more")
+        valves = check_whole("n_valves", n_valves, 1, 10_000)
+        count = check_whole("n_faults", n_faults, 0, valves)
+        end = check_scalar("until", until, "s", 0, 1e8)
+        low, high = severity if isinstance(severity, tuple) else (severity, severity)
+        low = check_scalar("severity", low, "", 0, 1)
+        high = check_scalar("severity", high, "", low, 1)
+        generator = np.random.default_rng(rng)
+        names = np.resize(np.array(codes, dtype=object), count)
+        generator.shuffle(names)
+        where = generator.choice(valves, count, replace=False)
+        when, how = np.sort(generator.uniform(0, end, count)), generator.uniform(low, high, count)
+        return [
+            cls(str(code), float(s), int(valve) + 1, start=float(t))
+            for code, s, t, valve in zip(names, how, when, where, strict=True)
+        ]
+
+
+def faulty(actuator: Actuator, faults: Iterable[Fault], n_valves: int) -> tuple[Actuator, Floats]:
+    """Return what faults make of an actuator and its sensors, once they have begun."""
+    n = check_whole("n_valves", n_valves, 1, 10_000)
+    offsets = np.zeros((len(CHANNELS), n))
+    numbers: dict[str, Any] = {}
+    for fault in faults:
+        severity = fault.severities(n)
+        for target, law, value in FAULTS[fault.code][1]:
+            if target in _SENSORS:
+                offsets[_SENSORS[target]] += value * severity
+                continue
+            number = numbers.get(target, getattr(actuator, target))
+            with np.errstate(divide="ignore"):
+                numbers[target] = _LAWS[law](number, value, severity)
+    if "trapped" in numbers:
+        numbers["trapped"] = np.minimum(numbers["trapped"], 1.0)
+    return replace(actuator, **numbers), offsets
 
 
 class Movement(NamedTuple):
@@ -146,20 +336,6 @@ class Movement(NamedTuple):
     end: float
     opening: float
     outcome: str
-
-
-Floats = npt.NDArray[np.float64]
-
-
-Flags = npt.NDArray[np.bool_]
-
-
-#: A valve so near to the position asked for does not start [%]; our assumption.
-DEAD_BAND = 0.5
-
-
-#: Where the readings of temperature and position stand.
-_OT, _VPOS = 3, 4
 
 
 class Plant:
@@ -192,7 +368,9 @@ class Plant:
         self.step = check_scalar("step", step, "s", 1e-3, 1.0)
         self.faults = list(faults)
         self._rng = rng
-        self._starts = sorted({self.ticks(fault.start) for fault in self.faults})
+        times = {time for fault in self.faults for time in (fault.start, fault.stop)} - {inf}
+        #: Readings at which a fault begins or ends.
+        self.changes = sorted(map(self.ticks, times))
         place = np.asarray(opening, float)
         if place.shape not in ((), (self.n_valves,)) or not ((place >= 0) & (place <= 1)).all():
             raise ArgumentError(
@@ -211,7 +389,7 @@ class Plant:
         self._target, self._action = np.full(n, np.nan), ["open"] * n
         self._load: Floats | None
         self._driven: Hydraulics | None
-        self._break()
+        self._change()
         # The strokes before were those of a healthy valve, but perhaps without cooling.
         before = replace(self._healthy, cooling=self._actuator.cooling)
         self.temperature = np.broadcast_to(steady_temperature(before), n).copy()
@@ -271,7 +449,7 @@ class Plant:
     def advance(self, ticks: int = 1) -> None:
         """Let time pass, and motors stop where they should."""
         count = check_whole("ticks", ticks, 1, 10**9)
-        if count > 1 and (self._busy or self._next_start < self.tick + count):
+        if count > 1 and (self._busy or self._next_change < self.tick + count):
             raise ArgumentError(f"ticks is {count}; it must be 1 here, for something happens")
         heat: npt.ArrayLike = 0.0
         if self._busy:
@@ -286,7 +464,7 @@ class Plant:
         """Read the sensors and let time pass, again and again, while nothing happens."""
         many = check_whole("count", count, 1, 10**6)
         steps = check_whole("ticks", ticks, 1, 10**9)
-        if self._busy or self._next_start < self.tick + many * steps or self.watchers:
+        if self._busy or self._next_change < self.tick + many * steps or self.watchers:
             raise ArgumentError(f"count is {many}; something happens within {many * steps} steps")
         truth = np.repeat((self._truth() + self._offsets)[np.newaxis], many, axis=0)
         aim, fading = self._cooling(steps, 0.0)
@@ -306,14 +484,14 @@ class Plant:
 
     def _pass(self, ticks: int) -> None:
         self.tick += ticks
-        if self.tick >= self._next_start:
-            self._break()
+        if self.tick >= self._next_change:
+            self._change()
 
     def run_until(self, time: float) -> Floats:
         """Let time pass up to the last reading that is not after a time."""
         last = floor(time / self.step + 1e-6)
         while self.tick < last:
-            jump = 1 if self._busy else min(last, self._next_start) - self.tick
+            jump = 1 if self._busy else min(last, self._next_change) - self.tick
             self.advance(int(jump))
         if self._stale or self._measured != self.tick:
             self.measure()
@@ -391,13 +569,14 @@ class Plant:
         truth[_VPOS] = 100 * self.opening
         return truth
 
-    def _break(self) -> None:
-        """Let the faults begin that are due."""
+    def _change(self) -> None:
+        """Let the faults act that have begun and not ended."""
         for fault in self.faults:
             fault.severities(self.n_valves)  # refuses a valve that is not there before it is due
-        due = [fault for fault in self.faults if self.ticks(fault.start) <= self.tick]
+        now = self.tick * self.step + 1e-6 * self.step
+        due = [fault for fault in self.faults if fault.start <= now < fault.stop]
         self._actuator, self._offsets = faulty(self._healthy, due, self.n_valves)
         self._oil, self._volume = Oil(self._actuator), np.asarray(self._actuator.stroke_volume)
         self._load = self._driven = None
-        later = [start for start in self._starts if start > self.tick]
-        self._next_start = later[0] if later else np.inf
+        later = [change for change in self.changes if change > self.tick]
+        self._next_change = later[0] if later else inf

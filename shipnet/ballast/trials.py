@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.diagnosis import Diagnosis, diagnose_run
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
-from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
@@ -130,9 +130,30 @@ class Trials:
 
     def plot(self, method: str = "fuzzy", ax: Axes | None = None) -> Axes:
         """Draw the confusion as shares of the rows."""
-        from shipnet.ballast.plot import plot_confusion
-
-        return plot_confusion(self.confusion(method), ax)
+        table = self.confusion(method)
+        ax = style.axes(ax)
+        count = table.to_numpy(float)
+        total = count.sum(axis=1, keepdims=True)
+        share = np.divide(count, total, out=np.zeros_like(count), where=total > 0)
+        ax.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
+        ax.autoscale(False)
+        for (row, column), value in np.ndenumerate(share):
+            if table.index[row] == table.columns[column]:
+                ax.bar(column, 1, 1, row - 0.5, fill=False, edgecolor="0.3", linewidth=1)
+            if value > 0:
+                ax.text(
+                    column, row, f"{100 * value:.0f}" if value >= 0.005 else "<1", fontsize=8,
+                    ha="center", va="center", color="white" if value > 0.6 else "0.1",
+                )  # fmt: skip
+        ax.set_xticks(range(len(table.columns)), [str(name) for name in table.columns], fontsize=8)
+        ax.set_yticks(range(len(table.index)), [str(name) for name in table.index], fontsize=8)
+        ax.set_xticks(np.arange(len(table.columns) - 1) + 0.5, minor=True)
+        ax.set_yticks(np.arange(len(table.index) - 1) + 0.5, minor=True)
+        ax.grid(visible=False)
+        ax.grid(visible=True, which="minor", color="0.88")
+        ax.tick_params(which="both", length=0)
+        ax.set(xlabel="top-ranked fault [% of the row]", ylabel="fault of the valve")
+        return ax
 
 
 def fault_trials(

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import style
 from shipnet.ballast.actuator import Actuator, hydraulics, load_pressure, stroke_time
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
@@ -184,8 +185,6 @@ class Prediction:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what was read, its trend with the interval, and the limit."""
-        from shipnet.ballast.plot import plot_trend
-
         strokes, k = np.arange(self.at), self.valve - 1
         pressure = self.wear.FP[: self.at, k]
         shown: dict[str, tuple[Floats, float, str]] = {
@@ -198,7 +197,7 @@ class Prediction:
             ),
         }
         values, limit, label = shown[self.predictor]
-        axes = plot_trend(self.trend, strokes, values, limit=limit, ax=ax)
+        axes = self.trend.plot(strokes, values, limit=limit, ax=ax)
         axes.set(xlabel="stroke", ylabel=label)
         return axes
 
@@ -352,6 +351,40 @@ class Trend:
         root = w**2 * gap**2 + self.margin**2 * square
         ends = [(self.slope * gap + side * sqrt(root)) / square for side in (-1, 1)]
         return Crossing(estimate, x + ends[0], x + ends[1])
+
+    def plot(
+        self, x: npt.ArrayLike, y: npt.ArrayLike, *, limit: float, ax: Axes | None = None
+    ) -> Axes:
+        """Draw points, this trend of them with its interval, and the limit that it runs to."""
+        ax = style.axes(ax)
+        places, values = np.asarray(x, float), np.asarray(y, float)
+        ax.plot(places, values, ".", color="C0", markersize=3, label="read")
+        ax.axhline(limit, **style.LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
+        found = self.crossing(limit)
+        first, last = float(places.min()), float(places.max())
+        if self.found:
+            # A crossing far away, or in the past, does not set the scale.
+            far = first + 5 * (last - first)
+            end = found.estimate if last < found.estimate < far else last
+            stop = end + 0.25 * (end - first)
+            grid = np.linspace(first, stop, 200)
+            low, high = self.band(grid)
+            ax.plot(grid, self.at(grid), color="C2", label="trend")
+            share = f"{100 * self.confidence:g} % of it"
+            ax.fill_between(grid, low, high, color="C2", alpha=0.25, linewidth=0, label=share)
+            ax.set_xlim(first, stop)
+            if found.estimate <= stop:
+                ends = np.array([[found.estimate - found.low], [found.high - found.estimate]])
+                ax.errorbar(
+                    [found.estimate], [limit], xerr=np.clip(ends, 0, stop), fmt="o", color="C2",
+                    capsize=4, markersize=5, label="end of life",
+                )  # fmt: skip
+        else:
+            ax.plot([], [], " ", label="no trend")
+        if self.method == "log-linear":
+            ax.set_yscale("log")
+        ax.legend(fontsize=8)
+        return ax
 
     def _side(self, u: Floats, side: int) -> Floats:
         if self.method == "theil-sen":

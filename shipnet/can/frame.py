@@ -388,7 +388,7 @@ def decode(bits: str) -> Frame:
     Returns
     -------
     Frame
-        What was sent. Its `bits` are those given but perhaps for the last of end of frame.
+        What was sent. Its `bits` equal those given, except perhaps the last of end of frame.
 
     Raises
     ------
@@ -412,12 +412,12 @@ def decode(bits: str) -> Frame:
     Notes
     -----
     Faults are found in the order in which they pass on the line, and the first is raised; its
-    message names the bit, counted from 0, and the field. The CRC is judged when its last bit has
-    passed. A receiver does not mind the last bit of end of frame: dominant, it is an overload
-    condition [1]_.
+    message names the bit, counted from 0, and the field. The CRC is checked when its last bit has
+    passed. A receiver ignores the last bit of end of frame, which signals an overload condition if
+    it is dominant [1]_.
 
     The specification lets receivers accept reserved bits of either value. Here they are refused,
-    since a `Frame` could not say them: on today's buses they mean CAN FD.
+    because a `Frame` cannot hold them: on today's buses they mean CAN FD.
 
     References
     ----------
@@ -537,7 +537,7 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     Raises
     ------
     ArgumentError
-        If there is no frame, something else is among them, or two do not differ before
+        If `frames` is empty, holds anything but frames, or two of them do not differ before
         their data.
 
     Notes
@@ -559,8 +559,8 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     ((2, 12, None), '000100000100000')
     """
     given = tuple(frames)
-    strange = [frame for frame in given if not isinstance(frame, Frame)]
-    if strange or not given:
+    others = [frame for frame in given if not isinstance(frame, Frame)]
+    if others or not given:
         raise ArgumentError(f"frames are {given!r}; there must be one Frame or more")
     rows = [frame.bits for frame in given]
     ends = [_end(frame) for frame in given]

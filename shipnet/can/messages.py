@@ -149,7 +149,7 @@ _YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": 
 
 
 def set_faults(messages: Iterable[Message]) -> list[tuple[int, str]]:
-    """Return the places of messages whose name or identifier is taken before, and why."""
+    """Return the places of messages whose name or identifier is already taken, and why."""
     names: set[str] = set()
     taken: dict[tuple[int, bool, int], str] = {}
     faults = []
@@ -176,8 +176,8 @@ class MessageSet(Sequence[Message]):
     Raises
     ------
     ArgumentError
-        If something else than a message is in it, or two have the same name or identifier; the
-        error names all of them.
+        If it holds anything but messages, or two have the same name or identifier; the error
+        names all of them.
 
     Examples
     --------
@@ -194,9 +194,9 @@ class MessageSet(Sequence[Message]):
 
     def __init__(self, messages: Iterable[Message]) -> None:
         given = list(messages)
-        strange = [item for item in given if not isinstance(item, Message)]
-        if strange:
-            raise ArgumentError(f"messages hold {strange[0]!r}; all must be of class Message")
+        others = [item for item in given if not isinstance(item, Message)]
+        if others:
+            raise ArgumentError(f"messages hold {others[0]!r}; all must be of class Message")
         faults = set_faults(given)
         if faults:
             raise ArgumentError("; ".join(fault for _, fault in faults))

@@ -203,8 +203,8 @@ def simulate(
     faults : BitErrors, ErrorAt or iterable of them, optional
         What disturbs the bus, from `faults`.
     queue : {"fifo", "overwrite"}, default "fifo"
-        Whether frames of a message queue up behind each other, or the newest replaces one that
-        still waits, as in a controller with one buffer per message.
+        Whether frames of a message queue up, or the newest replaces one that still waits, as in
+        a controller with one buffer per message.
     recover : bool, default True
         Whether a node off the bus comes back after 128 sequences of 11 recessive bits.
     rng : int, numpy.random.Generator or None, optional
@@ -229,7 +229,7 @@ def simulate(
     bus. What disturbs an error frame, overload frames and the lack of an acknowledgement are not
     modelled.
 
-    A simulation finds no bound: other offsets may do worse. See `response_times`.
+    A simulation does not find the worst case; `response_times` bounds it.
 
     References
     ----------

@@ -115,6 +115,22 @@ class Frames(NamedTuple):
     arrival: Integers
     hearers: Integers
 
+    def heard_by(self, box: int, system: System) -> Integers:
+        """Return which frames a box hears, in the order in which they arrive."""
+        others = (self.hearers >> box & 1).astype(bool) & (system.sender[self.message] != box)
+        rows = np.flatnonzero(others)
+        return rows[np.lexsort((self.message[rows], self.arrival[rows]))]
+
+
+def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
+    """Return when the timer of a sender begins to mark its values, as CPU time for `Cpu.at`.
+
+    It does so each time that nothing was `heard` of the sender [ns] for too long.
+    """
+    limit = nanoseconds(system.stale_limit)
+    silent = np.diff(heard, append=heard[-1:] + limit + 1) > limit
+    return cpu.until(heard[silent] + limit)
+
 
 class Views(NamedTuple):
     """What the AMS knows after each answer, one row per answer.
@@ -634,18 +650,21 @@ def _timeline(run: Run, start: float, stop: float) -> Timeline:
 def _cpu(run: Run, box: int) -> _Slices:
     system, cpu, loop = run.system, run.cpus[box], run.loops[box]
     modbus = [(t, t + system.service_ns, "Modbus") for t in cpu.begins.tolist()]
-    heard = (run.sent.hearers >> box & 1).astype(bool) & (system.sender[run.sent.message] != box)
-    work = nanoseconds(system.firmware.receive)
-    order = np.argsort(run.sent.arrival[heard], kind="stable")
-    due = run.sent.arrival[heard][order]
-    left = cpu.queue(due, work) if due.size else due
+    heard = run.sent.heard_by(box, system)
+    due, work = run.sent.arrival[heard], nanoseconds(system.firmware.receive)
+    left = cpu.queue(due, work)
     starts, ends = np.maximum(cpu.at(left), due), cpu.at(left + work)
     can = _without(
         [(a, b, "CAN") for a, b in zip(starts.tolist(), ends.tolist(), strict=True)], modbus
     )
     if system.coding == "printed" and box in system.ports:
-        senders = system.sender[run.sent.message[heard][order]]
-        timer = [m for sender in set(senders) for m in _marks(run, box, ends[senders == sender])]
+        senders, length = system.sender[run.sent.message[heard]], nanoseconds(system.firmware.mark)
+        begun = [marks(system, cpu, ends[senders == sender]) for sender in set(senders)]
+        timer = [
+            (a, b, "timer")
+            for left in begun
+            for a, b in zip(cpu.at(left).tolist(), cpu.at(left + length).tolist(), strict=True)
+        ]
         can += _without(timer, [*modbus, *can])
     whole = loop.queued > NEVER
     begins = cpu.at(loop.work[whole]).tolist()
@@ -653,15 +672,6 @@ def _cpu(run: Run, box: int) -> _Slices:
     steps = [(a, b, "convert") for a, b in zip(begins, converted, strict=True)]
     steps += [(a, b, "send") for a, b in zip(converted, queued, strict=True)]
     return [*modbus, *can, *_without(steps, [*modbus, *can])]
-
-
-def _marks(run: Run, box: int, heard: Integers) -> _Slices:
-    """Return when the timer of a sender marks its values: each time it was silent for too long."""
-    system, cpu = run.system, run.cpus[box]
-    silent = np.append(np.diff(heard) > nanoseconds(system.stale_limit), True)
-    begins = cpu.until(heard[silent] + nanoseconds(system.stale_limit))
-    ends = cpu.at(begins + nanoseconds(system.firmware.mark))
-    return [(a, b, "timer") for a, b in zip(cpu.at(begins).tolist(), ends.tolist(), strict=True)]
 
 
 def _without(slices: _Slices, busy: _Slices) -> _Slices:

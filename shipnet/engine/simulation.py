@@ -29,7 +29,7 @@ from shipnet.engine.faults import (
     ModbusBreak,
     outages,
 )
-from shipnet.engine.run import NEVER, Attempts, Cpu, Frames, Integers, Rounds, Run, Views
+from shipnet.engine.run import NEVER, Attempts, Cpu, Frames, Integers, Rounds, Run, Views, marks
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
@@ -204,15 +204,12 @@ class _Table:
     ) -> None:
         self.system, self.box, self.cpu, self.loop = system, box, cpu, loop
         self.deaths = outages(faults, system.boxes[box], DeadBox)
-        heard = (sent.hearers >> box & 1).astype(bool) & (system.sender[sent.message] != box)
+        rows = sent.heard_by(box, system)
         if lost is not None:
-            heard &= ~lost[box, sent.message, sent.round]
-        rows = np.flatnonzero(heard)
-        rows = rows[np.lexsort((sent.message[rows], sent.arrival[rows]))]
+            rows = rows[~lost[box, sent.message[rows], sent.round[rows]]]
         self.message, self.number = sent.message[rows], sent.round[rows]
         work = nanoseconds(system.firmware.receive)
-        due = sent.arrival[rows]
-        self.done = cpu.at(cpu.queue(due, work) + work) if rows.size else due
+        self.done = cpu.at(cpu.queue(sent.arrival[rows], work) + work)
 
     def read(self, time: Integers) -> tuple[Integers, Integers]:
         """Return the round that every message is from at some times, and the safe sample time.
@@ -248,12 +245,10 @@ class _Table:
     def _marked(self, sender: int, time: Integers) -> Integers:
         """Return when the timer of a sender last marked its values [ns]."""
         heard = self.done[self.system.sender[self.message] == sender]
-        limit = nanoseconds(self.system.stale_limit)
-        silent = np.append(np.diff(heard) > limit, True) if heard.size else np.zeros(0, bool)
         work = nanoseconds(self.system.firmware.mark)
         # In front of all marks stands one that never was.
-        marks = np.append(NEVER, self.cpu.at(self.cpu.until(heard[silent] + limit) + work))
-        return np.asarray(marks[np.searchsorted(marks, time, side="right") - 1])
+        ends = np.append(NEVER, self.cpu.at(marks(self.system, self.cpu, heard) + work))
+        return np.asarray(ends[np.searchsorted(ends, time, side="right") - 1])
 
 
 def _freshest(views: Views, channel: Integers) -> Views:

@@ -1,7 +1,7 @@
 """RS-232, RS-422 and RS-485: what each allows, and which of them fit a line.
 
-The limits are what makers' tables agree on, not what cannot be exceeded: RS-232 has a capacitance
-(2500 pF) rather than a length, and RS-485 neither.
+Makers' tables agree on these limits; the standards themselves limit the capacitance of RS-232
+(2500 pF) rather than its length, and neither for RS-485.
 """
 
 from __future__ import annotations

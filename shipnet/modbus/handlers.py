@@ -22,7 +22,7 @@ Respond = Callable[[Adu], Answer]
 #: The library's constructors ask for a data store, which our handlers never ask.
 _STORE = SimDevice(0, SimData(0, datatype=DataType.REGISTERS))
 
-#: Unsent answers at which a client that does not read is cut off [byte]: 250 of the longest.
+#: Unsent answers at which a client that does not read is disconnected [byte]: 250 of the longest.
 _UNREAD = 1 << 16
 
 #: Bytes before those that the length field of a TCP frame counts, and that length's legal range.
@@ -101,7 +101,7 @@ class _RtuHandler(_Handler):
         """Collect bytes until they are a frame, or until silence."""
         if self.timer is not None:
             self.timer.cancel()
-        # One byte too many is enough to know that it is no frame.
+        # One byte too many is enough to know that it is not a frame.
         self.received = (self.received + data)[: MAX_PDU + RTU_BYTES + 1]
         try:
             adu = decode(self.received)

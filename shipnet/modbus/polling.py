@@ -93,7 +93,7 @@ class Poll:
 
     @property
     def unanswered_time(self) -> float:
-        """One try that nobody answers, from one request to the next [s]."""
+        """An unanswered try, from one request to the next [s]."""
         return self.line.frame_time(self.request_size) + self.timeout
 
     @property

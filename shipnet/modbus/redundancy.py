@@ -189,11 +189,11 @@ class Loop(_Redundant):
         last of them the master asks it through the other port at once, with the same retries. If
         it answers there, it is served from there; if not, it is lost, and no longer polled.
     recheck : float, default 60
-        When so much time has passed without a failed try, not shorter than a scan, up to 1e6 [s],
-        the master tries once more what failed: the next slave in turn that is lost or served
-        through B gets one request through port A, without retries, and a lost one then another
-        through B. A slave that answers through A is served from there again, and the next one is
-        tried in the same scan.
+        After this time without a failed try, not shorter than a scan, up to 1e6 [s], the master
+        tries once more what failed: the next slave in turn that is lost or served through B gets
+        one request through port A, without retries, and a lost one then another through B. A
+        slave that answers through A is served from there again, and the next one is tried in the
+        same scan.
 
     Raises
     ------
@@ -414,7 +414,7 @@ class DualChannel(_Redundant):
 
     Notes
     -----
-    The two slaves stand for one source of data, so that here `n_slaves` is 1: port A reaches it
+    The two slaves represent one source of data, so `n_slaves` is 1: port A reaches it
     through the first slave, B through the second. `Break` and `Short` have the section 0 for
     channel 1 and 1 for channel 2; how the slaves share their data is not part of this.
 

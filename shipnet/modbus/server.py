@@ -93,7 +93,7 @@ class Server:
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        """Stop; connections are cut off."""
+        """Stop, and close all connections."""
         await self._close()
 
     def _check_idle(self) -> None:
@@ -206,8 +206,8 @@ def serve(
     -----
     pymodbus listens, holds the ports and makes the frames; requests are read and answered by
     `shipnet.modbus`. A frame of another protocol, a datagram that is not a frame and an RTU frame
-    with a wrong CRC get no answer; a TCP connection whose length field cannot be is cut off:
-    nothing shows where the next frame begins.
+    with a wrong CRC get no answer; a TCP connection with an impossible length field
+    is closed, because nothing shows where the next frame begins.
 
     Examples
     --------

@@ -366,7 +366,7 @@ def answer(
     Notes
     -----
     Unit id 0 is a broadcast: all slaves execute a write and none answers [1]_. With a slave 0 in
-    TCP, 0 and 255 mean the server itself [2]_. For a unit id that nobody has, a serial line stays
+    TCP, 0 and 255 mean the server itself [2]_. If no slave has the unit id, a serial line stays
     silent; in TCP the server takes the place of a gateway, which answers with exception 11,
     "usually means that the device is not present on the network" [3]_.
 

@@ -11,12 +11,11 @@ from typing import Any, ClassVar
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import simulate_valves
-from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record, switch
 from shipnet.fuzzy.rules import Decision, RuleBase

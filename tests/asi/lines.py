@@ -17,12 +17,10 @@ def slave(profile, address=0, half=None, **options):
     return Slave(f"{address}{half or ''}", profile, **options)
 
 
-def draw(rng, n_cycles, request, response, *, attempts=2, n_runs=None):
-    """Draw disturbances by the rates of each slave, shape (n_runs, n_cycles, 3, n, attempts)."""
+def draw(rng, n_cycles, request, response, *, attempts=2):
+    """Draw disturbances by the rates of each slave, shape (n_cycles, 3, n_slaves, attempts)."""
     rates = list(zip(request, response, strict=True))
-    runs = [channel.draw_disturbances(rng, n_cycles, rates, attempts) for _ in range(n_runs or 1)]
-    shape = (0, n_cycles, channel.PLANES, len(rates), attempts)
-    return runs[0] if n_runs is None else np.array(runs).reshape(-1, *shape[1:])
+    return channel.draw_disturbances(rng, n_cycles, rates, attempts)
 
 
 def simulate_drawn(drawn, system, *given, **options):

@@ -10,9 +10,8 @@ from hypothesis.extra.numpy import arrays
 from matplotlib.figure import Figure
 from scipy.signal import bilinear, lfilter
 
-import shipnet.asi.capture
 from shipnet.__main__ import main
-from shipnet.asi import Request
+from shipnet.asi import Request, bursts
 from shipnet.asi.bursts import pieces
 from shipnet.asi.capture import decode
 from shipnet.asi.modulation import send_current
@@ -259,7 +258,7 @@ def test_pieces_do_not_show(monkeypatch):
     u = 30 + noise(line(telegrams, end + 20e-6, 10e6), 0.1)
     whole = decode(u, 1e-7).transactions
     monkeypatch.setattr(
-        shipnet.asi.capture,
+        bursts,
         "pieces",
         lambda u, dt, length=7001, only=None: pieces(u, dt, length=length, only=only),
     )

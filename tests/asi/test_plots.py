@@ -12,7 +12,6 @@ from shipnet.asi.telegram import plot_telegram
 from shipnet.asi.topologies import line
 from shipnet.errors import LengthError
 from shipnet.papers import ledger
-from shipnet.papers.icn2007.plot import plot_heights, plot_margins
 from shipnet.papers.kim2023.signals import train_of
 
 
@@ -108,15 +107,3 @@ def test_bits_and_pulses_share_their_time():
     assert axes[1].lines[0].get_ydata().max() == pytest.approx(60)
     assert axes[2].lines[0].get_ydata() == pytest.approx(wave.u)
     assert axes[2].get_xlabel() == "time [us]"
-
-
-def test_heights_and_margins_are_drawn_as_given(ax):
-    plot_heights([10, 20], {("near", "open"): [1, 2], ("near", "100 ohm"): [3, 4]}, ax=ax)
-    assert [line.get_ydata().tolist() for line in ax.lines] == [[1, 2], [3, 4]]
-    assert ["near, open", "near, 100 ohm"] == texts(ax)
-    ax.clear()
-    plot_margins([10, 20], {"open": (np.array([0.9, 0.8]), np.array([0.1, 0.2]))}, ax=ax)
-    assert ax.lines[0].get_ydata().tolist() == [90, 80]
-    assert ax.lines[1].get_ydata().tolist() == [10, 20]
-    assert [line.get_ydata()[0] for line in ax.lines[2:4]] == [65, 30]
-    assert "ringing at most 30%" in texts(ax)

@@ -300,6 +300,17 @@ def test_a_silent_slave_is_dropped_after_its_tries(repetitions, drop_after):
     assert len(left) == run.summary.dropped == 1
 
 
+@pytest.mark.parametrize("heard_again", [0, 1], ids=["at once", "after a repetition"])
+def test_only_cycles_that_fail_in_a_row_drop_a_slave(heard_again):
+    drawn = np.zeros((7, 3, 3, 2), dtype=np.uint8)
+    drawn[[1, 2, 4, 5], 0, 1, :] = REQUEST_LOST
+    drawn[3, 0, 1, :heard_again] = REQUEST_LOST
+    run = simulate_drawn(drawn, THREE, cycles=7)
+    assert (run.summary.dropped, run.master.lists.las) == (0, ["1", "2", "3"])
+    drawn[6, 0, 1, :] = REQUEST_LOST
+    assert simulate_drawn(drawn, THREE, cycles=7).summary.dropped == 1
+
+
 def test_a_slave_that_comes_back_is_taken_in_again():
     run = simulate(THREE, until=0.3, faults=[DeadSlave("2", start=0.05, stop=0.1)])
     events = run.lists.query("slave == '2' and list == 'LAS'")
@@ -604,6 +615,20 @@ def test_repetitions_are_as_many_as_the_probability_says():
     assert garbled == pytest.approx((1 - p) * q, abs=5 * np.sqrt(q / len(first)))
     late = (first.query("outcome == 'ok'")["master_pause_bit"] == 5).mean()
     assert late == pytest.approx(p, abs=5 * np.sqrt(p / len(first)))
+
+
+def test_failures_in_a_row_follow_the_geometric_law():
+    # With responses disturbed at the rate p, class n has the share (1 - p) p^(n - 1).
+    p = 0.2
+    run = simulate(
+        THREE, Master(drop_after=1000), cycles=20_000, faults=TelegramErrors("2", response=p),
+        rng=11,
+    )  # fmt: skip
+    counted = run.failure_classes().loc["2"].to_numpy()
+    expected = (1 - p) * p ** np.arange(6)
+    # Five standard deviations.
+    tolerance = 5 * np.sqrt(expected / counted.sum())
+    assert (np.abs(counted[:6] / counted.sum() - expected) < tolerance).all()
 
 
 def test_a_change_of_an_input_is_known_after_the_next_exchange():

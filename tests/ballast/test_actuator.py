@@ -19,11 +19,10 @@ from shipnet.ballast.actuator import (
     valve_torque,
     velocity,
 )
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import Command, Fault, faulty
 from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import CHANNELS, Sensors, normal_values, rule_limits
 from shipnet.ballast.simulation import simulate
-from shipnet.ballast.valve_faults import Fault, faulty
 from shipnet.errors import ArgumentError
 from tests.ballast.compliance import DAMPING, integrate_stroke
 

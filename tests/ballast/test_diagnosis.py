@@ -3,12 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.plant import Command
+from shipnet.ballast.diagnosis import diagnose_run, running_time
+from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.scan import System
-from shipnet.ballast.simulation import blocks, running_time, simulate
-from shipnet.ballast.valve_faults import FAULTS, Fault
+from shipnet.ballast.simulation import blocks, simulate
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy import Rule, RuleBase
 from shipnet.fuzzy.firing import METHODS

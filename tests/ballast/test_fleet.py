@@ -3,9 +3,8 @@ import pytest
 
 from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.fleet import run_fleet
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.simulation import simulate
-from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 
 PLAN = {"operations": 4, "group": 8}
@@ -114,8 +113,8 @@ def test_faults_are_drawn_evenly_and_in_order():
 
 def test_a_plan_commands_every_valve_as_often_as_asked_and_groups_do_not_meet():
     plan = Command.random(rng=np.random.default_rng(5), n_valves=50, operations=3, group=16)
-    told = np.bincount([valve for command in plan for valve in command.valves], minlength=51)
-    assert set(told[1:]) == {3}
+    commanded = np.bincount([valve for command in plan for valve in command.valves], minlength=51)
+    assert set(commanded[1:]) == {3}
     times = [command.time for command in plan]
     assert min(np.diff(times)) >= 30 - 1e-6
     assert [c.action for c in plan] == ["open"] * 4 + ["close"] * 4 + ["open"] * 4

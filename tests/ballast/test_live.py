@@ -3,13 +3,12 @@ from math import pi
 import numpy as np
 import pytest
 
-from shipnet.ballast.diagnosis import diagnose_run
+from shipnet.ballast.diagnosis import Recorder, diagnose_run
 from shipnet.ballast.live import Tank, acceptance_tests
 from shipnet.ballast.live import TestBed as Bed
 from shipnet.ballast.master import received_run
-from shipnet.ballast.plant import Command, Plant
-from shipnet.ballast.simulation import Recorder, simulate
-from shipnet.ballast.valve_faults import FAULTS
+from shipnet.ballast.plant import FAULTS, Command, Plant
+from shipnet.ballast.simulation import simulate
 from shipnet.errors import ArgumentError
 
 

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from shipnet.ballast.live import Gateway
 from shipnet.ballast.master import Station, operate
-from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.plant import Command, Fault, Plant
 from shipnet.ballast.scan import assignment, scan_table, status_poll, worst_age
-from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.redundancy import Loop

@@ -4,10 +4,9 @@ from matplotlib.figure import Figure
 
 from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.master import operate
-from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.plant import Command, Fault, Plant
 from shipnet.ballast.scan import status_poll
 from shipnet.ballast.simulation import simulate
-from shipnet.ballast.valve_faults import Fault
 from shipnet.modbus.faults import DeadSlave
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine

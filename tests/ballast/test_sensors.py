@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
+from shipnet.ballast.diagnosis import Recorder
 from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import WINDOW, position_speed
-from shipnet.ballast.simulation import Recorder, blocks, simulate
+from shipnet.ballast.simulation import blocks, simulate
 
 
 @pytest.mark.parametrize("step", [0.1, 0.25, 0.3, 0.4, 1.0])

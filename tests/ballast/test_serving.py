@@ -12,8 +12,8 @@ from pymodbus.client import ModbusTcpClient, ModbusUdpClient
 
 from shipnet.__main__ import main
 from shipnet.ballast.live import serve
+from shipnet.ballast.plant import Fault
 from shipnet.ballast.registers import RegisterMap
-from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.uart import SerialLine
 from tests.support import require
@@ -112,11 +112,11 @@ def read(port, size):
         ("3:v1", "code is 'v1'"),
         ("0:V1", "valve is 0; it must be a whole number 1..64"),
         ("65:V1", "valve is 65; it must be a whole number 1..64"),
-        ("3:V1:1.5", "severity of V1 is 1.5; it must be 0..1"),
-        ("3:V1:nan", "severity of V1 is nan"),
+        ("3:V1:1.5", "severity is 1.5; it must be 0..1"),
+        ("3:V1:nan", "severity is nan"),
     ],
 )
-def test_a_wrong_fault_is_told_in_one_line(text, message, capsys):
+def test_a_wrong_fault_is_reported_in_one_line(text, message, capsys):
     assert main(["serve", "ballast", "--port", "0", "--fault", text]) == 2
     error = capsys.readouterr().err
     assert message in error
@@ -137,7 +137,7 @@ def test_a_wrong_fault_is_told_in_one_line(text, message, capsys):
         (["--host", "256.1.1.1"], "cannot listen on 256.1.1.1"),
     ],
 )
-def test_a_wrong_option_is_told_in_one_line(arguments, message, capsys):
+def test_a_wrong_option_is_reported_in_one_line(arguments, message, capsys):
     assert main(["serve", "ballast", "--port", "0", *arguments]) == 2
     error = capsys.readouterr().err
     assert message in error
@@ -146,7 +146,7 @@ def test_a_wrong_option_is_told_in_one_line(arguments, message, capsys):
 def test_a_fault_is_read_with_and_without_its_severity():
     assert Fault.parse("7:P2:0.5") == Fault("P2", 0.5, valves=7)
     assert Fault.parse("1:O1") == Fault("O1", 1.0, valves=1)
-    with pytest.raises(ArgumentError, match="valve of V1 is 3"):
+    with pytest.raises(ArgumentError, match="valve is 3"):
         serve(2, faults=[Fault("V1", valves=3)])
 
 

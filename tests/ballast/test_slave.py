@@ -5,16 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.ballast.diagnosis import diagnose_run
+from shipnet.ballast.diagnosis import Recorder, diagnose_run
 from shipnet.ballast.live import serve
 from shipnet.ballast.master import operate
-from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.plant import FAULTS, Command, Fault, Plant
 from shipnet.ballast.registers import Code, RegisterMap
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.scan import status_poll
-from shipnet.ballast.simulation import Recorder, simulate
+from shipnet.ballast.simulation import simulate
 from shipnet.ballast.slave import Monitor, ValveDevice, valve_slaves
-from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.faults import Break
 from shipnet.modbus.pdu import Request, Response

@@ -4,7 +4,7 @@ import pytest
 from scipy.stats import binomtest, poisson
 
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.scan import System
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.trials import (
@@ -15,7 +15,6 @@ from shipnet.ballast.trials import (
     rates,
     spread_actuator,
 )
-from shipnet.ballast.valve_faults import FAULTS, Fault
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.firing import METHODS
 from shipnet.intervals import event_interval, share_interval
@@ -172,7 +171,7 @@ def test_blocks_do_not_change_the_count_of_false_alarms(monkeypatch):
         (lambda r: fault_trials(["V9"], n_valves=2, rng=r).table(), "code is 'V9'"),
         (lambda r: fault_trials([], n_valves=2, rng=r).table(), "codes is empty"),
         (lambda r: fault_trials(["V1"], n_valves=0, rng=r).table(), "n_valves is 0"),
-        (lambda r: fault_trials(["V1"], n_valves=2, severity=2.0, rng=r).table(), "severity of V1"),
+        (lambda r: fault_trials(["V1"], n_valves=2, severity=2.0, rng=r).table(), "severity is 2"),
         (lambda r: fault_trials(["V1"], n_valves=2, methods=["x"], rng=r).table(), "method is 'x'"),
         (lambda r: false_alarms(until=10, period=60, rng=r), "until is 10"),
         (lambda r: false_alarms(period=1, rng=r), "period is 1"),

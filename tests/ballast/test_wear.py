@@ -8,9 +8,8 @@ from scipy.optimize import brentq
 from scipy.stats import linregress, t
 
 from shipnet.ballast.actuator import Actuator, operating_point, stroke_time
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import Command, Fault, faulty
 from shipnet.ballast.simulation import simulate
-from shipnet.ballast.valve_faults import Fault, faulty
 from shipnet.ballast.wear import (
     METHODS,
     PREDICTORS,

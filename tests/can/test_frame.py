@@ -65,7 +65,7 @@ def test_the_fields_cover_the_frame_without_and_with_stuff_bits(frame):
     assert frame.stuff_bits == len(frame.stuff_positions) == len(frame.bits) - len(plain)
 
 
-def test_a_stuff_bit_behind_the_last_bit_of_the_crc_belongs_to_it():
+def test_a_stuff_bit_after_the_last_bit_of_the_crc_belongs_to_it():
     frame = Frame(0x3E, bytes.fromhex("107803FE"))
     assert f"{frame.crc:015b}" == "000111100001111"
     frame = next(f for f in map(Frame, range(2048)) if f"{f.crc:015b}".endswith("011111"))
@@ -245,6 +245,6 @@ def test_an_error_flag_is_seen_at_its_sixth_bit():
 
 
 @pytest.mark.parametrize("bits", [b"0101", 5, None, [0, 1]])
-def test_bits_that_are_no_text_are_refused(bits):
+def test_bits_that_are_not_text_are_refused(bits):
     with pytest.raises(ArgumentError, match="must be a str of 0 and 1"):
         decode(bits)

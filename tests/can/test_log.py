@@ -160,7 +160,7 @@ def test_a_bad_line_is_named_and_the_rest_kept_on_request(tmp_path, line, messag
     assert len(kept.faults) == 1
 
 
-def test_all_faults_are_told_in_the_order_of_the_file(tmp_path):
+def test_all_faults_are_reported_in_the_order_of_the_file(tmp_path):
     path = tmp_path / "bus.log"
     path.write_text("(1.0) can0 FFF#00\n" + "x\n" * 3 + "(1.0) can0 900#00\n" + "y\n" * 2000)
     with pytest.raises(InputError) as caught:
@@ -328,7 +328,7 @@ def test_a_log_of_the_messages_is_as_they_should_be():
     assert set(found.table()["rule"]) == {"sent", "interval", "time of all frames", "length"}
 
 
-def test_what_is_missing_unknown_late_or_longer_is_named():
+def test_missing_unknown_late_or_longer_frames_are_named():
     log = recorded(example())
     other = MessageSet(
         [
@@ -350,17 +350,29 @@ def test_what_is_missing_unknown_late_or_longer_is_named():
     assert fast["rule"].tolist() == ["time of all frames"]
 
 
-def test_frames_of_other_formats_that_cannot_be_are_faults(tmp_path):
+@pytest.mark.parametrize(
+    ("column", "cell", "fault"),
+    [
+        (0, "nan", "the time is nan"),
+        (1, "0x40000000", "the identifier is 0x40000000; it must be 0"),
+        (5, "300", "the data length code is 300; it must be 0..15"),
+        (6, "AAECAwQFBgcICQ==", "it has 10 bytes of data; it must have 0..8"),
+    ],
+)
+def test_frames_of_other_formats_that_cannot_be_are_faults(tmp_path, column, cell, fault):
     can = pytest.importorskip("can")
     path = tmp_path / "bus.csv"
-    write_with(can, path, random_log(3, np.random.default_rng(8), channels=("1",)))
+    log = random_log(3, np.random.default_rng(8), channels=("1",))
+    write_with(can, path, replace(log, remote=np.zeros(3, dtype=bool)))
     lines = path.read_text().splitlines()
     cells = lines[2].split(",")
-    cells[1] = "0x40000000"
+    cells[column] = cell
     path.write_text("\n".join([*lines[:2], ",".join(cells), *lines[3:]]) + "\n")
-    with pytest.raises(InputError, match="frame 2: the identifier is 0x40000000; it must be 0"):
+    with pytest.raises(InputError, match=f"frame 2: {fault}"):
         read_log(path)
-    assert len(read_log(path, keep=True)) == 2
+    kept = read_log(path, keep=True)
+    assert len(kept) == 2
+    assert kept.load(250e3).total()["frames"].sum() == 2
 
 
 def test_a_file_that_never_ends_is_refused(tmp_path, monkeypatch):

@@ -44,7 +44,7 @@ def test_the_smallest_and_the_largest_message():
     assert Message("A", 1, 8, 1 / 3).period == 0.333333333
 
 
-def test_messages_stand_in_the_order_of_arbitration():
+def test_messages_are_sorted_in_the_order_of_arbitration():
     def bits(message):
         """Return the arbitration field as it is sent, 0 is dominant."""
         if not message.extended:
@@ -229,7 +229,7 @@ def test_all_faults_of_a_file_are_named_at_once(tmp_path):
         ("name,dlc\n" + 200_000 * "a" + ",1\n", "is no CSV file: field larger"),
     ],
 )
-def test_what_is_no_message_set_is_refused(tmp_path, content, message):
+def test_what_is_not_a_message_set_is_refused(tmp_path, content, message):
     with pytest.raises(InputError) as caught:
         load(tmp_path, content)
     assert any(message in fault for fault in caught.value.faults)

@@ -361,7 +361,7 @@ def test_a_load_of_almost_one_ends_or_counts_as_endless():
         assert schedulable(near, 1000, assumptions=assumptions) is not endless
 
 
-def test_a_bit_time_that_is_no_whole_nanosecond_stays_exact():
+def test_a_bit_time_that_is_not_a_whole_nanosecond_stays_exact():
     # 135 bits at 30 kbit/s are 4.5 ms to the last digit: the period ends with the frame.
     lone = MessageSet([Message("A", 1, 8, 4.5e-3)])
     found = response_times(lone, 30_000)[0]

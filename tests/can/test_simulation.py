@@ -181,7 +181,7 @@ def test_frames_released_at_one_instant_are_sorted_before_any_is_sent():
     assert frames.sort_values("start_ms")["message"].tolist() == ["0x001", "0x002", "0x003"]
 
 
-def test_a_frame_that_failed_is_sent_again_behind_the_error_frame():
+def test_a_frame_that_failed_is_sent_again_after_the_error_frame():
     messages = {"arbitration_id": [5], "bits": 100, "period_ms": 100, "sender": "a"}
     run = run_of(messages, 0.1, ErrorAt(0.2e-3, bits=17))
     # The bit 25 is disturbed; 26 bits and an error frame of 17 are lost.

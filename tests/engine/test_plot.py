@@ -11,13 +11,6 @@ from shipnet.errors import ArgumentError
 PHASES = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.3, "AMS": 0.0}
 
 
-@pytest.fixture
-def ax():
-    figure, axes = plt.subplots()
-    yield axes
-    plt.close(figure)
-
-
 @pytest.fixture(scope="module")
 def run():
     return simulate(System(), until=20, faults=[DeadBox("JB2", start=10)], phases=PHASES)

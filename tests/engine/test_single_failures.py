@@ -196,17 +196,11 @@ def test_a_share_of_requests_is_lost_as_the_probability_says():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: CanBreak("JB1-JB2", start=-1), "start is -1"),
-        (lambda: CanBreak("JB1-JB2", start=2, stop=2), "stop is 2"),
-        (lambda: CanBreak("JB1-JB2", start=2, stop=float("nan")), "stop is nan"),
         (lambda: ModbusBreak(1), "where is 1; it must be text"),
-        (lambda: LostCanFrames("JB1", probability=1.1), "probability is 1.1"),
         (lambda: simulate(PRINTED, until=1, faults=[ModbusBreak("3")]), "where is '3'.*1, 2"),
         (lambda: simulate(PRINTED, until=1, faults=[DeadBox("JB9")]), "JB1, JB2, JB3"),
         (lambda: simulate(PRINTED, until=1, faults=["JB1"]), "one of faults is 'JB1'"),
         (lambda: simulate(PRINTED, until=1, faults=[LostCanFrames("JB1")]), "rng is None"),
-        (lambda: DeadBox("JB2", start=10, stop=None), "stop is None"),
-        (lambda: DeadBox("JB2", start=10, stop="20"), "stop is '20'"),
         (lambda: PRINTED.single_faults(every_sensor="x"), "every_sensor is 'x'"),
         (lambda: single_failures(PRINTED, trials=0), "trials is 0"),
         (lambda: single_failures(PRINTED, rule=0), "rule is 0"),

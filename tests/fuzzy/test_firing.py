@@ -269,6 +269,20 @@ def test_a_variable_that_no_rule_uses_is_left_out_of_the_control_system():
         small.to_skfuzzy(n_points=1)
 
 
+def test_a_corner_between_the_points_is_given_to_scikit_fuzzy_as_well():
+    term = Term("high", (7.5, 8.5, math.inf, math.inf), "x > 8")
+    base = RuleBase((Variable("x", "", 0, 10, (term,)),), (Rule("on", (("x", "high"),), 1),))
+    # Without it scikit-fuzzy interpolates 0.625 between its points at 8 and 9.
+    assert base.fire({"x": 8.25})["on"] == 0.75
+    assert control_strengths(base, {"x": 8.25}).tolist() == [pytest.approx(0.75, abs=1e-12)]
+
+
+def test_single_precision_is_computed_in_double():
+    x = {"FP": np.float32([125, 120]), "MC": 0}
+    assert BASE.fire(x).strength.dtype == np.float64
+    assert BASE.fire(x)["G1"].tolist() == [1, 0.5]
+
+
 def test_scikit_fuzzy_is_loaded_only_when_it_is_asked():
     program = (
         "import sys; from shipnet.ballast.rule_table import rule_base; "

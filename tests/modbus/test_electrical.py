@@ -51,7 +51,7 @@ def test_every_reason_is_given():
     assert INTERFACES["RS-485"].source
 
 
-def test_what_is_no_line_is_refused():
+def test_an_impossible_line_is_refused():
     for action, message in (
         (lambda: interfaces(1, 10, 9600), "n_stations is 1"),
         (lambda: interfaces(2, -1, 9600), "length is -1 m"),

@@ -230,7 +230,7 @@ def test_readers_survive_any_bytes_and_reread_what_they_read(function, data):
 
 
 @given(request=st.one_of(*REQUESTS.values()).map(lambda both: both[0]))
-def test_requests_come_back_and_their_answers_have_the_size_foretold(request):
+def test_requests_come_back_and_their_answers_have_the_predicted_size(request):
     assert Request.parse(request.pdu) == request
     response = answer(request)
     assert len(response.pdu) == request.response_size

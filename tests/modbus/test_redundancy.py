@@ -297,7 +297,7 @@ def test_failures_count_only_in_a_row():
         assert (polls.kind == "switch").any() == switches
 
 
-def test_slaves_given_up_are_tried_in_turn():
+def test_lost_slaves_are_tried_in_turn():
     system = loop(6, recheck=1.0)
     polls = simulate(
         system, faults=[DeadSlave(2), DeadSlave(5), Break(5, start=4)], until=30
@@ -317,7 +317,7 @@ def test_gaps_and_recovery_are_those_of_the_slaves_concerned():
     assert run.gaps[0] == pytest.approx(12 - ends.max()) and run.gaps[0] > 9
 
 
-def test_no_time_is_no_polls():
+def test_no_time_gives_no_polls():
     run = simulate(loop(2), until=0)
     assert len(run.events()) == 0 and run.table().port.tolist() == ["-", "-"]
     assert run.gaps.tolist() == [0, 0]

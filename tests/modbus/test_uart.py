@@ -135,14 +135,14 @@ def test_a_break_is_one_character_of_zeros_with_a_framing_error():
     assert (for_good.value.tolist(), for_good.code.tolist()) == ([0], [FormError.code])
 
 
-def test_a_spike_is_no_start_bit():
+def test_a_spike_is_not_a_start_bit():
     line = SerialLine(1000, "8N1")
     time, level = corners(line.waveform(b"\x41", start=0.1))
     assert read([0, 0.01, 0.0104, *time[1:]], [1, 0, 1, *level[1:]], line).data == b"\x41"
 
 
 @pytest.mark.parametrize("nothing", [([], []), ([0], [1]), ([0], [0]), ([0, 1, 2], [1, 1, 1])])
-def test_a_line_at_rest_says_nothing(nothing):
+def test_an_idle_line_gives_no_character(nothing):
     found = read(*nothing, SerialLine(9600))
     assert found.data == b"" and found.time.size == found.code.size == 0
 

@@ -24,7 +24,7 @@ class Scripted:
 
 
 @pytest.mark.parametrize("late", [0, 3, 40, 99])
-def test_one_late_answer_mixes_up_all_that_follow_with_id_0_and_none_with_counted_ids(late):
+def test_one_late_answer_mismatches_all_that_follow_with_id_0_and_none_with_counted_ids(late):
     units = np.arange(100) + 1
     # It comes 0.01 s after the timeout of 0.5 s, and so before the answer to the next request.
     path = Scripted(late, delay=0.01, lateness=0.49)

@@ -6,7 +6,7 @@ import pytest
 from shipnet.errors import ArgumentError
 from shipnet.papers import ledger
 from shipnet.papers.chung1998 import given_up, link, recovered, ring, ring_trials, send_loops
-from shipnet.papers.chung1998.link import PRINTED, chips_needed
+from shipnet.papers.chung1998.link import PRINTED
 from shipnet.remote_control import (
     Change,
     MarkerFormat,
@@ -18,7 +18,7 @@ from shipnet.remote_control import (
     switch_delays,
 )
 from shipnet.remote_control.faults import LostPacket, Stall
-from shipnet.remote_control.signals import STATIONS
+from shipnet.remote_control.signals import HOPS, STATIONS
 from shipnet.remote_control.system import BIT_RATES
 
 
@@ -75,7 +75,7 @@ def test_no_reading_lets_the_flags_show_every_single_error():
         parts = [{n: v} for n, v in values.items()] if reading == "C" else [values]
         stream = b"".join(form.encode(part) for part in parts)
         sent = form.parser().feed(stream)
-        assert len(stream) == link.length(reading, 10)
+        assert len(stream) == link.length(reading=reading, items=10)
         count = 0
         for bit in range(8 * len(stream)):
             hit = bytearray(stream)
@@ -104,7 +104,7 @@ def test_by_the_letter_an_empty_ring_is_repaired_again_and_again():
 def test_in_lock_step_no_speed_brings_the_ring_out_of_order(reading, rate):
     table = ring_trials(System(MarkerFormat(reading), bit_rate=rate, repeat=10), duration=8.0)
     assert (table["events"] == 0).all()
-    assert table["unread"].max() <= link.length(reading, 10) < ring.SIZE
+    assert table["unread"].max() <= link.length(reading=reading, items=10) < ring.SIZE
 
 
 def test_it_takes_three_more_packets_to_overrun_the_ring():
@@ -117,7 +117,7 @@ def test_it_takes_three_more_packets_to_overrun_the_ring():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: link.length("C", -2), "items is -2"),
+        (lambda: link.length(reading="C", items=-2), "items is -2"),
         (lambda: send_loops(b"a", polls=()), "polls is empty"),
     ],
 )
@@ -127,9 +127,9 @@ def test_arguments_out_of_range_are_named(make, message):
 
 
 def test_only_the_remote_control_has_two_partners():
-    assert {name: chips_needed(name) for name in STATIONS} == {"RCS": 2, "BCS": 1, "SS": 1}
-    with pytest.raises(ArgumentError, match="station is 'ECR'"):
-        chips_needed("ECR")
+    partners = {name: sum(name == source for source, _ in HOPS) for name in STATIONS}
+    assert partners == {"RCS": 2, "BCS": 1, "SS": 1}
+    assert link.serial_chips() == min(partners.values())
 
 
 def test_of_overruns_by_less_than_a_round_half_show_the_case_that_means_one():

@@ -276,22 +276,22 @@ def test_nine_of_twelve_inputs_find_their_row():
 def test_normal_values_meet_v2_at_standstill():
     normal = normal_values()
     assert 0 < normal["OP"] < 2.5
-    assert k_faults.diagnosed("normal", DVPos=0.0) == "V2"
-    assert k_faults.diagnosed("normal", DVPos=11.0) == "normal"
+    assert k_faults.diagnosed("normal", {"DVPos": 0.0}) == "V2"
+    assert k_faults.diagnosed("normal", {"DVPos": 11.0}) == "normal"
 
 
 def test_v2_needs_a_speed():
     assert np.isnan(PRINTED.loc["V2", "DVPos"])
     assert k_faults.diagnosed("V2") == "normal"
-    assert k_faults.diagnosed("V2", DVPos=0.0) == "V2"
+    assert k_faults.diagnosed("V2", {"DVPos": 0.0}) == "V2"
 
 
 def test_positions_as_printed_are_off_the_scale():
     assert k_faults.diagnosed("S2") == "S1" and k_faults.diagnosed("Pos2") == "normal"
     for code in ("S2", "Pos2"):
-        assert k_faults.diagnosed(code, VPos=-5.0) == code
+        assert k_faults.diagnosed(code, {"VPos": -5.0}) == code
     for code in ("S1", "Pos1", "Pos3"):
-        assert k_faults.diagnosed(code, VPos=105.0) == k_faults.diagnosed(code) == code
+        assert k_faults.diagnosed(code, {"VPos": 105.0}) == k_faults.diagnosed(code) == code
     positions = survival_table().query("channel == 'VPos' and not survives")["value"]
     assert set(positions) == {305.0, -5.0}
 

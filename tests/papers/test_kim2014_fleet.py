@@ -5,10 +5,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet.ballast.fleet import run_fleet
-from shipnet.ballast.plant import Command
+from shipnet.ballast.plant import Command, Fault
 from shipnet.ballast.scan import status_poll, worst_age
 from shipnet.ballast.simulation import simulate
-from shipnet.ballast.valve_faults import Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine

@@ -5,7 +5,7 @@ import pytest
 
 from shipnet.asi import Response
 from shipnet.asi.modulation import check_slots, pulses_of
-from shipnet.papers.kim2023.signals import check_bits_for_distance_4, undetected
+from shipnet.papers.kim2023.signals import check_bits, undetected
 
 
 def least_distance(information, check):
@@ -23,12 +23,12 @@ def least_distance(information, check):
 def test_five_bits_suffice_for_distance_four():
     assert least_distance(11, 5) == 4
     assert least_distance(4, 4) == 4
-    assert (check_bits_for_distance_4(11), check_bits_for_distance_4(4)) == (5, 4)
+    assert (check_bits(bits=11), check_bits(bits=4)) == (5, 4)
 
 
 @pytest.mark.parametrize("information", range(1, 14))
 def test_one_bit_less_does_not_suffice(information):
-    enough = check_bits_for_distance_4(information)
+    enough = check_bits(bits=information)
     assert least_distance(information, enough) >= 4
     assert least_distance(information, enough - 1) < 4
 

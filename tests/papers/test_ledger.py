@@ -133,7 +133,7 @@ def test_every_input_of_a_number_moves_it(claim):
     original = recomputation()
     for name, value in inputs.items():
         # Which of several: another claim of the same function has another one.
-        if name in recomputation.inputs and isinstance(value, str):
+        if name in recomputation.inputs and isinstance(value, str | tuple):
             assert any(
                 other.function is recomputation.function and other.inputs != recomputation.inputs
                 for other in REGISTRY.values()

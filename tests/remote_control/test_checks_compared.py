@@ -1,7 +1,6 @@
 from dataclasses import replace
 from itertools import combinations
 
-import matplotlib
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -273,16 +272,6 @@ def test_an_impossible_wish_is_refused_with_its_reasons():
         recommend(84, System(bit_rate=600), stale_time=1)
 
 
-@pytest.fixture
-def ax():
-    matplotlib.use("agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots()
-    yield axes
-    plt.close(figure)
-
-
 def test_the_figures_show_what_the_tables_hold(ax):
     found = compare_checks([1, 10], [1e-3], packets=5000, rng=2024)
     found.plot(ax, bit_error_rate=1e-3)
@@ -298,9 +287,7 @@ def test_the_figures_show_what_the_tables_hold(ax):
     ("make", "message"),
     [
         (lambda: MarkerFormat().error_shares(11, 0.1), r"n_items is 11.*0\.\.10"),
-        (lambda: MarkerFormat().error_shares(1, float("nan")), "rate is nan"),
         (lambda: MarkerFormat().error_shares(1, 0.6), "rate is 0.6"),
-        (lambda: crc_residual(-1, 0.1), "n_bytes is -1"),
         (lambda: check_formats(85), r"n_items is 85.*1\.\.84"),
         (lambda: MarkerFormat().outcomes(1, 0.1, -1, None), "packets is -1"),
         (lambda: Trial(1, 0, 0).share("lost"), "outcome is 'lost'"),
@@ -309,10 +296,6 @@ def test_the_figures_show_what_the_tables_hold(ax):
         (lambda: switch_staleness(Shares(1, 0, 0), 0, 1, "cyclic"), "period is 0"),
         (lambda: switch_staleness(Shares(1, 0, 0), 1, 1, "once"), "sending is 'once'"),
         (lambda: recommend(1, wrong_per_year=0), "wrong_per_year is 0"),
-        (lambda: recommend(0), "n_items is 0"),
-        (lambda: compare_checks([1], [0.6]), "rate is 0.6"),
-        (lambda: MarkerFormat().undetected_flips(11), "n_items is 11"),
-        (lambda: recommend(1, rate=0.2), "rate is 0.2"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):

@@ -1,7 +1,6 @@
 from dataclasses import replace
 from itertools import pairwise
 
-import matplotlib
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -341,16 +340,6 @@ def test_bit_errors_and_lost_packets_begin_and_end():
     assert not simulate(full(bit_rate=600), until=3, faults=lost).traffic().disturbed.any()
 
 
-@pytest.fixture
-def ax():
-    matplotlib.use("agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots()
-    yield axes
-    plt.close(figure)
-
-
 def test_the_time_chart_has_a_block_a_packet_and_names_the_failures(ax):
     run = simulate(full(bit_rate=600), until=12, faults=[DeadStation("SS", start=3.0)])
     run.plot(ax)
@@ -372,43 +361,22 @@ def test_the_margins_are_drawn_under_their_limit(ax):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: System(bit_rate=float("nan")), "bit_rate is nan"),
-        (lambda: System(character_bits=12), r"character_bits is 12.*10\.\.11"),
         (lambda: System(repeat=11), r"repeat is 11.*0\.\.10"),
-        (lambda: System(turn_timeout=0), "turn_timeout is 0"),
-        (lambda: System(ring_rule="literal"), "ring_rule is 'literal'"),
-        (lambda: Supervision(tick=0), "tick is 0"),
-        (lambda: Supervision(count_limit=0), "count_limit is 0"),
         (lambda: Supervision(miss_limit=0, strict=False), "miss_limit is 0"),
-        (lambda: Supervision(strict=1), "strict is 1"),
         (lambda: System(None), "packet_format is None"),
         (lambda: System(master=None), "master is None"),
-        (lambda: DeadStation("SS", start=None), "start is None"),
-        (lambda: DeadStation("SS", start="1"), "start is '1'"),
-        (lambda: BitErrors(None), "rate is None"),
         (
             lambda: simulate(System(), until=1, changes=[(0.1, "SS", 1)]),
             r"one of changes is \(0\.1, 'SS', 1\)",
         ),
-        (lambda: DeadStation("XCS"), "station is 'XCS'"),
-        (
-            lambda: DeadStation("SS", start=2.0, stop=1.0),
-            "stop is 1 s; it must be after start, 2 s",
-        ),
         (lambda: Stall("SS", start=0, stop=float("inf")), "a stall must end"),
         (lambda: LostPacket("BCS", "SS", start=0), "'BCS', 'SS'"),
-        (lambda: BitErrors(float("nan")), "rate is nan"),
-        (lambda: simulate(System(), until=-1), "until is -1"),
         (lambda: simulate(System(), until=1e6), "bytes and ticks"),
         (lambda: simulate(System(), until=1, faults=[BitErrors(0.1)]), "rng is None"),
         (lambda: simulate(System(), until=1, faults=["SS dies"]), "one of faults is 'SS dies'"),
         (
             lambda: simulate(System(), until=1, changes=[Change(0, "BCS", 10, 1)]),
             r"number.*is 10.*0\.\.9",
-        ),
-        (
-            lambda: simulate(System(), until=1, changes=[Change(0, "ECS", 1, 1)]),
-            "station is 'ECS'",
         ),
         (lambda: simulate(System(), until=1, phases={"BCS": 0.2}), "phase of BCS is 0.2"),
         (lambda: simulate(System(), until=1, phases={"ECS": 0.1}), "phases name 'ECS'"),

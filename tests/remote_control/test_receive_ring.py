@@ -1,7 +1,6 @@
 import itertools
 import re
 
-import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
@@ -16,16 +15,6 @@ from shipnet.remote_control.ring_buffer import State, case_of, pointer_case
 
 RULES = ["printed", "intended", "corrected"]
 SIZES = range(2, 9)
-
-
-@pytest.fixture
-def axes():
-    matplotlib.use("agg")
-    from matplotlib import pyplot
-
-    figure, ax = pyplot.subplots()
-    yield ax
-    pyplot.close(figure)
 
 
 def filled(size, rule, data):
@@ -321,43 +310,40 @@ def test_a_packet_half_arrived_gives_old_bytes_as_values():
     assert extract_items(bytes(half), 0, 1) == ((0, 0x1122),)
 
 
-def test_a_ring_is_drawn_with_its_pointers_and_unread_cells(axes):
+def test_a_ring_is_drawn_with_its_pointers_and_unread_cells(ax):
     ring = filled(16, "intended", range(1, 21))
     for _ in range(1 + 2):
         ring.extract()
-    assert ring.plot(axes) is axes
-    shaded = [p.get_label() for p in axes.patches if p.get_facecolor()[:3] != (1, 1, 1)]
-    assert len(axes.patches) == 16
+    assert ring.plot(ax) is ax
+    shaded = [p.get_label() for p in ax.patches if p.get_facecolor()[:3] != (1, 1, 1)]
+    assert len(ax.patches) == 16
     assert len(shaded) == ring.unread
-    texts = [text.get_text() for text in axes.texts]
+    texts = [text.get_text() for text in ax.texts]
     assert {"no", "get_no"} <= set(texts)
     assert f"case {ring.case}" in texts[-1] and f"{ring.unread} unread" in texts[-1]
 
 
-def test_the_map_of_cases_agrees_with_the_table(axes):
-    Ring(16).cases().plot(axes)
-    shown = np.asarray(axes.images[0].get_array())
+def test_the_map_of_cases_agrees_with_the_table(ax):
+    Ring(16).cases().plot(ax)
+    shown = np.asarray(ax.images[0].get_array())
     table = Ring(16).cases().table()
     for lap, (code, case) in itertools.product(range(3), enumerate("bdca")):
         part = shown[:, 16 * lap : 16 * (lap + 1)]
         assert (part == code).sum() == table.loc[lap, case]
-    assert axes.get_xlabel() == "unread bytes [byte]"
+    assert ax.get_xlabel() == "unread bytes [byte]"
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: Ring(1), r"size is 1.*2\.\.65536"),
-        (lambda: Ring(8, "literal"), "rule is 'literal'"),
         (lambda: Ring.filled(-3, 2), "unread is -3"),
         (lambda: Ring.filled(3, 500), r"get_no is 500.*0\.\.127"),
         (lambda: Ring(8).cases().plot(get_no=8), r"get_no is 8.*0\.\.7"),
         (lambda: Ring(8).store(256), r"byte is 256.*0\.\.255"),
-        (lambda: Ring(8).store(float("nan")), "byte is nan"),
         (lambda: Ring(17).explore(), "size is 17"),
         (lambda: Ring(4).explore(17), "max_unread is 17"),
         (lambda: Ring(2000).cases(), "size is 2000"),
-        (lambda: Ring(8).cases(0), "laps is 0"),
         (lambda: extract_value(None, 0), "cells is None"),
         (lambda: extract_items(b"", 0, 1), "cells has 0 bytes"),
         (lambda: extract_value(b"", 0), "cells and beyond have 0"),
@@ -391,8 +377,8 @@ def test_a_filled_ring_has_the_bytes_the_place_and_the_case_that_were_asked_for(
     assert ring.case == case_of(get_no, unread, size)
 
 
-def test_the_lead_is_drawn_with_the_letters_of_its_cases(axes):
-    Ring(128).cases().plot(axes, get_no=40)
-    letters = [text.get_text() for text in axes.texts if len(text.get_text()) == 1]
+def test_the_lead_is_drawn_with_the_letters_of_its_cases(ax):
+    Ring(128).cases().plot(ax, get_no=40)
+    letters = [text.get_text() for text in ax.texts if len(text.get_text()) == 1]
     assert letters == ["b", "d", "c", "a", "b", "d"]
-    assert axes.lines[1].get_ydata().max() == 255
+    assert ax.lines[1].get_ydata().max() == 255

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet.ballast.live import serve
-from shipnet.ballast.valve_faults import Fault
+from shipnet.ballast.plant import Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.frame import tcp_frame
 from shipnet.modbus.pdu import decode

@@ -43,17 +43,10 @@ def chips_are_enough(*, lines: int = int(PRINTED["chips_8251"])) -> bool:
     return lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
 
 
-def chips_needed(station: str, hops: tuple[Hop, ...] = HOPS) -> int:
-    """Return how many serial chips a station needs, one for each partner."""
-    if station not in STATIONS:
-        raise ArgumentError(f"station is {station!r}; it must be one of {STATIONS}")
-    return sum(station == source for source, _ in hops)
-
-
 @numeric("chung1998-029")
 def serial_chips(*, hops: tuple[Hop, ...] = HOPS) -> int:
-    """Serial chips that each station needs on these flows: the fewest of the three stations."""
-    return min(chips_needed(station, hops) for station in STATIONS)
+    """Serial chips, one for each partner, that every station needs on these flows at least."""
+    return min(sum(station == source for source, _ in hops) for station in STATIONS)
 
 
 @check("chung1998-030", counter={"flows": HOPS[:3]})
@@ -144,29 +137,14 @@ _FIELDS = datasets.read("chung1998_packet_format.csv")
 _DATUM = tuple(_FIELDS.loc[_FIELDS["kind"] == "data", "field"])
 
 
-def length(reading: Literal["A", "B", "C"], items: int) -> int:
-    """Return the bytes of so many data; in reading C every one is a packet of its own."""
+@numeric("chung1998-004", reading="A")
+@numeric("chung1998-038", reading="B")
+@numeric("chung1998-039", reading="C")
+def length(*, reading: Literal["A", "B", "C"], items: int = ITEMS) -> int:
+    """Bytes of so many data; in reading C every one is a packet of its own."""
     if reading == "C":
         return check_whole("items", items, 0, 204) * MarkerFormat("A").size(1)
     return MarkerFormat(reading, max(items, 1)).size(items)
-
-
-@numeric("chung1998-004")
-def length_a(*, items: int = ITEMS) -> int:
-    """Bytes of a packet in reading A."""
-    return length("A", items)
-
-
-@numeric("chung1998-038")
-def length_b(*, items: int = ITEMS) -> int:
-    """Bytes of a packet in reading B."""
-    return length("B", items)
-
-
-@numeric("chung1998-039")
-def length_c(*, items: int = ITEMS) -> int:
-    """Bytes of so many data in reading C."""
-    return length("C", items)
 
 
 @check("chung1998-005", counter={"order": ("number", "high", "low")})
@@ -194,10 +172,10 @@ def flags_stand_in_order(*, flags: tuple[int, ...] = FLAGS) -> bool:
     start, data, end = flags
     once = [(0, start), (1, data)]
     return (
-        flags_at("A", ITEMS) == [*once, (length("A", ITEMS) - 1, end)]
+        flags_at("A", ITEMS) == [*once, (length(reading="A") - 1, end)]
         and flags_at("A", 1) == flags_at("B", 1) == [*once, (5, end)]
         and flags_at("B", ITEMS)
-        == [(0, start), *((1 + 4 * k, data) for k in range(ITEMS)), (length("B", ITEMS) - 1, end)]
+        == [(0, start), *((1 + 4 * k, data) for k in range(ITEMS)), (length(reading="B") - 1, end)]
     )
 
 
@@ -440,16 +418,11 @@ PATIENCE = float(PRINTED["failure_time"])
 
 
 @numeric("chung1998-018")
+@numeric("chung1998-067", items=1)
 def crc_share(*, items: int = ITEMS) -> float:
     """Percent that a CRC adds to a packet of so many data."""
     plain, checked = (MarkerFormat(n_numbers=items, crc=crc).size(items) for crc in (False, True))
     return 100 * (checked - plain) / plain
-
-
-@numeric("chung1998-067")
-def crc_share_of_one(*, items: int = 1) -> float:
-    """Percent that a CRC adds to a packet of one datum."""
-    return crc_share(items=items)
 
 
 def flips(items: int = ITEMS) -> pd.DataFrame:

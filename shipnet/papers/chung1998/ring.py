@@ -295,7 +295,7 @@ def packets_stored(n: int, items: int, *, phase: int = 0, size: int = SIZE) -> R
 def overrun_rings(items: int) -> Iterator[Ring]:
     """Return rings that show case c, for every place of the writer and every phase of a stream."""
     for no in range(SIZE):
-        for phase in range(length("A", items)):
+        for phase in range(length(reading="A", items=items)):
             yield packets_stored(SIZE + no, items, phase=phase)
 
 
@@ -390,7 +390,7 @@ def recovered(
 
     if not len(places):
         raise ArgumentError("places is empty; it must hold a place")
-    size, rows = length("A", ITEMS), []
+    size, rows = length(reading="A"), []
     for n in waiting:
         found = [packets_found(n, "intended", get_no=place) for place in places]
         stops = [case_of(place, n) == "a" for place in places]
@@ -455,7 +455,7 @@ def fill_time(*, size: int = SIZE, rate: float = 9600.0) -> float:
 @numeric("chung1998-061")
 def packets_held(*, size: int = SIZE, items: int = ITEMS) -> float:
     """Packets of so many data that the ring holds."""
-    return size / length("A", items)
+    return size / length(reading="A", items=items)
 
 
 @numeric("chung1998-015")
@@ -463,7 +463,7 @@ def abnormal_states(*, empty_is_empty: bool = True) -> int:
     """Repairs in 100 packets, read byte by byte; or if an empty ring is read on, as printed."""
     ring = Ring(SIZE, "intended" if empty_is_empty else "printed")
     repairs = 0
-    for byte in MarkerFormat(n_numbers=ITEMS).stream(100 * length("A", ITEMS)):
+    for byte in MarkerFormat(n_numbers=ITEMS).stream(100 * length(reading="A")):
         ring.store(byte)
         # As many steps as there are places: an empty ring that is read on has no end.
         for _ in range(SIZE):

@@ -4,7 +4,6 @@
 kim2023 repeats are registered beside it, in `shipnet.papers.kim2023`.
 """
 
-from shipnet.papers.icn2007 import access  # noqa: F401 - it registers
 from shipnet.papers.icn2007.signals import (
     allowed_plans,
     arriving_share,

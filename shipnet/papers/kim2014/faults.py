@@ -10,15 +10,14 @@ import numpy as np
 import pandas as pd
 
 from shipnet import datasets
+from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.master import MasterRun, operate, received_run
-from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.rule_table import FILLS, rule_base, rule_vectors
 from shipnet.ballast.scan import status_poll, worst_age
 from shipnet.ballast.sensors import CHANNELS, rule_limits
-from shipnet.ballast.simulation import Run
 from shipnet.ballast.trials import fault_trials
-from shipnet.ballast.valve_faults import FAULTS
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.modbus.faults import Break
@@ -118,9 +117,11 @@ _CLOSE, _OPEN = 0.0, 100.0
 _ROW_12 = float(rule_vectors("printed")["VPos"]["Pos4"])
 
 
-def diagnosed(code: str, *, version: str = "printed", **inputs: float) -> str:
-    """Return what the rules as printed make of a row's inputs."""
-    tests = rule_vectors(version).loc[[code]].assign(**inputs)
+def diagnosed(
+    code: str, inputs: Mapping[str, float] | None = None, *, version: str = "printed"
+) -> str:
+    """Return what the rules as printed make of a row, with other inputs if any are given."""
+    tests = rule_vectors(version).loc[[code]].assign(**(inputs or {}))
     return str(BASE.check(tests, "crisp")["top"].iloc[0])
 
 
@@ -182,70 +183,26 @@ def through_registers(code: str) -> str:
     return str(BASE.check(tests, "crisp")["top"].iloc[0])
 
 
-@check("kim2014-026", counter={"speed": 11.0})
-def normal_stays_normal(*, speed: float = 0.0) -> bool:
-    """Whether the normal values raise no fault at this speed of the valve [%/s]."""
-    return diagnosed("normal", DVPos=speed) == "normal"
+@check("kim2014-026", code="normal", channel="DVPos", value=0.0, counter={"value": 11.0})
+@check("kim2014-027", code="P1", channel="MC", value=4.0, counter={"value": 0.0})
+@check("kim2014-028", code="P2", channel="FP", value=2.0, counter={"value": 90.0})
+@check("kim2014-030", code="G1", channel="MC", value=0.0, counter={"value": 1.2})
+@check("kim2014-064", code="S1", channel="VPos", value=305.0, counter={"value": 100.0})
+@check("kim2014-035", code="O1", channel="OT", value=90.0, counter={"value": 89.0})
+@check("kim2014-065", code="Pos1", channel="MC", value=0.0, counter={"value": 1.2})
+@check("kim2014-066", code="Pos3", channel="VPos", value=305.0, counter={"value": 100.0})
+@check("kim2014-067", code="Pos4", channel="VPos", value=-5.0, counter={"value": 5.0})
+def row_is_found(*, code: str, channel: str, value: float) -> bool:
+    """Whether the input of a row, with this value of a channel, is diagnosed as the row's fault."""
+    return diagnosed(code, {channel: value}) == code
 
 
-@check("kim2014-027", counter={"current": 0.0})
-def pump_overload(*, current: float = 4.0) -> bool:
-    """Whether FP 125 with this current [A] is P1."""
-    return diagnosed("P1", MC=current) == "P1"
-
-
-@check("kim2014-028", counter={"pressure": 90.0})
-def pump_leakage(*, pressure: float = 2.0) -> bool:
-    """Whether MC 2 with this pump pressure [bar] is P2."""
-    return diagnosed("P2", FP=pressure) == "P2"
-
-
-@check("kim2014-029", counter={"pressure": 2.0})
-def valve_stuck(*, pressure: float = 4.0) -> bool:
-    """Whether FP 125 with this operating pressure [bar] is V1, at both ends."""
-    return all(diagnosed("V1", OP=pressure, VPos=end) == "V1" for end in (_CLOSE, _OPEN))
-
-
-@check("kim2014-030", counter={"current": 1.2})
-def gauge_fault(*, current: float = 0.0) -> bool:
-    """Whether FP 125 with this current [A] is G1."""
-    return diagnosed("G1", MC=current) == "G1"
-
-
-@check("kim2014-031", counter={"speed": 0.0})
-def piston_leakage(*, speed: float = float("nan")) -> bool:
-    """Whether OP 2 with this speed [%/s], which the row does not print, is V2."""
-    return all(diagnosed("V2", DVPos=speed, VPos=end) == "V2" for end in (_CLOSE, _OPEN))
-
-
-@check("kim2014-064", counter={"position": 100.0})
-def switch_error(*, position: float = 305.0) -> bool:
-    """Whether MC 0 with this position [%] is S1."""
-    return diagnosed("S1", VPos=position) == "S1"
-
-
-@check("kim2014-035", counter={"temperature": 89.0})
-def motor_too_hot(*, temperature: float = 90.0) -> bool:
-    """Whether this motor temperature [degC] is O1."""
-    return diagnosed("O1", OT=temperature) == "O1"
-
-
-@check("kim2014-065", counter={"current": 1.2})
-def position_error_1(*, current: float = 0.0) -> bool:
-    """Whether OP 2, VPos 305 with this current [A] is Pos1."""
-    return diagnosed("Pos1", MC=current) == "Pos1"
-
-
-@check("kim2014-066", counter={"position": 100.0})
-def position_error_3(*, position: float = 305.0) -> bool:
-    """Whether this position [%] alone is Pos3."""
-    return diagnosed("Pos3", VPos=position) == "Pos3"
-
-
-@check("kim2014-067", counter={"position": 5.0})
-def position_error_4(*, position: float = -5.0) -> bool:
-    """Whether this position [%] alone is Pos4."""
-    return diagnosed("Pos4", VPos=position) == "Pos4"
+# V1 must hold at both ends; V2 needs a speed, which its row does not print.
+@check("kim2014-029", code="V1", channel="OP", value=4.0, counter={"value": 2.0})
+@check("kim2014-031", code="V2", channel="DVPos", value=float("nan"), counter={"value": 0.0})
+def row_is_found_at_both_ends(*, code: str, channel: str, value: float) -> bool:
+    """Whether the same holds with the valve closed and with the valve open."""
+    return all(diagnosed(code, {channel: value, "VPos": end}) == code for end in (_CLOSE, _OPEN))
 
 
 @numeric("kim2014-032")
@@ -258,7 +215,7 @@ def above_open(*, below: float = _ROW_12) -> float:
 def below_closed(*, margin: float = 5.0) -> float:
     """Position below the closed end, for which S2 and Pos2 fire [%]."""
     position = _CLOSE - margin
-    fired = [diagnosed(code, VPos=position) for code in ("S2", "Pos2")]
+    fired = [diagnosed(code, {"VPos": position}) for code in ("S2", "Pos2")]
     if fired != ["S2", "Pos2"]:
         raise ValueError(f"margin is {margin:g}; it must be above 0")
     return position

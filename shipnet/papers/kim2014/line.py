@@ -178,27 +178,17 @@ RATES = scan.BIT_RATES
 _MOVES: tuple[Literal["slave", "downstream"], ...] = ("slave", "downstream")
 
 
-@numeric("kim2014-005")
-def silence(*, rate: float = float(SerialLine.SILENCE_LIMIT)) -> float:
-    """Characters of silence between two frames, at the highest rate that counts them so."""
+@numeric("kim2014-005", rate=float(SerialLine.SILENCE_LIMIT))
+@numeric("kim2014-077", rate=RATES[-1])
+def silence(*, rate: float) -> float:
+    """Characters of silence between two frames: at the highest rate that counts them, or above."""
     return SerialLine(rate).t35 / SerialLine(rate).character_time
 
 
-@numeric("kim2014-077")
-def silence_at_highest_rate(*, rate: float = 115200.0) -> float:
-    """Characters of silence between two frames at the highest rate of the paper."""
-    return silence(rate=rate)
-
-
-@numeric("kim2014-075")
-def slowest_scan(*, slaves: int = MAX_UNIT, rate: float = 2400.0) -> float:
-    """Seconds to read the status of all slaves at the lowest rate."""
-    return status_poll(rate).scan_time(slaves)
-
-
-@numeric("kim2014-076")
-def fastest_scan(*, slaves: int = MAX_UNIT, rate: float = 115200.0) -> float:
-    """Seconds to read the status of all slaves at the highest rate."""
+@numeric("kim2014-075", rate=RATES[0])
+@numeric("kim2014-076", rate=RATES[-1])
+def scan_time(*, slaves: int = MAX_UNIT, rate: float) -> float:
+    """Seconds to read the status of all slaves at a bit rate of the paper."""
     return status_poll(rate).scan_time(slaves)
 
 

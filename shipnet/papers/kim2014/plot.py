@@ -13,9 +13,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet import style
+from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.registers import FIRST_REGISTER, N_REGISTERS
 from shipnet.ballast.scan import scan_table
-from shipnet.ballast.simulation import Run
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine

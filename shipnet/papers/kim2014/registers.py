@@ -189,16 +189,11 @@ def crc_bits(*, address: int = 1) -> int:
     return 8 * (len(rtu_frame(1, pdu)) - len(pdu) - address)
 
 
-@numeric("kim2014-009", "kim2014-018")
-def write_error(*, function: int = 6) -> int:
+@numeric("kim2014-009", "kim2014-018", function=6)
+@numeric("kim2014-052", function=4)
+def exception_code(*, function: int) -> int:
     """First byte of an exception response to this function code."""
     return Response(function, exception=1).pdu[0]  # type: ignore[arg-type]
-
-
-@numeric("kim2014-052")
-def read_error(*, function: int = 4) -> int:
-    """First byte of an exception response to this function code."""
-    return write_error(function=function)
 
 
 @numeric("kim2014-010")
@@ -232,31 +227,13 @@ def names_a_register(*, message: str = "response") -> bool:
     return said[0] != said[1]
 
 
-def _length_field(message: str, before: int) -> int:
-    return len(standard_adu(message)) - before
-
-
-@numeric("kim2014-016")
-def write_length(*, before: int = _LENGTH_AT + 2) -> int:
-    """Bytes of the write query and of its response that follow the length field."""
-    query, response = (
-        _length_field(message, before) for message in ("write query", "write response")
-    )
-    if query != response:
-        raise ArgumentError(f"the query counts {query} bytes, the response {response}")
-    return query
-
-
-@numeric("kim2014-017")
-def error_length(*, before: int = _LENGTH_AT + 2) -> int:
-    """Bytes of the error response that follow the length field."""
-    return _length_field("write error", before)
-
-
-@numeric("kim2014-019")
-def read_length(*, before: int = _LENGTH_AT + 2) -> int:
-    """Bytes of the read query that follow the length field."""
-    return _length_field("read query", before)
+@numeric("kim2014-016", messages=("write query", "write response"))
+@numeric("kim2014-017", messages=("write error",))
+@numeric("kim2014-019", messages=("read query",))
+def length_field(*, messages: tuple[str, ...], before: int = _LENGTH_AT + 2) -> int:
+    """Bytes of these messages, which have one length, that follow the length field."""
+    (length,) = {len(standard_adu(message)) - before for message in messages}
+    return length
 
 
 @numeric("kim2014-020")

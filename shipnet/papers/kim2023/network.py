@@ -197,15 +197,10 @@ def slave_pause_at_most_2(*, longest: float = LONGEST_PAUSE) -> bool:
     return longest <= 2 * BIT_TIME
 
 
-@numeric("kim2023-031")
-def shortest_transaction(*, master_pause: float = 2, slave_pause: float = 1.5) -> float:
-    """Bit times with the shortest pauses that are printed."""
-    return Transaction(master_pause, slave_pause).bits
-
-
-@numeric("kim2023-032", "icn2007-030")
-def long_transaction(*, master_pause: float = 3, slave_pause: float = 2) -> float:
-    """Bit times with the pauses on which vendors base their 156 us."""
+@numeric("kim2023-031", master_pause=2, slave_pause=1.5)
+@numeric("kim2023-032", "icn2007-030", master_pause=3, slave_pause=2)
+def transaction(*, master_pause: float, slave_pause: float) -> float:
+    """Bit times with the shortest pauses that are printed, or with those of vendors' 156 us."""
     return Transaction(master_pause, slave_pause).bits
 
 

@@ -140,24 +140,14 @@ def works_without(*, part: str = "conductor") -> bool:
 # Section 3.4: what error detection costs elsewhere, and what the pulses of AS-i detect.
 
 
-def check_bits_for_distance_4(information: int) -> int:
-    """Fewest check bits with which any two words differ in at least four places."""
+@numeric("kim2023-057", "icn2007-023", bits=1 + 5 + 5)
+@numeric("kim2023-058", "icn2007-040", bits=4)
+def check_bits(*, bits: int) -> int:
+    """Fewest check bits with which any two words of so many bits differ in at least four places."""
     r = 2
-    while 2 ** (r - 1) < information + r:
+    while 2 ** (r - 1) < bits + r:
         r += 1
     return r
-
-
-@numeric("kim2023-057", "icn2007-023")
-def request_check_bits(*, control: int = 1, address: int = 5, information: int = 5) -> int:
-    """Check bits for the 11 bits of a request."""
-    return check_bits_for_distance_4(control + address + information)
-
-
-@numeric("kim2023-058", "icn2007-040")
-def response_check_bits(*, information: int = 4) -> int:
-    """Check bits for the 4 bits of a response."""
-    return check_bits_for_distance_4(information)
 
 
 @numeric("kim2023-059")

@@ -274,18 +274,13 @@ TOGETHER = MessageSet([Message("first", 0x100, 8, 1.0), Message("second", 0x200,
 
 
 @numeric("lee2012-038")
-def standard_identifier_bits(*, extended: bool = False) -> int:
+@numeric("lee2012-080", extended=True)
+def identifier_bits(*, extended: bool = False) -> int:
     """Bits of the highest arbitration id that a frame can carry."""
     bits = 0
     while _legal_identifier(2 ** (bits + 1) - 1, extended):
         bits += 1
     return bits
-
-
-@numeric("lee2012-080")
-def extended_identifier_bits(*, extended: bool = True) -> int:
-    """Bits of the highest arbitration id of a frame in extended format."""
-    return standard_identifier_bits(extended=extended)
 
 
 def _legal_identifier(arbitration_id: int, extended: bool) -> bool:

@@ -34,11 +34,6 @@ _NAMES: dict[Literal[2, 4], str] = {2: "two-stroke", 4: "four-stroke"}
 _METRIC_HORSEPOWER = 75 * 9.80665
 
 
-def per_kilowatt_hour(per_horsepower_hour: float) -> float:
-    """Return a consumption per kilowatt hour from that per metric horsepower hour."""
-    return per_horsepower_hour * 1e3 / _METRIC_HORSEPOWER
-
-
 @numeric("lee2012-005")
 def power(*, pressure: float = PRESSURE, rate: float = SPEED, cylinders: int = CYLINDERS) -> float:
     """Kilowatts that follow from Table 1 and the size of the cylinders."""
@@ -58,22 +53,12 @@ def pressure_from_power(*, power: float = _GUIDE, rate: float = SPEED) -> float:
     return main.mean_effective_pressure(1e3 * power, rate / 60) / 1e5
 
 
-@numeric("lee2012-008")
-def fuel_consumption(*, per_horsepower_hour: float = 126.0) -> float:
-    """Grams of fuel a kilowatt hour, from those a horsepower hour."""
-    return per_kilowatt_hour(per_horsepower_hour)
-
-
-@numeric("lee2012-010")
-def least_cylinder_oil(*, per_horsepower_hour: float = 0.7) -> float:
-    """Grams of cylinder oil a kilowatt hour, from those a horsepower hour."""
-    return per_kilowatt_hour(per_horsepower_hour)
-
-
-@numeric("lee2012-070")
-def most_cylinder_oil(*, per_horsepower_hour: float = 1.1) -> float:
-    """Grams of cylinder oil a kilowatt hour, from those a horsepower hour."""
-    return per_kilowatt_hour(per_horsepower_hour)
+@numeric("lee2012-008", per_horsepower_hour=126.0)  # fuel
+@numeric("lee2012-010", per_horsepower_hour=0.7)  # cylinder oil, at least
+@numeric("lee2012-070", per_horsepower_hour=1.1)  # and at most
+def per_kilowatt_hour(per_horsepower_hour: float) -> float:
+    """Consumption per kilowatt hour, from that per metric horsepower hour."""
+    return per_horsepower_hour * 1e3 / _METRIC_HORSEPOWER
 
 
 @numeric("lee2012-011")
@@ -123,26 +108,13 @@ def printed_points(*, double_row: bool = True) -> PointList:
     return PointList(point for point, row in points if double_row or row != _DOUBLE_ROW)
 
 
-def _printed(column: str, value: str) -> int:
+@numeric("lee2012-013", column="jb", value="JB1")
+@numeric("lee2012-014", column="jb", value="JB2")
+@numeric("lee2012-015", column="jb", value="JB3")
+@numeric("lee2012-018", column="condition", value="S/W")
+def listed_points(*, column: str, value: str) -> int:
+    """Points that Table 3 lists for a box, or with two states."""
     return int(TABLE_3.loc[TABLE_3[column] == value, "quantity_points"].sum())
-
-
-@numeric("lee2012-013")
-def points_of_jb1(*, box: str = "JB1") -> int:
-    """Points of junction box 1, as Table 3 lists them."""
-    return _printed("jb", box)
-
-
-@numeric("lee2012-014")
-def points_of_jb2(*, box: str = "JB2") -> int:
-    """Points of junction box 2."""
-    return _printed("jb", box)
-
-
-@numeric("lee2012-015")
-def points_of_jb3(*, box: str = "JB3") -> int:
-    """Points of junction box 3."""
-    return _printed("jb", box)
 
 
 @numeric("lee2012-016")
@@ -155,12 +127,6 @@ def points_of_engine(*, double_row: bool = True) -> int:
 def analogue_points(*, double_row: bool = True) -> int:
     """Points that have a value."""
     return sum(point.analogue for point in printed_points(double_row=double_row))
-
-
-@numeric("lee2012-018")
-def switch_points(*, condition: str = "S/W") -> int:
-    """Points that have two states."""
-    return _printed("condition", condition)
 
 
 @numeric("lee2012-012")
@@ -220,21 +186,12 @@ def grows_geometrically(*, wiring: tuple[int, ...] = ()) -> bool:
     return bool((steps[1:] > steps[:-1]).all())
 
 
-@check("lee2012-048", counter={"inputs": 26})
-def enough_resistance_inputs(*, inputs: int = 32) -> bool:
-    """Whether so many R/V inputs are enough for the thermometers of any box."""
-    return _most("RTD") <= inputs
-
-
-@check("lee2012-049", counter={"inputs": 16})
-def enough_current_inputs(*, inputs: int = 18) -> bool:
-    """Whether so many I/V inputs are enough for the current loops of any box."""
-    return _most("4-20 mA") <= inputs
-
-
-def _most(condition: str) -> int:
+@check("lee2012-048", condition="RTD", inputs=32, counter={"inputs": 26})
+@check("lee2012-049", condition="4-20 mA", inputs=18, counter={"inputs": 16})
+def enough_inputs(*, condition: str, inputs: int) -> bool:
+    """Whether so many converter inputs are enough for the sensors of one kind of any box."""
     boxes = read_points().by_box().values()
-    return max(sum(point.condition == condition for point in own) for own in boxes)
+    return max(sum(point.condition == condition for point in own) for own in boxes) <= inputs
 
 
 @check("lee2012-050", counter={"volts": (0.0, 5.0)})
