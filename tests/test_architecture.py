@@ -36,7 +36,7 @@ def test_every_file_that_the_page_names_exists():
 
 
 #: Packages in which files still import each other in a circle; the list may only get shorter.
-CIRCLES = {"ballast"}
+CIRCLES: set[str] = set()
 
 
 def test_no_files_import_each_other_in_a_circle():
