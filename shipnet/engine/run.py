@@ -77,12 +77,16 @@ OUTCOMES = ("answered", "no answer", "response damaged")
 
 
 class Attempts(NamedTuple):
-    """Requests in order of time: poll, channel (0 or 1), first bit [ns], place in `OUTCOMES`."""
+    """Requests in order of time: poll, channel (0 or 1), first bit [ns], place in `OUTCOMES`.
+
+    A box may have `heard` a request whose response did not begin.
+    """
 
     poll: Integers
     channel: Integers
     start: Integers
     outcome: Integers
+    heard: Bools
 
 
 #: A round, or a step of it, that did not happen.

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from functools import cached_property
+from math import inf
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -15,7 +16,18 @@ import numpy.typing as npt
 
 from shipnet.clock import Fault, as_faults, nanoseconds
 from shipnet.engine.can_layout import CanLayout
-from shipnet.engine.faults import KINDS, EngineFault
+from shipnet.engine.faults import (
+    KINDS,
+    BusOff,
+    CanBreak,
+    DeadBox,
+    DeadPort,
+    EngineFault,
+    LostCanFrames,
+    LostModbusFrames,
+    ModbusBreak,
+    StuckSensor,
+)
 from shipnet.engine.points import PointList, read_points
 from shipnet.errors import ArgumentError
 from shipnet.fields import Kind, check_scalar, check_whole, choice, number, record, switch, whole
@@ -116,12 +128,27 @@ class SwitchOver(NamedTuple):
     """Times of a switch-over to the other channel [s].
 
     From the request that stays unanswered to the first `request` and to the whole `answer` on the
-    other channel; and from the `loss` of the channel to that answer, at worst.
+    other channel; from the `loss` of the channel to that answer, at worst; and the longest `gap`
+    between two whole answers, which is longest if a response breaks off just before its end.
     """
 
     request: float
     answer: float
     loss: float
+    gap: float
+
+
+class FailureBounds(NamedTuple):
+    """What a single failure costs at worst, whatever the phases of all clocks [s].
+
+    The longest time from the first request of a poll to a whole `answer`, the longest `gap`
+    between two whole answers, and the `oldest` value shown as good; infinite if it grows as long
+    as a lasting failure does.
+    """
+
+    answer: float
+    gap: float
+    oldest: float
 
 
 class StalenessFlag(NamedTuple):
@@ -174,7 +201,7 @@ class System:
     >>> system.boxes, system.registers, engine.System.corrected().registers
     (('JB1', 'JB2', 'JB3'), 99, 121)
     >>> [round(time, 3) for time in system.switch_over()]
-    [0.133, 0.388, 1.133]
+    [0.133, 0.388, 1.137, 1.255]
     >>> system.worst_age().groupby("box")["worst_s"].max().round(3).to_dict()
     {'JB1': 1.781, 'JB2': 1.771, 'JB3': 1.789}
     """
@@ -318,10 +345,13 @@ class System:
     @cached_property
     def messages(self) -> MessageSet:
         """CAN messages, the highest priority first; jitter is what Modbus delays their box."""
+        return self._messages(self.suspended_ns)
+
+    def _messages(self, suspended: Integers) -> MessageSet:
         from shipnet.can.messages import MessageSet
 
         periods = dict(zip(self.boxes, self.period_ns.tolist(), strict=True))
-        delays = dict(zip(self.boxes, self.suspended_ns.tolist(), strict=True))
+        delays = dict(zip(self.boxes, suspended.tolist(), strict=True))
         return MessageSet(
             replace(
                 message,
@@ -411,11 +441,14 @@ class System:
     @cached_property
     def can_response(self) -> Floats:
         """Longest time of each message from queueing to its end [s], highest priority first."""
+        return self._can_response(self.messages)
+
+    def _can_response(self, messages: MessageSet) -> Floats:
         from shipnet.can.response import Assumptions, response_times
 
         # The receiver's interrupt comes at the end of the frame, so the intermission is left out.
         assumptions = Assumptions(own_jitter=False, intermission="between")
-        found = response_times(self.messages, self.can_bit_rate, assumptions=assumptions)
+        found = response_times(messages, self.can_bit_rate, assumptions=assumptions)
         if not all(response.met for response in found):
             raise ArgumentError(
                 f"can_bit_rate is {self.can_bit_rate} bit/s; frames must arrive within the update "
@@ -462,6 +495,13 @@ class System:
         comes after. Where both channels are polled, the better one counts. ArgumentError if two
         polls can meet one round of a loop, or the CAN bus is overloaded.
         """
+        channels = self.ports if self.polled == "both" else self.ports[:1]
+        return self._ages(channels, self.suspended_ns, self.can_response)
+
+    def _ages(
+        self, channels: tuple[int, ...], suspended: Integers, can_response: Floats
+    ) -> pd.DataFrame:
+        """Return the ages over the better of some channels, for delays of the boxes and frames."""
         import pandas as pd
 
         spacing = self.poll_spacing()
@@ -471,10 +511,9 @@ class System:
                 f"poll_period is {self.poll_period:g} s; a round of a loop takes "
                 f"{longest / 1e9:g} s, so that two polls meet it"
             )
-        response = self.can_response[self.message_of]
+        response = can_response[self.message_of]
         box, offset = self.box_of, self.offset_ns
         converted, looped = self.convert_ns[box], self.loop_ns[box]
-        channels = self.ports if self.polled == "both" else self.ports[:1]
         receive = self.firmware.receive
         spread = int(self.frame_ns.min()) >= nanoseconds(receive)
         handling = receive if spread else receive * self.sender.size
@@ -484,7 +523,7 @@ class System:
             terms = {
                 "sampling_s": (np.where(own, converted, looped) - offset) / 1e9,
                 "update_s": self.period_ns[box] / 1e9,
-                "interrupt_s": np.where(own, 0, self.suspended_ns[box]) / 1e9,
+                "interrupt_s": np.where(own, 0, suspended[box]) / 1e9,
                 "can_s": np.where(own, 0.0, response),
                 "handling_s": np.where(own, 0.0, handling),
                 "poll_s": spacing,
@@ -511,9 +550,9 @@ class System:
         .. math:: t_{after} = t_{stale} + t_{mark} + h + T + t_{response}
 
         with the time T from poll to poll. If the box itself is the one that is asked, the AMS
-        first asks it in vain for :math:`t_{lost}`, time-outs and retries included, and a poll with
-        that in it has a longer spacing :math:`T_{lost}`. An AMS that stays on the other channel
-        does so once, and the marks may be seen later for it,
+        first asks it in vain for :math:`t_{lost}`: retries included, and the first try may be a
+        response that breaks off. A poll with that in it has a longer spacing :math:`T_{lost}`. An
+        AMS that stays on the other channel does so once, and the marks may be seen later for it,
 
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
 
@@ -530,7 +569,7 @@ class System:
             return StalenessFlag(self.age_limit, self.age_limit)
         transaction = float(self.worst_age()["transaction_s"].iloc[0])
         request = self.serial.frame_time(8)
-        lost = (1 + self.retries) * (request + self.timeout)
+        lost = max(self._in_vain(1 + self.retries, 1))
         healthy, hindered = self.poll_spacing(), self.poll_spacing(lost)
         pile = self.service_ns / 1e9 + self.firmware.receive * self.sender.size
         marked = self.stale_limit + self.firmware.mark + pile
@@ -559,8 +598,129 @@ class System:
             raise ArgumentError("polled is 'both'; only a system that polls one channel switches")
         request = self.poll.line.frame_time(8)
         lost = (1 + self.retries) * (request + self.timeout)
+        broken = max(self._in_vain(1 + self.retries, 1))
         answer = lost + self.poll.time
-        return SwitchOver(lost, answer, self.poll_period - self.poll.time + answer)
+        # Lost just after the last bit of a response, or just after the first one.
+        first = request + self.shortest_timeout
+        loss = max(self.poll_spacing() + lost + self.serial.t35, broken + self.poll.time - first)
+        return SwitchOver(lost, answer, loss, max(self._gaps(1)))
+
+    def _in_vain(self, tries: int, broken: int) -> list[float]:
+        """Return how long some tries in vain on one channel take [s].
+
+        In each case some tries, `broken` at most, end with a response that breaks off or is
+        damaged, which the AMS notices when the whole response is due; the others are silent.
+        """
+        silent = self.poll.line.frame_time(8) + self.timeout
+        damaged = range(min(tries, broken) + 1)
+        return [n * self.poll.time + (tries - n) * silent for n in damaged]
+
+    def _gaps(self, broken: int) -> tuple[float, float]:
+        """Return the longest time between two whole answers as channel 1 fails, and after it [s].
+
+        Up to `broken` tries per poll end with a broken response. An answer comes late in its poll
+        by what was tried in vain before it.
+        """
+        tries = 1 + self.retries
+        full = self._in_vain(tries, broken)
+        late = [0.0]
+        if broken > 1:
+            # A retry may be answered, and the next poll be in vain once more.
+            late = [time for n in range(tries) for time in self._in_vain(n, broken)]
+        if self.switch_rule == "return":
+            late += full
+        before = max(self.poll_spacing(time) - time for time in late) + max(full)
+        after = max(self.poll_spacing(time) - time for time in full)
+        return before, before if self.switch_rule == "return" else max(after, self.poll_spacing())
+
+    def _oldest_read(self, broken: int) -> float:
+        """Return the greatest age shown as good while channel 1 fails and is left [s]."""
+        before, after = self._gaps(broken)
+        healthy, ports = self.suspended_ns, np.isin(np.arange(len(self.boxes)), self.ports)
+        # If a round of a loop takes longer than a poll, several requests can meet it.
+        crowded = int(self.loop_ns.max()) + self.service_ns > nanoseconds(self.poll.time)
+        times = 2 + self.retries if crowded else 1
+        both = times * self.service_ns * ports.astype(np.int64)
+        first = both if self.switch_rule == "return" else times * healthy
+        found = []
+        for reader, suspended, gap in zip(self.ports, (first, both), (before, after), strict=True):
+            response = self._can_response(self._messages(suspended))
+            ages = self._ages((reader,), suspended, response)
+            found.append(float((ages["worst_s"] - ages["poll_s"]).max()) + gap)
+        return max(found)
+
+    def failure_bounds(self, fault: EngineFault | None = None) -> FailureBounds:
+        r"""Return the worst that a single fault, or none, does to answers and ages.
+
+        The bounds hold for all phases between the clocks and the fault. If the channel in use
+        fails, the AMS asks in vain for :math:`t_{lost}`: a response that breaks off is noticed
+        when it should have ended, each of the r retries after its time-out.
+
+        .. math:: t_{lost} = \max(t_{poll}, t_{silent}) + r \, t_{silent}
+
+        .. math:: t_{gap} = T + t_{lost}, \qquad A' = A - T + t_{gap}
+
+        with :math:`t_{silent}` of a request and its time-out, the time T from poll to poll and the
+        age A of `worst_age`. Where frames are damaged at random, each try may take
+        :math:`t_{poll}`. An AMS that returns to channel 1 waits in vain in every poll. A part that
+        fails on the CAN bus destroys the frames of one round, so A grows by one update period. A
+        silent box has the bound of `staleness_flag`. In the printed design one frame keeps all
+        values of its box alive, so random losses on CAN have no bound. In the corrected one the
+        AMS marks by age. No bus can see that a sensor is stuck.
+
+        Parameters
+        ----------
+        fault : fault, optional
+            One of `shipnet.engine.faults`; the system is healthy if it is not given.
+
+        Returns
+        -------
+        FailureBounds
+            Longest answer, longest gap between two answers, and oldest value shown as good [s].
+
+        Raises
+        ------
+        ArgumentError
+            If the system does not have what fails, or `worst_age` has no bound.
+
+        Examples
+        --------
+        >>> from shipnet import engine
+        >>> cut = engine.faults.ModbusBreak("1")
+        >>> [round(bound, 3) for bound in engine.System().failure_bounds(cut)]
+        [0.51, 1.255, 2.043]
+        >>> often = engine.System(poll_period=0.5)
+        >>> [round(bound, 3) for bound in often.failure_bounds(cut)]
+        [0.51, 0.755, 1.543]
+        """
+        answer, gap = self.poll.time, self.poll_spacing()
+        healthy = oldest = float(self.worst_age()["worst_s"].max())
+        corrected = self.coding == "corrected"
+        if corrected:
+            healthy = min(healthy, self.age_limit)
+        if fault is None:
+            return FailureBounds(answer, gap, healthy)
+        self.check_faults(fault)
+        lasts, period = fault.stop - fault.start, int(self.period_ns.max()) / 1e9
+        place = self.boxes[0] if isinstance(fault, DeadBox) else "1"
+        on_line = isinstance(fault, DeadBox | DeadPort | ModbusBreak | LostModbusFrames)
+        if on_line and fault.where == place and self.polled == "one":
+            broken = 1 + self.retries if isinstance(fault, LostModbusFrames) else 1
+            answer += max(self._in_vain(1 + self.retries, broken))
+            gap, oldest = max(self._gaps(broken)), self._oldest_read(broken)
+        if isinstance(fault, StuckSensor):
+            oldest = lasts + healthy
+        elif corrected:
+            oldest = self.age_limit
+        elif isinstance(fault, LostCanFrames):
+            # The polled box needs no CAN for its own values.
+            oldest = healthy if fault.where == self.boxes[0] else lasts + period + healthy
+        elif isinstance(fault, BusOff | CanBreak | DeadBox):
+            # The begin and the end of a fault destroy the frames of a round each.
+            oldest += period * (1 if lasts == inf else 2)
+            if not (isinstance(fault, CanBreak) and len(self.segments) == len(self.boxes)):
+                oldest = max(oldest, self.staleness_flag().oldest)
+        return FailureBounds(answer, gap, oldest)
 
     def timeout_for(self, time: float, *, retries: int = 0) -> float:
         """Return the time-out [s] with which a switch-over takes a given time [s]."""
@@ -603,15 +763,20 @@ class System:
         """Return all lasting single faults that begin at a time [s].
 
         Every cable broken, every port and box dead, every node off the bus, the frames of every
-        box and both channels lost by one half, and stuck sensors: the first of each box, or every
-        one.
+        box and the requests and responses of both channels lost by one half, and stuck sensors:
+        the first of each box, or every one.
         """
         if not isinstance(every_sensor, bool):
             raise ArgumentError(f"every_sensor is {every_sensor!r}; it must be True or False")
         places = dict(self.places)
         if not every_sensor:
             places["sensor"] = tuple(own[0].tag for own in self.points.by_box().values())
-        return tuple(kind(where, start=start) for kind in KINDS for where in places[kind.at])
+        more: dict[type[EngineFault], dict[str, float]] = {LostModbusFrames: {"response": 0.5}}
+        return tuple(
+            kind(where, start=start, **more.get(kind, {}))
+            for kind in KINDS
+            for where in places[kind.at]
+        )
 
     def plot(
         self, faults: EngineFault | Iterable[EngineFault] = (), ax: Axes | None = None

@@ -22,32 +22,61 @@ def ns(seconds):
 
 
 def requests(system, duration, phase, faults):
-    """Return (start, channel, fate) of all requests; fate is served, deaf or damaged."""
-    answered = ns(system.poll.time)
-    silent = ns(system.serial.frame_time(8) + system.timeout)
+    """Return (start, channel, fate) of all requests, as a walk along the line.
 
-    def fate(start, channel):
+    A fate is served, damaged (the AMS sees a response begin, but not a whole one), unread (the box
+    works, the AMS sees nothing) or deaf.
+    """
+    answered = ns(system.poll.time)
+    bits = system.serial.frame_time
+    silent = ns(bits(8) + system.timeout)
+
+    def working(channel, time, kinds):
+        """Whether line and port, or the box, work at a time; nobody knows of what comes later."""
         box = system.boxes[0 if channel == 0 else -1]
-        for fault in faults:
-            begin, stop = fault.span
-            whole = begin < start + answered and start < stop
-            here = fault.where == str(channel + 1)
-            if here and type(fault) in (ModbusBreak, DeadPort) and whole:
-                return "deaf"
-            if type(fault) is DeadBox and fault.where == box and whole:
-                return "deaf"
-            if type(fault) is LostModbusFrames and here and begin <= start < stop:
-                assert {fault.request, fault.response} <= {0.0, 1.0}
-                if fault.request:
-                    return "deaf"
-        damaged = any(
-            type(f) is LostModbusFrames
-            and f.where == str(channel + 1)
-            and f.span[0] <= start < f.span[1]
-            and f.response
+        return not any(
+            type(f) in kinds
+            and f.where == (box if type(f) is DeadBox else str(channel + 1))
+            and f.span[0] <= time < f.span[1]
             for f in faults
         )
-        return "damaged" if damaged else "served"
+
+    def moments(begin, end):
+        """All times at which something changes within a stretch, and its two ends."""
+        edges = {t for f in faults for t in f.span}
+        return [begin, *sorted(t for t in edges if begin < t < end), end]
+
+    def certain(what, channel, time):
+        for fault in faults:
+            if type(fault) is not LostModbusFrames or fault.where != str(channel + 1):
+                continue
+            assert {fault.request, fault.response} <= {0.0, 1.0}
+            if fault.span[0] <= time < fault.span[1] and getattr(fault, what):
+                return True
+        return False
+
+    def fate(start, channel):
+        cable, box = (ModbusBreak, DeadPort), (DeadBox,)
+        request_end = start + ns(bits(8))
+        read = start + ns(bits(8) + system.serial.t35)
+        first = start + ns(bits(8) + system.serial.t35 + system.firmware.processing)
+        last = start + ns(system.poll.time - system.serial.t35)
+        # The request travels; the instants of its ends belong to it, but not the last one.
+        if not all(working(channel, t, cable) for t in moments(start, request_end)[:-1]):
+            return "deaf"
+        if not all(working(channel, t, box) for t in moments(start, read)):
+            return "deaf"
+        if certain("request", channel, start):
+            return "deaf"
+        # The box works on it.
+        if not all(working(channel, t, box) for t in moments(read, first)):
+            return "unread"
+        # The response begins: from now on the AMS waits for its end.
+        if not working(channel, first, cable):
+            return "unread"
+        if not all(working(channel, t, cable + box) for t in moments(first, last)[:-1]):
+            return "damaged"
+        return "damaged" if certain("response", channel, first) else "served"
 
     def port(channels):
         favourite, tick = channels[0], phase
@@ -58,7 +87,7 @@ def requests(system, duration, phase, faults):
                 for _ in range(system.retries + 1):
                     what = fate(now, channel)
                     yield now, channel, what
-                    now += silent if what == "deaf" else answered
+                    now += silent if what in ("deaf", "unread") else answered
                     if what == "served":
                         break
                 if what == "served":

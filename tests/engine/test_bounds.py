@@ -186,7 +186,8 @@ def test_a_cut_channel_is_left_after_133_ms_and_answered_within_2_s():
     assert taken["time_s"].iloc[0] - lost["time_s"].iloc[0] == pytest.approx(told.request)
     assert told.request == pytest.approx(0.133, abs=5e-5)
     assert run.answers()["answer_s"].max() == pytest.approx(told.answer)
-    assert told.answer < told.loss < 2
+    assert told.answer < told.loss < told.gap < 2
+    assert told.gap == pytest.approx(1.255, abs=5e-4)
 
 
 @pytest.mark.parametrize("retries", [0, 1, 2, 10])
