@@ -306,7 +306,7 @@ def test_numbers_that_no_paper_prints():
 
 def test_evidence_is_the_function_unless_the_claim_names_more():
     evidence = LEDGER.set_index("id")["evidence"]
-    assert evidence["kim2023-004"] == "shipnet.papers.kim2023.network.strands_left"
+    assert evidence["kim2023-004"] == "shipnet.papers.kim2023.protocol.strands_left"
     assert evidence["kim2023-074"] == "kim2023-072; kim2023-073"
     assert evidence["kim2014-012"] == ""
 
