@@ -175,7 +175,7 @@ FAMILY = list(family())
 
 
 @pytest.mark.parametrize(
-    "network, master", [one[1:] for one in FAMILY], ids=[n for n, *_ in FAMILY]
+    ("network", "master"), [one[1:] for one in FAMILY], ids=[n for n, *_ in FAMILY]
 )
 def test_every_voltage_is_within_5e_5_of_its_peak(network, master):
     # Four times the cut-off, and a record so long that nothing of it wraps around.
