@@ -326,8 +326,8 @@ def noise_error_rate(
     the noise ahead of the telegram is taken for a first pulse. The receiver of the formula keeps
     perfect time and looks at one sample per slot. Each record loses its mean, and with it 1.6 % of
     the noise. Behind a matched filter the formula agrees with `error_rate` within a third from
-    rates of 1e-4 up, and with importance sampling within a tenth down to 1e-9; without the filter, `error_rate` loses up to a few times as many or as few
-    telegrams.
+    rates of 1e-4 up, and with importance sampling within a tenth down to 1e-9. Without the filter,
+    `error_rate` loses up to a few times as many or as few telegrams.
 
     Examples
     --------
