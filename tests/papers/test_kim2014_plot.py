@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from shipnet.ballast.wear import synthetic_wear
+from shipnet.ballast.wear import Wear
 from shipnet.errors import ArgumentError, CrcError
 from shipnet.modbus.faults import Break
 from shipnet.modbus.frame import rtu_frame, tcp_frame
@@ -127,7 +127,7 @@ def test_a_fault_without_severity_is_not_reported_and_the_worst_is():
 
 
 def test_more_strokes_tell_the_end_of_a_pump_more_closely():
-    wear = synthetic_wear(2, 300, rng=np.random.default_rng(2024))
+    wear = Wear.synthetic(2, 300, rng=np.random.default_rng(2024))
     table = wear.life_table(2, [20, 60, 180])
     assert table.index.tolist() == [20, 60, 180]
     assert np.allclose(table["true"] + table.index, wear.life[1])

@@ -21,7 +21,7 @@ from shipnet.remote_control.system import System
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Longest time that a byte takes to be written into an EEPROM of the time [s]: Atmel, AT28C64B,
+#: Longest time that a byte takes to be written into an EEPROM of that time [s]: Atmel, AT28C64B,
 #: data sheet, "write cycle time 10 ms maximum". That the paper's chip is like it is assumed.
 WRITE_TIME = 10e-3
 
@@ -37,7 +37,7 @@ SIZE = int(PRINTED["ring_size"])
 
 
 def stored(n: int, size: int = SIZE) -> list[State]:
-    """Return the four variables before each of so many bytes that are stored."""
+    """Return the four variables before each of this many bytes that are stored."""
     ring = Ring(size)
     found = []
     for _ in range(n):
@@ -47,20 +47,20 @@ def stored(n: int, size: int = SIZE) -> list[State]:
 
 
 def states(places: int, flags: int) -> list[State]:
-    """Return all states of a ring of so many places, with flags of so many values."""
+    """Return all states of a ring of this many places, with flags of this many values."""
     return [State(*four) for four in product(*2 * (range(places), range(flags)))]
 
 
 @numeric("chung1998-033")
 def virtual_rings(*, with_flag: bool = True) -> int:
-    """Rounds that the variables of the writer tell apart, with their flag or without."""
+    """Rounds that the variables of the writer distinguish, with their flag or without."""
     seen = {(state.no, state.ring_f if with_flag else 0) for state in stored(4 * SIZE)}
     return len(seen) // SIZE
 
 
 @check("chung1998-034", counter={"rings": 1})
 def saves_memory(*, rings: int = 2) -> bool:
-    """Whether one ring of 128 byte with a byte for each flag is less than so many rings."""
+    """Whether one ring of 128 byte with a byte for each flag takes less than this many rings."""
     return len(Ring(SIZE).cells) + 2 < rings * SIZE
 
 
@@ -80,7 +80,7 @@ def place_and_flag_go_round(*, period: int = 2 * SIZE) -> bool:
 
 @numeric("chung1998-049")
 def variables(*, flags: int = 2) -> int:
-    """Variables on which it depends what is done next, with flags of so many values."""
+    """Variables on which it depends what is done next, with flags of this many values."""
     every = states(2, flags)
     return sum(
         any(
@@ -94,12 +94,12 @@ def variables(*, flags: int = 2) -> int:
 
 @numeric("chung1998-011")
 def pointer_cases(*, places: int = 2, flags: int = 2) -> int:
-    """Cases that a ring of so many places can show, with flags of so many values."""
+    """Cases that a ring of this many places can show, with flags of this many values."""
     return len({pointer_case(state) for state in states(places, flags)})
 
 
 def shown(rounds: int) -> set[Case]:
-    """Return the cases that show while fewer than so many rounds are unread."""
+    """Return the cases that show while fewer than this many rounds are unread."""
     table = Ring(SIZE).cases(rounds).table()
     cases: tuple[Case, ...] = ("a", "b", "c", "d")
     return {case for case in cases if table[case].sum()}
@@ -128,7 +128,7 @@ def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
 
 
 def case_of(get_no: int, lead: int) -> Case:
-    """Return the case that shows with so many bytes stored ahead of the reader at a place."""
+    """Return the case that shows with this many bytes stored ahead of the reader at a place."""
     return case_in(get_no, lead, SIZE)
 
 
@@ -176,7 +176,7 @@ def packet_is_found(*, before: bytes = bytes(5)) -> bool:
 
 @check("chung1998-023", counter={"wrap": True})
 def values_are_whole(*, wrap: bool = False) -> bool:
-    """Whether the printed line takes the right values wherever a packet stands in the ring."""
+    """Whether the printed line takes the right values wherever a packet lies in the ring."""
     table = extraction(dict.fromkeys(range(ITEMS), 1000), size=SIZE, wrap=wrap)
     return bool((table["wrong"] == 0).all())
 
@@ -185,7 +185,7 @@ def values_are_whole(*, wrap: bool = False) -> bool:
 
 
 def extract_value(cells: bytes, get_no: int, *, wrap: bool = False, beyond: bytes = b"\0\0") -> int:
-    """Return the value whose number stands at a place of the ring."""
+    """Return the value whose number lies at a place of the ring."""
     cells, beyond = check_bytes("cells", cells), check_bytes("beyond", beyond)
     size = len(cells)
     if size < 3 or len(beyond) != 2:
@@ -206,7 +206,7 @@ def extract_items(
     wrap: bool = False,
     beyond: bytes = b"\0\0",
 ) -> Items:
-    """Return the items of a packet whose first marker stands at a place of the ring."""
+    """Return the items of a packet whose first marker lies at a place of the ring."""
     form = packet_format or MarkerFormat()
     if len(check_bytes("cells", cells)) < 3:
         raise ArgumentError(f"cells has {len(cells)} bytes; it must have 3 or more")
@@ -241,7 +241,7 @@ def extraction(
     wrap : bool, default False
         Whether the indices go round.
     beyond : bytes, default two zeros
-        What stands in memory behind the ring, 2 bytes.
+        What lies in memory behind the ring, 2 bytes.
 
     Returns
     -------
@@ -286,7 +286,7 @@ def extraction(
 
 
 def packets_stored(n: int, items: int, *, phase: int = 0, size: int = SIZE) -> Ring:
-    """Return a ring in which so many bytes of packets have been stored and none read."""
+    """Return a ring in which this many bytes of packets have been stored and none read."""
     ring = Ring(size)
     ring.store_all(MarkerFormat(n_numbers=items).stream(n, phase=phase))
     return ring
@@ -336,7 +336,7 @@ def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
 
 
 def packets_found(waiting: int, rule: Rule, items: int = ITEMS, get_no: int = 0) -> int:
-    """Return how many packets, as they were sent, are found after so many bytes nobody read.
+    """Return how many packets, as they were sent, are found after this many bytes nobody read.
 
     The rule is "intended" or "corrected"; by "printed" the reader has no end. None is found where
     the reader stops, in case a.
@@ -454,7 +454,7 @@ def fill_time(*, size: int = SIZE, rate: float = 9600.0) -> float:
 
 @numeric("chung1998-061")
 def packets_held(*, size: int = SIZE, items: int = ITEMS) -> float:
-    """Packets of so many data that the ring holds."""
+    """Packets of this many data that the ring holds."""
     return size / length(reading="A", items=items)
 
 

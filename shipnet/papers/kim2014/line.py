@@ -147,7 +147,7 @@ def _legal(unit: int) -> bool:
 
 @numeric("kim2014-001", "kim2014-002")
 def slaves_of_a_master(*, bits: int = 8) -> int:
-    """Slaves that one master can call by an id of so many bits."""
+    """Slaves that one master can call by an id of this many bits."""
     return len(addresses(bits))
 
 
@@ -194,7 +194,7 @@ def scan_time(*, slaves: int = MAX_UNIT, rate: float) -> float:
 
 @check("kim2014-008", counter={"breaks": 2})
 def survives(*, breaks: int = 1, slaves: int = 5) -> bool:
-    """Whether every slave stays within reach wherever the loop has so many breaks."""
+    """Whether every slave stays within reach wherever the loop has this many breaks."""
     loop = Loop(slaves, status_poll())
     cuts = combinations(range(loop.n_sections), breaks)
     return not any(loop.reach([Break(section) for section in cut]).lost for cut in cuts)

@@ -157,7 +157,7 @@ def _checked(message: str, unit: int, value: int, registers: tuple[int, ...]) ->
 
 _READ, _WRITE = FunctionCode.READ_INPUT_REGISTERS, FunctionCode.WRITE_SINGLE_REGISTER
 
-#: The first Table 1, one row a field.
+#: The first Table 1, one row per field.
 _TABLE_1 = datasets.read("kim2014_function_codes.csv")
 
 #: Bytes before the first that the length field counts.
@@ -184,7 +184,7 @@ def _answer(registers: int) -> Response:
 
 @numeric("kim2014-006")
 def crc_bits(*, address: int = 1) -> int:
-    """Bits that an RTU frame has beside its PDU and an address of so many bytes."""
+    """Bits that an RTU frame has beside its PDU and an address of this many bytes."""
     pdu = Request.read(_READ, FIRST_REGISTER, N_REGISTERS).pdu
     return 8 * (len(rtu_frame(1, pdu)) - len(pdu) - address)
 
@@ -204,7 +204,7 @@ def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
 
 @numeric("kim2014-086")
 def least_registers(*, data: int = 2) -> int:
-    """Registers that a legal query must ask for to get so many bytes of data or more."""
+    """Registers that a legal query must ask for to get this many bytes of data or more."""
     return next(n for n in range(126) if _may_ask(n) and len(_answer(n).pdu) >= 2 + data)
 
 
@@ -256,7 +256,7 @@ def byte_count(*, registers: int = N_REGISTERS) -> int:
 
 @numeric("kim2014-080")
 def rtu_read_response(*, registers: int = N_REGISTERS) -> int:
-    """Bytes of the RTU frame that brings so many registers."""
+    """Bytes of the RTU frame that brings this many registers."""
     return len(rtu_frame(1, _answer(registers).pdu))
 
 
@@ -507,19 +507,19 @@ def converter_step(*, bits: int = 12, span: float = 100.0) -> float:
 
 @numeric("kim2014-079")
 def angle_step(*, travel: float = 90.0) -> float:
-    """Degrees that one step of the position is, of a travel of so many degrees."""
+    """Degrees that one step of the position is, of a travel of this many degrees."""
     return SCALES[_VPOS].step / 100 * travel
 
 
 @numeric("kim2014-081")
 def largest_position(*, bits: int = 8) -> int:
-    """What a register of so many bits tells of a position of 305."""
+    """What a register of this many bits holds for a position of 305."""
     return int(whole_steps(np.array([305.0]), 2**bits - 1)[0][0])
 
 
 @numeric("kim2014-044")
 def colours(*, bits: int = 16) -> int:
-    """Colours of a display with so many bits a pixel."""
+    """Colours of a display with this many bits a pixel."""
     return int(2**bits)
 
 
@@ -541,7 +541,7 @@ def code_table() -> pd.DataFrame:
 
     Examples
     --------
-    Only two of the readings tell all commands apart:
+    Only two of the readings give every command a code of its own:
 
     >>> code_table().apply(lambda codes: codes.is_unique).to_dict()
     {'flag sum': True, 'one bit': True, 'decimal': False, 'hexadecimal': False}
