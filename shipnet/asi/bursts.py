@@ -1,6 +1,6 @@
 """Find the telegrams in a recorded voltage: resample it, follow its baseline, group its pulses.
 
-A burst is a row of pulses with silence before and behind it. From the peak of its first pulse to
+A burst is a row of pulses with silence before and after it. From the peak of its first pulse to
 that of its last one it takes 78 us if it is a request, and 36 us if it is a response.
 """
 
@@ -274,7 +274,7 @@ def _rejoin(
 #: Length of a piece by which the record is measured [s], and how many there are.
 _SAMPLE, _SAMPLES = 2e-3, 8
 
-#: Samples from before the first peak and behind the last slot that the receiver gets [s].
+#: Samples from before the first peak and after the last slot that the receiver gets [s].
 _BEFORE, _BEHIND = 5e-6, 1e-6
 
 #: The first pulse is looked for from this part of its own height on; ringing stays below.

@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
     from shipnet.asi.plan import Plan
 
-#: What stands in the columns of errors beside "ok" and the names of the classes.
+#: What the columns of errors hold beside "ok" and the names of the classes.
 CUT_OFF, NO_ANSWER = "cut off", "no answer"
 
-#: Longest pause behind a request in which its response begins [bit], with room for its pulses'
-#: delay, and the longest one behind a response: a master may stretch it to 500 us.
+#: Longest pause after a request in which its response begins [bit], with room for its pulses'
+#: delay, and the longest one after a response: a master may stretch it to 500 us.
 _MASTER_PAUSE = MASTER_PAUSE_BITS[1] + 0.5
 _SLAVE_PAUSE = 500e-6 / BIT_TIME
 
@@ -69,8 +69,8 @@ def transactions_of(
     alone = (response < 0) & (request_error == "ok") & asks
     response_error[alone] = np.where(rest[alone] < room, CUT_OFF, NO_ANSWER)
 
-    told = _told(telegrams)
-    requests, responses = _pick(told, request, ""), _pick(told, response, "")
+    texts = _texts(telegrams)
+    requests, responses = _pick(texts, request, ""), _pick(texts, response, "")
     speaker = np.where(response >= 0, response, request)
     master_pause, slave_pause = _pauses(telegrams, request, response, cut)
     return pd.DataFrame(
@@ -146,7 +146,7 @@ def _pairs(asks: Bools, answers: Bools) -> tuple[Indices, Indices]:
 def _pauses(
     telegrams: Telegrams, request: Indices, response: Indices, cut: Bools
 ) -> tuple[Floats, Floats]:
-    """Return the pauses behind requests and behind responses [bit], NaN where there is none."""
+    """Return the pauses after requests and after responses [bit], NaN where there is none."""
     # What is cut off has lost its start, so it cannot be measured from there.
     begins = np.where(cut & (telegrams.edge == 1), np.nan, telegrams.start)
     asked, answered = _pick(begins, request, np.nan), _pick(begins, response, np.nan)
@@ -157,13 +157,13 @@ def _pauses(
     return master, slave
 
 
-def _told(telegrams: Telegrams) -> Strings:
-    """Return the telegrams as strings of 0 and 1, with ? where no pulse told a bit."""
+def _texts(telegrams: Telegrams) -> Strings:
+    """Return the telegrams as strings of 0 and 1, with ? where no pulse gave a bit."""
 
     @cache
     def text(word: int, known: int, length: int) -> str:
-        bits, told = f"{word:0{length}b}", f"{known:0{length}b}"
-        return "".join(bit if one == "1" else "?" for bit, one in zip(bits, told, strict=True))
+        bits, heard = f"{word:0{length}b}", f"{known:0{length}b}"
+        return "".join(bit if one == "1" else "?" for bit, one in zip(bits, heard, strict=True))
 
     columns = (telegrams.word.tolist(), telegrams.known.tolist(), telegrams.length.tolist())
     return np.array([text(*row) for row in zip(*columns, strict=True)], dtype=object)
@@ -243,7 +243,7 @@ class Summary:
 def summarize(transactions: pd.DataFrame) -> Summary:
     """Summarise a table of transactions."""
     states = transactions[["request_error", "response_error"]].to_numpy()
-    told = [state for state in states.ravel() if state not in ("", "ok", CUT_OFF, NO_ANSWER)]
+    faults = [state for state in states.ravel() if state not in ("", "ok", CUT_OFF, NO_ANSWER)]
     repeated = _repeated(transactions)
     slaves = _slaves(transactions)
     answered = slaves["answers"] > 0
@@ -255,7 +255,7 @@ def summarize(transactions: pd.DataFrame) -> Summary:
         int((transactions["response_error"] == NO_ANSWER).sum()),
         list(slaves.index[answered]),
         list(slaves.index[asked & ~answered & (slaves["unanswered"] > 0)]),
-        {name: told.count(name) for name in sorted(set(told))},
+        {name: faults.count(name) for name in sorted(set(faults))},
         int((states == CUT_OFF).sum()),
         slaves.drop(columns="unanswered"),
     )
@@ -338,7 +338,7 @@ class Capture:
           ``""`` without a telegram;
         - ``call``, ``address``, ``half`` ("A", "B" or ""), ``request_data``, ``response_data``:
           what they say; empty for a bad telegram;
-        - ``master_pause_bit``, ``slave_pause_bit``: pauses behind request and response [bit];
+        - ``master_pause_bit``, ``slave_pause_bit``: pauses after request and response [bit];
         - ``request_amplitude_V``, ``response_amplitude_V``: size of the first pulse;
         - ``weakest_pulse``, ``ringing``: as in `shipnet.asi.receiver.Reception`, over the largest
           pulse; of the response, or of the request if there is no response;
@@ -546,7 +546,7 @@ def decode(
     Notes
     -----
     The record is brought to 4..8 MS/s and freed of its baseline. A telegram ends where no pulse
-    follows for 10.5 us; whether it is a request or a response is told by its length, and then
+    follows for 10.5 us; its length says whether it is a request or a response, and then
     `shipnet.asi.receiver.receive` decodes all of a piece at once. Of the two polarities the one
     is right in which more telegrams are free of errors, since the first pulse is negative. A
     response belongs to a request if it begins within 10 bit times after its end.

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # is three numbers: when it began, how long the master waited for the response, and everything
 # else in the bits of one integer. Writing them costs a simulation little.
 
-#: Where each field stands above the 16 bits of `PreparedRequest.code`.
+#: Where each field begins above the 16 bits of `PreparedRequest.code`.
 ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
 
 #: Stands in the field of the response where there is none.
@@ -189,7 +189,7 @@ class Station:
         self.offset = 0
 
     def check_pause(self, transaction: Transaction, late: float = 0.0) -> None:
-        """Raise if an answer could come so late that it falls behind the next request."""
+        """Raise if an answer could come so late that it comes after the next request."""
         pause = self.pause + transaction.unsynchronised + late
         most = transaction.timeout + REQUEST_BITS
         if not (late >= 0 and pause < most):
@@ -310,7 +310,7 @@ class Channel:
         raise MasterStops(until)
 
     def locate(self) -> None:
-        """Find out anew which slave is at which address; behind the last stand all of them."""
+        """Find out anew which slave is at which address; the entry after the last holds all."""
         there = [s for s in self.stations if s.slave.powered]
         there = [s for s in there if not s.slave.programming]
         self._at = [[s for s in there if s.slave.address == address] for address in range(32)]

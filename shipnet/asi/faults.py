@@ -112,9 +112,9 @@ class BrokenCable(LineFault):
     place: float = number(0, 1e6, "m", "Distance of the break from the master")
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Switch everything behind the break off, and on again."""
-        behind = [station for station in stations.all if station.position > self.place]
-        _switch(channel, behind, self.start, self.stop)
+        """Switch everything downstream of the break off, and on again."""
+        downstream = [station for station in stations.all if station.position > self.place]
+        _switch(channel, downstream, self.start, self.stop)
 
 
 @record
@@ -143,8 +143,8 @@ class SupplyDip(LineFault):
 class LateAnswer(_OfSlave):
     """A slave answers later than it should.
 
-    An answer that starts behind the master's time-out is not heard as an answer. It falls upon
-    the next request instead, and nobody understands that, but for one case in 360 in which all
+    An answer that starts after the master's time-out is not heard as an answer. It falls upon
+    the next request instead, which no slave then understands, but for one case in 360 in which all
     its pulses coincide with those of the request.
 
     Examples

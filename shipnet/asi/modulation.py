@@ -202,7 +202,7 @@ def _columns(slots: npt.ArrayLike, n_bits: int) -> Signs:
 
 def _violations(columns: Signs) -> Bools:
     """Return which classes fail; `columns` has the slots, the result the classes in front."""
-    telegram, behind = columns[1:-2], columns[-2:]
+    telegram, after = columns[1:-2], columns[-2:]
     middles = telegram[::2]
     empty = telegram == 0
     # Summed up, the pulses are the send current upside down. It has two levels, so the sum never
@@ -217,7 +217,7 @@ def _violations(columns: Signs) -> Bools:
             empty[::2].any(axis=0),
             np.logical_xor.reduce(middles[1:-1] > 0, axis=0),
             middles[-1] != 1,
-            (behind != 0).any(axis=0),
+            (after != 0).any(axis=0),
         ]
     )
 

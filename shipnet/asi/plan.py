@@ -104,7 +104,7 @@ class Plan:
 
     Examples
     --------
-    A slave behind a repeater:
+    A slave downstream of a repeater:
 
     >>> plan = Plan(
     ...     [CableRun("bridge", "deck", 80), CableRun("hold", "bow", 60)],
@@ -268,11 +268,11 @@ class Plan:
         prefix: str = "2/",
         first: int | None = None,
     ) -> Plan:
-        """Return this plan with another one behind a repeater at one of its nodes.
+        """Return this plan with another one downstream of a repeater at one of its nodes.
 
-        The repeater takes the place of the other plan's one master. `prefix` stands before the
+        The repeater takes the place of the other plan's one master. `prefix` is put before the
         names of the other plan's nodes; its slaves keep their order and halves, and their
-        addresses begin at `first`, by default behind those in use here. Raises ArgumentError if
+        addresses begin at `first`, by default after those in use here. Raises ArgumentError if
         an address goes beyond 31, if the names clash, or unless the other plan has one master.
         """
         downstream = other.renamed(prefix)
@@ -317,7 +317,7 @@ class Plan:
         Signals are judged by the worst of all responses and of three requests, which is stricter
         than `quality`, which judges the responses. They rest on nominal cables and on assumed
         decoupling, send current and repeaters: they tell which slave is the critical one better
-        than by how many millivolts it passes. The length of 500 m between two slaves is no rule
+        than by how many millivolts it passes. The length of 500 m between two slaves is not a rule
         of its own: it follows from two repeaters to either side of a master in the middle.
         """
         return PlanFindings(check_lines(self.lines, wanted_cycle, transaction, limits), self)

@@ -81,7 +81,7 @@ class Reception(NamedTuple):
         Smallest pulse over largest pulse, 0..1.
     ringing : ndarray of float, shape (...)
         Largest voltage in a slot without a pulse over largest pulse; the slots after the first
-        pulse count, the two behind the telegram too.
+        pulse count, the two after the telegram too.
     slots : ndarray of int8, shape (..., 2 n_bits + 2)
         The signs of the pulses that were found, -1, 0 or +1.
 
@@ -431,7 +431,7 @@ def _first_pulse(
 
 
 def _largest_near(y: Floats, middle: Indices, reach: int) -> Floats:
-    """Return the largest sample of either sign around indices; 0 behind the end of the record."""
+    """Return the largest sample of either sign around indices; 0 after the end of the record."""
     n_rows, n_t = y.shape
     flat, begin = y.ravel(), np.arange(n_rows) * n_t
     high = np.full(middle.shape, -np.inf)
@@ -468,7 +468,7 @@ def _decide(
     smallest = np.where(filled, absolute, np.inf).min(axis=0)
     between = np.where(filled, 0.0, absolute).max(axis=0)
     largest[silent] = np.nan
-    # On the line the pulse peaks a little later than behind the symmetric filter.
+    # On the line the pulse peaks a little later than after the symmetric filter.
     reach = np.arange(-int(samples / 4), int(samples / 4) + 1)[:, np.newaxis]
     near = line[row, np.clip(at + reach, 0, n_t - 1)] * np.sign(first)
     return Reception(

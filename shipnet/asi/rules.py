@@ -158,7 +158,7 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
 def _slowest_answer() -> float:
     """Return the silence before a slave that was not synchronous answers [s]."""
     times = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
-    # From edge to edge in the middle of two bits; half a bit of either is no silence.
+    # From edge to edge in the middle of two bits; half a bit of either is not silence.
     return float(times["edge to edge, asynchronous, most"]) * 1e-6 - BIT_TIME
 
 

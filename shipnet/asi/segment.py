@@ -322,7 +322,7 @@ class Groups:
         return name in self._parent
 
     def leader(self, name: str) -> str:
-        """Return the name that stands for a group; a new name is a group of its own."""
+        """Return the name that represents a group; a new name is a group of its own."""
         self._parent.setdefault(name, name)
         while self._parent[name] != name:
             self._parent[name] = name = self._parent[self._parent[name]]

@@ -256,7 +256,7 @@ def prepared(call: Call, address: int, data: int = 0, half: Half | None = None) 
 
 
 class State(Enum):
-    """Where a slave stands in the traffic on the line."""
+    """How a slave follows the traffic on the line."""
 
     ASYNCHRONOUS = "asynchronous"
     RECEIVE = "receive"
@@ -292,7 +292,7 @@ class Step(NamedTuple):
 
 #: The arrows. Whoever is not named here stays where it is: an asynchronous slave reads nothing,
 #: and a synchronous one lets the pause before a response and the response itself pass.
-#: ERROR, FOREIGN, UNKNOWN and OWN are told by icn2007; so is the way out of ASYNCHRONOUS. The way
+#: icn2007 describes ERROR, FOREIGN, UNKNOWN and OWN, and the way out of ASYNCHRONOUS. The way
 #: out of SYNCHRONOUS is our reading: taken at the pause *before* a response, it would make every
 #: slave read the response as a faulty request, and none would ever answer in step.
 TRANSITIONS: dict[tuple[State, Event], Step] = {

@@ -146,7 +146,7 @@ class Transaction:
 
     @property
     def unanswered(self) -> float:
-        """Length of a request that nobody answers, up to the next one [bit]."""
+        """Length of a request that no slave answers, up to the next one [bit]."""
         return REQUEST_BITS + self.timeout
 
     def check_line(self) -> None:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 
 from shipnet.ballast.diagnosis import Recorder, Run, diagnose_run
-from shipnet.ballast.master import Screen, Station, received_run, valve_states
+from shipnet.ballast.master import Screen, Station, received_run
 from shipnet.ballast.plant import FAULTS, Fault, Plant
 from shipnet.ballast.registers import (
     COMMAND_REGISTER,
@@ -700,21 +700,13 @@ class Readout:
     @property
     def screen(self) -> Screen:
         """The valves as the master would show them, just read."""
-        import pandas as pd
-
-        current = np.zeros(self.n_valves)
-        current[self.units - 1] = self.status.readings[2]
-        fault = np.zeros(self.n_valves, np.int64)
-        fault[self.units - 1] = self.status.fault
+        current, fault = np.zeros(self.n_valves), np.zeros(self.n_valves, np.int64)
         silent = np.ones(self.n_valves, bool)
-        silent[self.units - 1] = False
-        state = valve_states(self.positions, current, fault, silent=silent)
+        mine = self.units - 1
+        current[mine], fault[mine] = self.status.readings[2], self.status.fault
+        silent[mine] = False
         age = np.where(silent, np.inf, 0.0)
-        columns = {
-            "position_percent": self.positions, "age_s": age, "fault": fault, "state": state
-        }  # fmt: skip
-        index = pd.RangeIndex(1, self.n_valves + 1, name="valve")
-        return Screen(pd.DataFrame(columns, index=index), 0.0)
+        return Screen.of(self.positions, current, fault, silent=silent, age=age, time=0.0)
 
     def numbers(self, valve: int) -> dict[str, str]:
         """Return what one valve says, as text with units; nothing if it did not answer."""

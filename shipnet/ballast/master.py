@@ -43,6 +43,9 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 
+Flags = npt.NDArray[np.bool_]
+
+
 #: What a valve can be on the screen. The first that holds counts.
 STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
 
@@ -137,6 +140,23 @@ class Screen:
 
     shown: pd.DataFrame
     time: float
+
+    @classmethod
+    def of(
+        cls, position: Floats, current: Floats, fault: Ints, *, silent: Flags, age: Floats,
+        time: float,
+    ) -> Screen:  # fmt: skip
+        """Return the screen that shows these values of the valves, valve 1 first."""
+        import pandas as pd
+
+        columns = {
+            "position_percent": position,
+            "age_s": age,
+            "fault": fault,
+            "state": valve_states(position, current, fault, silent=silent),
+        }
+        index = pd.RangeIndex(1, position.size + 1, name="valve")
+        return cls(pd.DataFrame(columns, index=index), time)
 
     def table(self) -> pd.DataFrame:
         """Return one row per valve, as a copy."""
@@ -309,26 +329,17 @@ class MasterRun:
 
     def screen(self, time: float | None = None) -> Screen:
         """Return what the master shows at a time [s]; at the end if omitted."""
-        import pandas as pd
-
         at = self.duration if time is None else check_scalar("time", time, "s", 0, 1e9)
-        n = self.n_valves
         last = self._last(np.array([at]))[0]
-        seen = last < len(self.shown)
-        rows = self.answers.reindex(np.where(seen, last, -1))
-        position = rows["VPos_percent"].to_numpy()
-        fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
-        state = valve_states(position, rows["MC_A"].to_numpy(), fault, silent=self._silent(at))
-        table = pd.DataFrame(
-            {
-                "position_percent": position,
-                "age_s": self.ages([at])[0],
-                "fault": fault,
-                "state": state,
-            },
-            index=pd.RangeIndex(1, n + 1, name="valve"),
+        rows = self.answers.reindex(np.where(last < len(self.shown), last, -1))
+        return Screen.of(
+            rows["VPos_percent"].to_numpy(),
+            rows["MC_A"].to_numpy(),
+            rows["fault"].fillna(0).to_numpy().astype(np.int64),
+            silent=self._silent(at),
+            age=self.ages([at])[0],
+            time=at,
         )
-        return Screen(table, at)
 
     @property
     def oldest(self) -> float:

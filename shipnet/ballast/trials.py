@@ -6,7 +6,7 @@ not validate the method.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.ballast.actuator import Actuator
-from shipnet.ballast.diagnosis import Diagnosis, diagnose_run
+from shipnet.ballast.diagnosis import Diagnosis, Run, diagnose_run
 from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import Sensors
@@ -122,11 +122,32 @@ class Trials:
         ``_low`` and ``_high`` of its interval; and the median ``delay_s``. For ``normal`` valves
         ``detected`` is the share with a false alarm, and ``isolated`` the share without one.
         """
-        return rates(self.rows, confidence=confidence)
+        import pandas as pd
+
+        groups = self.rows.groupby(["method", "fault"], sort=False)
+        table = pd.DataFrame({"n": groups.size()})
+        for name in CRITERIA:
+            hits = groups[name].sum().astype(int)
+            table[name] = hits / table["n"]
+            ends = share_interval(hits, table["n"], confidence=confidence)
+            table[f"{name}_low"], table[f"{name}_high"] = ends
+        table["delay_s"] = groups["delay_s"].median()
+        table.attrs["basis"] = BASIS
+        return table
 
     def confusion(self, method: str = "fuzzy") -> pd.DataFrame:
         """Return how many trials of each fault (rows) had which top fault (columns)."""
-        return confusion(self.rows, method=method)
+        import pandas as pd
+
+        mine = self.rows[self.rows["method"] == method]
+        if mine.empty:
+            known = ", ".join(self.rows["method"].unique())
+            raise ArgumentError(f"method is {method!r}; the trials are of {known}")
+        order = list(dict.fromkeys([*mine["fault"], *sorted(mine["top_fault"].unique())]))
+        counted = pd.crosstab(mine["fault"], mine["top_fault"])
+        table = counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)
+        table.attrs["basis"] = BASIS
+        return table
 
     def plot(self, method: str = "fuzzy", ax: Axes | None = None) -> Axes:
         """Draw the confusion as shares of the rows."""
@@ -206,8 +227,8 @@ def fault_trials(
 
     Notes
     -----
-    The fault is there from the beginning. The valve rests closed for 5 s, opens, rests, is told to
-    close 30 s later, and is watched for 30 s more.
+    The fault is there from the beginning. The valve rests closed for 5 s, opens, rests, gets the
+    command to close 30 s later, and is watched for 30 s more.
 
     Examples
     --------
@@ -249,6 +270,19 @@ def fault_trials(
     return Trials(pd.concat(tables, ignore_index=True))
 
 
+def _diagnosed(
+    runs: Iterable[Run], methods: Iterable[str], rules: RuleBase | None, k: int, n: int
+) -> Iterator[dict[str, Diagnosis]]:
+    """Diagnose blocks that follow each other, each by every method."""
+    found: dict[str, Diagnosis] = {}
+    for run in runs:
+        found = {
+            method: diagnose_run(run, rules, method=method, k=k, n=n, after=found.get(method))
+            for method in methods
+        }
+        yield found
+
+
 def _some(name: str, words: Iterable[str]) -> list[str]:
     given = [words] if isinstance(words, str) else list(words)
     if not given:
@@ -285,25 +319,17 @@ def _cycle(
         plan.append(Fault(code, severities[mine], valves=mine + 1))
     orders = [Command("open", _OPEN), Command("close", _CLOSE)]
     k, n = persistence
-    last: dict[str, Diagnosis | None] = dict.fromkeys(methods)
     active = {method: np.zeros((faults.size, len(base.rules)), bool) for method in methods}
     first = {method: np.full(faults.size, np.nan) for method in methods}
-    for run in blocks(
-        actuator,
-        orders,
-        duration=_END,
-        faults=plan,
-        sensors=sensors,
-        rng=rng,
-        idle_step=0.5,
+    runs = blocks(
+        actuator, orders, duration=_END, faults=plan, sensors=sensors, rng=rng, idle_step=0.5,
         size=_BLOCK,
-    ):
-        for method in methods:
-            found = diagnose_run(run, base, method=method, k=k, n=n, after=last[method])
+    )  # fmt: skip
+    for block in _diagnosed(runs, methods, base, k, n):
+        for method, found in block.items():
             active[method] |= found.active.any(axis=0)
             soonest = np.fmin.reduce(found.alarm_times, axis=1)
             first[method] = np.fmin(first[method], soonest)
-            last[method] = found
     return {method: Outcome(active[method], first[method]) for method in methods}
 
 
@@ -313,37 +339,6 @@ BASIS = "own simulator, faults made to fit the rules: verifies code, does not va
 
 #: A year [s].
 _YEAR = 365.25 * 86400
-
-
-def rates(trials: pd.DataFrame, *, confidence: float = 0.95) -> pd.DataFrame:
-    """Return how often faults were found, for each method and fault."""
-    import pandas as pd
-
-    groups = trials.groupby(["method", "fault"], sort=False)
-    table = pd.DataFrame({"n": groups.size()})
-    for name in CRITERIA:
-        hits = groups[name].sum().astype(int)
-        table[name] = hits / table["n"]
-        ends = share_interval(hits, table["n"], confidence=confidence)
-        table[f"{name}_low"], table[f"{name}_high"] = ends
-    table["delay_s"] = groups["delay_s"].median()
-    table.attrs["basis"] = BASIS
-    return table
-
-
-def confusion(trials: pd.DataFrame, *, method: str = "fuzzy") -> pd.DataFrame:
-    """Return what was said first of which fault."""
-    import pandas as pd
-
-    mine = trials[trials["method"] == method]
-    if mine.empty:
-        known = ", ".join(trials["method"].unique())
-        raise ArgumentError(f"method is {method!r}; the trials are of {known}")
-    order = list(dict.fromkeys([*mine["fault"], *sorted(mine["top_fault"].unique())]))
-    counted = pd.crosstab(mine["fault"], mine["top_fault"])
-    table = counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)
-    table.attrs["basis"] = BASIS
-    return table
 
 
 def false_alarms(
@@ -415,22 +410,21 @@ def false_alarms(
     wanted, generator = list(methods), np.random.default_rng(rng)
     alarmed = {method: np.zeros((starts.size, valves), bool) for method in wanted}
     alarms = dict.fromkeys(wanted, 0)
-    last: dict[str, Diagnosis | None] = dict.fromkeys(wanted)
     quiet = {method: np.ones((1, valves), bool) for method in wanted}
     actuator = spread_actuator(valves, spread, generator)
     # The last period is whole: it ends just before the next command would come.
     end = starts[-1] + every - 0.1
-    for run in blocks(
+    runs = blocks(
         actuator, orders, duration=end, sensors=sensors, rng=generator, size=max(2**19 // valves, 1)
-    ):
-        of = np.minimum((run.time + 1e-6) // every, starts.size - 1).astype(int)
-        for method in wanted:
-            found = diagnose_run(run, rules, method=method, k=k, n=n, after=last[method])
+    )
+    for block in _diagnosed(runs, wanted, rules, k, n):
+        for method, found in block.items():
+            of = np.minimum((found.time + 1e-6) // every, starts.size - 1).astype(int)
             calm = np.isin(found.top, [NORMAL, UNKNOWN])
             before = np.concatenate([quiet[method], calm[:-1]])
             alarms[method] += int((before & ~calm).sum())
             np.logical_or.at(alarmed[method], of, ~calm)
-            last[method], quiet[method] = found, calm[-1:]
+            quiet[method] = calm[-1:]
     hits = np.array([int(alarmed[method].sum()) for method in wanted])
     seen = np.array([alarms[method] for method in wanted])
     commands, years = starts.size * valves, valves * (starts.size * every) / _YEAR

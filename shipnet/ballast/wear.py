@@ -86,10 +86,29 @@ class Wear:
         `spread` of their logarithm; `noise` are the standard deviations of FP [bar] and of the
         stroke time [s].
         """
-        return synthetic_wear(
-            n_valves, n_strokes, rate=rate, spread=spread, noise=noise,
-            rng=np.random.default_rng(rng),
-        )  # fmt: skip
+        generator = np.random.default_rng(rng)
+        n = check_whole("n_valves", n_valves, 1, 10_000)
+        strokes = check_whole("n_strokes", n_strokes, 1, 10**6)
+        median = check_scalar("rate", rate, "", 1e-6, 1)
+        sigma = check_scalar("spread", spread, "", 0, 2)
+        sigmas = [check_scalar("noise", value, "", 0, 1e3) for value in noise]
+        usual = Actuator()
+        rates = median * np.exp(sigma * generator.standard_normal(n))
+        exponent = rates * np.arange(strokes)[:, np.newaxis]
+        # Beyond this no oil reaches the cylinder.
+        leak = usual.pump_leak * np.exp(np.minimum(exponent, 12.0))
+        pressure = mid_pressure(leak)
+        grid = np.linspace(0.0, float(exponent.max(initial=0.0)) + 1e-9, _GRID)
+        curve = replace(usual, pump_leak=usual.pump_leak * np.exp(np.minimum(grid, 12.0)))
+        times = np.interp(exponent, grid, np.minimum(stroke_time(curve), 1e6))
+        life = np.log(limit_leak() / usual.pump_leak) / rates
+        return cls(
+            rates,
+            leak,
+            pressure + sigmas[0] * generator.standard_normal(leak.shape),
+            times + sigmas[1] * generator.standard_normal(leak.shape),
+            life,
+        )
 
     def __repr__(self) -> str:
         """Return the numbers of valves and strokes, and the shortest and longest life."""
@@ -109,8 +128,22 @@ class Wear:
         ``P2`` is FP below 2.5 bar, ``T1`` (ours) a stroke longer than 10 s, each in `k` of the last
         `n` strokes; NaN if the rule never reports.
         """
-        table = alarm_strokes(self, k=k, n=n)
-        return table.set_axis(table.index + 1).rename_axis("valve")
+        import pandas as pd
+
+        window = check_whole("n", n, 1, 10_000)
+        least = check_whole("k", k, 1, window)
+
+        def first(fires: npt.NDArray[np.bool_]) -> Floats:
+            total = np.cumsum(fires, axis=0)
+            before = np.zeros_like(total)
+            before[window:] = total[:-window]
+            reported = np.asarray(total - before >= least)
+            return np.where(reported.any(axis=0), reported.argmax(axis=0).astype(float), np.nan)
+
+        return pd.DataFrame(
+            {"life": self.life, "P2": first(self.FP < 2.5), "T1": first(self.stroke_time > LIMIT)},
+            index=pd.RangeIndex(1, self.life.size + 1, name="valve"),
+        )
 
     def predict(
         self, valve: int, at: int, *, predictor: str = "leak", window: int = 200
@@ -159,7 +192,32 @@ class Wear:
         predicted over the true life; share ``within_20`` percent; share whose interval ``covers``
         the truth.
         """
-        return life_comparison(self, parts=parts, window=window)
+        import pandas as pd
+
+        index, rows = [], []
+        for predictor in PREDICTORS:
+            for part in parts:
+                share = check_scalar("part", part, "", 1e-6, 1 - 1e-6)
+                ratios, covers = [], []
+                for valve, life in enumerate(self.life):
+                    now = int(share * life)
+                    if not _FEWEST <= now <= len(self.FP):
+                        continue
+                    left = predict_life(self, valve, now, predictor=predictor, window=window)[1]
+                    ratios.append(left.estimate / (life - now))
+                    covers.append(left.low <= life - now <= left.high)
+                ratio = np.array(ratios, float)
+                found = ratio[np.isfinite(ratio)]
+                spread = np.quantile(found, [0.05, 0.5, 0.95]) if found.size else [np.nan] * 3
+                n = max(ratio.size, 1)
+                near = (np.abs(found - 1) <= 0.2).sum() / n
+                rows.append((ratio.size, found.size / n, *spread, near, sum(covers) / n))
+                index.append((predictor, part))
+        return pd.DataFrame(
+            rows,
+            columns=["valves", "found", "p05", "median", "p95", "within_20", "covers"],
+            index=pd.MultiIndex.from_tuples(index, names=["predictor", "part"]),
+        )
 
     def _place(self, valve: int) -> int:
         return check_whole("valve", valve, 1, self.life.size) - 1
@@ -227,40 +285,6 @@ def leak_from_pressure(pressure: npt.ArrayLike, actuator: Actuator | None = None
     known = np.where(legal, p, np.nan)
     pumped = np.asarray(a.displacement) * a.speed
     return np.asarray((pumped - a.restrictor * np.sqrt(known - load)) / known)
-
-
-def synthetic_wear(
-    n_valves: int = 256,
-    n_strokes: int = 1000,
-    *,
-    rate: float = 2.6e-3,
-    spread: float = 0.3,
-    noise: tuple[float, float] = (0.1, 0.05),
-    rng: np.random.Generator,
-) -> Wear:
-    """Return synthetic data of pumps whose leak grows by the same part with every stroke."""
-    n = check_whole("n_valves", n_valves, 1, 10_000)
-    strokes = check_whole("n_strokes", n_strokes, 1, 10**6)
-    median = check_scalar("rate", rate, "", 1e-6, 1)
-    sigma = check_scalar("spread", spread, "", 0, 2)
-    sigmas = [check_scalar("noise", value, "", 0, 1e3) for value in noise]
-    usual = Actuator()
-    rates = median * np.exp(sigma * rng.standard_normal(n))
-    exponent = rates * np.arange(strokes)[:, np.newaxis]
-    # Beyond this no oil reaches the cylinder.
-    leak = usual.pump_leak * np.exp(np.minimum(exponent, 12.0))
-    pressure = mid_pressure(leak)
-    grid = np.linspace(0.0, float(exponent.max(initial=0.0)) + 1e-9, _GRID)
-    curve = replace(usual, pump_leak=usual.pump_leak * np.exp(np.minimum(grid, 12.0)))
-    times = np.interp(exponent, grid, np.minimum(stroke_time(curve), 1e6))
-    life = np.log(limit_leak() / usual.pump_leak) / rates
-    return Wear(
-        rates,
-        leak,
-        pressure + sigmas[0] * rng.standard_normal(leak.shape),
-        times + sigmas[1] * rng.standard_normal(leak.shape),
-        life,
-    )
 
 
 def mid_pressure(leak: npt.ArrayLike) -> Floats:
@@ -503,7 +527,7 @@ def _points(x: npt.ArrayLike, y: npt.ArrayLike, *, positive: bool) -> tuple[Floa
 WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 
 
-#: From what the remaining life is told, and how.
+#: What the remaining life is predicted from, and how.
 PREDICTORS = {
     "FP membership": "membership of FP in the set worn, straight in the number of strokes",
     "stroke time": "stroke time, straight in the number of strokes",
@@ -515,29 +539,10 @@ PREDICTORS = {
 _FEWEST = 10
 
 
-def alarm_strokes(wear: Wear, *, k: int = 3, n: int = 5) -> pd.DataFrame:
-    """Return at which stroke rules would report a worn pump, beside its true life."""
-    import pandas as pd
-
-    window = check_whole("n", n, 1, 10_000)
-    least = check_whole("k", k, 1, window)
-
-    def first(fires: npt.NDArray[np.bool_]) -> Floats:
-        total = np.cumsum(fires, axis=0)
-        before = np.zeros_like(total)
-        before[window:] = total[:-window]
-        reported = np.asarray(total - before >= least)
-        return np.where(reported.any(axis=0), reported.argmax(axis=0).astype(float), np.nan)
-
-    return pd.DataFrame(
-        {"life": wear.life, "P2": first(wear.FP < 2.5), "T1": first(wear.stroke_time > LIMIT)}
-    )
-
-
 def predict_life(
     wear: Wear, valve: int, now: int, *, predictor: str = "leak", window: int = 200
 ) -> tuple[Trend, Crossing]:
-    """Tell from the strokes so far how many more a valve will make within its limit."""
+    """Return the trend of the strokes so far, and how many are left within the limit."""
     if predictor not in PREDICTORS:
         raise ArgumentError(
             f"predictor is {predictor!r}; it must be one of {', '.join(PREDICTORS)}"
@@ -558,35 +563,3 @@ def predict_life(
     trend = fit_trend(strokes, WORN.membership(wear.FP[rows, k]), method="linear")
     limit = float(WORN.membership(mid_pressure(worn)))
     return trend, remaining_life(trend, limit, last)
-
-
-def life_comparison(
-    wear: Wear, *, parts: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9), window: int = 200
-) -> pd.DataFrame:
-    """Compare the remaining life that each predictor tells with the true one."""
-    import pandas as pd
-
-    index, rows = [], []
-    for predictor in PREDICTORS:
-        for part in parts:
-            share = check_scalar("part", part, "", 1e-6, 1 - 1e-6)
-            ratios, covers = [], []
-            for valve, life in enumerate(wear.life):
-                now = int(share * life)
-                if not _FEWEST <= now <= len(wear.FP):
-                    continue
-                told = predict_life(wear, valve, now, predictor=predictor, window=window)[1]
-                ratios.append(told.estimate / (life - now))
-                covers.append(told.low <= life - now <= told.high)
-            ratio = np.array(ratios, float)
-            found = ratio[np.isfinite(ratio)]
-            spread = np.quantile(found, [0.05, 0.5, 0.95]) if found.size else [np.nan] * 3
-            n = max(ratio.size, 1)
-            near = (np.abs(found - 1) <= 0.2).sum() / n
-            rows.append((ratio.size, found.size / n, *spread, near, sum(covers) / n))
-            index.append((predictor, part))
-    return pd.DataFrame(
-        rows,
-        columns=["valves", "found", "p05", "median", "p95", "within_20", "covers"],
-        index=pd.MultiIndex.from_tuples(index, names=["predictor", "part"]),
-    )

@@ -6,7 +6,7 @@ import argparse
 import tomllib
 from collections.abc import Mapping, Sequence
 
-from shipnet.design.comparison import Comparison, compare_options
+from shipnet.design.comparison import Comparison
 from shipnet.design.iolist import read_iolist
 from shipnet.design.planning import OPTIONS
 from shipnet.design.rules import RuleSet
@@ -51,8 +51,8 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
     cabinet = None if arguments.cabinet is None else _place(arguments.cabinet, known)
     iolist = read_iolist(arguments.list, sheet=arguments.sheet)
     try:
-        return compare_options(
-            iolist, cabinet, options, trays=trays, settings=settings, mix=choose, rules=rules
+        return iolist.compare(
+            cabinet, options, trays=trays, settings=settings, mix=choose, rules=rules
         )
     except ArgumentError as mistake:
         said = str(mistake)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -29,15 +28,14 @@ from shipnet.design.costs import (
 )
 from shipnet.design.designs import Design
 from shipnet.design.failures import worst
-from shipnet.design.planning import OPTIONS, plan
+from shipnet.design.planning import plan
 from shipnet.design.plot import plot_pareto, plot_ranges
 from shipnet.design.points import PointTable
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
-from shipnet.design.settings import Given, Settings, meaning, names, shown, unit
-from shipnet.design.site import Site, Trays, Where, site_of
+from shipnet.design.settings import Settings, meaning, names, shown, unit
+from shipnet.design.site import Site, Trays
 from shipnet.errors import ArgumentError
-from shipnet.parallel import points_of, sweep
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -314,7 +312,7 @@ class Comparison:
 
     def add(self, *designs: Design) -> Comparison:
         """Return a comparison with further designs of the same points."""
-        return _compared(
+        return compared(
             [*self.designs.values(), *designs], self.rules, self.criteria, self.rng, self.remarks
         )
 
@@ -367,7 +365,7 @@ class Comparison:
         return f"<Comparison: {self.verdict}>"
 
     def html(self, *, title: str | None = None, date: str | None = None) -> str:
-        """Return the report as one HTML page that stands alone."""
+        """Return the report as one self-contained HTML page."""
         return report_html(
             title or f"Connecting the points of {Path(self.iolist.source).name}",
             date or "",
@@ -445,16 +443,17 @@ def compare(
     >>> compare([plant.hardwired, plant.on_asi]).table()["total_cost_eur"].round().to_dict()
     {'hardwired': 8454.0, 'AS-i': 7440.0}
     """
-    return _compared(list(designs), RuleSet.of(rules), tuple(criteria), np.random.default_rng(rng))
+    return compared(list(designs), RuleSet.of(rules), tuple(criteria), np.random.default_rng(rng))
 
 
-def _compared(
+def compared(
     given: Sequence[Design],
     rules: RuleSet,
     criteria: tuple[str, ...],
     rng: np.random.Generator,
     remarks: tuple[str, ...] = (),
 ) -> Comparison:
+    """Compare designs, and say what was found out on the way."""
     named = {design.name: design for design in given}
     if not given or len(named) < len(given):
         said = ", ".join(repr(design.name) for design in given) or "none"
@@ -493,28 +492,6 @@ def _same_trays(a: Trays | None, b: Trays | None) -> bool:
     if a is None or b is None:
         return a is b
     return a is b or (dict(a.nodes) == dict(b.nodes) and a.trays == b.trays)
-
-
-def compare_options(
-    iolist: PointTable,
-    cabinet: Where,
-    options: Sequence[str] | None,
-    *,
-    trays: Trays | str | PathLike[str] | None = None,
-    settings: Given = None,
-    mix: Mapping[str, str] | None = None,
-    rules: RuleSet | str | PathLike[str] = "DNV",
-    rng: Rng = 2024,
-) -> Comparison:
-    """Plan the points of a list in several ways and compare them."""
-    values, rules = Settings.of(settings), RuleSet.of(rules)
-    site, said = site_of(iolist, cabinet, trays, values)
-    ways = OPTIONS if options is None else options
-    designs = [plan(iolist, site, option, settings=values) for option in ways]
-    if mix:
-        designs.append(plan(iolist, site, "home runs", settings=values, mix=mix))
-    generator = np.random.default_rng(rng)
-    return _compared(designs, rules, CRITERIA, generator, (said,) if said else ())
 
 
 def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
@@ -559,62 +536,3 @@ def _by_design(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     named = [table.assign(design=name) for name, table in tables.items()]
     joined = pd.concat([table for table in named if len(table)] or named[:1], ignore_index=True)
     return joined[["design", *joined.columns.drop("design")]]
-
-
-# Whole comparisons over values of settings, to see how far the answer depends on them ---------
-
-
-@dataclass(frozen=True)
-class _Case:
-    """A comparison at given values; it travels to other processes, so it is no inner function."""
-
-    iolist: PointTable
-    site: Site
-    options: tuple[str, ...]
-    settings: Settings
-    rules: RuleSet
-
-    def __call__(self, **values: Any) -> dict[str, pd.DataFrame]:
-        settings = self.settings.replace(values)
-        site = replace(self.site, detour=settings.detour, tails=settings.tails)
-        found = compare_options(
-            self.iolist, site, self.options, settings=settings, rules=self.rules
-        )
-        return {_TABLE: found.table().reset_index()}
-
-
-_TABLE = "comparison"
-
-
-def study(
-    iolist: PointTable,
-    grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]],
-    cabinet: Where = None,
-    options: Sequence[str] | None = None,
-    *,
-    trays: Trays | str | PathLike[str] | None = None,
-    settings: Given = None,
-    rules: RuleSet | str | PathLike[str] = "DNV",
-    parallel: bool | AbstractContextManager[Any] | None = None,
-    progress: bool | Callable[[int, int], object] | None = None,
-) -> pd.DataFrame:
-    """Compare the options anew at every point of a grid of settings."""
-    import pandas as pd
-
-    points = points_of(grid)
-    start = Settings.of(settings)
-    site, _ = site_of(iolist, cabinet, trays, start)
-    start = start.replace({"detour": site.detour, "tails": site.tails})
-    faults = {fault for point in points for fault in start.tried(point)[1]}
-    if faults:
-        raise ArgumentError("; ".join(sorted(faults)))
-    ways = tuple(OPTIONS if options is None else options)
-    case = _Case(iolist, site, ways, start, RuleSet.of(rules))
-    found = sweep(case, points, parallel=parallel, progress=progress)
-    tables = []
-    for point, table in zip(points, found[_TABLE], strict=True):
-        # A value may be a range or several bit rates: it stands as it is in every row.
-        given = {name: [value] * len(table) for name, value in point.items()}
-        tables.append(table.assign(**given)[[*point, *table.columns]])
-    joined: pd.DataFrame = pd.concat(tables, ignore_index=True)
-    return joined

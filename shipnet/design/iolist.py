@@ -5,25 +5,28 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import pandas as pd
+
 from shipnet.design.points import COLUMNS, PointTable
+from shipnet.errors import ArgumentError
 from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
     from shipnet.design.comparison import Comparison
     from shipnet.design.costs import Rng
     from shipnet.design.designs import Design
     from shipnet.design.rules import RuleSet
-    from shipnet.design.settings import Given
-    from shipnet.design.site import Found, Trays, Where
+    from shipnet.design.settings import Given, Settings
+    from shipnet.design.site import Found, Site, Trays, Where
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,7 +70,7 @@ class IoList(PointTable):
         return Saving(hardwired_conductors(self.counts), ASI_PAIR * lines)
 
     def find_cabinet(self) -> Found:
-        """Return where the cabinet stands, found from the lengths of the home runs in the list."""
+        """Return the place of the cabinet, found from the lengths of the home runs in the list."""
         from shipnet.design.site import find_cabinet
 
         return find_cabinet(self)
@@ -114,11 +117,20 @@ class IoList(PointTable):
         are the name of a published set, a file or a `RuleSet`. `rng` draws the assumptions from
         their ranges, for the interval that 9 of 10 draws of a figure lie in.
         """
-        from shipnet.design.comparison import compare_options
+        from shipnet.design.comparison import CRITERIA, compared
+        from shipnet.design.planning import OPTIONS, plan
+        from shipnet.design.rules import RuleSet
+        from shipnet.design.settings import Settings
+        from shipnet.design.site import site_of
 
-        return compare_options(
-            self, cabinet, options, trays=trays, settings=settings, mix=mix, rules=rules, rng=rng
-        )
+        values, rules = Settings.of(settings), RuleSet.of(rules)
+        site, said = site_of(self, cabinet, trays, values)
+        ways = OPTIONS if options is None else options
+        designs = [plan(self, site, option, settings=values) for option in ways]
+        if mix:
+            designs.append(plan(self, site, "home runs", settings=values, mix=mix))
+        generator = np.random.default_rng(rng)
+        return compared(designs, rules, CRITERIA, generator, (said,) if said else ())
 
     def study(
         self,
@@ -138,12 +150,25 @@ class IoList(PointTable):
         row per option, with the columns of `Comparison.table`. Long studies run on all cores, or
         where a joblib context says (`parallel`); `progress` is called after each point.
         """
-        from shipnet.design.comparison import study
+        from shipnet.design.rules import RuleSet
+        from shipnet.design.settings import Settings
+        from shipnet.design.site import site_of
+        from shipnet.parallel import points_of, sweep
 
-        return study(
-            self, grid, cabinet, options, trays=trays, settings=settings, rules=rules,
-            parallel=parallel, progress=progress,
-        )  # fmt: skip
+        points, start = points_of(grid), Settings.of(settings)
+        site, _ = site_of(self, cabinet, trays, start)
+        start = start.replace({"detour": site.detour, "tails": site.tails})
+        if faults := {fault for point in points for fault in start.tried(point)[1]}:
+            raise ArgumentError("; ".join(sorted(faults)))
+        case = _Case(self, site, options, start, RuleSet.of(rules))
+        found = sweep(case, points, parallel=parallel, progress=progress)
+        tables = []
+        for point, table in zip(points, found[_TABLE], strict=True):
+            # A value may be a range or several bit rates: every row holds it whole.
+            given = {name: [value] * len(table) for name, value in point.items()}
+            tables.append(table.assign(**given)[[*point, *table.columns]])
+        joined: pd.DataFrame = pd.concat(tables, ignore_index=True)
+        return joined
 
     def plot(self, option: str = "home runs", ax: Axes | None = None) -> Axes:
         """Draw every point wired to the panel on its own ("home runs"), or on one "AS-i" line."""
@@ -161,6 +186,26 @@ class IoList(PointTable):
             ]
         with Path(path).open("w", newline="", encoding="utf-8") as stream:
             table.to_csv(stream, index=False, lineterminator="\n")
+
+
+_TABLE = "comparison"
+
+
+@dataclass(frozen=True)
+class _Case:
+    """A comparison at given values; it travels to other processes, so it is not a closure."""
+
+    iolist: IoList
+    site: Site
+    options: Sequence[str] | None
+    settings: Settings
+    rules: RuleSet
+
+    def __call__(self, **values: Any) -> dict[str, pd.DataFrame]:
+        settings = self.settings.replace(values)
+        site = replace(self.site, detour=settings.detour, tails=settings.tails)
+        found = self.iolist.compare(site, self.options, settings=settings, rules=self.rules)
+        return {_TABLE: found.table().reset_index()}
 
 
 def read_iolist(path: str | PathLike[str], *, sheet: str | None = None) -> IoList:

@@ -43,7 +43,7 @@ class CanBreak(EngineFault):
     A break splits a line into two. Each part is left with one terminator of the two. Here both go
     on working, which is an **assumption** that suits short cables and a low bit rate. What is
     queued or on the bus at the moment of the break, or of its repair, is lost. A box that is left
-    alone gets no acknowledgement and is heard by nobody.
+    alone gets no acknowledgement, and no other box hears it.
 
     Examples
     --------

@@ -141,9 +141,9 @@ class Coding:
         return np.where(r == self.error, np.nan, zero + step * self._number(known, r))
 
     def _number(self, points: PointList, registers: npt.NDArray[np.integer]) -> _Floats:
-        """Return the whole numbers that registers stand for."""
+        """Return the whole numbers that registers hold."""
         r = registers.astype(np.int64)
-        signed = np.array([bool(self._bounds(PointList([point]))[0][0] < 0) for point in points])
+        signed = self._bounds(points)[0] < 0
         return np.where(signed & (r >= 0x8000), r - 0x10000, r).astype(np.float64)
 
     def _scale(self, points: PointList) -> tuple[_Floats, _Floats]:

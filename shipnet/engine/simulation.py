@@ -246,7 +246,7 @@ class _Table:
         """Return when the timer of a sender last marked its values [ns]."""
         heard = self.done[self.system.sender[self.message] == sender]
         work = nanoseconds(self.system.firmware.mark)
-        # In front of all marks stands one that never was.
+        # The first mark was never made: it precedes all times.
         ends = np.append(NEVER, self.cpu.at(marks(self.system, self.cpu, heard) + work))
         return np.asarray(ends[np.searchsorted(ends, time, side="right") - 1])
 

@@ -4,7 +4,7 @@ Along a line without loss, :math:`v + Z_0 i` travels one way and :math:`v - Z_0 
 unchanged. So each end of a line is a resistor Z0 and a source that repeats what left the other
 end one delay ago [1]_; each node can be solved by itself, and its load may change with time.
 
-The resistance of a line stands at its ends, a quarter each, and in its middle [1]_; inductors and
+The resistance of a line lies at its ends, a quarter each, and in its middle [1]_; inductors and
 capacitors follow the trapezoidal rule.
 
 .. [1] H. W. Dommel, "Digital computer solution of electromagnetic transients in single- and

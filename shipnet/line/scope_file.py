@@ -25,7 +25,7 @@ from shipnet.errors import ArgumentError, InputError
 
 Floats = npt.NDArray[np.float64]
 
-#: Fewest samples a second that tell the pulses of 3 us apart [1/s].
+#: Fewest samples per second that resolve pulses of 3 us [1/s].
 SLOWEST_RATE = 1e6
 
 #: Largest part of an archive that is unpacked [byte]; a few bytes can claim to be much more.
@@ -605,7 +605,7 @@ def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
         for place, cell in enumerate(cells):
             key = cell.lower().lstrip("# ").replace("_", " ")
             kind = _INTERVAL.match(key) or _RATE.match(key)
-            # The value stands in the same cell, in the next one, or in the one below.
+            # The value is in the same cell, in the next one, or in the one below.
             around = [re.sub("^[^:=]*", "", cell), *cells[place + 1 : place + 2], *below[place:]]
             for candidate in around[:3] if kind else []:
                 value = _quantity(candidate)

@@ -226,7 +226,7 @@ class Recommendation:
     def __str__(self) -> str:
         """Say it in one line."""
         return (
-            f"{self.check}, {self.sending}, {self.per_packet} items a packet: "
+            f"{self.check}, {self.sending}, {self.per_packet} items per packet: "
             f"{self.refresh_time * 1e3:.0f} ms for all values"
         )
 
@@ -354,11 +354,11 @@ def recommend(
 
     >>> from shipnet import remote_control as rc
     >>> print(rc.recommend(10))
-    CRC, cyclic, 10 items a packet: 142 ms for all values
+    CRC, cyclic, 10 items per packet: 142 ms for all values
     >>> rc.recommend(10, rate=1e-13).check
     'markers'
     >>> print(rc.recommend(40, rc.System(bit_rate=600), stale_time=20))
-    CRC, cyclic, 10 items a packet: 9116 ms for all values
+    CRC, cyclic, 10 items per packet: 9116 ms for all values
     """
     table = candidates(
         n_items,
@@ -384,7 +384,7 @@ def recommend(
     wrong = float(markers["wrong_per_year"].max())
     most = "at most about " if best["check"] == "CRC" else ""
     why = (
-        f"markers alone would let {wrong:.2g} wrong packets a year pass, this lets {most}"
+        f"markers alone would let {wrong:.2g} wrong packets per year pass, this lets {most}"
         f"{best['wrong_per_year']:.2g}; a switch that misses its packet is right again after "
         f"{best['stale_s']:.2g} s, if RCS ends a turn without an answer after "
         f"{best['turn_timeout_s']:.2g} s"

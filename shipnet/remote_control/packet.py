@@ -136,7 +136,7 @@ def _traced(taken: list[tuple[int, str]], start: int, size: int) -> pd.DataFrame
 
 @record
 class MarkerFormat(PacketFormat):
-    """The packet as printed: accepted if its markers stand at their places.
+    """The packet as printed: accepted if its markers are in their places.
 
     Notes
     -----
@@ -351,7 +351,7 @@ class MarkerParser:
         return "start of the data" if within < 0 else _PARTS[within]
 
     def _fits(self, byte: int) -> bool:
-        """Tell whether a byte may follow those of the packet so far; note where the packet ends."""
+        """Return whether a byte may follow those of the packet so far; note where it ends."""
         form, head, lead, place = self._format, self._head, self._lead, len(self._packet)
         if place < len(head):
             self._size = 0
@@ -542,7 +542,7 @@ class CobsFormat(PacketFormat):
 
 
 class CobsParser:
-    """Reads a stream: whatever stands between two zeros is a packet, or is discarded."""
+    """Reads a stream: the bytes between two zeros are a packet, or are discarded."""
 
     def __init__(self, packet_format: CobsFormat) -> None:
         self.discarded = 0
@@ -655,7 +655,7 @@ def _numbers_taken(packet_format: MarkerFormat, n_items: int, p: float) -> float
     known = np.arange(256) < packet_format.n_numbers
     if packet_format.numbers == "known":
         return float(np.prod([_becomes(number, p)[known].sum() for number in range(n_items)]))
-    # Probability that the numbers so far rise, by the last of them; -1 stands in front.
+    # Probability that the numbers so far rise, by the last of them; the first entry is for none.
     rising = np.zeros(257)
     rising[0] = 1.0
     for number in range(n_items):

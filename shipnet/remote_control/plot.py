@@ -262,7 +262,7 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None, bit_error_rate: float | No
         )  # fmt: skip
         ax.plot(beside[~some], high[~some], color=colour, marker="v", linestyle="none")
     ax.set_yscale("log")
-    ax.set_xlabel("items a packet")
+    ax.set_xlabel("items per packet")
     ax.set_ylabel("share of packets taken wrong [-]")
     for marker, meaning in (("o", "counted, 95 % bounds"), ("v", "none counted, upper bound")):
         ax.plot([], [], color="0.4", marker=marker, linestyle="none", label=meaning)

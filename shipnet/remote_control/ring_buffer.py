@@ -92,7 +92,7 @@ class Ring:
     written : int
         Bytes stored so far; the printed program does not know this number.
     lost : int
-        Bytes that nobody has read or ever will.
+        Bytes that were never read and cannot be read any more.
     stale : int
         Bytes taken that were read before or never received.
 
@@ -172,7 +172,7 @@ class Ring:
 
     @property
     def cells(self) -> bytes:
-        """What stands in the ring."""
+        """The bytes in the ring."""
         return bytes(self._cells)
 
     @property
@@ -322,7 +322,7 @@ class Ring:
         """Return which byte the repair of Fig 9 finds."""
         no = self.state.no
         half = self.size >> 1
-        # From the middle on stand the bytes of the lap before, then those of this lap.
+        # From the middle on, the ring holds bytes of the lap before, then those of this lap.
         oldest = self.written - no + (half - self.size if no < half else 0)
         for count in range(oldest, self.written):
             if self._cells[count % self.size] == PACKET_START:

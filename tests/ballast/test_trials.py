@@ -9,10 +9,8 @@ from shipnet.ballast.scan import System
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.trials import (
     BASIS,
-    confusion,
     false_alarms,
     fault_trials,
-    rates,
     spread_actuator,
 )
 from shipnet.errors import ArgumentError
@@ -22,7 +20,7 @@ from shipnet.intervals import event_interval, share_interval
 
 @pytest.fixture(scope="module")
 def trials():
-    return fault_trials(n_valves=12, rng=np.random.default_rng(2024)).table()
+    return fault_trials(n_valves=12, rng=np.random.default_rng(2024))
 
 
 @pytest.mark.parametrize(("hits", "n"), [(0, 1), (0, 2048), (3, 7), (7, 7), (100, 2048)])
@@ -68,7 +66,7 @@ def test_counts_that_cannot_be_are_named(call, message):
 
 
 def test_all_faults_are_named_by_dead_bands_and_ramps_alike(trials):
-    table = rates(trials)
+    table = trials.rates()
     for reading in ("midpoint", "fuzzy"):
         found = table.loc[reading]
         assert (found.loc[list(FAULTS), "named"] == 1).all()
@@ -76,23 +74,23 @@ def test_all_faults_are_named_by_dead_bands_and_ramps_alike(trials):
         isolated = found.loc[list(FAULTS), "isolated"]
         # With the motor off S1 and S2 are true as well, and of higher rank.
         assert isolated[isolated < 1].index.tolist() == ["Pos3", "Pos4"]
-    same = [trials[trials["method"] == r].drop(columns="method").reset_index(drop=True)
+    same = [trials.rows[trials.rows["method"] == r].drop(columns="method").reset_index(drop=True)
             for r in ("midpoint", "fuzzy")]  # fmt: skip
     pd.testing.assert_frame_equal(*same)
 
 
 def test_read_as_printed_every_healthy_valve_has_an_alarm(trials):
-    table = rates(trials).loc["crisp"]
+    table = trials.rates().loc["crisp"]
     assert table.loc["normal", "detected"] == 1
     # What outranks P2, which noise alone sets off at rest, is all that is right.
     assert table.index[table["isolated"] == 1].tolist() == ["G1", "P1", "P2", "V1"]
 
 
 def test_shares_and_confusion_count_the_same_trials(trials):
-    table = rates(trials)
+    table = trials.rates()
     assert (table["n"] == 12).all()
     for reading in METHODS:
-        matrix = confusion(trials, method=reading)
+        matrix = trials.confusion(reading)
         assert (matrix.sum(axis=1) == 12).all()
         right = [matrix.loc[fault, fault] / 12 for fault in matrix.index]
         assert table.loc[reading, "isolated"].tolist() == right
@@ -102,7 +100,7 @@ def test_shares_and_confusion_count_the_same_trials(trials):
 
 def test_tables_say_what_stands_behind_them(trials):
     assert "does not validate" in BASIS
-    assert rates(trials).attrs["basis"] == confusion(trials).attrs["basis"] == BASIS
+    assert trials.rates().attrs["basis"] == trials.confusion().attrs["basis"] == BASIS
 
 
 def test_a_trial_is_what_the_run_of_the_same_valve_shows():
@@ -185,4 +183,4 @@ def test_an_argument_of_a_trial_out_of_range_is_named(call, message):
 
 def test_a_reading_that_was_not_tried_is_named(trials):
     with pytest.raises(ArgumentError, match="method is 'x'; the trials are of crisp, midpoint"):
-        confusion(trials, method="x")
+        trials.confusion("x")

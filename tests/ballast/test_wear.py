@@ -14,15 +14,13 @@ from shipnet.ballast.wear import (
     METHODS,
     PREDICTORS,
     WORN,
-    alarm_strokes,
+    Wear,
     fit_trend,
     leak_from_pressure,
-    life_comparison,
     limit_leak,
     mid_pressure,
     predict_life,
     remaining_life,
-    synthetic_wear,
 )
 from shipnet.errors import ArgumentError
 
@@ -226,7 +224,7 @@ def test_the_inverted_model_returns_the_leak_it_was_given():
 
 
 def test_synthetic_wear_is_the_law_it_states():
-    wear = synthetic_wear(5, 900, noise=(0.0, 0.0), rng=np.random.default_rng(1))
+    wear = Wear.synthetic(5, 900, noise=(0.0, 0.0), rng=np.random.default_rng(1))
     k0 = Actuator().pump_leak
     np.testing.assert_allclose(np.diff(np.log(wear.leak), axis=0), np.tile(wear.rate, (899, 1)))
     assert wear.leak[0] == pytest.approx(np.full(5, k0))
@@ -238,15 +236,15 @@ def test_synthetic_wear_is_the_law_it_states():
         life = int(wear.life[valve])
         if life < 899:
             assert wear.stroke_time[life, valve] <= 10 < wear.stroke_time[life + 1, valve]
-    again = synthetic_wear(2000, 1, rng=np.random.default_rng(1)).rate
+    again = Wear.synthetic(2000, 1, rng=np.random.default_rng(1)).rate
     # Median and spread of 2000 logarithms: four standard deviations are 0.034 and 0.02.
     assert np.median(np.log(again)) == pytest.approx(np.log(2.6e-3), abs=0.034)
     assert np.std(np.log(again)) == pytest.approx(0.3, abs=0.02)
 
 
 def test_p2_reports_a_worn_pump_more_than_a_thousand_strokes_too_late_and_t1_in_time():
-    wear = synthetic_wear(64, 4000, rng=np.random.default_rng(2024))
-    table = alarm_strokes(wear)
+    wear = Wear.synthetic(64, 4000, rng=np.random.default_rng(2024))
+    table = wear.alarms()
     # FP falls to 2.5 bar when the leak has grown by 609, the stroke takes 10 s at 3.32.
     closed = np.log(609.4 / 3.3233) / wear.rate
     late = table["P2"] - table["life"]
@@ -264,8 +262,8 @@ def test_the_rule_of_the_paper_finds_in_a_simulation_what_the_closed_form_says()
 
 
 def test_pressure_alone_promises_too_long_a_life_and_the_inverted_model_does_not():
-    wear = synthetic_wear(48, 1000, rng=np.random.default_rng(2024))
-    table = life_comparison(wear, parts=(0.3, 0.6, 0.9))
+    wear = Wear.synthetic(48, 1000, rng=np.random.default_rng(2024))
+    table = wear.compare_predictors(parts=(0.3, 0.6, 0.9))
     assert (table.loc[["FP membership", "stroke time"], "median"] > 1.15).all()
     assert (table.loc["leak", "median"] - 1).abs().max() < 0.01
     assert (table.loc["leak", "within_20"] == 1).all()
@@ -276,7 +274,7 @@ def test_pressure_alone_promises_too_long_a_life_and_the_inverted_model_does_not
 
 
 def test_a_pump_that_does_not_wear_has_no_trend_and_no_end():
-    wear = synthetic_wear(1, 300, rate=1e-6, spread=0.0, rng=np.random.default_rng(3))
+    wear = Wear.synthetic(1, 300, rate=1e-6, spread=0.0, rng=np.random.default_rng(3))
     for predictor in PREDICTORS:
         trend, remaining = predict_life(wear, 0, 300, predictor=predictor)
         assert not trend.found
@@ -289,11 +287,11 @@ def test_the_wide_set_spans_from_the_normal_pressure_to_the_limit_of_p2():
 
 def test_arguments_of_wear_are_named():
     rng = np.random.default_rng(0)
-    wear = synthetic_wear(2, 50, rng=rng)
+    wear = Wear.synthetic(2, 50, rng=rng)
     with pytest.raises(ArgumentError, match="n_valves is 0"):
-        synthetic_wear(0, rng=rng)
+        Wear.synthetic(0, rng=rng)
     with pytest.raises(ArgumentError, match="rate is nan"):
-        synthetic_wear(1, rate=float("nan"), rng=rng)
+        Wear.synthetic(1, rate=float("nan"), rng=rng)
     with pytest.raises(ArgumentError, match="predictor is 'luck'"):
         predict_life(wear, 0, 20, predictor="luck")
     with pytest.raises(ArgumentError, match="now is 51"):
@@ -301,9 +299,9 @@ def test_arguments_of_wear_are_named():
     with pytest.raises(ArgumentError, match="limit is 9"):
         limit_leak(9.0)
     with pytest.raises(ArgumentError, match="part is 1"):
-        life_comparison(wear, parts=(1.0,))
+        wear.compare_predictors(parts=(1.0,))
     with pytest.raises(ArgumentError, match="k is 4"):
-        alarm_strokes(wear, k=4, n=3)
+        wear.alarms(k=4, n=3)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from shipnet.ballast.wear import synthetic_wear
+from shipnet.ballast.wear import Wear
 from shipnet.errors import ArgumentError, CrcError
 from shipnet.modbus.faults import Break
 from shipnet.modbus.frame import rtu_frame, tcp_frame
@@ -16,7 +16,7 @@ from shipnet.modbus.uart import SerialLine
 from shipnet.papers import figure
 from shipnet.papers.kim2014 import plot
 from shipnet.papers.kim2014.faults import graded_trials, score_table
-from shipnet.papers.kim2014.line import RATES, break_table, conversation, scan_table, status_poll
+from shipnet.papers.kim2014.line import RATES, break_table, conversation, status_poll
 from tests.modbus.sweeps import sweep
 
 PDU = Request.read_input_registers(0x4020, 4).pdu
@@ -81,7 +81,7 @@ def test_scan_times_are_those_of_the_table(ax):
         assert line.get_ydata() == pytest.approx(expected)
     assert ax.get_xlabel() == "bit rate [kbit/s]" and ax.get_ylabel() == "scan [s]"
     # By hand: 28 characters of 11 bits.
-    assert scan_table(1)["poll_ms"][9600] == pytest.approx(28 * 11 / 9.6)
+    assert 1e3 * status_poll(9600).time == pytest.approx(28 * 11 / 9.6)
 
 
 def test_the_cost_of_a_break_is_what_a_simulation_finds():
@@ -127,7 +127,7 @@ def test_a_fault_without_severity_is_not_reported_and_the_worst_is():
 
 
 def test_more_strokes_tell_the_end_of_a_pump_more_closely():
-    wear = synthetic_wear(2, 300, rng=np.random.default_rng(2024))
+    wear = Wear.synthetic(2, 300, rng=np.random.default_rng(2024))
     table = wear.life_table(2, [20, 60, 180])
     assert table.index.tolist() == [20, 60, 180]
     assert np.allclose(table["true"] + table.index, wear.life[1])

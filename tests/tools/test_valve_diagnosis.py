@@ -11,11 +11,11 @@ from shipnet.ballast.rule_table import rule_vectors
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.trials import fault_trials
 from shipnet.ballast.wear import (
+    Wear,
     fit_trend,
     leak_from_pressure,
     limit_leak,
     predict_life,
-    synthetic_wear,
 )
 from shipnet.errors import ArgumentError
 from shipnet.tools.valve_diagnosis import STATES, ValveDiagnosis
@@ -161,7 +161,7 @@ def test_the_strengths_over_time_are_those_of_the_diagnosis():
 
 
 def test_the_trend_is_drawn_up_to_its_limit_and_no_trend_is_said():
-    wear = synthetic_wear(1, 300, spread=0.0, rng=np.random.default_rng(1))
+    wear = Wear.synthetic(1, 300, spread=0.0, rng=np.random.default_rng(1))
     trend, remaining = predict_life(wear, 0, 300)
     leaks = leak_from_pressure(wear.FP[:, 0])
     ax = trend.plot(np.arange(300), leaks, limit=limit_leak(), ax=axes())

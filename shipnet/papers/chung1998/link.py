@@ -35,7 +35,7 @@ _INPUTS, _COUNTERS = 8, 3
 
 @check("chung1998-001", counter={"lines": 3})
 def chips_are_enough(*, lines: int = int(PRINTED["chips_8251"])) -> bool:
-    """Whether one 8259 and one 8253 serve so many serial chips and a timer of 0.1 s.
+    """Whether one 8259 and one 8253 serve this many serial chips and a timer of 0.1 s.
 
     Each line needs an interrupt for the bytes that come in and a clock of its own, the
     supervision one more of both. Sending needs none: it polls.
@@ -116,7 +116,7 @@ def loop_sends_each_byte(*, printed: bool = True) -> bool:
 
 @numeric("chung1998-009")
 def ready_bit(*, written: int = 1) -> int:
-    """Highest status bit set after so many bytes: of one, the chip shifts it and can take more."""
+    """Highest status bit set after this many bytes: one is being shifted, and one more fits."""
     chip = Usart(10 / 9600)
     for _ in range(written):
         chip.write(0, 0.0)
@@ -141,7 +141,7 @@ _DATUM = tuple(_FIELDS.loc[_FIELDS["kind"] == "data", "field"])
 @numeric("chung1998-038", reading="B")
 @numeric("chung1998-039", reading="C")
 def length(*, reading: Literal["A", "B", "C"], items: int = ITEMS) -> int:
-    """Bytes of so many data; in reading C every one is a packet of its own."""
+    """Bytes of this many data; in reading C every one is a packet of its own."""
     if reading == "C":
         return check_whole("items", items, 0, 204) * MarkerFormat("A").size(1)
     return MarkerFormat(reading, max(items, 1)).size(items)
@@ -158,7 +158,7 @@ def datum_is_number_low_high(*, order: tuple[str, ...] = _DATUM) -> bool:
 
 
 def flags_at(reading: Literal["A", "B"], items: int) -> list[tuple[int, int]]:
-    """Return where each flag stands in a packet of so many data."""
+    """Return the place of each flag in a packet of this many data."""
     packet = MarkerFormat(reading, items).encode(dict.fromkeys(range(items), 0))
     return [(place, byte) for place, byte in enumerate(packet) if byte >= min(FLAGS)]
 
@@ -197,7 +197,7 @@ def any_subset_can_be_sent(*, numbered: bool = True) -> bool:
 def copies_stay_equal(*, lost: int = 0) -> bool:
     """Whether sending only what differs keeps the receiver's table equal to the sender's.
 
-    Each of 200 packets must have 3 bytes and 3 for each datum that changed; so many are lost.
+    Each of 200 packets must have 3 bytes and 3 for each datum that changed; this many are lost.
     """
     rng = np.random.default_rng(2024)
     form = MarkerFormat(n_numbers=ITEMS)
@@ -420,7 +420,7 @@ PATIENCE = float(PRINTED["failure_time"])
 @numeric("chung1998-018")
 @numeric("chung1998-067", items=1)
 def crc_share(*, items: int = ITEMS) -> float:
-    """Percent that a CRC adds to a packet of so many data."""
+    """Percent that a CRC adds to a packet of this many data."""
     plain, checked = (MarkerFormat(n_numbers=items, crc=crc).size(items) for crc in (False, True))
     return 100 * (checked - plain) / plain
 
@@ -461,7 +461,7 @@ def flips(items: int = ITEMS) -> pd.DataFrame:
 
 
 def recommendations(items: Sequence[int], patience: Mapping[float, float]) -> pd.DataFrame:
-    """Return how to send so many data at some bit rates, by `recommend`.
+    """Return how to send this many data at some bit rates, by `recommend`.
 
     Parameters
     ----------
@@ -546,7 +546,7 @@ def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
 
 @check("chung1998-070", counter={"per_packet": 1})
 def one_error_costs_much(*, per_packet: int = 40) -> bool:
-    """Whether a bit of an end flag costs more than half of 40 data, so many in each packet."""
+    """Whether a bit of an end flag costs more than half of 40 data, this many in each packet."""
     data = dict.fromkeys(range(40), 1)
     form = MarkerFormat(n_numbers=40)
     parts = [dict(list(data.items())[k : k + per_packet]) for k in range(0, 40, per_packet)]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from shipnet.remote_control.simulation import Run
 
-#: Where each station stands, and what it is.
+#: Place of each station, and what it is.
 _STATIONS = {
     "BCS": (0.0, "bridge control"),
     "RCS": (2.4, "remote control, master"),
@@ -158,7 +158,7 @@ def _storing(*, size: int = SIZE, n: int = 600, ax: Axes) -> Axes:
 
 
 def plot_outside(table: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw how many values of a packet come out wrong, over where it stands in the ring."""
+    """Draw how many values of a packet come out wrong, over its place in the ring."""
     ax.bar(table["offset"], table["wrong"], width=0.8, color=style.LIMIT["color"])
     ax.set(xlabel="place of the packet's first byte [index]", ylabel="wrong values")
     ax.set(yticks=[0, 1], xlim=(-1, len(table)))

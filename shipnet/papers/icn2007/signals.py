@@ -252,5 +252,5 @@ def structures_are_allowed(*, supply: float = 50.0) -> bool:
 
 @check("icn2007-027", counter={"user_bits": 4})
 def best_of_buses(*, user_bits: int = 64) -> bool:
-    """Whether AS-i is the most efficient of three buses for so many bits each way."""
+    """Whether AS-i is the most efficient of three buses for this many bits each way."""
     return bool(bus_efficiencies(user_bits).iloc[0].idxmax() == "as_i")

@@ -122,7 +122,7 @@ def gap_after_silence(run: Run, slave: str) -> float:
 
 @check("kim2023-089", counter={"wait": 11.0})
 def repeats_after(*, wait: float = 10.0) -> bool:
-    """Whether the master repeats a request after so many bit times without an answer."""
+    """Whether the master repeats a request after this many bit times without an answer."""
     run = simulate(line(), cycles=20, faults=[DeadSlave("3", start=0.02)])
     rows = run.events()
     silent = rows[(rows["slave"] == "3") & (rows["outcome"] == "SilenceError")]
@@ -131,7 +131,7 @@ def repeats_after(*, wait: float = 10.0) -> bool:
 
 @check("icn2007-038", counter={"wait": 11.0})
 def goes_on_after(*, wait: float = 10.0) -> bool:
-    """Whether the next request follows so many bit times after one without an answer."""
+    """Whether the next request follows this many bit times after one without an answer."""
     run = simulate(line(), cycles=20, faults=[DeadSlave("3", start=0.02)])
     return round(gap_after_silence(run, "3"), 6) == wait
 

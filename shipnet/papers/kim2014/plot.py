@@ -204,7 +204,7 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
 
 
 def plot_scan_times(slaves: Sequence[int], *, ax: Axes) -> Axes:
-    """Draw the time of a scan over the bit rate, one line a number of slaves."""
+    """Draw the time of a scan over the bit rate, one line per number of slaves."""
     for number in slaves:
         table = scan_table(number)
         ax.loglog(table.index, table["scan_s"], "o-", markersize=4, label=f"{number} slaves")
@@ -287,7 +287,7 @@ _MARKS = ".o^sD"
 
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
-    """Draw the position of a valve as it is, and as masters with so many valves were sent it."""
+    """Draw the position of a valve as it is, and as masters with this many valves were sent it."""
     ax.plot(true.time, true.VPos[:, 0], color="0.6", linewidth=1, label="the valve itself")
     for place, (number, run) in enumerate(seen.items()):
         ax.plot(

@@ -148,7 +148,7 @@ def control_bit_0(
 
 @check("kim2023-042", counter={"half": "B"})
 def masters_before_2_1(*, half: Half | None = None) -> bool:
-    """Whether a control request sends 0 where S stands, and 1 where its inverse stands."""
+    """Whether a control request sends 0 in place of S, and 1 in place of its inverse."""
     sent = {"s": "0", "S": "1"}
     for call in Call:
         layout = call.rule.pattern
@@ -222,7 +222,7 @@ def broadcast_bits(*, expected: str = DATASHEET_FRAMES[0]) -> bool:
 
 @check("kim2023-051", counter={"data": "1", "parameter": "0"})
 def information_bit_4(*, data: str = "0", parameter: str = "1") -> bool:
-    """Whether I4 tells a data request from a parameter request, with these values."""
+    """Whether I4 distinguishes a data request from a parameter request, with these values."""
     bits = _TABLE_5.ours.loc[["DATA_EXCHANGE", "WRITE_PARAMETER"], "I4"]
     return list(bits) == [data, parameter]
 

@@ -241,7 +241,7 @@ def least_cycles(bits: int, *, bits_per_cycle: int = 4) -> int:
 
 @check("kim2023-009", counter={"bits": 4})
 def several_cycles(*, bits: int = 5) -> bool:
-    """Whether so many bits, and a value of profile S-7.3, take several cycles."""
+    """Whether this many bits, and a value of profile S-7.3, take several cycles."""
     return least_cycles(bits) > 1 and transfer_cycles("S-7.3") > 1
 
 

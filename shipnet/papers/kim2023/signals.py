@@ -143,7 +143,7 @@ def works_without(*, part: str = "conductor") -> bool:
 @numeric("kim2023-057", "icn2007-023", bits=1 + 5 + 5)
 @numeric("kim2023-058", "icn2007-040", bits=4)
 def check_bits(*, bits: int) -> int:
-    """Fewest check bits with which any two words of so many bits differ in at least four places."""
+    """Fewest check bits with which any two words of this many bits differ in 4 places or more."""
     r = 2
     while 2 ** (r - 1) < bits + r:
         r += 1
@@ -158,7 +158,7 @@ def growth(*, request: int = 11, response: int = 4, extra: int = 7 + 4) -> float
 
 @numeric("kim2023-060", "icn2007-024")
 def error_classes(*, classes: tuple[str, ...] = tuple(CLASSES)) -> int:
-    """Kinds of error that the receiver tells apart."""
+    """Kinds of error that the receiver distinguishes."""
     return len(classes)
 
 
@@ -197,7 +197,7 @@ def undetected(faults: int) -> tuple[int, int]:
 
 @check("kim2023-061", counter={"faults": 4})
 def every_fault_found(*, faults: int = 1) -> bool:
-    """Whether every response with so many wrong slots is found faulty."""
+    """Whether every response with this many wrong slots is found faulty."""
     return undetected(faults)[0] == 0
 
 

@@ -50,7 +50,7 @@ def read(registers: int, start: int = 0) -> Request:
 
 
 def answer(registers: int) -> Response:
-    """Return a response with so many registers, all 0."""
+    """Return a response with this many registers, all 0."""
     return Response(_FC03, registers=(0,) * registers)
 
 
@@ -181,7 +181,7 @@ def data_of_two_bytes(*, exceptions: bool = True) -> bool:
 
 @check("lee2012-078", counter={"quantities": (1, 126)})
 def reads_one_or_several(*, quantities: tuple[int, ...] = (1, 2, POINTS)) -> bool:
-    """Whether function code 3 reads so many registers with one request."""
+    """Whether function code 3 reads this many registers with one request."""
     try:
         return all(read(n).response_size == 2 + 2 * n for n in quantities)
     except ArgumentError:
@@ -190,7 +190,7 @@ def reads_one_or_several(*, quantities: tuple[int, ...] = (1, 2, POINTS)) -> boo
 
 @check("lee2012-077", counter={"gap": 3.5})
 def joins_frames(*, gap: float = 3.0) -> bool:
-    """Whether a frame that comes so many characters after another is taken for its end."""
+    """Whether a frame that comes this many characters after another is taken for its end."""
     first, second = (read(1).rtu(unit) for unit in (JB1, JB3))
     separate = gap * LINE.character_time >= LINE.t35
     try:
@@ -230,7 +230,7 @@ def request_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
 
 @numeric("lee2012-034")
 def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
-    """Milliseconds of a response with so many registers on the line."""
+    """Milliseconds of a response with this many registers on the line."""
     response = answer(registers).rtu(JB1)
     return 1e3 * _serial(rate).frame_time(len(response))
 
@@ -300,7 +300,7 @@ def destroys_both(*, disturbed: tuple[float, ...] = ()) -> bool:
 
 @check("lee2012-068", counter={"retries": 1})
 def both_repeat(*, retries: int = 0) -> bool:
-    """Whether what was damaged on CAN and on Modbus is sent again, with so many retries of the AMS.
+    """Whether what was damaged on CAN and Modbus is sent again, with this many retries of the AMS.
 
     A CAN controller repeats by itself; how often a Modbus master asks again is its own affair.
     """

@@ -119,7 +119,7 @@ def listed_points(*, column: str, value: str) -> int:
 
 @numeric("lee2012-016")
 def points_of_engine(*, double_row: bool = True) -> int:
-    """Points of all boxes, the row counted twice that stands there twice."""
+    """Points of all boxes, the row that is printed twice counted twice."""
     return len(printed_points(double_row=double_row))
 
 
@@ -189,7 +189,7 @@ def grows_geometrically(*, wiring: tuple[int, ...] = ()) -> bool:
 @check("lee2012-048", condition="RTD", inputs=32, counter={"inputs": 26})
 @check("lee2012-049", condition="4-20 mA", inputs=18, counter={"inputs": 16})
 def enough_inputs(*, condition: str, inputs: int) -> bool:
-    """Whether so many converter inputs are enough for the sensors of one kind of any box."""
+    """Whether this many converter inputs are enough for the sensors of one kind of any box."""
     boxes = read_points().by_box().values()
     return max(sum(point.condition == condition for point in own) for own in boxes) <= inputs
 
