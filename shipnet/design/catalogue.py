@@ -110,14 +110,14 @@ def _cable(row: dict[str, str]) -> Cable:
 
 
 def smallest(conductors: int, bus: str = "hardwired", spare: float = 0.2) -> Cable:
-    """Return the thinnest cable that has so many conductors and a reserve."""
+    """Return the thinnest cable that has enough conductors and a reserve."""
     buses = list(dict.fromkeys(name for cable in cables().values() for name in cable.buses))
     if bus not in buses:
         raise ArgumentError(f"bus is {bus!r}; it must be one of {', '.join(buses)}")
     conductors = check_whole("conductors", conductors, 1, 10**9)
     if isinstance(spare, bool) or not isinstance(spare, int | float) or not 0 <= spare <= 10:
         raise ArgumentError(f"spare is {spare!r}; it must be a number 0..10")
-    # A share such as 0.12 is no binary number, but 25 conductors with 12 % are 28.
+    # A share such as 0.12 is not a binary number, but 25 conductors with 12 % are 28.
     needed = ceil(round(conductors * (1 + spare), 9))
     own = [cable for cable in cables().values() if bus in cable.buses]
     fit = [cable for cable in own if cable.conductors >= needed]
@@ -210,7 +210,7 @@ class Assumptions(Mapping[str, Range]):
 
 
 def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
-    """Return where ranges stand at a level: one of their three values, or triangular quantiles."""
+    """Return ranges at a level: one of their three values, or triangular quantiles."""
     rows = np.asarray(ranges, dtype=float).reshape(-1, 3)
     if isinstance(level, str):
         chosen: Floats = rows[:, _place(level)]

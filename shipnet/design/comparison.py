@@ -365,7 +365,7 @@ class Comparison:
         return f"<Comparison: {self.verdict}>"
 
     def html(self, *, title: str | None = None, date: str | None = None) -> str:
-        """Return the report as one HTML page that stands alone."""
+        """Return the report as one self-contained HTML page."""
         return report_html(
             title or f"Connecting the points of {Path(self.iolist.source).name}",
             date or "",

@@ -48,8 +48,8 @@ Floats = npt.NDArray[np.float64]
 #: What `numpy.random.default_rng` takes.
 Rng: TypeAlias = np.random.Generator | int | None
 
-#: The assumptions that a device of a kind costs on a bus, one price and one time each; "" stands
-#: for every other bus.
+#: The assumptions that a device of a kind costs on a bus, one price and one time each; "" is
+#: every other bus.
 _DEVICES: dict[str, dict[str, tuple[str, ...]]] = {
     "cabinet": {"": ()},
     "box": {"": ("box", "box_time")},

@@ -57,7 +57,7 @@ class Design(Layout):
         response_ms, fits. A point that fits nowhere has no bus, and a row in `reasons`.
     devices : pandas.DataFrame
         Cabinet, boxes, modules, stations, masters, repeaters, supplies: device, kind, segment,
-        x_m, y_m, z_m, and at, the device in whose housing it stands.
+        x_m, y_m, z_m, and at, the device in whose housing it is.
     cables : pandas.DataFrame
         Every cable laid: run, its name; cable, its type in the catalogue; a and b, its ends;
         segment, kind, route_m, length_m, used, conductors, at_cabinet, line, and way, its trays.

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 # Which places belong together: clusters within reach, groups of equal size, groups that fit
 
-#: Above so many places the tree of all distances takes too much memory, and they are halved first.
+#: With more places the tree of all distances takes too much memory; they are halved first.
 _MOST = 3000
 
-#: Above so many items groups of equal size are not worth the time that the best ones take.
+#: With more items the best groups of equal size take too long to find.
 _MANY = 1000
 
 #: Rounds of moving the centres; assignments settle in a few.

@@ -24,7 +24,7 @@ Bools = npt.NDArray[np.bool_]
 Whole = npt.NDArray[np.int64]
 #: Numbers of the runs that are cut, and of the devices that are dead.
 Failure = tuple[Collection[int], Collection[int]]
-#: Nodes at both ends of each edge, and its run; -1 is no run.
+#: Nodes at both ends of each edge, and its run; -1 if it is not a run.
 Edges = tuple[Whole, Whole, Whole]
 
 #: Devices that join the two lines of a pair, and those through which nothing passes once dead.
@@ -118,7 +118,7 @@ class Reach:
 
     @cached_property
     def _at(self) -> Whole:
-        """Device in whose housing each one stands; -1 in its own."""
+        """Device in whose housing each one is; -1 in its own."""
         return np.array([self._index.get(at, -1) for at in self.design.devices["at"]], np.int64)
 
     @cached_property
@@ -210,13 +210,13 @@ class Reach:
 
     @cached_property
     def _housings(self) -> Whole:
-        """Devices that stand in the housing of another, and that one, shape (n, 2)."""
+        """Devices in the housing of another, and that one, shape (n, 2)."""
         inside = np.flatnonzero(self._at >= 0)
         return np.stack([inside, self._at[inside]], axis=1)
 
     @cached_property
     def _joints(self) -> Whole:
-        """What stands in a housing, and what it hangs on there, shape (n, 2)."""
+        """Devices in a housing, and what each is connected to there, shape (n, 2)."""
         segment = self.design.devices["segment"].to_numpy(str)
         master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
         joints = self._housings.copy()
@@ -255,7 +255,7 @@ class Reach:
         for row, (runs, devices) in enumerate(failures):
             cut[row, list(runs)] = True
             dead[row, list(devices)] = True
-        # With a box, what stands in it is dead.
+        # With a box, what is in it is dead.
         inside, housing = self._housings[np.isin(self.kinds[self._housings[:, 1]], _SHELLS)].T
         while (more := dead[:, housing] & ~dead[:, inside]).any():
             dead[:, inside] |= more
@@ -337,7 +337,7 @@ def _labels(keep: Bools, count: int, u: Whole, v: Whole) -> Whole:
 
 
 def _nth(values: Whole) -> Iterator[Whole]:
-    """Yield where each value stands for the first time, for the second, and so on."""
+    """Yield where each value occurs for the first time, for the second, and so on."""
     order = np.argsort(values, kind="stable")
     _, start, count = np.unique(values[order], return_index=True, return_counts=True)
     nth = np.arange(len(values)) - np.repeat(start, count)

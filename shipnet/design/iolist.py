@@ -70,7 +70,7 @@ class IoList(PointTable):
         return Saving(hardwired_conductors(self.counts), ASI_PAIR * lines)
 
     def find_cabinet(self) -> Found:
-        """Return where the cabinet stands, found from the lengths of the home runs in the list."""
+        """Return the place of the cabinet, found from the lengths of the home runs in the list."""
         from shipnet.design.site import find_cabinet
 
         return find_cabinet(self)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 #: What a point can be connected by; the empty name is that of a point that fits nowhere.
 BUSES = ("hardwired", "AS-i", "CAN", "Modbus RTU", "")
 
-#: What stands in a plant, beside the points themselves. The auxiliary supply is that of the outputs
+#: What a plant has beside the points themselves. The auxiliary supply is that of the outputs
 #: of an AS-i line, whose modules take what they need themselves from the line.
 DEVICE_KINDS = (
     "cabinet", "box", "module", "station", "master", "gateway", "repeater", "supply",

@@ -272,7 +272,7 @@ def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn:
 def place_supply(
     pieces: Sequence[Piece], draws: dict[str, float], first: str, voltage: float, resistance: float
 ) -> str:
-    """Return the node at which the supply of a segment stands."""
+    """Return the node of the supply of a segment."""
     nodes = list(dict.fromkeys(node for piece in pieces for node in (piece.near, piece.far)))
     number = {node: place for place, node in enumerate(nodes)}
     near, far = (

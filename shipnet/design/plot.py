@@ -147,7 +147,7 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
             markerfacecolor="C0" if filled else "white", zorder=3 if filled else 2,
         )  # fmt: skip
     for names, place, left, below in _labels(table.dropna().astype(float)):
-        # A label stands on the side where there is room, below its dot if one is above already.
+        # A label is on the side where there is room, below its dot if another is above.
         ax.annotate(
             names, place, (-6 if left else 6, -5 if below else 5), textcoords="offset points",
             fontsize=8, ha="right" if left else "left", va="top" if below else "bottom",

@@ -409,7 +409,7 @@ def _check_tags(cells: Cells, tags: list[str]) -> None:
 
 
 def _look_up(cells: Cells, name: str, known: Mapping[str, str], expected: str) -> list[str]:
-    """Return what the words of a column stand for; an empty cell stands for nothing."""
+    """Return the meanings of the words of a column; that of an empty cell is ""."""
     found = {cell: known.get(plain(cell), "") for cell in set(cells[name])}
     rows = [row for row, cell in enumerate(cells[name]) if cell and not found[cell]]
     cells.wrong(rows, name, expected)

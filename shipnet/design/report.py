@@ -23,7 +23,7 @@ from shipnet.design.settings import shown
 BANNER = "A design aid, not class approval."
 
 
-# One page of HTML that stands alone: tables, pictures and text, nothing fetched, nothing run
+# One self-contained page of HTML: tables, pictures and text, nothing fetched, nothing run
 
 _STYLE = """
 @page { size: A4; margin: 16mm 14mm; }
@@ -375,7 +375,7 @@ def _what(design: Design, remarks: Sequence[str], changes: pd.DataFrame) -> str:
 
 
 def _assumed(changes: pd.DataFrame, *names: str) -> str:
-    """Return what to say of values that nobody gave."""
+    """Return what to say of values that were not given."""
     if not {*names}.isdisjoint(changes["name"]):
         return ""
     return ", both assumed" if len(names) > 1 else ", assumed"

@@ -295,7 +295,7 @@ MEASURES: Mapping[str, Measure] = {
 }  # fmt: skip
 
 
-# Class rules as data: what each asks, what is computed for it, and where it stands
+# Class rules as data: what each asks, what is computed for it, and its source
 
 #: Rule sets of `data/design_rules.csv`; what IMO asks holds beside the rules of a class society.
 RULE_SETS = ("DNV", "BV", "IMO", "lee2012")

@@ -289,7 +289,7 @@ _COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTI
 class Settings:
     """Every limit, price and allowance of a design, each by one dotted name.
 
-    Without a prefix stand ``detour``, ``tails``, ``host_time``, ``spare``, ``redundant``,
+    Names without a prefix are ``detour``, ``tails``, ``host_time``, ``spare``, ``redundant``,
     ``update``, ``fed``, ``feeder`` and ``list_lengths``; then come ``boxes.``, ``asi.``, ``can.``
     and ``modbus.`` with the limits of each bus, and ``assumptions.`` with prices, hours and
     factors. `table` lists them all with their legal values.
@@ -590,7 +590,7 @@ def _plain(value: object) -> object:
 
 
 def _is_number(value: object) -> bool:
-    # A whole number of any size may stand in a file; no float holds one beyond 1e308.
+    # A file may hold a whole number of any size; no float holds one beyond 1e308.
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return isinstance(value, float) or abs(value) < 2**63

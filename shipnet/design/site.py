@@ -391,7 +391,7 @@ def _spread(entry: _Entry, own: tuple[int, ...], shape: tuple[int, ...]) -> _Ent
     return _Entry(tray, along, np.broadcast_to(entry.off.reshape(own), shape).ravel())
 
 
-# Where the cabinet stands and which way cables go to it: along trays, or square to the ship
+# The place of the cabinet, and the way of cables to it: along trays, or square to the ship
 
 
 @record(eq=False)
@@ -473,7 +473,7 @@ def _places(name: str, given: ArrayLike) -> _Floats:
     return places
 
 
-# Where the cabinet stands, found from the lengths that a list gives for cables to it
+# The place of the cabinet, found from the lengths that a list gives for cables to it
 
 #: Points with place and length that are needed for three coordinates and a look at what is left.
 _FEWEST = 4
@@ -509,7 +509,7 @@ class Found(NamedTuple):
 
 
 def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0) -> Found:
-    """Find where the cabinet stands from home runs of known length."""
+    """Find the place of the cabinet from home runs of known length."""
     length = iolist.points["home_run_m"].to_numpy(float)
     known = np.isfinite(length) & iolist.located
     if known.sum() < _FEWEST:

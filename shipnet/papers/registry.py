@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from shipnet.errors import ArgumentError, FrameError
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -52,7 +54,7 @@ TABLES: dict[tuple[str, str], Callable[[], Any]] = {}
 
 def numeric(*claims: str, **inputs: object) -> Callable[[Function], Function]:
     """Register a function, with these inputs, as the recomputation of numbers by their claims."""
-    return _registered(claims, inputs, {})
+    return check(*claims, counter={}, **inputs)
 
 
 def check(
@@ -63,12 +65,7 @@ def check(
     With those of `counter` the answer is the opposite; a test calls the function with them, so
     that a check that cannot fail is found out.
     """
-    return _registered(claims, inputs, counter)
 
-
-def _registered(
-    claims: tuple[str, ...], inputs: Mapping[str, object], counter: Mapping[str, object]
-) -> Callable[[Function], Function]:
     def decorate(function: Function) -> Function:
         made = Recomputation(function, inputs, counter)
         for claim in claims:
@@ -80,6 +77,15 @@ def _registered(
         return function
 
     return decorate
+
+
+def is_legal(function: Callable[..., object], *arguments: object, **named: object) -> bool:
+    """Whether a function of the package takes these arguments without an error of its own."""
+    try:
+        function(*arguments, **named)
+    except (ArgumentError, FrameError):
+        return False
+    return True
 
 
 def figure(paper: str, *items: str) -> Callable[[Function], Function]:

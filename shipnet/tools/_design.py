@@ -71,7 +71,7 @@ def points(text: str, name: str, update_ms: int) -> IoList:
 
 @lru_cache(maxsize=8)
 def place(iolist: IoList, typed: str) -> tuple[Place, str]:
-    """Return where the cabinet stands, and how that is known."""
+    """Return the place of the cabinet, and how it is known."""
     if typed.strip():
         try:
             x, y, z = (float(number) for number in typed.replace(";", ",").split(","))

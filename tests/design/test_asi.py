@@ -16,6 +16,7 @@ from shipnet.design.plan_asi import Piece, analogue_response, digital_response, 
 from shipnet.design.planning import plan
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
+from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
 from tests.design.lists import table
 
@@ -69,7 +70,7 @@ def test_the_supply_stands_where_the_circuit_loses_least(hops, currents):
     ]
     draws = {str(n): currents[n] for n in range(len(places))}
     # A name that is not there: no place is to be preferred.
-    found = place_supply(pieces, draws, "none", 30.0)
+    found = place_supply(pieces, draws, "none", 30.0, CABLES["as-i 1.5"].resistance)
 
     def lowest(node):
         circuit = Plan(
@@ -143,3 +144,13 @@ def test_a_line_that_breaks_a_rule_of_signals_is_refused_with_the_rule():
     (reason,) = design.reasons.itertuples()
     assert not design.fits
     assert (reason.limit, reason.value, reason.bound) == ("supply voltage", 20.0, 29.5)
+
+
+def test_the_cable_that_is_chosen_loses_the_voltage_of_the_line():
+    far = table([("rtd_3wire", (90 + n, 0, 0), 1000.0) for n in range(8)])
+    lowest = {
+        cable: plan(far, Site((0, 0, 0)), "AS-i", settings=Settings({"asi.cable": cable}))
+        .segments["lowest_v"].min()
+        for cable in ("ASI_MARINE", "ASI_FLAT25")
+    }  # fmt: skip
+    assert lowest["ASI_FLAT25"] > lowest["ASI_MARINE"]
