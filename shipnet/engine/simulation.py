@@ -289,8 +289,8 @@ def ask(
     else:
         rows = [row for line in lines for row in _follow(system, horizon, phase, [line])]
         rows.sort(key=lambda row: (row[2], row[1]))
-    columns = np.array(rows, dtype=np.int64).reshape(-1, 5).T
-    return Attempts(*columns[:4], columns[4].astype(bool))
+    poll, channel, start, outcome, heard = np.array(rows, dtype=np.int64).reshape(-1, 5).T
+    return Attempts(poll, channel, start, outcome, heard.astype(bool))
 
 
 class _Line:
