@@ -248,7 +248,8 @@ def scan_table(n_slaves: int = MAX_UNIT, *, processing: float = 0.0) -> pd.DataF
     >>> scan_table(processing=5e-3).loc[115200].round(2).to_dict()
     {'poll_ms': 10.51, 'scan_s': 2.59, 'slaves_in_2_s': 190.0}
     """
-    table = scan.scan_table(n_slaves, bit_rates=RATES, processing=processing)
+    system = scan.System(n_slaves, status_poll(processing=processing))
+    table = system.scan_times(RATES)
     named = table.rename(columns={"read_ms": "poll_ms", "valves_in_2_s": "slaves_in_2_s"})
     return named[["poll_ms", "scan_s", "slaves_in_2_s"]]
 
