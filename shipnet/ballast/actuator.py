@@ -85,10 +85,12 @@ class Actuator:
     pump_efficiency: Quantity = _number(0.05, 1, "", "Mechanical efficiency of the pump", 0.85)
     friction: Quantity = _number(0, 1e4, "N m", "Torque that the pump needs beside that", 0.0)
     voltage: Quantity = _number(1, 1e4, "V", "Line voltage, three phases", 400.0)
-    power_factor: Quantity = _number(0.05, 1, "", "Power factor of the motor", 0.85)
+    no_load_loss: Quantity = _number(
+        0, 1e5, "W", "What the motor loses in iron, bearings and fan at any load", 60.0
+    )
     heat_capacity: Quantity = _number(1, 1e7, "J/K", "Heat capacity of the motor", 4000.0)
     cooling: Quantity = _number(
-        1e-3, 1e4, "W/K", "Heat that the motor gives off per kelvin above its surroundings", 5.5
+        1e-3, 1e4, "W/K", "Heat that the motor gives off per kelvin above its surroundings", 6.4
     )
     ambient: Quantity = _number(
         -40, 100, "degC", "Temperature around it; IACS UR M40, machinery spaces", 45.0
@@ -101,11 +103,18 @@ class Actuator:
     )
 
     def __post_init__(self) -> None:
-        """Check that all arrays have one length."""
+        """Check that all arrays have one length, and that the shaft gives no more than it gets."""
         lengths = {len(value) for value in self._arrays()}
         if len(lengths) > 1:
             raise ArgumentError(
                 f"actuator has numbers for {' and for '.join(map(str, sorted(lengths)))} valves"
+            )
+        most = np.sqrt(3) * np.asarray(self.voltage) / (2 * pi * np.asarray(self.speed))
+        if np.any(self.torque_constant > most):
+            raise ArgumentError(
+                f"torque_constant is {np.max(self.torque_constant):g} N m/A; it must be at most "
+                f"{np.min(most):.3g} N m/A at this voltage and speed, else the shaft gives more "
+                "power than the motor takes"
             )
 
     @property
@@ -239,24 +248,32 @@ def _root(a: npt.ArrayLike, b: npt.ArrayLike, c: npt.ArrayLike) -> Floats:
     return np.asarray(2 * np.asarray(c) / (b + np.sqrt(np.square(b) + 4 * np.multiply(a, c))))
 
 
-def motor_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return the current of the running motor."""
+def _active_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
+    """Return the part of the motor's current that is in phase with its voltage."""
     a = actuator
     torque = np.asarray(a.displacement) * pump_pressure / (2 * np.pi * a.pump_efficiency)
-    return np.asarray(np.hypot(a.no_load_current, (torque + a.friction) / a.torque_constant))
+    return np.asarray((torque + a.friction) / a.torque_constant)
 
 
-def electric_power(actuator: Actuator, current: npt.ArrayLike) -> Floats:
-    r"""Return what the motor takes from the mains, :math:`\sqrt{3} U I \cos \varphi`."""
-    return np.asarray(np.sqrt(3) * actuator.voltage * np.asarray(current) * actuator.power_factor)
+def motor_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
+    """Return the current of the running motor: magnetising and active part, in quadrature."""
+    return np.asarray(np.hypot(actuator.no_load_current, _active_current(actuator, pump_pressure)))
+
+
+def electric_power(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
+    r"""Return what the running motor takes from the mains, :math:`\sqrt{3} U I_a + P_0`.
+
+    The active current :math:`I_a` carries the power, the magnetising current carries none.
+    """
+    drawn = np.sqrt(3) * actuator.voltage * _active_current(actuator, pump_pressure)
+    return np.asarray(drawn + actuator.no_load_loss)
 
 
 def losses(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
     """Return what becomes heat in motor and pump: all that the oil does not carry away."""
     pressure = np.asarray(pump_pressure, float)
-    taken = electric_power(actuator, motor_current(actuator, pressure))
     given = np.asarray(actuator.displacement) * actuator.speed * pressure
-    return np.asarray(np.maximum(taken - given, 0.0))
+    return np.asarray(electric_power(actuator, pressure) - given)
 
 
 def steady_temperature(actuator: Actuator) -> Floats:

@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from shipnet.ballast.actuator import (
     Actuator,
+    electric_power,
     hydraulics,
     load_pressure,
     losses,
@@ -19,7 +20,7 @@ from shipnet.ballast.actuator import (
     valve_torque,
     velocity,
 )
-from shipnet.ballast.plant import Command, Fault, faulty
+from shipnet.ballast.plant import FAULTS, Command, Fault, faulty
 from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import CHANNELS, Sensors, normal_values, rule_limits
 from shipnet.ballast.simulation import simulate
@@ -181,11 +182,32 @@ def test_the_flow_through_the_valve_helps_to_close_it_and_hinders_to_open():
 
 
 def test_all_that_the_motor_takes_is_work_on_the_oil_or_heat():
-    pressure = np.array([0, 5e6, 9e6])
+    pressure = np.array([0, 5e6, 9e6, 12.76e6])
     a = Actuator()
-    taken = np.sqrt(3) * 400 * 0.85 * motor_current(a, pressure)
+    active = np.sqrt(motor_current(a, pressure) ** 2 - 0.7**2)
+    taken = np.sqrt(3) * 400 * active + 60
     assert taken == pytest.approx(a.displacement * a.speed * pressure + losses(a, pressure))
+    assert (np.diff(losses(a, pressure)) > 0).all()
     assert steady_temperature(replace(a, duty=0)) == 45
+
+
+@given(st.sampled_from(list(FAULTS)), st.floats(0, 1), st.floats(0, 1), st.sampled_from([-1, 1]))
+def test_no_fault_lets_the_shaft_give_more_than_the_motor_takes(code, severity, opening, way):
+    sick, _ = faulty(Actuator(), [Fault(code, severity)], 1)
+    pressure = hydraulics(sick, load_pressure(sick, opening, way)).pump_pressure
+    torque = sick.displacement * pressure / (2 * np.pi * sick.pump_efficiency) + sick.friction
+    shaft = 2 * np.pi * sick.speed * torque
+    oil = sick.displacement * sick.speed * pressure
+    taken = electric_power(sick, pressure)
+    assert (oil <= shaft).all()
+    assert (shaft <= taken).all()
+    assert losses(sick, pressure) == pytest.approx(taken - oil)
+
+
+def test_a_motor_that_would_give_more_than_it_takes_is_refused():
+    with pytest.raises(ArgumentError, match=r"at most 4\.56 N m/A at this voltage and speed"):
+        Actuator(torque_constant=[4.0, 5.0])
+    assert Actuator(torque_constant=4.56).torque_constant == 4.56
 
 
 def test_the_channels_and_limits_are_those_of_the_rule_table():

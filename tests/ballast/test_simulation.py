@@ -5,7 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shipnet.ballast.actuator import Actuator, losses, move_time, steady_temperature, stroke_time
+from shipnet.ballast.actuator import (
+    Actuator,
+    hydraulics,
+    load_pressure,
+    losses,
+    move_time,
+    steady_temperature,
+    stroke_time,
+    velocity,
+)
 from shipnet.ballast.plant import FAULTS, Command, Fault, Plant, faulty
 from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import Sensors, normal_values
@@ -169,9 +178,12 @@ def test_the_temperature_follows_its_exponentials():
     slow = simulate(System(sensors=Sensors.ideal()), OPEN, until=400, idle_step=60)
     assert quick.OT[-1, 0] == pytest.approx(slow.OT[-1, 0], abs=1e-9)
     start = float(steady_temperature(Actuator()))
-    # Heat of 9 s of running, less what 10.5 s at 5 K over the surroundings give off.
-    rise = (float(losses(Actuator(), 90e5)) * 9.0 - 5.5 * (start - 45) * 10.5) / 4000
-    assert quick.OT[105, 0] - start == pytest.approx(rise, rel=0.03)
+    # Heat of a stroke, less what 10.5 s at 5 K over the surroundings give off.
+    a, x = Actuator(), (np.arange(2000) + 0.5) / 2000
+    pressure = hydraulics(a, load_pressure(a, x)).pump_pressure
+    heat = np.mean(losses(a, pressure) / velocity(a, x))
+    rise = (heat - 6.4 * (start - 45) * 10.5) / 4000
+    assert quick.OT[105, 0] - start == pytest.approx(rise, rel=0.01)
     assert 45 < quick.OT[-1, 0] < quick.OT[105, 0]
 
 
