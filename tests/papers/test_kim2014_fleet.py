@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.ballast.trials import run_fleet
 from shipnet.ballast.plant import Command, Fault
 from shipnet.ballast.scan import System, status_poll
 from shipnet.ballast.simulation import simulate
+from shipnet.ballast.trials import run_fleet
 from shipnet.errors import ArgumentError
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
