@@ -13,10 +13,13 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from textwrap import shorten
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shipnet.answers import FORMS, Answer, check_output
 from shipnet.errors import ArgumentError, InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["main"]
 
@@ -236,6 +239,12 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
     )
 
 
+def _marked(transactions: pd.DataFrame) -> pd.DataFrame:
+    """Return transactions whose bits begin with 0b, so that no reader takes them for a number."""
+    bits = transactions[["request", "response"]]
+    return transactions.assign(**bits.where(bits == "", "0b" + bits))
+
+
 def _decode(arguments: argparse.Namespace) -> Answer:
     from shipnet.asi.capture import decode
 
@@ -271,7 +280,7 @@ def _decode(arguments: argparse.Namespace) -> Answer:
             "unanswered": (summary.unanswered, ""),
             "cycle_time": (summary.cycle_time, "s"),
         },
-        tables={"transactions": rows, "slaves": summary.slaves.reset_index()},
+        tables={"transactions": _marked(rows), "slaves": summary.slaves.reset_index()},
         draw=lambda ax: capture.plot(ax, start=start, stop=start + _SHOWN),
         findings=findings,
     )
