@@ -20,9 +20,9 @@ from shipnet.fields import check_scalar, check_whole, choice, number, record, wh
 from shipnet.remote_control.faults import BitErrors, DeadStation, LostPacket, Stall
 from shipnet.remote_control.packet import DATA_START, MarkerFormat
 from shipnet.remote_control.packet_format import Items
-from shipnet.remote_control.signals import HOPS, STATIONS, forwarded
 from shipnet.remote_control.station import Event, Role, State, Station
 from shipnet.remote_control.system import BIT_RATES, System
+from shipnet.remote_control.values import HOPS, STATIONS, forwarded
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,8 +11,8 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.remote_control.packet_format import Items, PacketFormat, Parser
 from shipnet.remote_control.ring_buffer import Ring
-from shipnet.remote_control.signals import HOPS
 from shipnet.remote_control.system import Counter, System
+from shipnet.remote_control.values import HOPS
 
 
 def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
@@ -230,7 +230,7 @@ class Station:
             else:
                 data.append(step.byte)
         lost = self.ring.lost - lost_before
-        return Reading(self.parser.feed(data), unread, repaired, step.action == "stop", lost)
+        return Reading(self.parser.feed(bytes(data)), unread, repaired, step.action == "stop", lost)
 
     def choose_partner(self) -> None:
         """Set whom the station sends to next: the master's partners in turn, but for failed ones.
