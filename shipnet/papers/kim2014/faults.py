@@ -15,7 +15,7 @@ from shipnet.ballast.master import MasterRun, operate, received_run
 from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.rule_table import FILLS, rule_base, rule_vectors
-from shipnet.ballast.scan import status_poll, worst_age
+from shipnet.ballast.scan import System, status_poll
 from shipnet.ballast.sensors import CHANNELS, rule_limits
 from shipnet.ballast.trials import fault_trials
 from shipnet.errors import ArgumentError
@@ -360,7 +360,7 @@ def age_table(
     system = Loop(n_valves, status_poll(9600))
     rows = {}
     for count in commands:
-        age = worst_age(system, commands=count)
+        age = System(n_valves, system.poll).worst_age(commands=count)
         if duration / 2 < 2 * age:
             raise ArgumentError(f"duration is {duration:g} s; it must be {4 * age:.3g} or more")
         orders = [Command("open", duration / 2, valves=range(1, count + 1))] if count else []
