@@ -13,10 +13,13 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from textwrap import shorten
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shipnet.answers import FORMS, Answer, check_output
 from shipnet.errors import ArgumentError, InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["main"]
 
@@ -67,9 +70,15 @@ engine: unit ids 2 and 3 are junction boxes with all 99 points of an engine, who
 values are synthetic. Function code 3 reads registers 0 to 98, temperatures in
 tenths of a degree.
 
+A pseudo-terminal (pty) in place of a serial port has no parity: it needs
+--character 8N1 or 8N2. It has no bit rate either: it passes all bytes on at once,
+whatever rate the other end has set, so it shows neither a wrong rate nor the time
+that a frame takes.
+
 examples:
   shipnet serve ballast --valves 64 --fault 3:V1 --fault 7:P2:0.5
   shipnet serve ballast --serial /dev/ttyUSB0 --bit-rate 19.2k --speed 10
+  shipnet serve ballast --serial /dev/pts/5 --character 8N1
   shipnet serve engine --port 1502
 """
 
@@ -230,6 +239,12 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
     )
 
 
+def _marked(transactions: pd.DataFrame) -> pd.DataFrame:
+    """Return transactions whose bits begin with 0b, so that no reader takes them for a number."""
+    bits = transactions[["request", "response"]]
+    return transactions.assign(**bits.where(bits == "", "0b" + bits))
+
+
 def _decode(arguments: argparse.Namespace) -> Answer:
     from shipnet.asi.capture import decode
 
@@ -265,7 +280,7 @@ def _decode(arguments: argparse.Namespace) -> Answer:
             "unanswered": (summary.unanswered, ""),
             "cycle_time": (summary.cycle_time, "s"),
         },
-        tables={"transactions": rows, "slaves": summary.slaves.reset_index()},
+        tables={"transactions": _marked(rows), "slaves": summary.slaves.reset_index()},
         draw=lambda ax: capture.plot(ax, start=start, stop=start + _SHOWN),
         findings=findings,
     )
@@ -300,23 +315,31 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
 
 
 def _serve(arguments: argparse.Namespace) -> None:
+    from shipnet.fields import check_scalar, check_whole
+
+    # The models and the library take a while to load, so what needs neither is checked first.
+    engine = arguments.device == "engine"
+    if arguments.udp and arguments.serial is not None:
+        raise ArgumentError("--udp and --serial exclude each other")
+    if engine and arguments.watchdog is not None:
+        raise ArgumentError("--watchdog stops the motor of a valve; the engine has none here")
+    n_valves = check_whole("--valves", arguments.valves, 1, 247)
+    check_whole("--port", arguments.port, 0, 0xFFFF)
+    check_scalar("--speed", arguments.speed, "", 0, 1e4)
+    check_scalar("--bit-rate", arguments.bit_rate, "bit/s", 50, 10e6)
+    if arguments.watchdog is not None:
+        check_scalar("--watchdog", arguments.watchdog, "s", 0.1, 3600)
+
     import logging
     from threading import Event
 
-    from shipnet.ballast.live import serve
-    from shipnet.ballast.plant import Fault
-    from shipnet.engine.serving import parse_fault
-    from shipnet.engine.serving import serve as serve_engine
-    from shipnet.engine.system import System
     from shipnet.modbus.uart import SerialLine
 
     # Faults are reported in one line, not in the library's log besides.
     logging.getLogger("pymodbus").addHandler(logging.NullHandler())
-    n_valves, where = arguments.valves, f"{arguments.host}, port {{}} (TCP)"
+    where = f"{arguments.host}, port {{}} (TCP)"
     options: dict[str, Any] = {"host": arguments.host, "port": arguments.port}
     if arguments.serial is not None:
-        if arguments.udp:
-            raise ArgumentError("--udp and --serial exclude each other")
         line = SerialLine(arguments.bit_rate, arguments.character)
         options = {"transport": "rtu", "serial_port": arguments.serial, "line": line}
         where = f"{arguments.serial}, {line.bit_rate:g} bit/s {line.character}"
@@ -324,13 +347,18 @@ def _serve(arguments: argparse.Namespace) -> None:
         options["transport"] = "udp"
         where = where.replace("TCP", "UDP")
     options["speed"] = arguments.speed
-    if arguments.device == "engine":
-        if arguments.watchdog is not None:
-            raise ArgumentError("--watchdog stops the motor of a valve; the engine has none here")
+    if engine:
+        from shipnet.engine.serving import parse_fault
+        from shipnet.engine.serving import serve as serve_engine
+        from shipnet.engine.system import System
+
         system, units = System(), "unit ids 2 and 3"
         broken = [parse_fault(system, words) for words in arguments.fault]
         server = serve_engine(system, faults=broken, **options)
     else:
+        from shipnet.ballast.live import serve
+        from shipnet.ballast.plant import Fault
+
         units = "unit id 1" if n_valves == 1 else f"unit ids 1..{n_valves}"
         faults = [Fault.parse(text, n_valves) for text in arguments.fault]
         server = serve(n_valves, faults=faults, watchdog=arguments.watchdog, **options)

@@ -58,6 +58,15 @@ def axes(ax: Axes | None = None, **options: Any) -> Axes:
     return ax
 
 
+def limit(ax: Axes, level: float, name: str) -> None:
+    """Draw a limit as a horizontal line with its name at its right end."""
+    ax.axhline(level, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
+    ax.text(
+        0.99, level, name, transform=ax.get_yaxis_transform(), color=LIMIT["color"], ha="right",
+        va="bottom", fontsize=8,
+    )  # fmt: skip
+
+
 def box(ax: Axes, x: float, y: float, width: float, height: float, **look: Any) -> None:
     """Draw a rectangle by its lower left corner."""
     from matplotlib.patches import Rectangle

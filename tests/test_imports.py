@@ -25,6 +25,10 @@ def loaded(statement):
         ("import shipnet.line", []),
         ("import shipnet.design", []),
         ("import shipnet.__main__", []),
+        (
+            "from shipnet.__main__ import main; main('serve ballast --port 65536'.split())",
+            [],
+        ),
         ("import shipnet.asi.simulation", ["numpy"]),
         ("import shipnet.can", []),
         ("from shipnet.can import Frame, response_times, simulate, read_messages", ["numpy"]),

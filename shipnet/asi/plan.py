@@ -576,8 +576,8 @@ class Comparison:
             ("ringing", "C1", "ringing"),
         ):
             ax.plot(x, 100 * table[column], color=colour, label=what + name, **line)
-        for level in TOLERANCE:
-            ax.axhline(100 * level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+        style.limit(ax, 100 * TOLERANCE.evenness, "limit of the weakest pulse")
+        style.limit(ax, 100 * TOLERANCE.ringing, "limit of ringing")
         ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))
         ax.legend()
         return ax

@@ -497,8 +497,9 @@ class Eye(NamedTuple):
             lines = ax.plot(t, rows.T, color=colour, alpha=0.15, linewidth=0.8)
             if lines:
                 ax.plot([], [], color=colour, label=label)
-        for level in (TOLERANCE.evenness, TOLERANCE.ringing, -TOLERANCE.ringing):
-            ax.axhline(level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
+        style.limit(ax, TOLERANCE.evenness, "limit of pulses")
+        for level in (TOLERANCE.ringing, -TOLERANCE.ringing):
+            style.limit(ax, level, "limit of ringing")
         ax.set(xlim=(t[0], t[-1]), ylim=(-1.05, 1.05))
         ax.set(xlabel="time from the middle [us]", ylabel="voltage / largest [1]")
         return ax

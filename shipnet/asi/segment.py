@@ -26,7 +26,7 @@ from shipnet.asi.telegram import RESPONSES, Request, Response
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.line.network import CableRun, Load, Network
-from shipnet.line.waveform import laplace_grid, synthesize
+from shipnet.line.waveform import F_MAX, record_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,11 +55,13 @@ def telegram_voltages(
     dt: float = 250e-9,
     before: float = 6.5e-6,
     after: float = 18.5e-6,
-    f_max: float = 3e6,
+    f_max: float = F_MAX,
 ) -> Floats:
     """Return the voltages of telegrams between the master and nodes, (n_nodes, n_words, n_t).
 
-    By reciprocity the master hears of a node what the node hears of the master.
+    By reciprocity the master hears of a node what the node hears of the master. At the default
+    `f_max` [Hz] every voltage is within 5e-5 of its node's peak, on lines, stubs, stars and trees
+    of up to 300 m, with a supply or without.
     """
     steps = np.atleast_2d(steps_of(bits)).astype(float)
     before = check_scalar("before", before, "s", 0, 1.0)
@@ -70,11 +72,14 @@ def telegram_voltages(
         raise ArgumentError(f"dt is {dt} s; it must be a whole fraction of {HALF_BIT} s")
     # The record is a whole number of samples; another length would stretch its time.
     n_t = ceil(round((before + steps.shape[1] * HALF_BIT + after) / dt, 6))
-    s = laplace_grid(n_t * dt, f_max)
-    change = SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
-    transfer = network.transfer(master, s)[..., [network.index(node) for node in nodes], :]
+    rows = [network.index(node) for node in nodes]
+
+    def change(s: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]:
+        current = SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
+        return np.asarray(-network.transfer(master, s)[..., rows, :] * current)
+
     # One change of current, heard from each node; a telegram is a row of such changes.
-    heard = synthesize(-transfer * change, n_t, n_t * dt)
+    heard = record_of(change, n_t, dt, f_max)
     u = np.zeros((len(nodes), len(steps), n_t))
     for place in range(steps.shape[1]):
         late = place * slot

@@ -9,7 +9,7 @@ from .frame import stuff as stuff
 from .lengths import frame_length as frame_length
 from .log import Log as Log
 from .log import LogLoad as LogLoad
-from .log import read_log as read_log
+from .log_files import read_log as read_log
 from .messages import BIT_RATES as BIT_RATES
 from .messages import Message as Message
 from .messages import MessageSet as MessageSet

@@ -168,9 +168,7 @@ class Run:
                 dlc[row] = len(octets)
         no = np.zeros(len(sent), dtype=bool)
         time = sent["end_ms"].to_numpy() / 1e3
-        return Log(
-            time, np.full(len(sent), channel), ids, extended, no, no, dlc.astype(np.uint8), data
-        )
+        return Log(time, np.full(len(sent), channel), ids, extended, no, dlc.astype(np.uint8), data)
 
     def __repr__(self) -> str:
         """Count the frames."""

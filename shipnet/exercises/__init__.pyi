@@ -1,6 +1,6 @@
 from .checking import Verdict as Verdict
 from .checking import check as check
 from .checking import given as given
-from .students import Student as Student
-from .students import student as student
-from .words import glossary as glossary
+from .checking import glossary as glossary
+from .exercise import Student as Student
+from .exercise import student as student

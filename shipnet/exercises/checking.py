@@ -1,4 +1,4 @@
-"""Checks of answers, as the cells of the lessons call them."""
+"""What the cells of the lessons call: checks of answers, own numbers, the glossary."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import re
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from shipnet import datasets
 from shipnet.errors import ArgumentError
-from shipnet.exercises.answers import blank
-from shipnet.exercises.exercise import Exercise
-from shipnet.exercises.functions import NotSolved
-from shipnet.exercises.students import Student
+from shipnet.exercises.answers import NotSolved, blank
+from shipnet.exercises.exercise import Exercise, Student
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Who has no name yet.
 _NOBODY = Student("nobody")
@@ -132,3 +134,34 @@ def check(key: str, answer: object, me: Student | None = None) -> Verdict:
     except Exception as error:  # an answer may be any object, and object to being compared
         fault = f"this answer cannot be compared ({type(error).__name__}): is it of the kind asked?"
     return Verdict(key, fault or "correct")
+
+
+def glossary(lesson: int | None = None) -> pd.DataFrame:
+    """Return the words that a lesson uses first, or all of them.
+
+    Parameters
+    ----------
+    lesson : int, optional
+        Number of the lesson.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Index: the term; columns Korean and meaning.
+
+    Raises
+    ------
+    ArgumentError
+        If no word is new in this lesson.
+
+    Examples
+    --------
+    >>> glossary(1).loc["bit time", "meaning"]
+    'length of one bit: 6 us on AS-i'
+    """
+    words = datasets.read("glossary.csv")
+    if lesson is not None:
+        words = words[words["lesson"] == str(lesson)]
+        if words.empty:
+            raise ArgumentError(f"lesson is {lesson}; no word of the glossary is new there")
+    return words.set_index("term")[["korean", "meaning"]]

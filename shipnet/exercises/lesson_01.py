@@ -5,9 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 from shipnet.asi.modulation import levels_of, pulses_of
-from shipnet.exercises.answers import Bits, Number, Whole
+from shipnet.exercises.answers import Bits, Function, Number, Whole
 from shipnet.exercises.exercise import Exercise
-from shipnet.exercises.functions import Function
 
 
 def _levels(bits: str) -> str:
@@ -35,11 +34,6 @@ EXERCISES = (
         # Neither the same backwards, nor the opposite: each mistake gives another row.
         draws={"bits": ("0010", "0100", "1011", "1101", "0001", "1000", "0111", "1110")},
         answer=lambda bits: Bits(_levels(bits)),
-        slips={
-            "the other way round": lambda bits: _levels(bits).translate({48: "1", 49: "0"}),
-            "reverse order": lambda bits: _levels(bits)[::-1],
-            "these are 4 bits: 4 too few": lambda bits: bits,
-        },
     ),
     Exercise(
         "ex-01-2",
@@ -53,10 +47,6 @@ EXERCISES = (
                 1, rate
             ),
         },
-        slips={
-            "1000 times too small: is it in us": lambda n_bits, rate: n_bits / rate,
-            "1000000 times too small: is it in us": lambda n_bits, rate: n_bits / rate / 1e3,
-        },
     ),
     Exercise(
         "ex-01-3",
@@ -69,10 +59,6 @@ EXERCISES = (
                 lambda: lambda bits: 2 * len(bits) - 1 - _equal_pairs(bits)
             ),
         },
-        slips={
-            "one too many": lambda: lambda bits: _pulses(bits) + 1,
-            "IndexError": lambda: lambda bits: [bits[n] == bits[n + 1] for n in range(len(bits))],
-        },
     ),
     Exercise(
         "ex-01-4",
@@ -83,10 +69,6 @@ EXERCISES = (
                 limit / 2
             ),
             "that is the limit itself; how many bits go with it?": lambda limit: limit,
-        },
-        slips={
-            "1000 times too large": lambda limit: 250 * limit,
-            "one over the answer": lambda limit: 4 / limit,
         },
     ),
 )

@@ -7,9 +7,8 @@ from functools import cache
 from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.segment import Quality
 from shipnet.asi.topologies import line
-from shipnet.exercises.answers import Choice, Number, Whole
+from shipnet.exercises.answers import Choice, Function, Number, Whole
 from shipnet.exercises.exercise import Exercise
-from shipnet.exercises.functions import Function
 from shipnet.line.cable import CABLES, Cable
 
 #: What may be at the end of a cable of 100 ohm: name -> resistor [ohm].
@@ -83,9 +82,6 @@ EXERCISES = (
             ),
             "is that there and back, or one way?": lambda length, delay: length * delay * 1e-3,
         },
-        slips={
-            "1000 times too large: is it in us": lambda length, delay: 2 * length * delay,
-        },
     ),
     Exercise(
         "ex-02-3",
@@ -101,10 +97,6 @@ EXERCISES = (
             "that is the factor: the wave has its volts, too": (
                 lambda: lambda volts, r, z0: _echo(1, r, z0)
             ),
-        },
-        slips={
-            "the sign is wrong": lambda: lambda volts, r, z0: -_echo(volts, r, z0),
-            "one over the answer": lambda: lambda volts, r, z0: 1 / _echo(volts, r, z0),
         },
     ),
     Exercise(
@@ -122,6 +114,5 @@ EXERCISES = (
                 lambda delay: _longest(delay) // 2
             ),
         },
-        slips={"one too many": lambda delay: _longest(delay) + 1},
     ),
 )

@@ -7,9 +7,8 @@ from itertools import combinations, pairwise
 from math import ceil, log2
 
 from shipnet.asi.telegram import frame
-from shipnet.exercises.answers import Bits, Whole
+from shipnet.exercises.answers import Bits, Function, Whole
 from shipnet.exercises.exercise import Exercise
-from shipnet.exercises.functions import Function
 
 #: The generator of exercise 2, and zeros for the check bits that it makes.
 _GENERATOR, _ROOM = "1011", "000"
@@ -43,10 +42,6 @@ def _differences(one: str, other: str) -> int:
 def _distance(words: Sequence[str]) -> int:
     """Return in how many places two of the words differ at least."""
     return min(_differences(one, other) for one, other in combinations(words, 2))
-
-
-def _largest(words: Sequence[str]) -> int:
-    return max(_differences(one, other) for one, other in combinations(words, 2))
 
 
 def _neighbours(words: Sequence[str]) -> int:
@@ -85,10 +80,6 @@ EXERCISES = (
             "count the ones again: without the end bit, their number must be even": _parity_flipped,
             "in which order do the data stand? As they are given": lambda bits: frame(bits[::-1]),
         },
-        slips={
-            "these are 5 bits: 2 too few": lambda bits: frame(bits)[1:-1],
-            "reverse order": lambda bits: frame(bits)[::-1],
-        },
     ),
     Exercise(
         "ex-03-2",
@@ -99,10 +90,6 @@ EXERCISES = (
                 bits
             ),
         },
-        slips={
-            "reverse order": lambda bits: _remainder(bits + _ROOM)[::-1],
-            "these are 9 bits: 6 too many": lambda bits: bits + _remainder(bits + _ROOM),
-        },
     ),
     Exercise(
         "ex-03-3",
@@ -112,10 +99,6 @@ EXERCISES = (
                 _with_itself
             ),
             "neighbours in the list are not all pairs": _function(_neighbours),
-        },
-        slips={
-            "too large": _function(_largest),
-            "one too few": _function(lambda words: _distance(words) - 1),
         },
     ),
     Exercise(
@@ -132,10 +115,6 @@ EXERCISES = (
             "so many messages are hit; with how many check bits does one in so many pass?": (
                 lambda hits, years: hits * 365 * years
             ),
-        },
-        slips={
-            "one too many": lambda hits, years: _width(hits, years) + 1,
-            "bits or bytes": lambda hits, years: _width(hits, years) / 8,
         },
     ),
 )

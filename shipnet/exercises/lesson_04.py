@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from shipnet.asi.timing import ADDRESSES, Transaction, cycle_time, response_time
-from shipnet.exercises.answers import Number, Whole
+from shipnet.exercises.answers import Function, Number, Whole
 from shipnet.exercises.exercise import Exercise
-from shipnet.exercises.functions import Function
 
 
 def _transaction(master_pause: float, slave_pause: float) -> float:
@@ -47,11 +46,6 @@ EXERCISES = (
                 _transaction(master_pause, slave_pause) - 7 * 6
             ),
         },
-        slips={
-            "1000 times too small: is it in us": lambda master_pause, slave_pause: (
-                _transaction(master_pause, slave_pause) * 1e-3
-            ),
-        },
     ),
     Exercise(
         "ex-04-2",
@@ -64,10 +58,6 @@ EXERCISES = (
             "one request more than slaves is not enough: management, and who is new": (
                 lambda slaves, bits: (slaves + 1) * bits * 6e-3
             ),
-        },
-        slips={
-            "1000 times too large: is it in ms": lambda slaves, bits: 1e3 * _cycle(slaves, bits),
-            "one over the answer": lambda slaves, bits: 1 / _cycle(slaves, bits),
         },
     ),
     Exercise(
@@ -89,10 +79,6 @@ EXERCISES = (
                 )
             ),
         },
-        slips={
-            "that is the share": lambda: lambda *given: _efficiency(*given) / 100,
-            "too large": lambda: lambda *given: 100 - _efficiency(*given),
-        },
     ),
     Exercise(
         "ex-04-4",
@@ -110,9 +96,6 @@ EXERCISES = (
             "two requests of a cycle go to no slave": lambda limit, repetitions: (
                 _most(limit, repetitions) + 2
             ),
-        },
-        slips={
-            "one too few": lambda limit, repetitions: _most(limit, repetitions) - 1,
         },
     ),
 )

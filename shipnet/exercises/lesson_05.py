@@ -8,9 +8,8 @@ from shipnet.can.frame import Frame, arbitrate, stuff
 from shipnet.can.lengths import frame_length
 from shipnet.can.messages import Message, MessageSet
 from shipnet.can.response import audsley, response_times
-from shipnet.exercises.answers import Bits, Choice, Number, Whole
+from shipnet.exercises.answers import Bits, Choice, Function, Number, Whole
 from shipnet.exercises.exercise import Exercise
-from shipnet.exercises.functions import Function
 
 _RATE = 125_000
 
@@ -124,10 +123,6 @@ EXERCISES = (
         traps={
             "a stuff bit is itself the first of the next run of five": lambda: _stuffed_as_if_reset,
         },
-        slips={
-            "too few": lambda: lambda bits: bits,
-            "too many": lambda: lambda bits: bits + "1",
-        },
     ),
     Exercise(
         "ex-05-3",
@@ -147,9 +142,6 @@ EXERCISES = (
                 _without_stuff_bits
             ),
         },
-        slips={
-            "1000 times too large": lambda stop_ms, n_bytes: 1e3 * _response_ms(stop_ms, n_bytes),
-        },
     ),
     Exercise(
         "ex-05-4",
@@ -161,6 +153,5 @@ EXERCISES = (
                 lambda messages: " ".join(reversed(_by_deadline(messages).split()))
             ),
         },
-        slips={"is none of": lambda messages: _order(messages).replace(" ", "")},
     ),
 )

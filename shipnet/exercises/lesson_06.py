@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from shipnet.exercises.answers import Bytes, Number, Whole
+from shipnet.exercises.answers import Bytes, Function, Number, Whole
 from shipnet.exercises.exercise import Exercise
-from shipnet.exercises.functions import Function
 from shipnet.modbus.pdu import FunctionCode, Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
@@ -85,15 +84,6 @@ EXERCISES = (
             "function code 6 writes a register; asked for is to read": _with_code(6),
             "function code 1 reads single bits; these are registers": _with_code(1),
         },
-        slips={
-            "byte 1 of 6 is wrong": lambda unit, number, quantity: _request(
-                unit + 1, number, quantity
-            ),
-            "1 too few": lambda unit, number, quantity: _request(unit, number, quantity)[1:],
-            "last two bytes are swapped": lambda unit, number, quantity: (
-                _request(unit, number, quantity)[:-2] + bytes([quantity, 0])
-            ),
-        },
     ),
     Exercise(
         "ex-06-2",
@@ -126,11 +116,6 @@ EXERCISES = (
                 registers, rate, extra=-registers
             ),
         },
-        slips={
-            "1000 times too small: is it in ms": lambda registers, rate: (
-                _response_ms(registers, rate) / 1e3
-            ),
-        },
     ),
     Exercise(
         "ex-06-3",
@@ -153,9 +138,6 @@ EXERCISES = (
                 lambda *case: _scan(*case, character="8N1")
             ),
         },
-        slips={
-            "1000 times too large: is it in s": lambda: lambda *case: 1e3 * _scan(*case),
-        },
     ),
     Exercise(
         "ex-06-4",
@@ -174,9 +156,6 @@ EXERCISES = (
             "valves need time to think": lambda rate, think_ms, timeout_ms: _most(
                 rate, 0, timeout_ms
             ),
-        },
-        slips={
-            "one too few": lambda rate, think_ms, timeout_ms: _most(rate, think_ms, timeout_ms) - 1,
         },
     ),
 )

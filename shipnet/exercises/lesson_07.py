@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from shipnet.exercises.answers import Number, Whole
+from shipnet.exercises.answers import Function, Number, Whole
 from shipnet.exercises.exercise import Exercise
-from shipnet.exercises.functions import Function
 from shipnet.remote_control.ring_buffer import Ring, State
 
 _SIZE, _CHARACTER = 128, 10
@@ -107,7 +106,6 @@ EXERCISES = (
             ),
             "one round of the ring too many": lambda ring: _shown(ring) + _SIZE,
         },
-        slips={"one too many": lambda ring: _shown(ring) + 1},
     ),
     Exercise(
         "ex-07-2",
@@ -117,11 +115,6 @@ EXERCISES = (
             "then it is full; when do the flags come back as well?": _full_ms,
             "a byte takes 10 bits on this line": lambda places, rate: (
                 0.8 * _empty_again_ms(places, rate)
-            ),
-        },
-        slips={
-            "1000 times too small: is it in ms": lambda places, rate: (
-                _empty_again_ms(places, rate) / 1e3
             ),
         },
     ),
@@ -135,7 +128,6 @@ EXERCISES = (
                 _counting(0, -1000)
             ),
         },
-        slips={"one too few": lambda: _counting(1)},
     ),
     Exercise(
         "ex-07-4",
@@ -147,9 +139,6 @@ EXERCISES = (
                 lambda rate, pause_ms, waiting: _places(rate, pause_ms, 0)
             ),
             "enough, but no power of two": _needed,
-        },
-        slips={
-            "too small": lambda rate, pause_ms, waiting: _places(rate, pause_ms, waiting) // 8 + 3,
         },
     ),
 )

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from shipnet.engine.system import RULE
-from shipnet.exercises.answers import Number, Whole
+from shipnet.exercises.answers import Function, Number, Whole
 from shipnet.exercises.exercise import Exercise
-from shipnet.exercises.functions import Function
 from shipnet.modbus.faults import Break
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
@@ -90,11 +89,6 @@ EXERCISES = (
                 lambda period, timeout, retries: _gap(period, timeout, retries - 1)
             ),
         },
-        slips={
-            "1000 times too large": lambda period, timeout, retries: (
-                1e3 * _gap(period, timeout, retries)
-            ),
-        },
     ),
     Exercise(
         "ex-08-3",
@@ -106,10 +100,6 @@ EXERCISES = (
             "the cuts may come in any order": lambda: (
                 lambda n, cuts: cuts[-1] - cuts[0] if cuts else 0
             ),
-        },
-        slips={
-            "one too many": lambda: lambda n, cuts: _lost(n, cuts) + 1,
-            "ValueError": lambda: lambda n, cuts: max(cuts) - min(cuts),
         },
     ),
     Exercise(
@@ -125,6 +115,5 @@ EXERCISES = (
                 _timeout(n) + 1e3 * _REQUEST
             ),
         },
-        slips={"1000 times too small": lambda n: _timeout(n) / 1e3},
     ),
 )

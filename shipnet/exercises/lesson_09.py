@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from shipnet.ballast.rule_table import rule_base
-from shipnet.exercises.answers import Bits, Choices, Number
+from shipnet.exercises.answers import Bits, Choices, Function, Number, Table
 from shipnet.exercises.exercise import Exercise
-from shipnet.exercises.functions import Function, Table
 from shipnet.fuzzy.rules import RuleBase
 
 #: Readings for which two rules or more hold: the order is FP, OP, MC, OT, VPos, DVPos.
@@ -34,10 +33,6 @@ def _base() -> RuleBase:
 
 def _codes(readings: dict[str, float]) -> tuple[str, ...]:
     return _base().decide(readings, method="crisp").codes()
-
-
-def _stranger(readings: dict[str, float]) -> str:
-    return next(code for code in _base().codes if code not in _codes(readings))
 
 
 def _degrees(FP: float, OP: float) -> tuple[float, float]:
@@ -112,10 +107,6 @@ def _one_less(burst: int, period: int, step: int) -> list[dict[str, Any]]:
     return [{**row, "k": row["k"] - 1} for row in rows]
 
 
-def _in_seconds(burst: int, period: int, step: int) -> list[dict[str, Any]]:
-    return [{**row, "delay": row["delay"] / 1e3} for row in _rows(burst, period, step)]
-
-
 EXERCISES = (
     Exercise(
         "ex-09-1",
@@ -124,13 +115,6 @@ EXERCISES = (
         traps={
             "that is the first in rank only; asked for is every rule that holds": lambda readings: (
                 frozenset(_codes(readings)[:1])
-            ),
-        },
-        slips={
-            "1 is missing": lambda readings: _codes(readings)[1:],
-            "1 of yours does not belong": lambda readings: (
-                *_codes(readings),
-                _stranger(readings),
             ),
         },
     ),
@@ -148,7 +132,6 @@ EXERCISES = (
             ),
             "that is the stronger term; both must hold": lambda FP, OP: max(_degrees(FP, OP)),
         },
-        slips={"that is the percentage": lambda FP, OP: 100 * min(_degrees(FP, OP))},
     ),
     Exercise(
         "ex-09-3",
@@ -160,12 +143,6 @@ EXERCISES = (
             "the window ends with this reading; it does not begin with it": lambda: _ahead,
             "that is what fires now; count over the last n readings": lambda: (
                 lambda fires, k, n: fires
-            ),
-        },
-        slips={
-            "too few": lambda: lambda fires, k, n: _persistent(fires, k, n)[n - 1 :],
-            "other way round": lambda: (
-                lambda fires, k, n: _persistent(fires, k, n).translate({48: "1", 49: "0"})
             ),
         },
     ),
@@ -180,6 +157,5 @@ EXERCISES = (
                 lambda burst, period, step: _rows(burst, period, step, late=1)
             ),
         },
-        slips={"1000 times too small: is it in ms": _in_seconds},
     ),
 )

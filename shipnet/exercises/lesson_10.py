@@ -9,9 +9,8 @@ from shipnet import datasets
 from shipnet.design.costs import Quantities
 from shipnet.design.iolist import read_iolist
 from shipnet.design.plant import Plant
-from shipnet.exercises.answers import Choice, Number
+from shipnet.exercises.answers import Choice, Function, Number
 from shipnet.exercises.exercise import Exercise
-from shipnet.exercises.functions import Function
 
 #: Total cost [EUR], points lost by one failure, and faults, by option.
 _Options = Mapping[str, tuple[int, int, int]]
@@ -125,10 +124,6 @@ EXERCISES = (
             ),
             "that is one line; how many are there?": lambda contacts, lines: _left(contacts, 1),
         },
-        slips={
-            "the point is in the wrong place": lambda contacts, lines: _left(contacts, lines) / 10,
-            "that is the share": lambda contacts, lines: lines / contacts,
-        },
     ),
     Exercise(
         "ex-10-2",
@@ -150,9 +145,6 @@ EXERCISES = (
                 100 - _saved(modules, distance)
             ),
         },
-        slips={
-            "that is the share": lambda modules, distance: _saved(modules, distance) / 100,
-        },
     ),
     Exercise(
         "ex-10-3",
@@ -163,9 +155,6 @@ EXERCISES = (
                 lambda modules, spacing: _break_even(modules, spacing) - _NEAR
             ),
             "AS-i grows with the distance too, only more slowly": _without_growth,
-        },
-        slips={
-            "1000 times too small": lambda modules, spacing: _break_even(modules, spacing) / 1e3,
         },
     ),
     Exercise(
@@ -191,13 +180,6 @@ EXERCISES = (
                 lambda options, limit: _cheapest(options, lambda cost, lost, faults: True)
             ),
             "of all that keep the limit, which one is the cheapest?": lambda: _safest,
-        },
-        slips={
-            "ValueError": lambda: (
-                lambda options, limit: min(
-                    (row[0], option) for option, row in options.items() if row[1] <= limit
-                )[1]
-            ),
         },
     ),
 )

@@ -14,6 +14,7 @@ import io
 import re
 import zipfile
 from collections import Counter
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -28,8 +29,12 @@ Floats = npt.NDArray[np.float64]
 #: Fewest samples per second that resolve pulses of 3 us [1/s].
 SLOWEST_RATE = 1e6
 
-#: Largest part of an archive that is unpacked [byte]; a few bytes can claim to be much more.
-_LARGEST_PART = 2**30
+#: Numbers that an archive may unpack to, or so many per byte of the file if that is more: a few
+#: bytes can claim to be much more. Only the channel that is asked for is unpacked and counts.
+MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
+
+#: Largest description of a sigrok session [byte].
+_LARGEST_METADATA = 2**20
 
 #: Size from which a number is neither a time [s] nor a voltage [V], in no unit.
 _LARGEST = 1e15
@@ -82,7 +87,7 @@ def read_scope_file(
     if kind in (".npy", ".npz", ".sr"):
         try:
             reader = {".npy": _read_npy, ".npz": _read_npz, ".sr": _read_sr}[kind]
-            table = reader(file, data)
+            return _choose(file, reader(file, data), channel, sample_interval)
         except InputError:
             raise
         except Exception as fault:
@@ -91,19 +96,22 @@ def read_scope_file(
             raise InputError(
                 file, f"not a whole {kind} file: {str(fault) or type(fault).__name__}"
             ) from fault
-    else:
-        read = read_table(file, data)
-        table = _Channels(read.values, read.columns, read.interval, None)
+    read = read_table(file, data)
+    table = _Channels(_columns_of(read.values), read.columns, read.interval, None)
     return _choose(file, table, channel, sample_interval)
 
 
 class _Channels(NamedTuple):
-    """All that a file holds: one column a channel, and what is known of the times."""
+    """All that a file holds: one column per channel, and what is known of the times."""
 
-    values: Floats
+    values: Callable[[int], Floats]  # the numbers of a column, read when they are asked for
     columns: list[Column]
     interval: float | None
     quantum: float | None  # step to which times are rounded; None: as the digits printed say
+
+
+def _columns_of(values: Floats) -> Callable[[int], Floats]:
+    return lambda k: values[:, k]
 
 
 def _bytes(file: str) -> bytes:
@@ -146,7 +154,8 @@ def _read_npy(file: str, data: bytes) -> _Channels:
     array = _array(io.BytesIO(data))
     values = _check_real(file, "the array", array)
     if values.ndim == 1:
-        return _Channels(values[:, np.newaxis], [Column(1, "u", "V", 1.0, 0)], None, None)
+        one = _columns_of(values[:, np.newaxis])
+        return _Channels(one, [Column(1, "u", "V", 1.0, 0)], None, None)
     if values.ndim != 2 or min(values.shape) < 2:
         raise InputError(
             file,
@@ -156,16 +165,24 @@ def _read_npy(file: str, data: bytes) -> _Channels:
         values, array = values.T, array.T
     columns = [Column(1, "t", "s", 1.0, 0)]
     columns += [Column(k + 1, f"u{k}", "V", 1.0, 0) for k in range(1, values.shape[1])]
-    return _Channels(values, columns, None, _rounding(array[:, 0]))
+    return _Channels(_columns_of(values), columns, None, _rounding(array[:, 0]))
 
 
 def _read_npz(file: str, data: bytes) -> _Channels:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         names = {name.removesuffix(".npy"): name for name in archive.namelist()}
-        held = {key: _array(io.BytesIO(_part(archive, names[key]))) for key in names}
-    voltage = next((key for key in ("u", "v") if key in held), None)
-    if voltage is None:
-        raise InputError(file, f"it holds {sorted(held)}; expected the voltages as u or v")
+        voltage = next((key for key in ("u", "v") if key in names), None)
+        if voltage is None:
+            held_by = ", ".join(sorted(names)[:10]) or "nothing"
+            raise InputError(file, f"it holds {held_by}; expected the voltages as u or v")
+        wanted = [key for key in (voltage, "t", "dt", "probes") if key in names]
+        # Whole numbers of one byte become eight times as large.
+        _check_size(file, data, sum(archive.getinfo(names[key]).file_size for key in wanted) / 8)
+        held = {}
+        for key in wanted:
+            with archive.open(names[key]) as stream:
+                held[key] = _array(stream)
+    _check_size(file, data, sum(array.size for array in held.values()))
     u = _check_real(file, voltage, held[voltage])
     u = u[:, np.newaxis] if u.ndim == 1 else u
     if u.ndim != 2:
@@ -179,21 +196,26 @@ def _read_npz(file: str, data: bytes) -> _Channels:
         if t.shape != u.shape[:1]:
             raise InputError(file, f"t has the shape {t.shape}, but {voltage} {u.shape}")
         columns = [Column(0, "t", "s", 1.0, 0), *columns]
-        return _Channels(np.column_stack([t, u]), columns, None, _rounding(held["t"]))
+        values = [t, *u.T]
+        return _Channels(values.__getitem__, columns, None, _rounding(held["t"]))
     interval = None
     if "dt" in held:
         dt = _check_real(file, "dt", held["dt"])
         if dt.size != 1 or not 0 < dt.item() < np.inf:
             raise InputError(file, "dt is not one positive number")
         interval = dt.item()
-    return _Channels(u, columns, interval, None)
+    return _Channels(_columns_of(u), columns, interval, None)
 
 
-def _part(archive: zipfile.ZipFile, name: str) -> bytes:
-    size = archive.getinfo(name).file_size
-    if size > _LARGEST_PART:
-        raise ValueError(f"{name} claims to hold {size} bytes; at most {_LARGEST_PART} are read")
-    return archive.read(name)
+def _check_size(file: str, data: bytes, numbers: float) -> None:
+    """Raise if an archive would unpack to too many numbers."""
+    most = max(MOST_NUMBERS, MOST_PER_BYTE * len(data))
+    if numbers > most:
+        raise InputError(
+            file,
+            f"it unpacks to {numbers:.0f} numbers; at most {most} are read ({MOST_NUMBERS}, or "
+            f"{MOST_PER_BYTE} per byte of the file); save a part of the record",
+        )
 
 
 def _read_sr(file: str, data: bytes) -> _Channels:
@@ -201,65 +223,63 @@ def _read_sr(file: str, data: bytes) -> _Channels:
         names = set(archive.namelist())
         if "metadata" not in names:
             raise InputError(file, "no metadata in it; expected a sigrok session")
+        if archive.getinfo("metadata").file_size > _LARGEST_METADATA:
+            raise InputError(file, f"its metadata has more than {_LARGEST_METADATA} bytes")
         settings = configparser.RawConfigParser(strict=False)
-        settings.read_string(_part(archive, "metadata").decode())
+        settings.read_string(archive.read("metadata").decode())
         device = next((settings[name] for name in settings.sections() if "device" in name), None)
         titles = {
             int(key[6:]): title
             for key, title in (device or {}).items()
             if re.fullmatch("analog[0-9]{1,4}", key)
         }
-        chunks = {
-            number: sorted(
-                (int(name.split("-")[3]), name)
-                for name in names
-                if re.fullmatch(f"analog-1-{number}-[0-9]{{1,9}}", name)
-            )
-            for number in titles
-        }
-        chunks = {number: parts for number, parts in chunks.items() if parts}
-        if not chunks or device is None:
+        parts: dict[int, list[tuple[int, str]]] = {}
+        for name in names:
+            found = re.fullmatch("analog-1-([0-9]{1,4})-([0-9]{1,9})", name)
+            if found and int(found[1]) in titles:
+                parts.setdefault(int(found[1]), []).append((int(found[2]), name))
+        numbers = [number for number in titles if number in parts]
+        if not numbers or device is None:
             raise InputError(file, "no analog channel in it; expected a voltage, not logic levels")
-        for number, parts in chunks.items():
-            if [place for place, _ in parts] != list(range(1, len(parts) + 1)):
+        lengths = set()
+        for number in numbers:
+            parts[number].sort()
+            if [place for place, _ in parts[number]] != list(range(1, len(parts[number]) + 1)):
                 raise InputError(file, f"a part of analog-1-{number} is missing")
-        signals = [
-            np.frombuffer(b"".join(_part(archive, name) for _, name in parts), dtype="<f4")
-            for parts in chunks.values()
-        ]
-    if len({len(signal) for signal in signals}) > 1:
+            lengths.add(sum(archive.getinfo(name).file_size for _, name in parts[number]) // 4)
+    if len(lengths) > 1:
         raise InputError(file, "its analog channels differ in length")
+    (length,) = lengths
+
+    def channel(k: int) -> Floats:
+        _check_size(file, data, length)
+        signal, filled = np.empty(length), 0
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            for _, name in parts[numbers[k]]:
+                piece = np.frombuffer(archive.read(name), dtype="<f4")
+                signal[filled : filled + piece.size] = piece
+                filled += piece.size
+        return signal
+
     rate = re.fullmatch(r"([0-9.]+)\s*([kMG]?)(?:Hz)?", device.get("samplerate", "").strip())
     interval = None
     if rate:
         hertz = float(rate[1]) * {"": 1, "k": 1e3, "M": 1e6, "G": 1e9}[rate[2]]
         interval = 1 / hertz if hertz > 0 else None
-    columns = [Column(number, titles[number], "V", 1.0, 0) for number in chunks]
-    return _Channels(np.column_stack(signals).astype(float), columns, interval, None)
+    columns = [Column(number, titles[number], "V", 1.0, 0) for number in numbers]
+    return _Channels(channel, columns, interval, None)
 
 
 def _choose(
     file: str, table: _Channels, channel: str | None, sample_interval: float | None
 ) -> Recording:
     """Pick the columns of time and voltage, and check both."""
-    values, columns = table.values, table.columns
-    if len(values) < 2:
-        raise InputError(file, f"it holds {len(values)} sample; expected a waveform")
-    # Neither a time nor a voltage; sums and products of such numbers would overflow further on.
-    if not np.fmax.reduce(np.abs(values), axis=None) < _LARGEST:
-        wild = np.argwhere(np.abs(values) >= _LARGEST)
-        faults = [
-            f"sample {k + 1}, column {columns[c].number}: {values[k, c]:g} is out of range"
-            for k, c in wild[: InputError.shown]
-        ]
-        raise InputError(
-            file, *(faults or ["it holds no numbers"]), more=max(0, len(wild) - InputError.shown)
-        )
+    columns = table.columns
     time = _time_column(table)
     usable = [
         k
         for k, column in enumerate(columns)
-        if k != time and column.unit in ("", "V") and not _is_counter(values, column, k, columns)
+        if k != time and column.unit in ("", "V") and not _is_counter(table, k)
     ]
     known = ", ".join(columns[k].title or f"column {columns[k].number}" for k in usable)
     if not usable:
@@ -271,7 +291,11 @@ def _choose(
         if not wanted:
             raise InputError(file, f"no channel {channel!r}; its channels are {known}")
     chosen = columns[wanted[0]]
-    u = values[:, wanted[0]] * chosen.scale
+    u = _checked(file, table, wanted[0])
+    if len(u) < 2:
+        raise InputError(file, f"it holds {len(u)} sample; expected a waveform")
+    if chosen.scale != 1:
+        u = u * chosen.scale
     if np.isnan(u).all():
         raise InputError(file, f"{chosen.title} holds no numbers")
     if sample_interval is None:
@@ -299,12 +323,29 @@ def _choose(
     return Recording(u, sample_interval, title, description)
 
 
-def _is_counter(values: Floats, column: Column, k: int, columns: list[Column]) -> bool:
+def _checked(file: str, table: _Channels, k: int) -> Floats:
+    """Return a column, or raise if it has neither times nor voltages."""
+    values, number = table.values(k), table.columns[k].number
+    # Sums and products of such numbers would overflow further on.
+    if not (np.fmax.reduce(values) < _LARGEST and np.fmin.reduce(values) > -_LARGEST):
+        wild = np.flatnonzero(np.abs(values) >= _LARGEST)
+        faults = [
+            f"sample {at + 1}, column {number}: {values[at]:g} is out of range"
+            for at in wild[: InputError.shown]
+        ]
+        raise InputError(
+            file, *(faults or ["it holds no numbers"]), more=max(0, len(wild) - InputError.shown)
+        )
+    return values
+
+
+def _is_counter(table: _Channels, k: int) -> bool:
     """Whether a column only numbers the samples."""
-    if k > 0 or len(columns) == 1 or column.unit:
+    column = table.columns[k]
+    if k > 0 or len(table.columns) == 1 or column.unit:
         return False
     return column.title.lower() in _COUNTERS or (
-        not column.title and bool((np.diff(values[:1000, k]) == 1).all())
+        not column.title and bool((np.diff(table.values(k)[:1000]) == 1).all())
     )
 
 
@@ -314,16 +355,17 @@ def _time_column(table: _Channels) -> int | None:
             return k
     # Without any title, a first column that only rises is the time.
     first = table.columns[0]
-    rises = bool((np.diff(table.values[:, 0]) >= 0).all()) and np.ptp(table.values[:, 0]) > 0
-    if len(table.columns) > 1 and not first.title and not first.unit and rises:
-        return None if _is_counter(table.values, first, 0, table.columns) else 0
-    return None
+    if len(table.columns) == 1 or first.title or first.unit:
+        return None
+    values = table.values(0)
+    rises = bool((np.diff(values) >= 0).all()) and np.ptp(values) > 0
+    return 0 if rises and not _is_counter(table, 0) else None
 
 
 def _even(file: str, table: _Channels, time: int, u: Floats) -> tuple[float, Floats]:
     """Return the time between two samples, and the voltages in the order of time."""
     column = table.columns[time]
-    t = table.values[:, time] * column.scale
+    t = _checked(file, table, time) * column.scale
     if not np.isfinite(t).all():
         raise InputError(file, "a time is not a finite number")
     if t[0] > t[-1]:

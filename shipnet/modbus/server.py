@@ -5,7 +5,22 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from errno import (
+    EACCES,
+    EADDRINUSE,
+    EADDRNOTAVAIL,
+    EAGAIN,
+    EBUSY,
+    EINVAL,
+    EISDIR,
+    ENODEV,
+    ENOENT,
+    ENOTTY,
+    ENXIO,
+    EPERM,
+)
 from importlib import import_module
+from socket import gaierror
 from threading import Thread
 from time import monotonic
 from typing import Any, Literal
@@ -21,6 +36,25 @@ Clock = Callable[[], float]
 Transport = Literal["tcp", "udp", "rtu"]
 
 _DEFAULT_LINE = SerialLine(9600)
+
+#: What errors of the system mean when a port is opened.
+_NETWORK_CAUSES = {
+    EADDRINUSE: "port in use; port 0 is any free one",
+    EACCES: "not permitted; ports below 1024 may need rights of an administrator",
+    EADDRNOTAVAIL: "this machine does not have that address",
+}
+_SERIAL_CAUSES = {
+    ENOENT: "no such device",
+    ENXIO: "no such device",
+    ENODEV: "no such device",
+    EACCES: "not permitted; on Linux the group dialout may use serial ports",
+    EPERM: "not permitted",
+    EISDIR: "not a tty",
+    ENOTTY: "not a tty",
+    EAGAIN: "port in use by another program",
+    EBUSY: "port in use by another program",
+    EINVAL: "the device does not support {character}; without parity there are 8N1 and 8N2",
+}
 
 
 def real_clock(speed: float = 1.0) -> Clock:
@@ -126,17 +160,31 @@ class Server:
         def respond(request: Adu) -> Answer:
             return answer(self.slaves, request, clock(), serial=self._serial)
 
-        listener = self._make(respond)
+        listener, why = self._make(respond), ""
         try:
-            await listener.serve_forever(background=True)
-        # A serial port that refuses its settings raises no OSError; where the library
-        # swallows the cause, it has logged it.
+            await listener.listen()
+        # A serial port that refuses its settings raises no OSError.
         except Exception as problem:
-            where = "{}, port {}".format(*listener.comm_params.source_address)
-            raise OSError(f"cannot listen on {where}: {problem}") from None
+            listener.close()
+            why = self._cause(problem, listener.comm_params)
+        if why:  # no exception keeps the frames, and with them a half-open port
+            raise OSError(why)
         # A serial port is set up in the next turn of the loop.
         await asyncio.sleep(0)
         self._listener, self.port = listener, listener.port
+
+    def _cause(self, problem: Exception, settings: Any) -> str:
+        """Say why it cannot listen, by the error of the system; pyserial hides it in a text."""
+        place, port = settings.source_address
+        causes = _SERIAL_CAUSES if self._serial else _NETWORK_CAUSES
+        raised = (problem, problem.__context__)
+        codes = [one for e in raised if e is not None for one in e.args[:1] if one in causes]
+        why = causes[codes[0]] if codes else str(problem)
+        if isinstance(problem, gaierror | UnicodeError):
+            why = "unknown host"
+        where = place if self._serial else f"{place}, port {port}"
+        character = f"{settings.bytesize}{settings.parity}{settings.stopbits}"
+        return f"cannot listen on {where}: {why.format(port=port, character=character)}"
 
     async def _close(self) -> None:
         listener, self._listener, self.port = self._listener, None, 0
@@ -160,6 +208,8 @@ def serve(
     silence: float = 0.05,
     speed: float = 1.0,
     clock: Clock | None = None,
+    max_clients: int = 128,
+    idle_limit: float = 600.0,
 ) -> Server:
     r"""Return a server for simulated devices, to be used in ``with`` or ``async with``.
 
@@ -187,6 +237,10 @@ def serve(
     clock : callable, optional
         Model time [s] when called, in place of `speed`. Devices get it with each request. Nothing
         sleeps for it: only answers are held back, for real seconds, by their slave's delay.
+    max_clients : int, default 128
+        TCP connections at the same time, 1..10000; a further one is closed at once.
+    idle_limit : float, default 600
+        A TCP connection without a request for so long is closed, 0.01..1e6 [s].
 
     Returns
     -------
@@ -200,7 +254,8 @@ def serve(
     ImportError
         If pymodbus, or pyserial for RTU, is missing.
     OSError
-        On entry, if it cannot listen there.
+        On entry, if it cannot listen there; the text names the cause, such as a port in use, a
+        missing device, or a parity that the device does not support.
 
     Notes
     -----
@@ -208,6 +263,11 @@ def serve(
     `shipnet.modbus`. A frame of another protocol, a datagram that is not a frame and an RTU frame
     with a wrong CRC get no answer; a TCP connection with an impossible length field
     is closed, because nothing shows where the next frame begins.
+
+    Clients take turns: at most four requests of one TCP client are answered before those of all
+    others have had their turn. A client that leaves 64 KiB of answers unread is disconnected; one
+    with 256 answers held back must wait. Datagrams share one queue of the system, which drops what
+    comes too fast, whoever sent it.
 
     Examples
     --------
@@ -234,6 +294,8 @@ def serve(
     if rtu != bool(serial_port):
         raise ArgumentError(f"serial_port is {serial_port!r}; RTU needs one, and nothing else does")
     quiet = check_scalar("silence", silence, "s", line.t35, 10)
+    limit = check_scalar("idle_limit", idle_limit, "s", 0.01, 1e6)
+    most = check_whole("max_clients", max_clients, 1, 10_000)
     if clock is None:
         check_scalar("speed", speed, "s/s", 0, 1e6)
     handlers = _handlers(rtu)
@@ -241,8 +303,9 @@ def serve(
     def make(respond: Callable[[int, bytes], Answer]) -> Any:
         if rtu:
             return handlers.RtuServer(respond, serial_port, line, quiet)
-        kind = handlers.TcpServer if transport == "tcp" else handlers.UdpServer
-        return kind(respond, host, bound)
+        if transport == "udp":
+            return handlers.UdpServer(respond, host, bound)
+        return handlers.TcpServer(respond, host, bound, most, limit)
 
     return Server(slaves, make, lambda: clock or real_clock(speed), rtu)
 

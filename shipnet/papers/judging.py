@@ -125,7 +125,7 @@ class Ledger:
     Examples
     --------
     >>> print(Ledger("kim2014"))
-    100 claims, 64 judged, 32 agree, open: 0
+    100 claims, 61 judged, 31 agree, open: 0
     """
 
     def __init__(self, paper: str | None = None) -> None:

@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from shipnet.errors import ArgumentError, FrameError
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -80,6 +82,15 @@ def _registered(
         return function
 
     return decorate
+
+
+def is_legal(function: Callable[..., object], *arguments: object, **named: object) -> bool:
+    """Whether a function of the package takes these arguments without an error of its own."""
+    try:
+        function(*arguments, **named)
+    except (ArgumentError, FrameError):
+        return False
+    return True
 
 
 def figure(paper: str, *items: str) -> Callable[[Function], Function]:

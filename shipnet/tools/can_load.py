@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from math import inf
 from typing import Any
 
 from matplotlib.axes import Axes
 
-from shipnet import style
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Stuffing
 from shipnet.can.messages import BIT_RATES, EXAMPLE, MessageSet, bus_load, parse_dbc
@@ -25,14 +24,15 @@ from shipnet.tools._view import Upload, View
 class CanLoad(Tool):
     """Load and response times of a CAN message set at a bit rate.
 
-    `result` has the messages, their loads, their response times and the lowest bit rate.
+    `result` is the analysis, a `can.ResponseTimes`; `messages`, `load` and `lowest` are the message
+    set, its loads by how stuff bits are counted, and the lowest bit rate that works [bit/s].
 
     Raises
     ------
     ArgumentError
         If a value is out of its range.
     InputError
-        From `result`, if the text is not a message set.
+        From `messages`, if the text is not a message set.
 
     Examples
     --------
@@ -58,34 +58,50 @@ class CanLoad(Tool):
     )  # fmt: skip
 
     @cached_property
-    def result(self) -> Result:
-        """Compute load and response times of the messages."""
-        messages = MessageSet.parse(self.text)
-        faults = [ErrorBound(interval=1 / self.errors_per_s)] if self.errors_per_s else []
+    def messages(self) -> MessageSet:
+        """The messages of the text."""
+        return MessageSet.parse(self.text)
+
+    @property
+    def faults(self) -> list[ErrorBound]:
+        """The errors on the bus."""
+        return [ErrorBound(interval=1 / self.errors_per_s)] if self.errors_per_s else []
+
+    @cached_property
+    def result(self) -> ResponseTimes:
+        """The response times of the messages."""
+        return response_times(self.messages, self.bit_rate, faults=self.faults)
+
+    @property
+    def load(self) -> dict[str, float]:
+        """Load of the bus, by how its stuff bits are counted."""
         counted: dict[str, Stuffing] = {
             "no stuff bits": "none", "random data": "mean", "most stuff bits": "worst",
         }  # fmt: skip
-        return Result(
-            messages,
-            {name: bus_load(messages, self.bit_rate, way) for name, way in counted.items()},
-            response_times(messages, self.bit_rate, faults=faults),
-            lowest_bit_rate(messages, faults=faults),
-        )
+        return {name: bus_load(self.messages, self.bit_rate, way) for name, way in counted.items()}
+
+    @cached_property
+    def lowest(self) -> float:
+        """The lowest standard bit rate at which all deadlines are met [bit/s]; inf if none is."""
+        return lowest_bit_rate(self.messages, faults=self.faults)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the longest response of each message against its deadline."""
-        result, ax = self.result, style.axes(ax)
-        return result.responses.plot(ax)
+        return self.result.plot(ax)
 
     def _view(self) -> View:
         """Return what the page shows."""
-        result = self.result
+        late, n = self.result.late, len(self.result)
+        load = {f"load, {name}": f"{share:.1%}" for name, share in self.load.items()}
+        rate = "none" if self.lowest == inf else f"{self.lowest / 1e3:g} kbit/s"
         return View(
-            verdict=result.verdict,
-            ok=not result.late,
-            numbers=result.numbers,
+            verdict=f"{len(late)} of {n} may be late: {', '.join(late)}"
+            if late
+            else f"all {n} messages meet their deadlines",
+            ok=not late,
+            numbers={**load, "lowest standard bit rate that works": rate},
             plot=self.plot,
-            height=1.2 + 0.28 * len(result.responses),
+            height=1.2 + 0.28 * n,
             about="Longest response time of each message, as a bar, against its deadline",
         )
 
@@ -102,32 +118,3 @@ class CanLoad(Tool):
         tip = "A CSV or DBC file; it replaces the text above."
         own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
         return {"uploads": [own]}
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Result:
-    """What becomes of the messages: loads, responses, and the lowest bit rate [bit/s]."""
-
-    messages: MessageSet
-    load: dict[str, float]
-    responses: ResponseTimes
-    lowest: float
-
-    @property
-    def late(self) -> list[str]:
-        """Messages that may miss their deadlines."""
-        return self.responses.late
-
-    @property
-    def verdict(self) -> str:
-        """One line: whether all deadlines are met."""
-        if not self.late:
-            return f"all {len(self.responses)} messages meet their deadlines"
-        return f"{len(self.late)} of {len(self.responses)} may be late: {', '.join(self.late)}"
-
-    @property
-    def numbers(self) -> dict[str, str]:
-        """Loads and the lowest bit rate as text with units."""
-        load = {f"load, {name}": f"{share:.1%}" for name, share in self.load.items()}
-        rate = "none" if self.lowest == inf else f"{self.lowest / 1e3:g} kbit/s"
-        return {**load, "lowest standard bit rate that works": rate}

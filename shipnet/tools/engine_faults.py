@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import ClassVar
 
 from matplotlib.axes import Axes
 
-from shipnet import style
 from shipnet.engine.faults import EngineFault
 from shipnet.engine.run import Run, Screen
 from shipnet.engine.simulation import simulate
@@ -43,7 +41,7 @@ _SEED = 2024
 class EngineFaults(Tool):
     """What the alarm screen of lee2012 shows after a fault.
 
-    `result` has the screen and the counts of points that are marked, or old but shown as good.
+    `result` is the screen, an `engine.Screen`, and `raised` the alarms that led to it.
 
     Raises
     ------
@@ -80,53 +78,15 @@ class EngineFaults(Tool):
             raise ArgumentError(f"fault is {self.fault!r}; {self.design!r} has no such cable")
 
     @cached_property
-    def result(self) -> Result:
-        """Simulate the fault and look at the screen."""
-        run = _run(self.fault, self.design)
-        return Result(self, run, run.screen(self.time))
+    def result(self) -> Screen:
+        """What the AMS shows at the time."""
+        return _run(self.fault, self.design).screen(self.time)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the screen of the AMS."""
-        result, ax = self.result, style.axes(ax)
-        return result.screen.plot(ax)
-
-    def _view(self) -> View:
-        """Return what the page shows."""
-        result = self.result
-        healthy = not (result.old or result.marked or result.raised)
-        return View(
-            verdict="all values fresh" if healthy else f"{result.old} old values shown as good",
-            ok=not result.old,
-            numbers=result.numbers,
-            plot=self.plot,
-            height=4.6,
-            about="Screen of the alarm monitoring system, a field for each value",
-        )
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Result:
-    """What the AMS shows, and what it has raised."""
-
-    inputs: EngineFaults
-    run: Run
-    screen: Screen
-
-    @property
-    def old(self) -> int:
-        """Points shown as good that are older than the rule allows."""
-        return self.screen.old
-
-    @property
-    def marked(self) -> int:
-        """Points marked."""
-        return self.screen.marked
-
-    @property
+    @cached_property
     def raised(self) -> list[str]:
         """Alarms so far, the points of a box together."""
-        alarms = self.run.alarms()
-        alarms = alarms[alarms["time_s"] <= self.inputs.time]
+        alarms = _run(self.fault, self.design).alarms()
+        alarms = alarms[alarms["time_s"] <= self.time]
         box = alarms["source"].str.extract(r"^ME-(JB\d+)-", expand=False)
         source = (box + " points").fillna(alarms["source"])
         counted = Counter(zip(alarms["time_s"].round(2), source, alarms["kind"], strict=True))
@@ -135,15 +95,26 @@ class Result:
             for (time, who, kind), count in counted.items()
         ]
 
-    @property
-    def numbers(self) -> dict[str, str]:
-        """Counts and the last alarms as text."""
-        last = "; ".join(self.raised[-3:]) or "none"
-        return {
-            "marked": f"{self.marked} points",
-            f"shown as good, but older than {RULE:g} s": f"{self.old} points",
-            "alarms": last,
-        }
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the screen of the AMS."""
+        return self.result.plot(ax)
+
+    def _view(self) -> View:
+        """Return what the page shows."""
+        old, marked = self.result.old, self.result.marked
+        healthy = not (old or marked or self.raised)
+        return View(
+            verdict="all values fresh" if healthy else f"{old} old values shown as good",
+            ok=not old,
+            numbers={
+                "marked": f"{marked} points",
+                f"shown as good, but older than {RULE:g} s": f"{old} points",
+                "alarms": "; ".join(self.raised[-3:]) or "none",
+            },
+            plot=self.plot,
+            height=4.6,
+            about="Screen of the alarm monitoring system, a field for each value",
+        )
 
 
 @lru_cache(maxsize=64)

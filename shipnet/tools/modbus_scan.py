@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 from matplotlib.axes import Axes
@@ -29,7 +29,8 @@ CHARACTERS = ("8E1", "8O1", "8N2", "8N1")
 class ModbusScan(Tool):
     """How long a Modbus master takes to ask all its slaves, against a limit.
 
-    `result` has the scan times, the slaves that fit, and the scan at every bit rate.
+    `scan` is the scan time [s], `max_slaves` how many slaves fit, and `by_bit_rate` the scan time
+    at every bit rate that the timeout allows.
 
     Raises
     ------
@@ -90,35 +91,35 @@ class ModbusScan(Tool):
             retries=self.retries,
         )
 
+    @property
+    def scan(self) -> float:
+        """How long the master takes to ask all slaves [s]."""
+        return self.poll.scan_time(self.slaves, dead=self.dead)
+
+    @property
+    def max_slaves(self) -> int:
+        """How many slaves fit into the limit, with as many dead."""
+        return self.poll.max_slaves(self.limit, dead=self.dead)
+
     @cached_property
-    def result(self) -> Result:
-        """Compute the scan."""
-        poll = self.poll
+    def by_bit_rate(self) -> dict[int, float]:
+        """Scan time by bit rate [s], without those at which a response exceeds the timeout."""
         by_bit_rate = {}
         for rate in BIT_RATES:
             try:
-                other = replace(self, bit_rate=rate).poll
+                by_bit_rate[rate] = replace(self, bit_rate=rate).scan
             except ArgumentError:
                 continue
-            by_bit_rate[rate] = other.scan_time(self.slaves, dead=self.dead)
-        return Result(
-            self,
-            poll,
-            poll.scan_time(self.slaves),
-            poll.scan_time(self.slaves, dead=self.dead),
-            poll.max_slaves(self.limit, dead=self.dead),
-            by_bit_rate,
-        )
+        return by_bit_rate
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the scan time at every bit rate, and the limit."""
-        result, ax = self.result, style.axes(ax)
-        inputs = result.inputs
-        rates, times = list(result.by_bit_rate), list(result.by_bit_rate.values())
+        ax = style.axes(ax)
+        rates, times = list(self.by_bit_rate), list(self.by_bit_rate.values())
         ax.plot(rates, times, "o-", color="C0", mfc="white", label="other bit rates")
-        ax.plot(inputs.bit_rate, result.scan, "o", color="C0", ms=9, label="chosen")
+        ax.plot(self.bit_rate, self.scan, "o", color="C0", ms=9, label="chosen")
         colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
-        ax.axhline(inputs.limit, color=colour, linestyle=dashes, label=f"limit, {inputs.limit:g} s")
+        ax.axhline(self.limit, color=colour, linestyle=dashes, label=f"limit, {self.limit:g} s")
         ax.set(xscale="log", yscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
         ax.set_xticks(BIT_RATES, [str(rate) for rate in BIT_RATES], fontsize="small")
         ax.set_xticks([], minor=True)
@@ -131,45 +132,21 @@ class ModbusScan(Tool):
 
     def _view(self) -> View:
         """Return what the page shows."""
-        result = self.result
+        poll, in_time = self.poll, self.scan <= self.limit
+        frame_time, silence = poll.line.frame_time, 2e3 * poll.line.t35
+        on_line = 1e3 * (frame_time(poll.request_size) + frame_time(poll.response_size))
         return View(
-            verdict=f"{'in time' if result.in_time else 'too slow'}: {result.scan:.3f} s",
-            ok=result.in_time,
-            numbers=result.numbers,
+            verdict=f"{'in time' if in_time else 'too slow'}: {self.scan:.3f} s",
+            ok=in_time,
+            numbers={
+                "one slave": f"{1e3 * poll.time:.1f} ms, of which {on_line:.1f} ms bytes and "
+                f"{silence:.1f} ms silence",
+                "a dead slave costs": f"{1e3 * poll.timeout_time:.0f} ms",
+                "scan with all alive": f"{poll.scan_time(self.slaves):.3f} s",
+                "scan": f"{self.scan:.3f} s",
+                "slaves that fit": f"{self.max_slaves}",
+            },
             plot=self.plot,
             height=3.0,
             about="Scan time over bit rate, both logarithmic, with the limit",
         )
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """What becomes of the scan."""
-
-    inputs: ModbusScan
-    poll: Poll
-    healthy: float
-    scan: float
-    max_slaves: int
-    by_bit_rate: dict[int, float]
-
-    @property
-    def in_time(self) -> bool:
-        """Whether the scan keeps the limit."""
-        return self.scan <= self.inputs.limit
-
-    @property
-    def numbers(self) -> dict[str, str]:
-        """Times and counts as text with units."""
-        serial = self.poll.line
-        on_line = serial.frame_time(self.poll.request_size) + serial.frame_time(
-            self.poll.response_size
-        )
-        return {
-            "one slave": f"{1e3 * self.poll.time:.1f} ms, of which "
-            f"{1e3 * on_line:.1f} ms bytes and {2e3 * serial.t35:.1f} ms silence",
-            "a dead slave costs": f"{1e3 * self.poll.timeout_time:.0f} ms",
-            "scan with all alive": f"{self.healthy:.3f} s",
-            "scan": f"{self.scan:.3f} s",
-            "slaves that fit": f"{self.max_slaves}",
-        }

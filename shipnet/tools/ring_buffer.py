@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
+from itertools import accumulate
 from types import MappingProxyType
 from typing import Any, ClassVar
 
 from matplotlib.axes import Axes
 
-from shipnet import style
 from shipnet.fields import choice, record, series
 from shipnet.remote_control.packet import MarkerFormat, MarkerParser
 from shipnet.remote_control.ring_buffer import Ring, Rule, Step
@@ -68,7 +68,7 @@ _FORM = MarkerFormat(n_numbers=_ITEMS)
 class ReceiveRing(Tool):
     """A receive ring that is filled and read by hand, step by step.
 
-    `result` has the ring, what the last action did, and what was lost or found.
+    `result` has the ring, what the last action did as `said`, and how many packets were found.
 
     Raises
     ------
@@ -103,28 +103,30 @@ class ReceiveRing(Tool):
         return replace(self, actions=(*self.actions, action))
 
     @cached_property
-    def result(self) -> Result:
-        """Do all actions from an empty ring on."""
-        game = _Game(self)
-        sent = {_value(number) for number in range(game.ring.written // _FORM.size(_ITEMS))}
-        due, wrong = 0, 0
-        for value in game.found:
-            wrong += value < due or value not in sent
-            due = max(due, value + 1)
-        return Result(game.ring, game.said, len(game.found), wrong, game.parser.discarded)
+    def result(self) -> Game:
+        """The ring after all actions, from an empty one."""
+        return Game(self)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the ring with its writer and its reader."""
-        result, ax = self.result, style.axes(ax)
-        return result.ring.plot(ax)
+        return self.result.ring.plot(ax)
 
     def _view(self) -> View:
         """Return what the page shows."""
-        result = self.result
+        game, ring = self.result, self.result.ring
+        overwritten = max(0, ring.unread - ring.size)
         return View(
-            verdict=result.said,
-            ok=result.sound,
-            numbers=result.numbers,
+            verdict=game.said,
+            ok=not (ring.lost or ring.stale or overwritten),
+            numbers={
+                f"case {ring.case}": CASES[ring.case],
+                "unread": f"{ring.unread} bytes, of which {overwritten} are overwritten; the "
+                f"variables show {ring.seems_unread}",
+                "lost": f"{ring.lost} bytes",
+                "read though not due": f"{ring.stale} bytes",
+                "packets found": f"{game.packets}, of which {game.wrong} old or false; "
+                f"{game.parser.discarded} bytes given up as no packet",
+            },
             plot=self.plot,
             height=4.2,
             about="The ring with its bytes, its writer and its reader",
@@ -150,40 +152,11 @@ class ReceiveRing(Tool):
         return {"buttons": buttons}
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Result:
-    """What has become of the ring."""
+class Game:
+    """A ring with somebody who writes packets and somebody who reads them.
 
-    ring: Ring
-    said: str
-    packets: int
-    wrong: int
-    given_up: int
-
-    @property
-    def sound(self) -> bool:
-        """Whether nothing has been lost, nothing read twice, and the ring is not overrun."""
-        ring = self.ring
-        return not (ring.lost or ring.stale or ring.unread > ring.size)
-
-    @property
-    def numbers(self) -> dict[str, str]:
-        """State, case and counts as text."""
-        ring = self.ring
-        overwritten = max(0, ring.unread - ring.size)
-        return {
-            f"case {ring.case}": CASES[ring.case],
-            "unread": f"{ring.unread} bytes, of which {overwritten} are overwritten; the variables "
-            f"show {ring.seems_unread}",
-            "lost": f"{ring.lost} bytes",
-            "read though not due": f"{ring.stale} bytes",
-            "packets found": f"{self.packets}, of which {self.wrong} old or false; "
-            f"{self.given_up} bytes given up as no packet",
-        }
-
-
-class _Game:
-    """A ring with somebody who writes packets and somebody who reads them."""
+    `said` is what the last action did, and `found` the values of the packets that were read.
+    """
 
     def __init__(self, inputs: ReceiveRing) -> None:
         self.ring = Ring(inputs.size, inputs.rule)
@@ -192,6 +165,19 @@ class _Game:
         self.found: list[int] = []
         for action in inputs.actions:
             getattr(self, f"_{action}")()
+
+    @property
+    def packets(self) -> int:
+        """How many packets were found."""
+        return len(self.found)
+
+    @property
+    def wrong(self) -> int:
+        """How many of them are older than one before, or were never sent."""
+        sent = {_value(number) for number in range(self.ring.written // _FORM.size(_ITEMS))}
+        due = accumulate((value + 1 for value in self.found), max, initial=0)
+        pairs = zip(self.found, due, strict=False)
+        return sum(value < least or value not in sent for value, least in pairs)
 
     def _byte(self) -> None:
         size = _FORM.size(_ITEMS)

@@ -6,7 +6,6 @@ machine, or to one whose address is typed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from weakref import finalize
 
@@ -14,9 +13,7 @@ import ipywidgets as widgets
 import numpy as np
 from matplotlib.axes import Axes
 
-from shipnet import style
-from shipnet.ballast.live import Ask, Client, Link, ModelValves, Readout, said, serve
-from shipnet.ballast.master import Screen
+from shipnet.ballast.live import Client, Link, ModelValves, Readout, said, serve
 from shipnet.fields import record, text, whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.tools._page import Page
@@ -31,7 +28,7 @@ _OWN = 16
 class ValveClient(Tool):
     """Ballast valves over Modbus/TCP: open, close and set them, and see what they answer.
 
-    `result` has the answers of model valves in model time; the page talks to a server.
+    `result` is what model valves answer in model time; the page talks to a server.
 
     Raises
     ------
@@ -49,46 +46,30 @@ class ValveClient(Tool):
         help="Name or address of a server; empty is one of its own, which this page starts.",
     )  # fmt: skip
     port: int = whole(
-        1,
-        0xFFFF,
-        default=5020,
-        typed=True,
-        label="port",
+        1, 0xFFFF, default=5020, typed=True, label="port",
         help="Its port; without an address it is not read.",
-    )
+    )  # fmt: skip
     valves: int = whole(
-        1,
-        MAX_UNIT,
-        default=_OWN,
-        typed=True,
-        label="valves shown",
+        1, MAX_UNIT, default=_OWN, typed=True, label="valves shown",
         help=f"Its own server has {_OWN}.",
-    )
+    )  # fmt: skip
     valve: int = whole(
-        1,
-        MAX_UNIT,
-        default=1,
-        at_most="valves",
-        label="valve",
+        1, MAX_UNIT, default=1, at_most="valves", label="valve",
         help="The valve that the buttons command.",
-    )
+    )  # fmt: skip
     target: int = whole(
-        0,
-        100,
-        default=40,
-        unit="%",
-        label="position",
+        0, 100, default=40, unit="%", label="position",
         help="Where the button of this name sends the valve.",
-    )
+    )  # fmt: skip
 
     @cached_property
-    def result(self) -> Result:
+    def result(self) -> Readout:
         """What model valves answer that nobody has commanded yet."""
-        return update(self, ModelValves(self.valves))
+        return Client.over(ModelValves(self.valves), self.valves).read()
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the openings of all valves."""
-        return draw(self.result, ax=style.axes(ax))
+        """Draw the openings of all valves, the chosen one framed."""
+        return self.result.screen.plot(self.valve, ax)
 
     def explore(self) -> Explorer:
         """Return the page, with a server of its own that listens on this machine only."""
@@ -96,114 +77,23 @@ class ValveClient(Tool):
 
     def _view(self) -> View:
         """Return what the page shows of model valves."""
-        return view(self.result)
+        return self.view(self.result)
 
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """What the valves answered."""
-
-    inputs: ValveClient
-    readout: Readout
-
-    @property
-    def screen(self) -> Screen:
-        """All valves, for the picture."""
-        return self.readout.screen
-
-    @property
-    def numbers(self) -> dict[str, str]:
-        """What the chosen valve says, as text with units; nothing if it does not answer."""
-        return self.readout.numbers(self.inputs.valve)
-
-    @property
-    def verdict(self) -> str:
-        """The chosen valve in a few words."""
-        row = self.screen[self.inputs.valve]
-        if row["state"] == "silent":
-            return f"valve {self.inputs.valve} does not answer"
-        where = said(row["position_percent"], 0, "%")
-        return f"valve {self.inputs.valve}: {row['state']}, {where}"
-
-
-def send(ask: Ask, valve: int, action: str | float) -> str:
-    """Command a valve over a `Link` or `ModelValves`; return what was done, as a sentence.
-
-    Examples
-    --------
-    >>> send(ModelValves(4), 5, "close")
-    'valve 5 refuses: gateway target failed to respond'
-    """
-    return Client.over(ask).command(valve, action)
-
-
-def update(inputs: ValveClient, ask: Ask) -> Result:
-    """Read all valves over a `Link` or `ModelValves`.
-
-    Examples
-    --------
-    >>> result = update(ValveClient(valves=3), ModelValves(2))
-    >>> result.readout.units.tolist(), result.verdict
-    ([1, 2], 'valve 1: closed, 0 %')
-    """
-    return Result(inputs, Client.over(ask, inputs.valves).read())
-
-
-def draw(result: Result, *, ax: Axes) -> Axes:
-    """Draw the openings of all valves, the chosen one framed.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    ax : matplotlib.axes.Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes given.
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> ax = draw(update(ValveClient(valves=3), ModelValves(3)), ax=Figure().subplots())
-    >>> [text.get_text() for text in ax.get_legend().get_texts()]
-    ['closed']
-    """
-    return result.screen.plot(result.inputs.valve, ax)
-
-
-def view(result: Result, said: str = "", *, refused: bool = False) -> View:
-    """Return what the page shows of a result.
-
-    Parameters
-    ----------
-    result : Result
-        What `update` returned.
-    said : str, optional
-        What became of the last command.
-    refused : bool, default False
-        Whether the chosen valve refused it.
-
-    Returns
-    -------
-    View
-        Verdict, numbers and figure.
-
-    Examples
-    --------
-    >>> view(update(ValveClient(valves=3, valve=3), ModelValves(2))).ok
-    False
-    """
-    return View(
-        verdict=result.verdict,
-        ok=not refused and "not answer" not in result.verdict,
-        numbers=({"last command": said} if said else {}) | result.numbers,
-        plot=lambda ax: draw(result, ax=ax),
-        height=0.7 + 0.7 * -(-result.inputs.valves // 32),
-        about="Opening of every valve, as a bar",
-    )
+    def view(self, readout: Readout, answer: str = "", *, refused: bool = False) -> View:
+        """Return what the page shows of valves that were read, and of the last command."""
+        row = readout.screen[self.valve]
+        silent = row["state"] == "silent"
+        place = f"{row['state']}, {said(row['position_percent'], 0, '%')}"
+        return View(
+            verdict=f"valve {self.valve} does not answer"
+            if silent
+            else f"valve {self.valve}: {place}",
+            ok=not (refused or silent),
+            numbers=({"last command": answer} if answer else {}) | readout.numbers(self.valve),
+            plot=lambda ax: readout.screen.plot(self.valve, ax),
+            height=0.7 + 0.7 * -(-self.valves // 32),
+            about="Opening of every valve, as a bar",
+        )
 
 
 class Explorer(Page):
@@ -229,9 +119,9 @@ class Explorer(Page):
             start,
             self._look,
             buttons=[
-                Button("open", "Opens the valve.", lambda given: self._tell(given, "open")),
-                Button("close", "Closes the valve.", lambda given: self._tell(given, "close")),
-                Button("position", "Sends it there.", lambda given: self._tell(given, "position")),
+                Button("open", "Opens the valve.", lambda now: self._command(now, "open")),
+                Button("close", "Closes the valve.", lambda now: self._command(now, "close")),
+                Button("position", "Sends it there.", lambda now: self._command(now, now.target)),
                 Button("read again", "Reads all valves.", lambda _: None),
             ],
             extras=[clock],
@@ -248,18 +138,17 @@ class Explorer(Page):
             self._link.close()
         self._link = self._place = None
 
-    def _connected(self, inputs: ValveClient) -> Link:
+    def _client(self, inputs: ValveClient) -> Client:
         address = inputs.address.strip()
         place = (address, inputs.port) if address else ("127.0.0.1", self.server.port)
         if self._link is None or self._place != place:
             self._hang_up()
             self._link, self._place = Link(*place), place
-        return self._link
+        return Client.over(self._link, inputs.valves)
 
-    def _tell(self, inputs: ValveClient, action: str) -> None:
-        told = inputs.target if action == "position" else action
+    def _command(self, inputs: ValveClient, action: str | float) -> None:
         try:
-            self._answer = send(self._connected(inputs), inputs.valve, told)
+            self._answer = self._client(inputs).command(inputs.valve, action)
         except OSError as problem:
             self._hang_up()
             self._answer = str(problem)
@@ -267,9 +156,9 @@ class Explorer(Page):
 
     def _look(self, inputs: ValveClient) -> View:
         try:
-            result = update(inputs, self._connected(inputs))
+            readout = self._client(inputs).read()
         except OSError as problem:
             self._hang_up()
             return View(verdict=str(problem), ok=False)
         # The refusal stays said, but it is bad news of one valve only.
-        return view(result, self._answer, refused=self._refused == inputs.valve)
+        return inputs.view(readout, self._answer, refused=self._refused == inputs.valve)

@@ -47,7 +47,8 @@ def _sensor(name: str, default: float, label: str, help: str) -> Any:
 class ValveDiagnosis(Tool):
     """What the rules of kim2014 say of a valve's readings.
 
-    `result` has the firing strength of each rule, the active ones, and those that fire as printed.
+    `result` is the decision, a `fuzzy.Decision`; `strength` has the firing strength of each rule,
+    and `printed` the codes that fire as printed.
 
     Raises
     ------
@@ -82,31 +83,41 @@ class ValveDiagnosis(Tool):
         help="Firing strength from which a rule is active.",
     )  # fmt: skip
 
+    @property
+    def readings(self) -> dict[str, list[float]]:
+        """The readings as the rules take them: the speed is missing without a command."""
+        readings = {name: [getattr(self, name)] for name in _BASE.names}
+        return readings if self.commanded else readings | {"DVPos": [nan]}
+
     @cached_property
-    def result(self) -> Result:
-        """Let the rules fire."""
-        base = _BASE
-        given = {name: [getattr(self, name)] for name in base.names}
-        if not self.commanded:
-            given["DVPos"] = [nan]
-        decision = base.decide(given, threshold=self.threshold)
-        printed = base.decide(given, "crisp").codes(0)
-        return Result(self, decision, printed)
+    def result(self) -> Decision:
+        """What the rules decide."""
+        return _BASE.decide(self.readings, threshold=self.threshold)
+
+    @property
+    def strength(self) -> dict[str, float]:
+        """Firing strength by code, the highest priority first."""
+        firing = self.result.firing
+        return {code: float(firing[code][0]) for code in _BASE.ranking}
+
+    @cached_property
+    def printed(self) -> tuple[str, ...]:
+        """Codes that fire by the limits as printed, without ramps."""
+        return _BASE.decide(self.readings, "crisp").codes(0)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the firing strength of every rule as a bar."""
-        result, ax = self.result, style.axes(ax)
-        codes, heights = list(result.strength), list(result.strength.values())
-        base = result.decision.firing.base
-        colours = ["C1" if code in result.active else "C0" for code in codes]
-        ax.barh(range(len(codes)), heights, color=colours, height=0.7)
-        labels = [f"{code}  {base.rule(code).english}" for code in codes]
+        ax, strength, active = style.axes(ax), self.strength, self.result.codes(0)
+        codes = list(strength)
+        colours = ["C1" if code in active else "C0" for code in codes]
+        ax.barh(range(len(codes)), list(strength.values()), color=colours, height=0.7)
+        labels = [f"{code}  {_BASE.rule(code).english}" for code in codes]
         ax.set_yticks(range(len(codes)), labels, fontsize=8)
         ax.axvline(
-            result.inputs.threshold, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"],
+            self.threshold, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"],
             label="alarm threshold",
         )  # fmt: skip
-        places = [codes.index(code) for code in result.printed]
+        places = [codes.index(code) for code in self.printed]
         ax.plot(
             [1.03] * len(places), places, "x", color="0.2", markersize=6, clip_on=False,
             label="fires as printed",
@@ -151,13 +162,15 @@ class ValveDiagnosis(Tool):
 
     def _view(self) -> View:
         """Return what the page shows."""
-        result = self.result
-        text = result.top
-        base = result.decision.firing.base
+        top = str(self.result.top[0])
         return View(
-            verdict=f"{text}: {base.rule(text).english}" if text in base.codes else text,
-            ok=text == NORMAL,
-            numbers=result.numbers,
+            verdict=f"{top}: {_BASE.rule(top).english}" if top in _BASE.codes else top,
+            ok=top == NORMAL,
+            numbers={
+                "why": self.result.explain(0),
+                "active codes": " ".join(self.result.codes(0)) or "none",
+                "as printed, without ramps": " ".join(self.printed) or "none",
+            },
             plot=self.plot,
             about="Firing strength of each rule as a bar, with the alarm threshold",
         )
@@ -193,37 +206,3 @@ class _Plant:
         list(STATES), default="opening", label="the valve is",
         help="What it does; one that moves starts half open and is read after 4 s.",
     )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Result:
-    """What the rules make of it."""
-
-    inputs: ValveDiagnosis
-    decision: Decision
-    printed: tuple[str, ...]
-
-    @property
-    def top(self) -> str:
-        """The highest-ranked active code, or ``normal``."""
-        return str(self.decision.top[0])
-
-    @property
-    def active(self) -> tuple[str, ...]:
-        """All active codes, the highest priority first."""
-        return self.decision.codes(0)
-
-    @cached_property
-    def strength(self) -> dict[str, float]:
-        """Firing strength by code, the highest priority first."""
-        firing = self.decision.firing
-        return {code: float(firing[code][0]) for code in firing.base.ranking}
-
-    @property
-    def numbers(self) -> dict[str, str]:
-        """Codes and reason as text."""
-        return {
-            "why": self.decision.explain(0),
-            "active codes": " ".join(self.active) or "none",
-            "as printed, without ramps": " ".join(self.printed) or "none",
-        }

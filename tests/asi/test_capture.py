@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -434,3 +435,13 @@ def test_command_tells_a_mistake_in_one_line(content, options, message, tmp_path
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("suffix", ["csv", "xlsx"])
+def test_the_bits_in_a_file_survive_pandas(tmp_path, suffix):
+    np.savez(tmp_path / "scope.npz", u=five(), dt=1e-7)
+    file = tmp_path / f"transactions.{suffix}"
+    main(["decode", str(tmp_path / "scope.npz"), "-o", str(file)])
+    table = pd.read_csv(file) if suffix == "csv" else pd.read_excel(file)
+    assert table["request"].tolist() == [f"0b{REQUESTS[a].bits}" for a in (1, 2, 3, 4, 21)]
+    assert table["response"].tolist() == [f"0b{ANSWERS[a].bits}" for a in (1, 2, 3, 4, 21)]

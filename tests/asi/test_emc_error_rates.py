@@ -112,17 +112,31 @@ def test_noise_ahead_of_a_telegram_is_taken_for_its_start_as_often_as_theory_say
     telegrams = ideal(300.5e-6, 6.0, 500e-6)
     raw = {"matched": False, "minimum": 1.6}
     theory = theory_of(telegrams, 0.45, **raw)[0]
-    assert theory == pytest.approx(1 - (1 - 2 * stats.norm.sf(1.6 / 0.45)) ** 302, rel=1e-6)
+    sigma = 0.45 * np.sqrt(1 - 1 / 500)  # of 500 samples, the mean is taken off
+    assert theory == pytest.approx(1 - (1 - 2 * stats.norm.sf(1.6 / sigma)) ** 302, rel=1e-4)
     row = rates_of(telegrams, NOISE, 0.45, 20_000, rng(), window=0, **raw)
     assert row["rate"][0] == pytest.approx(theory, abs=4 * np.sqrt(theory / 20_000))
 
 
-@pytest.mark.parametrize("minimum", [0.45, 0.9, 1.2])
+@pytest.mark.parametrize("minimum", [0.45, 0.9])
 def test_the_filtered_receiver_comes_near_to_theory(minimum):
-    sigma = {0.45: [0.3, 0.4, 0.5], 0.9: [0.6, 0.8, 1.0], 1.2: [0.8, 1.0]}[minimum]
+    sigma = {0.45: [0.3, 0.4, 0.5], 0.9: [0.6, 0.8, 1.0]}[minimum]
     theory = theory_of(NEAR, sigma, minimum=minimum)
     rates = rates_of(NEAR, Noise(), sigma, 8000, rng(), minimum=minimum)["rate"]
     assert (np.abs(rates / theory - 1) < 1 / 3).all()
+
+
+def test_theory_agrees_with_importance_sampling_down_to_1e_9():
+    # Importance sampling with the receiver itself: 95 % intervals 1.52..1.55e-3, 2.10..2.18e-9.
+    theory = theory_of(NEAR, [0.5, 0.3], minimum=0.9)
+    assert theory == pytest.approx([1.53e-3, 2.14e-9], rel=0.1)
+
+
+def test_theory_is_refused_where_a_weakened_first_pulse_slips():
+    # Counted at 0.55 V: 43 of 400 000, twice as many as the formula says.
+    with pytest.raises(ArgumentError, match=r"minimum is 1\.2 V; .* up to 0\.9"):
+        theory_of(NEAR, [0.55], minimum=1.2)
+    assert theory_of(NEAR, [0.55], minimum=1.2, matched=False) > 0
 
 
 def test_the_filter_leaves_what_theory_takes_for_the_noise():

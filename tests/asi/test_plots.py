@@ -4,7 +4,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet import style
-from shipnet.asi import Modulation, Profile, Request, Response, Transaction
+from shipnet.asi import Modulation, Profile, Request, Response, Transaction, compare
 from shipnet.asi.modulation import as_bits, pulses_of
 from shipnet.asi.profile import IO_CONFIGURATIONS
 from shipnet.asi.receiver import Waveform
@@ -97,6 +97,12 @@ def test_an_eye_draws_every_half_bit_and_the_tolerances(ax):
     levels = [line.get_ydata()[0] for line in ax.lines[-3:]]
     assert levels == [0.65, 0.30, -0.30]
     assert ax.get_xlabel() == "time from the middle [us]"
+
+
+def test_the_tolerances_of_a_comparison_are_named_on_their_lines(ax):
+    compare({100: line(100, slaves=(5, 100))}).plot(ax)
+    named = {text.get_text(): text.get_position()[1] for text in ax.texts}
+    assert named == pytest.approx({"limit of the weakest pulse": 65, "limit of ringing": 30})
 
 
 def test_bits_and_pulses_share_their_time():

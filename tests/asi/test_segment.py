@@ -1,3 +1,6 @@
+from itertools import pairwise
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -124,3 +127,80 @@ def test_many_slaves_hear_requests():
 def test_bad_places_steps_and_telegrams_are_named(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
+
+
+def random_tree(rng, *, supplied):
+    """Return a network of at most 100 m in a random shape, and the node of its master."""
+    count, total = int(rng.integers(1, 40)), float(rng.uniform(5, 100))
+    lengths = np.maximum(rng.dirichlet(np.full(count, rng.choice([0.5, 1.0, 5.0]))) * total, 0.01)
+    cable = rng.choice(["as-i 0.75", "as-i 1.5", "as-i 2.5", "as-i lossless"])
+    back = int(rng.choice([1, 3, 99]))
+    runs = [
+        CableRun(f"n{rng.integers(max(0, k - back), k)}", f"n{k}", float(length), str(cable))
+        for k, length in enumerate(lengths, start=1)
+    ]
+    loads = {f"n{k}": DEVICE for k in range(count + 1) if k == 0 or rng.random() < 0.7}
+    if supplied:
+        place = f"n{rng.integers(count + 1)}"
+        loads[place] = loads[place] + POWER_SUPPLY if place in loads else POWER_SUPPLY
+    return Network(runs, loads), f"n{rng.integers(count + 1)}"
+
+
+def equal_star(length, *, supplied=True):
+    """Return a star of equal legs, 100 m of lossless cable in all, with the master on one leg."""
+    count = min(int(100 / length), 40)
+    runs = [CableRun("hub", f"leg {k}", length, "as-i lossless") for k in range(count)]
+    loads = dict.fromkeys(("hub", *(f"leg {k}" for k in range(count))), DEVICE)
+    if supplied:
+        loads["leg 0"] = DEVICE + POWER_SUPPLY
+    return Network(runs, loads), "leg 1"
+
+
+def family():
+    rng = np.random.default_rng(2024)
+    for number in range(24):
+        yield f"tree {number}", *random_tree(rng, supplied=number % 3 > 0)
+    for length in (1.6, 2.5, 3, 4, 5.5, 6, 10, 12):
+        yield f"star of {length} m", *equal_star(length)
+    yield "star without a supply", *equal_star(6, supplied=False)
+    for length in (10, 100, 200, 300):
+        yield f"line of {length} m", line(length, slaves=(5, length)).network, "0 m"
+    yield "ring", ring(100, slaves=(25, 50, 75)).network, "0 m"
+    stubs = [CableRun(f"t{k}", f"s{k}", 1.0) for k in range(1, 20)]
+    trunk = [CableRun(f"t{k}", f"t{k + 1}", 4.0) for k in range(20)]
+    yield "stubs", Network(trunk + stubs, {"t0": DEVICE + POWER_SUPPLY, "s19": DEVICE}), "s10"
+
+
+FAMILY = list(family())
+
+
+@pytest.mark.parametrize(
+    ("network", "master"), [one[1:] for one in FAMILY], ids=[n for n, *_ in FAMILY]
+)
+def test_every_voltage_is_within_5e_5_of_its_peak(network, master):
+    # Four times the cut-off, and a record so long that nothing of it wraps around.
+    bits = "00011111111111"
+    u = telegram_voltages(network, master, network.nodes, bits)
+    exact = telegram_voltages(network, master, network.nodes, bits, after=400e-6, f_max=48e6)
+    error = np.abs(u - exact[..., : u.shape[-1]])
+    assert (error.max(axis=-1) <= 5e-5 * np.abs(exact).max(axis=-1)).all()
+
+
+REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "line" / "asi.npz")
+
+
+@pytest.mark.parametrize("case", sorted({name.split("/")[0] for name in REFERENCE.files}))
+def test_voltages_at_the_default_cut_off_agree_with_ngspice(case):
+    expected, bits = REFERENCE[f"{case}/v"], REFERENCE[f"{case}/bits"]
+    name, cable = case.split("_")[0], "as-i lossless" if case.endswith("_T") else "as-i 1.5"
+    far = int(name[3:]) if name.startswith("len") else 100
+    places, supply = ((0, 5, 50, 55, 100), 50) if name == "b" else ((0, 5, far // 2, far), 0)
+    runs = [CableRun(f"n{a}", f"n{b}", b - a, cable) for a, b in pairwise(places)]
+    loads = {f"n{place}": DEVICE for place in places}
+    loads[f"n{supply}"] = POWER_SUPPLY if supply else POWER_SUPPLY + DEVICE
+    u = telegram_voltages(
+        Network(runs, loads), str(REFERENCE[f"{case}/sender"]),
+        REFERENCE[f"{case}/probes"].tolist(), bits, before=5e-6, after=120e-6,
+    )[:, 0]  # fmt: skip
+    error = np.abs(u[:, : expected.shape[1]] - expected[:, : u.shape[1]])
+    assert error.max() <= 5e-5 * np.abs(expected).max()

@@ -1,3 +1,4 @@
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -8,12 +9,14 @@ from hypothesis import strategies as st
 from shipnet.ballast.live import Gateway
 from shipnet.ballast.master import Station, operate
 from shipnet.ballast.plant import Command, Fault, Plant
-from shipnet.ballast.scan import assignment, scan_table, status_poll, worst_age
+from shipnet.ballast.registers import COMMAND_REGISTER
+from shipnet.ballast.scan import READ_STATUS, assignment, scan_table, status_poll, worst_age
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
+from shipnet.modbus.pdu import Request
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.kim2014.registers import answer_table, standard_adu, write_outcome
+from shipnet.papers.kim2014.registers import answer_table
 
 LINE = SerialLine(9600)
 
@@ -135,14 +138,15 @@ def test_a_command_that_is_lost_is_reported_and_not_repeated():
 @pytest.mark.parametrize("n", [5, 50])
 @pytest.mark.parametrize("at_end", [False, True])
 def test_the_gap_that_a_command_tears_is_that_of_the_closed_form(n, at_end):
-    expected = write_outcome(LINE, n, 9.0, at_end=at_end, timeout=10)
+    table = answer_table(LINE, n, 9.0, timeout=10)
+    expected = table.loc["at the end" if at_end else "at the start"]
     run = operate(
         Plant(n_valves=n), loop(n), [Command('open', 2.0, valves=2)], duration=25,
         answer_at_end=at_end, timeout=10.0,
     )  # fmt: skip
     assert run.commands["outcome"].tolist() == ["done"]
     # The motor starts at the reading before, up to 0.1 s early.
-    assert run.scan_gap == pytest.approx(expected.scan_gap, abs=0.1 if at_end else 1e-9)
+    assert run.scan_gap == pytest.approx(expected.scan_gap_s, abs=0.1 if at_end else 1e-9)
     moving = run.answers.query("unit == 2 and MC_A > 0")
     assert abs(len(moving) - expected.polls_while_moving) <= 1
     if at_end:
@@ -213,21 +217,22 @@ def test_a_pc_sees_the_last_scan_and_commands_through_the_master():
     plant = Plant(n_valves=3, faults=[Fault("Pos3", valves=3)])
     station = Station(plant, loop(3))
     pc = Gateway(station)
-    early = pc.answer(standard_adu("read query", unit=1, transaction_id=7))
+    write_request = partial(Request.write_single_register, COMMAND_REGISTER)
+    early = pc.answer(READ_STATUS.tcp(1, 7))
     assert early.hex() == "000700000003" + "01" + "840b"
     station.run_until(1.0)
     value = station.registers.command(_open())
-    sent = standard_adu("write query", unit=1, value=value, transaction_id=8)
+    sent = write_request(value).tcp(1, 8)
     before = station.time
     assert pc.answer(sent) == sent
     assert station.time - before == pytest.approx(station.seen.write_time)
     station.run_until(14.0)
-    answered = pc.answer(standard_adu("read query", unit=3))
+    answered = pc.answer(READ_STATUS.tcp(3, 0))
     assert answered[9] == 15
-    assert pc.answer(standard_adu("read query", unit=1))[9] == 100
-    assert pc.answer(standard_adu("read query", unit=9))[7:].hex() == "840b"
-    assert pc.answer(standard_adu("write query", unit=1, value=7))[7:].hex() == "8603"
-    assert pc.answer(standard_adu("write query", unit=0, value=value)) == b""
+    assert pc.answer(READ_STATUS.tcp(1, 0))[9] == 100
+    assert pc.answer(READ_STATUS.tcp(9, 0))[7:].hex() == "840b"
+    assert pc.answer(write_request(7).tcp(1, 0))[7:].hex() == "8603"
+    assert pc.answer(write_request(value).tcp(0, 0)) == b""
     station.slaves[1].device.local = True
     assert pc.answer(sent)[7:].hex() == "8604"
     with pytest.raises(FrameError):

@@ -24,7 +24,7 @@ CLIENTS = {"tcp": ModbusTcpClient, "udp": ModbusUdpClient}
 
 @contextmanager
 def connected(kind, port):
-    client = CLIENTS[kind]("127.0.0.1", port=port, timeout=5)
+    client = CLIENTS[kind]("127.0.0.1", port=port, timeout=60)
     assert client.connect()
     try:
         yield client
@@ -126,15 +126,16 @@ def test_a_wrong_fault_is_reported_in_one_line(text, message, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--valves", "0"], "n_valves is 0; it must be a whole number 1..247"),
-        (["--valves", "248"], "n_valves is 248; it must be a whole number 1..247"),
-        (["--speed", "-1"], "speed is -1"),
-        (["--watchdog", "0"], "watchdog is 0"),
-        (["--port", "65536"], "port is 65536"),
+        (["--valves", "0"], "--valves is 0; it must be a whole number 1..247"),
+        (["--valves", "248"], "--valves is 248; it must be a whole number 1..247"),
+        (["--speed", "-1"], "--speed is -1"),
+        (["--watchdog", "0"], "--watchdog is 0"),
+        (["--port", "65536"], "--port is 65536"),
+        (["--bit-rate", "1"], "--bit-rate is 1 bit/s; it must be 50..1e+07"),
         (["--udp", "--serial", "line"], "exclude each other"),
         (["--serial", "line", "--character", "7E1"], "character is '7E1'"),
-        (["--serial", "no-such-line"], "cannot listen on no-such-line"),
-        (["--host", "256.1.1.1"], "cannot listen on 256.1.1.1"),
+        (["--serial", "no-such-line"], "cannot listen on no-such-line: no such device"),
+        (["--host", "256.1.1.1"], "cannot listen on 256.1.1.1, port 0: unknown host"),
     ],
 )
 def test_a_wrong_option_is_reported_in_one_line(arguments, message, capsys):
@@ -164,7 +165,7 @@ def test_the_program_says_where_it_listens_and_stops_upon_an_interrupt(options):
         with connected(kind, port) as client:
             assert [status(client, unit).readings[4, 0] for unit in (1, 2)] == [0, 5]
         program.send_signal(signal.SIGINT)
-        out, error = program.communicate(timeout=20)
+        out, error = program.communicate(timeout=60)
         assert (program.returncode, out, error) == (0, "stopped\n", "")
     finally:
         program.kill()

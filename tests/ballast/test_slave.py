@@ -21,7 +21,7 @@ from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.slave import Device, DeviceError
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.kim2014.registers import answer_table, write_outcome
+from shipnet.papers.kim2014.registers import answer_table
 
 MAP = RegisterMap()
 READ = Request.read_input_registers(0x4020, 4)
@@ -255,12 +255,13 @@ def walk(serial, movement, timeout, retries):
 )
 def test_an_answer_at_the_end_costs_what_a_walk_through_it_costs(baud, movement, timeout, retries):
     serial = SerialLine(baud)
-    found = write_outcome(serial, 50, movement, at_end=True, timeout=timeout, retries=retries)
+    table = answer_table(serial, 50, movement, timeout=timeout, retries=retries)
+    found = table.loc["at the end"]
     time, tries, answered = walk(serial, movement, timeout, retries)
     assert (found.tries, found.answered) == (tries, answered)
-    assert found.write_time == pytest.approx(time, abs=2 * serial.frame_time(8))
+    assert found.write_s == pytest.approx(time, abs=2 * serial.frame_time(8))
     scan = Poll(READ, serial).scan_time(50)
-    assert found.scan_gap == pytest.approx(scan + found.write_time)
+    assert found.scan_gap_s == pytest.approx(scan + found.write_s)
 
 
 def test_at_the_end_the_master_times_out_or_sees_nothing_of_the_movement():
@@ -274,9 +275,9 @@ def test_at_the_end_the_master_times_out_or_sees_nothing_of_the_movement():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: write_outcome(SerialLine(9600), 0, 9, at_end=True), "n_slaves is 0"),
-        (lambda: write_outcome(SerialLine(9600), 5, -1, at_end=True), "movement is -1"),
-        (lambda: write_outcome(SerialLine(9600), 5, 9, at_end=True, timeout=0), "timeout is 0"),
+        (lambda: answer_table(SerialLine(9600), 0, 9), "n_slaves is 0"),
+        (lambda: answer_table(SerialLine(9600), 5, -1), "movement is -1"),
+        (lambda: answer_table(SerialLine(9600), 5, 9, timeout=0), "timeout is 0"),
         (lambda: ValveDevice(Plant(), 1), "valve is 1"),
         (lambda: ValveDevice(Plant(), watchdog=0), "watchdog is 0"),
         (lambda: valve_slaves(Plant(), watchdog=0), "watchdog is 0"),

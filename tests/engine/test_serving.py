@@ -39,7 +39,7 @@ def known(faults, time, box=0):
 def test_a_real_client_reads_what_the_sensors_measure():
     registers = RegisterMap(POINTS)
     with serve(speed=0) as server:
-        client = ModbusTcpClient("127.0.0.1", port=server.port)
+        client = ModbusTcpClient("127.0.0.1", port=server.port, timeout=60)
         found = {
             unit: client.read_holding_registers(0, count=99, device_id=unit).registers
             for unit in (2, 3)
@@ -125,13 +125,13 @@ def test_the_program_serves_the_boxes_and_stops_upon_an_interrupt():
     try:
         said = program.stdout.readline()
         port = int(re.search(r"port (\d+) \(TCP\): unit ids 2 and 3", said)[1])
-        client = ModbusTcpClient("127.0.0.1", port=port)
+        client = ModbusTcpClient("127.0.0.1", port=port, timeout=60)
         found = [
             client.read_holding_registers(0, count=99, device_id=unit).registers for unit in (2, 3)
         ]
         client.close()
         program.send_signal(signal.SIGINT)
-        out, error = program.communicate(timeout=20)
+        out, error = program.communicate(timeout=60)
         assert (program.returncode, out, error) == (0, "stopped\n", "")
     finally:
         program.kill()

@@ -213,6 +213,15 @@ TARGETS: dict[str, Target] = {
     "can log.blf": Target(_file(".blf", can.read_log), _saved(".blf", _foreign_log)),
     "can log.trc": Target(_file(".trc", can.read_log), _saved(".trc", _foreign_log)),
     "can log.csv": Target(_file(".csv", can.read_log), _saved(".csv", _foreign_log)),
+    "can log, printed": Target(
+        _file(".txt", can.read_log),
+        lambda: [
+            b"1: (1.5)  can0  123   [2]  01 2A\n# on\n (2.0) can0 18FEF100 [3] remote request\n",
+            b"  can0  123   [2]  01 2A   '.*'\n  can0  123  [12]  00 01\n",
+            b"Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n"
+            b"1500000,00000123,false,Rx,0,2,01,2A,\n",
+        ],
+    ),
     "can messages": Target(_text(can.MessageSet.parse), _data("synthetic_can_lee2012.csv")),
     "can messages.dbc": Target(
         _file(".dbc", can.read_messages),

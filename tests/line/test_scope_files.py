@@ -243,7 +243,7 @@ def test_npz_without_voltage_or_with_other_times(tmp_path):
     assert "dt is not one positive number" in refused(tmp_path / "a.npz")
 
 
-def session(parts, rate="10 MHz", number=1, extra=""):
+def session(parts, rate="10 MHz", number=1, extra="", more=()):
     """A sigrok session as PulseView stores it; analog channels count on after the logic ones."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -256,6 +256,8 @@ def session(parts, rate="10 MHz", number=1, extra=""):
         for place, part in enumerate(parts, start=1):
             if part is not None:
                 archive.writestr(f"analog-1-{number}-{place}", np.asarray(part, "<f4").tobytes())
+        for name, content in more:
+            archive.writestr(name, content)
     return stream.getvalue()
 
 
@@ -286,9 +288,31 @@ def test_bad_sigrok_sessions(content, message, save):
     assert message in refused(save(content, "a.sr"))
 
 
-def test_an_archive_that_claims_too_much_is_not_unpacked(save, monkeypatch):
-    monkeypatch.setattr("shipnet.line.scope_file._LARGEST_PART", 100)
-    assert "at most 100 are read" in refused(save(session([V]), "a.sr"))
+def test_an_archive_of_many_parts_that_unpack_to_too_much_is_refused(save):
+    # Each part is small; only their sum is too large: 17.8 million numbers in 0.1 MB.
+    message = refused(save(session([np.zeros(2**20)] * 17), "a.sr"))
+    assert "it unpacks to 17825792 numbers; at most 16777216 are read" in message
+
+
+def test_a_npz_archive_that_unpacks_to_too_much_is_refused(tmp_path):
+    # Whole numbers of one byte become eight times as large.
+    np.savez_compressed(tmp_path / "a.npz", u=np.zeros(2**24 + 1, dtype=np.int8), dt=1e-7)
+    assert "it unpacks to 16777218 numbers; at most 16777216" in refused(tmp_path / "a.npz")
+
+
+def test_only_what_is_asked_for_is_unpacked(save, tmp_path, monkeypatch):
+    monkeypatch.setattr("shipnet.line.scope_file.MOST_NUMBERS", 2 * N)
+    monkeypatch.setattr("shipnet.line.scope_file.MOST_PER_BYTE", 0)
+    other = [("analog-1-2-1", np.asarray(-V, "<f4").tobytes())]
+    file = save(session([V], extra="analog2=other\n", more=other), "a.sr")
+    for channel, sign in (("AS-i", 1), ("other", -1)):
+        assert Waveform.read(file, channel=channel).u == pytest.approx(sign * V, abs=1e-5)
+    np.savez(tmp_path / "a.npz", u=V, dt=DT, photo=np.zeros(10 * N))
+    assert Waveform.read(tmp_path / "a.npz").u == pytest.approx(V)
+
+
+def test_a_session_with_a_large_description_is_refused(save):
+    assert "its metadata has more than" in refused(save(session([V], extra="x" * 2**21), "a.sr"))
 
 
 def stored(kind):

@@ -25,12 +25,11 @@ from shipnet.papers.kim2014 import line as k_line
 from shipnet.papers.kim2014 import registers as k_regs
 from shipnet.papers.kim2014.line import switch_table
 from shipnet.papers.kim2014.registers import (
+    STANDARD,
     answer_table,
     code_table,
     printed_adu,
-    standard_adu,
     survival_table,
-    write_outcome,
 )
 
 READ = Request.read_input_registers(0x4020, 4)
@@ -41,7 +40,7 @@ PRINTED = rule_vectors("printed")
 
 
 def test_ids_above_247_are_refused():
-    assert k_line.addresses() == list(range(1, 248))
+    assert k_line.slaves_of_a_master() == 247
     for unit in (248, 250, 255):
         with pytest.raises(ArgumentError, match=r"0\.\.247"):
             rtu_frame(unit, READ.pdu)
@@ -75,25 +74,23 @@ def test_the_second_byte_is_a_count():
 def test_the_printed_error_cannot_be_read():
     with pytest.raises(LengthError):
         Response.parse(decode(printed_adu("write error"), "tcp").pdu)
-    error = Response.parse(decode(standard_adu("write error"), "tcp").pdu)
+    error = Response.parse(decode(STANDARD["write error"], "tcp").pdu)
     assert (error.function, error.exception) == (6, 1)
-    assert theirs(standard_adu("write error")).exception_code == 1
+    assert theirs(STANDARD["write error"]).exception_code == 1
     # The same bytes but one.
     differ = [
         (a, b)
-        for a, b in zip(printed_adu("write error"), standard_adu("write error"), strict=True)
+        for a, b in zip(printed_adu("write error"), STANDARD["write error"], strict=True)
         if a != b
     ]
     assert differ == [(0x06, 0x86)]
 
 
 def test_the_printed_read_response_is_refused():
-    words = (0x2828, 0x0024, 0x325A, 0x0C15)
-    ours = standard_adu("read response", registers=words)
-    printed = printed_adu("read response", registers=words)
+    ours, printed = STANDARD["read response"], printed_adu("read response")
     assert (ours[5], printed[5]) == (11, 14)
-    assert Response.parse(decode(ours, "tcp").pdu, READ).registers == words
-    assert theirs(ours).registers == list(words)
+    assert Response.parse(decode(ours, "tcp").pdu, READ).registers == (0, 0, 0, 0)
+    assert theirs(ours).registers == [0, 0, 0, 0]
     with pytest.raises(LengthError):
         Response.parse(decode(printed, "tcp").pdu, READ)
     with pytest.raises(ModbusIOException):
@@ -190,8 +187,8 @@ def test_one_break_loses_nobody_two_do_and_so_does_a_short():
 
 def test_a_late_reply_hides_the_sensors():
     for timeout, answered in ((12.0, True), (1.0, False)):
-        late = write_outcome(SerialLine(9600), 5, 10.0, at_end=True, timeout=timeout)
-        assert late.answered is answered
+        late = answer_table(SerialLine(9600), 5, 10.0, timeout=timeout).loc["at the end"]
+        assert late.answered == answered
     table = answer_table(SerialLine(9600), 5, 10.0)
     assert table.loc["at the start", "polls_while_moving"] >= 60
     waited = table.loc["at the end, waited for"]
@@ -231,12 +228,6 @@ def test_3_2_stands_between_3_1_and_3_3_twice():
 
 def test_the_rule_table_would_be_table_4():
     assert k_line.captions() == ("Table 1", "Table 2", "Table 3", "Table 1")
-
-
-def test_each_subject_names_its_equipment():
-    about = {name for name in k_line.SUBJECTS if k_line.is_about_automation(standard=name)}
-    assert about == {"IEC 60092-504", "IACS UR E10"}
-    assert "navigation" in k_line.SUBJECTS["IEC 60945"]
 
 
 def test_flags_of_the_pump_begin_with_pp():

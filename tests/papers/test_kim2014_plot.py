@@ -16,7 +16,7 @@ from shipnet.modbus.uart import SerialLine
 from shipnet.papers import figure
 from shipnet.papers.kim2014 import plot
 from shipnet.papers.kim2014.faults import graded_trials, score_table
-from shipnet.papers.kim2014.line import RATES, break_table, conversation, scan_table, status_poll
+from shipnet.papers.kim2014.line import RATES, break_table, conversation, status_poll
 from tests.modbus.sweeps import sweep
 
 PDU = Request.read_input_registers(0x4020, 4).pdu
@@ -81,7 +81,7 @@ def test_scan_times_are_those_of_the_table(ax):
         assert line.get_ydata() == pytest.approx(expected)
     assert ax.get_xlabel() == "bit rate [kbit/s]" and ax.get_ylabel() == "scan [s]"
     # By hand: 28 characters of 11 bits.
-    assert scan_table(1)["poll_ms"][9600] == pytest.approx(28 * 11 / 9.6)
+    assert 1e3 * status_poll(9600).time == pytest.approx(28 * 11 / 9.6)
 
 
 def test_the_cost_of_a_break_is_what_a_simulation_finds():

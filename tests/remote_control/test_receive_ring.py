@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
-from shipnet.papers.chung1998.ring import extract_items, extract_value, extraction
+from shipnet.papers.chung1998.ring import extraction
 from shipnet.remote_control import MarkerFormat, Ring
 from shipnet.remote_control.ring_buffer import State, case_of, pointer_case
 
@@ -281,35 +281,6 @@ def test_twenty_of_128_places_break_a_value_by_the_letter_and_none_with_round_in
     assert not corrected.wrong.any() and not corrected.outside.any()
 
 
-@given(cells=st.binary(min_size=3, max_size=200), data=st.data())
-def test_a_value_is_the_two_bytes_behind_its_number(cells, data):
-    place = data.draw(st.integers(0, len(cells) - 1))
-    low, high = (cells[(place + k) % len(cells)] for k in (1, 2))
-    assert extract_value(cells, place, wrap=True) == low + 256 * high
-    if place < len(cells) - 2:
-        assert extract_value(cells, place, beyond=b"xy") == low + 256 * high
-    else:
-        behind = cells + b"xy"
-        assert extract_value(cells, place, beyond=b"xy") == (
-            behind[place + 1] + 256 * behind[place + 2]
-        )
-
-
-def test_a_packet_half_arrived_gives_old_bytes_as_values():
-    old, new = (dict.fromkeys(range(10), value) for value in (0x1111, 0x2222))
-    form = MarkerFormat()
-    ring = bytearray(form.encode(old).ljust(128, b"\0"))
-    packet = form.encode(new)
-    wrong = []
-    for arrived in range(len(packet) + 1):
-        cells = packet[:arrived] + ring[arrived:]
-        found = extract_items(bytes(cells), 0, 10)
-        wrong.append(sum(value != 0x2222 for _, value in found))
-    assert wrong == [min(10, max(0, 10 - (arrived - 2) // 3)) for arrived in range(34)]
-    half = packet[:4] + ring[4:]
-    assert extract_items(bytes(half), 0, 1) == ((0, 0x1122),)
-
-
 def test_a_ring_is_drawn_with_its_pointers_and_unread_cells(ax):
     ring = filled(16, "intended", range(1, 21))
     for _ in range(1 + 2):
@@ -344,14 +315,7 @@ def test_the_map_of_cases_agrees_with_the_table(ax):
         (lambda: Ring(17).explore(), "size is 17"),
         (lambda: Ring(4).explore(17), "max_unread is 17"),
         (lambda: Ring(2000).cases(), "size is 2000"),
-        (lambda: extract_value(None, 0), "cells is None"),
-        (lambda: extract_items(b"", 0, 1), "cells has 0 bytes"),
-        (lambda: extract_value(b"", 0), "cells and beyond have 0"),
-        (lambda: extract_value(bytes(8), 8), r"get_no is 8.*0\.\.7"),
-        (lambda: extract_value(bytes(8), 0, beyond=b""), "2 and 0|8 and 0"),
-        (lambda: extract_items(bytes(128), 128, 1), "get_no is 128"),
-        (lambda: extract_items(bytes(128), 0, 11), "n_items is 11"),
-        (lambda: extraction({0: 1}, size=5), r"size is 5.*6\.\."),
+        (lambda: extraction(dict.fromkeys(range(60), 1), MarkerFormat(n_numbers=60)), "is 183"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):

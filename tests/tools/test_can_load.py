@@ -8,30 +8,30 @@ from tests.support import load
 
 
 def test_the_example_is_read_and_in_time():
-    result = CanLoad().result
-    assert len(result.messages) == 10
-    assert result.late == []
-    assert result.load["no stuff bits"] < result.load["random data"]
-    assert result.load["random data"] < result.load["most stuff bits"] < 0.25
-    assert result.lowest == 125_000
-    assert result.numbers["lowest standard bit rate that works"] == "125 kbit/s"
+    tool = CanLoad()
+    assert len(tool.messages) == 10
+    assert tool.result.late == []
+    assert tool.load["no stuff bits"] < tool.load["random data"]
+    assert tool.load["random data"] < tool.load["most stuff bits"] < 0.25
+    assert tool.lowest == 125_000
+    assert tool.numbers["lowest standard bit rate that works"] == "125 kbit/s"
 
 
 def test_the_responses_are_those_of_the_analysis():
-    result = CanLoad(bit_rate=50_000).result
+    tool = CanLoad(bit_rate=50_000)
     expected = [one.response * 1e3 for one in response_times(MessageSet.parse(EXAMPLE), 50_000)]
-    assert [1e3 * one.response for one in result.responses] == pytest.approx(expected)
-    assert result.verdict == "1 of 10 may be late: speed"
+    assert [1e3 * one.response for one in tool.result] == pytest.approx(expected)
+    assert tool.verdict == "1 of 10 may be late: speed"
 
 
 def test_too_slow_a_bus_and_errors_make_messages_late():
-    assert CanLoad(bit_rate=10_000).result.lowest == 125_000
+    assert CanLoad(bit_rate=10_000).lowest == 125_000
     assert len(CanLoad(bit_rate=10_000).result.late) == 10
     calm, disturbed = CanLoad().result, CanLoad(errors_per_s=50).result
-    pairs = zip(disturbed.responses, calm.responses, strict=True)
+    pairs = zip(disturbed, calm, strict=True)
     assert all(more.response > less.response for more, less in pairs)
     hopeless = EXAMPLE.replace("shutdown,0x010,1,50,5", "shutdown,0x010,1,50,0.1")
-    assert CanLoad(hopeless).result.numbers["lowest standard bit rate that works"] == "none"
+    assert CanLoad(hopeless).numbers["lowest standard bit rate that works"] == "none"
 
 
 @pytest.mark.parametrize("separator", [";", "\t"])

@@ -21,7 +21,7 @@ def test_every_fault_can_be_looked_at_in_every_design(fault, design):
         return
     for time in (2, START, 25):
         result = EngineFaults(fault, design, time).result
-        assert len(result.screen.table()) == 99
+        assert len(result.table()) == 99
         assert result.old == 0 or (fault != "none" and time > START)
     # The corrected design shows nothing old as good, but for a sensor that does not move.
     assert design != CORRECTED or fault.startswith("sensor stuck") or result.old == 0
@@ -30,16 +30,16 @@ def test_every_fault_can_be_looked_at_in_every_design(fault, design):
 def test_a_dead_box_looks_alive_until_it_is_marked():
     after = START + DESIGNS[PRINTED].staleness_flag().after
     assert EngineFaults("box dead JB2", PRINTED, START + RULE + 1).result.old == 18
-    late = EngineFaults("box dead JB2", PRINTED, round(after + 0.5)).result
-    assert (late.marked, late.old) == (18, 0)
+    late = EngineFaults("box dead JB2", PRINTED, round(after + 0.5))
+    assert (late.result.marked, late.result.old) == (18, 0)
     assert late.raised == ["14.47 s: JB2 points, 0xFF (18)"]
 
 
 def test_alarms_of_a_box_are_counted_together_and_only_so_far():
-    before = EngineFaults("box dead JB1", PRINTED, 12).result
+    before = EngineFaults("box dead JB1", PRINTED, 12)
     assert before.raised == ["10.35 s: channel 1, no answer"]
-    assert "alarms" in before.numbers and "none" in EngineFaults("none").result.numbers["alarms"]
-    assert EngineFaults("box dead JB1", PRINTED, 20).result.raised[1:] == [
+    assert "alarms" in before.numbers and "none" in EngineFaults("none").numbers["alarms"]
+    assert EngineFaults("box dead JB1", PRINTED, 20).raised[1:] == [
         "14.47 s: JB1 points, 0xFF (43)"
     ]
 
@@ -69,8 +69,8 @@ def test_old_values_have_a_colour_and_a_star_of_their_own():
 
 
 def test_a_cable_that_only_the_ring_has_can_be_cut_there():
-    result = EngineFaults(CLOSING, RING, 20).result
-    assert (result.old, result.marked, result.raised) == (0, 0, [])
+    cut = EngineFaults(CLOSING, RING, 20)
+    assert (cut.result.old, cut.result.marked, cut.raised) == (0, 0, [])
     page = EngineFaults().explore()
     page.controls["fault"].value = CLOSING
     assert "has no such cable" in page.text

@@ -16,9 +16,9 @@ ALL = ("empty",)
     actions=st.lists(st.sampled_from(list(ACTIONS)), max_size=40).map(tuple),
 )
 def test_any_order_of_buttons_leaves_a_ring_that_is_accounted_for(size, rule, actions):
-    result = ReceiveRing(size, rule, actions).result
-    ring = result.ring
-    assert ring.case in CASES and f"case {ring.case}" in result.numbers
+    tool = ReceiveRing(size, rule, actions)
+    result, ring = tool.result, tool.result.ring
+    assert ring.case in CASES and f"case {ring.case}" in tool.numbers
     # Every byte stored is read once, lost, or still unread.
     assert 0 <= ring.lost + ring.unread <= ring.written
     assert result.wrong <= result.packets
@@ -30,14 +30,16 @@ def test_any_order_of_buttons_leaves_a_ring_that_is_accounted_for(size, rule, ac
 @pytest.mark.parametrize("rule", ["intended", "corrected"])
 @pytest.mark.parametrize("size", SIZES)
 def test_a_reader_that_keeps_up_finds_every_packet(size, rule):
-    result = ReceiveRing(size, rule, 60 * (*PACKET, *ALL)).result
-    assert (result.packets, result.wrong, result.given_up) == (60, 0, 0)
-    assert result.sound and result.ring.lost == 0
+    tool = ReceiveRing(size, rule, 60 * (*PACKET, *ALL))
+    result = tool.result
+    assert (result.packets, result.wrong, result.parser.discarded) == (60, 0, 0)
+    assert tool.ok and result.ring.lost == 0
 
 
 def test_by_the_letter_even_a_reader_that_keeps_up_reads_what_is_not_due():
-    result = ReceiveRing(16, "printed", 60 * (*PACKET, *ALL)).result
-    assert result.ring.stale > 0 and not result.sound
+    tool = ReceiveRing(16, "printed", 60 * (*PACKET, *ALL))
+    result = tool.result
+    assert result.ring.stale > 0 and not tool.ok
     assert result.packets != 60 or result.wrong
 
 

@@ -7,12 +7,21 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.ballast.live import serve
+from shipnet.ballast.live import Client, Link, ModelValves, serve
 from shipnet.ballast.plant import Fault
 from shipnet.errors import ArgumentError
 from shipnet.modbus.frame import tcp_frame
 from shipnet.modbus.pdu import decode
-from shipnet.tools.valve_client import Link, ModelValves, ValveClient, draw, send, update
+from shipnet.tools.valve_client import ValveClient
+
+
+def send(ask, valve, action):
+    return Client.over(ask).command(valve, action)
+
+
+def seen(tool, ask):
+    """Return what the page shows of valves that answer."""
+    return tool.view(Client.over(ask, tool.valves).read())
 
 
 @contextmanager
@@ -30,13 +39,14 @@ def test_a_valve_travels_in_model_time():
     assert send(valves, 5, 40) == "valve 5: position 40 %"
     places = []
     for valves.time in (0.0, 3.0, 12.0):
-        result = update(ValveClient(valves=8, valve=3), valves)
-        places.append(result.readout.positions[[0, 2, 4]].tolist())
+        readout = Client.over(valves, 8).read()
+        places.append(readout.positions[[0, 2, 4]].tolist())
     assert places == [[0, 0, 0], [0, 33, 33], [0, 100, 40]]
-    assert result.verdict == "valve 3: open, 100 %"
-    assert result.numbers["motor ran"] == "9.0 s"
-    assert result.numbers["mode"] == "auto, last command open"
-    states = result.screen.table().state.tolist()
+    view = ValveClient(valves=8, valve=3).view(readout)
+    assert view.verdict == "valve 3: open, 100 %"
+    assert view.numbers["motor ran"] == "9.0 s"
+    assert view.numbers["mode"] == "auto, last command open"
+    states = readout.screen.table().state.tolist()
     assert states[:5] == ["closed", "closed", "open", "closed", "part open"]
 
 
@@ -44,7 +54,7 @@ def test_the_numbers_have_their_units_while_it_moves():
     valves = ModelValves(2)
     send(valves, 2, "open")
     valves.time = 4.5
-    assert update(ValveClient(valves=2, valve=2), valves).numbers == {
+    assert seen(ValveClient(valves=2, valve=2), valves).numbers == {
         "position": "50 %", "pump pressure": "90 bar", "operating pressure": "2.1 bar",
         "motor current": "1.2 A", "motor temperature": "50 degC", "motor ran": "4.5 s",
         "mode": "auto, last command open", "fault reported": "none",
@@ -56,18 +66,18 @@ def test_refusals_are_sentences():
     assert send(valves, 1, "manual") == "valve 1: manual"
     assert send(valves, 1, "open") == "valve 1 refuses: server device failure"
     assert send(valves, 3, "open") == "valve 3 refuses: gateway target failed to respond"
-    assert update(ValveClient(valves=3, valve=3), valves).verdict == "valve 3 does not answer"
-    assert update(ValveClient(valves=3, valve=3), valves).numbers == {}
+    assert seen(ValveClient(valves=3, valve=3), valves).verdict == "valve 3 does not answer"
+    assert seen(ValveClient(valves=3, valve=3), valves).numbers == {}
 
 
 def test_over_a_socket_it_is_the_same_as_in_model_time():
     with serve(4, speed=0, faults=[Fault("Pos3", valves=2)]) as server:
         with linked(server.port) as link:
             assert send(link, 3, "open") == "valve 3: open"
-            result = update(ValveClient(valves=5, valve=3), link)
-    assert result.readout.positions.tolist()[:4] == [0, 15, 0, 0]
-    assert result.readout.units.tolist() == [1, 2, 3, 4]
-    assert result.verdict == "valve 3: moving, 0 %"
+            readout = Client.over(link, 5).read()
+    assert readout.positions.tolist()[:4] == [0, 15, 0, 0]
+    assert readout.units.tolist() == [1, 2, 3, 4]
+    assert ValveClient(valves=5, valve=3).view(readout).verdict == "valve 3: moving, 0 %"
 
 
 def test_what_is_no_server_is_told_in_a_sentence():
@@ -101,7 +111,7 @@ def test_a_server_that_answers_nonsense_is_told_in_a_sentence(reply):
         thread.start()
         with linked(listener.getsockname()[1], 0.3) as link:
             with pytest.raises(OSError, match="does not answer for valve 1"):
-                update(ValveClient(valves=1), link)
+                Client.over(link, 1).read()
         thread.join()
 
 
@@ -127,7 +137,8 @@ def test_the_picture_has_a_bar_for_every_valve_and_frames_the_chosen_one():
     valves = ModelValves(6)
     send(valves, 4, "open")
     valves.time = 3.0
-    ax = draw(update(ValveClient(valves=7, valve=4), valves), ax=Figure().subplots())
+    ax = Figure().subplots()
+    seen(ValveClient(valves=7, valve=4), valves).plot(ax)
     said = [text.get_text() for text in ax.texts]
     assert said[:14:2] == ["0", "0", "0", "33", "0", "0", "-"]
     assert said[1:14:2] == [str(unit) for unit in range(1, 8)]
@@ -165,10 +176,11 @@ def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it():
 def test_a_reading_that_is_missing_is_said_and_is_no_silence():
     valves = ModelValves(2)
     valves._slaves[1].device.plant._offsets[:] = np.nan
-    result = update(ValveClient(valves=3), valves)
-    assert result.numbers["position"] == result.numbers["pump pressure"] == "missing"
-    assert result.verdict == "valve 1: not seen, missing"
-    assert result.screen.table().state.tolist() == ["not seen", "not seen", "silent"]
+    readout = Client.over(valves, 3).read()
+    view = ValveClient(valves=3).view(readout)
+    assert view.numbers["position"] == view.numbers["pump pressure"] == "missing"
+    assert view.verdict == "valve 1: not seen, missing"
+    assert readout.screen.table().state.tolist() == ["not seen", "not seen", "silent"]
 
 
 def test_a_refusal_colours_its_valve_only_until_that_obeys():

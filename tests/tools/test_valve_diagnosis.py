@@ -39,9 +39,9 @@ def test_the_plant_sets_the_sensors_to_its_operating_point(code):
 @pytest.mark.parametrize("code", FAULTS)
 def test_every_fault_is_active_in_some_state_and_health_in_all_is_normal(code):
     found = {state: ValveDiagnosis.from_plant(code, state=state).result for state in STATES}
-    assert any(code in result.active for result in found.values())
-    assert all(ValveDiagnosis.from_plant(state=state).result.top == "normal" for state in STATES)
-    mild = [ValveDiagnosis.from_plant(code, 0.0, state).result.top for state in STATES]
+    assert any(code in decision.codes(0) for decision in found.values())
+    assert all(ValveDiagnosis.from_plant(state=state).verdict == "normal" for state in STATES)
+    mild = [ValveDiagnosis.from_plant(code, 0.0, state).verdict for state in STATES]
     assert mild == ["normal"] * 4
 
 
@@ -50,26 +50,26 @@ def test_the_vectors_of_the_paper_are_diagnosed_as_it_says():
     for code, row in table.iterrows():
         commanded = bool(row["DVPos"] == row["DVPos"])
         values = {name: float(x) for name, x in row.items()}
-        assert ValveDiagnosis(**values, commanded=commanded).result.top == code
+        assert ValveDiagnosis(**values, commanded=commanded).result.top[0] == code
 
 
 def test_standstill_without_a_command_and_a_missing_sensor_fire_nothing():
-    assert ValveDiagnosis(DVPos=0.0).result.top == "V2"
-    assert ValveDiagnosis(DVPos=0.0, commanded=False).result.top == "normal"
+    assert ValveDiagnosis(DVPos=0.0).result.top[0] == "V2"
+    assert ValveDiagnosis(DVPos=0.0, commanded=False).verdict == "normal"
     lost = ValveDiagnosis(FP=nan, MC=4.0).result
-    assert lost.top == "normal"
-    assert "missing FP" in lost.decision.explain(0)
+    assert lost.top[0] == "normal"
+    assert "missing FP" in lost.explain(0)
 
 
 def test_the_threshold_decides_what_is_active_but_not_what_fires_as_printed():
     half = ValveDiagnosis(FP=119.0, OP=4.0)
-    assert half.result.active == half.result.printed == ()
-    low = ValveDiagnosis(FP=119.0, OP=4.0, threshold=0.4).result
-    assert low.active == ("V1",)
+    assert half.result.codes(0) == half.printed == ()
+    low = ValveDiagnosis(FP=119.0, OP=4.0, threshold=0.4)
+    assert low.result.codes(0) == ("V1",)
     assert low.strength["V1"] == pytest.approx(0.4)
-    noise = ValveDiagnosis(FP=0.0, MC=0.0, VPos=100.1).result
+    noise = ValveDiagnosis(FP=0.0, MC=0.0, VPos=100.1)
     assert noise.printed == ("Pos1", "S1", "Pos3")
-    assert noise.active == ()
+    assert noise.result.codes(0) == ()
 
 
 @pytest.mark.parametrize(
@@ -99,13 +99,13 @@ def test_a_fault_or_state_that_there_is_not_is_named():
 
 def test_the_bars_are_the_strengths_and_crosses_mark_what_is_printed():
     tool = ValveDiagnosis.from_plant("P2", 0.96)
-    result, ax = tool.result, tool.plot(ax=axes())
-    assert [bar.get_width() for bar in ax.patches] == list(result.strength.values())
+    ax = tool.plot(ax=axes())
+    assert [bar.get_width() for bar in ax.patches] == list(tool.strength.values())
     active = [bar.get_facecolor() for bar in ax.patches]
     assert len(set(active)) == 2
     threshold, crosses = ax.lines
     assert set(threshold.get_xdata()) == {0.5}
-    codes = list(result.strength)
+    codes = list(tool.strength)
     assert [codes[int(y)] for y in crosses.get_ydata()] == ["P2"]
 
 

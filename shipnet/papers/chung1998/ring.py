@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise, product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
 
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_whole
 from shipnet.papers.chung1998.link import ITEMS, PRINTED, as_printed, length
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.faults import Stall
 from shipnet.remote_control.packet import PACKET_START, MarkerFormat
-from shipnet.remote_control.packet_format import Items, check_bytes
-from shipnet.remote_control.ring_buffer import Case, Ring, Rule, State, pointer_case
-from shipnet.remote_control.ring_buffer import case_of as case_in
+from shipnet.remote_control.ring_buffer import Case, Ring, State, case_of, pointer_case
 from shipnet.remote_control.simulation import simulate
 from shipnet.remote_control.system import System
 
@@ -127,11 +127,6 @@ def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
     return all(len(group) == 2 and len(group & shown(rounds)) == 1 for group in groups)
 
 
-def case_of(get_no: int, lead: int) -> Case:
-    """Return the case that shows with this many bytes stored ahead of the reader at a place."""
-    return case_in(get_no, lead, SIZE)
-
-
 @check("chung1998-051", counter={"leads": range(SIZE + 1, 2 * SIZE)})
 def case_c_means_an_overrun(*, leads: Sequence[int] = range(-SIZE, 2 * SIZE)) -> bool:
     """Whether bytes are overwritten wherever case c shows, for these leads of the writer.
@@ -139,7 +134,9 @@ def case_c_means_an_overrun(*, leads: Sequence[int] = range(-SIZE, 2 * SIZE)) ->
     A lead below 0 is that of a reader which has passed the writer.
     """
     return all(
-        lead > SIZE for get_no, lead in product(range(SIZE), leads) if case_of(get_no, lead) == "c"
+        lead > SIZE
+        for get_no, lead in product(range(SIZE), leads)
+        if case_of(get_no, lead, SIZE) == "c"
     )
 
 
@@ -177,56 +174,18 @@ def packet_is_found(*, before: bytes = bytes(5)) -> bool:
 @check("chung1998-023", counter={"wrap": True})
 def values_are_whole(*, wrap: bool = False) -> bool:
     """Whether the printed line takes the right values wherever a packet lies in the ring."""
-    table = extraction(dict.fromkeys(range(ITEMS), 1000), size=SIZE, wrap=wrap)
+    table = extraction(dict.fromkeys(range(ITEMS), 1000), wrap=wrap)
     return bool((table["wrong"] == 0).all())
 
 
 # Values taken out of the ring --------------------------------------------------------------
 
 
-def extract_value(cells: bytes, get_no: int, *, wrap: bool = False, beyond: bytes = b"\0\0") -> int:
-    """Return the value whose number lies at a place of the ring."""
-    cells, beyond = check_bytes("cells", cells), check_bytes("beyond", beyond)
-    size = len(cells)
-    if size < 3 or len(beyond) != 2:
-        raise ArgumentError(
-            f"cells and beyond have {size} and {len(beyond)} bytes; they must have 3 or more, and 2"
-        )
-    place = check_whole("get_no", get_no, 0, size - 1)
-    memory = cells + (cells[:2] if wrap else beyond)
-    return memory[place + 1] | memory[place + 2] << 8
-
-
-def extract_items(
-    cells: bytes,
-    get_no: int,
-    n_items: int,
-    packet_format: MarkerFormat | None = None,
-    *,
-    wrap: bool = False,
-    beyond: bytes = b"\0\0",
-) -> Items:
-    """Return the items of a packet whose first marker lies at a place of the ring."""
-    form = packet_format or MarkerFormat()
-    if len(check_bytes("cells", cells)) < 3:
-        raise ArgumentError(f"cells has {len(cells)} bytes; it must have 3 or more")
-    check_whole("n_items", n_items, 0, form.n_numbers)
-    check_whole("get_no", get_no, 0, len(cells) - 1)
-    head, step = len(form.head), len(form.lead) + 3
-    first = get_no + head + len(form.lead)
-    places = [(first + k * step) % len(cells) for k in range(n_items)]
-    return tuple(
-        (cells[place], extract_value(cells, place, wrap=wrap, beyond=beyond)) for place in places
-    )
-
-
 def extraction(
     items: Mapping[int, int],
     packet_format: MarkerFormat | None = None,
     *,
-    size: int = 128,
     wrap: bool = False,
-    beyond: bytes = b"\0\0",
 ) -> pd.DataFrame:
     """Return what becomes of a packet at every place of the ring.
 
@@ -236,12 +195,8 @@ def extraction(
         Numbers and values of the packet.
     packet_format : MarkerFormat, optional
         Which way the figure is read; reading A with ten numbers if omitted.
-    size : int, default 128
-        Size of the ring; the packet must fit into it.
     wrap : bool, default False
-        Whether the indices go round.
-    beyond : bytes, default two zeros
-        What lies in memory behind the ring, 2 bytes.
+        Whether the indices go round; if not, two zeros lie in memory after the ring.
 
     Returns
     -------
@@ -256,8 +211,6 @@ def extraction(
 
     Examples
     --------
-    Ten data, a packet at each of 128 places:
-
     >>> table = extraction({number: 1000 for number in range(10)})
     >>> int((table.wrong > 0).sum()), int((table.outside > 0).sum()), len(table)
     (20, 20, 128)
@@ -266,20 +219,20 @@ def extraction(
 
     form = packet_format or MarkerFormat()
     packet = form.encode(items)
-    check_whole("size", size, max(3, len(packet)), 65536, ", so that the packet fits into the ring")
-    true = form.decode(packet)
-    head, step = len(form.head) + len(form.lead), len(form.lead) + 3
-    rows = []
-    for offset in range(size):
-        cells = bytearray(size)
-        for place, byte in enumerate(packet, offset):
-            cells[place % size] = byte
-        found = extract_items(bytes(cells), offset, len(true), form, wrap=wrap, beyond=beyond)
-        places = [(offset + head + k * step) % size for k in range(len(true))]
-        outside = 0 if wrap else sum(max(0, place + 3 - size) for place in places)
-        wrong = sum(one != other for one, other in zip(found, true, strict=True))
-        rows.append((offset, outside, wrong))
-    return pd.DataFrame(rows, columns=["offset", "outside", "wrong"])
+    check_whole("bytes of the packet", len(packet), 0, SIZE)
+    laid = np.frombuffer(packet.ljust(SIZE, b"\0"), np.uint8).astype(int)
+    true = np.reshape(form.decode(packet), (-1, 2))
+    # A row per place of the packet's first byte, a column per cell or per item.
+    offset = np.arange(SIZE)[:, np.newaxis]
+    cells = laid[(np.arange(SIZE) - offset) % SIZE]
+    memory = np.hstack([cells, cells[:, :2] * wrap])
+    first, step = len(form.head) + len(form.lead), len(form.lead) + 3
+    places = (offset + first + step * np.arange(len(true))) % SIZE
+    number, low, high = (np.take_along_axis(memory, places + k, axis=1) for k in range(3))
+    wrong = (number != true[:, 0]) | ((low | high << 8) != true[:, 1])
+    outside = np.maximum(places + 3 - SIZE, 0) * (not wrap)
+    columns = {"offset": offset[:, 0], "outside": outside.sum(axis=1), "wrong": wrong.sum(axis=1)}
+    return pd.DataFrame(columns)
 
 
 # Overrun, repair, trials -------------------------------------------------------------------
@@ -303,8 +256,7 @@ def full_rings(size: int = SIZE) -> Iterator[Ring]:
     """Return rings of packet starts only that show case c, for every place of the writer."""
     for no in range(size):
         ring = Ring(size)
-        for _ in range(size + no):
-            ring.store(PACKET_START)
+        ring.store_all(bytes([PACKET_START]) * (size + no))
         yield ring
 
 
@@ -335,18 +287,15 @@ def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
     return found
 
 
-def packets_found(waiting: int, rule: Rule, items: int = ITEMS, get_no: int = 0) -> int:
+def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: int = 0) -> int:
     """Return how many packets, as they were sent, are found after this many bytes nobody read.
 
-    The rule is "intended" or "corrected"; by "printed" the reader has no end. None is found where
-    the reader stops, in case a.
+    None is found where the reader stops, in case a.
     """
-    if rule not in ("intended", "corrected"):
-        raise ArgumentError(f"rule is {rule!r}; it must be 'intended' or 'corrected'")
     check_whole("waiting", waiting, 0, 10**6)
-    form = MarkerFormat(n_numbers=items)
-    count = waiting // form.size(items) + 1
-    sent = [dict.fromkeys(range(items), n) for n in range(1, count + 1)]
+    form = MarkerFormat(n_numbers=ITEMS)
+    count = waiting // form.size(ITEMS) + 1
+    sent = [dict.fromkeys(range(ITEMS), n) for n in range(1, count + 1)]
     ring = Ring.filled(0, get_no, SIZE, rule)
     ring.store_all(b"".join(map(form.encode, sent))[:waiting])
     taken = bytearray()
@@ -393,7 +342,7 @@ def recovered(
     size, rows = length(reading="A"), []
     for n in waiting:
         found = [packets_found(n, "intended", get_no=place) for place in places]
-        stops = [case_of(place, n) == "a" for place in places]
+        stops = [case_of(place, n, SIZE) == "a" for place in places]
         # The corrected ring counts on: the place of its reader makes no difference.
         corrected = packets_found(n, "corrected", get_no=places[0])
         mean, stopped = (sum(column) / len(places) for column in (found, stops))
@@ -491,29 +440,16 @@ def larger_ring_is_not_overrun(*, size: int = 2 * SIZE, stall: float = 0.2) -> b
     return packets_stored(came, ITEMS, size=size).case in ("b", "d")
 
 
-def ring_trials(
-    system: System | None = None,
-    *,
-    station: str = "BCS",
-    presses: int = 10,
-    write_time: float = WRITE_TIME,
-    duration: float = 20.0,
-) -> pd.DataFrame:
+def ring_trials(system: System | None = None, *, duration: float = 20.0) -> pd.DataFrame:
     """Return how often the ring is found in an abnormal state in the paper's three trials.
 
     Parameters
     ----------
     system : System, optional
         The link; if omitted, that of the paper with all 10 items in every packet.
-    station : str, default "BCS"
-        Who writes its EEPROM.
-    presses : int, default 10
-        How often the Enter key is pressed in the third trial, 1..10000, the writes one after
-        the other.
-    write_time : float, default WRITE_TIME
-        Time for a byte, 0..10 [s].
     duration : float, default 20
-        How long each trial is simulated [s]; the stall begins after 5 s.
+        How long each trial is simulated [s]; BCS writes its EEPROM after 5 s, in the second trial
+        for one press of the Enter key and in the third for ten, one after the other.
 
     Returns
     -------
@@ -524,7 +460,7 @@ def ring_trials(
     Raises
     ------
     ArgumentError
-        If an argument is out of range, or a stall does not end within the trial.
+        If `duration` is out of range, or a stall does not end within the trial.
 
     Notes
     -----
@@ -542,18 +478,17 @@ def ring_trials(
     import pandas as pd
 
     link = System(repeat=10) if system is None else system
-    byte = check_scalar("write_time", write_time, "s", 0, 10)
-    most = check_whole("presses", presses, 1, 10_000)
     rows = []
-    for trial, pressed, printed in (
-        ("no parameter change", 0, PAPER_EVENTS[0]),
-        ("parameter change", 1, PAPER_EVENTS[1]),
-        (f"{most} presses of Enter", most, PAPER_EVENTS[2]),
+    for trial, presses, printed in zip(
+        ("no parameter change", "parameter change", "10 presses of Enter"),
+        (0, 1, 10),
+        PAPER_EVENTS,
+        strict=True,
     ):
-        stall = pressed * BYTES_PER_PRESS * byte
+        stall = presses * BYTES_PER_PRESS * WRITE_TIME
         if 5 + stall >= duration:
             raise ArgumentError(f"duration is {duration:g} s; the stall ends at {5 + stall:g} s")
-        faults = [Stall(station, start=5.0, stop=5.0 + stall)] if stall else []
+        faults = [Stall("BCS", start=5.0, stop=5.0 + stall)] if stall else []
         run = simulate(link, faults=faults, until=duration)
         events = int(run.events()["event"].str.startswith("ring").sum())
         rows.append((trial, stall, events, run.max_unread, len(run.alarms()), printed))

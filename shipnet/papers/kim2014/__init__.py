@@ -14,7 +14,7 @@ from shipnet.papers.kim2014.faults import (
     seen_strokes,
     through_registers,
 )
-from shipnet.papers.kim2014.line import break_table, conversation, scan_table, switch_table
+from shipnet.papers.kim2014.line import break_table, conversation, switch_table
 from shipnet.papers.kim2014.registers import (
     answer_table,
     code_table,
@@ -23,5 +23,5 @@ from shipnet.papers.kim2014.registers import (
 )
 
 __all__ = ["age_table", "answer_table", "break_table", "broken_loops", "code_table"]
-__all__ += ["conversation", "graded_trials", "message_table", "picture_table", "scan_table"]
+__all__ += ["conversation", "graded_trials", "message_table", "picture_table"]
 __all__ += ["score_table", "seen_strokes", "survival_table", "switch_table", "through_registers"]

@@ -22,8 +22,6 @@ from shipnet.ballast.scan import status_poll
 from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.slave import valve_slaves
 from shipnet.engine.class_rules import RULES
-from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.faults import Break, DeadPort
 from shipnet.modbus.frame import MAX_UNIT, rtu_frame
@@ -31,8 +29,8 @@ from shipnet.modbus.pdu import Request
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 from shipnet.modbus.udp import LossyPath, simulate
-from shipnet.papers.kim2014.registers import write_outcome
-from shipnet.papers.registry import check, numeric
+from shipnet.papers.kim2014.registers import answer_table
+from shipnet.papers.registry import check, is_legal, numeric
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,14 +43,6 @@ if TYPE_CHECKING:
 SECTIONS = (
     "1", "2", "2.1", "2.2", "2.3", "3", "3.1", "3.2", "3.2", "3.3", "3.4", "3.5", "4", "5",
 )  # fmt: skip
-
-#: What the standards for environmental tests are about: the title of IEC 60945 and of
-#: IEC 60092-504, and the subject of the class societies' unified requirement E10.
-SUBJECTS = {
-    "IEC 60945": "maritime navigation and radiocommunication equipment",
-    "IEC 60092-504": "electrical installations in ships: automation, control and instrumentation",
-    "IACS UR E10": "type tests of a ship's equipment for control, monitoring and automation",
-}
 
 
 def captions() -> tuple[str, ...]:
@@ -74,12 +64,6 @@ def tables_are_unique(*, tables: tuple[str, ...] = ()) -> bool:
     return len(set(numbers)) == len(numbers)
 
 
-@check("kim2014-046", counter={"standard": "IACS UR E10"})
-def is_about_automation(*, standard: str = "IEC 60945") -> bool:
-    """Whether the standard is about the automation of a ship's machinery."""
-    return "automation" in SUBJECTS[standard]
-
-
 @check("kim2014-063", counter={"flag": "MotHighTemp"})
 def flag_names_the_motor(*, flag: str = "") -> bool:
     """Whether the flag of O1 begins with the beginning of the word motor."""
@@ -89,17 +73,6 @@ def flag_names_the_motor(*, flag: str = "") -> bool:
 
 
 # The ID switches of a slave: two decimal dials and two DIP pins, and which settings are legal.
-
-
-def unit_id(pins: int, tens: int, units: int) -> int:
-    """Return the unit id of a setting."""
-    number = 100 * check_whole("pins", pins, 0, 3)
-    number += 10 * check_whole("tens", tens, 0, 9) + check_whole("units", units, 0, 9)
-    if (why := _verdict(number)) != "legal":
-        raise ArgumentError(
-            f"switches are set to {number}, which is {why}; legal are 1..{MAX_UNIT}"
-        )
-    return number
 
 
 def switch_table() -> pd.DataFrame:
@@ -132,23 +105,11 @@ def _verdict(number: int) -> str:
 # Sections 1, 3.2 and 3.3: how many valves one master can address.
 
 
-def addresses(bits: int = 8) -> list[int]:
-    """Return the unit ids of single slaves."""
-    return [unit for unit in range(1, 2**bits) if _legal(unit)]
-
-
-def _legal(unit: int) -> bool:
-    try:
-        rtu_frame(unit, Request.read_input_registers(0, 1).pdu)
-    except ArgumentError:
-        return False
-    return True
-
-
 @numeric("kim2014-001", "kim2014-002")
 def slaves_of_a_master(*, bits: int = 8) -> int:
     """Slaves that one master can call by an id of this many bits."""
-    return len(addresses(bits))
+    read = Request.read_input_registers(0, 1).pdu
+    return sum(is_legal(rtu_frame, unit, read) for unit in range(1, 2**bits))
 
 
 @numeric("kim2014-047")
@@ -160,13 +121,9 @@ def first_that_needs_two(*, bits: int = 8) -> int:
 @numeric("kim2014-003")
 def selectable_ids(*, positions: int = 10, pins: int = 2) -> int:
     """Ids that two dials and the DIP pins can be set to, and that a slave may have."""
-    found = set()
-    for setting in product(range(2**pins), range(positions), range(positions)):
-        try:
-            found.add(unit_id(*setting))
-        except ArgumentError:
-            continue
-    return len(found)
+    settings = product(range(2**pins), range(positions), range(positions))
+    numbers = {100 * pin + 10 * tens + units for pin, tens, units in settings}
+    return sum(_verdict(number) == "legal" for number in numbers)
 
 
 # Sections 2.1, 3.2 and 3.3: the serial line, its closed loop, and how long a scan takes.
@@ -210,8 +167,9 @@ def every_slave_has_two_ways(*, dead: Literal["A", "B", ""] = "", slaves: int = 
 @check("kim2014-051", counter={"at_end": False})
 def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 10.0) -> bool:
     """Whether a valve is polled while it moves, if it replies to the command at the end of it."""
-    outcome = write_outcome(SerialLine(9600), 5, movement, at_end=at_end, timeout=2 * movement)
-    return outcome.answered and outcome.polls_while_moving > 0
+    table = answer_table(SerialLine(9600), 5, movement, timeout=2 * movement)
+    row = table.loc["at the end" if at_end else "at the start"]
+    return bool(row["answered"] and row["polls_while_moving"] > 0)
 
 
 @check("kim2014-085", counter={"interface": "RS-422"})
@@ -225,32 +183,6 @@ def two_wires_are_enough(*, interface: str = "RS-485") -> bool:
 def asks_for_two_lines(*, text: str = "SOLAS") -> bool:
     """Whether this is the text in which duplicated data links are asked for."""
     return any(text in rule.elsewhere for rule in RULES if rule.name == "links duplicated")
-
-
-def scan_table(n_slaves: int = MAX_UNIT, *, processing: float = 0.0) -> pd.DataFrame:
-    """Return how long a scan takes at the rates between those that the paper prints.
-
-    Parameters
-    ----------
-    n_slaves : int, default 247
-        Number of slaves.
-    processing : float, default 0
-        How long each slave, and the master after it, work on top of the silences [s].
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by ``bit_rate``: ``poll_ms``, ``scan_s``, and ``slaves_in_2_s``, how many a scan of
-        2 s can have.
-
-    Examples
-    --------
-    >>> scan_table(processing=5e-3).loc[115200].round(2).to_dict()
-    {'poll_ms': 10.51, 'scan_s': 2.59, 'slaves_in_2_s': 190.0}
-    """
-    table = scan.scan_table(n_slaves, bit_rates=RATES, processing=processing)
-    named = table.rename(columns={"read_ms": "poll_ms", "valves_in_2_s": "slaves_in_2_s"})
-    return named[["poll_ms", "scan_s", "slaves_in_2_s"]]
 
 
 def break_table(
@@ -349,23 +281,6 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
 
 
 # Sections 2.2 and 3.5, Figs 5 and 6: the header on Ethernet, and what datagrams do to it.
-
-
-#: Transport and port of Modbus TCP: "MODBUS messaging on TCP/IP implementation guide" V1.0b, 2006,
-#: sections 2 and 3.1.3.
-MODBUS_TCP = ("TCP", 502)
-
-
-@check("kim2014-014", counter={"transport": "TCP"})
-def transport_is_that_of_modbus_tcp(*, transport: str = "UDP") -> bool:
-    """Whether Modbus TCP is carried by this protocol."""
-    return transport == MODBUS_TCP[0]
-
-
-@check("kim2014-015", counter={"port": 503})
-def port_is_that_of_modbus_tcp(*, port: int = 502) -> bool:
-    """Whether Modbus TCP listens at this port."""
-    return port == MODBUS_TCP[1]
 
 
 @check("kim2014-056", counter={"late": 0.0})

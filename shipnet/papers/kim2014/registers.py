@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from dataclasses import replace
 from math import ceil
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,16 +22,15 @@ from shipnet.ballast.registers import (
     command_codes,
     whole_steps,
 )
+from shipnet.ballast.scan import READ_STATUS, command_poll, status_poll
 from shipnet.ballast.sensors import CHANNELS, Sensors
-from shipnet.datasets import path
-from shipnet.errors import ArgumentError, FrameError
+from shipnet.errors import FrameError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.modbus.frame import MAX_PDU, MAX_UNIT, rtu_frame, tcp_frame
+from shipnet.modbus.frame import MAX_PDU, MAX_UNIT, rtu_frame
 from shipnet.modbus.pdu import FunctionCode, Request, Response, decode
-from shipnet.modbus.polling import Poll
 from shipnet.modbus.slave import Slave
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.registry import check, numeric
+from shipnet.papers.registry import check, is_legal, numeric
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,64 +39,34 @@ if TYPE_CHECKING:
 # The messages of Tables 2 and 3, byte for byte: as printed, and as the standard wants them.
 
 
-#: File and message by name.
-MESSAGES = {
-    "write query": ("kim2014_table2_write_register.csv", "query"),
-    "write response": ("kim2014_table2_write_register.csv", "response"),
-    "write error": ("kim2014_table2_write_register.csv", "error"),
-    "read query": ("kim2014_table3_read_registers.csv", "query"),
-    "read response": ("kim2014_table3_read_registers.csv", "response"),
+#: The tables of the messages that write a register, and of those that read some.
+_TABLES = {
+    "write": datasets.read("kim2014_table2_write_register.csv"),
+    "read": datasets.read("kim2014_table3_read_registers.csv"),
 }
 
+#: What is printed for fields without a number, which are 0 here.
+_ZERO = ("0.0.0.0", "Position 0-100%", "see bits")
 
-def printed_adu(
-    message: str, *, unit: int = 1, value: int = 0, registers: tuple[int, ...] = (0, 0, 0, 0)
-) -> bytes:
+
+def printed_adu(message: str) -> bytes:
     """Return a message with the bytes that the paper prints."""
-    words = _checked(message, unit, value, registers)
-    file, kind = MESSAGES[message]
-    with path(file).open(encoding="utf-8") as table:
-        rows = [row for row in csv.DictReader(table) if row["message"] == kind]
-    adu = b""
-    for row in rows:
-        length, text = int(row["length_byte"]), row["value_printed"]
-        match row["field_corrected"]:
-            case "unit identifier":
-                number = unit
-            case "position in percent":
-                number = value >> 8
-            case "command" | "status bits":
-                number = value & 0xFF
-            case "input registers":
-                adu += b"".join(word.to_bytes(2, "big") for word in words)
-                continue
-            case "transaction and protocol identifier":
-                adu += bytes(int(part) for part in text.split("."))
-                continue
-            case _:
-                number = int(text, 0)
-        adu += number.to_bytes(length, "big")
+    access, kind = message.split()
+    rows, adu = _TABLES[access], b""
+    for row in rows[rows["message"] == kind].to_dict("records"):
+        number = 0 if row["value_printed"] in _ZERO else int(row["value_printed"], 0)
+        adu += number.to_bytes(int(row["length_byte"]), "big")
     return adu
 
 
-def standard_adu(
-    message: str,
-    *,
-    unit: int = 1,
-    value: int = 0,
-    registers: tuple[int, ...] = (0, 0, 0, 0),
-    transaction_id: int = 0,
-) -> bytes:
-    """Return the same message as the standard has it."""
-    words = _checked(message, unit, value, registers)
-    pdus = {
-        "write query": Request.write_single_register(COMMAND_REGISTER, value).pdu,
-        "write response": Request.write_single_register(COMMAND_REGISTER, value).pdu,
-        "write error": Response(6, exception=1).pdu,  # type: ignore[arg-type]
-        "read query": Request.read_input_registers(FIRST_REGISTER, N_REGISTERS).pdu,
-        "read response": Response(4, registers=words).pdu,
-    }
-    return tcp_frame(unit, pdus[message], transaction_id)
+#: The same messages as the standard has them.
+STANDARD = {
+    "write query": Request.write_single_register(COMMAND_REGISTER, 0).tcp(1, 0),
+    "write response": Request.write_single_register(COMMAND_REGISTER, 0).tcp(1, 0),
+    "write error": Response(6, exception=1).tcp(1, 0),  # type: ignore[arg-type]
+    "read query": READ_STATUS.tcp(1, 0),
+    "read response": Response(4, registers=(0,) * N_REGISTERS).tcp(1, 0),
+}
 
 
 def message_table() -> pd.DataFrame:
@@ -119,18 +87,18 @@ def message_table() -> pd.DataFrame:
     import pandas as pd
 
     rows = []
-    for message in MESSAGES:
-        printed, standard = printed_adu(message), standard_adu(message)
+    for message in STANDARD:
+        printed, standard = printed_adu(message), STANDARD[message]
         lengths = [int.from_bytes(adu[4:6], "big") for adu in (printed, standard)]
         rows.append(
             (printed.hex(" "), standard.hex(" "), *lengths, printed == standard, _verdict(message))
         )
     columns = ["printed", "standard", "length_printed", "length_standard", "same", "decoder"]
-    return pd.DataFrame(rows, columns=columns, index=pd.Index(MESSAGES, name="message"))
+    return pd.DataFrame(rows, columns=columns, index=pd.Index(STANDARD, name="message"))
 
 
 def _verdict(message: str) -> str:
-    request = decode(standard_adu(f"{message.split()[0]} query"), "tcp").request()
+    request = decode(STANDARD[f"{message.split()[0]} query"], "tcp").request()
     try:
         pdu = decode(printed_adu(message), "tcp").pdu
         if message.endswith("query"):
@@ -140,16 +108,6 @@ def _verdict(message: str) -> str:
     except FrameError as error:
         return type(error).__name__
     return "ok"
-
-
-def _checked(message: str, unit: int, value: int, registers: tuple[int, ...]) -> tuple[int, ...]:
-    if message not in MESSAGES:
-        raise ArgumentError(f"message is {message!r}; it must be one of {', '.join(MESSAGES)}")
-    check_whole("unit", unit, 0, 255)
-    check_whole("value", value, 0, 0xFFFF)
-    if len(registers) != N_REGISTERS:
-        raise ArgumentError(f"registers has {len(registers)} values; it must have {N_REGISTERS}")
-    return tuple(check_whole("register", word, 0, 0xFFFF) for word in registers)
 
 
 # Section 2.1, the first Table 1, Tables 2 and 3: fields, codes and lengths of the messages.
@@ -166,16 +124,11 @@ _LENGTH_AT = 4
 
 def table_1() -> dict[str, int]:
     """Return how long the first Table 1 makes the messages of Tables 2 and 3."""
-    sizes = {}
-    for name, code in (("write", "0x06"), ("read", "0x04")):
-        for message in ("query", "response", "error"):
-            own = (_TABLE_1["function_code"] == code) & (_TABLE_1["message"] == message)
-            fixed, each = (
-                _TABLE_1.loc[own, f"length_{what}_byte"].astype(int).sum()
-                for what in ("fixed", "per_register")
-            )
-            sizes[f"{name} {message}"] = int(fixed + N_REGISTERS * each)
-    return sizes
+    fixed = _TABLE_1["length_fixed_byte"].astype(int)
+    each = _TABLE_1["length_per_register_byte"].astype(int)
+    function = _TABLE_1["function_code"].map({"0x06": "write", "0x04": "read"})
+    sizes = (fixed + N_REGISTERS * each).groupby(function + " " + _TABLE_1["message"]).sum()
+    return {str(message): int(size) for message, size in sizes.items()}
 
 
 def _answer(registers: int) -> Response:
@@ -205,15 +158,8 @@ def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
 @numeric("kim2014-086")
 def least_registers(*, data: int = 2) -> int:
     """Registers that a legal query must ask for to get this many bytes of data or more."""
-    return next(n for n in range(126) if _may_ask(n) and len(_answer(n).pdu) >= 2 + data)
-
-
-def _may_ask(quantity: int) -> bool:
-    try:
-        Request.read(_READ, FIRST_REGISTER, quantity)
-    except ArgumentError:
-        return False
-    return True
+    legal = (n for n in range(126) if is_legal(Request.read, _READ, FIRST_REGISTER, n))
+    return next(n for n in legal if len(_answer(n).pdu) >= 2 + data)
 
 
 @check("kim2014-011", counter={"message": "query"})
@@ -232,7 +178,7 @@ def names_a_register(*, message: str = "response") -> bool:
 @numeric("kim2014-019", messages=("read query",))
 def length_field(*, messages: tuple[str, ...], before: int = _LENGTH_AT + 2) -> int:
     """Bytes of these messages, which have one length, that follow the length field."""
-    (length,) = {len(standard_adu(message)) - before for message in messages}
+    (length,) = {len(STANDARD[message]) - before for message in messages}
     return length
 
 
@@ -263,13 +209,8 @@ def rtu_read_response(*, registers: int = N_REGISTERS) -> int:
 @check("kim2014-049", counter={"codes": (1, 2, 3, 7)})
 def exceptions_exist(*, codes: tuple[int, ...] = (1, 2, 3, 4)) -> bool:
     """Whether the standard has these exception codes, for both function codes."""
-    try:
-        for function in (_READ, _WRITE):
-            for code in codes:
-                Response.parse(bytes([function | 0x80, code]))
-    except FrameError:
-        return False
-    return True
+    pdus = [bytes([function | 0x80, code]) for function in (_READ, _WRITE) for code in codes]
+    return all(is_legal(Response.parse, pdu) for pdu in pdus)
 
 
 @check("kim2014-083", counter={"read": 3})
@@ -279,7 +220,7 @@ def functions_are_named_right(*, write: int = 6, read: int = 4) -> bool:
 
 
 @check("kim2014-084", counter={"messages": ("write query", "write response", "read query")})
-def same_pdu_on_both(*, messages: tuple[str, ...] = tuple(MESSAGES)) -> bool:
+def same_pdu_on_both(*, messages: tuple[str, ...] = tuple(STANDARD)) -> bool:
     """Whether the messages of Tables 2 and 3 have the PDU lengths of the first Table 1."""
     header = 7
     return all(len(printed_adu(message)) - header == table_1()[message] for message in messages)
@@ -288,8 +229,8 @@ def same_pdu_on_both(*, messages: tuple[str, ...] = tuple(MESSAGES)) -> bool:
 @check("kim2014-058", counter={"first": 1})
 def labels_are_offsets(*, first: int = 0) -> bool:
     """Whether the labels 5 to 11 are the places of the fields' last bytes, counted from first."""
-    for table in ("table2_write_register", "table3_read_registers"):
-        for _, fields in datasets.read(f"kim2014_{table}.csv").groupby("message"):
+    for table in _TABLES.values():
+        for _, fields in table.groupby("message"):
             last = np.cumsum(fields["length_byte"].astype(int)) - 1 + first
             labelled = fields["label_printed"].isin([str(label) for label in range(5, 12)])
             if (fields["label_printed"][labelled].astype(int) != last[labelled]).any():
@@ -302,15 +243,10 @@ def addresses_fit(*, addresses: tuple[int, ...] = (COMMAND_REGISTER, 0x4020, 0x4
     """Whether these registers lie in the range that the first Table 1 prints for an address."""
     printed = _TABLE_1[_TABLE_1["value_printed"].str.fullmatch("0x0000~0xFF FF")]
     low, high = (int(printed[f"value_{end}"].iloc[0], 16) for end in ("low", "high"))
-    return all(low <= address <= high and _writable(address) for address in addresses)
-
-
-def _writable(address: int) -> bool:
-    try:
-        Request.write_single_register(address, 0)
-    except ArgumentError:
-        return False
-    return True
+    return all(
+        low <= address <= high and is_legal(Request.write_single_register, address, 0)
+        for address in addresses
+    )
 
 
 @check(
@@ -326,47 +262,6 @@ def registers_in_order(
 
 
 # When a slave answers a command: at once, or, as the paper prints it, when the valve has arrived.
-
-
-class WriteOutcome(NamedTuple):
-    """What a command costs the line."""
-
-    write_time: float
-    tries: int
-    answered: bool
-    scan_gap: float
-    polls_while_moving: int
-
-
-def write_outcome(
-    serial: SerialLine,
-    n_slaves: int,
-    movement: float,
-    *,
-    at_end: bool,
-    timeout: float = 1.0,
-    retries: int = 0,
-) -> WriteOutcome:
-    """Return what a command to one valve does to a scan of all."""
-    slaves = check_whole("n_slaves", n_slaves, 1, MAX_UNIT)
-    moving = check_scalar("movement", movement, "s", 0, 3600)
-    write = Poll(
-        Request.write_single_register(COMMAND_REGISTER, 0), serial, timeout=timeout, retries=retries
-    )
-    read = Poll(Request.read_input_registers(FIRST_REGISTER, N_REGISTERS), serial)
-    scan = read.scan_time(slaves)
-    tries, answered, cost = 1, True, write.time
-    if at_end:
-        # From the end of the first try to the end of the answer, and how many tries that spans.
-        late = write.shortest_timeout + moving
-        tries = 1 + max(ceil((late - write.timeout) / write.unanswered_time), 0)
-        answered = tries <= write.retries + 1
-        # A try that the answer interrupts has been sent in vain, but not waited for in full.
-        cost = write.time + moving if answered else write.timeout_time
-        tries = min(tries, write.retries + 1)
-    busy = cost if at_end else 0.0
-    polls = 0 if busy >= moving else ceil((moving - busy) / scan)
-    return WriteOutcome(cost, tries, answered, scan + cost, polls)
 
 
 def answer_table(
@@ -411,20 +306,25 @@ def answer_table(
     """
     import pandas as pd
 
-    plain = Poll(Request.write_single_register(COMMAND_REGISTER, 0), serial)
-    patient = replace(plain, timeout=3600.0, processing=movement).shortest_timeout
-    cases = {
-        "at the start": (False, timeout),
-        "at the end": (True, timeout),
-        "at the end, waited for": (True, patient),
-    }
-    rows = []
-    for at_end, wait in cases.values():
-        found = write_outcome(
-            serial, n_slaves, movement, at_end=at_end, timeout=wait, retries=retries
-        )
-        rows.append((wait, *found))
+    moving = check_scalar("movement", movement, "s", 0, 3600)
+    scan = status_poll(serial).scan_time(check_whole("n_slaves", n_slaves, 1, MAX_UNIT))
+    write = replace(command_poll(serial, timeout=timeout), retries=retries)
+    patient = replace(write, timeout=3600.0, processing=moving).shortest_timeout
+    rows: list[tuple[object, ...]] = [
+        (timeout, write.time, 1, True, scan + write.time, ceil(moving / scan))
+    ]
+    for wait in (timeout, patient):
+        write = replace(write, timeout=wait)
+        # From the end of the first try to the end of the answer, and how many tries that spans.
+        late = write.shortest_timeout + moving
+        tries = 1 + max(ceil((late - wait) / write.unanswered_time), 0)
+        answered = tries <= retries + 1
+        # A try that the answer interrupts has been sent in vain, but not waited for in full.
+        cost = write.time + moving if answered else write.timeout_time
+        polls = max(ceil((moving - cost) / scan), 0)
+        rows.append((wait, cost, min(tries, retries + 1), answered, scan + cost, polls))
     columns = ["timeout_s", "write_s", "tries", "answered", "scan_gap_s", "polls_while_moving"]
+    cases = ["at the start", "at the end", "at the end, waited for"]
     return pd.DataFrame(rows, columns=columns, index=pd.Index(cases, name="answer"))
 
 
@@ -548,9 +448,11 @@ def code_table() -> pd.DataFrame:
     """
     import pandas as pd
 
-    columns = {reading: command_codes(reading) for reading in CODE_READINGS}
-    index = pd.Index([code.value for code in Code], name="command")
-    return pd.DataFrame({r: list(codes.values()) for r, codes in columns.items()}, index=index)
+    codes = {
+        reading: {code.value: number for code, number in command_codes(reading).items()}
+        for reading in CODE_READINGS
+    }
+    return pd.DataFrame(codes).rename_axis("command")
 
 
 def survival_table() -> pd.DataFrame:
@@ -571,19 +473,16 @@ def survival_table() -> pd.DataFrame:
     """
     import pandas as pd
 
-    rules = pd.read_csv(datasets.path("kim2014_rule_table.csv"), dtype=str)
     rows = []
-    for rule in rules.to_dict("records"):
-        for k, scale in enumerate(SCALES):
-            name = scale.channel.lower()
-            texts = [rule[f"{name}_printed"]]
-            if name == "vpos":
-                texts.append(rule.get("vpos_corrected_percent"))
-            numbers = [str(t).split(" or ") for t in texts if isinstance(t, str)]
-            for value in dict.fromkeys(float(n) for several in numbers for n in several):
+    for rule in datasets.read("kim2014_rule_table.csv").to_dict("records"):
+        for channel, scale in zip(CHANNELS, SCALES, strict=True):
+            texts = rule[f"{channel.name.lower()}_printed"].split(" or ")
+            if channel.name == "VPos":
+                texts += rule["vpos_corrected_percent"].split(" or ")
+            for value in dict.fromkeys(float(text) for text in texts if text):
                 sent, saturated = whole_steps(np.array([value]) / scale.step, HIGHEST)
                 got = float(sent[0]) * scale.step
                 survives = abs(got - value) <= scale.step / 2 + 1e-9
-                rows.append((rule["code"], CHANNELS[k].name, value, got, saturated[0], survives))
+                rows.append((rule["code"], channel.name, value, got, saturated[0], survives))
     columns = ["code", "channel", "value", "received", "saturated", "survives"]
     return pd.DataFrame(rows, columns=columns)

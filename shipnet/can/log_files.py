@@ -1,0 +1,684 @@
+"""Recorded CAN frames as programs store them: candump, CSV, ASC, BLF and TRC, told by content.
+
+Every reader makes rows of what it finds, and one place checks them all. What is not a frame of
+classic CAN is set aside, with its place if something is wrong with it. python-can reads ASC, TRC
+and BLF. It may never come to an end on a damaged BLF file, so it gets only sound objects.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import zlib
+from base64 import b64decode
+from bisect import bisect_right
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import partial
+from itertools import islice
+from math import nan
+from pathlib import Path
+from struct import unpack_from
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.can.frame import highest_id
+from shipnet.can.log import Log, impossible
+from shipnet.can.messages import load_extra
+from shipnet.errors import InputError
+
+#: About how much of a file is worked on at once [byte], and how many rows.
+_BLOCK, _ROWS = 1 << 22, 1 << 16
+
+#: How many faults of a file are kept.
+_FAULTS = 1000
+
+#: What is set aside though nothing is wrong with it.
+_FD, _ERROR = "CAN FD frame", "error frame"
+
+#: Data bytes that only CAN FD frames have.
+_FD_SIZES = (12, 16, 20, 24, 32, 48, 64)
+
+
+class _Row(NamedTuple):
+    """What a file holds of one frame; `kind` is what it is if not a frame of classic CAN."""
+
+    time: float | None
+    channel: str
+    number: int
+    extended: bool
+    remote: bool
+    dlc: int
+    data: bytes
+    kind: str = ""
+
+
+class _Found:
+    """What was read of a file so far; a `unit` is what its frames are counted in."""
+
+    def __init__(self, unit: str) -> None:
+        self.unit = unit
+        self.rows: list[_Row] = []
+        self.row_places: list[int] = []
+        self.parts: list[Log] = []
+        self.places: list[npt.NDArray[np.int64]] = []
+        self.skipped: list[tuple[float, str, str]] = []
+        self.faults: list[tuple[int, str]] = []
+        self.more = 0
+
+    def fault(self, place: int, why: str, where: str = "") -> None:
+        """Note what is wrong at a place."""
+        if len(self.faults) < _FAULTS:
+            self.faults.append((place, f"{where or f'{self.unit} {place}'}: {why}"))
+        else:
+            self.more += 1
+
+    def add(self, place: int, row: _Row) -> None:
+        """Take a row, or set it aside."""
+        time = nan if row.time is None else row.time
+        if row.kind:
+            self.skipped.append((time, row.channel, row.kind))
+            return
+        why = impossible(
+            0.0 if row.time is None else time, row.number, row.extended, row.dlc, row.remote,
+            len(row.data),
+        )  # fmt: skip
+        if why:
+            self.fault(place, why)
+            return
+        self.rows.append(row if row.time is not None else row._replace(time=nan))
+        self.row_places.append(place)
+        if len(self.rows) >= _ROWS:
+            self.pack()
+
+    def pack(self) -> None:
+        """Turn the rows into columns."""
+        if not self.rows:
+            return
+        time, channel, number, extended, remote, dlc, data, _ = zip(*self.rows, strict=True)
+        octets = b"".join([some.ljust(8, b"\0") for some in data])
+        part = Log(
+            np.array(time, dtype=float),
+            np.array(channel),
+            np.array(number, dtype=np.int64),
+            np.array(extended, dtype=bool),
+            np.array(remote, dtype=bool),
+            np.array(dlc, dtype=np.uint8),
+            np.frombuffer(octets, dtype=np.uint8).reshape(-1, 8),
+        )
+        self.parts.append(part)
+        self.places.append(np.array(self.row_places))
+        self.rows, self.row_places = [], []
+
+    def log(self) -> tuple[Log, int]:
+        """Return all that was found, and how many faults it does not name."""
+        self.pack()
+        if not self.parts:
+            kinds: list[Any] = [float, str, np.int64, bool, bool, np.uint8]
+            empty: list[Any] = [np.zeros(0, dtype=kind) for kind in kinds]
+            empty.append(np.zeros((0, 8), dtype=np.uint8))
+            self.parts = [Log(*empty)]
+            self.places = [np.zeros(0, dtype=np.int64)]
+        every = zip(*(part.columns for part in self.parts), strict=True)
+        columns: list[Any] = [np.concatenate(column) for column in every]
+        time, channel = columns[:2]
+        without = np.isnan(time)
+        bad = without & ~without.all()
+        for name in np.unique(channel) if np.any(np.diff(time) < 0) else ():
+            mine = np.flatnonzero((channel == name) & ~bad)
+            bad[mine[_out_of_order(time[mine])]] = True
+        places = np.concatenate(self.places)
+        for at in np.flatnonzero(bad):
+            why = f"the time {time[at]} s is out of order on {channel[at]}"
+            self.fault(int(places[at]), "it has no time, but others have" if without[at] else why)
+        faults = tuple(why for _, why in sorted(self.faults))
+        rows: list[Any] = [column[~bad] for column in columns]
+        return replace(Log(*rows), faults=faults, skipped=tuple(self.skipped)), self.more
+
+
+def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
+    """Return the fewest places without which times never go backwards."""
+    if not np.any(np.diff(time) < 0):
+        return np.zeros(0, dtype=np.intp)
+    # The longest sequence that never falls: the last place of the best one of each length.
+    lasts: list[float] = []
+    ends: list[int] = []
+    before = np.full(len(time), -1)
+    # Backwards, so that of two equally good ones the earlier frames stay.
+    for place, now in enumerate((-time[::-1]).tolist()):
+        length = bisect_right(lasts, now)
+        before[place] = ends[length - 1] if length else -1
+        lasts[length:length + 1], ends[length:length + 1] = [now], [place]  # fmt: skip
+    kept = np.zeros(len(time), dtype=bool)
+    place = ends[-1]
+    while place >= 0:
+        kept[place] = True
+        place = int(before[place])
+    return np.flatnonzero(~kept[::-1])
+
+
+def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
+    r"""Read a log of classic CAN frames.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A file of candump (``-l``, or what it prints, with or without times), a CSV file of
+        python-can or SavvyCAN, or an ASC, BLF or TRC file, for which python-can is needed. What
+        it is follows from its content, whatever its suffix.
+    keep : bool, default False
+        Whether to keep what can be read of a damaged file; its `Log.faults` then say what is
+        missing.
+
+    Returns
+    -------
+    Log
+        Its columns; a file without frames gives columns without rows. CAN FD frames and error
+        frames are no faults: they are in `Log.skipped`, whatever `keep` is.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or of another kind, or, unless `keep`, if anything in it cannot be
+        a frame: an unreadable line, an identifier, data length or time that no frame has, data
+        that do not fit their length, or times that go backwards on a channel. The message gives
+        the numbers of the lines (of the frames in BLF).
+    ImportError
+        If python-can is needed and missing.
+
+    Notes
+    -----
+    Lines of a text may be numbered; empty lines and comments after ``#``, ``;`` or ``//`` are
+    passed over. Where times go backwards, the fewest frames are left out that put them in order.
+    MDF (MF4) files are not read: asammdf turns them into ASC.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "bus.log")
+    ...     _ = path.write_text("(12.5) can0 123#0102\n(12.6) can0 00000123#R\n")
+    ...     log = read_log(path)
+    ...     _ = path.write_text("  can0  123   [2]  01 02\n  can0  124  [12]  00 ...\n")
+    ...     pasted = read_log(path)
+    >>> log
+    Log(2 frames in 0.1 s)
+    >>> log.time.tolist(), log.dlc.tolist(), log.extended.tolist(), log.remote.tolist()
+    ([12.5, 12.6], [2, 0], [False, True], [False, True])
+    >>> pasted
+    Log(1 frames without times, 1 CAN FD frames skipped)
+    """
+    file = Path(path)
+    try:
+        kind = _kind(file)
+        if kind == "mdf":
+            raise InputError(
+                str(path),
+                "is an MDF (MF4) file, which is not read; asammdf or the program of the logger "
+                "converts it to ASC or BLF",
+            )
+        reader = _read_text if kind == "text" else partial(_read_foreign, kind)
+        if kind == "blf":
+            reader = _read_blf
+        found = reader(file)
+    except OSError as problem:
+        raise InputError(str(path), f"cannot be read: {problem.strerror}") from None
+    log, more = found.log()
+    if log.faults and not keep:
+        raise InputError(str(path), *log.faults, more=more)
+    return log
+
+
+#: How the first lines of a text begin that tell its format.
+_SIGNS = {
+    "asc": re.compile(
+        r"(date\s+\w+\s|base\s+(hex|dec)\b|begin\s+triggerblock|"
+        r"\d+\.\d+\s+(CANFD|\d+\s+(ErrorFrame|[0-9a-f]+x?\s+[TR]x))\b)", re.I
+    ),
+    "trc": re.compile(r";\$|\d+\)\s+\d"),
+}  # fmt: skip
+
+
+def _kind(file: Path) -> str:
+    """Return the format of a file, of its first lines or else of its suffix."""
+    with open(file, "rb") as stream:
+        head = stream.read(1 << 14)
+    if head[:4] == b"LOGG":
+        return "blf"
+    if head[:8] in (b"MDF     ", b"UnFinMF "):
+        return "mdf"
+    for line in map(str.strip, head.decode("utf-8-sig", "replace").splitlines()):
+        for kind, sign in _SIGNS.items():
+            if sign.match(line):
+                return kind
+        if _LINE.match(line) or _table(line):
+            return "text"
+    kind = file.suffix.lower()[1:]
+    return kind if kind in ("asc", "blf", "trc") else "text"
+
+
+# Text of candump and tables ----------------------------------------------------------------------
+
+#: One line of a log as candump writes it and python-can, which adds the direction. A remote frame
+#: has R and perhaps its DLC in the place of its data.
+_PLAIN = re.compile(
+    rb"^\((\d{1,10}\.\d{1,9})\) +(\S+) +([0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})#"
+    rb"(?:([Rr][0-8]?)|((?:[0-9A-Fa-f]{2}){0,8}))(?: [RT])?[ \t]*\r?$",
+    re.M,
+)
+
+#: The same with all that candump prints instead: numbered lines, no time or a date, the length in
+#: brackets (two digits in CAN FD), and comments.
+_LINE = re.compile(
+    r"\s*(?:\d+[:.)|]?\s*(?=[(A-Za-z]))?(?:\((?P<time>[^()]{1,40})\)\s+)?(?P<channel>\S{1,64})\s+"
+    r"(?:[RT]X\s+[B-]\s+[E-]\s+)?(?P<id>[0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})(?:"
+    r"#(?:(?P<fd>\#[0-9A-Fa-f]+)|(?P<ask>[Rr](?P<asked>[0-8]?))|(?P<data>(?:[0-9A-Fa-f]{2}){0,8}))"
+    r"(?:_(?P<raw>[9A-Fa-f]))?(?:\s+[RT])?"
+    r"|\s+\[(?P<size>\d{1,2})\](?P<rest>[^\#;/']*?)(?:\s'.{1,64}')?"
+    r")\s*(?:\s(?:\#|;|//).*)?",
+    re.S,
+)
+
+#: A line without a frame: a comment, or what ``candump -e`` says of an error.
+_COMMENT = re.compile(r"\s*(?:\#|;|//|$)|\t[a-z-]+\{")
+
+#: What a number must look like: Python's own readers also take underscores.
+_DECIMAL = re.compile(r"\d{1,18}(\.\d{0,12})?")
+_DIGITS = re.compile(r"(?:0[xX])?[0-9A-Fa-f]{1,16}")
+
+
+def _read_text(file: Path) -> _Found:
+    found, before = _Found("line"), 0
+    parse: Callable[[str], _Row] = _candump
+    with open(file, "rb") as stream:
+        while lines := stream.readlines(_BLOCK):
+            plain = _PLAIN.findall(b"".join(lines)) if parse is _candump else []
+            if len(plain) == len(lines):
+                _take_plain(found, plain, before + 1)
+            else:
+                for place, line in enumerate(lines, before + 1):
+                    text = line.decode("utf-8-sig" if place == 1 else "utf-8", "replace")
+                    if _COMMENT.match(text):
+                        continue
+                    if table := _table(text):
+                        parse = table
+                        continue
+                    try:
+                        found.add(place, parse(text))
+                    except (ValueError, KeyError) as problem:
+                        found.fault(place, str(problem))
+            before += len(lines)
+    return found
+
+
+def _take_plain(found: _Found, groups: list[tuple[bytes, ...]], first: int) -> None:
+    """Take lines that all have the plain form of candump, which leaves only their identifiers."""
+    found.pack()
+    time, channel, number, remote, data = zip(*groups, strict=True)
+    ids = np.array([int(text, 16) for text in number], dtype=np.int64)
+    extended = np.array([len(text) == 8 for text in number])
+    names = {name: name.decode("utf-8", "replace") for name in set(channel)}
+    text = b"".join([octets.ljust(16, b"0") for octets in data]).decode("ascii")
+    dlc = [
+        int(ask[1:] or b"0") if ask else len(octets) // 2
+        for octets, ask in zip(data, remote, strict=True)
+    ]
+    part = Log(
+        np.array(time).astype(float),
+        np.array([names[name] for name in channel]),
+        ids,
+        extended,
+        np.array([text != b"" for text in remote]),
+        np.array(dlc, dtype=np.uint8),
+        np.frombuffer(bytes.fromhex(text), dtype=np.uint8).reshape(-1, 8),
+    )
+    error = extended & (ids >> 29 == 1)
+    bad = ids > np.where(extended, highest_id(True), highest_id(False))
+    for at in np.flatnonzero(bad):
+        if error[at]:
+            found.skipped.append((float(part.time[at]), str(part.channel[at]), _ERROR))
+        else:
+            found.fault(first + int(at), impossible(0.0, int(ids[at]), bool(extended[at]), 0))
+    places = np.arange(first, first + len(ids))
+    found.places.append(places[~bad])
+    found.parts.append(Log(*(column[~bad] for column in part.columns)) if bad.any() else part)
+
+
+def _candump(line: str) -> _Row:
+    """Read a line in any form of candump."""
+    match = _LINE.fullmatch(line)
+    if match is None:
+        raise ValueError(
+            f"{_shown(line)} is not a frame; expected (seconds) channel identifier#data"
+        )
+    has = match.groupdict()
+    number, extended = int(has["id"], 16), len(has["id"]) == 8
+    time = None if has["time"] is None else _seconds(has["time"])
+    kind, remote = "", bool(has["ask"])
+    if extended and number >> 29 == 1:
+        kind = _ERROR
+    elif has["fd"] or len(has["size"] or "") == 2:
+        kind = _FD
+    if kind:
+        return _Row(time, has["channel"], number, extended, False, 0, b"", kind)
+    if has["size"]:
+        dlc, rest = int(has["size"]), has["rest"].strip()
+        remote = rest == "remote request"
+        octets = [] if remote else rest.split()
+        if any(not re.fullmatch("[0-9A-Fa-f]{2}", octet) for octet in octets):
+            raise ValueError(f"{_shown(rest)} are not data bytes; expected such as 01 2A")
+        data = bytes(int(octet, 16) for octet in octets)
+    else:
+        data = bytes.fromhex(has["data"] or "")
+        dlc = int(has["raw"] or has["asked"] or "0", 16) if remote or has["raw"] else len(data)
+    return _Row(time, has["channel"], number, extended, remote, dlc, data)
+
+
+def _seconds(text: str) -> float:
+    """Return a time stamp of candump, in seconds or as a date, which is taken as UTC."""
+    if re.match(r"\d{4}-\d\d-\d\d ", text):
+        return datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
+    if not _DECIMAL.fullmatch(text.strip()):
+        raise ValueError(f"the time is {_shown(text)}; it must be a number of seconds or a date")
+    return float(text)
+
+
+def _table(line: str) -> Callable[[str], _Row] | None:
+    """Return what reads the rows below a row of titles, None if the line is not such a row."""
+    for separator in ",;\t":
+        titles = [re.sub(r"[\W_]", "", title).lower() for title in line.split(separator)]
+        if {"timestamp", "arbitrationid", "extended", "remote", "dlc", "data"} <= set(titles):
+            return partial(_cells, titles, separator, _python_can_row)
+        if {"timestamp", "id", "extended", "len", "d1"} <= set(titles):
+            return partial(_cells, titles, separator, _savvycan_row)
+    return None
+
+
+def _cells(
+    titles: list[str], separator: str, row: Callable[[dict[str, str]], _Row], line: str
+) -> _Row:
+    cells = [cell.strip().strip('"') for cell in line.split(separator)]
+    return row(dict(zip(titles, cells, strict=False)))
+
+
+def _cell(cells: dict[str, str], title: str, pattern: re.Pattern[str] = _DECIMAL) -> str:
+    """Return a cell that must have the form of a number."""
+    cell = cells.get(title, "")
+    if not pattern.fullmatch(cell):
+        if cell.lower().strip("+-") in ("nan", "inf", "infinity"):
+            raise ValueError(f"the time is {cell}")
+        raise ValueError(f"column {title} is {_shown(cell)}; expected a number")
+    return cell
+
+
+def _switch(cells: dict[str, str], title: str) -> bool:
+    cell = cells.get(title, "0").lower()
+    if cell not in ("0", "1", "false", "true"):
+        raise ValueError(f"column {title} is {_shown(cell)}; expected 0 or 1")
+    return cell in ("1", "true")
+
+
+def _python_can_row(cells: dict[str, str]) -> _Row:
+    time = float(_cell(cells, "timestamp"))
+    extended, remote = _switch(cells, "extended"), _switch(cells, "remote")
+    try:
+        data = b64decode(cells.get("data", ""), validate=True)
+    except ValueError:
+        raise ValueError(f"column data is {_shown(cells['data'])}; expected base64") from None
+    dlc, kind = int(_cell(cells, "dlc", _DIGITS)), _ERROR if _switch(cells, "error") else ""
+    if dlc in _FD_SIZES and len(data) == dlc and not kind:
+        kind = _FD
+    number = int(_cell(cells, "arbitrationid", _DIGITS), 16)
+    return _Row(time, cells.get("channel") or "bus", number, extended, remote, dlc, data, kind)
+
+
+def _savvycan_row(cells: dict[str, str]) -> _Row:
+    time = float(_cell(cells, "timestamp")) / 1e6
+    number, size = int(_cell(cells, "id", _DIGITS), 16), int(_cell(cells, "len"))
+    kind = _ERROR if number >> 29 == 1 else _FD if size in _FD_SIZES else ""
+    if size > 8 and not kind:
+        raise ValueError(f"column len is {size}; expected 0..8")
+    octets = [] if kind else [_cell(cells, f"d{k}", _DIGITS) for k in range(1, size + 1)]
+    if any(int(octet, 16) > 255 for octet in octets):
+        raise ValueError(f"the data are {_shown(' '.join(octets))}; expected bytes")
+    data = bytes(int(octet, 16) for octet in octets)
+    channel, extended = cells.get("bus") or "bus", _switch(cells, "extended")
+    return _Row(time, channel, number, extended, False, size, data, kind)
+
+
+def _shown(text: str) -> str:
+    text = text.strip()
+    return repr(text if len(text) <= 60 else text[:57] + "...")
+
+
+# Formats that python-can reads ------------------------------------------------------------------
+
+#: A line of an ASC file that has a time, a channel and an identifier, as frames have.
+_ASC_FRAME = re.compile(r"\d+\.\d+\s+\d+\s+[0-9a-fA-F]+x?\s")
+
+#: What ends the header of an ASC file. python-can drops the line that it finds instead.
+_ASC_BODY = "no internal events logged\n"
+
+#: Types of lines in a TRC file: errors, and those that do not concern frames.
+_TRC_ERRORS, _TRC_OTHERS = {"ER", "Error"}, {"ST", "EC", "EV", "Warng", "FFFFFFFF"}
+
+
+class _Lines(io.TextIOWrapper):
+    """A text file that counts its lines, and hands on those that python-can made nothing of."""
+
+    def __init__(self, binary: Any, asc: bool, unused: Callable[[int, str], None]) -> None:
+        super().__init__(binary, "utf-8-sig", errors="replace")
+        self.line, self.text, self.asc, self.unused = 0, "", asc, unused
+        self.in_body, self.kept = False, ""
+
+    def __next__(self) -> str:  # type: ignore[override] # io's stubs say bytes
+        if self.kept:
+            self.text, self.kept = self.kept, ""
+            return self.text
+        self.flush_line()
+        while True:
+            self.line += 1
+            text = super().__next__()
+            if text.strip():
+                break
+        if self.asc and not self.in_body and text.lstrip()[:1].isdigit():
+            self.in_body, self.kept = True, text
+            return _ASC_BODY
+        self.text = text
+        return text
+
+    def flush_line(self) -> None:
+        """Hand on the last line, unless a frame was found in it."""
+        if self.text:
+            self.unused(self.line, self.text.strip())
+        self.text = ""
+
+
+def _read_foreign(kind: str, file: Path) -> _Found:
+    """Read an ASC or TRC file."""
+    can = load_extra("can", "python-can")
+    found, asc = _Found("line"), kind == "asc"
+
+    def unused(place: int, text: str) -> None:
+        words = set(text.split()[:6])
+        if asc and _ASC_FRAME.match(text):
+            found.fault(place, f"{_shown(text)} is not a frame of ASC")
+        elif asc or text[0] == ";" or words & _TRC_OTHERS:
+            return
+        elif words & _TRC_ERRORS:
+            found.skipped.append((nan, "bus", _ERROR))
+        else:
+            found.fault(place, f"{_shown(text)} is not a frame of TRC")
+
+    with open(file, "rb") as binary:
+        stream = _Lines(binary, asc, unused)
+        reader = can.ASCReader(stream) if asc else can.TRCReader(stream)
+        messages = iter(reader)
+        while True:
+            try:
+                message = next(messages)
+            except StopIteration:
+                break
+            # The readers raise whatever their parsing meets, and are at an end then.
+            except Exception as problem:
+                found.fault(stream.line, _said(problem))
+                stream.text, stream.in_body = "", False
+                messages = iter(reader)
+                continue
+            row = _row(message)
+            # python-can takes the code for a number of bytes in CAN FD, but here it is 9..15.
+            found.add(stream.line, row._replace(dlc=can.util.len2dlc(row.dlc)) if asc else row)
+            stream.text = ""
+    return found
+
+
+def _row(message: Any) -> _Row:
+    """Return a message of python-can as a row."""
+    kind = _ERROR if message.is_error_frame else _FD if message.is_fd else ""
+    channel = "bus" if message.channel is None else str(message.channel)
+    return _Row(
+        message.timestamp, channel, message.arbitration_id, message.is_extended_id,
+        message.is_remote_frame, message.dlc, bytes(message.data), kind,
+    )  # fmt: skip
+
+
+def _said(problem: Exception) -> str:
+    """Return what an exception says, in one line."""
+    text = " ".join(str(problem).split())
+    return (text if len(text) <= 150 else text[:147] + "...") or type(problem).__name__
+
+
+#: Objects of a BLF file with frames, and the least that python-can reads of them [byte]: frames
+#: of classic CAN, errors, and frames of CAN FD.
+_OBJECTS = {1: 48, 86: 48, 73: 64, 100: 116, 101: 72}
+_CONTAINER = 10
+
+#: Most that a container holds, and an object in it [byte]; how much more than the file all
+#: containers together. Even frames that are all alike do not come to a third of that.
+_LARGEST, _LARGEST_OBJECT, _RATIO = 1 << 24, 1 << 20, 60
+
+#: Objects that python-can gets at once.
+_BATCH = 256
+
+
+def _read_blf(file: Path) -> _Found:
+    can, found = load_extra("can", "python-can"), _Found("frame")
+    data = file.read_bytes()
+    start = int.from_bytes(data[4:8], "little")
+    if not 144 <= start <= len(data):
+        found.fault(0, f"its header has {start} bytes of {len(data)}", "after frame 0")
+        return found
+    size, count, tail = int.from_bytes(data[16:24], "little"), 0, b""
+    if size > len(data):
+        found.fault(0, f"it has {len(data)} bytes of {size}; it is cut off", "the file")
+    left = _RATIO * len(data) + _LARGEST
+
+    def fault(why: str) -> None:
+        found.fault(count, why, f"after frame {count}")
+
+    objects = _Objects(data, start, len(data), fault)
+    for kind, whole in objects:
+        if kind == _CONTAINER:
+            inner = tail + _unpacked(whole, min(left, _LARGEST), fault)
+            left -= len(inner) - len(tail)
+        else:
+            inner = tail + whole
+        parts = _Objects(inner, 0, _LARGEST_OBJECT, fault)
+        good = []
+        for part_kind, part in parts:
+            if part_kind in _OBJECTS:
+                version = int.from_bytes(part[6:8], "little")
+                if len(part) < _OBJECTS[part_kind] or version not in (1, 2):
+                    fault(f"an object of {len(part)} bytes and version {version} is not a frame")
+                else:
+                    good.append(part)
+        tail = inner[parts.place :]
+        for begin in range(0, len(good), _BATCH):
+            count = _take_objects(can, found, data[:start], good[begin : begin + _BATCH], count)
+        if left <= 0:
+            fault(f"its containers unpack to more than {_RATIO} times its size")
+            break
+    if tail or objects.place < len(data):
+        fault("its end is cut off")
+    return found
+
+
+class _Objects:
+    """The objects in bytes, their kinds first; afterwards `place` is where the rest begins."""
+
+    def __init__(self, data: bytes, place: int, most: int, fault: Callable[[str], None]) -> None:
+        self.data, self.place, self.most, self.fault = data, place, most, fault
+
+    def __iter__(self) -> Iterator[tuple[int, bytes]]:
+        data = self.data
+        while True:
+            # Objects are filled up to a multiple of four bytes.
+            at = data.find(b"LOBJ", self.place, self.place + 8)
+            if at < 0:
+                if len(data) - self.place < 8:
+                    self.place = len(data) if not data[self.place :].strip(b"\0") else self.place
+                    return
+                self.fault("no object begins here")
+                at = data.find(b"LOBJ", self.place)
+                if at < 0:
+                    self.place = len(data)
+                    return
+            self.place = at
+            if at + 16 > len(data):
+                return
+            size, kind = unpack_from("<2I", data, at + 8)
+            if not 16 <= size <= self.most:
+                self.fault(f"an object has {size} bytes")
+                self.place = at + 4
+                continue
+            if at + size > len(data):
+                return
+            self.place = at + size
+            yield kind, data[at : at + size]
+
+
+def _unpacked(container: bytes, most: int, fault: Callable[[str], None]) -> bytes:
+    """Return what a container holds, at most `most` bytes."""
+    method = int.from_bytes(container[16:18], "little")
+    if method == 0:
+        return container[32:]
+    if method != 2:
+        fault(f"a container is packed by the unknown method {method}")
+        return b""
+    stream = zlib.decompressobj()
+    try:
+        data = stream.decompress(container[32:], max(1, most))
+    except zlib.error as problem:
+        fault(f"a container cannot be unpacked: {problem}")
+        return b""
+    if not stream.eof:
+        fault(f"a container is cut off, or unpacks to more than {most} bytes")
+    return data
+
+
+def _take_objects(can: Any, found: _Found, head: bytes, objects: list[bytes], count: int) -> int:
+    """Let python-can read sound objects, and return how many frames there are with them."""
+    while objects:
+        body = b"".join(objects)
+        container = b"LOBJ" + b"".join(
+            number.to_bytes(size, "little")
+            for number, size in ((16, 2), (1, 2), (32 + len(body), 4), (_CONTAINER, 4), (0, 16))
+        )
+        done, why = 0, "python-can does not read it"
+        try:
+            for message in islice(can.BLFReader(io.BytesIO(head + container + body)), len(objects)):
+                done += 1
+                found.add(count + done, _row(message))
+        # The reader raises whatever its parsing meets.
+        except Exception as problem:
+            why = _said(problem)
+        count += done
+        if done < len(objects):
+            count += 1
+            found.fault(count, why)
+        objects = objects[done + 1 :]
+    return count
