@@ -44,12 +44,12 @@ def day():
     """Diagnose a day of a fleet; return readings, and seconds of plant and of diagnosis."""
     orders = [Command(("open", "close")[hour % 2], 3600.0 * hour) for hour in range(24)]
     faults = [Fault("V1", start=30000.0, valves=4), Fault("P2", start=50000.0, valves=71)]
-    after, spent, readings = None, 0.0, 0
+    tail, spent, readings = None, 0.0, 0
     begin = default_timer()
     rng = np.random.default_rng(1)
     for run in blocks(commands=orders, duration=86400, n_valves=N, faults=faults, rng=rng):
         start = default_timer()
-        after = diagnose_run(run, after=after)
+        tail = diagnose_run(run, earlier=tail).tail
         spent += default_timer() - start
         readings += run.time.size * N
     return readings, default_timer() - begin - spent, spent

@@ -11,9 +11,9 @@ from time import perf_counter
 
 import numpy as np
 
-from shipnet.ballast.fleet import run_fleet
 from shipnet.ballast.plant import Command, Fault
 from shipnet.ballast.simulation import blocks
+from shipnet.ballast.trials import run_fleet
 
 DAY, N = 86400.0, 256
 

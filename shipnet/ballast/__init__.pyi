@@ -2,8 +2,6 @@ from .actuator import Actuator as Actuator
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import Run as Run
 from .diagnosis import diagnose as diagnose
-from .fleet import FleetReport as FleetReport
-from .fleet import run_fleet as run_fleet
 from .live import Client as Client
 from .live import ModelValves as ModelValves
 from .live import TestBed as TestBed
@@ -21,7 +19,9 @@ from .scan import System as System
 from .scan import status_poll as status_poll
 from .sensors import Sensors as Sensors
 from .simulation import simulate as simulate
+from .trials import FleetReport as FleetReport
 from .trials import Trials as Trials
 from .trials import false_alarms as false_alarms
 from .trials import fault_trials as fault_trials
+from .trials import run_fleet as run_fleet
 from .wear import Wear as Wear

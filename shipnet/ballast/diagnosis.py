@@ -207,7 +207,7 @@ def running_time(run: Run, before: npt.ArrayLike = np.nan) -> Floats:
         return np.full(running.shape, np.nan)
     starts = running.copy()
     starts[1:] &= ~running[:-1]
-    # A motor that was running before goes on, unless it has been told otherwise.
+    # A motor that was running before goes on, unless a movement that ended says otherwise.
     goes_on = running[0] & np.isfinite(np.asarray(before, float))
     for moved in run.movements:
         # One that runs at the first instant after its end has been started again there.
@@ -528,15 +528,12 @@ def diagnose_run(
     k: int = 3,
     n: int = 5,
     threshold: float = 0.5,
-    after: Diagnosis | None = None,
+    earlier: Tail | None = None,
 ) -> Diagnosis:
-    """Diagnose all valves at all instants of a run."""
+    """Diagnose all valves at all instants of a run, which may go on where `earlier` ends."""
     base = rules if rules is not None else rule_base()
     check_method(method)
     window = check_whole("n", n, 1, 1000)
-    if after is not None:
-        _check_after(run, after, (base, method, k, n, threshold))
-    earlier = after.tail if after is not None else None
     time = run.time if earlier is None else np.concatenate([earlier.time, run.time])
     samples = rule_inputs(run, base, earlier, any_time=method == "crisp")
     kept = time.size - run.time.size
@@ -555,20 +552,6 @@ def diagnose_run(
 
 def _fire(base: RuleBase, samples: dict[str, Floats], method: str) -> Firing:
     return base.fire({name: samples[name] for name in base.names}, method)
-
-
-def _check_after(run: Run, after: Diagnosis, settings: tuple[object, ...]) -> None:
-    if (after.base, after.method, after.k, after.n, after.threshold) != settings:
-        raise ArgumentError("after was diagnosed with other rules or settings; they must be equal")
-    if after.run.n_valves != run.n_valves:
-        raise ArgumentError(
-            f"after is of {after.run.n_valves} valves; the run is of {run.n_valves}"
-        )
-    if run.time.size and after.tail.time.size and not run.time[0] > after.tail.time[-1]:
-        raise ArgumentError(
-            f"after ends at {after.tail.time[-1]:g} s; the run begins at {run.time[0]:g} s, which "
-            "must be later"
-        )
 
 
 def diagnose(

@@ -417,8 +417,6 @@ class Station(Master):
             raise ArgumentError(
                 f"system has {system.n_slaves} slaves; the plant has {plant.n_valves} valves"
             )
-        if not isinstance(answer_at_end, bool):
-            raise ArgumentError(f"answer_at_end is {answer_at_end!r}; it must be True or False")
         failed = tuple(faults)
         super().__init__(system, failed)
         self.plant, self.system = plant, system

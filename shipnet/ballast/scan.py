@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
 
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.ballast.sensors import Sensors
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.fields import check_whole, choice, number, record, switch, whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
@@ -81,64 +83,7 @@ def command_poll(serial: SerialLine, *, processing: float = 0.0, timeout: float 
     return Poll(request, serial, processing=processing, timeout=timeout)
 
 
-def worst_age(system: Loop, *, commands: int = 0) -> float:
-    """Return how old the position that the master shows can be while all valves answer."""
-    poll = system.poll
-    write = command_poll(poll.line, processing=poll.processing, timeout=poll.timeout)
-    count = check_whole("commands", commands, 0, 1000)
-    return system.period + count * write.time + poll.shortest_timeout
-
-
-def assignment(n_valves: int, *, most: int = MAX_UNIT) -> pd.DataFrame:
-    """Share valves out among masters, evenly, and in the order of their numbers."""
-    import pandas as pd
-
-    valves = check_whole("n_valves", n_valves, 1, 10_000)
-    masters = -(-valves // check_whole("most", most, 1, MAX_UNIT))
-    share, more = divmod(valves, masters)
-    rows = [
-        (master, unit)
-        for master in range(1, masters + 1)
-        for unit in range(1, share + (master <= more) + 1)
-    ]
-    index = pd.RangeIndex(1, valves + 1, name="valve")
-    return pd.DataFrame(rows, columns=["master", "unit"], index=index)
-
-
-def scan_table(
-    n_valves: int = MAX_UNIT,
-    *,
-    bit_rates: Iterable[float] = BIT_RATES,
-    character: str = "8E1",
-    processing: float = 0.0,
-) -> pd.DataFrame:
-    """Return how long a scan takes at each bit rate."""
-    import pandas as pd
-
-    share = assignment(n_valves)["master"].value_counts()
-    largest = int(share.max())
-    rows = {}
-    for rate in bit_rates:
-        serial = SerialLine(rate, character)
-        # A timeout that any processing fits into; nothing times out here.
-        read = status_poll(serial, processing=processing, timeout=3600)
-        write = command_poll(serial, processing=processing, timeout=3600)
-        rows[rate] = (
-            1e3 * read.time,
-            1e3 * write.time,
-            len(share),
-            read.scan_time(largest),
-            read.scan_time(-(-largest // 2)),
-            read.scan_time(largest) + read.shortest_timeout,
-            read.max_slaves(_SCREEN),
-        )
-    columns = ["read_ms", "write_ms", "masters", "scan_s", "halves_s", "worst_age_s"]
-    columns += ["valves_in_2_s"]
-    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
-    return table.rename_axis("bit_rate")
-
-
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class System:
     """Valves; with a poll also the line and the master that scans them.
 
@@ -179,43 +124,25 @@ class System:
     7.94
     """
 
-    n_valves: int = 0
+    n_valves: int = whole(1, 10_000, help="Number of valves", default=None, optional=True)
     poll: Poll | None = None
+    _: KW_ONLY
     actuator: Actuator | None = None
     sensors: Sensors | None = None
-    opening: Any = 0.0
-    step: float = 0.1
-    move: Literal["slave", "downstream"] = "slave"
-    answer_at_end: bool = False
-    command_timeout: float | None = None
-    watchdog: float | None = None
+    opening: npt.ArrayLike = 0.0
+    step: float = number(1e-3, 1, "s", "Time between readings", default=0.1)
+    move: Literal["slave", "downstream"] = choice(("slave", "downstream"), default="slave")
+    answer_at_end: bool = switch("Whether a command is answered at its end", default=False)
+    command_timeout: float | None = number(0, 3600, "s", default=None, optional=True)
+    watchdog: float | None = number(0.1, 3600, "s", default=None, optional=True)
 
-    def __init__(
-        self,
-        n_valves: int | None = None,
-        poll: Poll | None = None,
-        *,
-        actuator: Actuator | None = None,
-        sensors: Sensors | None = None,
-        opening: npt.ArrayLike = 0.0,
-        step: float = 0.1,
-        move: Literal["slave", "downstream"] = "slave",
-        answer_at_end: bool = False,
-        command_timeout: float | None = None,
-        watchdog: float | None = None,
-    ) -> None:
-        known = None if actuator is None else actuator.n_valves
-        count = check_whole("n_valves", known or 1 if n_valves is None else n_valves, 1, 10_000)
+    def __post_init__(self) -> None:
+        """Take the number of valves of the actuator, or check that it is the same."""
+        known = None if self.actuator is None else self.actuator.n_valves
+        count = known or 1 if self.n_valves is None else self.n_valves
         if known not in (None, count):
-            raise ArgumentError(f"n_valves is {n_valves}; the actuator has numbers for {known}")
-        fields = {
-            "n_valves": count, "poll": poll, "actuator": actuator, "sensors": sensors,
-            "opening": opening, "step": step, "move": move,
-            "answer_at_end": answer_at_end, "command_timeout": command_timeout,
-            "watchdog": watchdog,
-        }  # fmt: skip
-        for name, value in fields.items():
-            object.__setattr__(self, name, value)
+            raise ArgumentError(f"n_valves is {count}; the actuator has numbers for {known}")
+        object.__setattr__(self, "n_valves", count)
 
     def __repr__(self) -> str:
         """Return the number of valves, and the bit rate of their line."""
@@ -234,7 +161,10 @@ class System:
 
         `commands` are sent within one scan.
         """
-        return worst_age(self.loop, commands=commands)
+        system, poll = self.loop, self.loop.poll
+        write = command_poll(poll.line, processing=poll.processing, timeout=poll.timeout)
+        count = check_whole("commands", commands, 0, 1000)
+        return system.period + count * write.time + poll.shortest_timeout
 
     def scan_times(self, bit_rates: Iterable[float] = BIT_RATES) -> pd.DataFrame:
         """Return how long transactions and scans take, a row per bit rate.
@@ -243,15 +173,43 @@ class System:
         middle whose ports scan at once, ``valves_in_2_s`` how many valves a master updates within
         the 2 s in which DNV-OS-D202 asks for a full screen.
         """
-        poll = self.poll if self.poll is not None else status_poll()
-        return scan_table(
-            self.n_valves, bit_rates=bit_rates, character=poll.line.character,
-            processing=poll.processing,
-        )  # fmt: skip
+        import pandas as pd
+
+        given = self.poll if self.poll is not None else status_poll()
+        masters = -(-self.n_valves // MAX_UNIT)
+        largest = -(-self.n_valves // masters)
+        rows = {}
+        for rate in bit_rates:
+            serial = SerialLine(rate, given.line.character)
+            # A timeout that any processing fits into; nothing times out here.
+            read = status_poll(serial, processing=given.processing, timeout=3600)
+            write = command_poll(serial, processing=given.processing, timeout=3600)
+            rows[rate] = (
+                1e3 * read.time,
+                1e3 * write.time,
+                masters,
+                read.scan_time(largest),
+                read.scan_time(-(-largest // 2)),
+                read.scan_time(largest) + read.shortest_timeout,
+                read.max_slaves(_SCREEN),
+            )
+        columns = ["read_ms", "write_ms", "masters", "scan_s", "halves_s", "worst_age_s"]
+        columns += ["valves_in_2_s"]
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+        return table.rename_axis("bit_rate")
 
     def valve_addresses(self) -> pd.DataFrame:
         """Return the master and the unit id of each valve, shared out evenly and in order."""
-        return assignment(self.n_valves)
+        import pandas as pd
+
+        shares = np.array_split(np.arange(self.n_valves), -(-self.n_valves // MAX_UNIT))
+        rows = [
+            (master, unit)
+            for master, share in enumerate(shares, 1)
+            for unit in range(1, share.size + 1)
+        ]
+        index = pd.RangeIndex(1, self.n_valves + 1, name="valve")
+        return pd.DataFrame(rows, columns=["master", "unit"], index=index)
 
 
 def as_system(system: System | int) -> System:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
-from math import inf, isnan, nan, sqrt
+from math import inf, nan, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -154,8 +154,15 @@ class Wear:
         ``stroke time`` or ``FP membership`` (both straight in the number of strokes).
         """
         k = self._place(valve)
-        trend, remaining = predict_life(self, k, at, predictor=predictor, window=window)
-        return Prediction(self, valve, at, predictor, trend, remaining)
+        if predictor not in PREDICTORS:
+            raise ArgumentError(
+                f"predictor is {predictor!r}; it must be one of {', '.join(PREDICTORS)}"
+            )
+        last = check_whole("at", at, _FEWEST, len(self.FP))
+        first = max(last - check_whole("window", window, _FEWEST, 10**6), 0)
+        values, limit, _ = self._indicator(predictor, slice(first, last), k)
+        trend = fit_trend(np.arange(first, last), values, logarithmic=predictor == "leak")
+        return Prediction(self, valve, at, predictor, trend, remaining_life(trend, limit, last))
 
     def predictions(self, at: int, *, predictor: str = "leak", window: int = 200) -> pd.DataFrame:
         """Return the strokes left of every valve after `at` strokes, indexed by ``valve``.
@@ -203,7 +210,9 @@ class Wear:
                     now = int(share * life)
                     if not _FEWEST <= now <= len(self.FP):
                         continue
-                    left = predict_life(self, valve, now, predictor=predictor, window=window)[1]
+                    left = self.predict(
+                        valve + 1, now, predictor=predictor, window=window
+                    ).remaining
                     ratios.append(left.estimate / (life - now))
                     covers.append(left.low <= life - now <= left.high)
                 ratio = np.array(ratios, float)
@@ -221,6 +230,16 @@ class Wear:
 
     def _place(self, valve: int) -> int:
         return check_whole("valve", valve, 1, self.life.size) - 1
+
+    def _indicator(self, predictor: str, rows: slice, k: int) -> tuple[Floats, float, str]:
+        """Return the values that a predictor extrapolates, their limit, and what they are."""
+        if predictor == "stroke time":
+            return self.stroke_time[rows, k], LIMIT, "stroke time [s]"
+        pressure = self.FP[rows, k]
+        if predictor == "leak":
+            return leak_from_pressure(pressure), limit_leak(), "leak of the pump [m3/(s Pa)]"
+        worn = float(WORN.membership(mid_pressure(limit_leak())))
+        return WORN.membership(pressure), worn, "membership of FP in worn [1]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,42 +262,59 @@ class Prediction:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what was read, its trend with the interval, and the limit."""
-        strokes, k = np.arange(self.at), self.valve - 1
-        pressure = self.wear.FP[: self.at, k]
-        shown: dict[str, tuple[Floats, float, str]] = {
-            "leak": (leak_from_pressure(pressure), limit_leak(), "leak of the pump [m3/(s Pa)]"),
-            "stroke time": (self.wear.stroke_time[: self.at, k], LIMIT, "stroke time [s]"),
-            "FP membership": (
-                WORN.membership(pressure),
-                float(WORN.membership(mid_pressure(limit_leak()))),
-                "membership of FP in worn [1]",
-            ),
-        }
-        values, limit, label = shown[self.predictor]
-        axes = self.trend.plot(strokes, values, limit=limit, ax=ax)
-        axes.set(xlabel="stroke", ylabel=label)
-        return axes
+        ax = style.axes(ax)
+        trend, strokes = self.trend, np.arange(self.at)
+        values, limit, label = self.wear._indicator(
+            self.predictor, slice(0, self.at), self.valve - 1
+        )
+        ax.plot(strokes, values, ".", color="C0", markersize=3, label="read")
+        ax.axhline(limit, **style.LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
+        if trend.found:
+            found, last = trend.crossing(limit), self.at - 1
+            # A crossing far away, or in the past, does not set the scale.
+            end = found.estimate if last < found.estimate < 5 * last else last
+            stop = 1.25 * end
+            grid = np.linspace(0, stop, 200)
+            low, high = trend.band(grid)
+            ax.plot(grid, trend.at(grid), color="C2", label="trend")
+            ax.fill_between(
+                grid, low, high, color="C2", alpha=0.25, linewidth=0,
+                label=f"{100 * CONFIDENCE:g} % of it",
+            )  # fmt: skip
+            ax.set_xlim(0, stop)
+            if found.estimate <= stop:
+                ends = np.array([[found.estimate - found.low], [found.high - found.estimate]])
+                ax.errorbar(
+                    [found.estimate], [limit], xerr=np.clip(ends, 0, stop), fmt="o", color="C2",
+                    capsize=4, markersize=5, label="end of life",
+                )  # fmt: skip
+        else:
+            ax.plot([], [], " ", label="no trend")
+        if trend.logarithmic:
+            ax.set_yscale("log")
+        ax.legend(fontsize=8)
+        ax.set(xlabel="stroke", ylabel=label)
+        return ax
 
 
 @cache
-def limit_leak(limit: float = LIMIT) -> float:
+def limit_leak() -> float:
     """Return the leak of the pump at which a stroke takes as long as it may."""
     from scipy.optimize import brentq
 
-    time = check_scalar("limit", limit, "s", 9.1, 1000)
     usual = Actuator()
 
     def late(log_factor: float) -> float:
         worn = replace(usual, pump_leak=usual.pump_leak * np.exp(log_factor))
         # A valve that stops is later than any limit.
-        return min(float(stroke_time(worn)), 1e6) - time
+        return min(float(stroke_time(worn)), 1e6) - LIMIT
 
     return float(usual.pump_leak * np.exp(brentq(late, 0.0, 10.0, xtol=1e-10)))
 
 
-def leak_from_pressure(pressure: npt.ArrayLike, actuator: Actuator | None = None) -> Floats:
+def leak_from_pressure(pressure: npt.ArrayLike) -> Floats:
     """Return the leak of a pump from its pressure in the middle of a stroke."""
-    a = actuator if actuator is not None else Actuator()
+    a = Actuator()
     p = 1e5 * np.asarray(pressure, float)
     load = load_pressure(a, 0.5)
     legal = (p > load) & (p <= a.relief_pressure)
@@ -295,12 +331,8 @@ def mid_pressure(leak: npt.ArrayLike) -> Floats:
     return np.asarray(state.pump_pressure / 1e5).reshape(leaks.shape)
 
 
-#: How a trend is fitted, and on which scale it is straight.
-METHODS = {
-    "theil-sen": "median of all slopes between two points; Kendall's test",
-    "linear": "least squares; t test",
-    "log-linear": "least squares of the logarithm; t test",
-}
+#: Confidence of the intervals of a trend, and of the test whether there is one.
+CONFIDENCE = 0.95
 
 
 class Crossing(NamedTuple):
@@ -313,33 +345,34 @@ class Crossing(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """A straight line through points, or that there is none."""
+    """A straight line through points, by least squares, or that there is none."""
 
-    method: str
+    #: Whether the line is that of the logarithm.
+    logarithmic: bool
     slope: float
-    slope_low: float
-    slope_high: float
+    #: Half the interval of the slope, and that of the line in its centre.
+    slope_margin: float
+    margin: float
     centre: tuple[float, float]
     p_value: float
-    confidence: float
     n: int
-    margin: float
     median: float
 
     @property
     def found(self) -> bool:
         """Whether there is a trend, at this confidence."""
-        return self.p_value < 1 - self.confidence
+        return self.p_value < 1 - CONFIDENCE
 
     @property
     def text(self) -> str:
         """The trend in one line."""
         if not self.found:
             return f"no trend in {self.n} points (p = {self.p_value:.2g})"
-        per = " of the logarithm" if self.method == "log-linear" else ""
+        per = " of the logarithm" if self.logarithmic else ""
+        low, high = self.slope - self.slope_margin, self.slope + self.slope_margin
         return (
-            f"slope{per} {self.slope:.3g}, {100 * self.confidence:g} % within "
-            f"{self.slope_low:.3g} to {self.slope_high:.3g} (p = {self.p_value:.2g})"
+            f"slope{per} {self.slope:.3g}, {100 * CONFIDENCE:g} % within "
+            f"{low:.3g} to {high:.3g} (p = {self.p_value:.2g})"
         )
 
     def at(self, x: npt.ArrayLike) -> Floats:
@@ -349,178 +382,67 @@ class Trend:
     def band(self, x: npt.ArrayLike) -> tuple[Floats, Floats]:
         """Return the interval of the line."""
         u = np.asarray(x, float) - self.centre[0]
-        one, other = (self._side(u, side) for side in (-1, 1))
-        return self._back(np.minimum(one, other)), self._back(np.maximum(one, other))
+        line, wide = self.centre[1] + self.slope * u, np.hypot(self.margin, self.slope_margin * u)
+        return self._back(line - wide), self._back(line + wide)
 
     def crossing(self, limit: float) -> Crossing:
         """Return where the line reaches a limit, and within which x it may."""
-        goal = check_scalar("limit", limit, "", -1e300, 1e300)
-        if self.method == "log-linear":
-            if goal <= 0:
-                raise ArgumentError(f"limit is {limit!r}; it must be above 0 for a logarithm")
-            goal = float(np.log(goal))
         if not self.found:
             return Crossing(nan, nan, inf)
-        gap, x = goal - self.centre[1], self.centre[0]
-        estimate = x + gap / self.slope
-        if self.method == "theil-sen":
-            slopes = [self.slope_low, self.slope_high]
-            if slopes[0] * slopes[1] <= 0:
-                # Kendall's test is surer than the interval: one end is as good as flat.
-                steepest = x + gap / max(slopes, key=abs)
-                return Crossing(estimate, min(steepest, estimate), inf)
-            return Crossing(estimate, *sorted(x + gap / slope for slope in slopes))
-        w = (self.slope_high - self.slope_low) / 2
-        square = self.slope**2 - w**2  # above 0, for the trend is significant
-        root = w**2 * gap**2 + self.margin**2 * square
-        ends = [(self.slope * gap + side * sqrt(root)) / square for side in (-1, 1)]
-        return Crossing(estimate, x + ends[0], x + ends[1])
-
-    def plot(
-        self, x: npt.ArrayLike, y: npt.ArrayLike, *, limit: float, ax: Axes | None = None
-    ) -> Axes:
-        """Draw points, this trend of them with its interval, and the limit that it runs to."""
-        ax = style.axes(ax)
-        places, values = np.asarray(x, float), np.asarray(y, float)
-        ax.plot(places, values, ".", color="C0", markersize=3, label="read")
-        ax.axhline(limit, **style.LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
-        found = self.crossing(limit)
-        first, last = float(places.min()), float(places.max())
-        if self.found:
-            # A crossing far away, or in the past, does not set the scale.
-            far = first + 5 * (last - first)
-            end = found.estimate if last < found.estimate < far else last
-            stop = end + 0.25 * (end - first)
-            grid = np.linspace(first, stop, 200)
-            low, high = self.band(grid)
-            ax.plot(grid, self.at(grid), color="C2", label="trend")
-            share = f"{100 * self.confidence:g} % of it"
-            ax.fill_between(grid, low, high, color="C2", alpha=0.25, linewidth=0, label=share)
-            ax.set_xlim(first, stop)
-            if found.estimate <= stop:
-                ends = np.array([[found.estimate - found.low], [found.high - found.estimate]])
-                ax.errorbar(
-                    [found.estimate], [limit], xerr=np.clip(ends, 0, stop), fmt="o", color="C2",
-                    capsize=4, markersize=5, label="end of life",
-                )  # fmt: skip
-        else:
-            ax.plot([], [], " ", label="no trend")
-        if self.method == "log-linear":
-            ax.set_yscale("log")
-        ax.legend(fontsize=8)
-        return ax
-
-    def _side(self, u: Floats, side: int) -> Floats:
-        if self.method == "theil-sen":
-            slope = self.slope_high if side > 0 else self.slope_low
-            return np.asarray(self.centre[1] + slope * u)
-        w = (self.slope_high - self.slope_low) / 2
-        return np.asarray(self.centre[1] + self.slope * u + side * np.hypot(self.margin, w * u))
+        goal = float(np.log(limit)) if self.logarithmic else limit
+        gap, x, w = goal - self.centre[1], self.centre[0], self.slope_margin
+        square = self.slope**2 - w**2  # above 0, because the trend is significant
+        root = sqrt(w**2 * gap**2 + self.margin**2 * square)
+        low, high = ((self.slope * gap + side * root) / square for side in (-1, 1))
+        return Crossing(x + gap / self.slope, x + low, x + high)
 
     def _back(self, y: Floats) -> Floats:
-        return np.asarray(np.exp(y) if self.method == "log-linear" else y)
+        return np.asarray(np.exp(y) if self.logarithmic else y)
 
 
-def remaining_life(trend: Trend, limit: float, now: float, *, worse: str = "rising") -> Crossing:
-    """Return how long it takes from now on until a trend reaches a limit."""
-    if worse not in ("rising", "falling"):
-        raise ArgumentError(f"worse is {worse!r}; it must be rising or falling")
-    present = check_scalar("now", now, "", -1e300, 1e300)
+def remaining_life(trend: Trend, limit: float, now: float) -> Crossing:
+    """Return how long it takes from now on until a trend rises to a limit."""
     found = trend.crossing(limit)
     # Without a trend its slope says nothing: the level counts.
-    level = trend.at(present) if trend.found else trend.median
-    if (level >= limit) if worse == "rising" else (level <= limit):
+    if (trend.at(now) if trend.found else trend.median) >= limit:
         return Crossing(0.0, 0.0, 0.0)
     if not trend.found:
         return found
-    if (trend.slope > 0) != (worse == "rising"):
+    if trend.slope < 0:
         return Crossing(inf, inf, inf)
-    return Crossing(*(max(x - present, 0.0) for x in found))
+    return Crossing(*(max(x - now, 0.0) for x in found))
 
 
-def fit_trend(
-    x: npt.ArrayLike,
-    y: npt.ArrayLike,
-    *,
-    method: str = "theil-sen",
-    confidence: float = 0.95,
-) -> Trend:
-    """Fit a trend to points."""
-    if method not in METHODS:
-        raise ArgumentError(f"method is {method!r}; it must be one of {', '.join(METHODS)}")
-    if not isinstance(confidence, float) or not 0 < confidence < 1:
-        raise ArgumentError(f"confidence is {confidence!r}; it must be above 0 and below 1")
-    places, values = _points(x, y, positive=method == "log-linear")
+def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) -> Trend:
+    """Fit a trend to points; those are left out that are NaN or have no logarithm."""
+    from scipy.special import stdtr, stdtrit  # scipy.stats takes a second to import
+
+    places, values = np.asarray(x, float), np.asarray(y, float)
+    known = values > 0 if logarithmic else ~np.isnan(values)
+    places, values = places[known], values[known]
     n = places.size
+    if n < 5:
+        raise ArgumentError(f"the readings have {n} points of a trend; it needs 5 or more")
+    if logarithmic:
+        values = np.log(values)
     middle = float(np.median(values))
-    median = float(np.exp(middle)) if method == "log-linear" else middle
+    median = float(np.exp(middle)) if logarithmic else middle
     if np.ptp(values) == 0:
         # All alike: no test can say anything, and there is nothing to say.
-        return Trend(
-            method, 0.0, 0.0, 0.0, (float(np.median(places)), float(values[0])), 1.0, confidence, n,
-            0.0, median,
-        )  # fmt: skip
-    if method == "theil-sen":
-        from scipy.stats import kendalltau, theilslopes  # a second, which a line does without
-
-        slope, _, low, high = theilslopes(values, places, alpha=confidence)
-        p_value = float(kendalltau(places, values).pvalue)
-        centre, margin = (float(np.median(places)), float(np.median(values))), 0.0
-    else:
-        from scipy.special import stdtr, stdtrit
-
-        # The squares of both must be numbers above 0.
-        if not (1e-100 < np.ptp(places) < 1e100 and 1e-100 < np.ptp(values) < 1e100):
-            raise ArgumentError(
-                f"x and y span {np.ptp(places):g} and {np.ptp(values):g}; it must be 1e-100..1e100"
-            )
-        centre = float(places.mean()), float(values.mean())
-        away = places - centre[0]
-        spread = float(away @ away)
-        slope = float(away @ (values - centre[1])) / spread
-        rest = values - centre[1] - slope * away
-        deviation = sqrt(float(rest @ rest) / (n - 2))
-        error = deviation / sqrt(spread)
-        wide = float(stdtrit(n - 2, (1 + confidence) / 2))
-        p_value = 2 * float(stdtr(n - 2, -abs(slope) / error)) if error else 0.0
-        low, high = slope - wide * error, slope + wide * error
-        margin = wide * deviation / sqrt(n)
-    # A straight line without errors leaves 0 / 0.
-    p_value = 0.0 if isnan(p_value) else p_value
+        centre = float(np.median(places)), float(values[0])
+        return Trend(logarithmic, 0.0, 0.0, 0.0, centre, 1.0, n, median)
+    centre = float(places.mean()), float(values.mean())
+    away = places - centre[0]
+    spread = float(away @ away)
+    slope = float(away @ (values - centre[1])) / spread
+    rest = values - centre[1] - slope * away
+    deviation = sqrt(float(rest @ rest) / (n - 2))
+    error = deviation / sqrt(spread)
+    wide = float(stdtrit(n - 2, (1 + CONFIDENCE) / 2))
+    p_value = 2 * float(stdtr(n - 2, -abs(slope) / error)) if error else 0.0
     return Trend(
-        method,
-        float(slope),
-        float(low),
-        float(high),
-        centre,
-        p_value,
-        confidence,
-        n,
-        margin,
-        median,
+        logarithmic, slope, wide * error, wide * deviation / sqrt(n), centre, p_value, n, median
     )
-
-
-def _points(x: npt.ArrayLike, y: npt.ArrayLike, *, positive: bool) -> tuple[Floats, Floats]:
-    try:
-        places, values = np.asarray(x, float), np.asarray(y, float)
-    except (TypeError, ValueError):
-        raise ArgumentError("x and y must be rows of numbers, NaN where one is missing") from None
-    if places.ndim != 1 or places.shape != values.shape:
-        raise ArgumentError(
-            f"x and y have the shapes {places.shape} and {values.shape}; they must be equal rows"
-        )
-    known = ~(np.isnan(places) | np.isnan(values))
-    places, values = places[known], values[known]
-    if places.size < 5 or np.unique(places).size < 2:
-        raise ArgumentError(f"x has {places.size} points; it must have 5 or more, not all at one x")
-    if not (np.isfinite(places).all() and np.isfinite(values).all()):
-        raise ArgumentError("x and y must be finite, or NaN where a point is missing")
-    if positive:
-        if not (values > 0).all():
-            raise ArgumentError(f"y is down to {values.min():g}; a logarithm needs it above 0")
-        values = np.log(values)
-    return places, values
 
 
 #: A set for FP [bar] that spans all between its normal value and the limit of rule P2; ours.
@@ -537,29 +459,3 @@ PREDICTORS = {
 
 #: Strokes without which no prediction is tried.
 _FEWEST = 10
-
-
-def predict_life(
-    wear: Wear, valve: int, now: int, *, predictor: str = "leak", window: int = 200
-) -> tuple[Trend, Crossing]:
-    """Return the trend of the strokes so far, and how many are left within the limit."""
-    if predictor not in PREDICTORS:
-        raise ArgumentError(
-            f"predictor is {predictor!r}; it must be one of {', '.join(PREDICTORS)}"
-        )
-    k = check_whole("valve", valve, 0, wear.life.size - 1)
-    last = check_whole("now", now, _FEWEST, len(wear.FP))
-    rows = slice(max(last - check_whole("window", window, _FEWEST, 10**6), 0), last)
-    strokes = np.arange(rows.start, rows.stop)
-    if predictor == "stroke time":
-        trend = fit_trend(strokes, wear.stroke_time[rows, k], method="linear")
-        return trend, remaining_life(trend, LIMIT, last)
-    worn = limit_leak()
-    if predictor == "leak":
-        leaks = leak_from_pressure(wear.FP[rows, k])
-        # Noise may leave a new pump without a leak, which has no logarithm.
-        trend = fit_trend(strokes, np.where(leaks > 0, leaks, np.nan), method="log-linear")
-        return trend, remaining_life(trend, worn, last)
-    trend = fit_trend(strokes, WORN.membership(wear.FP[rows, k]), method="linear")
-    limit = float(WORN.membership(mid_pressure(worn)))
-    return trend, remaining_life(trend, limit, last)

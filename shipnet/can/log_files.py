@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from shipnet.can.frame import highest_id
 from shipnet.can.log import Log, impossible
-from shipnet.can.messages import load_extra
+from shipnet.can.messages import load_extra, said
 from shipnet.errors import InputError
 
 #: About how much of a file is worked on at once [byte], and how many rows.
@@ -473,7 +473,7 @@ class _Lines(io.TextIOWrapper):
     def __init__(self, binary: Any, asc: bool, unused: Callable[[int, str], None]) -> None:
         super().__init__(binary, "utf-8-sig", errors="replace")
         self.line, self.text, self.asc, self.unused = 0, "", asc, unused
-        self.in_body, self.kept = False, ""
+        self.in_body, self.kept, self.ended = False, "", False
 
     def __next__(self) -> str:  # type: ignore[override] # io's stubs say bytes
         if self.kept:
@@ -481,8 +481,12 @@ class _Lines(io.TextIOWrapper):
             return self.text
         self.flush_line()
         while True:
+            try:
+                text = super().__next__()
+            except StopIteration:
+                self.ended = True
+                raise
             self.line += 1
-            text = super().__next__()
             if text.strip():
                 break
         if self.asc and not self.in_body and text.lstrip()[:1].isdigit():
@@ -525,7 +529,9 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 break
             # The readers raise whatever their parsing meets, and are at an end then.
             except Exception as problem:
-                found.fault(stream.line, _said(problem))
+                found.fault(stream.line, said(problem))
+                if stream.ended:
+                    break
                 stream.text, stream.in_body = "", False
                 messages = iter(reader)
                 continue
@@ -544,12 +550,6 @@ def _row(message: Any) -> _Row:
         message.timestamp, channel, message.arbitration_id, message.is_extended_id,
         message.is_remote_frame, message.dlc, bytes(message.data), kind,
     )  # fmt: skip
-
-
-def _said(problem: Exception) -> str:
-    """Return what an exception says, in one line."""
-    text = " ".join(str(problem).split())
-    return (text if len(text) <= 150 else text[:147] + "...") or type(problem).__name__
 
 
 #: Objects of a BLF file with frames, and the least that python-can reads of them [byte]: frames
@@ -675,7 +675,7 @@ def _take_objects(can: Any, found: _Found, head: bytes, objects: list[bytes], co
                 found.add(count + done, _row(message))
         # The reader raises whatever its parsing meets.
         except Exception as problem:
-            why = _said(problem)
+            why = said(problem)
         count += done
         if done < len(objects):
             count += 1

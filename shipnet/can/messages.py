@@ -43,7 +43,7 @@ from shipnet.fields import (
     text,
     whole,
 )
-from shipnet.tables import NUMBER, Sheet, parse_sheet, read_sheet
+from shipnet.tables import NUMBER, Sheet, parse_sheet, read_bytes, read_sheet, text_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -172,6 +172,8 @@ class MessageSet(Sequence[Message]):
     ----------
     messages : iterable of Message
         In any order; names and identifiers must differ.
+    overlooked : iterable of str, optional
+        Faults of the file that the set was read from, with `strict` switched off.
 
     Raises
     ------
@@ -190,9 +192,10 @@ class MessageSet(Sequence[Message]):
     {'fast': 2, 'slow': 4}
     """
 
-    __slots__ = ("_messages",)
+    __slots__ = ("_messages", "overlooked")
 
-    def __init__(self, messages: Iterable[Message]) -> None:
+    def __init__(self, messages: Iterable[Message], *, overlooked: Iterable[str] = ()) -> None:
+        self.overlooked = tuple(overlooked)
         given = list(messages)
         others = [item for item in given if not isinstance(item, Message)]
         if others:
@@ -233,8 +236,9 @@ class MessageSet(Sequence[Message]):
         return hash(self._messages)
 
     def __repr__(self) -> str:
-        """Count the messages and name the first."""
-        return f"MessageSet({counted(self.names)})"
+        """Count the messages and name the first, and count what was overlooked."""
+        faults = f"; {len(self.overlooked)} faults overlooked" if self.overlooked else ""
+        return f"MessageSet({counted(self.names)}{faults})"
 
     def place(self, name: str) -> int:
         """Return the place of a message in the order of priority, or raise if there is none."""
@@ -320,7 +324,7 @@ class MessageSet(Sequence[Message]):
     @classmethod
     def parse(cls, text: str, source: str = "text") -> MessageSet:
         """Return the set that a text describes, written as a CSV file for `read_messages`."""
-        return _from_sheet(parse_sheet(text, source), {}, None)
+        return _from_sheet(parse_sheet(text, source, is_titles=_is_titles), {}, None)
 
     @property
     def text(self) -> str:
@@ -337,7 +341,12 @@ class MessageSet(Sequence[Message]):
         return stream.getvalue()
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write a CSV file from which `read_messages` makes the same set."""
+        """Write a CSV file from which `read_messages` makes the same set.
+
+        Its suffix must not be that of another format: a DBC file would lose its signals.
+        """
+        if (suffix := Path(path).suffix.lower()) in (".dbc", ".xls", ".xlsm", ".xlsx"):
+            raise ArgumentError(f"path is {str(path)!r}; a CSV file has not the suffix {suffix}")
         Path(path).write_text(self.text, encoding="utf-8", newline="")
 
 
@@ -482,6 +491,7 @@ def read_messages(
     *,
     columns: Mapping[str, str] | None = None,
     period: float | None = None,
+    strict: bool = True,
 ) -> MessageSet:
     """Read a message set from a file: CSV, Excel or DBC, by its suffix.
 
@@ -497,6 +507,10 @@ def read_messages(
         ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits`` and ``note``.
     period : float, optional
         Period of messages for which the file names none [s].
+    strict : bool, default True
+        Whether a fault of a DBC file raises. Otherwise messages are kept whose signals overlap or
+        do not fit, messages that cannot be in a set are left out (CAN FD, no cycle time, a name or
+        identifier twice), and `MessageSet.overlooked` lists each of these faults.
 
     Returns
     -------
@@ -513,8 +527,9 @@ def read_messages(
 
     Notes
     -----
-    The period of a message in a DBC file is its attribute ``GenMsgCycleTime``; 0 means that none
-    is given. Signals are not read: cantools decodes them. Frames of CAN FD are refused.
+    The period of a message in a DBC file is its attribute ``GenMsgCycleTime``, in ms; 0 means
+    that none is given. Signals are checked and not kept, so a set is never written as DBC: cantools
+    decodes signals, and writes them.
 
     Examples
     --------
@@ -523,12 +538,8 @@ def read_messages(
     MessageSet(22 messages: JB1-01, JB1-02, JB1-03, ...)
     """
     if Path(path).suffix.lower() == ".dbc":
-        try:
-            text = Path(path).read_text(encoding="cp1252", errors="replace")
-        except OSError as problem:
-            raise InputError(str(path), f"cannot be read: {problem.strerror}") from None
-        return parse_dbc(text, str(path), period)
-    sheet = read_sheet(path)
+        return parse_dbc(text_of(read_bytes(path)), str(path), period, strict)
+    sheet = read_sheet(path, is_titles=_is_titles)
     return _from_sheet(sheet, {k.strip().lower(): v for k, v in (columns or {}).items()}, period)
 
 
@@ -544,33 +555,66 @@ def load_extra(module: str, package: str) -> Any:
         ) from None
 
 
-def parse_dbc(text: str, source: str, period: float | None = None) -> MessageSet:
+def parse_dbc(
+    text: str, source: str, period: float | None = None, strict: bool = True
+) -> MessageSet:
     """Read the messages of the text of a DBC file through cantools."""
     cantools = load_extra("cantools", "cantools")
     try:
         database = cantools.database.load_string(text, database_format="dbc", strict=False)
-    except (cantools.database.Error, UnicodeError, ValueError) as problem:
-        why = " ".join(str(problem).split())
-        raise InputError(source, f"is not a DBC file: {why}") from None
-    messages, faults = [], []
+    # cantools raises whatever its parsing meets.
+    except Exception as problem:
+        raise InputError(source, f"is not a DBC file: {said(problem)}") from None
+    messages, faults, overlooked = [], [], []
     for found in database.messages:
         place = f"message {found.name!r}"
-        # cantools keeps senders of messages that are not sent as Vector__XXX.
-        sender = found.senders[0] if found.senders else ""
-        cycle = found.cycle_time / 1e3 if found.cycle_time else period
-        if cycle is None:
-            faults.append(f"{place} has no cycle time; give one with period=")
-            continue
+        try:
+            found.refresh(strict=True)
+        except Exception as problem:
+            overlooked.append(f"{place}: {said(problem)}")
         try:
             message = Message(
-                found.name, found.frame_id, found.length, cycle,
-                extended=found.is_extended_frame, sender=sender,
+                found.name, found.frame_id, found.length, _cycle_time(found.cycle_time, period),
+                # cantools keeps senders of messages that are not sent as Vector__XXX.
+                extended=found.is_extended_frame, sender=found.senders[0] if found.senders else "",
             )  # fmt: skip
         except ArgumentError as fault:
-            faults.append(f"{place}: {fault}")
+            faults.append(f"{place}{'' if str(fault).startswith('has ') else ':'} {fault}")
         else:
             messages.append((place, message))
-    return _checked(source, messages, faults, "has no message")
+    if strict:
+        faults += [f"{fault}; strict=False reads the message" for fault in overlooked]
+        return _checked(source, messages, faults, "has no message")
+    twice = dict(set_faults(message for _, message in messages))
+    faults += [f"{messages[number][0]}: {why}" for number, why in twice.items()]
+    kept = [found for number, found in enumerate(messages) if number not in twice]
+    if not kept:
+        return _checked(source, [], faults, "has no message")
+    return MessageSet((message for _, message in kept), overlooked=[*overlooked, *faults])
+
+
+def _cycle_time(given: object, period: float | None) -> float:
+    """Return a cycle time of a DBC file in seconds, or the period if it has none."""
+    try:
+        cycle = float(str(given or 0)) / 1e3
+    except ValueError:
+        raise ArgumentError(f"cycle time is {given!r}; it must be a number of ms") from None
+    if cycle:
+        return cycle
+    if period is None:
+        raise ArgumentError("has no cycle time; give one with period=")
+    return period
+
+
+def said(problem: Exception) -> str:
+    """Return what an exception says, in one line."""
+    text = " ".join(str(problem).split())
+    return (text if len(text) <= 150 else text[:147] + "...") or type(problem).__name__
+
+
+def _is_titles(cells: Sequence[str]) -> bool:
+    """Whether cells are the row of titles: above it there may be comments after #."""
+    return any(cells) and not cells[0].startswith("#")
 
 
 def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) -> MessageSet:

@@ -53,7 +53,7 @@ _SERIAL_CAUSES = {
     ENOTTY: "not a tty",
     EAGAIN: "port in use by another program",
     EBUSY: "port in use by another program",
-    EINVAL: "the device does not support {character}; without parity there are 8N1 and 8N2",
+    EINVAL: "the device does not support {character}; a pseudo-terminal has no parity, as in 8N1",
 }
 
 
@@ -259,7 +259,7 @@ def serve(
 
     Notes
     -----
-    pymodbus listens, holds the ports and makes the frames; requests are read and answered by
+    pymodbus opens the ports and makes the frames; requests are read and answered by
     `shipnet.modbus`. A frame of another protocol, a datagram that is not a frame and an RTU frame
     with a wrong CRC get no answer; a TCP connection with an impossible length field
     is closed, because nothing shows where the next frame begins.

@@ -19,19 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PrintedTable:
-    """A table of a paper, as printed and as the code generates it.
-
-    Parameters
-    ----------
-    paper : str
-        A key of `PAPERS`.
-    item : str
-        The table as the paper numbers it, such as ``"Table 5"``.
-
-    Raises
-    ------
-    ArgumentError
-        If the table is not transcribed; the message lists those that are.
+    """A table of a paper, as printed and as the code generates it; see `table`.
 
     Examples
     --------

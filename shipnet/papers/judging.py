@@ -30,21 +30,6 @@ PAPERS: Mapping[str, str] = {
     "kim2014": "Kim and Yu, Electro hydraulic ballast remote valve control system, 2014",
 }
 
-#: What a verdict may be; `open` means that no function computes the claim yet.
-VERDICTS = (
-    "agrees",
-    "rounding",
-    "typo",
-    "unit",
-    "wrong",
-    "wrong term",
-    "inconsistent",
-    "assumption differs",
-    "below rule",
-    "not reproducible",
-    "open",
-)
-
 #: Colour of each status: what has been done about a claim.
 _COLOURS = {
     "recomputed": "#0072B2",
@@ -60,17 +45,13 @@ STATUSES = tuple(_COLOURS)
 class Claim:
     """One claim of a paper: what is printed, what we compute, and the verdict.
 
+    Its attributes are the columns of `Ledger.table`. `computed` is our value of a number, whether
+    a statement holds, or None if nothing is computed.
+
     Parameters
     ----------
     id : str
         Id of a claim, such as ``"kim2023-074"``.
-
-    Attributes
-    ----------
-    paper, where, kind, claim, published, unit, match, verdict, status, evidence, note : str
-        As in the columns of `Ledger.table`.
-    computed : float, bool or None
-        Our value of a number, whether a statement holds, or None if nothing is computed.
 
     Raises
     ------
@@ -94,7 +75,7 @@ class Claim:
     def __getattr__(self, name: str) -> Any:
         """Return a column of the ledger."""
         if name.startswith("_") or name not in self._row:
-            raise AttributeError(f"a claim has no {name}; it has {', '.join(_COLUMNS)}")
+            raise AttributeError(f"a claim has no {name}; it has {', '.join(self._row)}")
         return self._row[name]
 
     def recompute(self, **inputs: Any) -> Any:
@@ -110,17 +91,7 @@ class Claim:
 
 
 class Ledger:
-    """The claims of one paper or of all, each with its recomputation and its verdict.
-
-    Parameters
-    ----------
-    paper : str, optional
-        A key of `PAPERS`; all papers if omitted.
-
-    Raises
-    ------
-    ArgumentError
-        If no paper has this key.
+    """The claims of one paper or of all, each with its recomputation and its verdict; see `ledger`.
 
     Examples
     --------
@@ -140,13 +111,9 @@ class Ledger:
         """
         import pandas as pd
 
-        rows = [_judge(claim) for claim in self._claims]
-        order = {key: place for place, key in enumerate(PAPERS)}
-        made = pd.DataFrame(rows, columns=list(_COLUMNS)).sort_values(
-            ["paper", "id"],
-            key=lambda column: column.map(order) if column.name == "paper" else column,
-        )
-        return made.set_index("id")
+        order = list(PAPERS)
+        claims = sorted(self._claims, key=lambda one: (order.index(one["paper"]), one["id"]))
+        return pd.DataFrame([_judge(claim) for claim in claims]).set_index("id")
 
     def counts(self) -> pd.DataFrame:
         """Return how many claims of each paper have each status, and their sum."""
@@ -200,15 +167,9 @@ class Ledger:
     def __str__(self) -> str:
         """Count the claims, those judged, those that agree, and those still open."""
         status = [_status(claim) for claim in self._claims]
-        judged = [
-            claim
-            for claim, done in zip(self._claims, status, strict=True)
-            if done in ("recomputed", "checked")
-        ]
-        agree = sum(claim["verdict"] == "agrees" for claim in judged)
-        return (
-            f"{len(self)} claims, {len(judged)} judged, {agree} agree, open: {status.count('open')}"
-        )
+        judged = sum(done in ("recomputed", "checked") for done in status)
+        agree = sum(claim["verdict"] == "agrees" for claim in self._claims)
+        return f"{len(self)} claims, {judged} judged, {agree} agree, open: {status.count('open')}"
 
     def __repr__(self) -> str:
         """Name the paper and count its claims."""
@@ -338,24 +299,6 @@ def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
     return [known[id] for id in ids]
 
 
-_COLUMNS = (
-    "id",
-    "paper",
-    "where",
-    "kind",
-    "claim",
-    "published",
-    "unit",
-    "computed",
-    "relative_difference",
-    "match",
-    "verdict",
-    "status",
-    "evidence",
-    "note",
-)
-
-
 @cache
 def _computed(recomputation: Recomputation) -> Any:
     """Call what recomputes a claim, once: it has no other inputs than its own."""
@@ -374,14 +317,16 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
     elif recomputation and claim["kind"] == "qualitative":
         outcome = "holds" if computed else "does not hold"
     return {
-        **{key: claim[key] for key in ("id", "paper", "where", "kind", "claim", "unit", "note")},
+        **{key: claim[key] for key in ("id", "paper", "where", "kind", "claim")},
         "published": claim["value"],
+        "unit": claim["unit"],
         "computed": computed,
         "relative_difference": difference,
         "match": outcome,
         "verdict": claim["verdict"],
         "status": _status(claim),
         "evidence": claim["evidence"] or (recomputation.evidence if recomputation else ""),
+        "note": claim["note"],
     }
 
 

@@ -54,7 +54,7 @@ TABLES: dict[tuple[str, str], Callable[[], Any]] = {}
 
 def numeric(*claims: str, **inputs: object) -> Callable[[Function], Function]:
     """Register a function, with these inputs, as the recomputation of numbers by their claims."""
-    return _registered(claims, inputs, {})
+    return check(*claims, counter={}, **inputs)
 
 
 def check(
@@ -65,12 +65,7 @@ def check(
     With those of `counter` the answer is the opposite; a test calls the function with them, so
     that a check that cannot fail is found out.
     """
-    return _registered(claims, inputs, counter)
 
-
-def _registered(
-    claims: tuple[str, ...], inputs: Mapping[str, object], counter: Mapping[str, object]
-) -> Callable[[Function], Function]:
     def decorate(function: Function) -> Function:
         made = Recomputation(function, inputs, counter)
         for claim in claims:

@@ -113,8 +113,11 @@ class CanLoad(Tool):
             if "\0" in given:
                 raise InputError(name, "this is not a text file")
             dbc = name.lower().endswith(".dbc")
-            return replace(inputs, text=parse_dbc(given, name).text if dbc else given)
+            if dbc:
+                messages = parse_dbc(given, name, strict=False)
+                given = "".join(f"# {fault}\n" for fault in messages.overlooked) + messages.text
+            return replace(inputs, text=given)
 
-        tip = "A CSV or DBC file; it replaces the text above."
+        tip = "A CSV or DBC file; it replaces the text above, with faults of a DBC file on top."
         own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
         return {"uploads": [own]}

@@ -11,7 +11,7 @@ from shipnet.asi.timing import (
     transfer_time,
 )
 from shipnet.errors import ArgumentError
-from shipnet.papers.kim2023.network import least_cycles
+from shipnet.papers.kim2023.protocol import least_cycles
 
 PUBLISHED = datasets.read("asi_published_cycles.csv").astype({"number": int, "time_ms": float})
 

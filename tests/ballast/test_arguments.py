@@ -8,7 +8,6 @@ from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.trials import fault_trials
-from shipnet.ballast.wear import fit_trend
 from shipnet.errors import ArgumentError
 from shipnet.intervals import share_interval
 
@@ -43,8 +42,6 @@ def trials(*codes, **options):
         (lambda: diagnose_run(simulate(1, until=1)).explain(1, "a"), "time is 'a'"),
         (lambda: share_interval("a", 2), "hits is 'a'"),
         (lambda: share_interval(None, 2), "hits is None"),
-        (lambda: fit_trend(["a"], [1]), "rows of numbers"),
-        (lambda: fit_trend([1, 2], [[1], [1, 2]]), "rows of numbers"),
         (lambda: simulate(1, None, until=1), "commands is None"),
         (lambda: simulate(1, ["open"], until=1), r"commands is \['open'\]"),
         (lambda: rule_base().fire(None), "samples is None"),

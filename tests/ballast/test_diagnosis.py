@@ -40,12 +40,13 @@ def pieces(size):
 def test_blocks_are_diagnosed_as_the_whole_run_is(reading, size):
     rules = rule_base(slow_stroke=10)
     whole = diagnose_run(noisy(), rules, method=reading)
-    after, active, alarms, samples = None, [], [], []
+    tail, active, alarms, samples = None, [], [], []
     for piece in pieces(size):
-        after = diagnose_run(piece, rules, method=reading, after=after)
-        active.append(after.active)
-        samples.append(np.stack(list(after.samples.values())))
-        alarms += after.alarms().values.tolist()
+        found = diagnose_run(piece, rules, method=reading, earlier=tail)
+        tail = found.tail
+        active.append(found.active)
+        samples.append(np.stack(list(found.samples.values())))
+        alarms += found.alarms().values.tolist()
     expected = np.stack(list(whole.samples.values()))
     np.testing.assert_array_equal(np.concatenate(samples, axis=1), expected)
     np.testing.assert_array_equal(np.concatenate(active), whole.active)
@@ -144,8 +145,8 @@ def test_what_is_shown_after_a_command_is_the_first_of_all_that_was_active(settl
     assert (table["active"] != shorter["active"]).any() == (settle > 2)
     time = diagnosis.time
     for command in table.itertuples():
-        told = [one.time for one in ORDERS if one.valves is None or command.valve in one.valves]
-        until = min([command.end_s + settle, *(t - 1e-6 for t in told if t > command.start_s)])
+        given = [one.time for one in ORDERS if one.valves is None or command.valve in one.valves]
+        until = min([command.end_s + settle, *(t - 1e-6 for t in given if t > command.start_s)])
         seen = (time >= command.start_s - 1e-9) & (time <= until + 1e-9)
         active = diagnosis.active[seen, command.valve - 1].any(axis=0)
         expected = [c for c in BASE.ranking if active[BASE.codes.index(c)]]
@@ -217,17 +218,6 @@ def test_rules_about_what_no_run_has_are_refused():
     strange = RuleBase((replace(other[0], name="Level"),), (Rule("L1", (("Level", "high"),), 1),))
     with pytest.raises(ArgumentError, match="rules speak of Level; a run has FP, OP"):
         diagnose_run(simulate(1, until=1), strange)
-
-
-def test_a_block_is_only_joined_to_its_own_past():
-    first, second = list(pieces(400))[:2]
-    before = diagnose_run(first)
-    with pytest.raises(ArgumentError, match="other rules or settings"):
-        diagnose_run(second, k=2, after=before)
-    with pytest.raises(ArgumentError, match="which must be later"):
-        diagnose_run(first, after=before)
-    with pytest.raises(ArgumentError, match="after is of 5 valves; the run is of 1"):
-        diagnose_run(simulate(1, until=1), after=before)
 
 
 def test_what_the_next_block_needs_does_not_keep_this_one_in_memory():

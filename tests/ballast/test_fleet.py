@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.fleet import run_fleet
 from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.simulation import simulate
+from shipnet.ballast.trials import run_fleet
 from shipnet.errors import ArgumentError
 
 PLAN = {"operations": 4, "group": 8}

@@ -10,7 +10,7 @@ from shipnet.ballast.live import Gateway
 from shipnet.ballast.master import Station, operate
 from shipnet.ballast.plant import Command, Fault, Plant
 from shipnet.ballast.registers import COMMAND_REGISTER
-from shipnet.ballast.scan import READ_STATUS, assignment, scan_table, status_poll, worst_age
+from shipnet.ballast.scan import READ_STATUS, System, status_poll
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.pdu import Request
@@ -28,7 +28,7 @@ def loop(n, serial=LINE, **options):
 @pytest.mark.parametrize("rate", [2400, 9600, 19200, 38400, 115200])
 def test_a_scan_is_counted_in_characters(rate):
     silence = 3.5 * 11 / rate if rate <= 19200 else 1.75e-3
-    row = scan_table(247, processing=5e-3).loc[rate]
+    row = System(247, status_poll(processing=5e-3)).scan_times().loc[rate]
     read = (8 + 13) * 11 / rate + 2 * silence + 5e-3
     assert row["read_ms"] == pytest.approx(1e3 * read)
     assert row["write_ms"] == pytest.approx(1e3 * (16 * 11 / rate + 2 * silence + 5e-3))
@@ -39,7 +39,7 @@ def test_a_scan_is_counted_in_characters(rate):
 
 @pytest.mark.parametrize("n", [1, 247, 248, 249, 256, 494, 495, 1000])
 def test_every_valve_has_a_master_and_no_master_too_many(n):
-    shares = assignment(n)
+    shares = System(n).valve_addresses()
     sizes = shares["master"].value_counts()
     assert len(sizes) == -(-n // 247)
     assert sizes.max() - sizes.min() <= 1
@@ -47,14 +47,14 @@ def test_every_valve_has_a_master_and_no_master_too_many(n):
     assert list(shares.index) == list(range(1, n + 1))
     for _, own in shares.groupby("master"):
         assert own["unit"].tolist() == list(range(1, len(own) + 1))
-    assert scan_table(n)["masters"].unique().tolist() == [len(sizes)]
+    assert System(n).scan_times()["masters"].unique().tolist() == [len(sizes)]
 
 
 @pytest.mark.parametrize(("n", "commands"), [(1, 0), (5, 0), (40, 0), (40, 3)])
 def test_the_oldest_position_shown_is_as_old_as_the_closed_form_says(n, commands):
     orders = [Command("open", 3.0, valves=range(1, commands + 1))] if commands else []
     run = operate(Plant(n_valves=n), loop(n), orders, duration=10)
-    age = worst_age(loop(n), commands=commands)
+    age = System(n, status_poll(LINE)).worst_age(commands=commands)
     assert run.longest_age.max() == pytest.approx(age, abs=1e-9)
     times = np.linspace(5, 9, 4001)
     # Looked at from outside, at any time.
@@ -288,14 +288,12 @@ def test_time_moves_on_and_nothing_overlaps_whatever_happens(orders, at_end, fau
     ("make", "message"),
     [
         (lambda: Station(Plant(n_valves=2), loop(3)), "system has 3 slaves"),
-        (lambda: Station(Plant(), loop(1), answer_at_end=1), "answer_at_end is 1"),
+        (lambda: System(answer_at_end=1), "answer_at_end is 1"),
         (lambda: Station(Plant(), loop(1), timeout=0.001), "timeout is 0.001"),
         (lambda: Station(Plant(), loop(1), [Break(2)]), "section is 2"),
         (lambda: operate(Plant(), loop(1), duration=-1), "until is -1"),
         (lambda: operate(Plant(), loop(1), [Command("stop")], duration=1), "no code for it"),
-        (lambda: scan_table(0), "n_valves is 0"),
-        (lambda: assignment(5, most=248), "most is 248"),
-        (lambda: worst_age(loop(1), commands=-1), "commands is -1"),
+        (lambda: System(1, status_poll()).worst_age(commands=-1), "commands is -1"),
     ],
 )
 def test_a_bad_argument_is_named(make, message):

@@ -11,7 +11,6 @@ from shipnet.ballast.actuator import Actuator, operating_point, stroke_time
 from shipnet.ballast.plant import Command, Fault, faulty
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.wear import (
-    METHODS,
     PREDICTORS,
     WORN,
     Wear,
@@ -19,52 +18,53 @@ from shipnet.ballast.wear import (
     leak_from_pressure,
     limit_leak,
     mid_pressure,
-    predict_life,
     remaining_life,
 )
 from shipnet.errors import ArgumentError
 
 X = np.arange(60.0)
 FEW = X[::2]
+SCALES = pytest.mark.parametrize("logarithmic", [False, True])
 
 
-def line(rng, method, slope, noise, x=X):
+def line(rng, logarithmic, slope, noise, x=X):
     """Return points on a line, or on an exponential, with noise on its scale."""
     y = 50.0 + slope * x + noise * rng.standard_normal(x.size)
-    return np.exp(y / 20) if method == "log-linear" else y
+    return np.exp(y / 20) if logarithmic else y
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_intervals_of_slope_and_crossing_cover_the_truth_as_often_as_they_say(method):
+@SCALES
+def test_intervals_of_slope_and_crossing_cover_the_truth_as_often_as_they_say(logarithmic):
     rng = np.random.default_rng(2024)
     rounds, inside, crossed = 400, 0, 0
     limit = 50.0 + 0.5 * 120
     for _ in range(rounds):
-        trend = fit_trend(FEW, line(rng, method, 0.5, 6.0, FEW), method=method)
-        scale = 20 if method == "log-linear" else 1
-        inside += trend.slope_low <= 0.5 / scale <= trend.slope_high
-        found = trend.crossing(np.exp(limit / 20) if method == "log-linear" else limit)
+        trend = fit_trend(FEW, line(rng, logarithmic, 0.5, 6.0, FEW), logarithmic=logarithmic)
+        scale = 20 if logarithmic else 1
+        inside += abs(trend.slope - 0.5 / scale) <= trend.slope_margin
+        found = trend.crossing(np.exp(limit / 20) if logarithmic else limit)
         crossed += found.low <= 120 <= found.high
-    # 95 % of 400 is 380; four standard deviations are 17. Theil-Sen leaves the place of its centre
-    # out and covers a little less.
+    # 95 % of 400 is 380; four standard deviations are 17.
     assert 363 <= inside <= 397
-    assert (350 if method == "theil-sen" else 363) <= crossed <= 397
+    assert 363 <= crossed <= 397
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_noise_alone_has_a_trend_as_rarely_as_the_confidence_says(method):
+@SCALES
+def test_noise_alone_has_a_trend_as_rarely_as_the_confidence_says(logarithmic):
     rng = np.random.default_rng(2024)
     found = sum(
-        fit_trend(FEW, line(rng, method, 0.0, 5.0, FEW), method=method).found for _ in range(400)
+        fit_trend(FEW, line(rng, logarithmic, 0.0, 5.0, FEW), logarithmic=logarithmic).found
+        for _ in range(400)
     )
     # 5 % of 400 is 20; four standard deviations are 17.
     assert 3 <= found <= 37
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_the_band_reaches_the_limit_where_the_crossing_says(method):
-    trend = fit_trend(X, line(np.random.default_rng(1), method, 0.5, 3.0), method=method)
-    limit = np.exp(110 / 20) if method == "log-linear" else 110.0
+@SCALES
+def test_the_band_reaches_the_limit_where_the_crossing_says(logarithmic):
+    y = line(np.random.default_rng(1), logarithmic, 0.5, 3.0)
+    trend = fit_trend(X, y, logarithmic=logarithmic)
+    limit = np.exp(110 / 20) if logarithmic else 110.0
     found = trend.crossing(limit)
 
     def meets(end, place):
@@ -75,43 +75,25 @@ def test_the_band_reaches_the_limit_where_the_crossing_says(method):
     assert brentq(lambda x: meets(0, x), X.mean(), 1000) == pytest.approx(found.high)
 
 
-def test_the_band_of_least_squares_is_that_of_the_covariance_of_polyfit():
-    y = line(np.random.default_rng(9), "linear", 0.5, 3.0)
-    trend = fit_trend(X, y, method="linear", confidence=0.9)
+def test_the_band_is_that_of_the_covariance_of_polyfit():
+    y = line(np.random.default_rng(9), False, 0.5, 3.0)
     (slope, offset), cov = np.polyfit(X, y, 1, cov=True)
     at = np.array([-10.0, 29.5, 100.0])
     deviation = np.sqrt([x @ cov @ x for x in np.stack([at, np.ones(3)], axis=1)])
-    low, high = trend.band(at)
+    low, high = fit_trend(X, y).band(at)
     np.testing.assert_allclose((high + low) / 2, slope * at + offset)
-    np.testing.assert_allclose((high - low) / 2, t.ppf(0.95, 58) * deviation)
+    np.testing.assert_allclose((high - low) / 2, t.ppf(0.975, 58) * deviation)
 
 
 @pytest.mark.parametrize("noise", [0.1, 5.0, 50.0])
-@pytest.mark.parametrize("method", ["linear", "log-linear"])
-def test_least_squares_are_those_of_scipy(method, noise):
-    y = line(np.random.default_rng(11), method, 0.5, noise)
-    trend = fit_trend(X, y, method=method, confidence=0.9)
-    peer = linregress(X, np.log(y) if method == "log-linear" else y)
-    wide = t.ppf(0.95, 58) * peer.stderr
-    found = (trend.slope, trend.slope_low, trend.slope_high)
-    assert found == pytest.approx((peer.slope, peer.slope - wide, peer.slope + wide), rel=1e-9)
+@SCALES
+def test_least_squares_are_those_of_scipy(logarithmic, noise):
+    y = line(np.random.default_rng(11), logarithmic, 0.5, noise)
+    trend = fit_trend(X, y, logarithmic=logarithmic)
+    peer = linregress(X, np.log(y) if logarithmic else y)
+    found = (trend.slope, trend.slope_margin)
+    assert found == pytest.approx((peer.slope, t.ppf(0.975, 58) * peer.stderr), rel=1e-9)
     assert trend.p_value == pytest.approx(peer.pvalue, rel=1e-6)
-
-
-@pytest.mark.parametrize("scale", [1e-170, 1e170])
-def test_points_too_near_or_too_far_for_least_squares_are_refused(scale):
-    for x, y in ((X * scale, X), (X, X * scale)):
-        with pytest.raises(ArgumentError, match=r"must be 1e-100\.\.1e100"):
-            fit_trend(x, y, method="linear")
-
-
-def test_theil_sen_is_not_moved_by_wild_points_and_least_squares_is():
-    rng = np.random.default_rng(2)
-    y = line(rng, "linear", 0.5, 0.5)
-    wild = y.copy()
-    wild[::6] += 200 * np.arange(10)
-    moved = {m: abs(fit_trend(X, wild, method=m).slope - 0.5) for m in ("theil-sen", "linear")}
-    assert moved["theil-sen"] < 0.05 < 1 < moved["linear"]
 
 
 def test_without_a_trend_there_is_no_crossing_and_it_is_said():
@@ -119,47 +101,35 @@ def test_without_a_trend_there_is_no_crossing_and_it_is_said():
     assert not trend.found
     assert trend.text.startswith("no trend in 60 points (p = ")
     estimate, low, high = remaining_life(trend, 100.0, 60)
-    assert np.isnan(estimate)
-    assert np.isnan(low)
-    assert high == np.inf
+    assert np.isnan([estimate, low]).all() and high == np.inf
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_equal_points_have_no_trend(method):
-    trend = fit_trend(X, np.full(60, 7.0), method=method)
+@SCALES
+def test_equal_points_have_no_trend(logarithmic):
+    trend = fit_trend(X, np.full(60, 7.0), logarithmic=logarithmic)
     assert not trend.found
     assert trend.at(100) == pytest.approx(7.0)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_line_without_noise_is_found_exactly(method):
-    y = np.exp(0.1 * X) if method == "log-linear" else 2 + 0.1 * X
-    trend = fit_trend(X, y, method=method)
+@SCALES
+def test_a_line_without_noise_is_found_exactly(logarithmic):
+    y = np.exp(0.1 * X) if logarithmic else 2 + 0.1 * X
+    trend = fit_trend(X, y, logarithmic=logarithmic)
     assert trend.found
     assert trend.slope == pytest.approx(0.1)
-    goal = np.exp(8.0) if method == "log-linear" else 10.0
+    goal = np.exp(8.0) if logarithmic else 10.0
     assert remaining_life(trend, goal, 59).estimate == pytest.approx(21, abs=1e-6)
-
-
-def test_a_limit_that_is_passed_leaves_nothing_and_one_behind_is_never_reached():
-    trend = fit_trend(X, 2 + 0.1 * X, method="linear")
-    assert remaining_life(trend, 5.0, 59) == (0, 0, 0)
-    assert remaining_life(trend, 1.0, 59, worse="falling") == (np.inf, np.inf, np.inf)
-    assert remaining_life(fit_trend(X, -X), -100.0, 59, worse="falling").estimate == 41
 
 
 @given(
     slope=st.floats(-5, 5),
     noise=st.floats(0, 20),
     seed=st.integers(0, 2**32 - 1),
-    method=st.sampled_from(["theil-sen", "linear"]),
     limit=st.floats(-500, 500),
 )
-def test_an_interval_encloses_its_estimate_whatever_the_points(slope, noise, seed, method, limit):
+def test_an_interval_encloses_its_estimate_whatever_the_points(slope, noise, seed, limit):
     rng = np.random.default_rng(seed)
-    trend = fit_trend(X[:12], line(rng, method, slope, noise, X[:12]), method=method)
-    assert trend.slope_low <= trend.slope + 1e-9
-    assert trend.slope <= trend.slope_high + 1e-9
+    trend = fit_trend(X[:12], line(rng, False, slope, noise, X[:12]))
     found = trend.crossing(limit)
     if trend.found:
         far = 1e-6 * (1 + abs(found.estimate))
@@ -169,40 +139,31 @@ def test_an_interval_encloses_its_estimate_whatever_the_points(slope, noise, see
         assert np.isnan(found.estimate)
 
 
-def test_missing_points_are_left_out():
+def test_missing_points_and_those_without_a_logarithm_are_left_out():
     y = 3 + 0.2 * X
     gaps = np.where(X % 3 == 0, np.nan, y)
     known = ~np.isnan(gaps)
-    assert fit_trend(X, gaps, method="linear") == fit_trend(X[known], y[known], method="linear")
+    assert fit_trend(X, gaps) == fit_trend(X[known], y[known])
+    gaps[~known] = -1.0
+    few = fit_trend(X[known], y[known], logarithmic=True)
+    assert fit_trend(X, gaps, logarithmic=True) == few
+    with pytest.raises(ArgumentError, match="have 4 points of a trend; it needs 5"):
+        fit_trend(X[:5], [np.nan, 1, 2, 3, 4])
 
 
+@SCALES
 @pytest.mark.parametrize(
-    ("x", "y", "more", "message"),
-    [
-        (X, X, {"method": "cubic"}, "method is 'cubic'"),
-        (X, X, {"confidence": 1.0}, "confidence is 1.0"),
-        (X, X, {"confidence": float("nan")}, "confidence is nan"),
-        (X[:4], X[:4], {}, "x has 4 points"),
-        (np.ones(9), X[:9], {}, "x has 9 points; it must have 5 or more, not all at one x"),
-        (X, X[:3], {}, "shapes"),
-        (X, np.full(60, np.nan), {}, "x has 0 points"),
-        (X, np.where(X == 3, np.inf, X), {}, "must be finite"),
-        (X, X - 5, {"method": "log-linear"}, "y is down to -5"),
-    ],
+    "points", [[20, 18.1, 16, 14.2, 12, 10], [10, 12, 14.2, 16, 18.1, 20], [20] * 6, [20, 21] * 3]
 )
-def test_points_that_cannot_be_fitted_are_named(x, y, more, message):
-    with pytest.raises(ArgumentError, match=message):
-        fit_trend(x, y, **more)
+def test_a_limit_that_has_been_passed_leaves_no_life(points, logarithmic):
+    trend = fit_trend(np.arange(6), points, logarithmic=logarithmic)
+    assert remaining_life(trend, 5.0, now=5) == (0.0, 0.0, 0.0)
 
 
-def test_a_limit_or_direction_that_cannot_be_is_named():
-    trend = fit_trend(X, np.exp(X / 20), method="log-linear")
-    with pytest.raises(ArgumentError, match="limit is 0"):
-        trend.crossing(0.0)
-    with pytest.raises(ArgumentError, match="worse is 'up'"):
-        remaining_life(trend, 5.0, 0, worse="up")
-    with pytest.raises(ArgumentError, match="now is nan"):
-        remaining_life(trend, 5.0, float("nan"))
+@SCALES
+def test_a_limit_that_a_falling_trend_leaves_behind_is_never_reached(logarithmic):
+    falling = fit_trend(np.arange(6), [20, 18.1, 16, 14.2, 12, 10], logarithmic=logarithmic)
+    assert remaining_life(falling, 25.0, now=5) == (np.inf,) * 3
 
 
 def test_the_limit_of_the_leak_is_that_of_the_simulated_stroke():
@@ -218,9 +179,6 @@ def test_the_inverted_model_returns_the_leak_it_was_given():
     sick = replace(Actuator(), pump_leak=leaks)
     np.testing.assert_allclose(leak_from_pressure(operating_point(sick).FP), leaks, rtol=1e-9)
     assert np.isnan(leak_from_pressure([0.0, 2.0, 126.0, np.nan])).all()
-    other = replace(Actuator(), restrictor=2e-8, pump_leak=1e-12)
-    found = leak_from_pressure(operating_point(other).FP, other)
-    assert found == pytest.approx(1e-12, rel=1e-9, abs=0)
 
 
 def test_synthetic_wear_is_the_law_it_states():
@@ -276,9 +234,9 @@ def test_pressure_alone_promises_too_long_a_life_and_the_inverted_model_does_not
 def test_a_pump_that_does_not_wear_has_no_trend_and_no_end():
     wear = Wear.synthetic(1, 300, rate=1e-6, spread=0.0, rng=np.random.default_rng(3))
     for predictor in PREDICTORS:
-        trend, remaining = predict_life(wear, 0, 300, predictor=predictor)
-        assert not trend.found
-        assert np.isnan(remaining.estimate)
+        found = wear.predict(1, 300, predictor=predictor)
+        assert not found.trend.found
+        assert np.isnan(found.remaining.estimate)
 
 
 def test_the_wide_set_spans_from_the_normal_pressure_to_the_limit_of_p2():
@@ -293,41 +251,10 @@ def test_arguments_of_wear_are_named():
     with pytest.raises(ArgumentError, match="rate is nan"):
         Wear.synthetic(1, rate=float("nan"), rng=rng)
     with pytest.raises(ArgumentError, match="predictor is 'luck'"):
-        predict_life(wear, 0, 20, predictor="luck")
-    with pytest.raises(ArgumentError, match="now is 51"):
-        predict_life(wear, 0, 51)
-    with pytest.raises(ArgumentError, match="limit is 9"):
-        limit_leak(9.0)
+        wear.predict(1, 20, predictor="luck")
+    with pytest.raises(ArgumentError, match="at is 51"):
+        wear.predict(1, 51)
     with pytest.raises(ArgumentError, match="part is 1"):
         wear.compare_predictors(parts=(1.0,))
     with pytest.raises(ArgumentError, match="k is 4"):
         wear.alarms(k=4, n=3)
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(
-    ("points", "limit", "worse"),
-    [
-        # Already past the limit, whichever way it goes, or with no trend at all.
-        ([20, 18.1, 16, 14.2, 12, 10], 5.0, "rising"),
-        ([10, 12, 14.2, 16, 18.1, 20], 5.0, "rising"),
-        ([20] * 6, 5.0, "rising"),
-        ([20, 21, 19, 21, 19, 20], 5.0, "rising"),
-        ([10, 12, 14.2, 16, 18.1, 20], 30.0, "falling"),
-        ([20] * 6, 30.0, "falling"),
-        ([20] * 6, 20.0, "falling"),
-    ],
-)
-def test_a_limit_that_has_been_passed_leaves_no_life(points, limit, worse, method):
-    trend = fit_trend(np.arange(6), points, method=method)
-    assert remaining_life(trend, limit, now=5, worse=worse) == (0.0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_limit_ahead_leaves_life_or_says_that_nothing_is_known(method):
-    falling = fit_trend(np.arange(6), [20, 18.1, 16, 14.2, 12, 10], method=method)
-    assert remaining_life(falling, 25.0, now=5) == (np.inf,) * 3
-    assert 1 < remaining_life(falling, 5.0, now=5, worse="falling").estimate < 8
-    steady = fit_trend(np.arange(6), [20, 21, 19, 21, 19, 20], method=method)
-    estimate, low, high = remaining_life(steady, 25.0, now=5)
-    assert np.isnan([estimate, low]).all() and high == np.inf

@@ -535,6 +535,16 @@ def test_a_bad_line_costs_no_other_frame_of_asc_and_trc(tmp_path, text, line, pl
     assert len(kept.faults) == 1
 
 
+def test_a_trc_file_whose_header_lacks_its_columns_ends(tmp_path):
+    pytest.importorskip("can")
+    path = candump(tmp_path, TRC.format("").replace(";$COLUMNS", ";"))
+    with pytest.raises(InputError, match="lines 4 and 6: File has no column information"):
+        read_log(path)
+    path.write_text(";$FILEVERSION=2.1\n")
+    with pytest.raises(InputError, match="line 1: File has no column information"):
+        read_log(path)
+
+
 def test_the_first_frame_of_an_asc_file_without_header_is_read(tmp_path):
     pytest.importorskip("can")
     log = read_log(candump(tmp_path, "0.1 1 123 Rx d C 1 2 3 4 5 6 7 8\n0.2 1 124 Rx d 0\n"))

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shipnet.can import Message, MessageSet, bus_load, example, read_messages
-from shipnet.can.messages import COLUMNS
+from shipnet.can import Message, MessageSet, bus_load, example, read_messages, response_times
+from shipnet.can.messages import COLUMNS, parse_dbc
 from shipnet.errors import ArgumentError, InputError
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "can"
@@ -384,6 +384,100 @@ def test_a_dbc_is_read(tmp_path):
     file.write_text(DBC.replace("Speed: 8", "Speed: 64"))
     with pytest.raises(InputError, match="message 'Speed': dlc is 64"):
         read_messages(file, period=0.05)
+
+
+CYCLE = """BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
+BA_DEF_DEF_ "GenMsgCycleTime" 100;
+"""
+OVERLAP = f"""VERSION ""
+
+BU_: JB1
+
+BO_ 256 Speed: 8 JB1
+ SG_ Rpm : 0|16@1+ (0.125,0) [0|6000] "rpm" Vector__XXX
+ SG_ Load : 8|16@1+ (1,0) [0|100] "%" Vector__XXX
+
+BO_ 257 Long: 64 JB1
+
+BO_ 258 Short: 1 JB1
+ SG_ Wide : 0|16@1+ (1,0) [0|100] "%" Vector__XXX
+
+{CYCLE}"""
+
+
+def test_a_dbc_with_faults_is_read_without_strict_and_they_are_listed(tmp_path):
+    pytest.importorskip("cantools")
+    file = tmp_path / "ship.dbc"
+    file.write_text(OVERLAP)
+    faults = (
+        "message 'Speed': The signals Load and Rpm are overlapping in message Speed.",
+        "message 'Short': The signal Wide does not fit in message Short.",
+        "message 'Long': dlc is 64",
+    )
+    with pytest.raises(InputError) as caught:
+        read_messages(file)
+    for fault in faults:
+        assert fault in str(caught.value)
+    assert "is not a DBC file" not in str(caught.value)
+    assert "strict=False reads the message" in str(caught.value)
+    found = read_messages(file, strict=False)
+    assert found.names == ("Speed", "Short")
+    assert all(said.startswith(fault) for said, fault in zip(found.overlooked, faults, strict=True))
+    assert repr(found) == "MessageSet(2 messages: Speed, Short; 3 faults overlooked)"
+    assert read_messages(file, strict=False) == found.replace("Speed", dlc=8)
+
+
+def test_a_cycle_time_that_is_text_is_read_or_refused(tmp_path):
+    pytest.importorskip("cantools")
+    file = tmp_path / "ship.dbc"
+    text = DBC.replace("INT 0 65535", "STRING").replace('Time" 0;', 'Time" "";')
+    file.write_text(text.replace("BO_ 256 100", 'BO_ 256 "100"'))
+    assert read_messages(file, period=0.05).periods.tolist() == [0.1, 0.05]
+    file.write_text(text.replace("BO_ 256 100", 'BO_ 256 "fast"'))
+    with pytest.raises(InputError, match="'Speed': cycle time is 'fast'; it must be a number"):
+        read_messages(file, period=0.05)
+
+
+def test_any_exception_of_cantools_is_ours(tmp_path, monkeypatch):
+    cantools = pytest.importorskip("cantools")
+
+    def fail(*given, **options):
+        raise KeyError("BO_")
+
+    monkeypatch.setattr(cantools.database, "load_string", fail)
+    with pytest.raises(InputError, match="is not a DBC file: 'BO_'"):
+        parse_dbc(DBC, "ship.dbc")
+
+
+def test_a_dbc_with_floats_and_multiplexers_gives_its_messages_and_is_never_written(tmp_path):
+    pytest.importorskip("cantools")
+    file = tmp_path / "ship.dbc"
+    file.write_text(f"""VERSION ""
+
+BU_: JB1
+
+BO_ 256 Level: 8 JB1
+ SG_ Page M : 0|8@1+ (1,0) [0|1] "" Vector__XXX
+ SG_ Metres m0 : 32|32@1- (1,0) [0|0] "m" Vector__XXX
+ SG_ State m1 : 32|8@1+ (1,0) [0|0] "" Vector__XXX
+
+{CYCLE}SIG_VALTYPE_ 256 Metres : 1;
+""")
+    before = file.read_bytes()
+    found = read_messages(file)
+    assert list(found) == [Message("Level", 0x100, 8, 0.1, sender="JB1")]
+    with pytest.raises(ArgumentError, match=r"a CSV file has not the suffix \.dbc"):
+        found.save(file)
+    assert file.read_bytes() == before
+
+
+def test_the_cycle_times_of_a_dbc_give_load_and_response_times(tmp_path):
+    pytest.importorskip("cantools")
+    file = tmp_path / "ship.dbc"
+    file.write_text(DBC)
+    messages = read_messages(file, period=0.05)
+    assert bus_load(messages, 125e3) == pytest.approx((135 / 0.1 + 110 / 0.05) / 125e3)
+    assert response_times(messages, 125e3).late == []
 
 
 def test_what_is_not_a_dbc_is_refused(tmp_path):

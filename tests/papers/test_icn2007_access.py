@@ -3,27 +3,27 @@ from shipnet.asi.faults import DeadSlave
 from shipnet.asi.simulation import simulate
 from shipnet.asi.telegram import Request
 from shipnet.asi.timing import Transaction
-from shipnet.papers.icn2007 import telegrams
-from shipnet.papers.icn2007.signals import allowed_plans, keeps_all_rules, trunk_and_star
-from shipnet.papers.kim2023.network import moves
+from shipnet.papers.icn2007 import claims
+from shipnet.papers.icn2007.claims import allowed_plans, keeps_all_rules, trunk_and_star
+from shipnet.papers.kim2023.protocol import moves
 
 
 def test_the_wait_is_that_of_the_timing():
-    run = simulate(telegrams.line(), cycles=20, faults=[DeadSlave("3", start=0.02)])
-    assert round(telegrams.gap_after_silence(run, "3"), 6) == Transaction().timeout == 10
+    run = simulate(claims.five_slaves(), cycles=20, faults=[DeadSlave("3", start=0.02)])
+    assert round(claims.gap_after_silence(run, "3"), 6) == Transaction().timeout == 10
 
 
 def test_only_own_and_sound_requests_are_answered():
-    assert telegrams.answer_to(Request.read_id(3).bits) != "silence"
+    assert claims.answer_to(Request.read_id(3).bits) != "silence"
     for address in (1, 2, 4, 31):
-        assert telegrams.answer_to(Request.read_id(address).bits) == "silence"
-    assert telegrams.answer_to(telegrams.UNKNOWN) == "silence"
+        assert claims.answer_to(Request.read_id(address).bits) == "silence"
+    assert claims.answer_to(claims.UNKNOWN) == "silence"
 
 
 def test_a_move_to_a_taken_address_is_refused():
     assert moves(target="9") and moves(target="31")
     assert not moves(target="3") and not moves(target="1")
-    run = simulate(telegrams.line(), until=0.2, commands=[(0.05, ChangeAddress("2", "3"))])
+    run = simulate(claims.five_slaves(), until=0.2, commands=[(0.05, ChangeAddress("2", "3"))])
     assert not run.commands["done"].item()
 
 

@@ -5,7 +5,7 @@ import pytest
 from shipnet import datasets
 from shipnet.asi import Request, Response, Transaction
 from shipnet.errors import ArgumentError
-from shipnet.papers.icn2007.telegrams import bus_efficiencies, rate_table, rates
+from shipnet.papers.icn2007.claims import bus_efficiencies, rate_table, rates
 
 PRINTED = datasets.read("icn2007_numbers.csv").set_index("parameter")["value"]
 
@@ -71,7 +71,6 @@ def test_as_i_leads_only_while_data_are_small():
     ("call", "message"),
     [
         (lambda: rates(addresses=0), "addresses is 0"),
-        (lambda: rates(user_bits=9), "user_bits is 9"),
         (lambda: bus_efficiencies(0), "user_bits is 0"),
         (lambda: bus_efficiencies([4, 1937]), "1..1936"),
         (lambda: bus_efficiencies([4.0]), "whole numbers"),

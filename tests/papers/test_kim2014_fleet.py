@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.ballast.fleet import run_fleet
 from shipnet.ballast.plant import Command, Fault
-from shipnet.ballast.scan import status_poll, worst_age
+from shipnet.ballast.scan import System, status_poll
 from shipnet.ballast.simulation import simulate
+from shipnet.ballast.trials import run_fleet
 from shipnet.errors import ArgumentError
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
@@ -38,7 +38,7 @@ def test_a_master_of_more_valves_sees_less_of_the_same_stroke():
 def test_the_oldest_position_of_a_simulated_run_is_that_of_the_formula():
     table = age_table([0, 1, 30], n_valves=60)
     assert table["simulated_s"].to_numpy() == pytest.approx(table["formula_s"].to_numpy(), abs=1e-6)
-    assert table.loc[0, "formula_s"] == worst_age(Loop(60, status_poll(SerialLine(9600))))
+    assert table.loc[0, "formula_s"] == System(60, status_poll(9600)).worst_age()
     with pytest.raises(ArgumentError, match="duration is 20 s; it must be"):
         age_table([0], n_valves=247, duration=20.0)
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.papers import PAPERS, Claim, figure, ledger, show
-from shipnet.papers.judging import _LEANS_ON, STATUSES, VERDICTS, _status, as_number, match
+from shipnet.papers.judging import _LEANS_ON, STATUSES, _status, as_number, match
 from shipnet.papers.registry import REGISTRY, check, numeric
 
 LEDGER = ledger().table().reset_index()
@@ -22,7 +22,11 @@ CLAIMS = datasets.read("claims.csv")
 FIGURES = datasets.read("figures_tables.csv")
 ROOT = Path(__file__).resolve().parents[2]
 RECORDED = Path(__file__).with_name("expected_ledger.json")
-PRECISE = {"within precision"}
+#: What a verdict may be; `open` means that no function computes the claim yet.
+VERDICTS = {
+    "agrees", "rounding", "typo", "unit", "wrong", "wrong term", "inconsistent",
+    "assumption differs", "below rule", "not reproducible", "open",
+}  # fmt: skip
 NUMBERS = [claim for claim in REGISTRY if not REGISTRY[claim].counter]
 CHECKS = [claim for claim in REGISTRY if REGISTRY[claim].counter]
 
@@ -302,7 +306,7 @@ def test_numbers_that_no_paper_prints():
 
 def test_evidence_is_the_function_unless_the_claim_names_more():
     evidence = LEDGER.set_index("id")["evidence"]
-    assert evidence["kim2023-004"] == "shipnet.papers.kim2023.network.strands_left"
+    assert evidence["kim2023-004"] == "shipnet.papers.kim2023.protocol.strands_left"
     assert evidence["kim2023-074"] == "kim2023-072; kim2023-073"
     assert evidence["kim2014-012"] == ""
 

@@ -218,16 +218,3 @@ def test_channels_lie_below_each_other_with_their_own_scales():
     assert ax.lines[2].get_ydata().tolist() == [-2.5, -2.5]
     assert [label.get_text() for label in ax.get_yticklabels()] == ["JB1", "JB3", "idle"]
     assert [text.get_text() for text in ax.texts[:4]] == ["0", "1", "-2", "2"]
-
-
-@pytest.mark.parametrize(
-    ("channels", "message"),
-    [
-        ({}, "channels is empty"),
-        ({"x": ([0, 1], [0])}, "channel 'x'"),
-        ({"x": ([], [])}, "channel 'x'"),
-    ],
-)
-def test_channels_that_cannot_be_drawn_are_named(channels, message):
-    with pytest.raises(ArgumentError, match=message):
-        plot_channels(channels, ax=Figure().subplots())

@@ -90,6 +90,11 @@ def test_a_dbc_is_loaded_as_text():
     assert "Speed,0x100,8,20,20,0,0,no,JB1," in page.controls["text"].value
     load(upload, head + cycle, "ship.dbc")
     assert "'Speed' has no cycle time" in page.note
+    signals = b'BO_ 256 Speed: 1 JB1\n SG_ A : 0|8@1+ (1,0) [0|0] "" JB1\n SG_ B : 4|4@1+ (1,0)'
+    both = head.replace(b"BO_ 256 Speed: 8 JB1\n", signals + b' [0|0] "" JB1\n')
+    load(upload, both + cycle + b'BA_ "GenMsgCycleTime" BO_ 256 20;\n', "ship.dbc")
+    assert page.controls["text"].value.startswith("# message 'Speed': The signals B and A are ove")
+    assert "all 1 messages meet their deadlines" in page.text
 
 
 def test_a_file_that_is_no_text_changes_nothing_and_what_windows_writes_is_text():

@@ -10,13 +10,7 @@ from shipnet.ballast.plant import FAULTS, Command, Fault, faulty
 from shipnet.ballast.rule_table import rule_vectors
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.trials import fault_trials
-from shipnet.ballast.wear import (
-    Wear,
-    fit_trend,
-    leak_from_pressure,
-    limit_leak,
-    predict_life,
-)
+from shipnet.ballast.wear import Wear
 from shipnet.errors import ArgumentError
 from shipnet.tools.valve_diagnosis import STATES, ValveDiagnosis
 
@@ -162,15 +156,14 @@ def test_the_strengths_over_time_are_those_of_the_diagnosis():
 
 def test_the_trend_is_drawn_up_to_its_limit_and_no_trend_is_said():
     wear = Wear.synthetic(1, 300, spread=0.0, rng=np.random.default_rng(1))
-    trend, remaining = predict_life(wear, 0, 300)
-    leaks = leak_from_pressure(wear.FP[:, 0])
-    ax = trend.plot(np.arange(300), leaks, limit=limit_leak(), ax=axes())
+    found = wear.predict(1, 300)
+    ax = found.plot(ax=axes())
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
     assert labels == ["read", "limit", "trend", "95 % of it", "end of life"]
     line = next(one for one in ax.lines if one.get_label() == "trend")
-    np.testing.assert_allclose(line.get_ydata(), trend.at(line.get_xdata()))
-    assert ax.get_xlim()[1] > 300 + remaining.estimate
+    np.testing.assert_allclose(line.get_ydata(), found.trend.at(line.get_xdata()))
+    assert ax.get_xlim()[1] > 300 + found.remaining.estimate
     assert ax.get_yscale() == "log"
-    flat = fit_trend(np.arange(50), np.random.default_rng(5).normal(90, 1, 50))
-    ax = flat.plot(np.arange(50), np.full(50, 90.0), limit=73.0, ax=axes())
+    sound = Wear.synthetic(1, 50, rate=1e-6, spread=0.0, rng=np.random.default_rng(3))
+    ax = sound.predict(1, 50).plot(ax=axes())
     assert [t.get_text() for t in ax.get_legend().get_texts()] == ["read", "limit", "no trend"]

@@ -4,14 +4,16 @@
 kim2023 repeats are registered beside it, in `shipnet.papers.kim2023`.
 """
 
-from shipnet.papers.icn2007.signals import (
+from shipnet.papers.icn2007.claims import (
     allowed_plans,
     arriving_share,
+    bus_efficiencies,
     consumer_drop,
     pulse_height,
+    rate_table,
+    rates,
     share_above,
 )
-from shipnet.papers.icn2007.telegrams import bus_efficiencies, rate_table, rates
 
 __all__ = ["allowed_plans", "arriving_share", "bus_efficiencies", "consumer_drop", "pulse_height"]
 __all__ += ["rate_table", "rates", "share_above"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from itertools import product
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,7 @@ from shipnet.ballast.master import MasterRun, operate, received_run
 from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.rule_table import FILLS, rule_base, rule_vectors
-from shipnet.ballast.scan import status_poll, worst_age
+from shipnet.ballast.scan import System, status_poll
 from shipnet.ballast.sensors import CHANNELS, rule_limits
 from shipnet.ballast.trials import fault_trials
 from shipnet.errors import ArgumentError
@@ -23,10 +23,6 @@ from shipnet.fuzzy.terms import NORMAL
 from shipnet.modbus.faults import Break
 from shipnet.modbus.redundancy import Loop
 from shipnet.papers.registry import check, numeric
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 # The second Table 1 as a rule base: how many faults, what overlaps, what it leaves open.
 
@@ -282,13 +278,8 @@ def graded_trials(
 #: A position is shown rightly that is nearer to the true one [%]: a register's step, and noise.
 NEAR = 2.0
 
-#: Rule and time-out [s] of the masters that are compared.
-_CASES: tuple[tuple[Literal["slave", "downstream"], float], ...] = (
-    ("slave", 1.0),
-    ("slave", 0.1),
-    ("downstream", 1.0),
-    ("downstream", 0.1),
-)
+#: Rules of the masters that are compared.
+_MOVES: tuple[Literal["slave", "downstream"], ...] = ("slave", "downstream")
 
 
 class Picture(NamedTuple):
@@ -366,12 +357,10 @@ def age_table(
     >>> age_table().round(2).values.tolist()
     [[7.94, 7.94], [8.21, 8.21], [10.58, 10.58]]
     """
-    import pandas as pd
-
     system = Loop(n_valves, status_poll(9600))
     rows = {}
     for count in commands:
-        age = worst_age(system, commands=count)
+        age = System(n_valves, system.poll).worst_age(commands=count)
         if duration / 2 < 2 * age:
             raise ArgumentError(f"duration is {duration:g} s; it must be {4 * age:.3g} or more")
         orders = [Command("open", duration / 2, valves=range(1, count + 1))] if count else []
@@ -411,7 +400,7 @@ def broken_loops(
     orders = [Command("open", 3.0, valves=range(1, opened + 1))]
     unbroken: list[Break] = []
     cases = {"no break": (Loop(n_valves, status_poll(9600)), unbroken)}
-    for move, timeout in _CASES:
+    for move, timeout in product(_MOVES, (1.0, 0.1)):
         name = f"{'one by one' if move == 'slave' else 'all beyond'}, time-out {timeout:g} s"
         poll = status_poll(9600, timeout=timeout)
         cases[name] = (Loop(n_valves, poll, move=move), [Break(n_valves // 2, start=start)])
@@ -445,8 +434,6 @@ def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
     >>> table.loc["one by one, time-out 1 s"].round(1).tolist()
     [29.3, 27.0, 30.0, 0.0, 30.0]
     """
-    import pandas as pd
-
     rows = {
         name: {
             "oldest_s": _longest(picture.seen),

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.registers import FIRST_REGISTER, N_REGISTERS
-from shipnet.ballast.scan import scan_table
+from shipnet.ballast.scan import System
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine
@@ -206,7 +206,7 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
 def plot_scan_times(slaves: Sequence[int], *, ax: Axes) -> Axes:
     """Draw the time of a scan over the bit rate, one line per number of slaves."""
     for number in slaves:
-        table = scan_table(number)
+        table = System(number).scan_times()
         ax.loglog(table.index, table["scan_s"], "o-", markersize=4, label=f"{number} slaves")
     ax.set_xticks(table.index, [f"{rate / 1e3:g}" for rate in table.index])
     ax.set(xlabel="bit rate [kbit/s]", ylabel="scan [s]")

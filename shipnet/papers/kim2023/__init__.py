@@ -2,12 +2,9 @@
 
 R. G. Kim, Y. H. Cho, K. H. Hyun, "AS-Interface protocol utilization for smart ships", Journal of
 the Society of Naval Architects of Korea 60(6), 482-490, 2023, doi 10.3744/SNAK.2023.60.6.482.
-
-One module a topic; what a claim needs from another paper's text is imported from there.
 """
 
-from shipnet.papers.kim2023 import network  # noqa: F401 - it registers
-from shipnet.papers.kim2023.frames import EXAMPLE_REQUEST, EXAMPLE_RESPONSE, even_ones
+from shipnet.papers.kim2023.protocol import EXAMPLE_REQUEST, EXAMPLE_RESPONSE, even_ones
 from shipnet.papers.kim2023.signals import undetected
 
 __all__ = ["EXAMPLE_REQUEST", "EXAMPLE_RESPONSE", "even_ones", "undetected"]

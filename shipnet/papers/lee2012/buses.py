@@ -15,11 +15,11 @@ from shipnet.engine.faults import LostModbusFrames
 from shipnet.engine.points import read_points
 from shipnet.engine.simulation import simulate as simulate_engine
 from shipnet.engine.system import System
-from shipnet.errors import ArgumentError, CrcError, FrameError
+from shipnet.errors import CrcError
 from shipnet.modbus.pdu import ExceptionCode, FunctionCode, Request, Response, decode
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.registry import check, numeric
+from shipnet.papers.registry import check, is_legal, numeric
 
 _TABLE_2 = datasets.read("lee2012_table2_modbus.csv")
 _PRINTED = dict(zip(_TABLE_2["parameter"], _TABLE_2["value_printed"], strict=True))
@@ -56,14 +56,6 @@ def answer(registers: int) -> Response:
 
 def _serial(rate: float, parity: bool = True) -> SerialLine:
     return SerialLine(rate, f"8{LINE.character[1] if parity else 'N'}1")
-
-
-def _legal_unit(unit_id: int) -> bool:
-    try:
-        read(1).rtu(unit_id)
-    except ArgumentError:
-        return False
-    return True
 
 
 @numeric("lee2012-021")
@@ -112,13 +104,13 @@ def setting_is_standard(*, stop_bits: int = 1) -> bool:
 @numeric("lee2012-075")
 def lowest_address(*, broadcast: int = 0) -> int:
     """Lowest unit id of a single slave."""
-    return min(unit for unit in range(256) if unit != broadcast and _legal_unit(unit))
+    return min(unit for unit in range(256) if unit != broadcast and is_legal(read(1).rtu, unit))
 
 
 @numeric("lee2012-025")
 def highest_address(*, bits: int = 8) -> int:
     """Highest unit id that a frame may carry, of those that a byte can hold."""
-    return max(unit for unit in range(2**bits) if _legal_unit(unit))
+    return max(unit for unit in range(2**bits) if is_legal(read(1).rtu, unit))
 
 
 @check("lee2012-026", counter={"master": JB1})
@@ -138,7 +130,9 @@ def response_names_the_receiver(*, drawn: int = AMS) -> bool:
 @check("lee2012-027", counter={"slaves": (JB1, JB1)})
 def slaves_are_distinct(*, slaves: tuple[int, ...] = (JB1, JB3)) -> bool:
     """Whether the slaves have addresses of their own, as the standard allows them."""
-    return len(set(slaves)) == len(slaves) and all(_legal_unit(unit) and unit for unit in slaves)
+    return len(set(slaves)) == len(slaves) and all(
+        is_legal(read(1).rtu, unit) and unit for unit in slaves
+    )
 
 
 @check("lee2012-028", counter={"widths": (1, 1, 2, 1, 2)})
@@ -182,10 +176,7 @@ def data_of_two_bytes(*, exceptions: bool = True) -> bool:
 @check("lee2012-078", counter={"quantities": (1, 126)})
 def reads_one_or_several(*, quantities: tuple[int, ...] = (1, 2, POINTS)) -> bool:
     """Whether function code 3 reads this many registers with one request."""
-    try:
-        return all(read(n).response_size == 2 + 2 * n for n in quantities)
-    except ArgumentError:
-        return False
+    return all(is_legal(read, n) and read(n).response_size == 2 + 2 * n for n in quantities)
 
 
 @check("lee2012-077", counter={"gap": 3.5})
@@ -206,20 +197,12 @@ def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
     bits = [1 << place for place in range(8 * len(frame))]
     patterns = [*bits, *(a | b for a, b in combinations(bits, 2)), *map(_as_sent, others)]
     value = int.from_bytes(frame, "little")
-    return not any(_passes((value ^ p).to_bytes(len(frame), "little")) for p in patterns)
+    return not any(is_legal(decode, (value ^ p).to_bytes(len(frame), "little")) for p in patterns)
 
 
 def _as_sent(pattern: int) -> int:
     """Turn a polynomial round: on the line its highest power comes first."""
     return int(f"{pattern:b}"[::-1], 2)
-
-
-def _passes(frame: bytes) -> bool:
-    try:
-        decode(frame)
-    except FrameError:
-        return False
-    return True
 
 
 @numeric("lee2012-033")
@@ -278,17 +261,9 @@ TOGETHER = MessageSet([Message("first", 0x100, 8, 1.0), Message("second", 0x200,
 def identifier_bits(*, extended: bool = False) -> int:
     """Bits of the highest arbitration id that a frame can carry."""
     bits = 0
-    while _legal_identifier(2 ** (bits + 1) - 1, extended):
+    while is_legal(Message, "highest", 2 ** (bits + 1) - 1, 8, 1.0, extended=extended):
         bits += 1
     return bits
-
-
-def _legal_identifier(arbitration_id: int, extended: bool) -> bool:
-    try:
-        Message("highest", arbitration_id, 8, 1.0, extended=extended)
-    except ArgumentError:
-        return False
-    return True
 
 
 @check("lee2012-037", counter={"disturbed": (100e-6,)})

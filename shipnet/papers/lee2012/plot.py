@@ -14,7 +14,6 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import read_points
-from shipnet.errors import ArgumentError
 from shipnet.papers.plot import FILL, Blocks, Ways, arrow, box, outline, spread
 from shipnet.papers.registry import figure
 
@@ -120,16 +119,9 @@ def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *
 
     Each trace has its own scale, with its lowest and highest value at its right end.
     """
-    if not channels:
-        raise ArgumentError("channels is empty; there must be one or more")
     middles = []
     for place, (name, (time, level)) in enumerate(channels.items()):
         at, value = np.asarray(time, dtype=np.float64), np.asarray(level, dtype=np.float64)
-        if at.ndim != 1 or at.shape != value.shape or not at.size:
-            raise ArgumentError(
-                f"channel {name!r} has times of shape {at.shape} and levels of {value.shape}; "
-                "they must be equal rows"
-            )
         low, high = float(np.nanmin(value)), float(np.nanmax(value))
         base = -1.5 * place
         # A trace that never changes lies in the middle of its place.

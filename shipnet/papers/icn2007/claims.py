@@ -1,0 +1,566 @@
+"""Sections 4 and 5 and the data link layer: telegrams, access, rates, structures, signals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.asi.faults import DeadSlave, LostReply, MasterFailure
+from shipnet.asi.master import Master
+from shipnet.asi.modulation import HALF_BIT, ramp_spectrum, send_spectrum, steps_of
+from shipnet.asi.plan import Plan
+from shipnet.asi.segment import telegram_voltages
+from shipnet.asi.simulation import Run, Standby, simulate
+from shipnet.asi.slave import Slave
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSES, Call, Half, Request
+from shipnet.asi.timing import Transaction, cycle_time
+from shipnet.asi.topologies import line, ring, star
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_whole
+from shipnet.line.cable import CABLES, Cable
+from shipnet.line.network import Load, Network
+from shipnet.papers.kim2023.protocol import CHIP_EDGES, master_pause_of_chip
+from shipnet.papers.registry import check, numeric
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@numeric("icn2007-035")
+def metres_per_star_leg(*, total: float = 100, trunk: float = 90, slaves: int = 62) -> float:
+    """Cable that is left for each leg of the star at the end of the trunk."""
+    return (total - trunk) / slaves
+
+
+@numeric("icn2007-005")
+def bit_time_in_ms(*, rate: float = 167e3) -> float:
+    """Milliseconds a bit, from the rate in the same paragraph."""
+    return 1e3 / rate
+
+
+@numeric("icn2007-015")
+def extra_pause(*, edges: tuple[float, ...] = CHIP_EDGES) -> float:
+    """Bit times that a slave takes longer when it is not synchronous, at most."""
+    synchronous, asynchronous = edges[1], edges[-1]
+    return master_pause_of_chip(edge=asynchronous) - master_pause_of_chip(edge=synchronous)
+
+
+@check("icn2007-018", counter={"data": 0xA})
+def example_for_21a(*, data: int = 0xE) -> bool:
+    """Whether the example's request is also a request to slave 21A with data 6."""
+    bits = Request.data_exchange(21, data).bits
+    return Request.parse(bits, extended=True) == Request.data_exchange(21, 0x6, "A")
+
+
+@numeric("icn2007-044", layout=Call.DATA_EXCHANGE.rule.pattern)
+@numeric("icn2007-020", layout=Call.DATA_EXCHANGE.rule.extended)
+def output_bits(*, layout: str) -> int:
+    """Output bits of a request to a standard slave, or to one that shares its address."""
+    return layout.count("d")
+
+
+@check("icn2007-045", counter={"asked": True})
+def same_answer(
+    *, halves: tuple[Half | None, Half | None] = (None, "A"), asked: bool = False
+) -> bool:
+    """Whether a standard slave and an A slave answer with the same bits (not: are asked)."""
+    requests = [Request.data_exchange(21, 0x6, half) for half in halves]
+    said = [request if asked else request.answer(0x6) for request in requests]
+    return said[0].bits == said[1].bits
+
+
+@numeric("icn2007-036")
+def slaves_before_2_1(*, layout: str = Call.DATA_EXCHANGE.rule.pattern) -> int:
+    """Every address but 0."""
+    return (1 << layout.count("a")) - 1
+
+
+@numeric("icn2007-021")
+def request_information(*, layout: str = Call.DATA_EXCHANGE.rule.pattern) -> int:
+    """Bits of a request that must be checked: all but start, parity and end bit."""
+    return len(layout)
+
+
+@numeric("icn2007-025")
+def net_rate(*, user_bits: int = 8, master_pause: float = 2, slave_pause: float = 2) -> float:
+    """Kilobits of user data a second, four bits each way in every transaction."""
+    return 1e-3 * user_bits / Transaction(master_pause, slave_pause).duration
+
+
+@numeric("icn2007-026")
+def efficiency(*, user_bits: int = 8, master_pause: float = 2, slave_pause: float = 2) -> float:
+    """User bits in percent of all bit times of a transaction."""
+    return 100 * user_bits / Transaction(master_pause, slave_pause).bits
+
+
+@check("icn2007-029", counter={"call": Call.RESET})
+def broadcast_is_silent(*, call: Call = Call.BROADCAST_RESET) -> bool:
+    """Whether no slave answers this call."""
+    return call.rule.answer is None
+
+
+# Who answers whom, what a lost reply leads to, and who takes over ------------------------------
+
+
+ADDRESSES = range(1, 6)
+
+
+def five_slaves() -> list[Slave]:
+    """Return five slaves with four inputs each."""
+    return [Slave(f"{address}") for address in ADDRESSES]
+
+
+def gap_after_silence(run: Run, slave: str) -> float:
+    """Return how long the master waits for an answer that does not come [bit]."""
+    rows = run.events()
+    silent = rows.index[(rows["slave"] == slave) & (rows["outcome"] == "SilenceError")]
+    start = rows["time_s"].to_numpy()
+    bit_time = run.record.transaction.bit_time
+    return float(min(start[silent[:-1] + 1] - start[silent[:-1]])) / bit_time - REQUEST_BITS
+
+
+@check("kim2023-089", repeats=True, counter={"wait": 11.0})
+@check("icn2007-038", repeats=False, counter={"wait": 11.0})
+def goes_on_after(*, repeats: bool, wait: float = 10.0) -> bool:
+    """Whether the next request follows this many bit times after one without an answer.
+
+    Or whether that is so and a request is repeated.
+    """
+    run = simulate(five_slaves(), cycles=20, faults=[DeadSlave("3", start=0.02)])
+    repeated = (run.events().query("slave == '3'")["attempt"] == 1).any()
+    return bool(repeated or not repeats) and round(gap_after_silence(run, "3"), 6) == wait
+
+
+@check("icn2007-028", counter={"damaged": False})
+def silent_after_error(*, damaged: bool = True) -> bool:
+    """Whether a slave in step leaves a damaged request without an answer."""
+    bits = Request.read_id(3).bits
+    return (
+        answer_to(bits[:-2] + str(1 - int(bits[-2])) + bits[-1] if damaged else bits) == "silence"
+    )
+
+
+@check("icn2007-052", counter={"bits": Request.read_id(3).bits})
+def silent_to_others(*, bits: str = "") -> bool:
+    """Whether a slave in step leaves a foreign request and an unknown call without an answer."""
+    asked = [bits] if bits else [Request.read_id(4).bits, UNKNOWN]
+    return all(answer_to(one) == "silence" for one in asked)
+
+
+#: Control bit 1, address 3, information 10111: reserved, and no call of the standard.
+UNKNOWN = "01000111011111"
+
+
+def answer_to(bits: str) -> str:
+    """Return what slave 3, in step, says to a request."""
+    return str(Slave("3").listen(["", bits])["answer"].iloc[-1])
+
+
+@check("icn2007-034", counter={"lost": 0})
+def repeats_what_was_done(*, lost: int = 1) -> bool:
+    """Whether a request is repeated that its slave had carried out, if replies are lost."""
+    faults = [LostReply("3", start=0.02, count=lost)] if lost else []
+    run = simulate(five_slaves(), cycles=20, faults=faults)
+    rows = run.events()
+    done = rows.index[rows["executed_but_lost"]]
+    return bool(len(done)) and bool((rows["attempt"][done + 1] == 1).all())
+
+
+@check("icn2007-039", counter={"standby": False})
+def standby_takes_over(*, standby: bool = True) -> bool:
+    """Whether data are exchanged with all slaves after the master fell silent."""
+    master = Master({str(address): "S-0.F.F" for address in ADDRESSES})
+    second = Standby(master) if standby else None
+    run = simulate(
+        five_slaves(), master, until=0.2, faults=MasterFailure(start=0.1), standby=second
+    )
+    later = run.events().query("time_s > 0.15 and call == 'DATA_EXCHANGE' and outcome == 'ok'")
+    return set(later["slave"]) == {str(address) for address in ADDRESSES}
+
+
+# Rates under every assumption ------------------------------------------------------------------
+
+
+#: User bits of one exchange: four in the request, four in the response.
+USER_BITS = 8
+
+#: A CAN data frame with an 11-bit identifier around its data, the three bits of intermission
+#: included and stuff bits left out, ISO 11898-1: 1 + 11 + 3 + 4 + 15 + 1 + 2 + 7 + 3 [bit].
+CAN_FRAME, CAN_BYTES = 47, 8
+
+#: Modbus function 23, which writes and reads registers at once: bytes around the data of request
+#: and response, silence before either [character], bits of a character, most bytes of data one
+#: way. Modbus Application Protocol V1.1b3, section 6.17, and Modbus over Serial Line V1.02.
+MODBUS_BYTES, MODBUS_SILENCE, MODBUS_CHARACTER, MODBUS_MOST = 13 + 5, 2 * 3.5, 11, 242
+
+
+class Rates(NamedTuple):
+    """What a line carries."""
+
+    gross: float
+    net: float
+    efficiency: float
+
+
+def rates(
+    transaction: Transaction | None = None,
+    *,
+    addresses: int | None = None,
+) -> Rates:
+    """Return gross rate, net rate and efficiency over one transaction, or over a whole cycle.
+
+    Parameters
+    ----------
+    transaction : asi.Transaction, optional
+        The transaction; with pauses of 2 and 2 bit times if omitted.
+    addresses : int, optional
+        Slaves in the cycle, 1..31; a single transaction if omitted.
+
+    Returns
+    -------
+    Rates
+        `gross` and `net` [bit/s], `efficiency` 0..1.
+
+    Raises
+    ------
+    ArgumentError
+        If `addresses` is out of range.
+
+    Examples
+    --------
+    >>> rates().efficiency
+    0.32
+    """
+    transaction = Transaction(2, 2) if transaction is None else transaction
+    gross = 1 / transaction.bit_time
+    if addresses is None:
+        net = USER_BITS / transaction.duration
+    else:
+        asked = check_whole("addresses", addresses, 1, 31)
+        net = asked * USER_BITS / float(cycle_time(asked, transaction=transaction))
+    return Rates(gross, net, net / gross)
+
+
+def rate_table() -> pd.DataFrame:
+    """Return the rates under each assumption about the length of a transaction.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per assumption: ``transaction_bit``, ``net_kbit_per_s``, ``efficiency_percent`` and
+        the ``assumption`` in words.
+
+    Examples
+    --------
+    >>> rate_table()["efficiency_percent"].round(1).head(2).tolist()
+    [32.7, 32.0]
+    """
+    import pandas as pd
+
+    pauses = {
+        "24.5 bit": (2.0, 1.5, "shortest pauses of the papers, 2 and 1.5 bit"),
+        "25 bit": (2.0, 2.0, "pauses of 2 and 2 bit: 150 us (Siemens)"),
+        "153 us": (2.5, 2.0, "25.5 bit (Bihl+Wiedemann)"),
+        "154 us": (3.0, 154 / 6 - 24, "25.7 bit (OMRON, p. 21)"),
+        "26 bit": (3.0, 2.0, "pauses of 3 and 2 bit: 156 us (OMRON, p. 5; Schneider)"),
+    }
+    rows = {}
+    for name, (*pair, says) in pauses.items():
+        transaction = Transaction(*pair)
+        rows[name] = (transaction.bits, *rates(transaction)[1:], says)
+    says = "31 of 33 transactions carry user data"
+    for name in ("25 bit", "26 bit"):
+        transaction = Transaction(*pauses[name][:2])
+        whole = rates(transaction, addresses=31)
+        rows[f"{name}, whole cycle"] = (transaction.bits, *whole[1:], says)
+    columns = ["transaction_bit", "net_kbit_per_s", "efficiency_percent", "assumption"]
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+    table["net_kbit_per_s"] *= 1e-3
+    table["efficiency_percent"] *= 100
+    return table
+
+
+def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
+    r"""Return the efficiencies of three buses that exchange the same data with one station.
+
+    .. math:: \eta = \frac{2 n}{\text{bit times of all frames and silences}}
+
+    Parameters
+    ----------
+    user_bits : array_like of int
+        User bits n in each direction, 1..1936.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per number of bits, a column each for ``as_i``, ``can`` and ``modbus_rtu``.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> bus_efficiencies(4).round(2).values.tolist()
+    [[0.32, 0.07, 0.03]]
+    """
+    import pandas as pd
+
+    n = np.atleast_1d(user_bits)
+    if n.dtype.kind not in "iu" or not ((n >= 1) & (n <= 8 * MODBUS_MOST)).all():
+        raise ArgumentError(
+            f"user_bits is {user_bits!r}; it must be whole numbers 1..{8 * MODBUS_MOST}"
+        )
+    octets = -(-n // 8)
+    registers = -(-n // 16)
+    line = {
+        "as_i": Transaction(2, 2).bits * -(-n // 4),
+        "can": 2 * (CAN_FRAME * -(-octets // CAN_BYTES) + 8 * octets),
+        "modbus_rtu": MODBUS_CHARACTER * (MODBUS_BYTES + MODBUS_SILENCE + 4 * registers),
+    }
+    index = pd.Index(n, name="user_bits")
+    return pd.DataFrame({bus: 2 * n / bits for bus, bits in line.items()}, index=index)
+
+
+#: Frequencies on which energies are summed [Hz].
+FREQUENCIES = np.arange(0.5e3, 30e6, 1e3)
+
+Floats = npt.NDArray[np.float64]
+
+
+@check("icn2007-031", counter={"closed": False})
+def ring_lowers_drop(*, closed: bool = True) -> bool:
+    """Whether a consumer half-way along gets more voltage if the cable comes back to the supply."""
+    return consumer_drop(closed=closed) < consumer_drop(closed=False)
+
+
+def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -> float:
+    """Return the voltage that 1 A loses on the way to its place on a line or a ring [V].
+
+    Parameters
+    ----------
+    closed : bool
+        Whether the cable comes back to the supply.
+    place : float, default 50
+        Where the consumer is, more than 0 and less than `length` [m].
+    length : float, default 100
+        Length of the whole cable, of two cores of 1.5 mm2 [m].
+
+    Returns
+    -------
+    float
+        Voltage lost in both wires [V].
+
+    Examples
+    --------
+    >>> f"{consumer_drop(closed=False):.2f} V, {consumer_drop(closed=True):.3f} V"
+    '1.35 V, 0.675 V'
+    """
+    (segment,) = (ring if closed else line)(length, [place], current=1.0).segments
+    voltage = segment.voltages
+    return voltage[segment.supplies[0].node] - voltage[segment.slaves[0].node]
+
+
+@check("icn2007-007", counter={"supply": {"r": 78.0}})
+def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
+    """Whether the voltage of every response adds up to less than 1 % of what its pulses hold.
+
+    The supply's inductor does it; the counter leaves a resistor alone in its place.
+    """
+    plan = line(100, slaves=(5, 50, 100))
+    network = plan.network
+    if supply is not None:
+        network = Network(plan.cables, {"0 m": Load(**supply)})
+    nodes = [slave.node for slave in plan.slaves]
+    u = telegram_voltages(network, "0 m", nodes, RESPONSES, after=55e-6)
+    return bool((np.abs(u.sum(axis=-1)) < 1e-2 * np.abs(u).sum(axis=-1)).all())
+
+
+@check("icn2007-032", counter={"length": 200.0})
+def dense_pulses_change_more(*, length: float = 100.0) -> bool:
+    """Whether an open end changes pulses 3 us apart more than pulses 6 us apart.
+
+    A matched end is the measure: the same cable without a reflection.
+    """
+    change = [
+        abs(pulse_height(length, bits) / pulse_height(length, bits, terminator=100.0) - 1)
+        for bits in ("0" * 16, "01" * 8)
+    ]
+    return bool(change[0] > change[1])
+
+
+def pulse_height(
+    length: float, bits: str, *, place: float = 5.0, terminator: float | None = None
+) -> float:
+    """Return the height of the pulses in the middle of a long row of bits [V].
+
+    Equal bits make pulses a half-bit apart, alternating bits a bit apart.
+
+    Parameters
+    ----------
+    length : float
+        Length of the cable [m].
+    bits : str
+        The row of bits.
+    place : float, default 5
+        Where the sender is; master and supply are at 0 [m].
+    terminator : float, optional
+        Resistance across the far end [ohm].
+
+    Returns
+    -------
+    float
+        Height at the master [V].
+
+    Examples
+    --------
+    >>> print(f"{pulse_height(100, '0' * 16):.2f} V, {pulse_height(100, '01' * 8):.2f} V")
+    2.46 V, 2.34 V
+    """
+    plan = line(length, slaves=(place,), terminator=terminator)
+    dt, end = 50e-9, 2 * len(bits) * HALF_BIT
+    node = plan.slaves[0].node
+    u = telegram_voltages(plan.network, "0 m", [node], bits, dt=dt, before=0, after=6.4e-6)
+    t = dt * np.arange(u.shape[-1])
+    return float(np.abs(u[..., (t > 0.4 * end) & (t < 0.8 * end)]).max())
+
+
+@check("icn2007-033", counter={"length": 1000.0})
+def signal_suits_cable(*, length: float = 100.0) -> bool:
+    """Whether nine tenths of a request's energy arrive at the matched end of the cable."""
+    return arriving_share(length) > 0.9
+
+
+def arriving_share(length: float, *, cable: Cable = CABLES["as-i 1.5"]) -> float:
+    """Return which share of the energy of the example's request a matched cable passes on.
+
+    Parameters
+    ----------
+    length : float
+        Length of the cable [m].
+    cable : shipnet.line.Cable, optional
+        The nominal AS-i cable if omitted.
+
+    Returns
+    -------
+    float
+        Share, 0..1.
+
+    Examples
+    --------
+    >>> print(f"{arriving_share(100):.1%}")
+    94.2%
+    """
+    s = 2j * np.pi * FREQUENCIES
+    energy = np.abs(s * send_spectrum(s, Request.data_exchange(21, 0xE).bits)) ** 2
+    passed = np.exp(-2 * cable.propagation(s).real * length)
+    return float((passed * energy).sum() / energy.sum())
+
+
+@check("icn2007-051", counter={"pulse": "rectangle"})
+def narrow_band(*, pulse: str = "sin2") -> bool:
+    """Whether less than a thousandth of the energy lies above the band, 667 kHz."""
+    return share_above(2 / HALF_BIT, pulse=pulse) < 1e-3
+
+
+def share_above(frequency: float, *, pulse: str = "sin2") -> float:
+    """Return which share of the energy of the example's request lies above a frequency.
+
+    Parameters
+    ----------
+    frequency : float
+        Frequency [Hz].
+    pulse : {"sin2", "half sine", "rectangle"}, default "sin2"
+        Form of the pulses, all a half-bit long.
+
+    Returns
+    -------
+    float
+        Share, 0..1.
+
+    Examples
+    --------
+    >>> print(f"{share_above(667e3):.2%}, {share_above(667e3, pulse='rectangle'):.1%}")
+    0.07%, 7.1%
+    """
+    x = FREQUENCIES * HALF_BIT
+    shape = {
+        "sin2": np.abs(ramp_spectrum(2j * np.pi * FREQUENCIES)),
+        "half sine": np.abs(np.cos(np.pi * x) / (1 - (2 * x) ** 2)),
+        "rectangle": np.abs(np.sinc(x)),
+    }[pulse]
+    steps = steps_of(Request.data_exchange(21, 0xE).bits)
+    code = steps @ np.exp(-2j * np.pi * np.outer(np.arange(steps.size), x))
+    energy = np.abs(shape * code) ** 2
+    return float(energy[FREQUENCIES > frequency].sum() / energy.sum())
+
+
+# Structures and buses --------------------------------------------------------------------------
+
+
+SLAVES = 62
+
+
+def allowed_plans() -> dict[str, Plan]:
+    """Return the structures that section 4 allows, as plans with the supply in a good place.
+
+    Returns
+    -------
+    dict of str to Plan
+        Eight plans of 100 m; all but the first with 62 slaves.
+
+    Examples
+    --------
+    >>> plans = allowed_plans()
+    >>> [name for name, plan in plans.items() if not keeps_all_rules(plan)]
+    []
+    """
+    growing = np.arange(1, SLAVES + 1)
+    return {
+        "100 m and a slave at its end": line(100, [100]),
+        "90 m and a star of 62": trunk_and_star(),
+        "star, legs as long as the master's": star(100 / 63, [100 / 63] * SLAVES),
+        "star, unequal legs": star(1, (99 * growing / growing.sum()).tolist()),
+        "62 along a line, evenly": line(100, SLAVES, supply=50),
+        "62 along a line, unevenly": line(100, (100 * (growing / SLAVES) ** 2).tolist(), supply=50),
+        "mixture": star(70, [1.5] * 20, along=42, supply=35),
+        "passive ring": ring(100, SLAVES),
+    }
+
+
+def keeps_all_rules(plan: Plan) -> bool:
+    """Return whether a plan passes every rule."""
+    return plan.check().ok is True
+
+
+def trunk_and_star(leg: float = 10 / SLAVES) -> Plan:
+    """Return 90 m of cable, then a star of 62 slaves with the supply at its hub."""
+    return star(90, [leg] * SLAVES, supply=90)
+
+
+@check("icn2007-003", counter={"leg": 2.0})
+def trunk_and_star_is_allowed(*, leg: float = 10 / SLAVES) -> bool:
+    """Whether 90 m and 62 legs of this length [m] keep every rule."""
+    return keeps_all_rules(trunk_and_star(leg))
+
+
+@check("icn2007-004", counter={"length": 101.0})
+def slave_at_end(*, length: float = 100.0) -> bool:
+    """Whether a cable of this length with a slave at its end keeps every rule."""
+    return keeps_all_rules(line(length, [length]))
+
+
+@check("icn2007-048", counter={"supply": 0.0})
+def structures_are_allowed(*, supply: float = 50.0) -> bool:
+    """Whether all structures keep every rule, with the supply of the even line in this place."""
+    plans = {**allowed_plans(), "evenly": line(100, SLAVES, supply=supply)}
+    return all(keeps_all_rules(plan) for plan in plans.values())
+
+
+@check("icn2007-027", counter={"user_bits": 4})
+def best_of_buses(*, user_bits: int = 64) -> bool:
+    """Whether AS-i is the most efficient of three buses for this many bits each way."""
+    return bool(bus_efficiencies(user_bits).iloc[0].idxmax() == "as_i")
