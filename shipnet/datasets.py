@@ -5,6 +5,7 @@ Nothing else in shipnet spells a data path. `data/SOURCES.md` says where each fi
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,7 +57,7 @@ def path(name: str) -> Path:
     Raises
     ------
     ArgumentError
-        If there is no such file; the message lists those that there are.
+        If there is no such file; the message names those with the most similar names.
 
     Examples
     --------
@@ -64,7 +65,8 @@ def path(name: str) -> Path:
     'claims.csv'
     """
     if name not in names():
-        raise ArgumentError(f"name is {name!r}; it must be one of {', '.join(names())}")
+        near = ", ".join(get_close_matches(str(name), names(), cutoff=0.3)) or names()[0]
+        raise ArgumentError(f"name is {name!r}; it must be one of datasets.names(), such as {near}")
     return _folder() / name
 
 

@@ -31,6 +31,28 @@ __all__ = [
 ]
 
 
+#: Characters of a fault, of a message with several, and of a value that one quotes, beyond which
+#: the middle is left out.
+_FAULT, _MESSAGE, _QUOTED = 300, 3000, 80
+
+#: A value that a message quotes.
+_VALUE = re.compile(r"(?<![\w'])'[^']{80,}'|(?<![\w\"])\"[^\"]{80,}\"")
+
+
+def _without_middle(text: str, most: int) -> str:
+    if len(text) <= most:
+        return text
+    half = (most - 5) // 2
+    return f"{text[:half]} ... {text[-half:]}"
+
+
+def _short(text: str) -> str:
+    """Return a message with at most 300 characters for each of its faults."""
+    text = _VALUE.sub(lambda found: _without_middle(found[0], _QUOTED), text)
+    faults = [_without_middle(fault, _FAULT) for fault in text.split("; ")]
+    return _without_middle("; ".join(faults), _MESSAGE)
+
+
 class FrameError(ValueError):
     """A frame breaks a rule of its bus; the subclass says which."""
 
@@ -39,6 +61,10 @@ class FrameError(ValueError):
     def __init_subclass__(cls, code: int) -> None:
         """Give the class its code."""
         cls.code = code
+
+    def __str__(self) -> str:
+        """Return what is wrong, each fault in at most 300 characters."""
+        return _short(super().__str__())
 
 
 class LengthError(FrameError, code=1):
@@ -110,6 +136,10 @@ class ArgumentError(ValueError):
 
     code = 7
 
+    def __str__(self) -> str:
+        """Return what is wrong, each fault in at most 300 characters."""
+        return _short(super().__str__())
+
 
 class InputError(ValueError):
     """A file cannot be used as it is.
@@ -146,11 +176,14 @@ class InputError(ValueError):
     def lines(self, most: int) -> list[str]:
         """Return up to `most` groups of faults, one per line, and a line that counts the others.
 
-        Faults that differ only in their rows are one group.
+        Faults that differ only in their rows are one group. A line has at most 300 characters; the
+        middle of what is longer is left out.
         """
         groups = self._groups()
         rest = sum(count for _, count in groups[most:]) + self.more
-        return [text for text, _ in groups[:most]] + ([f"and {rest} more"] if rest else [])
+        return [_without_middle(_short(text), _FAULT) for text, _ in groups[:most]] + (
+            [f"and {rest} more"] if rest else []
+        )
 
     def __str__(self) -> str:
         """Say everything in one line."""

@@ -67,10 +67,14 @@ def test_synthetic_data_say_so():
         assert synthetic == ("synthetic" in SOURCES[name]["how obtained"]), name
 
 
-def test_an_unknown_file_is_refused_with_the_names_there_are():
-    for name in ("nothing.csv", "../README.md"):
-        with pytest.raises(ArgumentError, match=r"name is .*; it must be one of .*claims"):
+def test_an_unknown_file_is_refused_with_the_nearest_names():
+    for name in ("nothing.csv", "../README.md", ""):
+        with pytest.raises(
+            ArgumentError, match=r"name is .*; it must be one of .*, such as \w+\.csv"
+        ):
             datasets.path(name)
+    with pytest.raises(ArgumentError, match=r"such as claims\.csv"):
+        datasets.path("claim.csv")
 
 
 def test_read_changes_nothing():

@@ -109,8 +109,9 @@ def parse_fault(system: System, words: str) -> EngineFault:
     """Return the lasting fault that these words name, such as ``box dead JB1``."""
     known = {str(fault): fault for fault in system.single_faults(0.0, every_sensor=True)}
     if words not in known:
-        few = ", ".join(str(fault) for fault in system.single_faults(0.0))
-        raise ArgumentError(f"fault is {words!r}; it must be one of {few}")
+        one_each = {type(fault): str(fault) for fault in reversed(system.single_faults(0.0))}
+        few = ", ".join(sorted(one_each.values(), key=str.lower))
+        raise ArgumentError(f"fault is {words!r}; it must be like one of {few}")
     return known[words]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.intervals import share_interval
 from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat, Shares
 from shipnet.remote_control.system import Supervision, System
@@ -84,7 +85,7 @@ def compare_checks(
         for rate in rates:
             for name, form in (formats or check_formats(n)).items():
                 trial = form.transmit(n, rate, packets, chance)
-                low, high = trial.interval("undetected")
+                low, high = share_interval(trial.undetected, trial.sent)
                 rows.append(
                     {
                         "check": name,
@@ -94,11 +95,11 @@ def compare_checks(
                         "sent": trial.sent,
                         "detected": trial.detected,
                         "undetected": trial.undetected,
-                        "low": low,
-                        "high": high,
+                        "low": float(low),
+                        "high": float(high),
                         "expected": form.error_shares(n, rate).undetected,
                         "missed": trial.missed,
-                        "items_lost": trial.share("detected"),
+                        "items_lost": trial.detected / trial.sent if trial.sent else np.nan,
                     }
                 )
     return Comparison(tuple(rows))
@@ -237,13 +238,12 @@ class Recommendation:
 
 def candidates(
     n_items: int,
-    system: System | None = None,
-    *,
-    rate: float = 1e-5,
-    wrong_per_year: float = 1.0,
-    stale_time: float = 3.0,
-    switch_interval: float = 3600.0,
-    supervision: Supervision | None = None,
+    system: System,
+    rate: float,
+    wrong_per_year: float,
+    stale_time: float,
+    switch_interval: float,
+    rule: Supervision,
 ) -> pd.DataFrame:
     """Return all ways to send 1..84 values per station, a row each, as `recommend` compares them.
 
@@ -261,8 +261,7 @@ def candidates(
     most_wrong = check_scalar("wrong_per_year", wrong_per_year, "", 1e-12, 1e12)
     longest_stale = check_scalar("stale_time", stale_time, "s", 1e-3, 1e9)
     interval = check_scalar("switch_interval", switch_interval, "s", 1e-3, 1e9)
-    rule = Supervision.intended() if supervision is None else supervision
-    base = replace(system or System(), repeat=0, slave=rule)
+    base = replace(system, repeat=0, slave=rule)
     limit = rule.detection_time[0]
     rows = []
     for name in CHECKS:
@@ -360,15 +359,9 @@ def recommend(
     >>> print(rc.recommend(40, rc.System(bit_rate=600), stale_time=20))
     CRC, cyclic, 10 items per packet: 9116 ms for all values
     """
-    table = candidates(
-        n_items,
-        system,
-        rate=rate,
-        wrong_per_year=wrong_per_year,
-        stale_time=stale_time,
-        switch_interval=switch_interval,
-        supervision=supervision,
-    )
+    limits = wrong_per_year, stale_time, switch_interval
+    rule = Supervision.intended() if supervision is None else supervision
+    table = candidates(n_items, system or System(), rate, *limits, rule)
     good = table[table["meets"]]
     if table.empty:
         raise ArgumentError("turn_timeout is shorter than the answer with one item, of any check")

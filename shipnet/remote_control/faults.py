@@ -7,7 +7,7 @@ from math import inf
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, number, record
-from shipnet.remote_control.signals import HOPS, STATIONS
+from shipnet.remote_control.values import HOPS, STATIONS
 
 __all__ = ["BitErrors", "DeadStation", "LostPacket", "Stall"]
 

@@ -11,7 +11,7 @@ That every value is a packet of its own is reading A with one item per packet.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from decimal import Decimal, localcontext
 from functools import cache
 from itertools import pairwise
@@ -269,10 +269,13 @@ class MarkerFormat(PacketFormat):
         the bits beside the markers must be a code word as well, see `crc_residual`. This is an
         upper bound, less than a thousandth too high: the check of the numbers is left out.
         """
-        markers = len(self.head) + n_items * len(self.lead) + 1
-        intact = (1 - p) ** (8 * markers)
+        head, lead = len(self.head), len(self.lead)
+        step, end = lead + _ITEM, head + n_items * (lead + _ITEM)
+        leads = (head + k * step + j for k in range(n_items) for j in range(lead))
+        markers = (*range(head), *leads, end)
+        intact = (1 - p) ** (8 * len(markers))
         if self.crc:
-            return intact * _residual(_marked_weights(self, n_items), p)
+            return intact * crc_residual(end + 1, p, markers)
         if self.numbers == "any":
             # As a sum without cancellation, for small p.
             changed = -float(np.expm1(24 * n_items * np.log1p(-p))) - _ends_early(self, n_items, p)
@@ -578,8 +581,10 @@ class CobsParser:
 # What the checks let through --------------------------------------------------------------------
 
 
-def crc_residual(n_bytes: int, rate: float) -> float:
+def crc_residual(n_bytes: int, rate: float, known: tuple[int, ...] = ()) -> float:
     r"""Return how often CRC-16/MODBUS passes bytes, with their check, that are not those sent.
+
+    Bytes at the `known` places are those sent in any case.
 
     By MacWilliams' identity, with the number B of words of weight w in the dual code of a code
     of L bits (T. Fujiwara, T. Kasami, S. Lin, IEEE Trans. Communications 37 (1989) 986-989):
@@ -588,28 +593,23 @@ def crc_residual(n_bytes: int, rate: float) -> float:
     """
     n = check_whole("n_bytes", n_bytes, 0, 4096)
     p = check_scalar("rate", rate, "", 0, 0.5)
-    return _residual(code_weights(n), p)
+    weights = code_weights(n, known)
+    with localcontext() as context:
+        context.prec = _DIGITS
+        exact = Decimal(p)
+        total, power, base = Decimal(0), Decimal(1), 1 - 2 * exact
+        for number in weights:
+            total += number * power
+            power *= base
+        residual = total / (1 << _CRC_BITS) - (1 - exact) ** (len(weights) - 1)
+        # Of an exact 0 the rounding may leave less.
+        return max(0.0, float(residual))
 
 
 @cache
-def code_weights(n_bytes: int) -> tuple[int, ...]:
+def code_weights(n_bytes: int, known: tuple[int, ...] = ()) -> tuple[int, ...]:
     """Return how many words of weight 0, 1, ... the dual code of CRC-16/MODBUS has."""
-    return _weights(n_bytes, ())
-
-
-@cache
-def _marked_weights(packet_format: MarkerFormat, n_items: int) -> tuple[int, ...]:
-    """Return the weights for all bits of a packet but those of its markers."""
-    head, step = len(packet_format.head), len(packet_format.lead) + 3
-    end = head + n_items * step
-    places = [*range(head), end]
-    places += [head + k * step + j for k in range(n_items) for j in range(len(packet_format.lead))]
-    return _weights(end + 1, places)
-
-
-def _weights(n_bytes: int, fixed: Sequence[int]) -> tuple[int, ...]:
-    """Return the weights for bytes and their CRC, where some of the bytes are known."""
-    bits = 8 * np.array(fixed, np.int64)[:, np.newaxis] + np.arange(8)
+    bits = 8 * np.array(known, np.int64)[:, np.newaxis] + np.arange(8)
     found = np.delete(MODBUS.syndromes(n_bytes), bits.reshape(-1))
     # The Walsh-Hadamard transform counts, for each of the 2**16 sums of checks, even minus odd.
     sums = np.bincount(found, minlength=1 << _CRC_BITS)
@@ -618,20 +618,6 @@ def _weights(n_bytes: int, fixed: Sequence[int]) -> tuple[int, ...]:
         sums = np.stack([pairs[:, 0] + pairs[:, 1], pairs[:, 0] - pairs[:, 1]], axis=1)
     weights = (found.size - sums.reshape(-1)) // 2
     return tuple(np.bincount(weights, minlength=found.size + 1).tolist())
-
-
-def _residual(weights: tuple[int, ...], p: float) -> float:
-    with localcontext() as context:
-        context.prec = _DIGITS
-        rate = Decimal(p)
-        total, power, base = Decimal(0), Decimal(1), 1 - 2 * rate
-        for number in weights:
-            total += number * power
-            power *= base
-        length = len(weights) - 1
-        residual = total / (1 << _CRC_BITS) - (1 - rate) ** length
-        # Of an exact 0 the rounding may leave less.
-        return max(0.0, float(residual))
 
 
 def _becomes(number: int, p: float) -> Floats:

@@ -15,15 +15,12 @@ import numpy.typing as npt
 
 from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, LengthError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.intervals import share_interval
 
 #: Number and value of each item, in the order of the packet.
 Items = tuple[tuple[int, int], ...]
 
 #: What a receiver requires of the numbers.
 NumberCheck = Literal["any", "known", "rising"]
-
-Outcome = Literal["intact", "detected", "undetected"]
 
 Bytes = npt.NDArray[np.uint8]
 Flags = npt.NDArray[np.bool_]
@@ -50,13 +47,6 @@ class Shares(NamedTuple):
     undetected: float
 
 
-class Interval(NamedTuple):
-    """Bounds of a share, by Clopper and Pearson."""
-
-    low: float
-    high: float
-
-
 @dataclass(frozen=True, slots=True)
 class Trial:
     """Packets that were sent over a disturbed line: all, discarded, and accepted though wrong."""
@@ -75,24 +65,6 @@ class Trial:
         """Share of the disturbed packets that is accepted; NaN if none was disturbed."""
         hit = self.detected + self.undetected
         return self.undetected / hit if hit else float("nan")
-
-    def share(self, outcome: Outcome) -> float:
-        """Return the share of the packets with an outcome; NaN if none was sent."""
-        return self._count(outcome) / self.sent if self.sent else float("nan")
-
-    def interval(self, outcome: Outcome, confidence: float = 0.95) -> Interval:
-        """Return the interval in which that share lies with a confidence of 0.5..0.999999."""
-        level = check_scalar("confidence", confidence, "", 0.5, 0.999999)
-        count = self._count(outcome)
-        low, high = share_interval(count, self.sent, confidence=level)
-        return Interval(float(low), float(high))
-
-    def _count(self, outcome: Outcome) -> int:
-        if outcome not in ("intact", "detected", "undetected"):
-            raise ArgumentError(
-                f"outcome is {outcome!r}; it must be 'intact', 'detected' or 'undetected'"
-            )
-        return int(getattr(self, outcome))
 
 
 # A format --------------------------------------------------------------------------------------
@@ -127,15 +99,10 @@ class PacketFormat:
 
     __slots__ = ()
 
-    @property
-    def n_numbers(self) -> int:
-        """How many numbers there are, and the most items of a packet."""
-        raise NotImplementedError
-
-    @property
-    def numbers(self) -> NumberCheck:
-        """What a receiver requires of the numbers."""
-        raise NotImplementedError
+    #: How many numbers there are, and the most items of a packet.
+    n_numbers: int
+    #: What a receiver requires of the numbers.
+    numbers: NumberCheck
 
     def size(self, n_items: int) -> int:
         """Return the length of a packet with 0..n_numbers items [byte]."""

@@ -20,9 +20,9 @@ from shipnet.fields import check_scalar, check_whole, choice, number, record, wh
 from shipnet.remote_control.faults import BitErrors, DeadStation, LostPacket, Stall
 from shipnet.remote_control.packet import DATA_START, MarkerFormat
 from shipnet.remote_control.packet_format import Items
-from shipnet.remote_control.signals import HOPS, STATIONS, forwarded
 from shipnet.remote_control.station import Event, Role, State, Station
 from shipnet.remote_control.system import BIT_RATES, System
+from shipnet.remote_control.values import HOPS, STATIONS, forwarded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -435,7 +435,7 @@ class _Simulation:
             station.state = State.SENDING
             self._note_state(station)
         station.turn += 1
-        target, lives = self.stations[station.partner], station.lives
+        target, turn = self.stations[station.partner], station.turn
         data = station.senders[target.name].packet(station.sending[target.name])
         items = self.system.packet_format.decode(data)
         character = self.system.character_time
@@ -448,9 +448,9 @@ class _Simulation:
             if byte is not None or last:
                 self._at(
                     packet.start + (place + 1) * character,
-                    partial(self._arrive, station, lives, target, byte, last, packet),
+                    partial(self._arrive, station, turn, target, byte, last, packet),
                 )
-        self._at(packet.end, partial(self._sent, station, lives))
+        self._at(packet.end, partial(self._sent, station, turn))
 
     def _is_lost(self, packet: Packet) -> bool:
         for loss in self.losses:
@@ -479,12 +479,12 @@ class _Simulation:
         rows = zip(data, hit[:, 0].tolist(), flips, strict=True)
         return [None if start else byte ^ flip for byte, start, flip in rows]
 
-    def _sent(self, station: Station, lives: int) -> None:
-        if station.lives != lives or not self._go(station, Event.SENT):
+    def _sent(self, station: Station, turn: int) -> None:
+        if station.turn != turn or not self._go(station, Event.SENT):
             return
-        timeout, turn = self.system.turn_timeout, station.turn
+        timeout = self.system.turn_timeout
         if station.role is Role.MASTER and timeout is not None:
-            self._at(self.now + timeout, partial(self._time_out, station, lives, turn))
+            self._at(self.now + timeout, partial(self._time_out, station, turn))
         self._look(station)
 
     # receiving
@@ -492,17 +492,17 @@ class _Simulation:
     def _arrive(
         self,
         source: Station,
-        lives: int,
+        turn: int,
         target: Station,
         byte: int | None,
         last: bool,
         packet: Packet,
     ) -> None:
         """Store a byte at its receiver, which may be in a state to take it or not."""
-        if source.lives != lives or target.state.comm_f != 1:
+        if source.turn != turn or target.state.comm_f != 1:
             return
         if byte is not None:
-            target.receiver.store(byte)
+            target.ring.store(byte)
             if byte == DATA_START and self.marked:
                 self._life(target, source.name)
         if last:
@@ -519,7 +519,7 @@ class _Simulation:
         """Let the task look into the ring, if it can."""
         if station.state is not State.RECEIVING or self.now < station.busy_until:
             return
-        reading = station.receiver.read()
+        reading = station.read()
         self.run_.max_unread = max(self.run_.max_unread, reading.unread)
         if reading.repaired or reading.lost or reading.stopped:
             found = f"{reading.unread} bytes unread, {reading.lost} lost"
@@ -530,7 +530,7 @@ class _Simulation:
             if reading.stopped:
                 self._note(station, "ring stopped", "", found)
             if reading.stopped and not reading.packets:
-                self._leave(station, Event.RING_STOPPED, station.turn, station.lives)
+                self._leave(station, Event.RING_STOPPED, station.turn)
                 return
         waiting = self.waiting[station.name]
         if not reading.packets:
@@ -543,20 +543,17 @@ class _Simulation:
         if not self.marked:
             self._life(station, source)
         self._go(station, Event.PACKET)
-        lives = station.lives
-        taken = [item for items in reading.packets for item in items]
-        self._at(
-            self.now + self.system.processing,
-            partial(self._processed, station, lives, source, tuple(taken)),
-        )
+        taken = tuple(item for items in reading.packets for item in items)
+        act = partial(self._processed, station, station.turn, source, taken)
+        self._at(self.now + self.system.processing, act)
 
-    def _processed(self, station: Station, lives: int, source: str, items: Items) -> None:
+    def _processed(self, station: Station, turn: int, source: str, items: Items) -> None:
         """Take the values into the tables, and turn to sending."""
-        if station.lives != lives:
+        if station.turn != turn:
             return
         if self.now < station.busy_until:
-            again = station.busy_until
-            self._at(again, partial(self._processed, station, lives, source, items))
+            act = partial(self._processed, station, turn, source, items)
+            self._at(station.busy_until, act)
             return
         for k, value in items:
             self.run_.updates.append(Update(self.now, station.name, source, k, value))
@@ -581,20 +578,19 @@ class _Simulation:
                 station.left_out[partner] = self.system.skip_turns
                 self._note(station, "failed", partner)
                 if waits:
-                    self._leave(station, Event.FAILED, station.turn, station.lives)
+                    self._leave(station, Event.FAILED, station.turn)
 
-    def _time_out(self, station: Station, lives: int, turn: int) -> None:
-        if station.lives == lives and station.turn == turn and station.state is State.RECEIVING:
+    def _time_out(self, station: Station, turn: int) -> None:
+        if station.turn == turn and station.state is State.RECEIVING:
             self._note(station, "timed out", station.partner)
-            self._leave(station, Event.TIMED_OUT, turn, lives)
+            self._leave(station, Event.TIMED_OUT, turn)
 
-    def _leave(self, station: Station, event: Event, turn: int, lives: int) -> None:
+    def _leave(self, station: Station, event: Event, turn: int) -> None:
         """Let a station that waits in vain go on, as soon as its task can."""
         if self.now < station.busy_until:
-            later = station.busy_until
-            self._at(later, partial(self._leave, station, event, turn, lives))
+            self._at(station.busy_until, partial(self._leave, station, event, turn))
             return
-        same = station.lives == lives and station.turn == turn
+        same = station.turn == turn
         if same and self._go(station, event) and station.state is State.SENDING:
             self._send(station)
 
@@ -602,12 +598,12 @@ class _Simulation:
 
     def _stop(self, station: Station) -> None:
         if self._go(station, Event.STOPPED):
-            station.lives += 1
+            station.turn += 1
             self._note(station, Event.STOPPED.value)
 
     def _start(self, station: Station) -> None:
         if self._go(station, Event.STARTED):
-            station.lives += 1
+            station.turn += 1
             self._note(station, Event.STARTED.value)
             if station.role is Role.MASTER:
                 self._send(station)

@@ -11,8 +11,8 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.remote_control.packet_format import Items, PacketFormat, Parser
 from shipnet.remote_control.ring_buffer import Ring
-from shipnet.remote_control.signals import HOPS
 from shipnet.remote_control.system import Counter, System
+from shipnet.remote_control.values import HOPS
 
 
 def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
@@ -169,63 +169,32 @@ class Reading(NamedTuple):
 
 
 @dataclass(slots=True)
-class Receiver:
-    """The interrupt that fills a station's ring, and the task that reads it."""
-
-    system: System
-    _ring: Ring = field(init=False)
-    _parser: Parser = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Begin with an empty ring."""
-        self._ring = Ring(self.system.ring_size, self.system.ring_rule)
-        self._parser = self.system.packet_format.parser()
-
-    def store(self, byte: int) -> None:
-        """Put a byte into the ring, as the interrupt does."""
-        self._ring.store(byte)
-
-    def read(self) -> Reading:
-        """Take everything out of the ring, and return what was in it."""
-        ring = self._ring
-        unread, lost_before = ring.unread, ring.lost
-        data, repaired = bytearray(), False
-        while (step := ring.extract()).action in ("take", "repair"):
-            if step.byte is None:
-                repaired = True
-            else:
-                data.append(step.byte)
-        stopped = step.action == "stop"
-        packets = self._parser.feed(bytes(data))
-        return Reading(packets, unread, repaired, stopped, ring.lost - lost_before)
-
-
-@dataclass(slots=True)
 class Station:
     """A station as the simulation moves it.
 
-    `partner` is whom it sends to or waits for; `lives` counts how often it was switched on or off,
-    because what was sent in an earlier life is void; `busy_until` is the end of a slow task [s];
-    `turn` grows with every packet sent; `left_out` counts turns of a partner still to be skipped.
+    `partner` is whom it sends to or waits for; `turn` grows with every packet sent, and whenever
+    the station stops or starts, because what was planned in an earlier turn is void; `busy_until`
+    is the end of a slow task [s]; `left_out` counts turns of a partner still to be skipped.
     """
 
     name: str
     system: System
     state: State = field(default=State.RECEIVING, init=False)
     partner: str = field(default="RCS", init=False)
-    receiver: Receiver = field(init=False)
+    ring: Ring = field(init=False)
+    parser: Parser = field(init=False)
     counters: dict[str, Counter] = field(init=False)
     senders: dict[str, Sender] = field(init=False)
     sending: dict[str, list[int]] = field(init=False)
     left_out: dict[str, int] = field(init=False)
-    lives: int = field(default=0, init=False)
     busy_until: float = field(default=0.0, init=False)
     turn: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         """Begin with empty tables."""
         system = self.system
-        self.receiver = Receiver(system)
+        self.ring = Ring(system.ring_size, system.ring_rule)
+        self.parser = system.packet_format.parser()
         self.counters = {name: Counter(system.rule(self.name)) for name in self.partners}
         self.senders = {
             name: Sender(system.packet_format, repeat=system.repeat) for name in self.partners
@@ -250,6 +219,18 @@ class Station:
             return False
         self.state = state
         return True
+
+    def read(self) -> Reading:
+        """Take everything out of the ring, as the task does, and return what was in it."""
+        unread, lost_before = self.ring.unread, self.ring.lost
+        data, repaired = bytearray(), False
+        while (step := self.ring.extract()).action in ("take", "repair"):
+            if step.byte is None:
+                repaired = True
+            else:
+                data.append(step.byte)
+        lost = self.ring.lost - lost_before
+        return Reading(self.parser.feed(bytes(data)), unread, repaired, step.action == "stop", lost)
 
     def choose_partner(self) -> None:
         """Set whom the station sends to next: the master's partners in turn, but for failed ones.

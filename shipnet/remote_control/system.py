@@ -16,7 +16,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, choice, number, record, switch, whole
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat
-from shipnet.remote_control.signals import HOPS, SIGNALS
+from shipnet.remote_control.values import HOPS, VALUES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -346,16 +346,16 @@ class System:
 
         rows = [
             {
-                "number": signal.number,
-                "name": signal.name,
-                "kind": signal.kind,
-                "sources": ", ".join(signal.sources),
-                "readers": ", ".join(signal.readers),
-                "mirrored": signal.mirrored,
-                "where": signal.where,
+                "number": value.number,
+                "name": value.name,
+                "kind": value.kind,
+                "sources": ", ".join(value.sources),
+                "readers": ", ".join(value.readers),
+                "mirrored": value.mirrored,
+                "where": value.where,
             }
-            | {f"{a}-{b}": (a, b) in signal.hops for a, b in HOPS}
-            for signal in SIGNALS
+            | {f"{a}-{b}": (a, b) in value.hops for a, b in HOPS}
+            for value in VALUES
         ]
         return pd.DataFrame(rows)
 

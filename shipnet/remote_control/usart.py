@@ -1,11 +1,10 @@
-"""The serial chip 8251A: one byte waits in the transmit buffer while another is shifted out.
+"""The transmitter of the serial chip 8251A, and the loops of chung1998 that feed it.
 
-Simulated time only. The chip is asynchronous, enabled in both directions, and clear to send.
+Simulated time only. The chip is asynchronous, enabled, and clear to send.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from enum import IntFlag
 from typing import NamedTuple
 
@@ -19,29 +18,21 @@ _MOST_CHARACTERS = 10_000
 
 
 class Status(IntFlag):
-    """Bits of the status register: Intel, 8251A data sheet, status read format."""
+    """Bits of the status register for sending: Intel, 8251A data sheet, status read format."""
 
     TXRDY = 0x01
-    RXRDY = 0x02
     TXEMPTY = 0x04
-    PARITY = 0x08
-    OVERRUN = 0x10
-    FRAMING = 0x20
-    SYNDET = 0x40
-    DSR = 0x80
 
 
 class Usart:
-    """An 8251A with its line.
+    """The transmitter of an 8251A with its line: one byte waits while another is shifted out.
 
     `line` holds when each byte began to be sent [s], and the byte; `overwritten` the bytes that a
     later write replaced in the transmit buffer before they were sent.
 
     A byte goes from the buffer to the shift register at once when this is free: TxRDY is then 1
     again. TxEMPTY is 1 when both are empty. The status bit TxRDY, unlike the pin, says that the
-    buffer is empty and nothing else. A received byte that is not read within a character time is
-    replaced by the next one, and the overrun bit is set until `reset_errors`. Parity, framing,
-    break and modem bits are never set here (Intel, 8251A data sheet).
+    buffer is empty and nothing else (Intel, 8251A data sheet).
     """
 
     def __init__(self, character_time: float) -> None:
@@ -51,20 +42,13 @@ class Usart:
         self._now = 0.0
         self._shift_free = 0.0
         self._waiting: int | None = None
-        self._received: int | None = None
-        self._overrun = False
 
     def status(self, time: float) -> Status:
         """Return the status register at a time [s], never earlier than the last call."""
         self._advance(time)
-        status = Status(0)
-        if self._waiting is None:
-            status |= Status.TXRDY
-            if self._shift_free <= time:
-                status |= Status.TXEMPTY
-        if self._received is not None:
-            status |= Status.RXRDY
-        return status | Status.OVERRUN if self._overrun else status
+        if self._waiting is not None:
+            return Status(0)
+        return Status.TXRDY | Status.TXEMPTY if self._shift_free <= time else Status.TXRDY
 
     def write(self, byte: int, time: float) -> None:
         """Write a byte to the transmit buffer, whether it is empty or not."""
@@ -74,25 +58,6 @@ class Usart:
             self.overwritten.append(self._waiting)
         self._waiting = byte
         self._advance(time)
-
-    def receive(self, byte: int, time: float) -> None:
-        """Let a byte arrive from the line, its last bit at this time [s]."""
-        check_whole("byte", byte, 0, 255)
-        self._advance(time)
-        self._overrun |= self._received is not None
-        self._received = byte
-
-    def read(self, time: float) -> int:
-        """Return the byte received last, and be ready for the next; raise if none has arrived."""
-        self._advance(time)
-        if self._received is None:
-            raise ArgumentError(f"time is {time} s, but no byte has arrived; RxRDY must be 1")
-        byte, self._received = self._received, None
-        return byte
-
-    def reset_errors(self) -> None:
-        """Clear the error bits, as the command instruction does."""
-        self._overrun = False
 
     def finish(self) -> float:
         """Send what is left; return when the last character has ended [s]."""
@@ -114,18 +79,15 @@ class Sent(NamedTuple):
     """What a loop made of some bytes.
 
     `line` is what went out from the beginning of the loop on, `writes` how often the program wrote
-    to the chip, `lost` and `repeated` how many bytes never went out or went out in excess (what
-    was waiting in the chip counts too), and `busy` how long the program was in its loop [s].
+    to the chip, and `lost` how many bytes never went out (what was waiting in the chip counts too).
     """
 
     line: bytes
     writes: int
     lost: int
-    repeated: int
-    busy: float
 
 
-def send_printed(usart: Usart, data: bytes, *, start: float = 0.0, poll: float = 20e-6) -> Sent:
+def send_printed(usart: Usart, data: bytes, *, poll: float = 20e-6) -> Sent:
     """Send bytes by the loop as printed, which writes while the chip is not ready.
 
     ``while((inportb(C8251) & 0x01) != 0x01) { outportb(D8251, ch); }``
@@ -135,36 +97,34 @@ def send_printed(usart: Usart, data: bytes, *, start: float = 0.0, poll: float =
     it asks just when the buffer is empty; with some times of polling it never ends, and raises.
     `poll` is the time to read the status, and to write a byte [s]; the paper names none.
     """
-    return _send(usart, data, start, poll, printed=True)
+    return _send(usart, data, poll, printed=True)
 
 
-def send_intended(usart: Usart, data: bytes, *, start: float = 0.0, poll: float = 20e-6) -> Sent:
+def send_intended(usart: Usart, data: bytes, *, poll: float = 20e-6) -> Sent:
     """Send bytes by the loop as intended, which waits until the chip is ready and writes once.
 
     ``while((inportb(C8251) & 0x01) != 0x01); outportb(D8251, ch);``
 
-    The program is busy for all characters but the last two, which are in the chip when it ends. A
-    station that switches its line driver off must wait for TxEMPTY.
+    The last two characters are still in the chip when the loop ends: a station that switches its
+    line driver off must wait for TxEMPTY.
     """
-    return _send(usart, data, start, poll, printed=False)
+    return _send(usart, data, poll, printed=False)
 
 
-def _send(usart: Usart, data: bytes, start: float, poll: float, *, printed: bool) -> Sent:
+def _send(usart: Usart, data: bytes, poll: float, *, printed: bool) -> Sent:
     step = check_scalar("poll", poll, "s", 1e-7, 1.0)
-    time, writes = start, 0
-    usart.status(time)
+    time, writes = 0.0, 0
+    waited = not usart.status(time) & Status.TXRDY
     already = len(usart.line)
     # Which byte waits in the chip, by its place in the data; -1 is one that waited before.
-    waiting = None if usart._waiting is None else -1
-    due = range(0 if waiting is None else -1, len(data))
-    out: Counter[int] = Counter()
+    waiting, out = -1, set[int]()
 
     def write(place: int) -> None:
         nonlocal waiting, writes
         replaced = len(usart.overwritten)
         usart.write(data[place], time)
-        if waiting is not None and len(usart.overwritten) == replaced:
-            out[waiting] += 1
+        if len(usart.overwritten) == replaced:
+            out.add(waiting)
         waiting = place
         writes += 1
 
@@ -187,9 +147,7 @@ def _send(usart: Usart, data: bytes, start: float, poll: float, *, printed: bool
             write(place)
             time += step
     usart.finish()
-    if waiting is not None:
-        out[waiting] += 1
+    out.add(waiting)
     line = bytes(byte for _, byte in usart.line[already:])
-    lost = sum(out[place] == 0 for place in due)
-    repeated = sum(times - 1 for times in out.values() if times)
-    return Sent(line, writes, lost, repeated, time - start)
+    lost = len(set(range(-1 if waited else 0, len(data))) - out)
+    return Sent(line, writes, lost)

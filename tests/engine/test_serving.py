@@ -150,5 +150,5 @@ def test_a_fault_is_named_as_the_table_of_failures_names_it():
     system = System()
     for fault in system.single_faults(0.0):
         assert parse_fault(system, str(fault)) == fault
-    with pytest.raises(ArgumentError, match="fault is 'fire'; it must be one of CAN cable cut JB1"):
+    with pytest.raises(ArgumentError, match="it must be like one of AMS port dead 1, box"):
         parse_fault(system, "fire")

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from shipnet.errors import name_of
+from shipnet.design import read_iolist
+from shipnet.errors import ArgumentError, InputError, SymbolError, name_of
 
 
 def test_error_codes_have_names():
@@ -10,3 +11,32 @@ def test_error_codes_have_names():
     assert name_of(np.uint8(5)) == "ParityError"
     with pytest.raises(ValueError, match="code is 18"):
         name_of(18)
+
+
+@pytest.mark.parametrize("kind", [ArgumentError, SymbolError, lambda text: InputError("f", text)])
+def test_a_long_value_is_quoted_without_its_middle(kind):
+    said = str(kind(f"row 7, column x: signal is {'A' * 70_000!r}; it must be one of AI, DI"))
+    assert len(said) < 303
+    assert "row 7, column x: signal is 'AAAA" in said
+    assert said.endswith("AAAA'; it must be one of AI, DI")
+    assert " ... " in said
+
+
+def test_no_message_is_longer_than_ten_faults_of_300_characters():
+    for text in ("word " * 1000, "'", "x'" * 500, "'" + '"' * 999, "\n" * 999):
+        assert len(str(ArgumentError(text))) <= 300
+    assert len(str(ArgumentError("x; " * 9000))) <= 3000
+    assert len(str(ArgumentError("; ".join(["a" * 400] * 3)))) <= 3 * 300 + 4
+    short = "'by hand': " + "the tags are not those of the list; " * 3 + "there is no 'B'"
+    assert str(ArgumentError(short)) == short
+    assert str(ArgumentError("a" * 300)) == "a" * 300
+    assert str(SymbolError()) == ""
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".tsv", ".txt"])
+def test_a_reader_does_not_repeat_a_long_cell(tmp_path, suffix):
+    path = tmp_path / f"list{suffix}"
+    path.write_text(f"tag,signal,x_m,y_m,z_m\nT1,{'Z' * 70_000},1,2,3\n")
+    with pytest.raises(InputError) as refused:
+        read_iolist(path)
+    assert all(len(line) <= 300 for line in refused.value.lines(10))

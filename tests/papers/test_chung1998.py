@@ -19,8 +19,8 @@ from shipnet.remote_control import (
 )
 from shipnet.remote_control.faults import LostPacket, Stall
 from shipnet.remote_control.ring_buffer import case_of
-from shipnet.remote_control.signals import HOPS, STATIONS
 from shipnet.remote_control.system import BIT_RATES
+from shipnet.remote_control.values import HOPS, STATIONS
 
 
 def test_no_claim_is_open():

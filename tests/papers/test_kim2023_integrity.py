@@ -1,11 +1,16 @@
 import itertools
+from math import comb
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 
 from shipnet.asi import Response
 from shipnet.asi.modulation import check_slots, pulses_of
 from shipnet.papers.kim2023.signals import check_bits, undetected
+
+#: Every row of 14 bits with a start bit, even parity of what lies between, and an end bit.
+ALL_REQUESTS = [f"0{data:011b}{data.bit_count() % 2}1" for data in range(2048)]
 
 
 def least_distance(information, check):
@@ -33,7 +38,7 @@ def test_one_bit_less_does_not_suffice(information):
     assert least_distance(information, enough - 1) < 4
 
 
-@pytest.mark.parametrize("faults", [1, 2])
+@pytest.mark.parametrize("faults", [1, 2, 4])
 def test_faults_counted_by_trying_them_all(faults):
     missed = tried = 0
     for data in range(16):
@@ -49,3 +54,21 @@ def test_faults_counted_by_trying_them_all(faults):
 
 def test_four_faults_are_the_first_to_pass():
     assert [undetected(faults) for faults in (3, 4)] == [(0, 58240), (32, 349440)]
+
+
+def test_faults_of_requests_counted_by_trying_them_all():
+    # All errors of four slots in some requests through the checks; then all pairs of requests.
+    words = np.pad(pulses_of(ALL_REQUESTS), ((0, 0), (0, 2)))
+    places = np.array(list(itertools.combinations(range(1, 30), 4)))
+    for word in words[[0, 700, 2047]]:
+        missed = 0
+        for signs in itertools.product((1, 2), repeat=4):
+            wrong = np.repeat(word[np.newaxis], len(places), axis=0)
+            old = np.take_along_axis(wrong, places, axis=1)
+            np.put_along_axis(wrong, places, (old + 1 + signs) % 3 - 1, axis=1)
+            missed += int((check_slots(wrong, 14)[1] == 0).sum())
+        assert missed == ((words != word).sum(axis=1) == 4).sum()
+    apart = np.rint(pdist(words, "hamming") * words.shape[1])
+    for faults in (3, 4, 5):
+        tried = 2048 * comb(29, faults) * 2**faults
+        assert undetected(faults, requests=True) == (2 * (apart == faults).sum(), tried)

@@ -16,11 +16,11 @@ from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.experiment import recommend, switch_staleness
 from shipnet.remote_control.faults import DeadStation, LostPacket
 from shipnet.remote_control.packet import MarkerFormat
-from shipnet.remote_control.signals import HOPS, SIGNALS, STATIONS, Hop
 from shipnet.remote_control.simulation import Change, simulate, switch_delays
 from shipnet.remote_control.station import Sender
 from shipnet.remote_control.system import BIT_RATES, Supervision, System
 from shipnet.remote_control.usart import Status, Usart, send_intended, send_printed
+from shipnet.remote_control.values import HOPS, STATIONS, VALUES, Hop
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,7 +52,7 @@ def serial_chips(*, hops: tuple[Hop, ...] = HOPS) -> int:
 @check("chung1998-030", counter={"flows": HOPS[:3]})
 def flows_are_enough(*, flows: tuple[Hop, ...] = HOPS) -> bool:
     """Whether every value comes to all who need it on these flows, by RCS where it must."""
-    return all(hop in flows for signal in SIGNALS for hop in signal.hops)
+    return all(hop in flows for value in VALUES for hop in value.hops)
 
 
 def send_loops(

@@ -13,7 +13,7 @@ from shipnet import style
 from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings, stored
 from shipnet.papers.registry import figure
 from shipnet.remote_control.packet import MarkerFormat
-from shipnet.remote_control.signals import HOPS, signals_on
+from shipnet.remote_control.values import HOPS, values_on
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,8 +50,8 @@ def _stations(*, ax: Axes) -> Axes:
             "", (end - 0.5 * side, y), (start + 0.5 * side, y),
             arrowprops={"arrowstyle": "-|>", "color": "0.3"},
         )  # fmt: skip
-        own = [s.name for s in signals_on(source, target) if source in s.sources]
-        on = [s.name for s in signals_on(source, target) if source not in s.sources]
+        own = [s.name for s in values_on(source, target) if source in s.sources]
+        on = [s.name for s in values_on(source, target) if source not in s.sources]
         text = "\n".join([*own, *(f"({name})" for name in on)]).replace("_", " ")
         ax.text(
             (start + end) / 2, y + 0.08 * side, text, ha="center", fontsize=8.5,

@@ -17,7 +17,7 @@ from shipnet.asi.modulation import CLASSES, HALF_BIT, as_bits, levels_of, pulses
 from shipnet.asi.plan import Plan
 from shipnet.asi.receiver import Receiver, receive
 from shipnet.asi.slave import Slave
-from shipnet.asi.telegram import RESPONSES, Response
+from shipnet.asi.telegram import RESPONSES, Response, frame
 from shipnet.asi.topologies import line
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES, Cable
@@ -162,19 +162,21 @@ def error_classes(*, classes: tuple[str, ...] = tuple(CLASSES)) -> int:
     return len(classes)
 
 
-def undetected(faults: int) -> tuple[int, int]:
-    """Count the faults of pulses that leave a response valid.
+def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
+    """Count the faults of pulses that leave a telegram valid.
 
     Parameters
     ----------
     faults : int
         Slots that change at once, 1 or more; each takes either of its two other values.
+    requests : bool, default False
+        Whether requests are counted instead of responses.
 
     Returns
     -------
     tuple of int
-        Undetected patterns, and all patterns: of the 15 slots from the start pulse on, in each
-        of the 16 responses.
+        Undetected patterns, and all patterns: of the 15 slots from the start pulse on in each of
+        the 16 responses, or of the 29 slots in each of the 2048 requests.
 
     Notes
     -----
@@ -183,16 +185,19 @@ def undetected(faults: int) -> tuple[int, int]:
 
     Examples
     --------
-    >>> undetected(1), undetected(2)
-    ((0, 480), (0, 6720))
+    >>> undetected(1), undetected(4)
+    ((0, 480), (32, 349440))
+    >>> undetected(3, requests=True)[0], undetected(4, requests=True)[0]
+    (0, 11264)
     """
-    words = np.array([pulses_of(Response(data).bits) for data in range(16)])
+    size = 11 if requests else 4
+    words = pulses_of([frame(f"{data:0{size}b}") for data in range(2**size)])
     slots = np.pad(words, ((0, 0), (0, 2)))[:, 1:]
     n = slots.shape[1]
-    # The checks accept the 16 responses and nothing else, so a fault passes only if it turns one
-    # response into another.
-    distance = (slots[:, np.newaxis] != slots).sum(axis=-1)
-    return int((distance == faults).sum()), len(slots) * comb(n, faults) * 2**faults
+    # The checks accept these telegrams and nothing else, so a fault passes only if it turns one
+    # telegram into another.
+    passed = sum(int(((slots != word).sum(axis=1) == faults).sum()) for word in slots)
+    return passed, len(slots) * comb(n, faults) * 2**faults
 
 
 @check("kim2023-061", counter={"faults": 4})

@@ -22,7 +22,7 @@ HOPS: tuple[Hop, ...] = (("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "
 
 
 @dataclass(frozen=True, slots=True)
-class Signal:
+class Value:
     """A value of 16 bits that crosses the link, who sets it and who reads it.
 
     A switch that is there twice has two sources. `where` is the section of chung1998 that names
@@ -59,27 +59,27 @@ class Signal:
 
 
 #: Switches first, so that a link of few items has them.
-SIGNALS = (
-    Signal(0, "control_position", "switch", ("BCS", "RCS"), (), "2; 5"),
-    Signal(1, "shutdown_cancel", "switch", ("BCS", "SS"), ("RCS",), "5"),
-    Signal(2, "slowdown_cancel", "switch", ("BCS", "SS"), ("RCS",), "5"),
-    Signal(3, "speed_command", "command", ("BCS",), ("RCS",), "2"),
-    Signal(4, "speed", "measurement", ("RCS",), ("BCS", "SS"), "2"),
-    Signal(5, "engine_state", "state", ("RCS",), ("BCS", "SS"), "2"),
-    Signal(6, "alarm", "state", ("RCS",), ("BCS", "SS"), "2"),
-    Signal(7, "safety_speed", "measurement", ("SS",), ("RCS", "BCS"), "2"),
-    Signal(8, "overspeed", "state", ("SS",), ("RCS", "BCS"), "2"),
+VALUES = (
+    Value(0, "control_position", "switch", ("BCS", "RCS"), (), "2; 5"),
+    Value(1, "shutdown_cancel", "switch", ("BCS", "SS"), ("RCS",), "5"),
+    Value(2, "slowdown_cancel", "switch", ("BCS", "SS"), ("RCS",), "5"),
+    Value(3, "speed_command", "command", ("BCS",), ("RCS",), "2"),
+    Value(4, "speed", "measurement", ("RCS",), ("BCS", "SS"), "2"),
+    Value(5, "engine_state", "state", ("RCS",), ("BCS", "SS"), "2"),
+    Value(6, "alarm", "state", ("RCS",), ("BCS", "SS"), "2"),
+    Value(7, "safety_speed", "measurement", ("SS",), ("RCS", "BCS"), "2"),
+    Value(8, "overspeed", "state", ("SS",), ("RCS", "BCS"), "2"),
     # Shutdown and slowdown fit into one value of 16 bits: the paper sends ten values.
-    Signal(9, "shutdown_slowdown", "state", ("SS",), ("RCS", "BCS"), "2"),
+    Value(9, "shutdown_slowdown", "state", ("SS",), ("RCS", "BCS"), "2"),
 )
 
 
-def signals_on(source: str, target: str) -> tuple[Signal, ...]:
+def values_on(source: str, target: str) -> tuple[Value, ...]:
     """Return what one station sends to another, by number."""
     if (source, target) not in HOPS:
         lines = ", ".join(f"{a} to {b}" for a, b in HOPS)
         raise ArgumentError(f"source and target are {source!r}, {target!r}; the lines are {lines}")
-    return tuple(signal for signal in SIGNALS if (source, target) in signal.hops)
+    return tuple(value for value in VALUES if (source, target) in value.hops)
 
 
 def forwarded(source: str, target: str) -> frozenset[int]:
@@ -87,4 +87,4 @@ def forwarded(source: str, target: str) -> frozenset[int]:
     if {source, target} != {"BCS", "SS"}:
         raise ArgumentError(f"source and target are {source!r}, {target!r}; they must be BCS, SS")
     route = (source, "RCS", target)
-    return frozenset(signal.number for signal in SIGNALS if route in signal.routes)
+    return frozenset(value.number for value in VALUES if route in value.routes)
