@@ -27,7 +27,13 @@ def test_wheel_holds_package_and_data_and_nothing_else(wheel):
     names = [name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name]
     assert {name.split("/")[0] for name in names} == {"shipnet"}
     assert {f"shipnet/data/{name}" for name in datasets.names()} <= set(names)
-    others = {"shipnet.mplstyle", "py.typed", "data/SOURCES.md", "tools/page.css"}
+    others = {
+        "shipnet.mplstyle",
+        "py.typed",
+        "data/SOURCES.md",
+        "tools/page.css",
+        "design/report.css",
+    }
     assert {f"shipnet/{name}" for name in others} <= set(names)
     assert not any("__pycache__" in name for name in names)
 

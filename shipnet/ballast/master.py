@@ -102,18 +102,6 @@ class Write(NamedTuple):
         return ExceptionCode(self.response[1]).name.replace("_", " ").lower()
 
 
-def valve_states(
-    position: npt.ArrayLike, current: npt.ArrayLike, fault: npt.ArrayLike, *, silent: npt.ArrayLike
-) -> npt.NDArray[np.str_]:
-    """Return what valves are shown as."""
-    place, amps, row = np.asarray(position), np.asarray(current), np.asarray(fault)
-    conditions = [
-        np.broadcast_to(silent, place.shape), np.isnan(place), row > 0, amps >= LEAST_CURRENT,
-        place >= 100 - _END, place <= _END,
-    ]  # fmt: skip
-    return np.select(conditions, STATES[:-1], STATES[-1])
-
-
 @dataclass(frozen=True, eq=False)
 class Screen:
     """Every valve as the master shows it at a time.
@@ -149,11 +137,15 @@ class Screen:
         """Return the screen that shows these values of the valves, valve 1 first."""
         import pandas as pd
 
+        conditions = [
+            silent, np.isnan(position), fault > 0, current >= LEAST_CURRENT,
+            position >= 100 - _END, position <= _END,
+        ]  # fmt: skip
         columns = {
             "position_percent": position,
             "age_s": age,
             "fault": fault,
-            "state": valve_states(position, current, fault, silent=silent),
+            "state": np.select(conditions, STATES[:-1], STATES[-1]),
         }
         index = pd.RangeIndex(1, position.size + 1, name="valve")
         return cls(pd.DataFrame(columns, index=index), time)
@@ -203,7 +195,7 @@ class Screen:
                 ),
             )  # fmt: skip
             for text in texts:
-                # It stands within the axes, and hundreds of them take their time to measure.
+                # It lies within the axes, and hundreds of them take long to measure.
                 text.set_in_layout(False)
         ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[], yticks=[])
         ax.grid(False)
@@ -408,7 +400,6 @@ class Station(Master):
         system: Loop,
         faults: Iterable[Fault] = (),
         *,
-        registers: RegisterMap | None = None,
         answer_at_end: bool = False,
         timeout: float | None = None,
         watchdog: float | None = None,
@@ -420,10 +411,8 @@ class Station(Master):
         failed = tuple(faults)
         super().__init__(system, failed)
         self.plant, self.system = plant, system
-        self.registers = registers if registers is not None else RegisterMap()
-        self.slaves: dict[int, Slave] = valve_slaves(
-            plant, registers=self.registers, watchdog=watchdog
-        )
+        self.registers = RegisterMap()
+        self.slaves: dict[int, Slave] = valve_slaves(plant, watchdog=watchdog)
         self.at_end = answer_at_end
         poll = system.poll
         self._command = command_poll(

@@ -7,7 +7,6 @@ The paper prints no scales, and its tables disagree about the status bits and th
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
 from enum import Enum
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,7 +17,7 @@ import numpy.typing as npt
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError, FieldError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_scalar, check_whole, choice, record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,8 +46,6 @@ class Code(Enum):
 @cache
 def command_codes(reading: str) -> dict[Code, int]:
     """Return the command codes of a reading of Table 2."""
-    if reading not in CODE_READINGS:
-        raise ArgumentError(f"codes is {reading!r}; it must be one of {', '.join(CODE_READINGS)}")
     column, base = CODE_READINGS[reading]
     with path("kim2014_table2_write_register_bits.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["message"] == "query"]
@@ -68,7 +65,7 @@ HIGHEST, MISSING = 0xFE, 0xFF
 
 
 class Scale(NamedTuple):
-    """Where a reading stands, and how large its step is."""
+    """The register and bits of a reading, and how large its step is."""
 
     channel: str
     register: int
@@ -150,7 +147,7 @@ class Status(NamedTuple):
     operating_time: Floats
 
 
-@dataclass(frozen=True, slots=True)
+@record(slots=True)
 class RegisterMap:
     """A reading of Tables 2 and 3.
 
@@ -159,7 +156,7 @@ class RegisterMap:
     status : str, default "table 3"
         Places of Manual, Auto, Close and Open in the low byte of 0x4020: Bit2 to Bit5 as in
         ``table 3``, or Bit0 to Bit3 as in the response of ``table 2``. The number of the fault,
-        whose place neither prints, then stands in the high byte of 0x4021 or in Bit4 to Bit7; the
+        whose place neither prints, is then in the high byte of 0x4021 or in Bit4 to Bit7; the
         operating time has the other 8 bits of 0x4021, or all 16.
     codes : str, default "flag sum"
         Command codes: ``flag sum`` (position codes 6 and 10, auto added to close and open),
@@ -168,7 +165,7 @@ class RegisterMap:
     Raises
     ------
     ArgumentError
-        If there is no such reading.
+        If a field has another value.
 
     Examples
     --------
@@ -180,17 +177,8 @@ class RegisterMap:
     '0x280A'
     """
 
-    status: str = "table 3"
-    codes: str = "flag sum"
-
-    def __post_init__(self) -> None:
-        """Check both."""
-        if self.status not in ("table 2", "table 3"):
-            raise ArgumentError(f"status is {self.status!r}; it must be 'table 2' or 'table 3'")
-        if not isinstance(self.codes, str):
-            known = ", ".join(CODE_READINGS)
-            raise ArgumentError(f"codes is {self.codes!r}; it must be one of {known}")
-        command_codes(self.codes)
+    status: str = choice(("table 3", "table 2"), default="table 3")
+    codes: str = choice(tuple(CODE_READINGS), default="flag sum")
 
     def encode(
         self,

@@ -6,7 +6,6 @@ The paper prints no units; bar, bar, A, degC and percent are our reading (claim 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -15,7 +14,7 @@ import numpy.typing as npt
 
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.fields import record, whole
 
 
 class Channel(NamedTuple):
@@ -89,7 +88,7 @@ def position_speed(time: Floats, position: Floats, ran: npt.ArrayLike = np.inf) 
 _NAMES = tuple(channel.name for channel in CHANNELS)
 
 
-@dataclass(frozen=True, slots=True)
+@record(slots=True)
 class Sensors:
     """The sensors of a slave, in the order FP, OP, MC, OT, VPos and in their units.
 
@@ -122,10 +121,10 @@ class Sensors:
     low: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, -20.0)
     high: tuple[float, ...] = (160.0, 10.0, 6.0, 150.0, 120.0)
     noise: tuple[float, ...] = (0.5, 0.03, 0.02, 0.3, 0.1)
-    bits: int | None = 12
+    bits: int | None = whole(1, 24, help="Resolution", default=12, optional=True)
 
     def __post_init__(self) -> None:
-        """Check every field."""
+        """Check the scales and deviations."""
         for name in ("low", "high", "noise"):
             object.__setattr__(self, name, _five(name, getattr(self, name)))
         for name, low, high, noise in zip(_NAMES, self.low, self.high, self.noise, strict=True):
@@ -133,10 +132,8 @@ class Sensors:
                 raise ArgumentError(f"scale of {name} is {low:g}..{high:g}; it must not be empty")
             if not 0 <= noise < np.inf:
                 raise ArgumentError(f"noise of {name} is {noise:g}; it must be 0 or more")
-        if self.bits is not None:
-            object.__setattr__(self, "bits", check_whole("bits", self.bits, 1, 24))
-            if not np.isfinite([self.low, self.high]).all():
-                raise ArgumentError("low and high must be finite for a converter with bits")
+        if self.bits is not None and not np.isfinite([self.low, self.high]).all():
+            raise ArgumentError("low and high must be finite for a converter with bits")
 
     @classmethod
     def ideal(cls) -> Sensors:
@@ -173,7 +170,7 @@ class _Scale(NamedTuple):
 
 @cache
 def _scale(sensors: Sensors) -> _Scale:
-    """Return the numbers of sensors as columns of shape (5, 1), once: they are read ever again."""
+    """Return the numbers of sensors as columns of shape (5, 1), once: every reading needs them."""
     rows = (sensors.low, sensors.high, sensors.noise, sensors.step)
     return _Scale(*(np.array(row)[:, np.newaxis] for row in rows))
 

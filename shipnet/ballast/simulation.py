@@ -71,9 +71,9 @@ def simulate(
     system : System or int
         The valves; a number stands for plain valves that are commanded and read directly.
     commands : iterable of Command, optional
-        What they are told, in any order. A master sends one for each valve, between two polls.
+        Their commands, in any order. A master sends one for each valve, between two polls.
     faults : Fault or iterable of Fault, optional
-        What is wrong, and from when on; also faults of the line (`shipnet.modbus`).
+        Their faults, and when each begins; also faults of the line (`shipnet.modbus`).
     until : float
         End time, 0..1e8 [s]; with a master 0..1e5 [s].
     idle_step : float, optional
@@ -144,7 +144,7 @@ def _record(
     """Step the plant until its last tick, and yield what it read."""
     n, window = plant.n_valves, ceil(WINDOW / plant.step - 1e-6)
     before, since = np.empty((0, n)), np.empty(0)
-    due = told = 0
+    due = given = 0
     done = False
     while not done:
         time, readings = np.empty(size), np.empty((size, 5, n))
@@ -152,9 +152,9 @@ def _record(
         ran = np.zeros((size, n), int)
         row = 0
         while row < size and not done:
-            while told < len(orders) and plant.ticks(orders[told].time) <= plant.tick:
-                plant.order(orders[told])
-                told += 1
+            while given < len(orders) and plant.ticks(orders[given].time) <= plant.tick:
+                plant.order(orders[given])
+                given += 1
             while due < len(events) and events[due] <= plant.tick:
                 due += 1
             upcoming = min(events[due], last) if due < len(events) else last

@@ -24,7 +24,6 @@ from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed
 from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import ExceptionCode
 from shipnet.modbus.slave import DeviceError, Slave, Table
@@ -35,31 +34,19 @@ Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 
-#: The status has four bits for the row of the rule table at least.
-_MOST_RULES = 12
+#: A code is found if its rule fired in 3 or more of the last 5 readings.
+_LEAST, _WINDOW = 3, 5
 
 
 class Monitor:
     """Applies the rules to every reading of a plant's sensors, for all its valves at once."""
 
-    def __init__(
-        self, plant: Plant, rules: RuleBase | None = None, *, k: int = 3, n: int = 5
-    ) -> None:
+    def __init__(self, plant: Plant) -> None:
         self.plant = plant
-        self.base = rules if rules is not None else rule_base()
-        if len(self.base.rules) > _MOST_RULES:
-            raise ArgumentError(
-                f"rules has {len(self.base.rules)} rules; it must be 1..{_MOST_RULES}"
-            )
-        window = check_whole("n", n, 1, 1000)
-        self._least = check_whole("k", k, 1, window)
-        known = {*(channel.name for channel in CHANNELS), "DVPos"}
-        strange = [name for name in self.base.names if name not in known]
-        if strange:
-            raise ArgumentError(f"rules speak of {', '.join(strange)}; a slave has {sorted(known)}")
+        self.base = rule_base()
         self.found = np.zeros((plant.n_valves, len(self.base.rules)), bool)
         self._ranked = np.array([self.base.codes.index(code) for code in self.base.ranking])
-        self._fired: deque[Flags] = deque(maxlen=window)
+        self._fired: deque[Flags] = deque(maxlen=_WINDOW)
         self._places: deque[tuple[float, Floats]] = deque()
         self._calm: tuple[Floats, Flags] | None = None
         plant.watchers.append(self._look)
@@ -93,7 +80,7 @@ class Monitor:
         while len(self._places) > 1 and self._places[1][0] < plant.time - WINDOW + 1e-9:
             self._places.popleft()
         self._fired.append(self._fires())
-        self.found |= sum(self._fired, np.zeros(self.found.shape, int)) >= self._least
+        self.found |= sum(self._fired, np.zeros(self.found.shape, int)) >= _LEAST
 
     def _fires(self) -> Flags:
         """Return which rules fire for the present reading, shape (n_valves, n_rules)."""
@@ -121,7 +108,7 @@ _FUNCTIONS = frozenset({4, 6})
 class ValveDevice:
     """One valve of a plant as a device behind `shipnet.modbus.server`.
 
-    Figures 9 and 10 of the paper, as far as its text tells them: in auto mode the master commands,
+    Figures 9 and 10 of the paper, as far as its text goes: in auto mode the master commands,
     in manual mode the switches; a write starts the motor in the direction of the position asked
     for. The write is answered when the movement starts; `shipnet.ballast.answer` says what an
     answer at its end would cost. After code Manual, open, close and positions are refused too.
@@ -132,25 +119,17 @@ class ValveDevice:
         plant: Plant,
         valve: int = 0,
         *,
-        registers: RegisterMap | None = None,
         watchdog: float | None = None,
         monitor: Monitor | None = None,
     ) -> None:
         self.plant = plant
         self.valve = check_whole("valve", valve, 0, plant.n_valves - 1)
-        self.registers = registers if registers is not None else RegisterMap()
-        for code in Code:
-            try:
-                self.registers.decode_command(self.registers.command(code))
-            except FieldError as error:
-                raise ArgumentError(f"registers cannot command a valve: {error}") from None
+        self.registers = RegisterMap()
         self.watchdog = (
             None if watchdog is None else check_scalar("watchdog", watchdog, "s", 0.1, 3600)
         )
         self.local, self.auto = False, True
         self.monitor = monitor if monitor is not None else Monitor(plant)
-        if self.monitor.plant is not plant:
-            raise ArgumentError("monitor looks on at another plant; it must be that of the device")
         self.saturated = dict.fromkeys([*(channel.name for channel in CHANNELS), "time"], False)
 
     @property
@@ -231,23 +210,13 @@ class ValveDevice:
             self.plant.deadline[self.valve] = np.minimum(latest, now + self.watchdog)
 
 
-def valve_slaves(
-    plant: Plant,
-    *,
-    first: int = 1,
-    registers: RegisterMap | None = None,
-    watchdog: float | None = None,
-) -> dict[int, Slave]:
+def valve_slaves(plant: Plant, *, watchdog: float | None = None) -> dict[int, Slave]:
     """Return the valves of a plant as slaves, which `shipnet.modbus.server.serve` takes."""
-    unit = check_whole("first", first, 1, MAX_UNIT)
-    if plant.n_valves > MAX_UNIT + 1 - unit:
-        raise ArgumentError(
-            f"plant has {plant.n_valves} valves; from unit id {unit} on there are "
-            f"{MAX_UNIT + 1 - unit}"
-        )
+    if plant.n_valves > MAX_UNIT:
+        raise ArgumentError(f"plant has {plant.n_valves} valves; there are {MAX_UNIT} unit ids")
     monitor = Monitor(plant)
     devices = (
-        ValveDevice(plant, valve, registers=registers, watchdog=watchdog, monitor=monitor)
+        ValveDevice(plant, valve, watchdog=watchdog, monitor=monitor)
         for valve in range(plant.n_valves)
     )
-    return {id_: Slave(device, functions=_FUNCTIONS) for id_, device in enumerate(devices, unit)}
+    return {unit: Slave(device, functions=_FUNCTIONS) for unit, device in enumerate(devices, 1)}

@@ -472,7 +472,7 @@ class FleetReport:
     n_samples : int
         Valve readings of all five sensors that were diagnosed.
     injected : list of Fault
-        What was wrong, from when on.
+        The faults, and when each began.
     commands : DataFrame
         One row per run of a motor: ``valve``, ``action``, ``start_s``, ``end_s``, ``outcome``.
     alarms : DataFrame

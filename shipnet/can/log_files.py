@@ -558,8 +558,8 @@ _OBJECTS = {1: 48, 86: 48, 73: 64, 100: 116, 101: 72}
 _CONTAINER = 10
 
 #: Most that a container holds, and an object in it [byte]; how much more than the file all
-#: containers together. Even frames that are all alike do not come to a third of that.
-_LARGEST, _LARGEST_OBJECT, _RATIO = 1 << 24, 1 << 20, 60
+#: containers together. Frames that are all alike, packed best, come to half of that.
+_LARGEST, _LARGEST_OBJECT, _RATIO = 1 << 24, 1 << 20, 20
 
 #: Objects that python-can gets at once.
 _BATCH = 256
@@ -575,7 +575,7 @@ def _read_blf(file: Path) -> _Found:
     size, count, tail = int.from_bytes(data[16:24], "little"), 0, b""
     if size > len(data):
         found.fault(0, f"it has {len(data)} bytes of {size}; it is cut off", "the file")
-    left = _RATIO * len(data) + _LARGEST
+    left = _RATIO * len(data) + _LARGEST_OBJECT
 
     def fault(why: str) -> None:
         found.fault(count, why, f"after frame {count}")

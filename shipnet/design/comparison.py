@@ -278,14 +278,15 @@ class Comparison:
         """
         if a is None and b is None:
             return tornado(complete(self.designs), figure)
-        known = [name for name in (a, b) if name is not None]
+        if a == b:
+            raise ArgumentError(f"a and b are both {a!r}; they must be two designs")
+        known = [name for name in (b, a) if name is not None]
         for name in known:
             if name not in self.designs:
                 raise ArgumentError(
                     f"there is no design {name!r}; it must be one of {', '.join(self.designs)}"
                 )
-        between = (known[0], known[1]) if len(known) == 2 else None
-        return tornado({name: self.designs[name] for name in known}, figure, between=between)
+        return tornado({name: self.designs[name] for name in known}, figure)
 
     def plot(self, x: str = "total_cost_eur", y: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw a figure of each design with its range, or two columns against each other."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import floor, isinf, isnan, log10
 from types import MappingProxyType
@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.design.catalogue import LEVELS, Assumptions, Level, values_at, words
+from shipnet.design.catalogue import LEVELS, Level, values_at, words
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.plot import plot_ranges
 from shipnet.errors import ArgumentError
@@ -240,8 +240,6 @@ class Quantities:
         One row per type of cable: runs, length_m, mass_kg, cost_eur, at nominal.
     unconnected : int
         Points that are left out, and cost nothing.
-    excluded : tuple of str, optional
-        What no figure holds.
 
     Examples
     --------
@@ -258,7 +256,6 @@ class Quantities:
     assumptions: pd.DataFrame
     by_cable: pd.DataFrame
     unconnected: int
-    excluded: tuple[str, ...] = EXCLUDED
 
     def __getitem__(self, figure: str) -> float:
         """Return a figure at nominal."""
@@ -304,13 +301,9 @@ def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame
 class Model:
     """The figures of one design as a function of what is assumed."""
 
-    def __init__(
-        self,
-        design: Layout,
-        assumptions: Assumptions | None = None,
-    ) -> None:
+    def __init__(self, design: Layout) -> None:
         self.bill: Bill = bill_of(design)
-        self.assumptions = design.settings.assumptions if assumptions is None else assumptions
+        self.assumptions = design.settings.assumptions
         known = catalogue()
         unknown = sorted(set(self.bill.cables.index) - set(known))
         if unknown:
@@ -391,11 +384,11 @@ class Model:
                 yield (what, *getattr(cable, field), unit, cable.status, cable.source)
 
 
-def quantities(design: Layout, assumptions: Assumptions | None = None) -> Quantities:
-    """Return what a design takes; by default under its own assumptions."""
+def quantities(design: Layout) -> Quantities:
+    """Return what a design takes under the assumptions of its settings."""
     import pandas as pd
 
-    model = Model(design, assumptions)
+    model = Model(design)
     table = pd.DataFrame({level: model.figures(others=level) for level in LEVELS})
     units = {name: unit for name, (_, unit) in FIGURES.items()}
     return Quantities(
@@ -418,11 +411,13 @@ def bill_table(design: Layout) -> pd.DataFrame:
         for name, row in cables.iterrows()
     ]
     rows += [
-        ("part", words(name), count, "", assumed.at(name))
+        ("part", words(name), count, "", assumed[name].nominal)
         for name, count in model.bill.items.items()
         if assumed.entry(name).unit == "EUR"
     ]
-    rows.append(("work", "labour", model.figures()["labour_h"], "h", assumed.at("labour_rate")))
+    rows.append(
+        ("work", "labour", model.figures()["labour_h"], "h", assumed["labour_rate"].nominal)
+    )
     table = pd.DataFrame(rows, columns=["kind", "item", "number", "unit", "price_eur"])
     return table.assign(cost_eur=table["number"] * table["price_eur"])
 
@@ -431,7 +426,7 @@ def _by_cable(model: Model) -> pd.DataFrame:
     counts = model.bill.cables[["runs", "length_m"]]
     kinds = model.cables.values()
     each = {name: np.array([getattr(c, name).nominal for c in kinds]) for name in ("mass", "price")}
-    length = counts["length_m"] * model.assumptions.at("laid_length")
+    length = counts["length_m"] * model.assumptions["laid_length"].nominal
     return counts.assign(
         length_m=length, mass_kg=length * each["mass"], cost_eur=length * each["price"]
     )
@@ -440,46 +435,26 @@ def _by_cable(model: Model) -> pd.DataFrame:
 # Where the figures of designs lie when every assumption is drawn from its range ----------------
 
 
-def models_of(
-    designs: Mapping[str, Layout] | Layout, assumptions: Assumptions | None = None
-) -> dict[str, Model]:
-    """Return the models of several designs under the same assumptions, else under their own."""
-    named = designs if isinstance(designs, Mapping) else {designs.name: designs}
-    if not named:
-        raise ArgumentError("there is no design")
-    return {name: Model(design, assumptions) for name, design in named.items()}
-
-
-def draw(
-    designs: Mapping[str, Layout] | Layout,
-    assumptions: Assumptions | None = None,
-    *,
-    rng: Rng,
-    draws: int = 10_000,
-    figures: Sequence[str] = tuple(FIGURES),
-) -> pd.DataFrame:
+def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.DataFrame:
     """Draw every assumption from its range, again and again, and return the figures."""
     import pandas as pd
 
-    models = models_of(designs, assumptions)
+    models = {name: Model(design) for name, design in designs.items()}
     rng = np.random.default_rng(rng)
     n = check_whole("draws", draws, 1, 1_000_000)
-    wanted = [check_figure(figure) for figure in figures]
     # Every assumption is drawn, in use or not: a further option must not change the others' draws.
     names = [*CABLE_RANGES, *next(iter(models.values())).assumptions]
     levels = dict(zip(names, rng.random((len(names), n)), strict=True))
     columns: dict[tuple[str, str], Floats] = {}
     for option, model in models.items():
-        every = model.figures(levels)
-        columns |= {(option, figure): np.broadcast_to(every[figure], n) for figure in wanted}
+        for figure, values in model.figures(levels).items():
+            columns[option, figure] = np.broadcast_to(values, n)
     return pd.DataFrame(columns).rename_axis(columns=["option", "figure"])
 
 
-def likely(sample: pd.DataFrame, share: float = 0.9) -> pd.DataFrame:
-    """Return the range that holds a share of the draws, as much above it as below."""
-    if not 0 < share < 1:
-        raise ArgumentError(f"share is {share}; it must be above 0 and below 1")
-    quantiles = {"low": 0.5 - share / 2, "median": 0.5, "high": 0.5 + share / 2}
+def likely(sample: pd.DataFrame) -> pd.DataFrame:
+    """Return the range that holds 9 of 10 draws, with as many above it as below."""
+    quantiles = {"low": 0.05, "median": 0.5, "high": 0.95}
     table = sample.quantile(list(quantiles.values())).T
     table.columns = list(quantiles)
     return table.assign(
@@ -584,20 +559,18 @@ class Tornado:
         return f"{what}; what matters most: {', '.join(said) or 'nothing that is assumed'}"
 
 
-def tornado(
-    designs: Mapping[str, Layout] | Layout,
-    figure: str = "total_cost_eur",
-    *,
-    between: tuple[str, str] | None = None,
-    assumptions: Assumptions | None = None,
-) -> Tornado:
-    """Take every assumption to its low and its high, one at a time."""
+def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
+    """Take every assumption to its low and its high, one at a time.
+
+    The figure is that of the lowest of the other designs less that of the first.
+    """
     import pandas as pd
 
-    models = models_of(designs, assumptions)
     check_figure(figure)
+    models = {name: Model(design) for name, design in designs.items()}
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}
-    pair = _pair(nominal, between)
+    first, *others = nominal
+    pair = (min(others, key=lambda name: nominal[name]), first) if others else (first,)
     names = list(dict.fromkeys(name for option in pair for name in models[option].names))
     table = pd.DataFrame(
         {
@@ -623,14 +596,3 @@ def tornado(
     table["swing"] = (table[f"{of} at high"] - table[f"{of} at low"]).abs()
     table = table.sort_values("swing", ascending=False, kind="stable")
     return Tornado(figure, pair, {option: nominal[option] for option in pair}, table)
-
-
-def _pair(nominal: Mapping[str, float], between: tuple[str, str] | None) -> tuple[str, ...]:
-    if between is None:
-        first, *others = nominal
-        return (*sorted(others, key=lambda option: nominal[option])[:1], first)
-    if len(between) != 2 or between[0] == between[1] or not set(between) <= set(nominal):
-        raise ArgumentError(
-            f"between is {between!r}; it must be two of {', '.join(map(repr, nominal))}"
-        )
-    return tuple(between)

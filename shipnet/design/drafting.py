@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil, inf, isfinite
+from math import ceil, inf
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -18,7 +18,6 @@ from shipnet.design.catalogue import cables, smallest
 from shipnet.design.designs import Design
 from shipnet.design.layout import COLUMNS, frame
 from shipnet.design.settings import Settings
-from shipnet.errors import ArgumentError
 from shipnet.signals import SIGNALS
 
 if TYPE_CHECKING:
@@ -46,14 +45,8 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def zones(places: npt.ArrayLike, *, reach: float, most: int | None = None) -> Ints:
-    """Return clusters whose places are all within reach of each other."""
-    xyz = _places(places)
-    if not (isfinite(reach) and reach >= 0):
-        raise ArgumentError(f"reach is {reach!r} m; it must be 0 or more")
-    largest = len(xyz) if most is None else most
-    if len(xyz) and largest < 1:
-        raise ArgumentError(f"most is {most!r}; it must be 1 or more")
+def zones(xyz: Floats, *, reach: float, most: int) -> Ints:
+    """Return clusters of at most so many places, shape (n, 3), all within reach of each other."""
     if len(xyz) > _MOST:
         upper = _halves(xyz)
         labels = np.empty(len(xyz), dtype=np.intp)
@@ -64,33 +57,29 @@ def zones(places: npt.ArrayLike, *, reach: float, most: int | None = None) -> In
         return np.zeros(len(xyz), dtype=np.intp)
     tree = linkage(xyz, "complete", "cityblock")
     # Beyond its limit a subtree is cut: both shares grow from the leaves to the root.
-    excess = np.maximum(tree[:, 2] - reach, (tree[:, 3] > largest).astype(float))
+    excess = np.maximum(tree[:, 2] - reach, (tree[:, 3] > most).astype(float))
     return _renumbered(fcluster(tree, 1e-9, "monocrit", monocrit=excess).astype(np.intp))
 
 
 def balanced(
-    places: npt.ArrayLike, groups: int, *, kinds: npt.ArrayLike = 0, most: Sequence[int] = ()
+    xyz: Floats, groups: int, *, kinds: npt.ArrayLike = 0, most: Sequence[int] = ()
 ) -> Ints:
-    """Return groups of nearly equal size whose places are near the middle of their group."""
+    """Return groups of nearly equal size whose places are near the middle of their group.
+
+    A group has at most `most` places of each kind, and there is room for all of them.
+    """
     from scipy.optimize import linear_sum_assignment  # slow to load, and few plans need it
 
-    xyz = _places(places)
-    kind = np.broadcast_to(np.asarray(kinds, dtype=np.intp), len(xyz))
-    if groups < 1:
-        raise ArgumentError(f"groups is {groups!r}; it must be 1 or more")
-    counts = np.bincount(kind) if len(xyz) else np.zeros(1, dtype=np.intp)
-    room = [ceil(count / groups) for count in counts] if not most else list(most)
-    for number, count in enumerate(counts):
-        if number >= len(room) or count > groups * room[number]:
-            raise ArgumentError(f"{count} places of kind {number} have no room in {groups} groups")
     if groups == 1 or len(xyz) < 2:
         return np.zeros(len(xyz), dtype=np.intp)
+    kind = np.broadcast_to(np.asarray(kinds, dtype=np.intp), len(xyz))
+    room = most or [ceil(count / groups) for count in np.bincount(kind)]
     centres = _first_centres(xyz, groups)
     labels = np.full(len(xyz), -1, dtype=np.intp)
     for _ in range(_ROUNDS):
         away = cdist(xyz, centres, "cityblock")
         moved = np.empty_like(labels)
-        for number, seats in enumerate(room[: len(counts)]):
+        for number, seats in enumerate(room):
             mine = np.flatnonzero(kind == number)
             at, seat = linear_sum_assignment(np.repeat(away[mine], seats, axis=1))
             moved[mine[at]] = seat // max(seats, 1)
@@ -129,7 +118,7 @@ def divided(
 def _pieces(
     group: list[Item], place: Callable[[Item], Sequence[float]], parts: float
 ) -> list[list[Item]]:
-    xyz = _places([place(item) for item in group])
+    xyz = np.array([place(item) for item in group], dtype=np.float64)
     if len(group) > _MANY:
         labels = _halves(xyz).astype(np.intp)
     elif parts == inf:
@@ -164,24 +153,14 @@ def _renumbered(labels: Ints) -> Ints:
     return np.asarray(np.argsort(np.argsort(first))[inverse], dtype=np.intp)
 
 
-def _places(places: npt.ArrayLike) -> Floats:
-    xyz = np.asarray(places, dtype=np.float64)
-    if xyz.size == 0:
-        return np.empty((0, 3))
-    if xyz.ndim != 2 or xyz.shape[1] != 3 or not np.isfinite(xyz).all():
-        raise ArgumentError("places must be finite coordinates, three a place")
-    return xyz
-
-
 # How a trunk goes past its devices: branching, or from each to the next -------------------------
 
 #: What keeps two devices in one place apart: scipy takes a distance below 1e-8 for no edge [m].
 _APART = 1e-6
 
 
-def tree(ways: npt.ArrayLike) -> list[tuple[int, int]]:
+def tree(away: Floats) -> list[tuple[int, int]]:
     """Return the branching trunk of least length: the minimum spanning tree."""
-    away = _square(ways)
     if len(away) < 2:
         return []
     spanning = minimum_spanning_tree(away + _APART)
@@ -189,9 +168,8 @@ def tree(ways: npt.ArrayLike) -> list[tuple[int, int]]:
     return [(int(before[place]), int(place)) for place in order[1:]]
 
 
-def chain(ways: npt.ArrayLike) -> list[int]:
+def chain(away: Floats) -> list[int]:
     """Return the order in which a trunk goes from device to device on a short way."""
-    away = _square(ways)
     n = len(away)
     if n < 3:
         return list(range(n))
@@ -226,14 +204,6 @@ def _walk(edges: list[tuple[int, int]], n: int) -> list[int]:
         # The largest branch last: nothing has to come back from it.
         waiting += sorted(onward[place], key=lambda other: -below[other])
     return order
-
-
-def _square(ways: npt.ArrayLike) -> Floats:
-    away = np.asarray(ways, dtype=np.float64)
-    square = away.ndim == 2 and away.shape[0] == away.shape[1]
-    if not square or not ((away >= 0) & np.isfinite(away)).all():
-        raise ArgumentError("ways must be a square of finite ways, 0 m or more")
-    return away
 
 
 # A design in the making: what planners put down, and the ways that follow when all is there

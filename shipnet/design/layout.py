@@ -138,15 +138,6 @@ class Layout:
         """Name of the cabinet among the devices."""
         return _cabinet(self.devices)
 
-    @property
-    def links(self) -> pd.DataFrame:
-        """What holds the design together: a, b and run, for counts of what a failure cuts off."""
-        import pandas as pd
-
-        inside = self.devices[self.devices["at"] != ""]
-        housed = pd.DataFrame({"a": inside["at"], "b": inside["device"], "run": ""})
-        return pd.concat([self.cables[["a", "b", "run"]], housed], ignore_index=True)
-
 
 def _cabinet(devices: pd.DataFrame) -> str:
     names = devices.loc[devices["kind"] == "cabinet", "device"]

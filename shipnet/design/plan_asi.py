@@ -35,7 +35,6 @@ from shipnet.design.drafting import (
     zones,
 )
 from shipnet.design.settings import AsiLimits
-from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
 
@@ -272,7 +271,7 @@ def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn:
 def place_supply(
     pieces: Sequence[Piece], draws: dict[str, float], first: str, voltage: float, resistance: float
 ) -> str:
-    """Return the node of the supply of a segment."""
+    """Return the node of a segment's supply: the first if the voltage allows, else the best."""
     nodes = list(dict.fromkeys(node for piece in pieces for node in (piece.near, piece.far)))
     number = {node: place for place, node in enumerate(nodes)}
     near, far = (
@@ -343,9 +342,6 @@ def assign_addresses(
     group: Sequence[Module], need: Sequence[float], limits: AsiLimits
 ) -> list[Slave]:
     """Give each module an address, at the node of its number."""
-    needed = addresses_needed(group)
-    if needed > ADDRESSES:
-        raise ArgumentError(f"{len(group)} modules need {needed} addresses; there are {ADDRESSES}")
     shares = [module.shares for module in group]
     labels = share_addresses(len(group), shares=shares, need=need)
     return [

@@ -7,7 +7,6 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet.can.bit_timing import longest_bus
 from shipnet.can.lengths import frame_length
@@ -26,7 +25,8 @@ from shipnet.design.drafting import (
     route_past,
     too_far,
 )
-from shipnet.errors import ArgumentError
+from shipnet.design.settings import ModbusLimits
+from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
@@ -79,15 +79,9 @@ class Packed(NamedTuple):
     dlc: int
 
 
-def pack(types: Sequence[str], need: npt.ArrayLike) -> list[Packed]:
+def pack(types: Sequence[str], times: Floats) -> list[Packed]:
     """Return the messages of a station, as few as there can be."""
     kinds = np.asarray(types, dtype=object)
-    times = np.asarray(need, dtype=np.float64)
-    if times.shape != kinds.shape or not (times > 0).all():
-        raise ArgumentError(f"need must be a positive time for each of {len(kinds)} points")
-    strange = sorted({str(kind) for kind in kinds} - {"DI", "DO", "AI", "AO"})
-    if strange:
-        raise ArgumentError(f"type is {strange[0]!r}; it must be DI, DO, AI or AO")
     output = np.isin(kinds, ["DO", "AO"])
     analogue = np.isin(kinds, ["AI", "AO"])
     messages = []
@@ -266,13 +260,14 @@ def plan_modbus(draft: Draft, rows: Ints) -> None:
     limits = draft.settings.modbus
 
     def alone(box: Box, length: float) -> tuple[Floats, str]:
-        rate = max(limits.bit_rates)
+        rate = max(rate for rate in limits.bit_rates if _longest_section(limits, rate) >= length)
         polls = [_polls(draft, registers_of([draft.types[row]]), rate)[0] for row in box.rows]
         words = f"alone on Modbus RTU at {rate} bit/s it has a response of"
         return np.array([2 * poll.time for poll in polls]), words
 
     most_m = "a Modbus section has at most {:.0f} m"
-    stations = _served(draft, rows, limits.length, most_m, alone)
+    longest = _longest_section(limits, min(limits.bit_rates))
+    stations = _served(draft, rows, longest, most_m, alone)
     # The master takes a unit load, and a repeater one on either side.
     most = min(limits.units, (1 + limits.repeaters) * (limits.unit_loads - 2) + 1)
 
@@ -330,7 +325,7 @@ def registers_of(types: Sequence[str]) -> Registers:
 
 
 def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[int] | None:
-    """Return behind which stations a trunk needs a repeater."""
+    """Return after which stations a trunk needs a repeater."""
     found: list[int] = []
     loads, laid = 1, 0.0
     for place, hop in enumerate(hops):
@@ -348,8 +343,6 @@ def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[i
 def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     limits = draft.settings.modbus
     trunk = route_past(draft, group)
-    repeaters = sections(trunk.hops.tolist(), length=limits.length, unit_loads=limits.unit_loads)
-    parts = inf if repeaters is None or len(repeaters) > limits.repeaters else 1.0
     registers = [registers_of([draft.types[row] for row in box.rows]) for box in group]
     needs = np.array([draft.need[box.rows].min() for box in group])
     for rate in sorted(limits.bit_rates):
@@ -357,13 +350,21 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
         times = [[poll.time for poll in own] for own in polls]
         scan = sum(sum(own) for own in times)
         longest = [max(own) for own in times]
-        over = float(((scan + np.array(longest)) / needs).max())
-        if over <= 1:
+        in_time = bool((scan + np.array(longest) <= needs).all())
+        if in_time:
             break
-    else:
-        parts = inf
+    # A still higher bit rate would not help, because its sections are not longer.
+    length = _longest_section(limits, rate)
+    repeaters = sections(trunk.hops.tolist(), length=length, unit_loads=limits.unit_loads)
+    fits = in_time and repeaters is not None and len(repeaters) <= limits.repeaters
     switch_over = scan + sum(max(poll.timeout_time for poll in own) for own in polls)
-    return _Loop(trunk, rate, scan, longest, switch_over, repeaters or [], registers), parts
+    loop = _Loop(trunk, rate, scan, longest, switch_over, repeaters or [], registers)
+    return loop, 1 if fits else inf
+
+
+def _longest_section(limits: ModbusLimits, bit_rate: int) -> float:
+    """Return the longest cable between ends or repeaters [m]; fast signals do not reach as far."""
+    return min(limits.length, INTERFACES["RS-485"].product / bit_rate)
 
 
 def _polls(draft: Draft, registers: Registers, bit_rate: int) -> list[Poll]:

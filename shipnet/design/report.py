@@ -5,6 +5,7 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -25,53 +26,14 @@ BANNER = "A design aid, not class approval."
 
 # One self-contained page of HTML: tables, pictures and text, nothing fetched, nothing run
 
-_STYLE = """
-@page { size: A4; margin: 16mm 14mm; }
-:root { --ink: #1d2733; --soft: #5a6673; --rule: #cfd6dd; --band: #f3f6f8; }
-* { box-sizing: border-box; }
-body { font: 15px/1.45 system-ui, "Segoe UI", Roboto, "Liberation Sans", Arial, sans-serif;
-  color: var(--ink); max-width: 1080px; margin: 0 auto; padding: 24px; background: #fff; }
-h1 { font-size: 27px; line-height: 1.2; margin: 0 0 4px; }
-h2 { font-size: 20px; margin: 36px 0 8px;
-  border-bottom: 2px solid var(--ink); padding-bottom: 3px; }
-h3 { font-size: 16px; margin: 22px 0 6px; }
-p.lead { color: var(--soft); margin: 0 0 14px; }
-p.banner { border: 2px solid #b03a2e; color: #8c2a20; background: #fdf3f1; padding: 9px 13px;
-  margin: 14px 0; font-weight: 600; }
-p.banner span { font-weight: 400; color: var(--ink); }
-div.wide { overflow-x: auto; }
-table { border-collapse: collapse; margin: 8px 0 14px; font-size: 13px; width: 100%; }
-caption { text-align: left; color: var(--soft); padding: 4px 0; }
-th, td { padding: 3px 8px; text-align: left; vertical-align: top;
-  border-bottom: 1px solid var(--rule);
-  overflow-wrap: anywhere; }
-thead th { background: var(--band); border-bottom: 1px solid var(--ink); overflow-wrap: normal; }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; overflow-wrap: normal; }
-td.k { white-space: nowrap; }
-td.pass { color: #1e6b3a; } td.fail { color: #a32a1c; font-weight: 600; }
-td.open { color: #7a5a00; }
-figure { margin: 10px 0 16px; break-inside: avoid; }
-figure img { max-width: 100%; height: auto; }
-figcaption { color: var(--soft); font-size: 13px; }
-div.pair { display: grid; grid-template-columns: 1fr 1fr; gap: 14px; }
-@media (max-width: 760px) { div.pair { grid-template-columns: 1fr; } body { padding: 12px; } }
-@media print {
-  body { font-size: 10pt; max-width: none; padding: 0; }
-  table { font-size: 8.2pt; } th, td { padding: 2px 5px; }
-  div.wide { overflow: visible; }
-  h2, h3, caption { break-after: avoid; } tr { break-inside: avoid; }
-  thead { display: table-header-group; }
-  section.page { break-before: page; }
-}
-"""
-
 
 def document(title: str, *parts: str) -> str:
     """Return a whole page."""
+    style = (files("shipnet.design") / "report.css").read_text(encoding="utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
         + "\n".join(parts)
         + "\n</body>\n</html>\n"
     )

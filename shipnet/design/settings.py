@@ -202,8 +202,8 @@ class ModbusLimits:
     """
 
     bit_rates: tuple[int, ...] = _bit_rates(
-        "Bit rates to choose from; the lowest that is fast enough is taken. All of them reach the "
-        "full length", (9600, 19_200, 38_400, 57_600),
+        "Bit rates to choose from; the lowest that is fast enough is taken. Above 100 kbit/s, the "
+        "allowed length falls in proportion", (9600, 19_200, 38_400, 57_600),
     )  # fmt: skip
     length: float = number(
         1, 10e3, "m", "Cable between the ends or repeaters: 4000 ft up to 100 kbit/s, EIA-485",

@@ -423,11 +423,6 @@ class Site:
         routes = self._routes(avoid)
         return np.asarray(np.abs(a - b).sum(axis=-1)) if routes is None else routes.lengths(a, b)
 
-    def way(self, a: ArrayLike, b: ArrayLike, *, avoid: Collection[str] = ()) -> tuple[str, ...]:
-        """Return the trays between two places."""
-        (names,) = self.ways(np.atleast_2d(_places("a", a)), b, avoid=avoid)
-        return names
-
     def ways(
         self, a: ArrayLike, b: ArrayLike, *, avoid: Collection[str] = ()
     ) -> list[tuple[str, ...]]:

@@ -128,7 +128,7 @@ def settings_of(
 def _prices(labour: float, parts: float) -> dict[str, Range]:
     """Return the assumptions that another labour rate and other prices of bus parts change."""
     assumed = Assumptions()
-    times = {"labour_rate": labour / assumed.at("labour_rate")}
+    times = {"labour_rate": labour / assumed["labour_rate"].nominal}
     times |= {
         name: parts
         for name in assumed

@@ -25,7 +25,6 @@ def trials(*codes, **options):
         (lambda: MAP.command("Open"), "code is 'Open'; it must be one of Code.MANUAL"),
         (lambda: MAP.command(None), "code is None"),
         (lambda: MAP.command(5), "code is 5"),
-        (lambda: RegisterMap(codes=[]), r"codes is \[\]"),
         (lambda: diagnose_run(simulate(1, until=1), method=[]), r"method is \[\]"),
         (lambda: MAP.encode("abc", close=0, open=0), "five rows of numbers"),
         (lambda: MAP.encode([[1], [1, 2], [1], [1], [1]], close=0, open=0), "five rows of numbers"),

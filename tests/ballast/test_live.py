@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from shipnet.ballast.diagnosis import Recorder, diagnose_run
-from shipnet.ballast.live import Tank, acceptance_tests
 from shipnet.ballast.live import TestBed as Bed
+from shipnet.ballast.live import acceptance_tests
 from shipnet.ballast.master import received_run
 from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.simulation import simulate
@@ -125,9 +125,6 @@ def test_what_the_master_received_has_the_steps_of_the_registers():
         (lambda: Recorder(Plant()).run, "nothing has been recorded"),
         (lambda: received_run(Bed().station.seen, 1, target=0), "nothing has come"),
         (lambda: received_run(Bed().station.seen, 6, target=0), "unit is 6"),
-        (lambda: Tank(area=0), "area is 0"),
-        (lambda: Tank().fill(1.1, 1), "opening is 1.1"),
-        (lambda: Tank().fill(1, float("nan")), "duration is nan"),
     ],
 )
 def test_a_bad_argument_is_named(make, message):

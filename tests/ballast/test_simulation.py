@@ -19,7 +19,6 @@ from shipnet.ballast.plant import FAULTS, Command, Fault, Plant, faulty
 from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import Sensors, normal_values
 from shipnet.ballast.simulation import blocks, simulate
-from shipnet.ballast.slave import Monitor
 from shipnet.errors import ArgumentError
 
 OPEN = [Command("open", 1.0)]
@@ -150,18 +149,6 @@ def test_a_valve_that_turns_round_beside_a_running_one_does_as_it_would_alone():
     assert np.array_equal(beside.readings[:, :, 0], alone.readings[:, :, 0])
     # The torque of the flow helps it to close: it takes less pressure than on the way up.
     assert alone.OP[51, 0] < alone.OP[49, 0] - 0.1
-
-
-def test_nothing_rests_that_runs_breaks_or_is_watched():
-    breaks, runs, watched = Plant(faults=[Fault("O1", start=5.0)]), Plant(), Plant()
-    runs.order(Command("open"))
-    Monitor(watched)
-    for plant in (breaks, runs, watched):
-        with pytest.raises(ArgumentError, match="something happens within 51 steps"):
-            plant.rest(51, 1)
-    breaks.rest(50, 1)
-    with pytest.raises(ArgumentError, match="count is 0"):
-        breaks.rest(0, 1)
 
 
 def test_an_idle_day_is_one_reading_a_second_and_events_are_not_missed():
@@ -332,7 +319,6 @@ def test_whatever_happens_the_state_stays_within_its_bounds(orders, faults):
         (lambda: simulate(1, until=1, idle_step=0.01), "idle_step is 0.01"),
         (lambda: blocks(duration=1, size=0), "size is 0"),
         (lambda: simulate(1, until=1).valve(2), "valve is 2"),
-        (lambda: Plant(faults=[Fault("G1", start=1)]).advance(20), "ticks is 20"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):

@@ -10,7 +10,6 @@ from shipnet.ballast.live import serve
 from shipnet.ballast.master import operate
 from shipnet.ballast.plant import FAULTS, Command, Fault, Plant
 from shipnet.ballast.registers import Code, RegisterMap
-from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.scan import status_poll
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.slave import Monitor, ValveDevice, valve_slaves
@@ -229,11 +228,6 @@ def test_the_watchdog_is_reached_through_slaves_station_and_server():
         assert [slave.device.watchdog for slave in server.slaves.values()] == [1.5, 1.5]
 
 
-def test_an_ambiguous_map_cannot_command_a_valve():
-    with pytest.raises(ArgumentError, match="code 8 stands for Open and for Position Close"):
-        ValveDevice(Plant(), registers=RegisterMap(codes="decimal"))
-
-
 def walk(serial, movement, timeout, retries):
     """Let a clock run through one command whose answer comes at the end of the movement."""
     frame = serial.frame_time(8)
@@ -282,12 +276,8 @@ def test_at_the_end_the_master_times_out_or_sees_nothing_of_the_movement():
         (lambda: ValveDevice(Plant(), watchdog=0), "watchdog is 0"),
         (lambda: valve_slaves(Plant(), watchdog=0), "watchdog is 0"),
         (lambda: serve(1, watchdog=4000), "watchdog is 4000"),
-        (lambda: ValveDevice(Plant(), monitor=Monitor(Plant())), "monitor looks on at another"),
-        (lambda: Monitor(Plant(), k=6), "k is 6"),
-        (lambda: Monitor(Plant(), rule_base(slow_stroke=10)), "rules has 13 rules"),
         (lambda: setattr(ValveDevice(Plant()), "fault", 13), "row is 13"),
         (lambda: valve_slaves(Plant(n_valves=248)), "plant has 248 valves"),
-        (lambda: valve_slaves(Plant(n_valves=2), first=247), "there are 1"),
         (lambda: ValveDevice(Plant()).turn("position", 0.0), "action is 'position'"),
     ],
 )

@@ -50,11 +50,12 @@ def check_points(design, settings):
 
 def check_connection(design):
     """Every device and every point that fits hangs on the cabinet."""
-    links = design.links
+    inside = design.devices[design.devices["at"] != ""]
     fit = design.points.loc[design.points["fits"], "tag"]
     names = pd.Index([*design.devices["device"], *fit])
     assert names.is_unique
-    a, b = names.get_indexer(links["a"]), names.get_indexer(links["b"])
+    a = names.get_indexer([*design.cables["a"], *inside["at"]])
+    b = names.get_indexer([*design.cables["b"], *inside["device"]])
     assert (a >= 0).all() and (b >= 0).all()
     graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(names),) * 2)
     assert connected_components(graph, directed=False)[0] == 1

@@ -81,13 +81,11 @@ def test_a_flat_cable_is_not_round():
 
 
 def test_the_smallest_cable_is_the_thinnest_that_is_large_enough():
-    for bus in ("hardwired", "AS-i", "CAN", "NMEA 2000", "Modbus RTU"):
-        own = [c for c in cables().values() if bus in c.buses]
-        for conductors in range(1, max(c.conductors for c in own) + 1):
-            found = smallest(conductors, bus, spare=0)
-            assert found.conductors >= conductors
-            assert not [c for c in own if c.conductors >= conductors
-                        and c.area_mm2 < found.area_mm2]  # fmt: skip
+    own = [c for c in cables().values() if "hardwired" in c.buses]
+    for conductors in range(1, max(c.conductors for c in own) + 1):
+        found = smallest(conductors, spare=0)
+        assert found.conductors >= conductors
+        assert not [c for c in own if c.conductors >= conductors and c.area_mm2 < found.area_mm2]
 
 
 def test_the_reserve_is_added_and_rounded_up():
@@ -97,28 +95,14 @@ def test_the_reserve_is_added_and_rounded_up():
     assert smallest(25, spare=0.12).conductors == 28
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"conductors": 0}, r"conductors is 0; .* 1\.\."),
-        ({"conductors": 2.0}, r"conductors is 2\.0"),
-        ({"conductors": 62}, "with a reserve of 20 % that is 75, and the largest cable .* has 74"),
-        ({"conductors": 2, "bus": "Profibus"}, "bus is 'Profibus'; it must be one of hardwired"),
-        ({"conductors": 2, "spare": -0.1}, r"spare is -0\.1"),
-        ({"conductors": 2, "spare": float("nan")}, "spare is nan"),
-    ],
-)
-def test_what_no_cable_can_do_is_refused(arguments, message):
-    with pytest.raises(ArgumentError, match=message):
-        smallest(**arguments)
+def test_more_conductors_than_the_largest_cable_has_are_refused():
+    with pytest.raises(ArgumentError, match=r"20 % that is 75, and the largest cable .* has 74"):
+        smallest(62, spare=0.2)
 
 
 def test_a_range_lies_about_its_figure():
     assert Range.around(4.0, "confirmed") == (4, 4, 4)
-    with pytest.raises(ArgumentError, match="status is 'sure'"):
-        Range.around(4.0, "sure")
-    with pytest.raises(ArgumentError, match="nominal is nan"):
-        Range.around(float("nan"), "estimate")
+    assert Range.around(4.0, "estimate") == (3, 4, 5)
 
 
 def test_only_cables_of_a_bus_have_a_longest_segment():

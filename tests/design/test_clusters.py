@@ -12,7 +12,6 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import cdist
 
 from shipnet.design.drafting import balanced, chain, divided, tree, zones
-from shipnet.errors import ArgumentError
 
 metres = st.integers(0, 40).map(float)
 
@@ -34,7 +33,7 @@ def test_a_zone_keeps_its_reach_and_its_size(places, reach, most):
 
 def test_places_within_reach_are_one_zone_unless_it_is_full():
     places = np.zeros((10, 3))
-    assert set(zones(places, reach=0.0)) == {0}
+    assert set(zones(places, reach=0.0, most=10)) == {0}
     assert max(np.bincount(zones(places, reach=0.0, most=4))) <= 4
 
 
@@ -80,19 +79,6 @@ def test_the_grouping_is_as_good_as_the_best_of_all_on_separate_rooms():
         if sorted(np.bincount(labels, minlength=3)) == [3, 3, 3]
     )
     assert metres_of(labels) == best
-
-
-def test_too_little_room_is_an_error():
-    with pytest.raises(ArgumentError, match="5 places of kind 0 have no room in 1 groups"):
-        balanced(np.zeros((5, 3)), 1, most=[4])
-    with pytest.raises(ArgumentError, match="groups is 0"):
-        balanced(np.zeros((5, 3)), 0)
-
-
-@pytest.mark.parametrize("places", [[[0, 0, np.nan]], [[0, 0]], [[np.inf, 0, 0]]])
-def test_a_place_needs_three_finite_coordinates(places):
-    with pytest.raises(ArgumentError, match="places must be finite"):
-        zones(places, reach=1.0)
 
 
 @given(st.lists(st.integers(0, 60), max_size=12))
@@ -157,9 +143,3 @@ def test_a_chain_is_no_shorter_than_the_tree_and_near_the_best_of_all(places):
 def test_a_chain_along_a_line_is_the_line():
     x = np.array([0.0, 50, 10, 40, 20, 30])
     assert chain(abs(x - x[:, None])) == [0, 2, 4, 5, 3, 1]
-
-
-@pytest.mark.parametrize("ways", [[[0, 1]], [[0, -1], [-1, 0]], [[0, np.nan], [1, 0]]])
-def test_ways_must_be_a_square_of_ways(ways):
-    with pytest.raises(ArgumentError, match="square of finite ways"):
-        chain(ways)

@@ -146,6 +146,23 @@ def test_what_is_needed_too_soon_is_left_out_and_its_neighbour_is_not(option, si
     assert reason.subject == "P0" and reason.bound == 0.4 < reason.value and reason.unit == "ms"
 
 
+def test_a_modbus_bit_rate_above_100_kbit_s_shortens_the_line():
+    # EIA-485: 1219 m up to 100 kbit/s, and the product of both beyond: 244 m at 500 kbit/s.
+    far = table([("contact", (100 * n, 0, 0), 1000) for n in (1, 4, 8)])
+    slow, fast, both = (
+        plan(far, SITE, "Modbus RTU", settings=Settings({"modbus.bit_rates": rates}))
+        for rates in ((57_600,), (500_000,), (57_600, 500_000))
+    )
+    assert slow.fits and both.fits and both.segments["bit_rate"].tolist() == [57_600]
+    assert fast.points["fits"].tolist() == [True, False, False]
+    assert fast.reasons["bound"].tolist() == pytest.approx([243.8] * 2)
+    # Points that only a fast line serves in time are near enough, or are left out.
+    urgent = table([("contact", (x, 0, 0), 9) for x in (80, 400)])
+    found = plan(urgent, SITE, "Modbus RTU", settings=Settings(
+        {"modbus.bit_rates": (57_600, 1_000_000), "modbus.processing": 0}))  # fmt: skip
+    assert found.points["fits"].tolist() == [True, False]
+
+
 def test_an_urgent_crowd_is_spread_over_several_segments():
     crowd = table([("current_loop", (20, 0, 0), 60)] * 40)
     for option in ("CAN", "Modbus RTU"):
