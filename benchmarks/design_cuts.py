@@ -42,11 +42,11 @@ def graph_of(design):
     """Return cables and housings as edges; feeders bring power, and hold nothing together."""
     graph = nx.MultiGraph()
     graph.add_nodes_from(design.devices["device"])
-    feeders = set(design.cables.loc[design.cables["kind"] == "feeder", "run"])
-    for link in design.links.itertuples():
-        if link.run not in feeders:
-            graph.add_edge(link.a, link.b, key=link.run or f"inside {link.b}")
-    graph.ends = {link.run: (link.a, link.b) for link in design.links.itertuples()}
+    for inside in design.devices[design.devices["at"] != ""].itertuples():
+        graph.add_edge(inside.at, inside.device, key=f"inside {inside.device}")
+    for cable in design.cables[design.cables["kind"] != "feeder"].itertuples():
+        graph.add_edge(cable.a, cable.b, key=cable.run)
+    graph.ends = {cable.run: (cable.a, cable.b) for cable in design.cables.itertuples()}
     return graph
 
 
