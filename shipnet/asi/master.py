@@ -38,7 +38,7 @@ class Master:
     repetitions : int, default 1
         How often a failed request is sent again at once, 0..7.
     drop_after : int, default 3
-        After so many failed data exchanges in a row, one per cycle, a slave is dropped, 1..1000.
+        Failed data exchanges in a row, one per cycle, after which a slave is dropped, 1..1000.
     automatic_addressing : bool, default False
         Whether a new slave at address 0 takes the place of the only one missing, if its profile
         is the same; in protected mode only.

@@ -310,7 +310,7 @@ class Waveform(line_waveform.Waveform):
     def disturbance(
         self, disturbance: Disturbance, amplitude: float, rng: np.random.Generator, size: int
     ) -> Floats:
-        """Return the voltages of a disturbance on so many records like this one."""
+        """Return the voltages of a disturbance on several records like this one."""
         begin, end = self.span
         span = -self.start + begin, round(end - self.start, 12)
         return disturbance.voltage(self.t - self.start, amplitude, rng, size, span=span)

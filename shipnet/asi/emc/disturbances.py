@@ -149,7 +149,7 @@ class Noise:
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
-        """Return the noise on so many telegrams."""
+        """Return the noise on each of some telegrams."""
         t, dt = time_step(t)
         amplitude, size = check_batch(amplitude, size)
         # A step that is the reference must not change the noise by a rounding.
@@ -193,7 +193,7 @@ class Impulses:
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
-        """Return the impulses on so many telegrams."""
+        """Return the impulses on each of some telegrams."""
         t, _ = time_step(t)
         amplitude, size = check_batch(amplitude, size)
         narrow, wide = _pair("width", self.width, 0, float(t[-1] - t[0]))
@@ -245,7 +245,7 @@ class ConductedRF:
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
-        """Return the carrier on so many telegrams, each at another phase of the modulation."""
+        """Return the carrier on each of some telegrams, at a random phase of its modulation."""
         t, dt = time_step(t)
         amplitude, size = check_batch(amplitude, size)
         f, f_mod = self.frequency, self.f_mod
@@ -292,7 +292,7 @@ class Burst:
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
-        """Return the train of pulses on so many telegrams."""
+        """Return the train of pulses on each of some telegrams."""
         t, dt = time_step(t)
         amplitude, size = check_batch(amplitude, size)
         slowest = 1 / (2 * np.pi * self.corner)

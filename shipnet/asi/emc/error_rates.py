@@ -133,7 +133,7 @@ def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, i
 def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
     """Return what filter and mean leave of white noise, and the correlation of neighbour samples.
 
-    A record of so many samples loses its mean, and with it a little of the noise.
+    The receiver takes the mean off a record, and with it a little of the noise.
     """
     half = int(HALF_BIT / dt / 2) if matched else 0
     shape = np.cos(np.pi * np.arange(-half, half + 1) * dt / HALF_BIT) ** 2

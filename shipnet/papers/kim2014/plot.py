@@ -85,7 +85,7 @@ _ALGORITHM: Blocks = {
     "limits": ("upper and lower\nlimit of a sensor", "blue", 2.6, 3),
     "compare": ("above or below\na limit?", "purple", 2.6, 2),
     "rules": ("rule table:\nif ... then flag", "amber", 3.9, 2),
-    "ramps": ("ramps, minimum,\ncut: our assumption", "green", 3.9, 3),
+    "ramps": ("ramps, minimum,\nthreshold: assumed", "green", 3.9, 3),
     "cause": ("fault\nand its cause", "amber", 5.2, 2),
     "slave": ("slave finds\nPos1 to Pos4", "blue", 0, 1),
     "display": ("display\nof the master", "blue", 5.2, 1),
