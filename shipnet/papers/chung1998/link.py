@@ -44,8 +44,8 @@ def chips_are_enough(*, lines: int = int(PRINTED["chips_8251"])) -> bool:
 
 
 @numeric("chung1998-029")
-def serial_chips(*, hops: tuple[Hop, ...] = HOPS) -> int:
-    """Serial chips, one for each partner, that the station with most partners needs."""
+def serial_chips(*, hops: tuple[Hop, ...] = tuple(h for h in HOPS if h[0] == "RCS")) -> int:
+    """Serial chips, one for each partner, that the station with most partners needs: RCS."""
     return max(sum(station == source for source, _ in hops) for station in STATIONS)
 
 

@@ -18,6 +18,7 @@ from shipnet.engine.points import read_points
 from shipnet.engine.simulation import simulate as simulate_engine
 from shipnet.engine.system import RULE, System
 from shipnet.errors import CrcError
+from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.pdu import ExceptionCode, FunctionCode, Request, Response, decode
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
@@ -110,9 +111,9 @@ def lowest_address(*, broadcast: int = 0) -> int:
 
 
 @numeric("lee2012-025")
-def highest_address(*, bits: int = 8) -> int:
-    """Highest unit id that a frame may carry, of those that a byte can hold."""
-    return max(unit for unit in range(2**bits) if is_legal(read(1).rtu, unit))
+def stations_on_rs485(*, unit_loads: int = INTERFACES["RS-485"].receivers, masters: int = 1) -> int:
+    """Stations beside the master on one segment, each of them one unit load."""
+    return unit_loads - masters
 
 
 @check("lee2012-026", counter={"master": JB1})

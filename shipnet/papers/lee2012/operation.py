@@ -37,12 +37,6 @@ def links_share_nothing(*, second: str = "JB3") -> bool:
     return bool(findings.set_index("rule")["verdict"]["links duplicated"] == "met")
 
 
-@check("lee2012-066", counter={"cpus": 2})
-def dead_cpu_costs_points(*, cpus: int = 1) -> bool:
-    """Whether a dead processor takes points along, with two supplies for each box."""
-    return Redundancy(read_points(), supplies=2, cpus=cpus).worst() > 0
-
-
 @numeric("lee2012-101")
 def most_points_of_a_box(*, double_row: bool = True) -> int:
     """Points that are lost with the worst of the boxes."""
