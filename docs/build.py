@@ -189,24 +189,23 @@ def tested_page(root: Path) -> str:
         for row in rows
         for allowed in [f"{row['tolerance']} {row['unit']}"]
     )
-    unread = [
-        (f"of {len(table)} {what}", int((table[column] != good).sum()), why)
+    names = datasets.names()
+    counts = [
+        (what, len(table), (table[column] != good).sum(), why)
         for what, name, column, good, why in UNREAD
         for table in [datasets.read(name)]
     ]
-    synthetic = sum(name.startswith("synthetic_") for name in datasets.names())
-    assumed = sum("_assumed_" in name for name in datasets.names())
-    counts = [
-        *unread,
-        (f"of {len(datasets.names())} data files", synthetic, "synthetic: made by us"),
-        (f"of {len(datasets.names())} data files", assumed, "assumed: what kim2014 leaves open"),
-    ]
-    sources = (_row([(what, ""), (str(n), ""), (why, "")]) for what, n, why in counts)
+    for sign, why in (
+        ("synthetic_", "synthetic: made by us"),
+        ("_assumed_", "what kim2014 leaves open, assumed by us"),
+    ):
+        counts.append(("data files", len(names), sum(sign in name for name in names), why))
+    sources = (_row([(str(cell), "") for cell in row]) for row in counts)
     text = (root / "docs" / "tested_against.md").read_text(encoding="utf-8")
     return text.replace(
         "<!-- references -->",
         _table(["part", "what", "compared with", "tolerance"], references),
-    ).replace("<!-- sources -->", _table(["", "rows or files", "which are"], sources))
+    ).replace("<!-- sources -->", _table(["table", "rows", "of them", "are"], sources))
 
 
 #: Tables with rows that rest on something else than the document itself.
