@@ -242,7 +242,7 @@ def test_the_page_refuses_a_bad_list_fault_by_fault_and_takes_a_good_one():
     assert page._noted.value.count("<br>") == 4 and "<img" not in page._noted.value
     assert page.inputs == before
     load(upload, FEW.replace("P7", HOSTILE).encode(), "few.csv")
-    assert page.text.startswith("few.csv") is False and "is taken to stand at" in page.text
+    assert page.text.startswith("few.csv") is False and "give its place x, y, z" in page.text
     page.controls["cabinet"].value = "10, 0, 8"
     assert "8 points: " in page.text and page.note == ""
     assert HOSTILE not in page._shown.value
