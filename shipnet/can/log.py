@@ -18,8 +18,8 @@ from shipnet import style
 from shipnet.answers import COLUMNS, Findings
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import measure_frames
-from shipnet.can.messages import MessageSet, check_set, load_extra
-from shipnet.errors import ArgumentError
+from shipnet.can.messages import MessageSet, check_set
+from shipnet.errors import ArgumentError, load_extra
 from shipnet.fields import check_scalar
 
 if TYPE_CHECKING:

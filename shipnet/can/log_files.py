@@ -28,8 +28,8 @@ import numpy.typing as npt
 
 from shipnet.can.frame import highest_id
 from shipnet.can.log import Log, impossible
-from shipnet.can.messages import load_extra, said
-from shipnet.errors import InputError
+from shipnet.can.messages import said
+from shipnet.errors import InputError, load_extra
 
 #: About how much of a file is worked on at once [byte], and how many rows.
 _BLOCK, _ROWS = 1 << 22, 1 << 16

@@ -17,7 +17,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -29,7 +28,7 @@ from shipnet import datasets
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import Stuffing, length_table
 from shipnet.clock import nanoseconds
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.fields import (
     Kind,
     Number,
@@ -541,18 +540,6 @@ def read_messages(
         return parse_dbc(text_of(read_bytes(path)), str(path), period, strict)
     sheet = read_sheet(path, is_titles=_is_titles)
     return _from_sheet(sheet, {k.strip().lower(): v for k, v in (columns or {}).items()}, period)
-
-
-def load_extra(module: str, package: str) -> Any:
-    """Return an optional module, or say which package to install for it."""
-    try:
-        return import_module(module)
-    except ModuleNotFoundError as problem:
-        if problem.name != module:
-            raise
-        raise ImportError(
-            f'{package} is not installed; this installs it: python -m pip install "shipnet[bus]"'
-        ) from None
 
 
 def parse_dbc(
