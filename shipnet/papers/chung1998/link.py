@@ -177,12 +177,12 @@ def copies_stay_equal(*, lost: int = 0) -> bool:
     """
     rng = np.random.default_rng(2024)
     form = MarkerFormat(n_numbers=ITEMS)
-    sender, sending, table = Sender(form), [0] * ITEMS, [0] * ITEMS
+    sender, sending, table = Sender(ITEMS), [0] * ITEMS, [0] * ITEMS
     for turn in range(200):
         before = list(sending)
         for number in rng.choice(ITEMS, rng.integers(0, 4), replace=False):
             sending[number] = int(rng.integers(1 << 16))
-        packet = sender.packet(sending)
+        packet = form.encode(sender.items(sending))
         if len(packet) != 3 + 3 * sum(a != b for a, b in zip(before, sending, strict=True)):
             return False
         for number, value in form.decode(packet) if turn < 200 - lost else ():
