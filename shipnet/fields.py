@@ -532,7 +532,8 @@ def _documented(kind: type) -> str | None:
         if not one.init or one.name.startswith("_"):
             continue
         declared = one.metadata.get("kind")
-        lines += _entry(one.name, declared, one.default if one.default_factory is MISSING else None)
+        default = one.default if one.default_factory is MISSING else None
+        lines += _entry(one.name, declared, default, str(one.type))
     if not any("kind" in one.metadata for one in fields(kind)):
         return docstring
     section = "\n".join(["Parameters", "----------", *lines])
@@ -548,15 +549,13 @@ _TYPES: Mapping[type, str] = {
 }  # fmt: skip
 
 
-def _entry(name: str, kind: Kind | None, default: Any) -> list[str]:
+def _entry(name: str, kind: Kind | None, default: Any, annotation: str) -> list[str]:
     """Return the lines of one parameter in a numpydoc section."""
     if kind is None:
-        return [f"{name} : object" + ("" if default is MISSING else ", optional")]
-    what = _TYPES.get(type(kind), "object")
+        return [f"{name} : {annotation}" + ("" if default is MISSING else ", optional")]
+    what = _TYPES.get(type(kind), annotation)
     if isinstance(kind, Choice):
         what = f"{{{kind.legal}}}"
-    elif isinstance(kind, Part):
-        what = kind.of.__name__
     if default is not MISSING:
         plain = default is None or default in (inf, -inf)
         what += ", optional" if plain else f", default {default!r}"
