@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from shipnet.clock import Fault, nanoseconds
 from shipnet.errors import ArgumentError
@@ -135,9 +135,17 @@ Simulated: TypeAlias = BitErrors | ErrorAt
 NO_ERRORS = ErrorBound(math.inf, 0)
 
 
+def _several(faults: Any) -> tuple[Any, ...]:
+    if isinstance(faults, BitErrors | ErrorAt | ErrorBound):
+        return (faults,)
+    if not isinstance(faults, Iterable):
+        raise ArgumentError(f"faults is {faults!r}; it must be one of can.faults, or several")
+    return tuple(faults)
+
+
 def simulated(faults: Simulated | Iterable[Simulated]) -> tuple[Simulated, ...]:
     """Return one or several faults of a simulation as a tuple, or raise if one is of no use."""
-    several = (faults,) if isinstance(faults, BitErrors | ErrorAt | ErrorBound) else tuple(faults)
+    several = _several(faults)
     for fault in several:
         if not isinstance(fault, BitErrors | ErrorAt):
             raise ArgumentError(
@@ -149,7 +157,7 @@ def simulated(faults: Simulated | Iterable[Simulated]) -> tuple[Simulated, ...]:
 
 def bound(faults: ErrorBound | Iterable[ErrorBound]) -> ErrorBound:
     """Return the bound on errors of an analysis, or raise if there are several or another kind."""
-    several = (faults,) if isinstance(faults, BitErrors | ErrorAt | ErrorBound) else tuple(faults)
+    several = _several(faults)
     if not several:
         return NO_ERRORS
     if len(several) > 1 or not isinstance(several[0], ErrorBound):
