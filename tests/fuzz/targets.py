@@ -162,7 +162,7 @@ _SLAVE = modbus.Slave(
 
 def _answered(data: bytes) -> Any:
     """Send bytes as a request with a right CRC, for no fuzzer guesses that."""
-    frame = data + crc.crc("CRC-16/MODBUS", data).to_bytes(2, "little")
+    frame = data + crc.MODBUS.of(data).to_bytes(2, "little")
     return modbus.answer({17: _SLAVE}, modbus.decode(frame))
 
 
