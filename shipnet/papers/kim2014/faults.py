@@ -174,7 +174,28 @@ def reading_table() -> pd.DataFrame:
 
 
 def fired_table(version: str = "printed") -> pd.DataFrame:
-    """Return which rules fire on each row, one column per reading; "-" where none does."""
+    """Return which rules fire on each row, in every reading.
+
+    Parameters
+    ----------
+    version : {"printed", "corrected"}, default "printed"
+        The inputs as printed, or with the misprints corrected.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per test, one column per reading: the codes, ``-`` where no rule fires.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such version.
+
+    Examples
+    --------
+    >>> fired_table().loc["V2"].tolist()
+    ['V2', '-', '-', '-']
+    """
     found = {reading: fired(row_inputs(version, reading)) for reading in READINGS}
     return pd.DataFrame(found).replace("", "-").rename_axis("row")
 
