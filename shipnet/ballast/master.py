@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -465,14 +466,15 @@ class Station(Master):
         if self._holds(begin, arrives, unit, port):
             response = answer(self.slaves, Adu(unit, request.pdu), arrives, serial=True).pdu
             waits = self.at_end and response[:1] == b"\x06"
-            ready = max(self._arrival(unit, end), arrives) if waits else arrives
+            started = self.plant.started[unit - 1]
+            ready = max(self._stopped(unit, started, end), arrives) if waits else arrives
             done = ready + poll.shortest_timeout
             if done <= end + 1e-9 and self._holds(arrives, done, unit, port):
                 end = done + poll.line.t35
             else:
                 response = b""
                 if waits:
-                    self._late[unit] = self.plant.started[unit - 1]
+                    self._late[unit] = started
         self.time = end
         write = Write(begin, end, unit, value, response)
         self.writes.append(write)
@@ -480,17 +482,20 @@ class Station(Master):
 
     def attempt(self, slave: int, port: int, kind: int) -> bool:
         """Ask a slave for its status, from its devices; return whether it answered."""
-        start = self.time
-        if self._garbled(start, start + self.needed):
+        start, unit, line = self.time, slave + 1, self.system.poll.line
+        read = start + line.frame_time(self.system.poll.request_size)
+        garbled = self._garbled(start, read)
+        pdu = b""
+        if not garbled and self.paths.hold(start, read, slave, port):
+            pdu = answer(self.slaves, Adu(unit, READ_STATUS.pdu), read, serial=True).pdu
+        # The slave takes its readings before the plant moves on, lest it sees what comes later.
+        if garbled or self._garbled(read, start + self.needed):
             self.tries.append((start, slave, port, kind, False))
             self.time = self.last_failure = start + self.unanswered
             return False
         if not super().attempt(slave, port, kind):
             return False
-        unit, poll = slave + 1, self.system.poll
-        read = start + poll.line.frame_time(poll.request_size)
-        response = answer(self.slaves, Adu(unit, READ_STATUS.pdu), read, serial=True).pdu
-        words = tuple(int.from_bytes(response[k : k + 2], "big") for k in (2, 4, 6, 8))
+        words = tuple(int.from_bytes(pdu[k : k + 2], "big") for k in (2, 4, 6, 8))
         if words[0] >> 8 != MISSING:
             self._position[unit] = words[0] >> 8
         self.shown.append(Shown(unit, read, start + self.needed, words))
@@ -500,30 +505,29 @@ class Station(Master):
         """Return whether a path is whole; a lost slave is tried through port A."""
         return self.paths.hold(start, end, unit - 1, A if port == LOST else port)
 
-    def _arrival(self, unit: int, latest: float) -> float:
-        """Let time pass until a motor stops, or until `latest`; return when it stopped."""
-        k, plant = unit - 1, self.plant
-        while plant.running[k] and plant.time < latest:
-            plant.advance()
-        return self._stopped(unit, plant.started[k])
+    def _stopped(self, unit: int, started: float, latest: float) -> float:
+        """Let time pass until the motor stops that was started then, or until `latest`.
 
-    def _stopped(self, unit: int, started: float) -> float:
-        """Return when the motor stopped that was started then: inf while it runs."""
-        k = unit - 1
-        if self.plant.running[k] and self.plant.started[k] == started:
-            return float("inf")
-        ends = [m.end for m in self.plant.movements if m.valve == k and m.start == started]
+        Return when it stopped, inf if it still runs. The plant does not move on beyond that, so
+        that the next request finds it as it is then.
+        """
+        k, plant = unit - 1, self.plant
+        while plant.running[k] and plant.started[k] == started:
+            plant.run_until(plant.time)
+            stop = plant.stop_time(k)
+            if stop <= latest:
+                return stop
+            if plant.time + plant.step > latest:
+                return inf
+            plant.advance()
+        ends = [m.end for m in plant.movements if m.valve == k and m.start == started]
         return max([started, *ends])
 
     def _garbled(self, start: float, end: float) -> bool:
-        """Return whether an answer that nobody waits for falls into a transaction."""
-        if not self._late:
-            return False
-        # A motor that stops between two readings is known to have stopped at the second.
-        self.plant.run_until(end + self.plant.step)
+        """Return whether an answer that nobody waits for falls into this time."""
         serial, garbled = self.system.poll.line, False
         for unit, started in list(self._late.items()):
-            begins = self._stopped(unit, started) + serial.t35
+            begins = self._stopped(unit, started, end) + serial.t35
             lasts = serial.frame_time(self._command.response_size)
             if begins < end:
                 garbled |= begins + lasts > start

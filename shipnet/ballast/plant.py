@@ -338,6 +338,16 @@ class Movement(NamedTuple):
     outcome: str
 
 
+class _Step(NamedTuple):
+    """How valves turn between two readings: how fast, for how long, and which stop, and why."""
+
+    speed: Floats
+    lasted: Floats
+    late: Flags
+    arrives: Flags
+    at_limit: Flags
+
+
 class Plant:
     """Valves whose state is known at one time, which only moves on.
 
@@ -490,8 +500,14 @@ class Plant:
             self.measure()
         return self.readings
 
-    def _turn(self) -> Floats:
-        """Move the valves for a step; return the mean heat of each motor [W]."""
+    def stop_time(self, valve: int) -> float:
+        """Return when a motor that runs stops before the next reading; inf if it does not [s]."""
+        step = self._next_step()
+        stops = step.late | step.arrives
+        return float(self.time + step.lasted[valve]) if stops[valve] else inf
+
+    def _next_step(self) -> _Step:
+        """Return how the valves turn until the next reading, which their state now decides."""
         dt, way = self.step, self.direction
         now, volume = self._state(), self._volume
         half = self.opening + way * now.flow / volume * dt / 2
@@ -511,6 +527,12 @@ class Plant:
             lasted = np.where(late, np.maximum(self.deadline - self.time, 0.0), lasted)
             arrives &= ~late
         at_limit = arrives & (to_limit <= np.where(np.isnan(to_target), np.inf, to_target))
+        return _Step(speed, lasted, late, arrives, at_limit)
+
+    def _turn(self) -> Floats:
+        """Move the valves for a step; return the mean heat of each motor [W]."""
+        now, way = self._state(), self.direction
+        speed, lasted, late, arrives, at_limit = self._next_step()
         moved = self.opening + way * speed * lasted * self.running
         self.opening = np.where(at_limit, way > 0, np.minimum(np.maximum(moved, 0), 1))
         self._load = self._driven = None
@@ -518,7 +540,7 @@ class Plant:
         self._stop(at_limit, self.time + lasted, "limit")
         self._stop(arrives & ~at_limit, self.time + lasted, "position")
         self.active &= ~arrives
-        return losses(self._actuator, now.pump_pressure) * lasted / dt
+        return losses(self._actuator, now.pump_pressure) * lasted / self.step
 
     def _stop(self, which: Flags, when: npt.ArrayLike, outcome: str) -> None:
         if not np.count_nonzero(which):
