@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import clock
 from shipnet.ballast.actuator import (
     Actuator,
     Hydraulics,
@@ -26,7 +25,10 @@ from shipnet.ballast.actuator import (
     motor_current,
     steady_temperature,
 )
-from shipnet.ballast.sensors import CHANNELS, Sensors
+from shipnet.ballast.scan import System, as_system
+from shipnet.ballast.sensors import CHANNELS
+from shipnet.clock import Fault as TimedFault
+from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, record
 
@@ -202,7 +204,7 @@ _SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
 
 
 @record
-class Fault(clock.Fault):
+class Fault(TimedFault):
     """A fault of some valves.
 
     Parameters
@@ -357,39 +359,18 @@ class Plant:
     end; a position is judged by the potentiometer.
     """
 
-    def __init__(
-        self,
-        actuator: Actuator | None = None,
-        *,
-        n_valves: int | None = None,
-        sensors: Sensors | None = None,
-        faults: Iterable[Fault] = (),
-        opening: npt.ArrayLike = 0.0,
-        step: float = 0.1,
-        rng: np.random.Generator | None = None,
-    ) -> None:
-        self._healthy = actuator if actuator is not None else Actuator()
-        known = self._healthy.n_valves
-        wanted = n_valves if n_valves is not None else known or 1
-        self.n_valves = check_whole("n_valves", wanted, 1, 10_000)
-        if known not in (None, self.n_valves):
-            raise ArgumentError(f"n_valves is {n_valves}; the actuator has numbers for {known}")
-        self.sensors = sensors if sensors is not None else Sensors()
-        self.step = check_scalar("step", step, "s", 1e-3, 1.0)
-        self.faults = list(faults)
-        self._rng = rng
+    def __init__(self, system: System | int = 1, faults: Any = (), rng: Any = None) -> None:
+        self.system = as_system(system)
+        self.n_valves, self.step = self.system.n_valves, self.system.step
+        self._healthy, self.sensors = self.system.actuator, self.system.sensors
+        self.faults: tuple[Any, ...] = as_faults(faults, Fault)
+        self._rng = None if rng is None else np.random.default_rng(rng)
         times = {time for fault in self.faults for time in (fault.start, fault.stop)} - {inf}
         #: Readings at which a fault begins or ends.
         self.changes = sorted(map(self.ticks, times))
-        place = np.asarray(opening, float)
-        if place.shape not in ((), (self.n_valves,)) or not ((place >= 0) & (place <= 1)).all():
-            raise ArgumentError(
-                f"opening is {opening!r}; it must be 0..1, one for all or one for each of "
-                f"{self.n_valves} valves"
-            )
         n = self.n_valves
         self.tick = 0
-        self.opening = np.broadcast_to(place, n).copy()
+        self.opening = np.array(np.broadcast_to(self.system.opening, n), float)
         self.running, self.active = np.zeros(n, bool), np.zeros(n, bool)
         self.direction, self.ran = np.zeros(n, int), np.zeros(n, int)
         self.started, self.last_run = np.zeros(n), np.zeros(n)
@@ -413,6 +394,11 @@ class Plant:
     @property
     def _busy(self) -> bool:
         return bool(np.count_nonzero(self.running))  # in a fifth of the time of any()
+
+    @property
+    def run_time(self) -> Floats:
+        """For how long each motor has been running at this reading [s]; NaN if it is off."""
+        return np.where(self.running, (self.ran - 1) * self.step, np.nan)
 
     def ticks(self, time: float) -> int:
         """Return the first reading that is not before a time."""

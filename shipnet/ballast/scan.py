@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import KW_ONLY
+from dataclasses import KW_ONLY, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -127,8 +127,8 @@ class System:
     n_valves: int = whole(1, 10_000, help="Number of valves", default=None, optional=True)
     poll: Poll | None = None
     _: KW_ONLY
-    actuator: Actuator | None = None
-    sensors: Sensors | None = None
+    actuator: Actuator = field(default_factory=Actuator)
+    sensors: Sensors = field(default_factory=Sensors)
     opening: npt.ArrayLike = 0.0
     step: float = number(1e-3, 1, "s", "Time between readings", default=0.1)
     move: Literal["slave", "downstream"] = choice(("slave", "downstream"), default="slave")
@@ -138,10 +138,16 @@ class System:
 
     def __post_init__(self) -> None:
         """Take the number of valves of the actuator, or check that it is the same."""
-        known = None if self.actuator is None else self.actuator.n_valves
+        known = self.actuator.n_valves
         count = known or 1 if self.n_valves is None else self.n_valves
         if known not in (None, count):
             raise ArgumentError(f"n_valves is {count}; the actuator has numbers for {known}")
+        place = np.asarray(self.opening, float)
+        if place.shape not in ((), (count,)) or not ((place >= 0) & (place <= 1)).all():
+            raise ArgumentError(
+                f"opening is {self.opening!r}; it must be 0..1, one for all or one for each of "
+                f"{count} valves"
+            )
         object.__setattr__(self, "n_valves", count)
 
     def __repr__(self) -> str:

@@ -21,6 +21,7 @@ from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.scan import System, as_system
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
+from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
@@ -55,17 +56,20 @@ _OPEN, _CLOSE, _END = 5.0, 35.0, 65.0
 _BLOCK = 100
 
 
-def spread_actuator(n_valves: int, spread: float, rng: np.random.Generator) -> Actuator:
+def spread_valves(
+    n_valves: int, spread: float, sensors: Sensors | None, rng: np.random.Generator
+) -> System:
     """Return valves that differ from each other as new ones do."""
     n = check_whole("n_valves", n_valves, 1, 10_000)
     sigma = check_scalar("spread", spread, "", 0, 0.5)
     usual = Actuator()
     factors = np.exp(sigma * rng.standard_normal((3, n)))
-    return Actuator(
+    actuator = Actuator(
         pump_leak=usual.pump_leak * factors[0],
         restrictor=usual.restrictor * factors[1],
         bearing_torque=usual.bearing_torque * factors[2],
     )
+    return System(actuator=actuator, sensors=sensors or Sensors())
 
 
 class Outcome(NamedTuple):
@@ -251,8 +255,8 @@ def fault_trials(
     severities = np.tile(each, len(wanted))
     base = rules if rules is not None else rule_base()
     faults = np.repeat(np.array(wanted, dtype=object), valves)
-    actuator = spread_actuator(faults.size, spread, generator)
-    found = _cycle(actuator, faults, severities, base, asked, (k, n), sensors, generator)
+    system = spread_valves(faults.size, spread, sensors, generator)
+    found = _cycle(system, faults, severities, base, asked, (k, n), generator)
     ranked = [base.codes.index(code) for code in base.ranking]
     names = np.array(base.ranking, dtype=object)
     tables = []
@@ -304,13 +308,12 @@ def _found(base: RuleBase, faults: npt.NDArray[np.object_], outcome: Outcome, ho
 
 
 def _cycle(
-    actuator: Actuator,
+    system: System,
     faults: npt.NDArray[np.object_],
     severities: Floats,
     base: RuleBase,
     methods: list[str],
     persistence: tuple[int, int],
-    sensors: Sensors | None,
     rng: np.random.Generator,
 ) -> dict[str, Outcome]:
     """Simulate one trial of every valve, and diagnose it in every method."""
@@ -323,10 +326,7 @@ def _cycle(
     k, n = persistence
     active = {method: np.zeros((faults.size, len(base.rules)), bool) for method in methods}
     first = {method: np.full(faults.size, np.nan) for method in methods}
-    runs = blocks(
-        actuator, orders, duration=_END, faults=plan, sensors=sensors, rng=rng, idle_step=0.5,
-        size=_BLOCK,
-    )  # fmt: skip
+    runs = blocks(system, orders, faults=plan, until=_END, idle_step=0.5, rng=rng, size=_BLOCK)
     for block in _diagnosed(runs, base, methods, k=k, n=n):
         for method, found in block.items():
             active[method] |= found.active.any(axis=0)
@@ -413,12 +413,10 @@ def false_alarms(
     alarmed = {method: np.zeros((starts.size, valves), bool) for method in wanted}
     alarms = dict.fromkeys(wanted, 0)
     quiet = {method: np.ones((1, valves), bool) for method in wanted}
-    actuator = spread_actuator(valves, spread, generator)
+    system = spread_valves(valves, spread, sensors, generator)
     # The last period is whole: it ends just before the next command would come.
     end = starts[-1] + every - 0.1
-    runs = blocks(
-        actuator, orders, duration=end, sensors=sensors, rng=generator, size=max(2**19 // valves, 1)
-    )
+    runs = blocks(system, orders, until=end, rng=generator, size=max(2**19 // valves, 1))
     for block in _diagnosed(runs, rules, wanted, k=k, n=n):
         for method, found in block.items():
             of = np.minimum((found.time + 1e-6) // every, starts.size - 1).astype(int)
@@ -673,14 +671,11 @@ def run_fleet(
     import pandas as pd
 
     fleet = as_system(system)
-    failed = [faults] if isinstance(faults, Fault) else list(faults)
+    failed: list[Any] = list(as_faults(faults, Fault))
     end = check_scalar("until", until, "s", 0, 1e8)
-    noise = None if rng is None else np.random.default_rng(rng)
     runs = blocks(
-        fleet.actuator, commands, n_valves=fleet.n_valves, duration=end, faults=failed,
-        sensors=fleet.sensors, opening=fleet.opening, step=fleet.step, idle_step=idle_step,
-        rng=noise, size=size,
-    )  # fmt: skip
+        fleet, commands, faults=failed, until=end, idle_step=idle_step, rng=rng, size=size
+    )
     n_samples, strokes, alarms = 0, [], []
     for found in _diagnosed(runs, rules, [method], **options):
         diagnosis = found[method]

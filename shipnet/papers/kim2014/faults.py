@@ -21,7 +21,6 @@ from shipnet.ballast.trials import fault_trials
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.modbus.faults import Break
-from shipnet.modbus.redundancy import Loop
 from shipnet.papers.registry import check, numeric
 
 # The second Table 1 as a rule base: how many faults, what overlaps, what it leaves open.
@@ -321,9 +320,8 @@ def seen_strokes(
     """
     runs = {}
     for number in numbers:
-        system = Loop(number, status_poll(9600))
         order = Command("open", start, valves=number)
-        seen = operate(Plant(n_valves=number), system, [order], duration=duration)
+        seen = operate(Plant(System(number, status_poll(9600))), [order], until=duration)
         runs[number] = received_run(seen, number, target=100.0)
     return runs
 
@@ -357,14 +355,14 @@ def age_table(
     >>> age_table().round(2).values.tolist()
     [[7.94, 7.94], [8.21, 8.21], [10.58, 10.58]]
     """
-    system = Loop(n_valves, status_poll(9600))
+    system = System(n_valves, status_poll(9600))
     rows = {}
     for count in commands:
-        age = System(n_valves, system.poll).worst_age(commands=count)
+        age = system.worst_age(commands=count)
         if duration / 2 < 2 * age:
             raise ArgumentError(f"duration is {duration:g} s; it must be {4 * age:.3g} or more")
         orders = [Command("open", duration / 2, valves=range(1, count + 1))] if count else []
-        seen = operate(Plant(n_valves=n_valves), system, orders, duration=duration)
+        seen = operate(Plant(system), orders, until=duration)
         rows[count] = (age, float(_longest(seen)))
     table = pd.DataFrame.from_dict(rows, orient="index", columns=["formula_s", "simulated_s"])
     return table.rename_axis("commands")
@@ -399,17 +397,15 @@ def broken_loops(
     """
     orders = [Command("open", 3.0, valves=range(1, opened + 1))]
     unbroken: list[Break] = []
-    cases = {"no break": (Loop(n_valves, status_poll(9600)), unbroken)}
+    cases = {"no break": (System(n_valves, status_poll(9600)), unbroken)}
     for move, timeout in product(_MOVES, (1.0, 0.1)):
         name = f"{'one by one' if move == 'slave' else 'all beyond'}, time-out {timeout:g} s"
         poll = status_poll(9600, timeout=timeout)
-        cases[name] = (Loop(n_valves, poll, move=move), [Break(n_valves // 2, start=start)])
+        cases[name] = (System(n_valves, poll, move=move), [Break(n_valves // 2, start=start)])
     pictures = {}
     for name, (system, faults) in cases.items():
-        plant = Plant(n_valves=n_valves)
-        pictures[name] = Picture(
-            operate(plant, system, orders, duration=duration, faults=faults), plant
-        )
+        plant = Plant(system)
+        pictures[name] = Picture(operate(plant, orders, until=duration, faults=faults), plant)
     return pictures
 
 
