@@ -493,7 +493,7 @@ def _documented(kind: type) -> str | None:
         if not one.init or one.name.startswith("_"):
             continue
         declared = one.metadata.get("kind")
-        lines += _entry(one.name, declared, one.default)
+        lines += _entry(one.name, declared, one.default, str(one.type))
     if not any("kind" in one.metadata for one in fields(kind)):
         return docstring
     section = "\n".join(["Parameters", "----------", *lines])
@@ -509,10 +509,10 @@ _TYPES: Mapping[type, str] = {
 }  # fmt: skip
 
 
-def _entry(name: str, kind: Kind | None, default: Any) -> list[str]:
+def _entry(name: str, kind: Kind | None, default: Any, annotation: str) -> list[str]:
     """Return the lines of one parameter in a numpydoc section."""
     if kind is None:
-        return [f"{name} : object" + ("" if default is MISSING else ", optional")]
+        return [f"{name} : {annotation}" + ("" if default is MISSING else ", optional")]
     what = _TYPES.get(type(kind), f"{{{kind.legal}}}" if isinstance(kind, Choice) else "object")
     if default is not MISSING:
         plain = default is None or default in (inf, -inf)

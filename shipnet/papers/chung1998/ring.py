@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import pairwise, product
+from itertools import product
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -56,26 +56,6 @@ def virtual_rings(*, with_flag: bool = True) -> int:
     """Rounds that the variables of the writer distinguish, with their flag or without."""
     seen = {(state.no, state.ring_f if with_flag else 0) for state in stored(4 * SIZE)}
     return len(seen) // SIZE
-
-
-@check("chung1998-034", counter={"rings": 1})
-def saves_memory(*, rings: int = 2) -> bool:
-    """Whether one ring of 128 byte with a byte for each flag takes less than this many rings."""
-    return len(Ring(SIZE).cells) + 2 < rings * SIZE
-
-
-@check("chung1998-035", counter={"period": SIZE})
-def place_and_flag_go_round(*, period: int = 2 * SIZE) -> bool:
-    """Whether the place goes up by one a byte and back to 0, and all is as at first after a period.
-
-    The flag turns over each time the place goes back.
-    """
-    seen = stored(3 * period + 1)
-    in_turn = all(
-        b.no == (a.no + 1) % SIZE and (b.ring_f != a.ring_f) == (b.no == 0)
-        for a, b in pairwise(seen)
-    )
-    return in_turn and all(a == b for a, b in zip(seen, seen[period:], strict=False))
 
 
 @numeric("chung1998-049")
@@ -387,12 +367,6 @@ def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
         if ring.unread == 0:
             return False
     return True
-
-
-@numeric("chung1998-056")
-def bytes_given_up(*, size: int = SIZE) -> float:
-    """Bytes of those still held that a repair gives up, mean over the places of the writer."""
-    return sum(given_up(full_rings(size))) / size
 
 
 @numeric("chung1998-060")
