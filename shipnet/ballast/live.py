@@ -106,18 +106,14 @@ class Tank:
 #: Slaves of Figure 15; that with the tank, and that with the fault simulator.
 N_SLAVES, _TANK, _SIMULATOR = 5, 3, 5
 
-
 #: A healthy valve opens or closes within this; row 0 of the rule table [s].
 _STROKE = 10.0
-
 
 #: How long a valve is watched after its stroke [s], and the tolerance of a position [%].
 _SETTLE, _NEAR = 5.0, 1.5
 
-
 #: Faults that show at the closed end: the valve is open, and closes.
 _CLOSING = ("S2", "Pos2", "Pos4")
-
 
 #: Kinds of test, in the order of section 4.
 TESTS = ("manual", "remote", "PC", "diagnosis")

@@ -39,12 +39,9 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-
 Ints = npt.NDArray[np.int64]
 
-
 Flags = npt.NDArray[np.bool_]
-
 
 #: What a valve can be on the screen. The first that holds counts.
 STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
@@ -60,10 +57,8 @@ STATE_COLOURS = {
     "not seen": "0.8",
 }
 
-
 #: A valve within this of an end counts as open or closed [%]; the paper does not say.
 _END = 1.0
-
 
 #: A motor runs whose current is sent as two steps of its register or more; one may be noise [A].
 LEAST_CURRENT = 0.15

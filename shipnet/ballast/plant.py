@@ -199,7 +199,6 @@ FAULTS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "Pos4": ("position reads far too low", (Change("VPos", "added", -15.0),)),
 }
 
-
 _SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
 
 

@@ -54,10 +54,8 @@ def command_codes(reading: str) -> dict[Code, int]:
 
 Floats = npt.NDArray[np.float64]
 
-
 #: Input registers of the status; Tables 1 and 3 of the paper.
 FIRST_REGISTER, N_REGISTERS = 0x4020, 4
-
 
 #: Largest number of steps that a byte holds, and what it holds when a sensor says nothing. The
 #: paper names no such value; without one a dead sensor reads as the end of its scale.
@@ -97,32 +95,24 @@ def whole_steps(
 #: Holding register of the command; Tables 1 and 2 of the paper.
 COMMAND_REGISTER = 0x4001
 
-
 #: Step of the operating time [s]; our assumption, as all scales are.
 _TIME_STEP = 0.1
-
 
 #: Step of each reading, shape (5, 1).
 _STEPS = np.array([[scale.step] for scale in SCALES])
 
-
 #: What is sent at most, and instead of NaN, by the longest operating time; each shape (6, 1).
 _HIGHEST = {last: np.array([[HIGHEST]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
 
-
 _MISSING = {last: np.array([[MISSING]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
-
 
 #: What a step of each reading, and of the operating time, adds to each register, shape (4, 6).
 _PLACES = np.zeros((N_REGISTERS, len(SCALES) + 1), np.int64)
 
-
 for _k, _scale in enumerate(SCALES):
     _PLACES[_scale.register - FIRST_REGISTER, _k] = 1 << _scale.shift
 
-
 _PLACES[1, -1] = 1
-
 
 #: Bits of Manual, Auto, Close and Open, from the first of them on.
 _FLAGS = np.array([1, 2, 4, 8])

@@ -27,10 +27,8 @@ if TYPE_CHECKING:
 #: Usual bit rates within the 2400 to 115200 bit/s of both controllers; the paper, section 3.
 BIT_RATES = (2400, 4800, 9600, 19200, 38400, 57600, 115200)
 
-
 #: What a scan asks of each valve: input registers 0x4020 to 0x4023.
 READ_STATUS = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
-
 
 #: "Display of fully updated screen views", as DNV-OS-D202 has it [s].
 _SCREEN = 2.0

@@ -70,7 +70,6 @@ def _rules() -> list[dict[str, str]]:
 
 Floats = npt.NDArray[np.float64]
 
-
 #: Over how long the change of the position is taken [s]; the paper does not say.
 WINDOW = 1.0
 

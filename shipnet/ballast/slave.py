@@ -30,9 +30,7 @@ from shipnet.modbus.slave import DeviceError, Slave, Table
 
 Floats = npt.NDArray[np.float64]
 
-
 Flags = npt.NDArray[np.bool_]
-
 
 #: A code is found if its rule fired in 3 or more of the last 5 readings.
 _LEAST, _WINDOW = 3, 5

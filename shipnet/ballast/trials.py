@@ -36,9 +36,7 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-
 Flags = npt.NDArray[np.bool_]
-
 
 #: When a fault counts as found.
 CRITERIA = {
@@ -47,10 +45,8 @@ CRITERIA = {
     "isolated": "its own code was ranked first",
 }
 
-
 #: A trial: rest, open, rest, close, rest [s]. A motor may run for 20 s.
 _OPEN, _CLOSE, _END = 5.0, 35.0, 65.0
-
 
 #: Instants of a block: what 3328 valves read in it takes 27 MB.
 _BLOCK = 100
@@ -337,7 +333,6 @@ def _cycle(
 
 #: What stands behind the numbers.
 BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
-
 
 #: A year [s].
 _YEAR = 365.25 * 86400

@@ -28,10 +28,8 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-
 #: A stroke may take so long [s]: row 0 of the rule table.
 LIMIT = 10.0
-
 
 #: Leaks that a stroke time is computed for; between them it is interpolated, to 1e-6 s.
 _GRID = 2001
@@ -448,14 +446,12 @@ def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) 
 #: A set for FP [bar] that spans all between its normal value and the limit of rule P2; ours.
 WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 
-
 #: What the remaining life is predicted from, and how.
 PREDICTORS = {
     "FP membership": "membership of FP in the set worn, straight in the number of strokes",
     "stroke time": "stroke time, straight in the number of strokes",
     "leak": "pump leak from FP by the inverted model, its logarithm straight",
 }
-
 
 #: Strokes without which no prediction is tried.
 _FEWEST = 10

@@ -123,17 +123,8 @@ def diagnosed(
 def score_table() -> pd.DataFrame:
     """Return how many of the 13 rows are found, as printed and corrected, with every fill.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by version of the ``inputs`` and ``fill`` of what they leave out: rows found by
-        ``crisp`` comparisons and by ``fuzzy`` strengths, and what the comparisons make of the
-        others, ``not found``.
-
-    Examples
-    --------
-    >>> score_table().loc[("printed", "absent")].tolist()
-    [10, 10, 'V2 as normal, S2 as S1, Pos2 as normal']
+    ``crisp`` counts those found by comparisons, ``fuzzy`` those found by strengths; ``not found``
+    says what the comparisons make of the others.
     """
     rows = {}
     for version, fill in product(("printed", "corrected"), FILLS):
@@ -148,27 +139,10 @@ def score_table() -> pd.DataFrame:
 
 
 def through_registers(code: str) -> str:
-    """Return what the rules make of a corrected row, once its readings came through registers.
+    """Return what the rules make of a corrected row once its readings came through registers.
 
     What the row does not print is as the plant would have it; the speed is not sent, so it is
     taken from the row.
-
-    Parameters
-    ----------
-    code : str
-        Code of the row.
-
-    Returns
-    -------
-    str
-        Headline.
-
-    Examples
-    --------
-    A position of -5 arrives as 0:
-
-    >>> through_registers("S1"), through_registers("S2")
-    ('S1', 'normal')
     """
     tests = rule_vectors(fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]
@@ -236,31 +210,8 @@ def graded_trials(
 ) -> pd.DataFrame:
     """Let valves with each fault, from healthy to the worst, open and close once.
 
-    Parameters
-    ----------
-    codes : iterable of str, optional
-        Faults; all of the rule table if omitted.
-    n_valves : int, default 101
-        Valves with each fault, their severities evenly from 0 to 1; 10000 in all at most.
-    rng : numpy.random.Generator
-        Draws valves and noise of the sensors.
-
-    Returns
-    -------
-    pandas.DataFrame
-        As `fault_trials` by the method ``fuzzy``, and what is ``said``: ``nothing``, ``its own
-        name``, or ``another fault's name``, by the top fault.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such fault, or `n_valves` is out of range.
-
-    Examples
-    --------
-    >>> table = graded_trials(["Pos3"], n_valves=5, rng=np.random.default_rng(2024))
-    >>> table[["severity", "top_fault", "said"]].values.tolist()[:2]
-    [[0.0, 'normal', 'nothing'], [0.25, 'S1', "another fault's name"]]
+    The table is that of `fault_trials`, with what is ``said``: ``nothing``, ``its own name``, or
+    ``another fault's name``, by the top fault.
     """
     trials = fault_trials(
         codes, n_valves=n_valves, severity=np.linspace(0, 1, max(n_valves, 0)),
@@ -297,26 +248,9 @@ class Picture(NamedTuple):
 def seen_strokes(
     numbers: Iterable[int] = (5, 64, 247), *, duration: float = 15.0, start: float = 3.0
 ) -> dict[int, Run]:
-    """Let masters with more and more valves open their last one.
+    """Return what masters with these numbers of valves were sent of their last one, which opens.
 
-    Parameters
-    ----------
-    numbers : iterable of int
-        Numbers of valves, 1..247 each.
-    duration : float, default 15
-        For how long [s].
-    start : float, default 3
-        When the command is due; it goes out after the poll under way [s].
-
-    Returns
-    -------
-    dict of int to Run
-        By number of valves: what came of the last valve, at 9600 bit/s.
-
-    Examples
-    --------
-    >>> {number: run.time.size for number, run in seen_strokes().items()}
-    {5: 93, 64: 7, 247: 1}
+    The line has 9600 bit/s; the command is due at `start` and goes out after the poll under way.
     """
     runs = {}
     for number in numbers:
@@ -329,31 +263,10 @@ def seen_strokes(
 def age_table(
     commands: Iterable[int] = (0, 10, 100), *, n_valves: int = 247, duration: float = 50.0
 ) -> pd.DataFrame:
-    """Return how old the picture gets when commands are sent between the polls.
+    """Return how old the picture gets when commands to open are sent between the polls.
 
-    Parameters
-    ----------
-    commands : iterable of int
-        How many valves get the command to open at once, 0..n_valves each.
-    n_valves : int, default 247
-        Number of valves, 1..247, at 9600 bit/s.
-    duration : float, default 50
-        For how long; the commands are sent after half of it [s].
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by ``commands``: ``formula_s`` as `worst_age` has it, and ``simulated_s``.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range, or the duration shorter than two scans after the commands.
-
-    Examples
-    --------
-    >>> age_table().round(2).values.tolist()
-    [[7.94, 7.94], [8.21, 8.21], [10.58, 10.58]]
+    ``formula_s`` is as `System.worst_age` has it, ``simulated_s`` the longest that was seen at
+    9600 bit/s; the commands are sent after half of the duration.
     """
     system = System(n_valves, status_poll(9600))
     rows = {}
@@ -371,29 +284,9 @@ def age_table(
 def broken_loops(
     n_valves: int = 247, *, opened: int = 100, start: float = 12.0, duration: float = 60.0
 ) -> dict[str, Picture]:
-    """Break the loop in its middle while valves open, under four masters.
+    """Break a loop at 9600 bit/s in its middle while valves open, under four masters.
 
-    Parameters
-    ----------
-    n_valves : int, default 247
-        Number of valves, at 9600 bit/s.
-    opened : int, default 100
-        How many get the command to open at 3 s.
-    start : float, default 12
-        When the loop breaks [s].
-    duration : float, default 60
-        How long the fleet is watched [s].
-
-    Returns
-    -------
-    dict of str to Picture
-        By the rule of the change, one by one or all beyond the break, and the time-out; before
-        them ``no break``.
-
-    Examples
-    --------
-    >>> [picture.wrong for picture in broken_loops().values()]
-    [0, 100, 0, 0, 0]
+    They differ by the rule of the change, one by one or all beyond the break, and by the time-out.
     """
     orders = [Command("open", 3.0, valves=range(1, opened + 1))]
     unbroken: list[Break] = []
@@ -410,25 +303,10 @@ def broken_loops(
 
 
 def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
-    """Return how good the pictures are.
+    """Return how good the pictures are, one row each.
 
-    Parameters
-    ----------
-    pictures : mapping of str to Picture
-        Such as from `broken_loops`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a picture: ``oldest_s``, the greatest age of what was shown of a valve;
-        ``unanswered``, requests without an answer; ``shown_moving`` and ``moving`` at the end; and
-        ``wrong``, valves shown at a wrong position then.
-
-    Examples
-    --------
-    >>> table = picture_table(broken_loops(64, opened=30, duration=40))
-    >>> table.loc["one by one, time-out 1 s"].round(1).tolist()
-    [29.3, 27.0, 30.0, 0.0, 30.0]
+    ``oldest_s`` is the greatest age of what was shown of a valve, ``unanswered`` counts requests;
+    ``shown_moving``, ``moving`` and valves shown ``wrong`` are those at the end.
     """
     rows = {
         name: {
