@@ -67,14 +67,8 @@ def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
 class Command:
     """A command to some valves.
 
-    Parameters
-    ----------
-    action : str or float
-        ``open``, ``close`` or ``stop``; a number is the position to go to, 0..100 [%].
-    time : float, default 0
-        When it is given [s].
-    valves : int, sequence of int or None, default None
-        Which valves, counted from 1; None is all.
+    The `action` is ``open``, ``close``, ``stop`` or the position to go to, 0..100 [%]; `valves`
+    are numbers counted from 1, and None is all.
 
     Raises
     ------
@@ -206,19 +200,9 @@ _SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
 class Fault(TimedFault):
     """A fault of some valves.
 
-    Parameters
-    ----------
-    code : str
-        Code of the rule table: G1, P1, P2, V1, V2, O1, S1, S2 or Pos1 to Pos4.
-    severity : float or array of float, shape (n,), default 1
-        0 healthy to 1; an array has one value for each valve of `valves`.
-    valves : int, sequence of int or None, default None
-        Which valves have it, counted from 1; None is all.
-    start : float, default 0
-        When it begins [s]. A motor that is not cooled from time 0 on has been so for long, and is
-        as warm as that makes it.
-    stop : float, default inf
-        When it ends [s]; a valve stays where the fault left it.
+    The `valves` are numbers counted from 1, and None is all. When a fault ends, a valve stays where
+    the fault left it. A motor that is not cooled from time 0 on has been so for long, and is as
+    warm as that makes it.
 
     Raises
     ------
@@ -236,8 +220,11 @@ class Fault(TimedFault):
     ('P2', 0.5, (3,))
     """
 
-    code: str = choice(tuple(FAULTS))
-    severity: float | Floats = number(0, 1, default=1.0, many=True)
+    code: str = choice(tuple(FAULTS), "Code of the rule table")
+    severity: float | Floats = number(
+        0, 1, "", "0 healthy to 1; an array has one value for each of `valves`", default=1.0,
+        many=True,
+    )  # fmt: skip
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:

@@ -141,17 +141,6 @@ class Status(NamedTuple):
 class RegisterMap:
     """A reading of Tables 2 and 3.
 
-    Parameters
-    ----------
-    status : str, default "table 3"
-        Places of Manual, Auto, Close and Open in the low byte of 0x4020: Bit2 to Bit5 as in
-        ``table 3``, or Bit0 to Bit3 as in the response of ``table 2``. The number of the fault,
-        whose place neither prints, is then in the high byte of 0x4021 or in Bit4 to Bit7; the
-        operating time has the other 8 bits of 0x4021, or all 16.
-    codes : str, default "flag sum"
-        Command codes: ``flag sum`` (position codes 6 and 10, auto added to close and open),
-        ``one bit`` (16 and 32), or as printed, with 10 read as ``decimal`` or ``hexadecimal``.
-
     Raises
     ------
     ArgumentError
@@ -167,8 +156,18 @@ class RegisterMap:
     '0x280A'
     """
 
-    status: str = choice(("table 3", "table 2"), default="table 3")
-    codes: str = choice(tuple(CODE_READINGS), default="flag sum")
+    status: str = choice(
+        ("table 3", "table 2"),
+        "Places of Manual, Auto, Close and Open in the low byte of 0x4020: Bit2 to Bit5 as in "
+        "table 3, or Bit0 to Bit3 as in the response of table 2. The number of the fault, whose "
+        "place neither prints, is then in the high byte of 0x4021 or in Bit4 to Bit7; the "
+        "operating time has the other 8 bits of 0x4021, or all 16", default="table 3",
+    )  # fmt: skip
+    codes: str = choice(
+        tuple(CODE_READINGS),
+        "Command codes: the position codes 6 and 10, with auto added to close and open; 16 and 32; "
+        "or as printed, with 10 read as decimal or hexadecimal", default="flag sum",
+    )  # fmt: skip
 
     def encode(
         self,
