@@ -383,9 +383,7 @@ class Diagnosis:
             if seen.any():
                 found[place] = seen.any(axis=0)
                 delay[place] = self.time[first + seen.any(axis=1).argmax()] - moved.start
-        ranked = [self.base.codes.index(code) for code in self.base.ranking]
-        names = np.array(self.base.ranking, dtype=object)
-        table["active"] = [" ".join(names[row]) for row in found[:, ranked]]
+        table["active"] = self.base.active_codes(found)
         table["top_fault"] = self.base.top_codes(found)
         table["delay_s"] = delay
         return table

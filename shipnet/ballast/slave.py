@@ -56,7 +56,7 @@ class Monitor:
 
     def codes(self, valve: int) -> tuple[str, ...]:
         """Return all codes that were found since the last command, the highest priority first."""
-        return tuple(self.base.codes[k] for k in self._ranked if self.found[valve, k])
+        return tuple(self.base.active_codes(self.found[[valve]])[0].split())
 
     def report(self, valve: int, row: int) -> None:
         """Take a code for found, and no other, and begin to count anew."""

@@ -145,6 +145,12 @@ class RuleBase:
             names[first + (np.asarray(silent) & (first == len(places)))], dtype=object
         )
 
+    def active_codes(self, active: Bools) -> list[str]:
+        """Return the active codes of each row of (n, n_rules), the highest priority first."""
+        places = [self.codes.index(code) for code in self.ranking]
+        names = np.array(self.ranking, dtype=object)
+        return [" ".join(names[row]) for row in active[:, places]]
+
     def table(self) -> pd.DataFrame:
         """Return the rules: code, antecedent, flag, priority and labels."""
         import pandas as pd
@@ -472,11 +478,8 @@ class Decision:
 
     def codes(self, *index: int) -> tuple[str, ...]:
         """Return all active codes of the sample at this index, the highest priority first."""
-        return self._codes(self.active[self._place(index)])
-
-    def _codes(self, active: Bools) -> tuple[str, ...]:
-        base = self.firing.base
-        return tuple(code for code in base.ranking if active[base.codes.index(code)])
+        active = self.active[self._place(index)]
+        return tuple(self.firing.base.active_codes(active[np.newaxis])[0].split())
 
     def table(self) -> pd.DataFrame:
         """Return one row per sample: ``top``, its ``strength``, ``active`` codes, faulty sensors.
@@ -498,7 +501,7 @@ class Decision:
             {
                 "top": top,
                 "strength": np.array(strength, dtype=float),
-                "active": [" ".join(self._codes(row)) for row in np.atleast_2d(self.active)],
+                "active": firing.base.active_codes(np.atleast_2d(self.active)),
                 "missing": [self._sensors(row) for row in np.atleast_2d(firing.missing)],
                 "clipped": [self._sensors(row) for row in np.atleast_2d(firing.clipped)],
             }

@@ -276,7 +276,7 @@ def age_table(
             raise ArgumentError(f"duration is {duration:g} s; it must be {4 * age:.3g} or more")
         orders = [Command("open", duration / 2, valves=range(1, count + 1))] if count else []
         seen = operate(Plant(system), orders, until=duration)
-        rows[count] = (age, float(_longest(seen)))
+        rows[count] = (age, seen.oldest)
     table = pd.DataFrame.from_dict(rows, orient="index", columns=["formula_s", "simulated_s"])
     return table.rename_axis("commands")
 
@@ -310,7 +310,7 @@ def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
     """
     rows = {
         name: {
-            "oldest_s": _longest(picture.seen),
+            "oldest_s": picture.seen.oldest,
             "unanswered": sum(not answered for *_, answered in picture.seen.tries),
             "shown_moving": int((picture.seen.screen().table()["state"] == "moving").sum()),
             "moving": int(picture.plant.running.sum()),
@@ -319,8 +319,3 @@ def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
         for name, picture in pictures.items()
     }
     return pd.DataFrame.from_dict(rows, orient="index")
-
-
-def _longest(seen: MasterRun) -> float:
-    """Return the greatest age of what was shown of any valve [s]."""
-    return float(np.max(seen.longest_age))
