@@ -25,7 +25,7 @@ from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
-from shipnet.fuzzy.rules import RuleBase
+from shipnet.fuzzy.rules import RuleBase, draw_matrix
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
 
@@ -149,23 +149,12 @@ class Trials:
         count = table.to_numpy(float)
         total = count.sum(axis=1, keepdims=True)
         share = np.divide(count, total, out=np.zeros_like(count), where=total > 0)
-        ax.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
+        draw_matrix(ax, share, lambda _, __, x: f"{100 * x:.0f}" if x >= 0.005 else "<1")
         ax.autoscale(False)
-        for (row, column), value in np.ndenumerate(share):
-            if table.index[row] == table.columns[column]:
-                ax.bar(column, 1, 1, row - 0.5, fill=False, edgecolor="0.3", linewidth=1)
-            if value > 0:
-                ax.text(
-                    column, row, f"{100 * value:.0f}" if value >= 0.005 else "<1", fontsize=8,
-                    ha="center", va="center", color="white" if value > 0.6 else "0.1",
-                )  # fmt: skip
+        for row, column in np.argwhere(table.index.to_numpy()[:, None] == table.columns.to_numpy()):
+            ax.bar(column, 1, 1, row - 0.5, fill=False, edgecolor="0.3", linewidth=1)
         ax.set_xticks(range(len(table.columns)), [str(name) for name in table.columns], fontsize=8)
         ax.set_yticks(range(len(table.index)), [str(name) for name in table.index], fontsize=8)
-        ax.set_xticks(np.arange(len(table.columns) - 1) + 0.5, minor=True)
-        ax.set_yticks(np.arange(len(table.index) - 1) + 0.5, minor=True)
-        ax.grid(visible=False)
-        ax.grid(visible=True, which="minor", color="0.88")
-        ax.tick_params(which="both", length=0)
         ax.set(xlabel="top-ranked fault [% of the row]", ylabel="fault of the valve")
         return ax
 

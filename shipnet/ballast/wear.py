@@ -19,6 +19,7 @@ from shipnet import style
 from shipnet.ballast.actuator import Actuator, hydraulics, load_pressure, stroke_time
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.fuzzy.firing import persistent
 from shipnet.fuzzy.terms import Term
 
 if TYPE_CHECKING:
@@ -128,14 +129,8 @@ class Wear:
         """
         import pandas as pd
 
-        window = check_whole("n", n, 1, 10_000)
-        least = check_whole("k", k, 1, window)
-
         def first(fires: npt.NDArray[np.bool_]) -> Floats:
-            total = np.cumsum(fires, axis=0)
-            before = np.zeros_like(total)
-            before[window:] = total[:-window]
-            reported = np.asarray(total - before >= least)
+            reported = persistent(fires, k, n)
             return np.where(reported.any(axis=0), reported.argmax(axis=0).astype(float), np.nan)
 
         return pd.DataFrame(
