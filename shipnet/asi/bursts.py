@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.batch import NONE, words_of
+from shipnet.asi.batch import NONE
 from shipnet.asi.modulation import HALF_BIT
 from shipnet.asi.receiver import Reception, receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
@@ -318,13 +318,14 @@ class Telegrams(NamedTuple):
     ) -> Telegrams:
         """Take what was received from rows that begin at times, each measured in its own unit."""
         bits = received.bits.astype(np.int64)
+        weights = 1 << np.arange(bits.shape[-1])[::-1]
         return cls(
             begin + received.start,
             first,
             last,
             np.full(len(bits), bits.shape[-1]),
-            words_of(np.maximum(bits, 0)),
-            words_of((bits != NONE).astype(np.int64)),
+            np.maximum(bits, 0) @ weights,
+            (bits != NONE) @ weights,
             received.error.astype(np.int64),
             received.amplitude * unit,
             received.weakest,

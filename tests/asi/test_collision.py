@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from shipnet.asi import Response
-from shipnet.asi.batch import bits_of
 from shipnet.asi.channel import MISSED, REQUEST_LOST, VARIANTS
 from shipnet.asi.modulation import (
     ONE_PULSE_CODES,
@@ -15,7 +14,7 @@ from shipnet.asi.modulation import (
     pulses_of,
 )
 from shipnet.errors import ArgumentError, FrameError, name_of
-from tests.asi.lines import draw
+from tests.asi.lines import REQUESTS, draw
 
 ANSWERS = [Response(data).bits for data in range(16)]
 
@@ -34,9 +33,7 @@ def test_answers_that_overlap_by_part_never_pass(shift):
 
 
 def test_an_answer_upon_a_request_never_makes_another_request_of_it():
-    information = np.arange(2**11)
-    requests = bits_of(information << 2 | (np.bitwise_count(information) & 1) << 1 | 1, 14)
-    pulses = np.pad(pulses_of(requests).astype(int), ((0, 0), (0, 2)))
+    pulses = np.pad(pulses_of(REQUESTS).astype(int), ((0, 0), (0, 2)))
     survived = 0
     for answer, shift in itertools.product(ANSWERS, range(28)):
         both = pulses.copy()
@@ -44,7 +41,7 @@ def test_an_answer_upon_a_request_never_makes_another_request_of_it():
         both[:, shift : shift + heard.size] += heard
         bits, error = check_slots(np.sign(both), 14)
         passed = error == 0
-        assert (bits[passed] == requests[passed]).all()
+        assert (bits[passed] == REQUESTS[passed]).all()
         survived += passed.sum()
     # It survives only where the pulses of both are the same: 2560 of 917504 cases.
     assert survived == 2560

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import signal
 
-from shipnet.asi.batch import NONE, bits_of, encode_responses
+from shipnet.asi.batch import NONE
 from shipnet.asi.modulation import (
     CLASSES,
     HALF_BIT,
@@ -23,10 +23,8 @@ from shipnet.asi.modulation import (
 )
 from shipnet.asi.receiver import matched_filter, receive
 from shipnet.errors import ArgumentError, FrameError, SilenceError, name_of
+from tests.asi.lines import REQUESTS, RESPONSES
 
-RESPONSES = bits_of(encode_responses(np.arange(16))[0], 7)
-INFORMATION = np.arange(2**11)
-REQUESTS = bits_of(INFORMATION << 2 | (np.bitwise_count(INFORMATION) & 1) << 1 | 1, 14)
 GRIDS = [25e-9, 50e-9, 100e-9, 250e-9, 400e-9, 500e-9]
 
 
