@@ -80,12 +80,11 @@ def telegram_voltages(
 
     # One change of current, heard from each node; a telegram is a row of such changes.
     heard = record_of(change, n_t, dt, f_max)
-    u = np.zeros((len(nodes), len(steps), n_t))
+    changes = np.zeros((len(nodes), steps.shape[1], n_t))
     for place in range(steps.shape[1]):
         late = place * slot
-        if late < n_t:
-            u[:, :, late:] += steps[:, place, None] * heard[:, None, : n_t - late]
-    return u
+        changes[:, place, late:] = heard[:, : max(0, n_t - late)]
+    return np.asarray(steps @ changes)
 
 
 class Quality(NamedTuple):

@@ -15,7 +15,7 @@ from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees
 from shipnet.line.cable import CABLES, Cable
-from shipnet.line.solver import Rooted, check_frequencies, dense_transfer, tree_transfer
+from shipnet.line.solver import Rooted, check_frequencies, closed_transfer, tree_transfer
 from shipnet.line.waveform import F_MAX, Waveform, record_of
 
 if TYPE_CHECKING:
@@ -333,25 +333,28 @@ class Network:
         return Rooted(order, parent, above, levels)
 
     def transfer(
-        self, root: str, s: npt.ArrayLike, to: str | None = None, *, dense: bool = False
+        self, root: str, s: npt.ArrayLike, to: str | None = None
     ) -> npt.NDArray[np.complex128]:
         """Return the transfer impedances between one node and every node, or one other [ohm].
 
         Row k is the voltage at node k per ampere into the root, and as well the voltage at the
         root per ampere into node k: such a network is reciprocal. `s` is one or more complex
-        frequencies with a real part that is not negative [rad/s]. A tree takes a sweep, in a time
-        that is proportional to nodes x frequencies; a ring takes a dense solution of the nodal
-        equations, and so does a tree if `dense`: the second way to the same result.
+        frequencies with a real part that is not negative [rad/s]. The time is proportional to
+        nodes x frequencies; a ring takes it two or three times.
         """
         bins = check_frequencies(s)
-        tree = self.rooted(root)
         pieces = [(run.made_of, run.length) for run in self.runs]
         shunts, trees = self.shunts(), self._trees or 1
-        if dense or self._ring is not None:
-            ends = [(self._index[run.a], self._index[run.b]) for run in self.runs]
-            z = dense_transfer(tree.order[0], ends, pieces, shunts, bins, trees)
-        else:
-            z = tree_transfer(tree, pieces, shunts, bins, trees)
+
+        def sweep(node: str) -> npt.NDArray[np.complex128]:
+            return tree_transfer(self.rooted(node), pieces, shunts, bins, trees)
+
+        z = sweep(root)
+        if self.ring is not None:
+            a, b = self.ring.a, self.ring.b
+            from_ends = (z if a == root else sweep(a)), (z if b == root else sweep(b))
+            closing = self.ring.made_of, self.ring.length
+            z = closed_transfer(z, from_ends, (self.index(a), self.index(b)), closing, bins)
         z = z if self._trees else z[0]
         return z if to is None else z[..., self.index(to), :]
 
