@@ -140,8 +140,7 @@ class Slave:
         """Check label and profile."""
         half = slave_key(self.label)[1]
         profile = self.profile or ("S-0.A.F" if half else "S-0.F.F")
-        if not isinstance(profile, Profile):
-            object.__setattr__(self, "profile", Profile.parse(profile))
+        object.__setattr__(self, "profile", Profile.parse(profile))
         if self.node:
             check_node(self.node)
         if self.id1 is not None and self.kind.extended:
