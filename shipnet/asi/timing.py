@@ -133,7 +133,7 @@ class Transaction:
         longest = LONGEST_SLAVE_PAUSE / self.bit_time
         if not 1 <= self.slave_pause <= longest:
             raise ArgumentError(
-                f"slave_pause is {self.slave_pause} bit times; it must be 1..{longest:.4g}"
+                f"slave_pause is {self.slave_pause:g} bit times; it must be 1..{longest:.4g}"
             )
 
     def efficiency(self, user_bits: npt.ArrayLike = USER_BITS) -> npt.NDArray[np.float64]:

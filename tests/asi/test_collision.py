@@ -7,13 +7,12 @@ from shipnet.asi import Response
 from shipnet.asi.channel import MISSED, REQUEST_LOST, VARIANTS
 from shipnet.asi.modulation import (
     ONE_PULSE_CODES,
-    add_pulses,
     bits_of_slots,
     check_slots,
     collide,
     pulses_of,
 )
-from shipnet.errors import ArgumentError, FrameError, name_of
+from shipnet.errors import FrameError, name_of
 from tests.asi.lines import REQUESTS, draw
 
 ANSWERS = [Response(data).bits for data in range(16)]
@@ -48,16 +47,16 @@ def test_an_answer_upon_a_request_never_makes_another_request_of_it():
 
 
 def test_pulses_add_up_as_currents_do():
-    two = add_pulses([(ANSWERS[3], 0), (ANSWERS[9], 2)], 7)
-    total = np.zeros(18, dtype=int)
+    total = np.zeros(16, dtype=int)
     total[:14] += pulses_of(ANSWERS[3])
     total[2:16] += pulses_of(ANSWERS[9])
-    assert two.tolist() == np.sign(total[:16]).tolist()
+    bits, error = collide(((ANSWERS[3], 0), (ANSWERS[9], 2)), 7)
+    assert (bits, error) == ("", check_slots(np.sign(total), 7)[1])
 
 
 def test_what_began_before_is_heard_from_its_middle_on():
-    early = add_pulses([(ANSWERS[9], -4)], 7)
-    assert early.tolist() == [*pulses_of(ANSWERS[9])[4:], 0, 0, 0, 0, 0, 0]
+    early = [*pulses_of(ANSWERS[9])[4:], 0, 0, 0, 0, 0, 0]
+    assert collide(((ANSWERS[9], -4),), 7)[1] == check_slots(early, 7)[1]
 
 
 def test_the_codes_of_one_disturbed_pulse_are_those_that_the_scalar_receiver_finds():
@@ -71,15 +70,6 @@ def test_the_codes_of_one_disturbed_pulse_are_those_that_the_scalar_receiver_fin
                 with pytest.raises(FrameError) as caught:
                     bits_of_slots(other)
                 assert type(caught.value).__name__ == name_of(next(wrong))
-
-
-@pytest.mark.parametrize(
-    ("telegrams", "n_bits", "message"),
-    [([], 7, "telegrams is empty"), ([(ANSWERS[0], 0)], 8, "n_bits is 8")],
-)
-def test_nothing_and_other_lengths_are_refused(telegrams, n_bits, message):
-    with pytest.raises(ArgumentError, match=message):
-        add_pulses(telegrams, n_bits)
 
 
 def test_disturbances_are_as_frequent_as_asked_and_independent():

@@ -406,10 +406,10 @@ def test_the_filter_takes_records_shorter_than_itself():
         ({"u": ["a"]}, "u must be real voltages, but its dtype is <U1"),
         ({"u": [1j]}, "dtype is complex128"),
         ({"n_bits": 8}, "n_bits is 8; it must be 7, a response, or 14, a request"),
-        ({"threshold": 0}, "threshold is 0; it must lie between 0 and 1"),
+        ({"threshold": 0}, "threshold is 0.0; it must lie between 0 and 1"),
         ({"threshold": np.nan}, "threshold is nan"),
-        ({"window": 0.6}, r"window is 0.6 half-bits; it must be 0..0\.5"),
-        ({"minimum": -1}, "minimum is -1 V; it must be 0 or more"),
+        ({"window": 0.6}, r"window is 0.6 half-bits; it must be 0\.\.0\.5"),
+        ({"minimum": -1}, r"minimum is -1 V; it must be 0\.\.1e\+09 V"),
         ({"minimum": np.inf}, "minimum is inf V"),
     ],
 )

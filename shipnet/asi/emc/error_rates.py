@@ -10,6 +10,7 @@ the sixth being the drop.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,7 +60,7 @@ def _row(
     bits, u = wave.records
     n_words, n_bits = bits.shape
     chunk = max(1, _SAMPLES // u.shape[1])
-    settings = {**receiver.settings, "matched": False}
+    settings = {**asdict(receiver), "matched": False}
     failed = undetected = 0
     broken = np.zeros(len(CLASSES) + 1, dtype=np.int64)
     for begin in range(0, count, chunk):
@@ -119,7 +120,7 @@ def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, i
     n_bits = bits.shape[1]
     y = decided_on(u, dt, receiver.matched)
     y = y - y.mean(axis=1, keepdims=True)
-    received = receive(y, dt, n_bits, **{**receiver.settings, "matched": False, "window": 0.0})
+    received = receive(y, dt, n_bits, **{**asdict(receiver), "matched": False, "window": 0.0})
     if received.error.any() or (received.bits != bits).any():
         raise ArgumentError("telegrams must be received without an error when there is no noise")
     peak = (received.start + 1.5 * HALF_BIT) / dt
