@@ -287,18 +287,27 @@ _NEAR = 2.5 * HALF_BIT
 _FEWEST_PULSES = 5
 
 
-#: The telegrams of a record, one array a field: `start`, `first` and `last` pulse [s], `length`
-#: [bit], `word` and which of its bits are `known`, `error`, `amplitude` [V], `weakest`, `ringing`,
-#: whether the burst `fits` a telegram, and the `edge` of the record that it touches, 1 or 2.
-Telegrams: TypeAlias = "np.recarray[Any, Any]"
+#: A telegram of a record: its start, its first and its last pulse [s], its length [bit], its word
+#: and which bits of it are known, its error code, its first pulse [V], its weakest pulse and its
+#: ringing as in `Reception`, whether the burst fits a telegram, and the edge of the record that it
+#: touches: 1 the front, 2 the back, 0 none.
+_TELEGRAM = np.dtype(
+    [
+        *((name, np.float64) for name in ("start", "first", "last")),
+        *((name, np.int64) for name in ("length", "word", "known", "error")),
+        *((name, np.float64) for name in ("amplitude", "weakest", "ringing")),
+        ("fits", np.bool_), ("edge", np.int64),
+    ]
+)  # fmt: skip
 
-_FIELDS = "start first last length word known error amplitude weakest ringing fits edge".split()
+Telegrams: TypeAlias = "np.recarray[Any, Any]"
 
 
 def _joined(parts: list[Telegrams]) -> Telegrams:
     """Put batches together, in the order of time."""
     whole = np.concatenate(parts).view(np.recarray)
-    return whole[np.argsort(whole.first, kind="stable")]
+    order = np.argsort(whole.first, kind="stable")
+    return whole[order].view(np.recarray)
 
 
 class Found(NamedTuple):
@@ -431,5 +440,5 @@ def _receive(
             bursts.fits[chosen],
             edge[chosen],
         ]
-        parts.append(np.rec.fromarrays(fields, names=_FIELDS))
+        parts.append(np.rec.fromarrays(fields, dtype=_TELEGRAM))
     return _joined(parts)

@@ -447,10 +447,10 @@ def response_time(
 @cache
 def analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
     """Return the exchanges that a value takes, by profile and direction, and by its size [bit]."""
-    table = datasets.read("asi_analogue_profiles.csv")
     found: dict[tuple[str, str], dict[int, int]] = {}
-    for row in table.itertuples():
-        found.setdefault((row.profile, row.direction), {})[int(row.value_bit)] = int(row.cycles)
+    for row in datasets.read("asi_analogue_profiles.csv").to_dict("records"):
+        sizes = found.setdefault((row["profile"], row["direction"]), {})
+        sizes[int(row["value_bit"])] = int(row["cycles"])
     return found
 
 
