@@ -46,6 +46,10 @@ Indices = npt.NDArray[np.intp]
 class Disturbance(Protocol):
     """What `shipnet.asi.emc` adds to telegrams, such as `Noise`."""
 
+    @property
+    def quantity(self) -> str:
+        """What its amplitude is, in words; noise names its bandwidth."""
+
     def voltage(
         self,
         t: Floats,
@@ -167,8 +171,8 @@ class Receiver:
     flanks of the neighbours: on a line of 150 m, 0.25 costs telegrams that 0.1 receives. The
     default `minimum` is 30 % of 1.5 V, half of the smallest legal signal of 3 V peak to peak. In
     noise it should be four times the standard deviation of what is decided on, or the noise ahead
-    of a telegram is taken for its first pulse: 0.9 V serves noise of up to 0.48 V, sampled every
-    250 ns, of which the filter leaves 47 %.
+    of a telegram is taken for its first pulse: 0.9 V serves noise of up to 0.48 V in 2 MHz (samples
+    250 ns apart), of which the filter leaves 47 %.
 
     References
     ----------

@@ -191,8 +191,8 @@ def _missed(
 class ErrorRates:
     """How many telegrams were lost at each amplitude of a disturbance."""
 
-    def __init__(self, rows: Iterable[dict[str, float]]) -> None:
-        self._table = pd.DataFrame(rows)
+    def __init__(self, rows: Iterable[dict[str, float]], quantity: str) -> None:
+        self._table, self._quantity = pd.DataFrame(rows), quantity
 
     def table(self) -> pd.DataFrame:
         """Return one row per amplitude: counts, rate with its 95 % interval, and causes.
@@ -206,7 +206,7 @@ class ErrorRates:
         return self._table.copy()
 
     def plot(self, ax: Axes | None = None, *, label: str | None = None, marker: str = "o") -> Axes:
-        """Draw the rates over the amplitude, with their intervals as bars."""
+        """Draw the rates over the amplitude, which the axis names, with their intervals as bars."""
         ax, table = style.axes(ax), self._table
         seen = table[table["failed"] > 0]
         bars = np.stack([seen["rate"] - seen["rate_low"], seen["rate_high"] - seen["rate"]])
@@ -220,7 +220,7 @@ class ErrorRates:
             color=points.lines[0].get_color(),
         )  # fmt: skip
         ax.set_yscale("log")
-        ax.set(xlabel="amplitude [V]", ylabel="telegram error rate [1]")
+        ax.set(xlabel=f"{self._quantity} [V]", ylabel="telegram error rate [1]")
         return ax
 
     def __repr__(self) -> str:
@@ -250,7 +250,8 @@ def error_rate(
     disturbance : Noise, Impulses, ConductedRF or Burst
         What is added, at the receiver.
     amplitudes : float or array_like of float, shape (n_amplitudes,)
-        Its amplitudes, 0..1e9 [V].
+        Its amplitudes, 0..1e9 [V]: what `disturbance.quantity` says. That of noise is a standard
+        deviation in a bandwidth, 2 MHz by default, whatever the step of `wave`.
     n_telegrams : int
         Trials at each amplitude, 1 or more.
     rng : numpy.random.Generator or int, optional
@@ -283,7 +284,8 @@ def error_rate(
     checked = [check_scalar("amplitude", float(volt), "V", 0, 1e9) for volt in volts]
     count = check_whole("n_telegrams", n_telegrams, 1, 2**31)
     source, receiver = np.random.default_rng(rng), receiver or Receiver()
-    return ErrorRates(_row(wave, disturbance, volt, count, source, receiver) for volt in checked)
+    rows = (_row(wave, disturbance, volt, count, source, receiver) for volt in checked)
+    return ErrorRates(rows, disturbance.quantity)
 
 
 def noise_error_rate(
