@@ -191,6 +191,9 @@ _RULES = {
 
 # Telegrams ------------------------------------------------------------------------------------
 
+#: Bits of a master's request, and of a slave's response.
+REQUEST_BITS, RESPONSE_BITS = 14, 7
+
 #: Parts of the telegrams: label, number of bits, key of `style.FIELD`.
 REQUEST_PARTS = (
     ("ST", 1, "frame"),
@@ -217,13 +220,9 @@ def plot_telegram(
 ) -> Axes:
     """Draw a telegram as a row of coloured bits with its level line above."""
     ax = style.axes(ax)
-    lengths = {sum(part[1] for part in own) for own in (REQUEST_PARTS, RESPONSE_PARTS)}
-    if parts is None and len(bits) not in lengths:
-        raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
+    parts = parts or {REQUEST_BITS: REQUEST_PARTS, RESPONSE_BITS: RESPONSE_PARTS}.get(len(bits))
     if parts is None:
-        parts = (
-            REQUEST_PARTS if len(bits) == sum(part[1] for part in REQUEST_PARTS) else RESPONSE_PARTS
-        )
+        raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
     place = start
     for label, length, colour in parts:
         style.box(ax, place, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
@@ -239,12 +238,6 @@ def plot_telegram(
 
 #: Columns of the bits between start bit and parity bit.
 _PLACES = ["CB", "A4", "A3", "A2", "A1", "A0", "I4", "I3", "I2", "I1", "I0"]
-
-#: Bits of a master's request.
-REQUEST_BITS = 14
-
-#: Bits of a slave's response.
-RESPONSE_BITS = 7
 
 
 def frame(information: str) -> str:

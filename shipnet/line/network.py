@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import style
+from shipnet import fields, style
 from shipnet.errors import ArgumentError
-from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees
-from shipnet.line.cable import CABLES, Cable
+from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees, record
+from shipnet.line.cable import CABLES, Cable, Valued
 from shipnet.line.solver import Rooted, check_frequencies, closed_transfer, tree_transfer
 from shipnet.line.waveform import F_MAX, Waveform, record_of
 
@@ -31,6 +31,10 @@ LEAST, MOST = 1e-18, 1e18
 _MOST_DC = 1e9
 
 Floats = npt.NDArray[np.float64]
+
+
+def _constant(unit: str, help: str) -> Any:
+    return fields.number(LEAST, MOST, unit, help, default=None, optional=True, many=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,14 +91,11 @@ class CableRun:
         return f"cable {self.a} - {self.b}"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Load:
+@record(eq=False)
+class Load(Valued):
     """A resistor, an inductor and a capacitor in parallel, from a node to the reference.
 
-    Parameters
-    ----------
-    r, l, c : float or array_like, shape (n_trees,), optional
-        Resistance [ohm], inductance [H] and capacitance [F], 1e-18 to 1e18; at least one.
+    At least one of them must be given.
 
     Raises
     ------
@@ -109,38 +110,26 @@ class Load:
     Load(r=50.0, l=None, c=5e-11)
     """
 
-    r: Quantity | None = None
-    l: Quantity | None = None  # noqa: E741  # the symbol of an inductance
-    c: Quantity | None = None
+    r: Quantity | None = _constant("ohm", "Resistance")
+    l: Quantity | None = _constant("H", "Inductance")  # noqa: E741  # its symbol
+    c: Quantity | None = _constant("F", "Capacitance")
 
     def __post_init__(self) -> None:
-        """Check the values."""
+        """Check that there is a value, and that all have as many trees."""
         if self.r is None and self.l is None and self.c is None:
             raise ArgumentError("a load has neither r nor l nor c; it must have at least one")
-        for name, unit in (("r", "ohm"), ("l", "H"), ("c", "F")):
-            value = getattr(self, name)
-            if value is not None:
-                value = check_quantity(f"{name} of a load", value, unit, low=LEAST, high=MOST)
-                object.__setattr__(self, name, value)
-        check_trees("a load", None, self.r, self.l, self.c)
+        check_trees("a load", None, *self.parameters)
+
+    @property
+    def parameters(self) -> tuple[Quantity | None, ...]:
+        """The constants r, l and c."""
+        return self.r, self.l, self.c
 
     def __add__(self, other: Load) -> Load:
         """Return both loads in parallel."""
         if not isinstance(other, Load):
             return NotImplemented
         return Load(_parallel(self.r, other.r), _parallel(self.l, other.l), _sum(self.c, other.c))
-
-    def _key(self) -> tuple[Any, ...]:
-        values = (self.r, self.l, self.c)
-        return tuple(tuple(v) if isinstance(v, np.ndarray) else v for v in values)
-
-    def __eq__(self, other: object) -> bool:
-        """Compare all values."""
-        return isinstance(other, Load) and self._key() == other._key()
-
-    def __hash__(self) -> int:
-        """Hash all values."""
-        return hash(self._key())
 
     @property
     def shunt(self) -> tuple[Quantity, Quantity, Quantity]:
