@@ -373,10 +373,11 @@ class Cycle:
         lost to synchronising; Siemens counts one (SlimLine analogue module, manual: 7 x 2 + 7 =
         21 cycles for two channels). 20 to 60 ms of conversion per channel come on top.
         """
-        return transfer_time(
-            profile, self.time, channels=channels, paired=paired, direction=direction,
-            value_bit=value_bit, extra_rounds=extra_rounds,
+        cycles = transfer_cycles(
+            profile, channels=channels, direction=direction, value_bit=value_bit,
+            extra_rounds=extra_rounds,
         )  # fmt: skip
+        return _plain(np.asarray(self.time) * (cycles * (2 if paired else 1)))
 
 
 def cycle_time(
@@ -490,27 +491,6 @@ def transfer_cycles(
             f"{'' if value_bit is None else f' {value_bit} bit'}; known are {', '.join(known)}"
         )
     return sizes[size] * (channels + extra_rounds)
-
-
-def transfer_time(
-    profile: Profile | str,
-    cycle: npt.ArrayLike,
-    *,
-    channels: int = 1,
-    paired: bool = False,
-    direction: Direction = "in",
-    value_bit: int | None = None,
-    extra_rounds: int = 0,
-) -> float | Floats:
-    """Return how long all values of a slave take on the bus, by the time of a cycle [s]."""
-    time = np.asarray(cycle)
-    if time.dtype.kind not in "iuf" or not ((time > 0) & np.isfinite(time)).all():
-        raise ArgumentError(f"cycle is {cycle!r} s; it must be positive and finite")
-    exchanges = transfer_cycles(
-        profile, channels=channels, direction=direction, value_bit=value_bit,
-        extra_rounds=extra_rounds,
-    )  # fmt: skip
-    return _plain(time.astype(np.float64) * (exchanges * (2 if paired else 1)))
 
 
 # Checks ----------------------------------------------------------------------------------------
