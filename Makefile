@@ -9,6 +9,7 @@
 # make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
 # make bench      ratios against peers, measured side by side
 # make fuzz       hostile bytes for every reader and decoder, ten minutes
+# make mutants    break the code in every small way, and see whether a test notices; an hour
 # make lock       resolve requirements.lock anew
 # make clean      remove everything that make made, but for .venv and .tools
 
@@ -32,7 +33,7 @@ unexport VIRTUAL_ENV
 
 .DEFAULT_GOAL := all
 .NOTPARALLEL:
-.PHONY: all setup site notebooks test lint unit browser coverage dist lessons wheels lab app bench fuzz lock clean
+.PHONY: all setup site notebooks test lint unit browser coverage dist lessons wheels lab app bench fuzz mutants lock clean
 
 all: site
 	@$(PY) -m shipnet ledger --summary
@@ -114,6 +115,10 @@ bench: setup
 fuzz: setup
 	@$(UV) pip install --quiet --python $(PY) --group fuzz
 	@$(PY) tests/fuzz/run.py
+
+mutants: setup
+	@$(UV) pip install --quiet --python $(PY) --group mutants
+	@$(PY) tests/mutants/run.py --left
 
 lock: $(filter .tools/%,$(UV))
 	@$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \

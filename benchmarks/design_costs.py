@@ -17,7 +17,7 @@ POINTS = (350, 2000)
 
 def loop(model, levels):
     """Add the total cost up for one draw after the other, assumption by assumption."""
-    names, bill, costs = list(levels), model.bill, []
+    names, costs = list(levels), []
     for u in np.array(list(levels.values())).T:
         at = {
             name: values_at([model.assumptions[name]], np.array([level]))[0, 0]
@@ -26,7 +26,7 @@ def loop(model, levels):
         }
         level = dict(zip(names, u, strict=True))
         money = hours = 0.0
-        for cable in bill.cables.itertuples():
+        for cable in model.laid.itertuples():
             entry = model.cables[cable.Index]
             price, lay, end = (
                 values_at([getattr(entry, CABLE_RANGES[name][0])], np.array([level[name]]))[0, 0]
@@ -35,7 +35,7 @@ def loop(model, levels):
             length = cable.length_m * at["laid_length"]
             money += length * price
             hours += length * lay + cable.ends * end
-        for name, number in bill.items.items():
+        for name, number in model.items.items():
             if model.assumptions.entry(name).unit == "h":
                 hours += number * at[name]
             else:

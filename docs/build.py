@@ -32,7 +32,6 @@ MACHINERY = ("docs/_ext", "docs/_static", "docs/build.py", "docs/conf.py", "requ
 FOLDERS = ("", "papers", "lessons", "explore")
 REFERENCE = ("ledger.md", "errata.md", "data/SOURCES.md", "api/shipnet.rst", "CHANGELOG.md")
 CLAIM_ID = re.compile(r"\b[a-z]+\d{4}-\d{3}\b")
-NO_ERRATUM = ("agrees", "rounding", "not reproducible", "open")
 COLUMNS = ["id", "where", "claim", "the paper says", "we compute", "verdict"]
 
 
@@ -158,15 +157,18 @@ def errata_page() -> str:
     """Return the errata as a page: what a reader of the papers should correct, and why."""
     from shipnet.papers import ledger
 
-    frame = ledger().table().reset_index()
-    wrong = frame[~frame["verdict"].isin(["", *NO_ERRATUM])]
+    everything = ledger()
+    errata, differing = everything.errata(), everything.differing()
+    listed = everything.table().loc[[*errata.index, *differing.index]].reset_index()
     parts = [
         "# Errata",
-        f"{len(wrong)} places of the five papers that need a correction, or a condition beside "
-        "them. A charitable reading came first; the reason stands below each. All claims, also "
-        "those that agree, are in the [ledger](ledger.md).",
+        f"{len(errata)} misprints, wrong terms and slips of numbering in the five papers, and "
+        f"{len(differing)} statements that need a correction or a qualification. Each was given "
+        "its best reading first; the reason stands below the correction. All claims, also those "
+        "that agree, are in the [ledger](ledger.md).",
     ]
-    for key, claims in wrong.groupby("paper", sort=False):
+    for key in listed["paper"].unique():
+        claims = listed[listed["paper"] == key].sort_values("id")
         rows = map(_erratum, claims.to_dict("records"))
         parts += [f"## {key}", _table(["where", "printed", "instead", "verdict"], rows)]
     return "\n\n".join(parts) + "\n"
@@ -179,16 +181,26 @@ def _values(claim: dict[str, Any]) -> tuple[str, str]:
     computed = format_computed(claim["computed"], claim["published"])
     unit = "" if isinstance(claim["computed"], bool) or not computed else claim["unit"]
     printed = f"{claim['published']} {claim['unit']}" if claim["published"] else ""
-    return printed, f"{computed} {unit}"
+    return printed, f"{computed} {unit}".strip()
+
+
+def _condition(claim: dict[str, Any]) -> str:
+    """Return the condition under which a verdict holds, unless it holds as printed."""
+    return "" if claim["holds_under"] == "as printed" else claim["holds_under"]
 
 
 def _erratum(claim: dict[str, Any]) -> str:
     """Return the table row of one erratum, which leads to its claim."""
     printed, computed = _values(claim)
+    # A number is its own correction; a statement that does not hold has its note.
+    computed = "" if isinstance(claim["computed"], bool) else computed
+    instead, *rest = filter(None, [claim["corrected"] or computed, claim["note"]])
     where = f'<a href="ledger.html#{claim["id"]}">{claim["id"]}</a>'
-    texts = (claim["where"], claim["claim"], printed, computed, claim["note"], claim["verdict"])
-    place, said, printed, computed, note, verdict = map(html.escape, texts)
-    return _row([(where, place), (said, printed), (computed, note), (verdict, "")])
+    verdict = claim["verdict"] or claim["kind"]
+    texts = (claim["where"], claim["claim"], printed, instead, "".join(rest), verdict)
+    place, said, printed, instead, note, verdict = map(html.escape, texts)
+    cells = [(where, place), (said, printed), (instead, note)]
+    return _row([*cells, (verdict, html.escape(_condition(claim)))])
 
 
 def _claim(claim: dict[str, Any]) -> str:
@@ -199,13 +211,14 @@ def _claim(claim: dict[str, Any]) -> str:
     if difference and not math.isnan(difference):
         distance.append(f"{100 * difference:+.2g} %")
     evidence = claim["evidence"].removeprefix("shipnet.papers.")
+    instead = f"instead {claim['corrected']}" if claim["corrected"] else ""
     cells = [
         (claim["id"], ""),
         (claim["where"], ""),
-        (claim["claim"], "; ".join(filter(None, [claim["note"], evidence]))),
+        (claim["claim"], "; ".join(filter(None, [instead, claim["note"], evidence]))),
         (printed, ""),
         (computed, ", ".join(distance)),
-        (claim["verdict"] or claim["kind"], ""),
+        (claim["verdict"] or claim["kind"], _condition(claim)),
     ]
     linked = [(_linked(text), _linked(small)) for text, small in cells]
     return _row(linked, f' id="{claim["id"]}"')

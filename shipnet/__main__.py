@@ -156,6 +156,7 @@ def _parser() -> argparse.ArgumentParser:
         _ledger, _LEDGER, "what the papers print, what we compute, and the verdict", *FORMS
     )
     option("PAPER", "one paper, such as kim2023 (default all)", nargs="?")
+    option("--paper KEY", "the same", dest="key")
     option("--summary", "print only the counts of each paper")
 
     option = command(
@@ -215,18 +216,23 @@ def _parser() -> argparse.ArgumentParser:
 def _ledger(arguments: argparse.Namespace) -> Answer:
     from shipnet.papers.judging import Ledger, format_computed
 
-    ledger = Ledger(arguments.paper)
+    ledger = Ledger(arguments.paper or arguments.key)
     counts, table = ledger.counts(), ledger.table().reset_index()
     lines = []
     if not arguments.summary:
-        lines = [f"{'claim':<15}{'published':>16}  {'computed':<14}{'verdict':<19}what"]
+        lines = [f"{'claim':<15}{'published':>16}  {'computed':<14}{'verdict':<20}what"]
         for row in table.to_dict("records"):
             published = shorten(row["published"], 16, placeholder="..")
             computed = format_computed(row["computed"], row["published"])
             unit = f" [{row['unit']}]" if row["unit"] else ""
-            verdict = f"{row['verdict'] or row['kind']:<19}"
+            # A star: the verdict holds under a condition, which stands in the last brackets.
+            as_printed = row["holds_under"] in ("", "as printed")
+            verdict = f"{row['verdict'] or row['kind']}{'' if as_printed else '*'}"
+            condition = "" if as_printed else f" ({row['holds_under']})"
+            instead = f" -> {row['corrected']}" if row["corrected"] else ""
             lines.append(
-                f"{row['id']:<15}{published:>16}  {computed:<14}{verdict}{row['claim']}{unit}"
+                f"{row['id']:<15}{published:>16}  {computed:<14}{verdict:<20}"
+                f"{row['claim']}{unit}{instead}{condition}"
             )
         lines.append("")
     return Answer(

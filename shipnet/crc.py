@@ -21,25 +21,11 @@ __all__ = ["CAN", "MODBUS", "Crc"]
 
 @dataclass(frozen=True)
 class Crc:
-    """A cyclic redundancy check.
+    """A cyclic redundancy check, with the parameters and names of G. Cook's catalogue.
 
-    Parameters
-    ----------
-    name : str
-        Name in G. Cook, "Catalogue of parametrised CRC algorithms".
-    width : int
-        Bits of the register, 8..64.
-    polynomial : int
-        Generator without its highest term.
-    init : int, default 0
-        Register before the first bit.
-    xorout : int, default 0
-        What is added to the register at the end.
-    reflected : bool, default False
-        Whether bytes go in, and the register comes out, with the lowest bit first.
+    The polynomial is without its highest term; where `reflected`, bytes go in, and the register
+    comes out, with the lowest bit first.
 
-    Examples
-    --------
     >>> hex(MODBUS.of(b"123456789"))
     '0x4b37'
     """
@@ -79,33 +65,12 @@ class Crc:
     def of(self, data: npt.NDArray[np.uint8]) -> npt.NDArray[np.unsignedinteger]: ...
 
     def of(self, data: Any) -> Any:
-        """Return the check value of bytes, of bits in any number, or of every row of bytes.
+        """Return the check value of bytes, of bits as sent, or of every row of an array of bytes.
 
-        Parameters
-        ----------
-        data : bytes-like, str, or ndarray of uint8, shape (..., n_bytes)
-            Bytes, or the bits in the order in which they are sent, as characters 0 and 1, or one
-            message per row; may be empty.
+        Bits are characters 0 and 1, in any number; an array has one message per row, shape
+        (..., n_bytes). Where the register begins at 0, as that of CAN, leading zeros do not count:
+        rows of different length may be padded in front.
 
-        Returns
-        -------
-        int, or ndarray of uint16, uint32 or uint64, shape (...)
-            Check values, 0..2**width - 1.
-
-        Raises
-        ------
-        ArgumentError
-            If `data` are of another type.
-        SymbolError
-            If a bit is neither 0 nor 1.
-
-        Notes
-        -----
-        An algorithm whose register begins at 0, like that of CAN, does not see leading zeros: rows
-        of different length may be padded in front.
-
-        Examples
-        --------
         CAN checks all bits from the start of frame, here 19 and a byte of data:
 
         >>> CAN.of("0" + f"{0x7C0:011b}" + "0000001" + f"{0x7D:08b}")
@@ -153,33 +118,12 @@ class Crc:
         return checks
 
     def undetected(self, payload: int = 6, flips: int = 2) -> int:
-        """Return how many patterns of wrong bits pass the check, by trying all of them.
+        """Return how many patterns of one or two wrong bits pass the check, by trying all of them.
 
-        Parameters
-        ----------
-        payload : int, default 6
-            Bytes before the CRC, 1..16.
-        flips : int, default 2
-            Wrong bits in the frame, 1..2.
+        The bits are those of 1..16 bytes of payload and of the CRC itself. On CAN that is before
+        bit stuffing: two wrong bits on the wire can remove one stuff bit and make another, which
+        shifts all between them and is far more than two wrong bits to the CRC.
 
-        Returns
-        -------
-        int
-            Patterns after which the CRC fits again.
-
-        Raises
-        ------
-        ArgumentError
-            If an argument is out of range.
-
-        Notes
-        -----
-        The bits are those that the CRC is computed from. On CAN that is before bit stuffing: two
-        wrong bits on the wire can remove one stuff bit and make another, which shifts all between
-        them and is far more than two wrong bits to the CRC.
-
-        Examples
-        --------
         The 64 single and 2016 double errors of a request of 8 bytes:
 
         >>> [MODBUS.undetected(flips=n) for n in (1, 2)]

@@ -5,7 +5,8 @@ scalar function raises. Code 0 means that nothing is wrong.
 """
 
 import re
-from typing import ClassVar
+from importlib import import_module
+from typing import Any, ClassVar
 
 __all__ = [
     "AcknowledgeError",
@@ -27,6 +28,7 @@ __all__ = [
     "StuffError",
     "SymbolError",
     "UnknownCallError",
+    "load_extra",
     "name_of",
 ]
 
@@ -253,3 +255,15 @@ def name_of(code: int) -> str:
     if code not in _NAMES:
         raise ArgumentError(f"code is {code}; it must be one of {sorted(_NAMES)}")
     return _NAMES[code]
+
+
+def load_extra(module: str, package: str) -> Any:
+    """Return an optional module, or say which package to install for it."""
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as problem:
+        if problem.name != module:
+            raise
+        raise ImportError(
+            f'{package} is not installed; this installs it: python -m pip install "shipnet[bus]"'
+        ) from None

@@ -26,6 +26,7 @@ __all__ = [
     "Choice",
     "Kind",
     "Number",
+    "Part",
     "Quantity",
     "Series",
     "Switch",
@@ -39,6 +40,7 @@ __all__ = [
     "choice",
     "declared",
     "number",
+    "part",
     "record",
     "series",
     "switch",
@@ -301,6 +303,26 @@ class Series(Kind):
         return value
 
 
+@dataclass(frozen=True, kw_only=True)
+class Part(Kind):
+    """An object of the class `of`, which checks itself; `make` makes it of what else is given."""
+
+    of: type
+    make: Callable[[Any], Any] | None = None
+
+    @property
+    def legal(self) -> str:
+        """The class."""
+        return f"a {self.of.__name__}"
+
+    def _check(self, name: str, value: Any, record: Any) -> Any:
+        if isinstance(value, self.of):
+            return value
+        if self.make is None:
+            raise ArgumentError(f"{name} is {value!r}; it must be {self.legal}")
+        return self.make(value)
+
+
 # Declarations ----------------------------------------------------------------------------------
 
 
@@ -417,6 +439,22 @@ def series(
     return _declare(Series(label=label, help=help, known=tuple(known), most=most), default, False)
 
 
+def part(
+    of: type,
+    help: str = "",
+    *,
+    default: Any = MISSING,
+    default_factory: Any = MISSING,
+    make: Callable[[Any], Any] | None = None,
+    optional: bool = False,
+) -> Any:
+    """Declare an object of the class `of`; `make` makes it of what else may be given."""
+    kind = Part(help=help, of=of, make=make, optional=optional)
+    if default_factory is not MISSING:
+        return field(default_factory=default_factory, metadata={"kind": kind})
+    return _declare(kind, default, False)
+
+
 # Records ---------------------------------------------------------------------------------------
 
 
@@ -451,7 +489,8 @@ def record(
 
 
 @dataclass_transform(
-    frozen_default=True, field_specifiers=(number, whole, choice, switch, text, series, field)
+    frozen_default=True,
+    field_specifiers=(number, whole, choice, switch, text, series, part, field),
 )
 def record(kind: type[T] | None = None, /, **options: bool) -> Any:
     """Make a frozen dataclass whose declared fields are checked when an instance is made.
@@ -493,7 +532,8 @@ def _documented(kind: type) -> str | None:
         if not one.init or one.name.startswith("_"):
             continue
         declared = one.metadata.get("kind")
-        lines += _entry(one.name, declared, one.default)
+        default = one.default if one.default_factory is MISSING else None
+        lines += _entry(one.name, declared, default, str(one.type))
     if not any("kind" in one.metadata for one in fields(kind)):
         return docstring
     section = "\n".join(["Parameters", "----------", *lines])
@@ -509,11 +549,13 @@ _TYPES: Mapping[type, str] = {
 }  # fmt: skip
 
 
-def _entry(name: str, kind: Kind | None, default: Any) -> list[str]:
+def _entry(name: str, kind: Kind | None, default: Any, annotation: str) -> list[str]:
     """Return the lines of one parameter in a numpydoc section."""
     if kind is None:
-        return [f"{name} : object" + ("" if default is MISSING else ", optional")]
-    what = _TYPES.get(type(kind), f"{{{kind.legal}}}" if isinstance(kind, Choice) else "object")
+        return [f"{name} : {annotation}" + ("" if default is MISSING else ", optional")]
+    what = _TYPES.get(type(kind), annotation)
+    if isinstance(kind, Choice):
+        what = f"{{{kind.legal}}}"
     if default is not MISSING:
         plain = default is None or default in (inf, -inf)
         what += ", optional" if plain else f", default {default!r}"

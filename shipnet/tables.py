@@ -11,12 +11,13 @@ import csv
 import re
 import warnings
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import date, time, timedelta
 from functools import cache
 from io import BytesIO, StringIO
+from operator import itemgetter
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "ERRORS", "NUMBER", "Sheet", "frame_sheet", "parse_sheet", "read_bytes", "read_sheet",
-    "text_of",
+    "ERRORS", "NUMBER", "Sheet", "frame_sheet", "in_order", "parse_sheet", "read_bytes",
+    "read_sheet", "text_of", "titled",
 ]  # fmt: skip
 
 #: A number with a decimal point, nothing before or after it.
@@ -68,6 +69,39 @@ class Sheet:
     separator: str = ","
     odd: dict[tuple[int, int], str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+
+
+def titled(
+    sheet: Sheet, known: Mapping[str, str | None]
+) -> tuple[list[tuple[int, dict[str, str]]], list[tuple[int, str]]]:
+    """Return number and cells by column of each row, and what is wrong with other rows, by number.
+
+    `known` are the columns, each with what an empty cell means; those of None must be there. Case
+    and blanks of a title do not matter.
+    """
+    titles = ["_".join(title.lower().split()) for title in sheet.titles]
+    faults = [
+        f"title {title!r} is unknown; expected one of {', '.join(known)}"
+        for title in titles
+        if title not in known
+    ]
+    faults += [f"title {t!r} stands twice" for t in dict.fromkeys(titles) if titles.count(t) > 1]
+    faults += [f"no column {t}" for t, empty in known.items() if empty is None and t not in titles]
+    if faults:
+        raise InputError(sheet.source, *(f"row {sheet.top}: {fault}" for fault in faults))
+    rows, wider = [], []
+    for number, cells in sheet.rows:
+        if any(cells[len(titles) :]):
+            wider.append((number, f" has {len(cells)} cells; expected {len(titles)}"))
+            continue
+        given = {title: cell for title, cell in zip(titles, cells, strict=False) if cell}
+        rows.append((number, {t: given.get(t, empty or "") for t, empty in known.items()}))
+    return rows, wider
+
+
+def in_order(faults: Iterable[tuple[int, str]]) -> list[str]:
+    """Return faults of rows in the order of the rows, each with its row."""
+    return [f"row {number}{fault}" for number, fault in sorted(faults, key=itemgetter(0))]
 
 
 def read_bytes(path: str | PathLike[str]) -> bytes:

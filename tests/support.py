@@ -1,9 +1,20 @@
-"""What tests share: how a part that a machine lacks is named, how a file is loaded."""
+"""What tests share: missing parts of a machine, tolerances, uploads."""
 
+import csv
 import os
 from datetime import datetime
+from pathlib import Path
 
 import pytest
+
+with (Path(__file__).parent / "reference" / "tolerances.csv").open(encoding="utf-8") as file:
+    #: The comparisons with other routes to a result; `docs/build.py` shows them on a page.
+    TOLERANCES = {row["key"]: row for row in csv.DictReader(file)}
+
+
+def tolerance(key: str) -> float:
+    """Return how far a result may be from what it is compared with."""
+    return float(TOLERANCES[key]["tolerance"])
 
 
 def require(part: str, available: bool, hint: str) -> None:

@@ -48,8 +48,8 @@ def test_ledger_prints_every_claim_of_the_paper(capsys):
     assert all(claim in out for claim in ledger("kim2023").table().index)
     assert "icn2007" not in out
     (row,) = [line for line in out.splitlines() if line.startswith("kim2023-074")]
-    assert row.split()[1:4] == ["0.7", "7.368", "typo"]
-    assert row.endswith("[%]")
+    assert row.split()[1:4] == ["0.7", "7.368", "erratum"]
+    assert row.endswith("[%] -> 7.4 %")
     (quoted,) = [line for line in out.splitlines() if line.startswith("kim2023-010")]
     assert quoted.split()[1:3] == ["100", "context"]
 
@@ -58,7 +58,8 @@ def test_summary_counts_only(capsys):
     assert main(["ledger", "--summary"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == [
-        "recomputed", "checked", "ours", "context", "not", "reproducible", "open", "claims",
+        "recomputed", "checked", "ours", "erratum", "context", "not", "verified", "not",
+        "reproducible", "open", "claims",
     ]  # fmt: skip
     assert len(lines) == 2 + 5
 
@@ -153,6 +154,7 @@ def test_numbers_take_prefixes_of_si(text, value):
     ("arguments", "message"),
     [
         (["ledger", "kim"], "paper is 'kim'; it must be one of kim2023, icn2007"),
+        (["ledger", "--paper", "kim"], "paper is 'kim'; it must be one of kim2023, icn2007"),
         (["ledger", "-o", "/nowhere/at/all.csv"], "there is no folder /nowhere/at"),
         (["ledger", "-o", "all.html"], "-o is 'all.html'; its suffix must be one of .csv, .xlsx"),
         (["design", "list.csv", "-o", "all.doc"], ".svg, .html, or none for a folder"),

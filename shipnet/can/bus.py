@@ -102,24 +102,40 @@ def send_all(releases: Releases, horizon: int, *, overwrite: bool) -> list[int]:
 # The bus with errors ---------------------------------------------------------------------------
 
 
-class Counters:
-    """Transmit and receive error counters of all the nodes of a bus."""
+class Nodes:
+    """Nodes of a bus: their error counters, waiting frames, and times before which they rest."""
 
-    def __init__(self, nodes: int) -> None:
-        self.tec = [0] * nodes
-        self.rec = [0] * nodes
+    def __init__(self, number: int) -> None:
+        self.tec, self.rec = [0] * number, [0] * number
+        #: Recessive sequences that each node off the bus still waits for.
         self.missing: dict[int, int] = {}
+        self.waiting: list[list[int]] = [[] for _ in range(number)]
+        self.rest_until = [0] * number
+        #: How often each node went off the bus.
+        self.bus_off = [0] * number
 
-    def failed(self, sender: int) -> bool:
-        """Count an error in a frame of a node; return whether this took the node off the bus."""
+    def next_frame(self, now: int, start: list[int], mask: int) -> int:
+        """Return the item that wins the arbitration, -1 if there is none."""
+        best, winner = -1, -1
+        for node, queue in enumerate(self.waiting):
+            while queue and start[queue[0] & mask] == OVERWRITTEN:
+                heappop(queue)
+            if queue and self.rest_until[node] <= now and (best < 0 or queue[0] < best):
+                best, winner = queue[0], node
+        if winner >= 0:
+            heappop(self.waiting[winner])
+        return best
+
+    def failed(self, sender: int) -> None:
+        """Count an error in a frame of a node, which may take it off the bus."""
         for node in range(len(self.tec)):
-            if node == sender:
-                self.tec[node] += 8
-                if self.tec[node] >= BUS_OFF:
-                    self.missing[node] = RECOVERY_SEQUENCES
-            elif node not in self.missing:
+            if node != sender and node not in self.missing:
                 self.rec[node] += 1
-        return self.missing.get(sender) == RECOVERY_SEQUENCES
+        self.tec[sender] += 8
+        if self.tec[sender] >= BUS_OFF:
+            self.missing[sender] = RECOVERY_SEQUENCES
+            self.bus_off[sender] += 1
+            self.rest_until[sender] = NEVER
 
     def sent(self, sender: int) -> None:
         """Count a good frame of a node."""
@@ -128,26 +144,26 @@ class Counters:
                 self.rec[node] = min(max(count - 1, 0), PASSIVE - 1)
         self.tec[sender] = max(self.tec[sender] - 1, 0)
 
-    def rested(self, sequences: int) -> list[int]:
-        """Count recessive sequences; return the nodes that are back on the bus by them."""
-        back = []
+    def suspend(self, node: int, until: int) -> None:
+        """Make a node that is error passive wait after its own frame."""
+        if self.state(node) == "error passive":
+            self.rest_until[node] = until
+
+    def come_back(self, sequences: int, now: int) -> None:
+        """Count recessive sequences, and let nodes return that have seen enough of them."""
         for node in list(self.missing):
             self.missing[node] -= sequences
             if self.missing[node] <= 0:
                 del self.missing[node]
                 self.tec[node] = self.rec[node] = 0
-                back.append(node)
-        return back
-
-    def is_passive(self, node: int) -> bool:
-        """Return whether a node is error passive."""
-        return self.tec[node] >= PASSIVE or self.rec[node] >= PASSIVE
+                self.rest_until[node] = now
 
     def state(self, node: int) -> str:
         """Return ``"error active"``, ``"error passive"`` or ``"bus off"``."""
         if node in self.missing:
             return "bus off"
-        return "error passive" if self.is_passive(node) else "error active"
+        passive = self.tec[node] >= PASSIVE or self.rec[node] >= PASSIVE
+        return "error passive" if passive else "error active"
 
 
 class Failure(NamedTuple):
@@ -164,48 +180,6 @@ class Failure(NamedTuple):
     state: str
 
 
-class Disturbed(NamedTuple):
-    """What happened on a disturbed bus."""
-
-    start: list[int]
-    failures: list[Failure]
-    counters: Counters
-    bus_off: list[int]
-    """how often each node went off the bus"""
-
-
-class _Nodes:
-    """Nodes with their waiting frames, their counters, and the times before which they rest."""
-
-    def __init__(self, number: int) -> None:
-        self.counters = Counters(number)
-        self.waiting: list[list[int]] = [[] for _ in range(number)]
-        self.rest_until: list[int] = [0] * number
-        self.bus_off = [0] * number
-
-    def next_frame(self, now: int, start: list[int], mask: int) -> int:
-        """Return the item that wins the arbitration, -1 if there is none."""
-        best, winner = -1, -1
-        for node, queue in enumerate(self.waiting):
-            while queue and start[queue[0] & mask] == OVERWRITTEN:
-                heappop(queue)
-            if queue and self.rest_until[node] <= now and (best < 0 or queue[0] < best):
-                best, winner = queue[0], node
-        if winner >= 0:
-            heappop(self.waiting[winner])
-        return best
-
-    def suspend(self, node: int, until: int) -> None:
-        """Make a node that is error passive wait after its own frame."""
-        if node not in self.counters.missing and self.counters.is_passive(node):
-            self.rest_until[node] = until
-
-    def come_back(self, sequences: int, now: int) -> None:
-        """Let nodes return that have seen the bus at rest often enough."""
-        for node in self.counters.rested(sequences):
-            self.rest_until[node] = now
-
-
 def send_disturbed(
     releases: Releases,
     horizon: int,
@@ -216,11 +190,11 @@ def send_disturbed(
     recover: bool,
     *,
     overwrite: bool,
-) -> Disturbed:
-    """Return what happens on a bus with errors, retransmission and fault confinement."""
+) -> tuple[list[int], list[Failure], Nodes]:
+    """Return when each frame begins on a bus with errors, its failures and the nodes at the end."""
     due, ranks, durations, items, mask = unpacked(releases)
     owner = sender.tolist()
-    nodes = _Nodes(max(owner) + 1)
+    nodes = Nodes(max(owner) + 1)
     newest = [-1] * len(owner)
     start = [WAITING] * len(ranks)
     failures: list[Failure] = []
@@ -238,7 +212,7 @@ def send_disturbed(
                 newest[rank] = at
             heappush(nodes.waiting[owner[rank]], items[at])
             at += 1
-        missing = nodes.counters.missing if recover else {}
+        missing = nodes.missing if recover else {}
         if missing:
             rested = (now - counted) // sequence
             counted += rested * sequence
@@ -276,16 +250,14 @@ def send_disturbed(
             start[picked] = began
             if newest[rank] == picked:
                 newest[rank] = -1
-            nodes.counters.sent(node)
+            nodes.sent(node)
         else:
             heappush(nodes.waiting[node], item)
-            if nodes.counters.failed(node):
-                nodes.bus_off[node] += 1
-                nodes.rest_until[node] = NEVER
-            tec, state = nodes.counters.tec[node], nodes.counters.state(node)
+            nodes.failed(node)
+            tec, state = nodes.tec[node], nodes.state(node)
             failures.append(Failure(picked, began, now, broken, tec, state))
         nodes.suspend(node, now + SUSPEND_BITS * bit)
-    return Disturbed(start, failures, nodes.counters, nodes.bus_off)
+    return start, failures, nodes
 
 
 # Many sets of offsets --------------------------------------------------------------------------

@@ -19,7 +19,6 @@ from shipnet.can.frame import (
     INTERMISSION,
     RUN,
     TAIL,
-    highest_id,
     stuffed_region,
 )
 from shipnet.crc import CAN as CRC
@@ -159,20 +158,18 @@ _IDLE, _MARK = 0, 1 + (RUN - 1)
 
 
 class Measures(NamedTuple):
-    """What frames take of the bus, intermission included; `error` is 0 or an error code."""
+    """What frames take of the bus, intermission included."""
 
-    error: Codes
     crc: npt.NDArray[np.uint16]
     stuff_bits: npt.NDArray[np.uint8]
     length: npt.NDArray[np.uint8]
 
 
 class _Fields(NamedTuple):
-    """Checked arguments, one row per frame."""
+    """Columns of frames."""
 
-    error: Codes
     number: Integers
-    data: npt.NDArray[np.uint8]
+    data: Codes
     dlc: Integers
     extended: Flags
     remote: Flags
@@ -180,15 +177,28 @@ class _Fields(NamedTuple):
 
 def measure_frames(
     arbitration_id: npt.ArrayLike,
-    data: npt.ArrayLike,
+    data: npt.NDArray[np.integer],
     dlc: npt.ArrayLike = 8,
     *,
     extended: npt.ArrayLike = False,
     remote: npt.ArrayLike = False,
 ) -> Measures:
-    """Return check value, stuff bits and length of many frames."""
-    fields = _checked(arbitration_id, data, dlc, extended, remote)
-    parts = [_measure(chunk) for chunk in _chunks(fields)]
+    """Return check value, stuff bits and length of many frames, whose data are (n, 8) bytes."""
+
+    def column(values: npt.ArrayLike, kind: type[np.generic]) -> npt.NDArray[Any]:
+        return np.broadcast_to(np.asarray(values, dtype=kind), len(data))
+
+    fields = _Fields(
+        column(arbitration_id, np.int64),
+        data.astype(np.uint8, copy=False),
+        column(dlc, np.int64),
+        column(extended, np.bool_),
+        column(remote, np.bool_),
+    )
+    parts = [
+        _measure(_Fields._make(field[begin : begin + CHUNK] for field in fields))
+        for begin in range(0, max(1, len(data)), CHUNK)
+    ]
     return Measures(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
 
@@ -259,61 +269,6 @@ def stuff_count(high: Words, low: Words) -> npt.NDArray[np.int64]:
     return count.astype(np.int64)
 
 
-def _checked(
-    arbitration_id: npt.ArrayLike,
-    data: npt.ArrayLike,
-    dlc: npt.ArrayLike,
-    extended: npt.ArrayLike,
-    remote: npt.ArrayLike,
-) -> _Fields:
-    number = _array("arbitration_id", arbitration_id, "iu", "whole numbers")
-    rows = _array("data", data, "iu", "whole numbers")
-    code = _array("dlc", dlc, "iu", "whole numbers")
-    long = _array("extended", extended, "b", "True or False")
-    asks = _array("remote", remote, "b", "True or False")
-    shapes = [array.shape for array in (number, code, long, asks)] + [rows.shape[:-1]]
-    if rows.ndim == 0 or rows.shape[-1] != 8 or max(map(len, shapes)) > 1:
-        raise ArgumentError(
-            f"data have shape {rows.shape} and the rest {shapes[:-1]}; they must be (n, 8) and (n,)"
-        )
-    try:
-        (n,) = np.broadcast_shapes((1,), *shapes)
-    except ValueError:
-        raise ArgumentError(f"the arguments have different lengths: {shapes}") from None
-    bad = (number < 0) | (number > np.where(long, highest_id(True), highest_id(False)))
-    bad = bad | (code < 0) | (code > 15)
-    if rows.dtype != np.uint8:
-        bad = bad | ((rows < 0) | (rows > 255)).any(axis=-1)
-    error = np.where(bad, ArgumentError.code, 0).astype(np.uint8)
-
-    def column(array: npt.NDArray[Any], to: type[np.generic]) -> npt.NDArray[Any]:
-        return np.broadcast_to(np.where(bad, 0, array).astype(to), (n,))
-
-    return _Fields(
-        np.broadcast_to(error, (n,)),
-        column(number, np.int64),
-        np.broadcast_to(rows.astype(np.uint8, copy=False), (n, 8)),
-        column(code, np.int64),
-        column(long, np.bool_),
-        column(asks, np.bool_),
-    )
-
-
-def _array(name: str, values: npt.ArrayLike, kinds: str, what: str) -> npt.NDArray[Any]:
-    array = np.asarray(values)
-    if array.size and array.dtype.kind not in kinds:
-        raise ArgumentError(f"{name} must be {what}, but their dtype is {array.dtype}")
-    return array if array.size else array.astype(np.int64 if "i" in kinds else np.bool_)
-
-
-def _chunks(fields: _Fields) -> list[_Fields]:
-    n = len(fields.error)
-    return [
-        _Fields._make(field[begin : begin + CHUNK] for field in fields)
-        for begin in range(0, max(1, n), CHUNK)
-    ]
-
-
 def _pack(fields: _Fields) -> tuple[Words, Words, npt.NDArray[np.uint16]]:
     """Return the bits subject to stuffing, after a mark, and the check values."""
     number, extended, remote = fields.number, fields.extended, fields.remote
@@ -337,10 +292,4 @@ def _measure(fields: _Fields) -> Measures:
     high, low, check = _pack(fields)
     stuffed = stuff_count(high, low)
     length = region_bits(fields.dlc, fields.extended, fields.remote) + stuffed + _TAIL_BITS
-    legal = fields.error == 0
-    return Measures(
-        fields.error,
-        check * legal,
-        (stuffed * legal).astype(np.uint8),
-        (length * legal).astype(np.uint8),
-    )
+    return Measures(check, stuffed.astype(np.uint8), length.astype(np.uint8))

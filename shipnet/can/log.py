@@ -6,7 +6,7 @@ import os
 import time as clocks
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,8 +18,8 @@ from shipnet import style
 from shipnet.answers import COLUMNS, Findings
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import measure_frames
-from shipnet.can.messages import MessageSet, check_set, load_extra
-from shipnet.errors import ArgumentError
+from shipnet.can.messages import MessageSet, check_set
+from shipnet.errors import ArgumentError, load_extra
 from shipnet.fields import check_scalar
 
 if TYPE_CHECKING:
@@ -28,6 +28,13 @@ if TYPE_CHECKING:
 
 Booleans = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
+
+
+#: What the columns of a log may hold, by the kind of a numpy array.
+_KINDS = {
+    "time": "fiu", "channel": "U", "arbitration_id": "iu", "extended": "b", "remote": "b",
+    "dlc": "iu", "data": "iu",
+}  # fmt: skip
 
 
 def impossible(
@@ -77,7 +84,7 @@ class Log:
     Raises
     ------
     ArgumentError
-        If the columns have different lengths.
+        If the columns have different lengths or types, or hold what no frame can have.
 
     Examples
     --------
@@ -97,15 +104,32 @@ class Log:
     skipped: tuple[tuple[float, str, str], ...] = ()
 
     def __post_init__(self) -> None:
-        """Check that all columns are equally long."""
+        """Check that the columns are equally long and hold frames that can be."""
+        for name, kinds in _KINDS.items():
+            column = np.asarray(getattr(self, name))
+            if column.ndim != 1 + (name == "data") or (
+                column.size and column.dtype.kind not in kinds
+            ):
+                raise ArgumentError(f"{name} is {column!r}; it must be a column of a log")
+            object.__setattr__(self, name, column)
         sizes = [len(column) for column in self.columns]
-        if len(set(sizes)) != 1:
-            raise ArgumentError(f"log has columns of {sizes} rows; all must agree")
+        if len(set(sizes)) != 1 or self.data.shape[1] != 8:
+            raise ArgumentError(
+                f"log has columns of {sizes} rows; all must agree, data with 8 bytes"
+            )
+        time, ids, dlc = self.time, self.arbitration_id, self.dlc
+        highest = np.where(self.extended, highest_id(True), highest_id(False))
+        wrong = (ids < 0) | (ids > highest) | (dlc > 15)
+        wrong |= ~np.isfinite(time) & ~np.isnan(time).all()
+        if wrong.any():
+            at = int(np.argmax(wrong))
+            why = impossible(time[at], ids[at], self.extended[at], dlc[at])
+            raise ArgumentError(f"frame {at + 1} of the log: {why}")
 
     @property
     def columns(self) -> tuple[Any, ...]:
         """The seven columns, from `time` to `data`."""
-        return tuple(getattr(self, field.name) for field in fields(self)[:7])
+        return tuple(getattr(self, name) for name in _KINDS)
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -131,8 +155,7 @@ class Log:
 
         text = self.data.tobytes().hex(" ", 8).split() if len(self) else []
         size = np.where(self.remote, 0, np.minimum(self.dlc, 8))
-        names = [field.name for field in fields(self)[:6]]
-        table = pd.DataFrame(dict(zip(names, self.columns, strict=False)))
+        table = pd.DataFrame(dict(zip([*_KINDS][:6], self.columns, strict=False)))
         table["data"] = [octets[: 2 * n] for octets, n in zip(text, size, strict=True)]
         return table.rename(columns={"time": "time_s"})
 
@@ -170,11 +193,6 @@ class Log:
         order = np.lexsort((self.time, self.channel))
         time, channel, ids, extended, remote, dlc, data = (c[order] for c in self.columns)
         measured = measure_frames(ids, data, dlc, extended=extended, remote=remote)
-        wrong = (measured.error != 0) | ~np.isfinite(time)
-        if wrong.any():
-            at = int(np.argmax(wrong))
-            why = impossible(time[at], ids[at], extended[at], dlc[at])
-            raise ArgumentError(f"frame {order[at] + 1} of the log: {why}")
         bits, share = measured.length.astype(float), np.zeros(len(order))
         totals, messages = [], []
         for name in np.unique(channel).tolist():
@@ -188,17 +206,8 @@ class Log:
                 mine = keys == key
                 own = size[mine]
                 peak = _sliding(when[mine], own, window).max() / (rate * window)
-                messages.append(
-                    (
-                        name,
-                        key >> 1,
-                        bool(key & 1),
-                        len(own),
-                        own.sum(),
-                        own.sum() / rate / span,
-                        peak,
-                    )
-                )
+                whose = (name, key >> 1, bool(key & 1))
+                messages.append((*whose, len(own), own.sum(), own.sum() / rate / span, peak))
         columns = ["channel", "frames", "duration_s", "load", "peak_load"]
         each = ["channel", "arbitration_id", "extended", "frames", "bits", "load", "peak_load"]
         return LogLoad(

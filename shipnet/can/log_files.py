@@ -1,8 +1,8 @@
 """Recorded CAN frames as programs store them: candump, CSV, ASC, BLF and TRC, told by content.
 
 Every reader makes rows of what it finds, and one place checks them all. What is not a frame of
-classic CAN is set aside, with its place if something is wrong with it. python-can reads ASC, TRC
-and BLF. It may never come to an end on a damaged BLF file, so it gets only sound objects.
+classic CAN is set aside, with its place if something is wrong with it. python-can reads ASC and
+TRC; on a damaged BLF file it may never come to an end.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ import zlib
 from base64 import b64decode
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
-from itertools import islice
 from math import nan
 from pathlib import Path
+from struct import error as StructError
 from struct import unpack_from
 from typing import Any, NamedTuple
 
@@ -28,8 +27,8 @@ import numpy.typing as npt
 
 from shipnet.can.frame import highest_id
 from shipnet.can.log import Log, impossible
-from shipnet.can.messages import load_extra, said
-from shipnet.errors import InputError
+from shipnet.can.messages import said
+from shipnet.errors import InputError, load_extra
 
 #: About how much of a file is worked on at once [byte], and how many rows.
 _BLOCK, _ROWS = 1 << 22, 1 << 16
@@ -57,15 +56,18 @@ class _Row(NamedTuple):
     kind: str = ""
 
 
+#: Types of the columns of a log, and of the place of each frame.
+_DTYPES: tuple[Any, ...] = (float, str, np.int64, bool, bool, np.uint8, np.uint8, np.int64)
+
+
 class _Found:
     """What was read of a file so far; a `unit` is what its frames are counted in."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
-        self.rows: list[_Row] = []
-        self.row_places: list[int] = []
-        self.parts: list[Log] = []
-        self.places: list[npt.NDArray[np.int64]] = []
+        self.rows: list[tuple[Any, ...]] = []
+        #: Columns of a log, and the places of its frames; the first part has no frame.
+        self.parts = [[np.zeros((0, 8) if k == 6 else 0, kind) for k, kind in enumerate(_DTYPES)]]
         self.skipped: list[tuple[float, str, str]] = []
         self.faults: list[tuple[int, str]] = []
         self.more = 0
@@ -90,54 +92,37 @@ class _Found:
         if why:
             self.fault(place, why)
             return
-        self.rows.append(row if row.time is not None else row._replace(time=nan))
-        self.row_places.append(place)
+        self.rows.append((time, *row[1:7], place))
         if len(self.rows) >= _ROWS:
             self.pack()
 
     def pack(self) -> None:
         """Turn the rows into columns."""
-        if not self.rows:
-            return
-        time, channel, number, extended, remote, dlc, data, _ = zip(*self.rows, strict=True)
-        octets = b"".join([some.ljust(8, b"\0") for some in data])
-        part = Log(
-            np.array(time, dtype=float),
-            np.array(channel),
-            np.array(number, dtype=np.int64),
-            np.array(extended, dtype=bool),
-            np.array(remote, dtype=bool),
-            np.array(dlc, dtype=np.uint8),
-            np.frombuffer(octets, dtype=np.uint8).reshape(-1, 8),
-        )
-        self.parts.append(part)
-        self.places.append(np.array(self.row_places))
-        self.rows, self.row_places = [], []
+        if self.rows:
+            columns: list[Any] = list(zip(*self.rows, strict=True))
+            self.rows = []
+            octets = b"".join([some.ljust(8, b"\0") for some in columns[6]])
+            columns[6] = np.frombuffer(octets, dtype=np.uint8).reshape(-1, 8)
+            self.parts.append(
+                [np.array(one, dtype=kind) for one, kind in zip(columns, _DTYPES, strict=True)]
+            )
 
     def log(self) -> tuple[Log, int]:
         """Return all that was found, and how many faults it does not name."""
         self.pack()
-        if not self.parts:
-            kinds: list[Any] = [float, str, np.int64, bool, bool, np.uint8]
-            empty: list[Any] = [np.zeros(0, dtype=kind) for kind in kinds]
-            empty.append(np.zeros((0, 8), dtype=np.uint8))
-            self.parts = [Log(*empty)]
-            self.places = [np.zeros(0, dtype=np.int64)]
-        every = zip(*(part.columns for part in self.parts), strict=True)
-        columns: list[Any] = [np.concatenate(column) for column in every]
-        time, channel = columns[:2]
+        every: list[Any] = [np.concatenate(column) for column in zip(*self.parts, strict=True)]
+        time, channel, places = every[0], every[1], every[-1]
         without = np.isnan(time)
         bad = without & ~without.all()
         for name in np.unique(channel) if np.any(np.diff(time) < 0) else ():
             mine = np.flatnonzero((channel == name) & ~bad)
             bad[mine[_out_of_order(time[mine])]] = True
-        places = np.concatenate(self.places)
         for at in np.flatnonzero(bad):
             why = f"the time {time[at]} s is out of order on {channel[at]}"
             self.fault(int(places[at]), "it has no time, but others have" if without[at] else why)
         faults = tuple(why for _, why in sorted(self.faults))
-        rows: list[Any] = [column[~bad] for column in columns]
-        return replace(Log(*rows), faults=faults, skipped=tuple(self.skipped)), self.more
+        fields = [column[~bad] for column in every[:-1]] + [faults, tuple(self.skipped)]
+        return Log(*fields), self.more
 
 
 def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
@@ -168,8 +153,8 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     ----------
     path : str or path-like
         A file of candump (``-l``, or what it prints, with or without times), a CSV file of
-        python-can or SavvyCAN, or an ASC, BLF or TRC file, for which python-can is needed. What
-        it is follows from its content, whatever its suffix.
+        python-can or SavvyCAN, a BLF file, or an ASC or TRC file, for which python-can is needed.
+        What it is follows from its content, whatever its suffix.
     keep : bool, default False
         Whether to keep what can be read of a damaged file; its `Log.faults` then say what is
         missing.
@@ -318,34 +303,37 @@ def _read_text(file: Path) -> _Found:
 def _take_plain(found: _Found, groups: list[tuple[bytes, ...]], first: int) -> None:
     """Take lines that all have the plain form of candump, which leaves only their identifiers."""
     found.pack()
-    time, channel, number, remote, data = zip(*groups, strict=True)
-    ids = np.array([int(text, 16) for text in number], dtype=np.int64)
-    extended = np.array([len(text) == 8 for text in number])
-    names = {name: name.decode("utf-8", "replace") for name in set(channel)}
+    times, names, numbers, asks, data = zip(*groups, strict=True)
+    time = np.array(times).astype(float)
+    known = {name: name.decode("utf-8", "replace") for name in set(names)}
+    channel = np.array([known[name] for name in names])
+    ids = np.array([int(text, 16) for text in numbers], dtype=np.int64)
+    extended = np.array([len(text) == 8 for text in numbers])
     text = b"".join([octets.ljust(16, b"0") for octets in data]).decode("ascii")
     dlc = [
         int(ask[1:] or b"0") if ask else len(octets) // 2
-        for octets, ask in zip(data, remote, strict=True)
+        for octets, ask in zip(data, asks, strict=True)
     ]
-    part = Log(
-        np.array(time).astype(float),
-        np.array([names[name] for name in channel]),
-        ids,
-        extended,
-        np.array([text != b"" for text in remote]),
-        np.array(dlc, dtype=np.uint8),
-        np.frombuffer(bytes.fromhex(text), dtype=np.uint8).reshape(-1, 8),
-    )
     error = extended & (ids >> 29 == 1)
     bad = ids > np.where(extended, highest_id(True), highest_id(False))
     for at in np.flatnonzero(bad):
         if error[at]:
-            found.skipped.append((float(part.time[at]), str(part.channel[at]), _ERROR))
+            found.skipped.append((float(time[at]), str(channel[at]), _ERROR))
         else:
             found.fault(first + int(at), impossible(0.0, int(ids[at]), bool(extended[at]), 0))
-    places = np.arange(first, first + len(ids))
-    found.places.append(places[~bad])
-    found.parts.append(Log(*(column[~bad] for column in part.columns)) if bad.any() else part)
+    rows = np.frombuffer(bytes.fromhex(text), dtype=np.uint8).reshape(-1, 8)
+    remote, codes = np.array(asks) != b"", np.array(dlc, dtype=np.uint8)
+    columns = (
+        time,
+        channel,
+        ids,
+        extended,
+        remote,
+        codes,
+        rows,
+        np.arange(first, first + len(ids)),
+    )
+    found.parts.append([column[~bad] for column in columns])
 
 
 def _candump(line: str) -> _Row:
@@ -535,39 +523,34 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 stream.text, stream.in_body = "", False
                 messages = iter(reader)
                 continue
-            row = _row(message)
             # python-can takes the code for a number of bytes in CAN FD, but here it is 9..15.
-            found.add(stream.line, row._replace(dlc=can.util.len2dlc(row.dlc)) if asc else row)
+            dlc = can.util.len2dlc(message.dlc) if asc else message.dlc
+            found.add(stream.line, _row(message, dlc))
             stream.text = ""
     return found
 
 
-def _row(message: Any) -> _Row:
+def _row(message: Any, dlc: int) -> _Row:
     """Return a message of python-can as a row."""
     kind = _ERROR if message.is_error_frame else _FD if message.is_fd else ""
     channel = "bus" if message.channel is None else str(message.channel)
     return _Row(
         message.timestamp, channel, message.arbitration_id, message.is_extended_id,
-        message.is_remote_frame, message.dlc, bytes(message.data), kind,
+        message.is_remote_frame, dlc, bytes(message.data), kind,
     )  # fmt: skip
 
 
-#: Objects of a BLF file with frames, and the least that python-can reads of them [byte]: frames
-#: of classic CAN, errors, and frames of CAN FD.
-_OBJECTS = {1: 48, 86: 48, 73: 64, 100: 116, 101: 72}
-_CONTAINER = 10
+#: Objects of a BLF file: containers of others, and what may hold a frame: classic CAN in two
+#: forms, errors, and CAN FD in two forms.
+_CONTAINER, _FRAMES, _ERRORS, _FD_FORM, _FD_LONG = 10, (1, 86, 73, 100, 101), 73, 100, 101
 
 #: Most that a container holds, and an object in it [byte]; how much more than the file all
 #: containers together. Frames that are all alike, packed best, come to half of that.
 _LARGEST, _LARGEST_OBJECT, _RATIO = 1 << 24, 1 << 20, 20
 
-#: Objects that python-can gets at once.
-_BATCH = 256
-
 
 def _read_blf(file: Path) -> _Found:
-    can, found = load_extra("can", "python-can"), _Found("frame")
-    data = file.read_bytes()
+    found, data = _Found("frame"), file.read_bytes()
     start = int.from_bytes(data[4:8], "little")
     if not 144 <= start <= len(data):
         found.fault(0, f"its header has {start} bytes of {len(data)}", "after frame 0")
@@ -575,6 +558,12 @@ def _read_blf(file: Path) -> _Found:
     size, count, tail = int.from_bytes(data[16:24], "little"), 0, b""
     if size > len(data):
         found.fault(0, f"it has {len(data)} bytes of {size}; it is cut off", "the file")
+    year, month, _, day, hour, minute, second, ms = unpack_from("<8H", data, 40)
+    try:
+        at = datetime(year, month, day, hour, minute, second, 1000 * ms, tzinfo=UTC)
+        begin = at.timestamp()
+    except ValueError:  # no date is all zeros
+        begin = 0.0
     left = _RATIO * len(data) + _LARGEST_OBJECT
 
     def fault(why: str) -> None:
@@ -588,23 +577,43 @@ def _read_blf(file: Path) -> _Found:
         else:
             inner = tail + whole
         parts = _Objects(inner, 0, _LARGEST_OBJECT, fault)
-        good = []
         for part_kind, part in parts:
-            if part_kind in _OBJECTS:
-                version = int.from_bytes(part[6:8], "little")
-                if len(part) < _OBJECTS[part_kind] or version not in (1, 2):
-                    fault(f"an object of {len(part)} bytes and version {version} is not a frame")
-                else:
-                    good.append(part)
+            if part_kind in _FRAMES:
+                count += 1
+                try:
+                    found.add(count, _object_row(part_kind, part, begin))
+                except StructError:
+                    found.fault(count, f"an object of {len(part)} bytes is not a frame")
         tail = inner[parts.place :]
-        for begin in range(0, len(good), _BATCH):
-            count = _take_objects(can, found, data[:start], good[begin : begin + _BATCH], count)
         if left <= 0:
             fault(f"its containers unpack to more than {_RATIO} times its size")
             break
     if tail or objects.place < len(data):
         fault("its end is cut off")
     return found
+
+
+def _object_row(kind: int, part: bytes, begin: float) -> _Row:
+    """Return a frame or an error of a BLF file as a row; its times count from its begin."""
+    version, unit, stamp = unpack_from("<6xH8xI4xQ", part)
+    if version not in (1, 2):
+        raise StructError
+    time, body = begin + stamp * (1e-5 if unit == 1 else 1e-9), 24 + 8 * version
+    fd = 0
+    if kind == _FD_LONG:
+        channel, dlc, size, number, flags = unpack_from("<BBBxI4xI24x", part, body)
+        data, remote, fd = part[body + 40 :], flags & 0x10, flags & 0x1000
+    elif kind == _FD_FORM:
+        form = "<HBBI5xBB5x64s"
+        channel, flags, dlc, number, fd, size, data = unpack_from(form, part, body)
+        remote, fd = flags & 0x80, fd & 1
+    else:
+        channel, flags, dlc, number, data = unpack_from("<HBBI8s", part, body)
+        size, remote = dlc, flags & 0x80
+    return _Row(
+        time, str(channel - 1), number & 0x1FFFFFFF, number >> 31 == 1, bool(remote), dlc,
+        b"" if remote else data[:size], _ERROR if kind == _ERRORS else _FD if fd else "",
+    )  # fmt: skip
 
 
 class _Objects:
@@ -658,27 +667,3 @@ def _unpacked(container: bytes, most: int, fault: Callable[[str], None]) -> byte
     if not stream.eof:
         fault(f"a container is cut off, or unpacks to more than {most} bytes")
     return data
-
-
-def _take_objects(can: Any, found: _Found, head: bytes, objects: list[bytes], count: int) -> int:
-    """Let python-can read sound objects, and return how many frames there are with them."""
-    while objects:
-        body = b"".join(objects)
-        container = b"LOBJ" + b"".join(
-            number.to_bytes(size, "little")
-            for number, size in ((16, 2), (1, 2), (32 + len(body), 4), (_CONTAINER, 4), (0, 16))
-        )
-        done, why = 0, "python-can does not read it"
-        try:
-            for message in islice(can.BLFReader(io.BytesIO(head + container + body)), len(objects)):
-                done += 1
-                found.add(count + done, _row(message))
-        # The reader raises whatever its parsing meets.
-        except Exception as problem:
-            why = said(problem)
-        count += done
-        if done < len(objects):
-            count += 1
-            found.fault(count, why)
-        objects = objects[done + 1 :]
-    return count

@@ -17,7 +17,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -29,7 +28,7 @@ from shipnet import datasets
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import Stuffing, length_table
 from shipnet.clock import nanoseconds
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.fields import (
     Kind,
     Number,
@@ -43,7 +42,15 @@ from shipnet.fields import (
     text,
     whole,
 )
-from shipnet.tables import NUMBER, Sheet, parse_sheet, read_bytes, read_sheet, text_of
+from shipnet.tables import (
+    NUMBER,
+    Sheet,
+    frame_sheet,
+    parse_sheet,
+    read_bytes,
+    read_sheet,
+    text_of,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -308,16 +315,8 @@ class MessageSet(Sequence[Message]):
         """
         if table.index.name == "name" and "name" not in table:
             table = table.reset_index()
-        columns = [str(column) for column in table.columns]
-        cells = table.astype(object).where(table.notna(), "")
-        rows = (
-            (f"row {label}", {c: str(v).strip() for c, v in zip(columns, row, strict=True)})
-            for label, row in zip(
-                table.index, cells.itertuples(index=False, name=None), strict=True
-            )
-        )
         try:
-            return _from_cells("table", columns, rows)
+            return _from_sheet(frame_sheet(table), {}, None)
         except InputError as error:
             raise ArgumentError(str(error)) from None
 
@@ -543,18 +542,6 @@ def read_messages(
     return _from_sheet(sheet, {k.strip().lower(): v for k, v in (columns or {}).items()}, period)
 
 
-def load_extra(module: str, package: str) -> Any:
-    """Return an optional module, or say which package to install for it."""
-    try:
-        return import_module(module)
-    except ModuleNotFoundError as problem:
-        if problem.name != module:
-            raise
-        raise ImportError(
-            f'{package} is not installed; this installs it: python -m pip install "shipnet[bus]"'
-        ) from None
-
-
 def parse_dbc(
     text: str, source: str, period: float | None = None, strict: bool = True
 ) -> MessageSet:
@@ -618,31 +605,14 @@ def _is_titles(cells: Sequence[str]) -> bool:
 
 
 def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) -> MessageSet:
+    """Make the set of a sheet, or raise all that is wrong with it."""
     titles = [title.lower() for title in sheet.titles]
     if missing := sorted(set(renamed) - set(titles)):
         raise InputError(
             sheet.source, f"no column {missing[0]!r}; the titles are {', '.join(titles)}"
         )
     columns = [renamed.get(title, title) for title in titles]
-    width, long, rows = len(columns), [], []
-    for place, row in sheet.rows:
-        if any(row[width:]):
-            long.append(f"row {place} has {len(row)} cells; expected {width}")
-        else:
-            rows.append((f"row {place}", dict(zip(columns, row, strict=False))))
-    return _from_cells(sheet.source, columns, rows, long, period)
-
-
-def _from_cells(
-    source: str,
-    columns: list[str],
-    rows: Iterable[tuple[str, dict[str, str]]],
-    found: Iterable[str] = (),
-    period: float | None = None,
-) -> MessageSet:
-    """Make the set of cells of text, or raise all that is wrong with them."""
     usual = {} if period is None else {"period_ms": _milliseconds(period)}
-    columns += [column for column in usual if column not in columns]
     faults = [
         f"column {place}: title {title!r} is unknown; expected one of {', '.join(COLUMNS)}, note"
         for place, title in enumerate(columns, start=1)
@@ -650,17 +620,21 @@ def _from_cells(
     ]
     twice = sorted({title for title in columns if columns.count(title) > 1})
     faults += [f"title {title!r} appears twice" for title in twice]
-    faults += [f"no column {title}" for title in _NEEDED if title not in columns]
+    faults += [f"no column {title}" for title in _NEEDED if title not in (*columns, *usual)]
     if faults:
-        raise InputError(source, *faults)
-    faults += found
-    messages = []
-    for place, cells in rows:
-        message, wrong = _message(usual | {title: cell for title, cell in cells.items() if cell})
+        raise InputError(sheet.source, *faults)
+    messages, width = [], len(columns)
+    for line, row in sheet.rows:
+        place = f"row {line}"
+        if any(row[width:]):
+            faults.append(f"{place} has {len(row)} cells; expected {width}")
+            continue
+        filled = {title: cell for title, cell in zip(columns, row, strict=False) if cell}
+        message, wrong = _message(usual | filled)
         faults += [f"{place}, {fault}" for fault in wrong]
         if message is not None:
             messages.append((place, message))
-    return _checked(source, messages, faults, "has no message; expected one row per message")
+    return _checked(sheet.source, messages, faults, "has no message; expected one row per message")
 
 
 def _checked(

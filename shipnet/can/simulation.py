@@ -13,8 +13,8 @@ from shipnet import style
 from shipnet.can.bus import (
     OVERWRITTEN,
     WAITING,
-    Counters,
-    Disturbed,
+    Failure,
+    Nodes,
     Releases,
     send_all,
     send_batch,
@@ -264,14 +264,13 @@ def simulate(
     arrival, releases = _releases(columns, horizon, bit, generator)
     overwrite = queue == "overwrite"
     if several:
-        happened = send_disturbed(
+        begun, failures, at_end = send_disturbed(
             releases, horizon, columns.owner, several, bit, generator, recover, overwrite=overwrite
         )
     else:
-        number = len(columns.senders)
-        begun = send_all(releases, horizon, overwrite=overwrite)
-        happened = Disturbed(begun, [], Counters(number), [0] * number)
-    start, failures = np.array(happened.start, dtype=np.int64), happened.failures
+        begun, failures = send_all(releases, horizon, overwrite=overwrite), []
+        at_end = Nodes(len(columns.senders))
+    start = np.array(begun, dtype=np.int64)
     failed = np.array([failure.release for failure in failures], dtype=int)
     retries = np.bincount(failed, minlength=len(start))
     end = start + releases.duration
@@ -294,7 +293,7 @@ def simulate(
     )
     waited = np.where(sent, response, np.where(start == OVERWRITTEN, -1, horizon - arrival))
     table = _statistics(messages, columns, releases.message, start, response, waited, retries)
-    errors, nodes = _error_tables(messages, columns, releases, happened)
+    errors, nodes = _error_tables(messages, columns, releases, failures, at_end)
     busy = int(releases.duration[sent].sum()) + sum(f.free - f.start for f in failures)
     # The last frame may reach beyond the horizon.
     span = max(horizon, int(end.max(initial=0, where=sent)))
@@ -516,30 +515,34 @@ def _statistics(
 
 
 def _error_tables(
-    messages: MessageSet, columns: _Columns, releases: Releases, happened: Disturbed
+    messages: MessageSet,
+    columns: _Columns,
+    releases: Releases,
+    failures: list[Failure],
+    nodes: Nodes,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     import pandas as pd
 
-    failures, counters = happened.failures, happened.counters
-    ranks = [int(releases.message[failure.release]) for failure in failures]
+    failed = pd.DataFrame(failures, columns=list(Failure._fields))
+    ranks = releases.message[failed.pop("release").to_numpy(dtype=int)].tolist()
     errors = pd.DataFrame(
         {
             "message": [messages.names[rank] for rank in ranks],
             "sender": [columns.senders[columns.owner[rank]] for rank in ranks],
-            "start_ms": np.array([failure.start for failure in failures], dtype=float) / 1e6,
-            "free_ms": np.array([failure.free for failure in failures], dtype=float) / 1e6,
-            "bit": np.array([failure.bit for failure in failures], dtype=int),
-            "tec": np.array([failure.tec for failure in failures], dtype=int),
-            "state": [failure.state for failure in failures],
+            "start_ms": failed["start"].astype(float) / 1e6,
+            "free_ms": failed["free"].astype(float) / 1e6,
+            "bit": failed["bit"].astype(int),
+            "tec": failed["tec"].astype(int),
+            "state": failed["state"],
         }
     )
-    nodes = pd.DataFrame(
+    table = pd.DataFrame(
         {
-            "tec": counters.tec,
-            "rec": counters.rec,
-            "state": [counters.state(node) for node in range(len(columns.senders))],
-            "bus_off": happened.bus_off,
+            "tec": nodes.tec,
+            "rec": nodes.rec,
+            "state": [nodes.state(node) for node in range(len(columns.senders))],
+            "bus_off": nodes.bus_off,
         },
         index=pd.Index(columns.senders, name="sender", dtype=object),
     )
-    return errors, nodes
+    return errors, table

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from shipnet.design.comparison import Comparison
 from shipnet.design.iolist import read_iolist
 from shipnet.design.planning import OPTIONS
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings
-from shipnet.design.site import Trays
 from shipnet.errors import ArgumentError
 
 
@@ -46,22 +45,11 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
         if twice := [name for name in dict.fromkeys(options) if options.count(name) > 1]:
             raise ArgumentError(f"--options names {', '.join(twice)} twice")
     choose = _choices(arguments.mix)
-    trays = None if arguments.trays is None else Trays.read(arguments.trays)
-    known = {} if trays is None else trays.cabinets
-    cabinet = None if arguments.cabinet is None else _place(arguments.cabinet, known)
     iolist = read_iolist(arguments.list, sheet=arguments.sheet)
-    try:
-        return iolist.compare(
-            cabinet, options, trays=trays, settings=settings, mix=choose, rules=rules
-        )
-    except ArgumentError as mistake:
-        said = str(mistake)
-        for own, option in (
-            ("mix names", "--mix names"),
-            ("give its place x, y, z", "give --cabinet X,Y,Z"),
-        ):
-            said = said.replace(own, option, 1)
-        raise ArgumentError(said) from None
+    return iolist.compare(
+        arguments.cabinet, options, trays=arguments.trays, settings=settings, mix=choose,
+        rules=rules,
+    )  # fmt: skip
 
 
 def _choices(texts: Sequence[str]) -> dict[str, str]:
@@ -84,18 +72,3 @@ def _option(text: str, what: str) -> str:
             f"{what} names {text.strip()!r}; it must be one of {', '.join(OPTIONS)}"
         )
     return found
-
-
-def _place(
-    text: str, known: Mapping[str, tuple[float, float, float]]
-) -> tuple[float, float, float]:
-    if text.strip() in known:
-        return known[text.strip()]
-    try:
-        x, y, z = (float(number) for number in text.split(","))
-    except ValueError:
-        names = f", or one of {', '.join(map(repr, known))}" if known else ""
-        raise ArgumentError(
-            f"--cabinet is {text!r}; it must be three numbers X,Y,Z in m{names}"
-        ) from None
-    return x, y, z

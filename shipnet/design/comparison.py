@@ -19,6 +19,7 @@ from shipnet.design.costs import (
     Rng,
     Tornado,
     check_figure,
+    counted,
     draw,
     label,
     likely,
@@ -292,7 +293,9 @@ class Comparison:
         """Draw a figure of each design with its range, or two columns against each other."""
         if y is None:
             drawn: Any = self._likely.xs(check_figure(x), level="figure")
-            return plot_ranges(ranges_of(self.quantities, x), label(x), likely=drawn, ax=ax)
+            named = counted(self._table)
+            ends, drawn = (t.rename(named) for t in (ranges_of(self.quantities, x), drawn))
+            return plot_ranges(ends, label(x), likely=drawn, ax=ax)
         self._known(x, y)
         whole = self._table[self._table["points_left_out"] == 0]
         return plot_pareto(

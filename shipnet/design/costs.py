@@ -71,46 +71,21 @@ _DEVICES: dict[str, dict[str, tuple[str, ...]]] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Bill:
-    """The counts of a design."""
-
-    cables: pd.DataFrame
-    conductors_at_cabinet: int
-    items: dict[str, int]
-    unconnected: int
-
-    def column(self, name: str) -> Floats:
-        """Return a column of `cables` as an array."""
-        return np.asarray(self.cables[name].to_numpy(dtype=float))
-
-
 def conductors_at_cabinet(design: Layout) -> int:
     """Count the conductors in use in the cables that enter the cabinet."""
     runs = design.cables
     return int(runs["used"][runs["at_cabinet"]].sum())
 
 
-def bill_of(design: Layout) -> Bill:
-    """Count what a design consists of."""
-    runs = design.cables
-    cables = (
-        runs.assign(runs=1, ends=2 * runs["used"])
-        .groupby("cable")[["runs", "length_m", "ends", "conductors", "at_cabinet"]]
-        .sum()
-    )
+def items_of(design: Layout) -> dict[str, int]:
+    """Count the parts and pieces of work of a design, by the names of what they cost."""
     points = design.points[["bus", "device"]].assign(
         analogue=design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     )
     items = _devices(design, points) | _channels(points)
     items["second_interface"] = _second_interfaces(design)
-    items["gland"] = items["gland_time"] = 2 * len(runs)
-    return Bill(
-        cables=cables,
-        conductors_at_cabinet=conductors_at_cabinet(design),
-        items={name: number for name, number in items.items() if number},
-        unconnected=int((points["bus"] == "").sum()),
-    )
+    items["gland"] = items["gland_time"] = 2 * len(design.cables)
+    return {name: number for name, number in items.items() if number}
 
 
 def _devices(design: Layout, points: pd.DataFrame) -> dict[str, int]:
@@ -198,6 +173,12 @@ def label(column: str) -> str:
     """Return a column of a comparison in words, with its unit in brackets."""
     words, unit = ({**FIGURES, **_OTHERS}).get(column, (column, ""))
     return f"{words} [{unit}]" if unit else words
+
+
+def counted(table: pd.DataFrame) -> dict[str, str]:
+    """Return what a figure calls each design: a point that is left out costs nothing."""
+    left = table["points_left_out"].items()
+    return {str(name): f"{name} ({n:.0f} left out)" if n else str(name) for name, n in left}
 
 
 #: The assumptions of which each cable of the catalogue has its own range, and the field that holds
@@ -302,13 +283,19 @@ class Model:
     """The figures of one design as a function of what is assumed."""
 
     def __init__(self, design: Layout) -> None:
-        self.bill: Bill = bill_of(design)
+        self.items = items_of(design)
         self.assumptions = design.settings.assumptions
-        known = catalogue()
-        unknown = sorted(set(self.bill.cables.index) - set(known))
+        self._at_cabinet = conductors_at_cabinet(design)
+        runs, known = design.cables, catalogue()
+        self.laid: pd.DataFrame = (
+            runs.assign(runs=1, ends=2 * runs["used"])
+            .groupby("cable")[["runs", "length_m", "ends", "conductors", "at_cabinet"]]
+            .sum()
+        )
+        unknown = sorted(set(self.laid.index) - set(known))
         if unknown:
             raise ArgumentError(f"the catalogue has no cable {', '.join(unknown)}")
-        self.cables = {str(name): known[str(name)] for name in self.bill.cables.index}
+        self.cables = {str(name): known[str(name)] for name in self.laid.index}
         self._section = 1e-6 * np.array([c.area_mm2 for c in self.cables.values()], dtype=float)
         self._ranges = {
             name: np.array([getattr(c, field) for c in self.cables.values()]).reshape(-1, 3)
@@ -319,7 +306,7 @@ class Model:
     def names(self) -> list[str]:
         """Names of the assumptions that the figures depend on, those of the cables first."""
         factors = ["laid_length", "cable_diameter"] if self.cables else []
-        own = [*factors, "labour_rate", *self.bill.items]
+        own = [*factors, "labour_rate", *self.items]
         return [*(CABLE_RANGES if self.cables else ()), *(n for n in self.assumptions if n in own)]
 
     def figures(
@@ -327,7 +314,9 @@ class Model:
     ) -> dict[str, Any]:
         """Return every figure at given levels of the assumptions."""
         given = {} if levels is None else levels
-        bill, column = self.bill, self.bill.column
+
+        def column(name: str) -> Floats:
+            return np.asarray(self.laid[name].to_numpy(dtype=float))
 
         def at(name: str) -> Floats:
             ranges = self._ranges.get(name)
@@ -335,7 +324,7 @@ class Model:
             return values_at(ranges, given.get(name, others))
 
         def due(unit: str) -> Floats | float:
-            items = bill.items.items()
+            items = self.items.items()
             fits = [(name, n) for name, n in items if self.assumptions.entry(name).unit == unit]
             return sum((n * at(name)[..., 0] for name, n in fits), start=0.0)
 
@@ -347,7 +336,7 @@ class Model:
         hardware_cost = due("EUR")
         labour_cost = labour * at("labour_rate")[..., 0]
         figures = {
-            "conductors_at_cabinet": bill.conductors_at_cabinet,
+            "conductors_at_cabinet": self._at_cabinet,
             "conductors_laid": column("conductors").sum(),
             "cables": column("runs").sum(),
             "cable_length_km": length.sum(-1) / 1e3,
@@ -396,7 +385,7 @@ def quantities(design: Layout) -> Quantities:
         figures=table.assign(unit=pd.Series(units)).rename_axis("figure"),
         assumptions=model.used,
         by_cable=_by_cable(model),
-        unconnected=model.bill.unconnected,
+        unconnected=int((design.points["bus"] == "").sum()),
     )
 
 
@@ -412,7 +401,7 @@ def bill_table(design: Layout) -> pd.DataFrame:
     ]
     rows += [
         ("part", words(name), count, "", assumed[name].nominal)
-        for name, count in model.bill.items.items()
+        for name, count in model.items.items()
         if assumed.entry(name).unit == "EUR"
     ]
     rows.append(
@@ -423,7 +412,7 @@ def bill_table(design: Layout) -> pd.DataFrame:
 
 
 def _by_cable(model: Model) -> pd.DataFrame:
-    counts = model.bill.cables[["runs", "length_m"]]
+    counts = model.laid[["runs", "length_m"]]
     kinds = model.cables.values()
     each = {name: np.array([getattr(c, name).nominal for c in kinds]) for name in ("mass", "price")}
     length = counts["length_m"] * model.assumptions["laid_length"].nominal

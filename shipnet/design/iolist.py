@@ -87,10 +87,11 @@ class IoList(PointTable):
     ) -> Design:
         """Connect all points in one way of `OPTIONS`.
 
-        `cabinet` is a place (x, y, z) [m], the name of a cabinet in the trays, or None to find it
-        from the lengths of the list. `trays` are those that cables follow, or a file of them, and
-        `settings` values by name. `mix` connects some points in another way, by tag, signal,
-        system, category or type, such as ``{"DI": "AS-i"}``. `name` is that of the design.
+        `cabinet` is a place (x, y, z) [m], also as text, the name of a cabinet in the trays, or
+        None to find it from the lengths of the list. `trays` are those that cables follow, or a
+        file of them, and `settings` values by name. `mix` connects some points in another way, by
+        tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. `name` is that of the
+        design.
         """
         from shipnet.design.planning import plan
         from shipnet.design.settings import Settings

@@ -569,11 +569,3 @@ class PointTable:
     def located(self) -> NDArray[np.bool_]:
         """Whether the position of each point is known, shape (n,)."""
         return np.asarray(np.isfinite(self.places).all(axis=1))
-
-    def summary(self) -> pd.DataFrame:
-        """Return the number of points by system and type, with their conductors."""
-        table = pd.crosstab(self.points["system"], self.points["type"])
-        table["points"] = table.sum(axis=1)
-        table["conductors"] = self.points.groupby("system")["conductors"].sum()
-        table.columns.name = None
-        return table

@@ -14,7 +14,15 @@ import pandas as pd
 
 from shipnet import __version__
 from shipnet.design.catalogue import LEVELS
-from shipnet.design.costs import EXCLUDED, Quantities, Tornado, label, number, ranges_of
+from shipnet.design.costs import (
+    EXCLUDED,
+    Quantities,
+    Tornado,
+    counted,
+    label,
+    number,
+    ranges_of,
+)
 from shipnet.design.designs import Design
 from shipnet.design.failures import FAILURES
 from shipnet.design.plot import plot_pareto, plot_ranges, svg
@@ -363,11 +371,7 @@ def _pictures(
     tornado: Tornado,
     pareto: Sequence[str],
 ) -> str:
-    # A point that is left out costs nothing: no picture may hide that.
-    named = {
-        str(option): f"{option} ({count} left out)" if count else str(option)
-        for option, count in compared["points_left_out"].items()
-    }
+    named = counted(compared)
     axes = ["total_cost_eur", "lost_by_failure"]
     dots = compared[axes].rename(index=named).set_axis(list(map(label, axes)), axis=1)
     best = [named[name] for name in pareto]

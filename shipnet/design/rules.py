@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, asdict, dataclass, fields
 from functools import cache, cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,8 +19,19 @@ from shipnet.crc import Crc
 from shipnet.design.layout import Layout
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import check_scalar
-from shipnet.tables import NUMBER, frame_sheet, read_sheet
+from shipnet.fields import (
+    Kind,
+    Number,
+    Switch,
+    check_scalar,
+    choice,
+    declared,
+    number,
+    record,
+    switch,
+    text,
+)
+from shipnet.tables import NUMBER, frame_sheet, in_order, read_sheet, titled
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -304,46 +316,12 @@ _WITH_IMO = ("DNV", "BV")
 #: On which side of the limit a computed value is good.
 BOUNDS = ("at most", "below", "at least")
 
-#: Columns of a file of rules, with their defaults; without one a column must be there.
-RULE_COLUMNS: Mapping[str, str | None] = {
-    "rule": None, "measure": None, "limit": None, "topic": "own", "asks": "", "applies": "all",
-    "bound": "at most", "unit": "", "host": "no", "clause": "", "edition": "", "source": "",
-    "confirmed": "no", "note": "", "rule_set": "own",
-}  # fmt: skip
-
 _YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False, "": False}
 
 
-@dataclass(frozen=True, slots=True)
+@record(slots=True)
 class Rule:
     """One class rule as data: what is computed for it, and its limit.
-
-    Parameters
-    ----------
-    rule : str
-        Its name.
-    measure : str
-        What is computed, a name in `RuleSet.measures`; empty if a plan cannot show it.
-    limit : float
-        The limit, 0 or more, in the unit of the measure.
-    topic, asks : str, optional
-        What it is about, and what it asks in words.
-    applies : str, default "all"
-        The points concerned: all, inputs, outputs, fast, fast outputs, essential, category III.
-    bound : {"at most", "below", "at least"}, default "at most"
-        On which side of the limit a value is good.
-    unit : str, optional
-        Unit of the limit; that of the measure.
-    host : bool, default False
-        Whether the time in the host counts.
-    clause, edition, source : str, optional
-        Where it is written.
-    confirmed : bool, default False
-        Whether its text was read; else it is never met.
-    note : str, optional
-        Why a plan cannot show it.
-    rule_set : str, default "own"
-        The set that it belongs to.
 
     Raises
     ------
@@ -357,29 +335,36 @@ class Rule:
     (True, 'points')
     """
 
-    rule: str
-    measure: str
-    limit: float
-    topic: str = "own"
-    asks: str = ""
-    applies: str = "all"
-    bound: str = "at most"
-    unit: str = ""
-    host: bool = False
-    clause: str = ""
-    edition: str = ""
-    source: str = ""
-    confirmed: bool = False
-    note: str = ""
-    rule_set: str = "own"
+    rule: str = text("Its name")
+    measure: str = choice(
+        ("", *MEASURES), "What is computed, a name in `RuleSet.measures`; empty if a plan cannot "
+        "show it",
+    )  # fmt: skip
+    limit: float = number(0, 1e12, help="The limit, in the unit of the measure", missing=True)
+    topic: str = text("What it is about", default="own")
+    asks: str = text("What it asks, in words", default="", most=1000)
+    applies: str = choice(tuple(APPLIES), "The points concerned", default="all")
+    bound: str = choice(BOUNDS, "On which side of the limit a value is good", default="at most")
+    unit: str = text("Unit of the limit; that of the measure", default="")
+    host: bool = switch("Whether the time in the host counts", default=False)
+    clause: str = text("Clause of the document", default="")
+    edition: str = text("Edition of the document", default="")
+    source: str = text("Where it is written", default="", most=1000)
+    confirmed: bool = switch("Whether its text was read; else it is never met", default=False)
+    note: str = text("Why a plan cannot show it", default="", most=1000)
+    rule_set: str = text("The set that it belongs to", default="own")
 
     def __post_init__(self) -> None:
-        """Check the words, and that limit and measure go together."""
-        words = (self.rule, self.measure, self.applies, self.bound, self.unit)
-        if faults := list(_faults(*words, limit=self.limit)):
-            raise ArgumentError("; ".join(faults))
+        """Check that there is a name, and that limit and measure go together."""
+        if not self.rule:
+            raise ArgumentError("rule is ''; it must be a name")
         if self.measure:
-            object.__setattr__(self, "unit", MEASURES[self.measure].unit)
+            unit = MEASURES[self.measure].unit
+            if self.unit not in ("", unit):
+                raise ArgumentError(f"unit is {self.unit!r}; it must be {unit!r}, as computed")
+            if math.isnan(self.limit):
+                raise ArgumentError("limit is nan; it must be a number, 0 or more")
+            object.__setattr__(self, "unit", unit)
 
     def meets(self, computed: float) -> bool:
         """Return whether a computed value is on the good side of the limit."""
@@ -482,77 +467,41 @@ def _all() -> tuple[Rule, ...]:
 
 
 def _rules(sheet: Sheet) -> tuple[Rule, ...]:
-    titles = ["_".join(title.lower().split()) for title in sheet.titles]
-    faults = [
-        f"column {place}: title {title!r}; expected one of {', '.join(RULE_COLUMNS)}"
-        for place, title in enumerate(titles, start=1)
-        if title not in RULE_COLUMNS
-    ]
-    faults += [f"title {t!r} stands twice" for t in dict.fromkeys(titles) if titles.count(t) > 1]
-    faults += [
-        f"no column {t}" for t, value in RULE_COLUMNS.items() if value is None and t not in titles
-    ]
-    if faults:
-        raise InputError(sheet.source, *faults)
+    kinds = declared(Rule)
+    needed = {one.name for one in fields(Rule) if one.default is MISSING}
+    rows, faults = titled(sheet, {name: None if name in needed else "" for name in kinds})
     rules: list[Rule] = []
-    for number, cells in sheet.rows:
-        if any(cells[len(titles) :]):
-            faults.append(f"row {number} has {len(cells)} cells; expected {len(titles)}")
-            continue
-        given = {t: cell for t, cell in zip(titles, cells, strict=False) if cell}
-        wrong, rule = _rule({t: given.get(t, value or "") for t, value in RULE_COLUMNS.items()})
-        faults += [f"row {number}: {fault}" for fault in wrong]
-        rules += rule
-    names = [(rule.rule_set, rule.rule) for rule in rules]
-    faults += [f"rule {name[1]!r} stands twice" for name in _twice(names)]
-    if faults or not rules:
-        raise InputError(sheet.source, *(faults or ["has no rule; expected one row a rule"]))
+    for row, cells in rows:
+        values: dict[str, Any] = {}
+        wrong = []
+        for name, kind in kinds.items():
+            if cells[name] or name in needed:
+                try:
+                    values[name] = kind.check(name, _value(kind, cells[name]), None)
+                except ArgumentError as fault:
+                    wrong.append(str(fault))
+        if not wrong:
+            try:
+                rules.append(Rule(**values))
+            except ArgumentError as fault:
+                wrong.append(str(fault))
+        faults += [(row, f": {fault}") for fault in wrong]
+    said = in_order(faults)
+    names = Counter((rule.rule_set, rule.rule) for rule in rules)
+    said += [f"rule {name!r} stands twice" for (_, name), count in names.items() if count > 1]
+    if said or not rules:
+        raise InputError(sheet.source, *(said or ["has no rule; expected one row per rule"]))
     return tuple(rules)
 
 
-def _twice(names: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    return [name for name in dict.fromkeys(names) if names.count(name) > 1]
-
-
-def _rule(cells: Mapping[str, str]) -> tuple[list[str], list[Rule]]:
-    """Return what is wrong with a row, and the rule if nothing is."""
-    faults = []
-    number = cells["limit"].replace(",", ".")
-    if not NUMBER.fullmatch(number) and (number or cells["measure"]):
-        faults.append(f"limit is {cells['limit']!r}; expected a number")
-        number = "0"
-    limit = float(number or "nan")
-    flags = {name: cells[name].lower() for name in ("host", "confirmed")}
-    faults += [
-        f"{n} is {cells[n]!r}; expected yes or no" for n, f in flags.items() if f not in _YES
-    ]
-    words = {name: cells[name] for name in RULE_COLUMNS if name not in ("limit", *flags)}
-    checked = (words[name] for name in ("rule", "measure", "applies", "bound", "unit"))
-    faults += _faults(*checked, limit=limit)
-    if faults:
-        return faults, []
-    return [], [
-        Rule(**words, limit=limit, host=_YES[flags["host"]], confirmed=_YES[flags["confirmed"]])
-    ]
-
-
-def _faults(
-    rule: str, measure: str, applies: str, bound: str, unit: str, *, limit: float
-) -> Iterator[str]:
-    for name, value, known in (
-        ("measure", measure, ("", *MEASURES)),
-        ("applies", applies, tuple(APPLIES)),
-        ("bound", bound, BOUNDS),
-    ):
-        if value not in known:
-            yield f"{name} is {value!r}; expected one of {', '.join(map(repr, known))}"
-    if not rule:
-        yield "rule is ''; expected a name"
-    if measure in MEASURES:
-        if not (math.isfinite(limit) and limit >= 0):
-            yield f"limit is {limit!r}; expected a number, 0 or more"
-        if unit not in ("", MEASURES[measure].unit):
-            yield f"unit is {unit!r}; expected {MEASURES[measure].unit!r}, as computed"
+def _value(kind: Kind, cell: str) -> object:
+    """Return what a cell says, or the cell itself if a field of this kind cannot hold it."""
+    if isinstance(kind, Switch):
+        return _YES.get(cell.lower(), cell)
+    if isinstance(kind, Number):
+        plain = cell.replace(",", ".") or "nan"
+        return float(plain) if NUMBER.fullmatch(plain) or not cell else cell
+    return cell
 
 
 # Does a planned design keep the rules? Each rule with the value computed for it ----------------

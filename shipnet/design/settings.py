@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from copy import copy
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, partial
+from itertools import accumulate
 from os import PathLike
 from pathlib import Path
 from textwrap import wrap
@@ -232,7 +234,7 @@ class ModbusLimits:
 # All of it -----------------------------------------------------------------------------------
 
 
-@record(slots=True)
+@record
 class _Plain:
     """Values whose names have no dot."""
 
@@ -285,8 +287,30 @@ _WIDTH = 98
 _COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTILINE)
 
 
+#: Most characters of a file of settings, and how deep its values may be nested: the time that a
+#: reader of TOML takes grows with the square of either.
+_LARGEST, _DEEPEST = 1_000_000, 8
+
+#: What a nested value begins and ends with, and a key of many parts, beside strings and comments.
+_QUOTED = re.compile(r""""[^"\n]*"|'[^'\n]*'|#[^\n]*""")
+_BRACKET = re.compile(r"[\[{]|[\]}]")
+_LONG_KEY = re.compile(rf"(?<![\w\"-])(?:[\w\"-]+[ \t]*\.[ \t]*){{{_DEEPEST}}}")
+
+
+def _check_size(text: str, source: str) -> None:
+    """Raise InputError for a text that is too long or nested too deep to be read in good time."""
+    if len(text) > _LARGEST:
+        raise InputError(
+            source, f"has {len(text)} characters; a file of settings may have {_LARGEST}"
+        )
+    bare = _QUOTED.sub('""', text)
+    depths = accumulate(1 if one in "[{" else -1 for one in _BRACKET.findall(bare))
+    if max(depths, default=0) > _DEEPEST or _LONG_KEY.search(bare):
+        raise InputError(source, f"nests values more than {_DEEPEST} deep; settings have 2 levels")
+
+
 @dataclass(frozen=True, init=False, repr=False)
-class Settings:
+class Settings(_Plain):
     """Every limit, price and allowance of a design, each by one dotted name.
 
     Names without a prefix are ``detour``, ``tails``, ``host_time``, ``spare``, ``redundant``,
@@ -318,27 +342,19 @@ class Settings:
     shipnet.errors.ArgumentError: there is no 'asi.lenght'; the nearest is asi.length; spare is ...
     """
 
-    detour: float
-    tails: float
-    host_time: float
-    spare: float
-    redundant: bool
-    update: float
-    fed: bool
-    feeder: str
-    list_lengths: bool
-    boxes: BoxLimits
-    asi: AsiLimits
-    can: CanLimits
-    modbus: ModbusLimits
-    assumptions: Assumptions
+    boxes: BoxLimits = field(default_factory=BoxLimits)
+    asi: AsiLimits = field(default_factory=AsiLimits)
+    can: CanLimits = field(default_factory=CanLimits)
+    modbus: ModbusLimits = field(default_factory=ModbusLimits)
+    assumptions: Assumptions = field(default_factory=Assumptions)
 
     #: What is checked and compared when two designs are put side by side.
     SHARED: ClassVar[tuple[str, ...]] = ("detour", "tails", "assumptions")
 
     def __init__(self, values: Mapping[str, object] | None = None, /) -> None:
-        faults = self._fill(_defaults(), values or {})
-        if faults:
+        for part in (*_PARTS, "assumptions")[1:]:
+            object.__setattr__(self, part, _PARTS.get(part, Assumptions)())
+        if faults := self._take(values or {}):
             raise ArgumentError("; ".join(faults))
 
     @classmethod
@@ -346,12 +362,10 @@ class Settings:
         """Return settings from themselves, from values by name, or from nothing."""
         return settings if isinstance(settings, Settings) else cls(settings)
 
-    def _fill(
-        self, start: Mapping[str, Mapping[str, Any]], values: Mapping[str, object]
-    ) -> list[str]:
-        """Take the start and over it the values; return what is wrong with those not taken."""
-        parts = {part: dict(own) for part, own in start.items()}
-        faults, ranges = [], {}
+    def _take(self, values: Mapping[str, object]) -> list[str]:
+        """Take values over those there are; return what is wrong with the ones not taken."""
+        faults: list[str] = []
+        taken: dict[str, dict[str, Any]] = {}
         for name, value in _flat(values):
             try:
                 kind = kind_of(name)
@@ -360,31 +374,17 @@ class Settings:
                 continue
             part, _, own = name.rpartition(".")
             try:
-                checked = kind.check(name, _plain(value), None)
+                taken.setdefault(part, {})[own] = kind.check(name, _plain(value), None)
             except ArgumentError:
                 faults.append(f"{name} is {_brief(value)}; it must be {legal(name)}")
-                continue
-            if part == "assumptions":
-                ranges[own] = checked
-            else:
-                parts[part][own] = checked
-        put = object.__setattr__
-        for name, value in parts[""].items():
-            put(self, name, value)
-        for part, kind_ in _PARTS.items():
-            if part:
-                put(self, part, kind_(**parts[part]))
-        base: Assumptions = parts["assumptions"]["all"]
-        put(self, "assumptions", base.with_(**ranges) if ranges else base)
+        changed = taken.pop("", {})
+        for part, own_values in taken.items():
+            old = getattr(self, part)
+            make = old.with_ if part == "assumptions" else partial(replace, old)
+            changed[part] = make(**own_values)
+        for name, value in changed.items():
+            object.__setattr__(self, name, value)
         return faults
-
-    def _parts(self) -> dict[str, dict[str, Any]]:
-        parts = {
-            part: {own: getattr(getattr(self, part) if part else self, own)
-                   for own in declared(kind)}
-            for part, kind in _PARTS.items()
-        }  # fmt: skip
-        return {**parts, "assumptions": {"all": self.assumptions}}
 
     def replace(self, values: Mapping[str, object]) -> Settings:
         """Return settings of which some values are others; all faults are raised at once."""
@@ -395,8 +395,8 @@ class Settings:
 
     def tried(self, values: Mapping[str, object]) -> tuple[Settings, list[str]]:
         """Return settings with all values that are legal, and what is wrong with the others."""
-        made = object.__new__(Settings)
-        return made, made._fill(self._parts(), values)
+        made = copy(self)
+        return made, made._take(values)
 
     def __getitem__(self, name: str) -> Any:
         """Return a value by its dotted name."""
@@ -420,22 +420,16 @@ class Settings:
 
     def changes(self) -> pd.DataFrame:
         """Return the rows of `table` whose value is not the default."""
-        default = _default()
-        return self.table().loc[[name for name in names() if self[name] != default[name]]]
+        return self.table().loc[self._changed]
 
-    def told(self) -> list[str]:
-        """Return each value that is not the default, with the default in brackets, in words."""
-        default = _default()
-        return [
-            f"{name} {shown(self[name])} ({shown(default[name])})"
-            for name in names()
-            if self[name] != default[name]
-        ]
+    @property
+    def _changed(self) -> list[str]:
+        return [name for name in names() if self[name] != _default()[name]]
 
     def __str__(self) -> str:
-        """Name the values that are not the defaults."""
-        told = self.told()
-        return f"not the defaults: {', '.join(told)}" if told else "all defaults"
+        """Name the values that are not the defaults, with these in brackets."""
+        said = [f"{name} {shown(self[name])} ({shown(_default()[name])})" for name in self._changed]
+        return f"not the defaults: {', '.join(said)}" if said else "all defaults"
 
     def __repr__(self) -> str:
         """Say in one line what is not the default."""
@@ -449,9 +443,10 @@ class Settings:
     @classmethod
     def parse(cls, text: str, source: str = "text") -> Settings:
         """Read settings from text, as `read`; all its faults are raised at once."""
+        _check_size(text, source)
         try:
             tables = tomllib.loads(text)
-        except (ValueError, RecursionError) as error:
+        except ValueError as error:
             said = " ".join(str(error).split())[:200]
             if comma := _COMMA.search(text):
                 said += f"; {comma[1]} has a decimal comma, expected a point"
@@ -495,12 +490,6 @@ def _default() -> Settings:
 
 
 @cache
-def _defaults() -> Mapping[str, Mapping[str, Any]]:
-    plain = {part: {own.name: own.default for own in fields(kind)} for part, kind in _PARTS.items()}
-    return {**plain, "assumptions": {"all": Assumptions()}}
-
-
-@cache
 def _kinds() -> Mapping[str, Kind]:
     """Return what each name declares."""
     found = {
@@ -524,7 +513,7 @@ def kind_of(name: str) -> Kind:
     if name in _kinds():
         return _kinds()[name]
     part, _, own = name.rpartition(".")
-    beside = {other.rpartition(".")[2]: other for other in names() if _part(other) == part}
+    beside = {last: n for n in names() for head, _, last in [n.rpartition(".")] if head == part}
     near = get_close_matches(own, beside, n=1)
     elsewhere = [other for other in names() if other.rpartition(".")[2] == own]
     hint = "see shipnet design --show-settings"
@@ -562,10 +551,6 @@ def shown(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f'"{value}"' if isinstance(value, str) else repr(value)
-
-
-def _part(name: str) -> str:
-    return name.rpartition(".")[0]
 
 
 def _flat(values: Mapping[str, object]) -> Iterable[tuple[str, object]]:

@@ -19,7 +19,7 @@ from shipnet import style
 from shipnet.design.plot import draw_cables
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import number, record
-from shipnet.tables import NUMBER, Sheet, parse_sheet, read_sheet
+from shipnet.tables import NUMBER, Sheet, in_order, parse_sheet, read_sheet, titled
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -181,27 +181,14 @@ def tray_faults(nodes: Mapping[str, Place], trays: tuple[Tray, ...]) -> list[tup
 
 
 def _trays(sheet: Sheet) -> Trays:
-    titles = [title.lower() for title in sheet.titles]
-    faults = [
-        f"row {sheet.top}: title {title!r} is unknown; expected {', '.join(_COLUMNS)}, note"
-        for title in titles
-        if title not in (*_COLUMNS, "note")
-    ]
-    faults += [f"row {sheet.top}: no column {name}" for name in _COLUMNS if name not in titles]
-    if len(set(titles)) < len(titles):
-        faults.append(f"row {sheet.top}: a title stands twice")
-    if faults:
-        raise InputError(sheet.source, *faults)
+    rows, faults = titled(sheet, {**dict.fromkeys(_COLUMNS), "note": ""})
     comma = sheet.separator in (";", "\t") and any("," in c for _, row in sheet.rows for c in row)
     places: dict[str, dict[str, Place]] = {"node": {}, "cabinet": {}}
     trays: list[Tray] = []
-    rows: dict[str, int] = {}
-    for line, row in sheet.rows:
-        cells = dict.fromkeys(_COLUMNS, "") | dict(zip(titles, row, strict=False))
+    lines: dict[str, int] = {}
+    for line, cells in rows:
         kind, name = cells["kind"].lower(), cells["name"]
         wrong = []
-        if any(row[len(titles) :]):
-            wrong.append(f" has {len(row)} cells; expected {len(titles)}")
         if kind not in _KINDS:
             wrong.append(f", column kind: {cells['kind']!r}; expected {', '.join(_KINDS)}")
         if not name or not name.isprintable():
@@ -211,27 +198,28 @@ def _trays(sheet: Sheet) -> Trays:
                       if not cells[end]]  # fmt: skip
         elif name in places.get(kind, {}):
             wrong.append(f": {kind} {name!r} stands twice")
-        place = [_metres(cells[axis], comma) for axis in ("x_m", "y_m", "z_m")]
+        place = {axis: _metres(cells[axis], comma) for axis in ("x_m", "y_m", "z_m")}
         if kind in places:
             wrong += [
                 f", column {axis}: {cells[axis]!r}; expected a number -1000..1000 m"
-                for axis, value in zip(("x_m", "y_m", "z_m"), place, strict=True)
+                for axis, value in place.items()
                 if value is None
             ]
-        faults += [f"row {line}{fault}" for fault in wrong]
+        faults += [(line, fault) for fault in wrong]
         if wrong:
             continue
         if kind == "tray":
-            rows[name] = line
+            lines[name] = line
             trays.append(Tray(name, cells["from"], cells["to"]))
         else:
-            x, y, z = (value or 0.0 for value in place)
+            x, y, z = (value or 0.0 for value in place.values())
             places[kind][name] = (x, y, z)
-    if not faults:
+    said = in_order(faults)
+    if not said:
         found = tray_faults(places["node"], tuple(trays))
-        faults = [f"row {rows[name]}: {text}" if name in rows else text for name, text in found]
-    if faults:
-        raise InputError(sheet.source, *faults)
+        said = [f"row {lines[name]}: {text}" if name in lines else text for name, text in found]
+    if said:
+        raise InputError(sheet.source, *said)
     return Trays(places["node"], tuple(trays), places["cabinet"])
 
 
@@ -552,20 +540,30 @@ def site_of(
     if isinstance(trays, str | PathLike):
         trays = Trays.read(trays)
     known = {} if trays is None else trays.cabinets
-    names = f" or one of {', '.join(map(repr, known))}" if known else ""
+    names = f", or one of {', '.join(map(repr, known))}" if known else ""
     place, said = cabinet, ""
     if isinstance(cabinet, str):
-        if cabinet not in known:
-            raise ArgumentError(f"cabinet is {cabinet!r}; it must be a place x, y, z in m{names}")
-        place = known[cabinet]
+        place = known.get(cabinet.strip()) or _typed(cabinet, names)
     elif cabinet is None:
-        place = (0.0, 0.0, 0.0)
+        place, said = (0.0, 0.0, 0.0), "every length to the cabinet is given by the list"
         if iolist.located.any() or np.isfinite(iolist.box_places).any():
             try:
                 found = find_cabinet(iolist)
             except ArgumentError as mistake:
                 raise ArgumentError(
-                    f"cabinet is not given, and {mistake}; give its place x, y, z in m{names}"
+                    f"cabinet is not given, and {mistake}; give its place x, y, z in m, such as "
+                    f"26,6,14{names}"
                 ) from None
             place, said = found.place, str(found)
     return Site(place, trays, settings.detour, settings.tails), said  # type: ignore[arg-type]
+
+
+def _typed(cabinet: str, names: str) -> Place:
+    """Return a place that is given as text."""
+    try:
+        x, y, z = (float(number) for number in cabinet.replace(";", ",").split(","))
+        return Site((x, y, z)).cabinet
+    except ValueError:
+        raise ArgumentError(
+            f"cabinet is {cabinet!r}; it must be three numbers x, y, z in m, such as 26,6,14{names}"
+        ) from None

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from shipnet.engine.points import PT100, Point, PointList
 from shipnet.errors import ArgumentError
-from shipnet.fields import number, record, switch, whole
+from shipnet.fields import number, part, record, switch, whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,22 +153,6 @@ class Adc:
 class InputCard:
     """The converters of a list of points: R/V, I/V and B/V.
 
-    Parameters
-    ----------
-    points : PointList or iterable of Point
-        One or more.
-    bits : int, default 10
-        Resolution of the converter, 1..16; that of the AT90CAN128 is 10.
-    reference : float, default 5
-        Reference voltage, 0.1..100 [V]; 5 V is assumed.
-    margin : float, default 0
-        How far the amplifier's window reaches beyond both ends of the range, as part of the span,
-        0..1. As printed, 0: 4..20 mA fill 0..5 V. With 0.125, 2..22 mA do, and a failure can be
-        distinguished from a value.
-    linearised : bool, default True
-        Whether the firmware solves the curve of the thermometer; if not, it takes the straight
-        line between the ends of the range.
-
     Raises
     ------
     ArgumentError
@@ -191,15 +175,24 @@ class InputCard:
     [['open', 0, -50.0, False], ['short', 1023, 599.365234375, False]]
     """
 
-    points: PointList
-    bits: int = whole(1, 16, "", "Resolution of the converter", default=10, kw_only=True)
-    reference: float = number(0.1, 100, "V", "Reference voltage", default=5.0, kw_only=True)
-    margin: float = number(0, 1, "", "Window beyond the range", default=0.0, kw_only=True)
-    linearised: bool = switch("Whether the curve is solved", default=True, kw_only=True)
-
-    def __post_init__(self) -> None:
-        """Check the points."""
-        object.__setattr__(self, "points", PointList(self.points))
+    points: PointList = part(PointList, "One or more points", make=PointList)
+    bits: int = whole(
+        1, 16, "", "Resolution of the converter; that of the AT90CAN128 is 10", default=10,
+        kw_only=True,
+    )  # fmt: skip
+    reference: float = number(
+        0.1, 100, "V", "Reference voltage; 5 V is assumed", default=5.0, kw_only=True
+    )
+    margin: float = number(
+        0, 1, "",
+        "How far the amplifier's window reaches beyond both ends of the range, as part of the "
+        "span. As printed, 0: 4..20 mA fill 0..5 V. With 0.125, 2..22 mA do, and a failure can be "
+        "distinguished from a value", default=0.0, kw_only=True,
+    )  # fmt: skip
+    linearised: bool = switch(
+        "Whether the firmware solves the curve of the thermometer; if not, it takes the straight "
+        "line between the ends of the range", default=True, kw_only=True,
+    )  # fmt: skip
 
     @cached_property
     def adc(self) -> Adc:

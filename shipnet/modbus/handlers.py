@@ -1,21 +1,16 @@
-"""The library's servers with our frames in them; importing this needs pymodbus."""
+"""What listens for clients: TCP connections, datagrams, and a serial port."""
 
 from __future__ import annotations
 
 import logging
-from asyncio import BufferedProtocol, Task, TimerHandle, sleep
+from asyncio import BufferedProtocol, DatagramProtocol, Protocol, Task, get_running_loop, sleep
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from errno import EINVAL
 from importlib import import_module
 from socket import socket
 from typing import Any
-
-from pymodbus.framer import FramerType
-from pymodbus.server import ModbusSerialServer, ModbusTcpServer, ModbusUdpServer
-from pymodbus.server.base import ModbusBaseServer
-from pymodbus.server.requesthandler import ServerRequestHandler
-from pymodbus.simulator import DataType, SimData, SimDevice
 
 from shipnet.errors import FrameError
 from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
@@ -25,18 +20,15 @@ from shipnet.modbus.uart import SerialLine
 
 Respond = Callable[[Adu], Answer]
 
-#: The library's constructors ask for a data store, which our handlers never ask.
-_STORE = SimDevice(0, SimData(0, datatype=DataType.REGISTERS))
-
 #: Requests of one client that are answered before all other clients have had their turn.
 _QUOTA = 4
 
 #: Bytes that are read from a client at once; until their requests are answered, no more are read.
 _READ = 4096
 
-#: Answers held back for one client, or for all datagrams together: further requests must wait, and
-#: further datagrams are lost.
-_HELD_BACK = 256
+#: Answers held back for one client, and for all senders of datagrams together: further requests
+#: must wait, and further datagrams are lost.
+_HELD_BACK, _ALL_HELD_BACK = 256, 1 << 15
 
 #: Unsent answers at which a client that does not read is disconnected [byte]: 250 of the longest.
 _UNSENT = 1 << 16
@@ -51,46 +43,76 @@ _PAUSE = 0.01
 _HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU
 
 
-class _Handler(ServerRequestHandler):
-    """One connection, one serial port, or all datagrams.
+class Listener:
+    """Something that listens at a place, until it is closed.
 
-    The library's own handler keeps the request being answered in an attribute: while an answer is
-    held back, the next request, perhaps of another client, replaces it, and the answer goes out
-    with that one's transaction id and address. It also answers malformed requests with function
-    code 0x80. So each answer carries its own address here, and PDUs are read by ours.
+    `place` names it in errors, `handlers` are its connections, and `port` is what is bound.
     """
 
-    transport: Any
+    def __init__(self, respond: Respond, place: str) -> None:
+        self.respond, self.place, self.port = respond, place, 0
+        self.handlers: set[_Handler] = set()
+
+    async def listen(self) -> None:
+        """Open the port, or raise what keeps it from being opened."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close the port and all connections."""
+        for handler in list(self.handlers):
+            handler.transport.abort()
+            handler.connection_lost(None)
+
+
+class _Handler:
+    """One connection, one serial port, or all datagrams."""
+
+    transport: Any = None
 
     #: What may wait in the transport before answers are dropped [byte]; a serial one counts parts.
     unsent = _UNSENT
 
-    def __init__(self, owner: Any) -> None:
-        super().__init__(owner, None, None, None)  # type: ignore[no-untyped-call]
-        self.respond: Respond = owner.respond
+    def __init__(self, listener: Any) -> None:
+        self.listener, self.loop = listener, get_running_loop()
         self.received = b""
-        self.held_back = 0
+        self.held_back: Counter[Any] = Counter()
+
+    def connection_made(self, transport: Any) -> None:
+        """Begin."""
+        self.transport = transport
+        self.listener.handlers.add(self)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Send nothing any more."""
+        self.transport = None
+        self.listener.handlers.discard(self)
 
     def reply(self, request: Adu, to: Any = None, wait: float = 0.0) -> None:
         """Send the answer when it is due."""
-        if self.held_back >= _HELD_BACK:
+        held = self.held_back
+        if held[to] >= _HELD_BACK or held.total() >= _ALL_HELD_BACK:
             return
-        answer = self.respond(request)
-        if answer.pdu:
-            frame = self.framer.encode(answer.pdu, request.unit_id, request.transaction_id or 0)
-            if wait + answer.delay > 0:
-                self.held_back += 1
-                self.loop.call_later(wait + answer.delay, self._send_late, frame, to)
-            else:
-                self._send_if_open(frame, to)
+        answer = self.listener.respond(request)
+        if not answer.pdu:
+            return
+        adu = Adu(request.unit_id, answer.pdu, request.transaction_id)
+        frame = adu.rtu if request.transaction_id is None else adu.tcp
+        if wait + answer.delay > 0:
+            held[to] += 1
+            self.loop.call_later(wait + answer.delay, self._send_late, frame, to)
+        else:
+            self._send_if_open(frame, to)
 
     def _send_late(self, frame: bytes, to: Any) -> None:
-        self.held_back -= 1
+        self.held_back -= Counter([to])  # forgets who has none left
         self._send_if_open(frame, to)
 
     def _send_if_open(self, frame: bytes, to: Any) -> None:
         if self._is_open() and self.transport.get_write_buffer_size() <= self.unsent:
-            self.send(frame, to)
+            self._send(frame, to)
+
+    def _send(self, frame: bytes, to: Any) -> None:
+        self.transport.write(frame)
 
     def _is_open(self) -> bool:
         return self.transport is not None and not self.transport.is_closing()
@@ -99,17 +121,17 @@ class _Handler(ServerRequestHandler):
 class _TcpHandler(_Handler, BufferedProtocol):
     """A connection, which reads a bounded number of bytes and answers them in turns."""
 
-    def __init__(self, owner: Any) -> None:
-        super().__init__(owner)
+    def __init__(self, listener: TcpListener) -> None:
+        super().__init__(listener)
         self.space = bytearray(_READ)
         self.in_turn = False
         self.last_request = self.loop.time()
-        self.timer = self.loop.call_later(owner.idle_limit, self._end_if_idle)
+        self.timer = self.loop.call_later(listener.idle_limit, self._end_if_idle)
 
-    def callback_disconnected(self, exc: Exception | None) -> None:
+    def connection_lost(self, exc: Exception | None) -> None:
         """Forget the idle limit."""
         self.timer.cancel()
-        super().callback_disconnected(exc)
+        super().connection_lost(exc)
 
     def get_buffer(self, sizehint: int) -> bytearray:
         """Return where the next bytes go."""
@@ -127,7 +149,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
         for _ in range(_QUOTA):
             if not self._is_open():
                 return
-            if self.held_back >= _HELD_BACK:
+            if self.held_back[None] >= _HELD_BACK:
                 self.transport.pause_reading()  # an answer that is sent takes the next turn
                 return
             frame = self._next_frame()
@@ -168,7 +190,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
 
     def _end_if_idle(self) -> None:
         """End a connection whose last request was answered long ago, or look again later."""
-        now, limit = self.loop.time(), self.server.idle_limit
+        now, limit = self.loop.time(), self.listener.idle_limit
         if self.held_back:
             self.last_request = now
         rest = self.last_request + limit - now
@@ -178,96 +200,83 @@ class _TcpHandler(_Handler, BufferedProtocol):
             self.transport.abort()
 
 
-class _UdpHandler(_Handler):
+class _UdpHandler(_Handler, DatagramProtocol):
     def datagram_received(self, data: bytes, addr: Any) -> None:
         """Answer a datagram that is a frame, and ignore others."""
-        try:
-            adu = decode(data, "tcp")
-        except FrameError:
-            return
-        self.reply(adu, addr)
+        with suppress(FrameError):
+            self.reply(decode(data, "tcp"), addr)
+
+    def _send(self, frame: bytes, to: Any) -> None:
+        self.transport.sendto(frame, to)
 
 
-class _RtuHandler(_Handler):
+class _RtuHandler(_Handler, Protocol):
     """A frame is whole when its CRC is right; silence ends what never becomes one."""
 
-    timer: TimerHandle | None = None
     unsent = 4
 
-    def datagram_received(self, data: bytes, addr: Any) -> None:
+    def __init__(self, listener: RtuListener) -> None:
+        super().__init__(listener)
+        self.timer = self.loop.call_soon(self._forget)
+
+    def data_received(self, data: bytes) -> None:
         """Collect bytes until they are a frame, or until silence."""
-        if self.timer is not None:
-            self.timer.cancel()
+        self.timer.cancel()
         # One byte too many is enough to know that it is not a frame.
         self.received = (self.received + data)[: MAX_PDU + RTU_BYTES + 1]
         try:
             adu = decode(self.received)
         except FrameError:
-            self.timer = self.loop.call_later(self.server.silence, self._forget)
+            self.timer = self.loop.call_later(self.listener.silence, self._forget)
             return
         self._forget()
-        self.reply(adu, wait=self.server.line.t35)
+        self.reply(adu, wait=self.listener.line.t35)
 
     def _forget(self) -> None:
         self.received = b""
 
 
-class _Listener(ModbusBaseServer):
-    """A server of the library that raises what keeps it from listening, instead of logging it."""
-
-    transport: Any
-
-    async def listen(self) -> bool:
-        """Open the port."""
-        self.is_listener = True
-        self.transport = (await self.call_create())[0]
-        return True
-
-
-class TcpServer(ModbusTcpServer):
-    """The library's TCP server with our handler, and with a limit of clients."""
-
-    transport: Any
+class TcpListener(Listener):
+    """Accepts up to a number of clients."""
 
     def __init__(
         self, respond: Respond, host: str, port: int, max_clients: int, idle_limit: float
     ) -> None:
-        super().__init__(_STORE, address=(host, port))
-        self.address = host, port
-        self.respond, self.max_clients, self.idle_limit = respond, max_clients, idle_limit
+        super().__init__(respond, f"{host}, port {port}")
+        self.address, self.max_clients, self.idle_limit = (host, port), max_clients, idle_limit
         self.accepting: list[Task[None]] = []
         self.refuses = False
 
-    async def listen(self) -> bool:
+    async def listen(self) -> None:
         """Bind all addresses of the host, and accept connections.
 
         The event loop's own way to accept has no limit of clients, and logs a traceback whenever
         the process has no file descriptor left.
         """
-        self.is_listener = True
-        self.transport = await self.loop.create_server(
-            self.handle_new_connection, *self.address, start_serving=False
-        )
-        for bound in self.transport.sockets:
+        loop = get_running_loop()
+        server = await loop.create_server(Protocol, *self.address, start_serving=False)
+        self.port = server.sockets[0].getsockname()[1]
+        for bound in server.sockets:
             listening = bound.dup()
             listening.setblocking(False)
             listening.listen(_BACKLOG)
-            self.accepting.append(self.loop.create_task(self._accept(listening)))
-        return True
+            self.accepting.append(loop.create_task(self._accept(listening)))
+        server.close()
 
-    def close(self, reconnect: bool = False) -> None:
+    def close(self) -> None:
         """Accept no more, and close all connections."""
         for task in self.accepting:
             task.cancel()
-        super().close(reconnect)
+        super().close()
 
     async def _accept(self, listening: socket) -> None:
         """Accept connections for ever; those that are too many are closed at once."""
+        loop = get_running_loop()
         spare = _open_socket()  # its descriptor serves to refuse when no other one is left
         try:
             while True:
                 try:
-                    connection, _ = await self.loop.sock_accept(listening)
+                    connection, _ = await loop.sock_accept(listening)
                 except OSError as problem:
                     self._refuse(str(problem))
                     if spare is not None:
@@ -277,13 +286,13 @@ class TcpServer(ModbusTcpServer):
                     spare = _open_socket()
                     await sleep(_PAUSE)
                     continue
-                if len(self.active_connections) >= self.max_clients:
+                if len(self.handlers) >= self.max_clients:
                     self._refuse(f"{self.max_clients} clients are connected")
                     connection.close()
                     continue
                 self.refuses = False
                 with suppress(OSError):
-                    await self.loop.connect_accepted_socket(self.handle_new_connection, connection)
+                    await loop.connect_accepted_socket(lambda: _TcpHandler(self), connection)
         finally:
             listening.close()
             if spare is not None:
@@ -295,15 +304,6 @@ class TcpServer(ModbusTcpServer):
             logging.getLogger("shipnet.modbus.server").warning("connections are refused: %s", why)
         self.refuses = True
 
-    def callback_new_connection(self) -> _Handler:
-        """Return the handler of a connection; every connection begins here."""
-        return _TcpHandler(self)
-
-    @property
-    def port(self) -> int:
-        """The port that is bound."""
-        return int(self.transport.sockets[0].getsockname()[1])
-
 
 def _open_socket() -> socket | None:
     try:
@@ -312,53 +312,45 @@ def _open_socket() -> socket | None:
         return None
 
 
-class UdpServer(_Listener, ModbusUdpServer):
-    """The library's UDP server with our handler."""
+class UdpListener(Listener):
+    """Takes datagrams of any sender."""
 
     def __init__(self, respond: Respond, host: str, port: int) -> None:
-        super().__init__(_STORE, address=(host, port))
-        self.respond = respond
+        super().__init__(respond, f"{host}, port {port}")
+        self.address = host, port
 
-    def callback_new_connection(self) -> _Handler:
-        """Return the handler of all datagrams."""
-        return _UdpHandler(self)
-
-    @property
-    def port(self) -> int:
-        """The port that is bound."""
-        return int(self.transport.get_extra_info("sockname")[1])
+    async def listen(self) -> None:
+        """Bind the port."""
+        transport, _ = await get_running_loop().create_datagram_endpoint(
+            lambda: _UdpHandler(self), local_addr=self.address
+        )
+        self.port = int(transport.get_extra_info("sockname")[1])
 
 
-class RtuServer(_Listener, ModbusSerialServer):
-    """The library's serial server with our handler."""
-
-    port = 0
+class RtuListener(Listener):
+    """Holds a serial port, through pymodbus and pyserial."""
 
     def __init__(self, respond: Respond, path: str, line: SerialLine, silence: float) -> None:
-        super().__init__(
-            _STORE,
-            framer=FramerType.RTU,
-            port=path,
-            baudrate=round(line.bit_rate),
-            parity=line.character[1],
-            stopbits=int(line.character[2]),
-        )
-        self.respond, self.line, self.silence = respond, line, silence
+        super().__init__(respond, path)
+        self.line, self.silence = line, silence
 
-    async def listen(self) -> bool:
+    async def listen(self) -> None:
         """Open the port, and make sure that it has a parity bit if there should be one.
 
         Linux may ignore the parity of a pseudo-terminal without an error.
         """
-        await super().listen()
+        size, parity, stop = tuple(self.line.character)
+        library = import_module("pymodbus.transport.serialtransport")
+        transport, handler = await library.create_serial_connection(
+            get_running_loop(), lambda: _RtuHandler(self), self.place,
+            baudrate=round(self.line.bit_rate), bytesize=int(size), parity=parity,
+            stopbits=int(stop), timeout=0,
+        )  # fmt: skip
+        # The transport is set up in the next two turns of the loop.
+        while handler.transport is None:
+            await sleep(0)
         with suppress(ImportError):  # Windows refuses what a port cannot do
             termios = import_module("termios")
-            flags = termios.tcgetattr(self.transport.sync_serial.fileno())[2]
-            if self.comm_params.parity != "N" and not flags & termios.PARENB:
-                await sleep(0)  # what the transport has scheduled needs the port
+            flags = termios.tcgetattr(transport.sync_serial.fileno())[2]
+            if parity != "N" and not flags & termios.PARENB:
                 raise OSError(EINVAL, "the device has no parity")
-        return True
-
-    def callback_new_connection(self) -> _Handler:
-        """Return the handler of the port."""
-        return _RtuHandler(self)

@@ -21,20 +21,6 @@ class Poll:
 
     .. math:: T = t_{request} + t_{3.5} + t_{processing} + t_{response} + t_{3.5}
 
-    Parameters
-    ----------
-    request : Request
-        What is asked; the normal response has the length that belongs to it.
-    line : SerialLine
-        Settings of the line.
-    processing : float, default 0
-        How long the slave, and the master after it, work on top of the silences, 0..3600 [s].
-    timeout : float, default 1
-        Response time-out [s]: how long the master waits, from the end of its request, for the
-        whole response. It must not be shorter than a response takes, nor longer than 3600.
-    retries : int, default 0
-        How many more times the master asks a slave that does not answer, 0..100.
-
     Raises
     ------
     ArgumentError
@@ -63,9 +49,17 @@ class Poll:
 
     request: Request
     line: SerialLine
-    processing: float = number(0, 3600, "s", "Time that slave and master work", default=0.0)
-    timeout: float = number(0, 3600, "s", "Response time-out", default=1.0)
-    retries: int = whole(0, 100, help="Retries of a request without an answer", default=0)
+    processing: float = number(
+        0, 3600, "s",
+        "How long the slave, and the master after it, work on top of the silences", default=0.0,
+    )  # fmt: skip
+    timeout: float = number(
+        0, 3600, "s", "Response time-out: how long the master waits, from the end of its request, "
+        "for the whole response; it must not be shorter than a response takes", default=1.0,
+    )  # fmt: skip
+    retries: int = whole(
+        0, 100, help="How many more times the master asks a slave that does not answer", default=0
+    )
     #: Length of both frames, unit id and CRC included [byte].
     request_size: int = field(init=False, repr=False, compare=False)
     response_size: int = field(init=False, repr=False, compare=False)

@@ -169,32 +169,6 @@ class _Redundant:
 class Loop(_Redundant):
     r"""A line from port A of a master past all slaves, in a closed loop back to its port B.
 
-    Parameters
-    ----------
-    n_slaves : int
-        Number of slaves, 1..247; slave 1 is the one next to port A.
-    poll : Poll
-        What each slave is asked.
-    closed : bool, default True
-        Whether the line goes on from the last slave to port B. Otherwise it ends there, and the
-        master has port A only.
-    isolators : bool, default False
-        Whether a shorted section is cut out at both of its ends, as a break would be. Without
-        them, it takes with it every slave and port that it is connected to.
-    move : {"slave", "downstream"}, default "slave"
-        Who is moved to the other port: the slave alone, or with it all that lie downstream of it
-        and are served through the same port.
-    failures : int, default 1
-        How many polls of a slave must fail in a row, each with all its retries, 1..100. With the
-        last of them the master asks it through the other port at once, with the same retries. If
-        it answers there, it is served from there; if not, it is lost, and no longer polled.
-    recheck : float, default 60
-        After this time without a failed try, not shorter than a scan, up to 1e6 [s], the master
-        tries once more what failed: the next slave in turn that is lost or served through B gets
-        one request through port A, without retries, and a lost one then another through B. A
-        slave that answers through A is served from there again, and the next one is tried in the
-        same scan.
-
     Raises
     ------
     ArgumentError
@@ -255,15 +229,36 @@ class Loop(_Redundant):
     1.34
     """
 
-    n_slaves: int = whole(1, MAX_UNIT, help="Number of slaves")
-    poll: Poll
-    closed: bool = switch("The line goes on to port B", default=True, kw_only=True)
-    isolators: bool = switch("A shorted section is cut out", default=False, kw_only=True)
-    move: Literal["slave", "downstream"] = choice(
-        ("slave", "downstream"), "Who is moved", default="slave", kw_only=True
+    n_slaves: int = whole(
+        1, MAX_UNIT, help="Number of slaves, counted from 1, the one next to port A"
     )
-    failures: int = whole(1, 100, help="Polls that must fail in a row", default=1, kw_only=True)
-    recheck: float = number(1e-3, 1e6, "s", "Time without a failed try", default=60.0, kw_only=True)
+    poll: Poll
+    closed: bool = switch(
+        "Whether the line goes on from the last slave to port B; otherwise it ends there, and the "
+        "master has port A only", default=True, kw_only=True,
+    )  # fmt: skip
+    isolators: bool = switch(
+        "Whether a shorted section is cut out at both of its ends, as a break would be; without "
+        "isolators, it takes with it every slave and port that it is connected to",
+        default=False, kw_only=True,
+    )  # fmt: skip
+    move: Literal["slave", "downstream"] = choice(
+        ("slave", "downstream"),
+        "Who is moved to the other port: the slave alone, or with it all that lie downstream of "
+        "it and are served through the same port", default="slave", kw_only=True,
+    )  # fmt: skip
+    failures: int = whole(
+        1, 100, help="Polls of a slave, each with all its retries, that must fail in a row before "
+        "the master asks it through the other port, with the same retries; if it is silent there "
+        "too, it is lost, and no longer polled", default=1, kw_only=True,
+    )  # fmt: skip
+    recheck: float = number(
+        1e-3, 1e6, "s", "Time without a failed try, not shorter than a scan, after which the "
+        "master tries once more what failed: the next slave in turn that is lost or served "
+        "through B gets one request through port A, without retries, and a lost one then another "
+        "through B. A slave that answers through A is served from there again, and the next one "
+        "is tried in the same scan", default=60.0, kw_only=True,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Check what depends on other fields."""
@@ -394,19 +389,6 @@ class Loop(_Redundant):
 class DualChannel(_Redundant):
     r"""Two channels from a master to two slaves that both hold all data.
 
-    Parameters
-    ----------
-    poll : Poll
-        What the slave in use is asked.
-    period : float, default 1
-        From the begin of a poll to the next, not shorter than a poll, up to 3600 [s]. The AMS of
-        [1]_ polls once a second. A poll that takes longer delays the next one.
-    failures : int, default 1
-        How many polls must fail in a row, each with all its retries, 1..100, before the master
-        asks on the other channel.
-    recheck : float, default 60
-        As for `Loop`; not shorter than `period`, up to 1e6 [s].
-
     Raises
     ------
     ArgumentError
@@ -447,9 +429,18 @@ class DualChannel(_Redundant):
     """
 
     poll: Poll
-    period: float = number(0, 3600, "s", "Time from poll to poll", default=1.0, kw_only=True)
-    failures: int = whole(1, 100, help="Polls that must fail in a row", default=1, kw_only=True)
-    recheck: float = number(1e-3, 1e6, "s", "Time without a failed try", default=60.0, kw_only=True)
+    period: float = number(
+        0, 3600, "s", "From the begin of a poll to the next, not shorter than a poll; a poll that "
+        "takes longer delays the next one. The AMS of [1]_ polls once a second", default=1.0,
+        kw_only=True,
+    )  # fmt: skip
+    failures: int = whole(
+        1, 100, help="Polls, each with all its retries, that must fail in a row before the master "
+        "asks on the other channel", default=1, kw_only=True,
+    )  # fmt: skip
+    recheck: float = number(
+        1e-3, 1e6, "s", "As for `Loop`; not shorter than `period`", default=60.0, kw_only=True
+    )
 
     def __post_init__(self) -> None:
         """Check what depends on other fields."""

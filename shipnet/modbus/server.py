@@ -19,15 +19,15 @@ from errno import (
     ENXIO,
     EPERM,
 )
-from importlib import import_module
 from socket import gaierror
 from threading import Thread
 from time import monotonic
-from typing import Any, Literal
+from typing import Literal
 
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, load_extra
 from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.frame import MAX_UNIT
+from shipnet.modbus.handlers import Listener, Respond, RtuListener, TcpListener, UdpListener
 from shipnet.modbus.pdu import Adu
 from shipnet.modbus.slave import Answer, Device, Slave, answer
 from shipnet.modbus.uart import SerialLine
@@ -83,14 +83,14 @@ class Server:
     def __init__(
         self,
         slaves: dict[int, Slave],
-        make: Callable[..., Any],
+        make: Callable[[Respond], Listener],
         clock: Callable[[], Clock],
         serial: bool,
     ) -> None:
         self.slaves = slaves
         self.port = 0
         self._make, self._clock, self._serial = make, clock, serial
-        self._listener: Any = None
+        self._listener: Listener | None = None
         self._thread: Thread | None = None
         self._stop: Callable[[], object] = lambda: None
 
@@ -166,35 +166,30 @@ class Server:
         # A serial port that refuses its settings raises no OSError.
         except Exception as problem:
             listener.close()
-            why = self._cause(problem, listener.comm_params)
+            why = _cause(problem, listener)
         if why:  # no exception keeps the frames, and with them a half-open port
-            raise OSError(why)
-        # A serial port is set up in the next turn of the loop.
-        await asyncio.sleep(0)
+            raise OSError(f"cannot listen on {listener.place}: {why}")
         self._listener, self.port = listener, listener.port
 
-    def _cause(self, problem: Exception, settings: Any) -> str:
-        """Say why it cannot listen, by the error of the system; pyserial hides it in a text."""
-        place, port = settings.source_address
-        causes = _SERIAL_CAUSES if self._serial else _NETWORK_CAUSES
-        raised = (problem, problem.__context__)
-        codes = [one for e in raised if e is not None for one in e.args[:1] if one in causes]
-        why = causes[codes[0]] if codes else str(problem)
-        if isinstance(problem, gaierror | UnicodeError):
-            why = "unknown host"
-        where = place if self._serial else f"{place}, port {port}"
-        character = f"{settings.bytesize}{settings.parity}{settings.stopbits}"
-        return f"cannot listen on {where}: {why.format(port=port, character=character)}"
-
     async def _close(self) -> None:
-        listener, self._listener, self.port = self._listener, None, 0
-        for connection in list(listener.active_connections.values()):
-            if connection.transport is not None:
-                connection.transport.abort()
-        await listener.shutdown()
-        # The loop tells a transport in its next turn that it is closed.
+        if self._listener is not None:
+            self._listener.close()
+        self._listener, self.port = None, 0
+        # The loop closes a transport, and ends a task, in its next turns.
         for _ in range(3):
             await asyncio.sleep(0)
+
+
+def _cause(problem: Exception, listener: Listener) -> str:
+    """Say why it cannot listen, by the error of the system; pyserial hides it in a text."""
+    if isinstance(problem, gaierror | UnicodeError):
+        return "unknown host"
+    causes, character = _NETWORK_CAUSES, ""
+    if isinstance(listener, RtuListener):
+        causes, character = _SERIAL_CAUSES, listener.line.character
+    raised = (problem, problem.__context__)
+    codes = [one for e in raised if e is not None for one in e.args[:1] if one in causes]
+    return causes[codes[0]].format(character=character) if codes else str(problem)
 
 
 def serve(
@@ -252,22 +247,22 @@ def serve(
     ArgumentError
         If an argument is out of its range.
     ImportError
-        If pymodbus, or pyserial for RTU, is missing.
+        For RTU, if pymodbus or pyserial is missing.
     OSError
         On entry, if it cannot listen there; the text names the cause, such as a port in use, a
         missing device, or a parity that the device does not support.
 
     Notes
     -----
-    pymodbus opens the ports and makes the frames; requests are read and answered by
-    `shipnet.modbus`. A frame of another protocol, a datagram that is not a frame and an RTU frame
-    with a wrong CRC get no answer; a TCP connection with an impossible length field
-    is closed, because nothing shows where the next frame begins.
+    A frame of another protocol, a datagram that is not a frame and an RTU frame with a wrong CRC
+    get no answer; a TCP connection with an impossible length field is closed, because nothing
+    shows where the next frame begins.
 
     Clients take turns: at most four requests of one TCP client are answered before those of all
     others have had their turn. A client that leaves 64 KiB of answers unread is disconnected; one
-    with 256 answers held back must wait. Datagrams share one queue of the system, which drops what
-    comes too fast, whoever sent it.
+    with 256 answers held back must wait. Datagrams share one queue of the system, first come,
+    first served: it drops what comes too fast, whoever sent it. Of a sender with 256 answers held
+    back, further datagrams are dropped, and of all senders at 32768 answers.
 
     Examples
     --------
@@ -298,31 +293,15 @@ def serve(
     most = check_whole("max_clients", max_clients, 1, 10_000)
     if clock is None:
         check_scalar("speed", speed, "s/s", 0, 1e6)
-    handlers = _handlers(rtu)
+    if rtu:
+        for module, package in (("pymodbus", "pymodbus"), ("serial", "pyserial")):
+            load_extra(module, package)
 
-    def make(respond: Callable[[int, bytes], Answer]) -> Any:
+    def make(respond: Respond) -> Listener:
         if rtu:
-            return handlers.RtuServer(respond, serial_port, line, quiet)
+            return RtuListener(respond, serial_port, line, quiet)
         if transport == "udp":
-            return handlers.UdpServer(respond, host, bound)
-        return handlers.TcpServer(respond, host, bound, most, limit)
+            return UdpListener(respond, host, bound)
+        return TcpListener(respond, host, bound, most, limit)
 
     return Server(slaves, make, lambda: clock or real_clock(speed), rtu)
-
-
-def _handlers(rtu: bool) -> Any:
-    """Return the module that imports the library."""
-    try:
-        if rtu:
-            import_module("serial")
-        from shipnet.modbus import handlers
-    except ModuleNotFoundError as problem:
-        missing = {"pymodbus": "pymodbus", "serial": "pyserial"}.get(
-            str(problem.name).partition(".")[0]
-        )
-        if missing is None:
-            raise
-        raise ImportError(
-            f'{missing} is not installed; this installs it: python -m pip install "shipnet[bus]"'
-        ) from None
-    return handlers

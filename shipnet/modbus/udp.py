@@ -6,9 +6,8 @@ Simulated time only; of a frame, the transaction id and the unit id matter here.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +18,7 @@ from shipnet.fields import check_scalar, check_whole, number, record
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["LossyPath", "Run", "compare", "simulate"]
+__all__ = ["LossyPath", "compare"]
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -61,54 +60,17 @@ class LossyPath:
         return np.where(gone, np.inf, time)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Run:
-    """What became of a master's requests; `simulate` returns it.
-
-    Parameters
-    ----------
-    unit : ndarray of int, shape (n,)
-        Who was asked.
-    sent, taken : ndarray of float, shape (n,)
-        When the request went out and a reply was taken [s]; NaN after a time-out.
-    reply_to : ndarray of int, shape (n,)
-        The request whose reply was taken, -1 after a time-out.
-    dropped : int
-        Replies that the master received and did not take.
-
-    Examples
-    --------
-    >>> simulate([1, 2, 3], LossyPath(), rng=1)
-    Run(3 requests, 0 time-outs, 0 mismatched replies)
-    """
+class Run(NamedTuple):
+    """What became of a master's requests, one entry per request."""
 
     unit: Integers
+    #: When the request went out and a reply was taken [s]; NaN after a time-out.
     sent: Floats
     taken: Floats
+    #: The request whose reply was taken, -1 after a time-out.
     reply_to: Integers
+    #: How many replies the master received and did not take.
     dropped: int
-
-    def __repr__(self) -> str:
-        """Return what came of it in one line."""
-        return (
-            f"Run({self.unit.size} requests, {self.timeouts} time-outs, "
-            f"{self.mismatched} mismatched replies)"
-        )
-
-    def events(self) -> pd.DataFrame:
-        """Return one row per request: ``unit``, ``sent_s``, ``taken_s``, ``reply_to``."""
-        import pandas as pd
-
-        columns = {"unit": self.unit, "sent_s": self.sent, "taken_s": self.taken}
-        return pd.DataFrame({**columns, "reply_to": self.reply_to}).rename_axis("request")
-
-    def table(self) -> pd.DataFrame:
-        """Return one row per unit: ``requests``, ``timeouts``, ``mismatched``."""
-        import pandas as pd
-
-        wrong = (self.reply_to >= 0) & (self.reply_to != np.arange(self.unit.size))
-        each = pd.DataFrame({"requests": 1, "timeouts": self.reply_to < 0, "mismatched": wrong})
-        return each.groupby(pd.Index(self.unit, name="unit")).sum()
 
     @property
     def timeouts(self) -> int:
@@ -138,72 +100,16 @@ def simulate(
     flush: bool = False,
     rng: Any = None,
 ) -> Run:
-    r"""Simulate a master that asks one unit after the other in datagrams.
+    """Simulate a master that asks one unit after the other in datagrams.
 
-    Parameters
-    ----------
-    units : array_like of int, shape (n,)
-        Who is asked, in this order, 0..255; at most a million.
-    path : LossyPath
-        The network, there and back.
-    match : {"transaction id", "unit id", "nothing"}, default "transaction id"
-        What the master compares in a reply: the id that is its request's own, or with ids that are
-        all 0 the unit id, or nothing.
-    timeout : float, default 0.5
-        How long the master waits for a reply, 1e-9..3600 [s].
-    period : float, default 0
-        Least time from one request to the next, 0..3600 [s]; with 0 the next one follows at once.
-    processing : float, default 0
-        How long a unit works on its reply, 0..3600 [s].
-    flush : bool, default False
-        Whether the master empties its socket before each request. Otherwise what arrived since
-        the last one is read first.
-    rng : int or numpy.random.Generator, optional
-        Draws what happens to the datagrams, in the same way for all other arguments.
-
-    Returns
-    -------
-    Run
-        What became of each request.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
-    Notes
-    -----
-    The header in tables 2 and 3 of kim2014 [1]_ begins with 0.0.0.0: transaction id 0. A reply
-    that comes after its time-out then looks the same as the one that is waited for, where the
-    guide has an id that pairs them [2]_. Let a round trip take r and a late one r + L, with
-    L < T < r + L for a time-out T, and let the next request follow at once. The late reply comes
-    before the one to that request, which is left over for the following, and so on. One late reply
-    to request j of n, counted from 0, mismatches all others after it,
-
-    .. math:: n - 1 - j
-
-    and nothing ends it but another fault. A master with `flush` and a period takes only one wrong
-    reply for each late one. If a share p of the replies is late, and each comes while request m
-    later is waited for and before the reply to that, the expected number is
-
-    .. math:: (n - m) \, p
-
-    References
-    ----------
-    .. [1] J. H. Kim, Y. H. Yu, J. Korean Soc. Marine Eng. 38(3), 2014, tables 2 and 3.
-    .. [2] "MODBUS messaging on TCP/IP implementation guide", V1.0b, 2006, section 4.4.1.
-
-    Examples
-    --------
-    Every tenth transaction has a late datagram; units 1 to 4 are asked in turn:
-
-    >>> units, path = np.tile([1, 2, 3, 4], 25), LossyPath(late=0.05, lateness=0.6)
-    >>> simulate(units, path, match="nothing", rng=2024)
-    Run(100 requests, 3 time-outs, 8 mismatched replies)
-    >>> simulate(units, path, rng=2024)
-    Run(100 requests, 8 time-outs, 0 mismatched replies)
+    It takes a reply whose transaction id is its request's own, or, with ids that are all 0, whose
+    unit id is right, or any; the other arguments are those of `compare`.
     """
-    asked = _units(units)
+    asked = np.asarray(units)
+    if asked.ndim != 1 or not 1 <= asked.size <= _MOST or asked.dtype.kind not in "iu":
+        raise ArgumentError(f"units is {units!r}; it must be a row of 1..{_MOST} whole numbers")
+    if asked.min() < 0 or asked.max() > 255:
+        raise ArgumentError(f"units reach from {asked.min()} to {asked.max()}; they must be 0..255")
     if match not in _MATCHES:
         raise ArgumentError(f"match is {match!r}; it must be one of {', '.join(_MATCHES)}")
     if not isinstance(flush, bool):
@@ -251,7 +157,7 @@ def compare(
     flush: bool = False,
     rng: Any = None,
 ) -> pd.DataFrame:
-    """Compare what a master may check in a reply, on the same network.
+    r"""Compare what a master may check in a reply, on the same network.
 
     Parameters
     ----------
@@ -259,8 +165,15 @@ def compare(
         Who is asked, in this order, 0..255; at most a million.
     path : LossyPath
         The network, there and back.
-    timeout, period, processing, flush
-        As for `simulate`.
+    timeout : float, default 0.5
+        How long the master waits for a reply, 1e-9..3600 [s].
+    period : float, default 0
+        Least time from one request to the next, 0..3600 [s]; with 0 the next one follows at once.
+    processing : float, default 0
+        How long a unit works on its reply, 0..3600 [s].
+    flush : bool, default False
+        Whether the master empties its socket before each request. Otherwise what arrived since
+        the last one is read first.
     rng : int or numpy.random.Generator, optional
         Draws what happens to the datagrams, once for all rows: they differ in what is checked only.
 
@@ -268,12 +181,35 @@ def compare(
     -------
     pandas.DataFrame
         One row per way to check, named by what is compared: ``nothing``, ``unit id``,
-        ``transaction id``; columns ``mismatched``, ``wrong_unit``, ``timeouts``, ``dropped``.
+        ``transaction id``; columns ``mismatched`` (the reply to another request was taken),
+        ``wrong_unit`` (that of another unit), ``timeouts``, ``dropped`` (replies not taken).
 
     Raises
     ------
     ArgumentError
         If an argument is out of its range.
+
+    Notes
+    -----
+    The header in tables 2 and 3 of kim2014 [1]_ begins with 0.0.0.0: transaction id 0. A reply
+    that comes after its time-out then looks the same as the one that is waited for, where the
+    guide has an id that pairs them [2]_. Let a round trip take r and a late one r + L, with
+    L < T < r + L for a time-out T, and let the next request follow at once. The late reply comes
+    before the one to that request, which is left over for the following, and so on. One late reply
+    to request j of n, counted from 0, mismatches all others after it,
+
+    .. math:: n - 1 - j
+
+    and nothing ends it but another fault. A master with `flush` and a period takes only one wrong
+    reply for each late one. If a share p of the replies is late, and each comes while request m
+    later is waited for and before the reply to that, the expected number is
+
+    .. math:: (n - m) \, p
+
+    References
+    ----------
+    .. [1] J. H. Kim, Y. H. Yu, J. Korean Soc. Marine Eng. 38(3), 2014, tables 2 and 3.
+    .. [2] "MODBUS messaging on TCP/IP implementation guide", V1.0b, 2006, section 4.4.1.
 
     Examples
     --------
@@ -287,19 +223,10 @@ def compare(
     import pandas as pd
 
     seed = int(np.random.default_rng(rng).integers(2**63))
-    settings = {"timeout": timeout, "period": period, "processing": processing}
+    settings = {"timeout": timeout, "period": period, "processing": processing, "flush": flush}
     rows = {}
     for match in _MATCHES:
-        run = simulate(units, path, match=match, flush=flush, rng=seed, **settings)
+        run = simulate(units, path, match=match, rng=seed, **settings)  # type: ignore[arg-type]
         rows[match] = (run.mismatched, run.wrong_unit, run.timeouts, run.dropped)
     columns = ["mismatched", "wrong_unit", "timeouts", "dropped"]
     return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
-
-
-def _units(units: Sequence[int] | Integers) -> Integers:
-    asked = np.asarray(units)
-    if asked.ndim != 1 or not 1 <= asked.size <= _MOST or asked.dtype.kind not in "iu":
-        raise ArgumentError(f"units is {units!r}; it must be a row of 1..{_MOST} whole numbers")
-    if asked.min() < 0 or asked.max() > 255:
-        raise ArgumentError(f"units reach from {asked.min()} to {asked.max()}; they must be 0..255")
-    return asked.astype(np.int64)

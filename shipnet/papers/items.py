@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from shipnet import datasets, style
 from shipnet.errors import ArgumentError
 from shipnet.papers import judging
+from shipnet.papers.claims import check_paper
 from shipnet.papers.registry import FIGURES, TABLES
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ class PrintedTable:
 
     def __post_init__(self) -> None:
         """Check that the table is transcribed."""
-        judging.check_paper(self.paper)
+        check_paper(self.paper)
         known = _transcribed(self.paper)
         if self.item not in known:
             raise ArgumentError(
@@ -159,7 +160,7 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
         ...
     shipnet.errors.ArgumentError: figure of kim2023 is 'Fig 99'; drawn are none
     """
-    judging.check_paper(paper)
+    check_paper(paper)
     judging.load((paper,))
     # Drawings are registered as their module is imported, which loads matplotlib.
     with suppress(ModuleNotFoundError):

@@ -15,27 +15,21 @@ from typing import TYPE_CHECKING, Any
 
 from shipnet import datasets, style
 from shipnet.errors import ArgumentError
+from shipnet.papers.claims import CONDITIONS, PAPERS, UNDECIDED, as_number, check_paper, rows
 from shipnet.papers.registry import REGISTRY, Recomputation
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-#: The papers by their keys, in the order in which they are shown.
-PAPERS: Mapping[str, str] = {
-    "kim2023": "Kim, Cho and Hyun, AS-Interface protocol utilization for smart ships, 2023",
-    "icn2007": "AS-Interface communication system for field networks (2), 2007",
-    "lee2012": "Lee and Kim, Distributed control system on dual field-bus for ship engine, 2012",
-    "chung1998": "Chung and Rhyu, Communication method for a ship main engine remote control, 1998",
-    "kim2014": "Kim and Yu, Electro hydraulic ballast remote valve control system, 2014",
-}
-
 #: Colour of each status: what has been done about a claim.
 _COLOURS = {
     "recomputed": "#0072B2",
     "checked": "#56B4E9",
     "ours": "#009E73",
+    "erratum": "#CC79A7",
     "context": "#d9d9d9",
+    "not verified": "#b0b0b0",
     "not reproducible": "#8c8c8c",
     "open": "#E69F00",
 }
@@ -62,7 +56,7 @@ class Claim:
     --------
     >>> claim = Claim("kim2023-074")
     >>> claim
-    <Claim kim2023-074: the paper says 0.7 %, we compute 7.368 %: typo>
+    <Claim kim2023-074: the paper says 0.7 %, we compute 7.368 %: erratum>
     >>> round(claim.recompute(slaves=100), 1)
     14.0
     """
@@ -87,7 +81,8 @@ class Claim:
     def __repr__(self) -> str:
         """Say what is printed, what we compute, and the verdict."""
         says, ours = _says(self._row), _ours(self._row)
-        return f"<Claim {self.id}: the paper says {says}, we compute {ours}: {self.verdict}>"
+        verdict = self.verdict or self.kind
+        return f"<Claim {self.id}: the paper says {says}, we compute {ours}: {verdict}>"
 
 
 class Ledger:
@@ -96,7 +91,7 @@ class Ledger:
     Examples
     --------
     >>> print(Ledger("kim2014"))
-    100 claims, 61 judged, 31 agree, open: 0
+    100 claims, 51 judged, 31 agree, open: 0
     """
 
     def __init__(self, paper: str | None = None) -> None:
@@ -134,8 +129,12 @@ class Ledger:
 
     def differing(self) -> pd.DataFrame:
         """Return the judged claims that do not simply agree, with the reason."""
-        columns = ["where", "claim", "published", "verdict", "note"]
+        columns = ["where", "claim", "published", "verdict", "holds_under", "corrected", "note"]
         return self.judged().query("verdict != 'agrees'")[columns]
+
+    def errata(self) -> pd.DataFrame:
+        """Return the misprints, wrong terms and slips of numbering, each with its correction."""
+        return self.table().query("kind == 'erratum'")[["where", "claim", "published", "corrected"]]
 
     def items(self) -> pd.DataFrame:
         """Return the figures and tables of the papers, and how each is treated."""
@@ -196,9 +195,9 @@ def ledger(paper: str | None = None) -> Ledger:
 
     Examples
     --------
-    >>> row = ledger("kim2023").table().loc["kim2023-074"]
-    >>> row.published, round(row.computed, 2), row.match, row.verdict
-    ('0.7', 7.37, 'factor 10', 'typo')
+    >>> row = ledger("icn2007").table().loc["icn2007-005"]
+    >>> row.published, round(row.computed, 4), row.match, row.verdict, row.holds_under
+    ('6', 0.006, 'factor 0.001', 'unit', 'as printed')
     """
     return Ledger(paper)
 
@@ -229,20 +228,24 @@ def show(*claims: str) -> pd.DataFrame:
     import pandas as pd
 
     ids = " ".join(claims).split()
-    rows = [_judge(claim) for claim in _claims_by_id(ids)]
-    shown = {
-        "where": [row["where"] for row in rows],
-        "claim": [row["claim"] for row in rows],
-        "the paper says": [_says(row) for row in rows],
-        "we compute": [_ours(row) for row in rows],
-        "verdict": [row["verdict"] for row in rows],
-    }
-    return pd.DataFrame(shown, index=ids)
-
-
-def as_number(text: str) -> float:
-    """Return a printed number as a float; ``0x..`` is read as hexadecimal."""
-    return float(int(text, 16)) if text.lower().startswith("0x") else float(text)
+    shown = pd.DataFrame(
+        [
+            {
+                "where": row["where"],
+                "claim": row["claim"],
+                "the paper says": _says(row),
+                "we compute": _ours(row),
+                "verdict": row["verdict"] or row["kind"],
+                "under": "" if row["holds_under"] == CONDITIONS[0] else row["holds_under"],
+                "why": _why(row),
+            }
+            for row in map(_judge, _claims_by_id(ids))
+        ],
+        index=ids,
+    )
+    # A column of empty cells takes room from the others.
+    empty = [name for name in ("we compute", "under", "why") if not shown[name].any()]
+    return shown.drop(columns=empty)
 
 
 def match(published: float, computed: float, precision: float) -> str:
@@ -274,25 +277,18 @@ def load(papers: Collection[str] = tuple(PAPERS)) -> None:
             importlib.import_module(f"shipnet.papers.{paper}")
 
 
-def check_paper(paper: str) -> None:
-    """Raise ArgumentError unless a paper has this key."""
-    if paper not in PAPERS:
-        raise ArgumentError(f"paper is {paper!r}; it must be one of {', '.join(PAPERS)}")
-
-
 def _claims(paper: str | None) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv for one paper or all."""
     if paper is not None:
         check_paper(paper)
     papers = tuple(PAPERS) if paper is None else (paper,)
     load(papers)
-    claims = datasets.read("claims.csv")
-    return claims[claims["paper"].isin(papers)].to_dict("records")
+    return [claim for claim in rows() if claim["paper"] in papers]
 
 
 def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv with these ids, in the order given."""
-    known = {claim["id"]: claim for claim in datasets.read("claims.csv").to_dict("records")}
+    known = {claim["id"]: claim for claim in rows()}
     if unknown := [id for id in ids if id not in known]:
         raise ArgumentError(f"no claim {', '.join(unknown)}; ids look like {next(iter(known))!r}")
     load({str(known[id]["paper"]) for id in ids})
@@ -310,11 +306,11 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
     recomputation = REGISTRY.get(claim["id"])
     computed: Any = _computed(recomputation) if recomputation else None
     difference, outcome = math.nan, ""
-    if recomputation and claim["kind"] == "numeric":
+    if recomputation and claim["precision"]:
         published = as_number(claim["value"])
         outcome = match(published, computed, as_number(claim["precision"]))
         difference = computed / published - 1 if published else math.nan
-    elif recomputation and claim["kind"] == "qualitative":
+    elif isinstance(computed, bool):
         outcome = "holds" if computed else "does not hold"
     return {
         **{key: claim[key] for key in ("id", "paper", "where", "kind", "claim")},
@@ -324,18 +320,20 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
         "relative_difference": difference,
         "match": outcome,
         "verdict": claim["verdict"],
+        "holds_under": claim["holds_under"],
+        "corrected": claim["corrected"],
         "status": _status(claim),
         "evidence": claim["evidence"] or (recomputation.evidence if recomputation else ""),
         "note": claim["note"],
     }
 
 
-def _status(claim: dict[Hashable, Any]) -> str:
-    if claim["kind"] == "context":
-        return "context"
-    if claim["id"] in REGISTRY:
-        return {"numeric": "recomputed", "qualitative": "checked", "ours": "ours"}[claim["kind"]]
-    return "not reproducible" if claim["verdict"] == "not reproducible" else "open"
+def _status(claim: Mapping[Hashable, Any]) -> str:
+    if claim["kind"] in ("ours", "erratum", "context"):
+        return str(claim["kind"])
+    if claim["verdict"] in UNDECIDED or claim["id"] not in REGISTRY:
+        return str(claim["verdict"] if claim["verdict"] in UNDECIDED else "open")
+    return "recomputed" if claim["kind"] == "numeric" else "checked"
 
 
 def _says(row: Mapping[str, Any]) -> str:
@@ -344,11 +342,19 @@ def _says(row: Mapping[str, Any]) -> str:
 
 
 def _ours(row: Mapping[str, Any]) -> str:
-    """Return what we compute, with its unit."""
+    """Return what we compute, with its unit; of an erratum only a number."""
     text = format_computed(row["computed"], str(row["published"]))
-    return (
-        text if isinstance(row["computed"], bool) or not text else f"{text} {row['unit']}".strip()
-    )
+    if isinstance(row["computed"], bool):
+        return "" if row["kind"] == "erratum" else text
+    return f"{text} {row['unit']}".strip() if text else ""
+
+
+def _why(row: Mapping[str, Any]) -> str:
+    """Return what should stand there and the note, where a claim does not simply agree."""
+    if row["verdict"] == "agrees" or row["kind"] in ("ours", "context"):
+        return ""
+    instead = f"instead {row['corrected']}" if row["corrected"] else ""
+    return ": ".join(filter(None, [instead, row["note"]]))
 
 
 def format_computed(value: object, published: str = "") -> str:

@@ -11,18 +11,15 @@ from typing import TYPE_CHECKING, ClassVar
 
 from matplotlib.axes import Axes
 
-from shipnet import style
-from shipnet.design.comparison import RESPONSE
-from shipnet.design.costs import label
+from shipnet.design.comparison import RESPONSE, Comparison
 from shipnet.design.iolist import read_iolist
-from shipnet.design.plot import plot_pareto
 from shipnet.design.report import BANNER
 from shipnet.design.rules import RULE_SETS
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import choice, number, record, switch, text
 from shipnet.tables import text_of
-from shipnet.tools._design import EXAMPLES, MIXES, Result, compared, place, points, settings_of
+from shipnet.tools._design import EXAMPLES, MIXES, compared, numbers, points, settings_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, Upload, View
 
@@ -55,7 +52,7 @@ _MIND = (
 class ShipDesign(Tool):
     """Ways to connect the points of a ship's I/O list, side by side.
 
-    `result` has the comparison of the designs, its table and what is said of them.
+    `result` is the comparison of the designs, a `design.Comparison`.
 
     Raises
     ------
@@ -170,55 +167,43 @@ class ShipDesign(Tool):
         return tuple(option for option, wanted in chosen.items() if wanted)
 
     @cached_property
-    def result(self) -> Result:
+    def result(self) -> Comparison:
         """Plan the options and compare them; what is not changed is not planned anew."""
         if not self.options:
             raise ArgumentError("no option is on; switch on one or more of home runs to Modbus RTU")
         printed = "".join(one if one.isprintable() else " " for one in self.name)
         iolist = points(self.points, " ".join(printed.split()) or "list", self.update_ms)
-        cabinet, known = place(iolist, self.cabinet)
         settings = settings_of(
             self.spare, self.redundant, self.list_lengths, self.detour, self.labour,
             self.parts, self.own,
         )  # fmt: skip
-        comparison = compared(iolist, cabinet, known, settings, self.options, self.rules)
-        return Result(comparison, known, self.picture)
+        return compared(iolist, self.cabinet, settings, self.options, self.rules)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what `ShipDesign.picture` asks for."""
-        result, ax = self.result, style.axes(ax)
-        comparison, picture = result.comparison, result.picture
-        if picture == "cost":
-            comparison.plot(ax=ax)
-            ax.set_yticks(ax.get_yticks(), list(result.names.values()))
-            return ax
-        if picture == "assumptions":
-            return comparison.tornado().plot(ax)
-        best = [result.names[name] for name in comparison.pareto("total_cost_eur", picture)]
-        shown = comparison.table()[["total_cost_eur", picture]].rename(result.names)
-        plot_pareto(shown.rename(columns=label), best, ax=ax)
-        if picture == "lost_by_failure":
-            ax.set_ylabel("points lost by one failure")
-        return ax
+        if self.picture == "cost":
+            return self.result.plot(ax=ax)
+        if self.picture == "assumptions":
+            return self.result.tornado().plot(ax)
+        return self.result.plot("total_cost_eur", self.picture, ax=ax)
 
     def _view(self, report: bool = False) -> View:
         """Return what the page shows; with `report`, a file to download."""
-        result = self.result
-        comparison, options = result.comparison, len(result.comparison.designs)
-        heights = {"cost": 1.2 + 0.4 * options, "assumptions": 3.4}
-        files, ready = {"settings.toml": comparison.settings.text()}, {}
+        found = self.result
+        heights = {"cost": 1.2 + 0.4 * len(found.designs), "assumptions": 3.4}
+        files, ready = {"settings.toml": found.settings.text()}, {}
         if report:
-            files |= {"report.html": comparison.html()}
+            files |= {"report.html": found.html()}
             ready = {"report": "made; the button to download it is below the figure"}
         return View(
-            verdict=result.verdict,
-            ok=bool(result.kept),
-            table=result.table,
+            verdict=f"{len(found.iolist)} points: {found.verdict}",
+            ok=found.ok,
+            table=found.short(),
             caption=_MIND,
-            numbers=ready | result.numbers,
+            numbers=ready | numbers(found),
             plot=self.plot,
-            height=heights.get(result.picture, 3.6),
-            about=PICTURES[result.picture],
+            height=heights.get(self.picture, 3.6),
+            about=PICTURES[self.picture],
             files=files,
         )
 

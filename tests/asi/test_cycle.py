@@ -9,6 +9,7 @@ from shipnet import datasets
 from shipnet.asi import Transaction
 from shipnet.asi.timing import Cycle, cycle_time, response_time
 from shipnet.errors import ArgumentError
+from tests.support import tolerance
 
 PUBLISHED = datasets.read("asi_published_cycles.csv").astype({"number": int, "time_ms": float})
 
@@ -29,9 +30,9 @@ def requests(alone, pairs, cycles):
 
 def test_published_cycles_are_reproduced():
     slaves, time = published("cycle, OMRON")
-    assert cycle_time(slaves) == pytest.approx(time, rel=1e-12)
+    assert cycle_time(slaves) == pytest.approx(time, rel=tolerance("asi.cycles"))
     slaves, time = published("cycle, Schneider, slaves of a full line")
-    assert cycle_time(slaves, inclusion=0) == pytest.approx(time, rel=1e-12)
+    assert cycle_time(slaves, inclusion=0) == pytest.approx(time, rel=tolerance("asi.cycles"))
 
 
 def test_the_specified_cycles_need_short_transactions():

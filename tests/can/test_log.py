@@ -299,13 +299,23 @@ def test_a_frame_that_cannot_be_has_no_length():
     short = np.zeros(5, dtype=bool)
     for change, why in (
         ({"arbitration_id": np.full(5, 0x800), "extended": short}, "the identifier is 0x800; it"),
+        ({"arbitration_id": np.full(5, -1)}, "the identifier is -0x1; it"),
+        ({"arbitration_id": np.full(5, 1 << 29)}, "the identifier is 0x20000000; it"),
         ({"dlc": np.full(5, 32, np.uint8)}, "the data length code is 32"),
         ({"time": np.array([np.nan, 1, 2, 3, 4])}, "the time is nan"),
+        ({"time": np.full(5, np.inf)}, "the time is inf"),
     ):
         with pytest.raises(ArgumentError, match=f"frame 1 of the log: {why}"):
-            replace(log, **change).load(125e3)
-    with pytest.raises(ArgumentError, match="log has columns of"):
-        replace(log, time=log.time[:3])
+            replace(log, **change)
+    for change, why in (
+        ({"time": log.time[:3]}, "log has columns of"),
+        ({"data": log.data[:, :7]}, "log has columns of"),
+        ({"dlc": log.dlc.astype(float)}, "dlc is .*; it must be a column"),
+        ({"channel": None}, "channel is .*; it must be a column"),
+        ({"data": log.data[0]}, "data is .*; it must be a column"),
+    ):
+        with pytest.raises(ArgumentError, match=why):
+            replace(log, **change)
 
 
 def test_a_log_is_a_table_with_data_in_hexadecimal_digits():

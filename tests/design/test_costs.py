@@ -13,7 +13,6 @@ from shipnet.design.costs import (
     CABLE_RANGES,
     FIGURES,
     Model,
-    bill_of,
     conductors_at_cabinet,
     draw,
     likely,
@@ -168,8 +167,8 @@ def test_a_station_with_two_lines_costs_a_second_interface(ship):
         for redundant in (False, True)
     )
     stations = int((two.devices["kind"] == "station").sum())
-    assert bill_of(two).items["second_interface"] == stations > 1
-    assert "second_interface" not in bill_of(one).items
+    assert Model(two).items["second_interface"] == stations > 1
+    assert "second_interface" not in Model(one).items
     table = quantities(two).figures
     for figure, value in by_hand(two, "low").items():
         assert table.loc[figure, "low"] == pytest.approx(value, rel=1e-12), figure
@@ -432,7 +431,7 @@ def test_networks_and_formulas_count_alike(modules, contacts, lines):
         hardwired_conductors({"contact": modules * contacts})
     )
     assert conductors_at_cabinet(plant.on_asi) == 2 * plant.lines
-    assert bill_of(plant.on_asi).items["asi_module"] == modules
+    assert Model(plant.on_asi).items["asi_module"] == modules
     runs = plant.on_asi.cables
     assert (runs["kind"] == "trunk").sum() == modules
     assert set(plant.on_asi.points["device"]) == set(runs["a"][runs["kind"] == "drop"])
@@ -451,10 +450,10 @@ def test_each_line_is_a_chain_from_its_master():
 
 
 def test_a_long_line_pays_for_its_repeaters():
-    assert "repeater" not in bill_of(Plant(modules=2, contacts=1, distance=50).on_asi).items
+    assert "repeater" not in Model(Plant(modules=2, contacts=1, distance=50).on_asi).items
     far = Plant(modules=2, contacts=1, distance=240).on_asi
     # 240 m x 1.15 + 5 m and 1 m x 1.15 + 5 m: the 287 m of three segments.
-    assert bill_of(far).items["repeater"] == 2
+    assert Model(far).items["repeater"] == 2
 
 
 def test_seventy_percent_is_one_of_many_savings_that_a_plant_can_have():

@@ -248,20 +248,20 @@ def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, cap
     text = "tag,type,home run,box,box x,box y,box z,to box\nA,DI,30,J,50,0,0,4\n"
     points.write_text(text, encoding="utf-8")
     assert main(["design", str(points), "--options", "home runs"]) == 2
-    assert "give --cabinet X,Y,Z" in capsys.readouterr().err
+    assert "give its place x, y, z in m" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["nowhere.csv"], "nowhere.csv: cannot be read"),
-        (["LIST", "--cabinet", "1,2"], "--cabinet is '1,2'; it must be three numbers"),
+        (["LIST", "--cabinet", "1,2"], "cabinet is '1,2'; it must be three numbers"),
         (["LIST", "--cabinet", "1,2,nan"], "cabinet is"),
         (["LIST", "--mix", "DI"], "--mix is 'DI'; it must be such as DI=AS-i"),
         (["LIST", "--mix", "DI=CAN", "--mix", "DI=AS-i"], "--mix has 'DI' by CAN and by AS-i"),
         (
             ["LIST", "--mix", "XX=CAN"],
-            "--mix names 'XX'; it is not a tag, signal, system, category or",
+            "mix names 'XX'; it is not a tag, signal, system, category or",
         ),
         (["LIST", "--mix", "DI=DALI"], "--mix names 'DALI'; it must be one of home runs"),
         (["LIST", "--rules", "KR"], "rules are 'KR'; they must be one of DNV"),

@@ -288,14 +288,14 @@ def test_all_faults_of_a_file_are_told_at_once(tmp_path):
     told = error.value.faults
     expected = [
         "row 2: measure is 'respons'", "row 3: limit is 'fast'", "row 3: confirmed is 'perhaps'",
-        "row 4: applies is 'pumps'", "row 4: bound is 'about'", "row 4: limit is -1.0",
+        "row 4: limit is -1;", "row 4: applies is 'pumps'", "row 4: bound is 'about'",
         "row 5: rule is ''", "row 6 has 8 cells; expected 7",
         "rule 'e' stands twice",
     ]  # fmt: skip
     assert len(told) == len(expected)
     assert all(t.startswith(e) for t, e in zip(told, expected, strict=True)), told
     file.write_text("rule,measure,limit,unit\na,response,2000,ms\n", encoding="utf-8")
-    with pytest.raises(InputError, match="row 2: unit is 'ms'; expected 's', as"):
+    with pytest.raises(InputError, match="row 2: unit is 'ms'; it must be 's', as"):
         RuleSet.read(file)
 
 
@@ -304,7 +304,7 @@ def test_all_faults_of_a_file_are_told_at_once(tmp_path):
     [
         ("", "is empty; expected a row of titles"),
         ("rule,limit\na,1\n", "no column measure"),
-        ("rule,measure,limit,colour\na,,,red\n", "title 'colour'; expected one of rule"),
+        ("rule,measure,limit,colour\na,,,red\n", "title 'colour' is unknown; expected one of rule"),
         ("rule,rule,measure,limit\na,b,,\n", "title 'rule' stands twice"),
         ("rule,measure,limit\n", "has no rule"),
     ],

@@ -12,6 +12,7 @@ from shipnet.ballast.rule_table import FILLS, VERSIONS, rule_base, rule_vectors
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy import Rule, RuleBase, Term, Variable
 from tests.fuzzy.skfuzzy_control import control_strengths
+from tests.support import tolerance
 
 BASE = rule_base()
 NAN = math.nan
@@ -241,7 +242,7 @@ def test_no_samples_are_no_fault():
 def test_scikit_fuzzy_fires_the_same_on_the_published_vectors(reading, fill):
     tests = rule_vectors(reading, fill=fill)
     difference = control_strengths(BASE, tests) - BASE.fire(tests).strength
-    assert np.abs(difference).max() < TOLERANCE
+    assert np.abs(difference).max() < tolerance("fuzzy.vectors")
 
 
 def test_scikit_fuzzy_fires_the_same_on_random_samples():
@@ -255,7 +256,7 @@ def test_scikit_fuzzy_fires_the_same_on_random_samples():
     ours = BASE.fire(samples).strength
     theirs = control_strengths(BASE, samples)
     assert ((ours > 0) & (ours < 1)).sum() > 50
-    assert np.abs(theirs - ours).max() < TOLERANCE
+    assert np.abs(theirs - ours).max() < tolerance("fuzzy.random")
 
 
 def test_a_variable_that_no_rule_uses_is_left_out_of_the_control_system():

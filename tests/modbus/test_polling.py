@@ -9,6 +9,7 @@ from shipnet.errors import ArgumentError
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
+from tests.support import tolerance
 
 STATUS = Request.read_input_registers(0, 4)
 TABLE = Path(__file__).parents[1] / "reference" / "modbus" / "modbus_rtu_timing.csv"
@@ -42,7 +43,7 @@ def test_the_reference_table_comes_out_to_its_last_digit(row):
     ]
     for printed, value in zip(columns, ours, strict=True):
         digit = 10.0 ** -len(printed.partition(".")[2])
-        assert value == pytest.approx(float(printed), abs=0.501 * digit)
+        assert value == pytest.approx(float(printed), abs=tolerance("modbus.times") * digit)
 
 
 @pytest.mark.parametrize(

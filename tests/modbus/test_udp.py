@@ -30,7 +30,7 @@ def test_one_late_answer_mismatches_all_that_follow_with_id_0_and_none_with_coun
     path = Scripted(late, delay=0.01, lateness=0.49)
     zero = simulate(units, path, match="nothing", rng=0)
     assert (zero.mismatched, zero.timeouts, zero.dropped) == (100 - 1 - late, 1, 0)
-    assert zero.events().reply_to.tolist() == [
+    assert zero.reply_to.tolist() == [
         *range(late),
         -1,
         *range(late, 99),
@@ -38,9 +38,7 @@ def test_one_late_answer_mismatches_all_that_follow_with_id_0_and_none_with_coun
     counted = simulate(units, Scripted(late, 0.01, 0.49), rng=0)
     assert (counted.mismatched, counted.timeouts) == (0, 1)
     assert counted.dropped == (late < 99)
-    assert np.nanmax(
-        (counted.events().taken_s - counted.events().sent_s).to_numpy()
-    ) == pytest.approx(0.02)
+    assert np.nanmax(counted.taken - counted.sent) == pytest.approx(0.02)
 
 
 def test_a_master_that_empties_its_socket_is_mismatched_once_a_late_answer():
@@ -94,12 +92,12 @@ def test_counted_ids_are_never_mismatched_whatever_the_network_does(
     assert runs["transaction id"].mismatched == 0
     assert runs["unit id"].wrong_unit == 0
     for run in runs.values():
-        table = run.events()
-        taken = table[table.reply_to >= 0]
-        assert len(table) == 60 and len(taken) == 60 - run.timeouts
-        assert (taken.reply_to <= taken.index).all()  # nothing is answered before it is asked
-        assert ((taken.taken_s - taken.sent_s).between(0, 0.5 + 1e-12)).all()
-        assert (np.diff(table.sent_s) >= period - 1e-12).all()
+        taken = np.flatnonzero(run.reply_to >= 0)
+        assert len(run.sent) == 60 and len(taken) == 60 - run.timeouts
+        assert (run.reply_to[taken] <= taken).all()  # nothing is answered before it is asked
+        waited = (run.taken - run.sent)[taken]
+        assert (waited >= 0).all() and (waited <= 0.5 + 1e-12).all()
+        assert (np.diff(run.sent) >= period - 1e-12).all()
         assert run.wrong_unit <= run.mismatched
 
 
@@ -113,7 +111,7 @@ def test_an_id_comes_again_after_65536_requests():
     path = Scripted(0, delay=1e-4, lateness=65.536 - 1e-4)
     units = np.ones(65538, int)
     run = simulate(units, path, rng=1, timeout=1e-3, period=1e-3, flush=True)
-    assert run.events().reply_to[65536] == 0
+    assert run.reply_to[65536] == 0
     assert (run.mismatched, run.timeouts) == (1, 1)
 
 
@@ -137,7 +135,7 @@ def test_the_path_does_what_its_probabilities_say():
 def test_a_duplicated_request_is_answered_twice_and_the_second_answer_is_left_over():
     run = simulate([1, 2], LossyPath(duplicated=1.0), match="nothing", rng=1)
     # Two copies there, each answered, each answer duplicated: three too many for the next request.
-    assert run.events().reply_to.tolist() == [0, 0]
+    assert run.reply_to.tolist() == [0, 0]
     assert run.mismatched == run.wrong_unit == 1
 
 

@@ -8,14 +8,17 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.can.faults import ErrorAt
+from shipnet.can.frame import Frame
 from shipnet.can.messages import Message, MessageSet, bus_load
+from shipnet.can.segment import line as can_line
 from shipnet.can.simulation import simulate
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.faults import LostModbusFrames
 from shipnet.engine.points import read_points
 from shipnet.engine.simulation import simulate as simulate_engine
-from shipnet.engine.system import System
+from shipnet.engine.system import RULE, System
 from shipnet.errors import CrcError
+from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.pdu import ExceptionCode, FunctionCode, Request, Response, decode
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
@@ -108,9 +111,9 @@ def lowest_address(*, broadcast: int = 0) -> int:
 
 
 @numeric("lee2012-025")
-def highest_address(*, bits: int = 8) -> int:
-    """Highest unit id that a frame may carry, of those that a byte can hold."""
-    return max(unit for unit in range(2**bits) if is_legal(read(1).rtu, unit))
+def stations_on_rs485(*, unit_loads: int = INTERFACES["RS-485"].receivers, masters: int = 1) -> int:
+    """Stations beside the master on one segment, each of them one unit load."""
+    return unit_loads - masters
 
 
 @check("lee2012-026", counter={"master": JB1})
@@ -152,8 +155,8 @@ def byte_count_width(*, most_registers: int = 125) -> int:
 
 
 @numeric("lee2012-079")
-def data_width(*, registers: int = POINTS) -> int:
-    """Bytes of data in a response with all points."""
+def data_width(*, registers: int = 1) -> int:
+    """Bytes of data in a response with this many registers; Fig 4(b) draws one."""
     pdu = answer(registers).pdu
     return len(pdu) - 1 - byte_count_width()
 
@@ -164,9 +167,9 @@ def reads_holding_registers(*, code: int = int(_PRINTED["function_code"])) -> bo
     return FunctionCode(code) is FunctionCode.READ_HOLDING_REGISTERS
 
 
-@check("lee2012-031", counter={"exceptions": False})
-def data_of_two_bytes(*, exceptions: bool = True) -> bool:
-    """Whether what follows the function code always has two bytes or more."""
+@check("lee2012-031", counter={"exceptions": True})
+def data_of_two_bytes(*, exceptions: bool = False) -> bool:
+    """Whether what follows the function code has two bytes or more, as long as all goes well."""
     pdus = [read(1).pdu, answer(1).pdu]
     if exceptions:
         pdus.append(Response(_FC03, exception=ExceptionCode.ILLEGAL_DATA_ADDRESS).pdu)
@@ -273,18 +276,24 @@ def destroys_both(*, disturbed: tuple[float, ...] = ()) -> bool:
     return bool((run.events()["retries"] > 0).any())
 
 
-@check("lee2012-068", counter={"retries": 1})
-def both_repeat(*, retries: int = 0) -> bool:
-    """Whether what was damaged on CAN and Modbus is sent again, with this many retries of the AMS.
+@check("lee2012-068", counter={"timeout": 2.5})
+def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
+    """Whether what was damaged on CAN and on Modbus is sent again within the 2 s of the rule.
 
-    A CAN controller repeats by itself; how often a Modbus master asks again is its own affair.
+    A CAN controller repeats by itself; the AMS asks again on its other channel.
     """
     sent = simulate(TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6)).events()
-    lost = [LostModbusFrames("1", request=1.0)]
-    rng = np.random.default_rng(0)
-    asked = simulate_engine(System(retries=retries), faults=lost, until=0.5, rng=rng).requests()
     on_can = sent["retries"].max() > 0 and (sent["outcome"] == "sent").all()
-    return bool(on_can and (asked["channel"] == 1).sum() > 1)
+    lost, rng = [LostModbusFrames("1", request=1.0)], np.random.default_rng(0)
+    asked = simulate_engine(System(timeout=timeout), faults=lost, until=5, rng=rng).requests()
+    return bool(on_can and np.diff(asked["time_s"])[0] <= RULE)
+
+
+@check("lee2012-041", counter={"ohm": None})
+def terminators_suit_the_line(*, ohm: float | None = 120.0) -> bool:
+    """Whether three boxes on 60 m read all bits of JB1 with these resistors at both ends."""
+    bits = Frame(CanLayout(read_points()).messages()[0].arbitration_id, bytes(8)).bits[:14]
+    return not can_line(60, nodes=3, terminator=ohm).send({1: bits}, 125e3).wrong
 
 
 @numeric("lee2012-043")

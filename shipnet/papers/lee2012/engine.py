@@ -157,12 +157,6 @@ def hardwired_conductors(*, rtd: int = 3, loop: int = 2, switch: int = 2) -> int
     return read_points().conductors(rtd=rtd, loop=loop, switch=switch).hardwired
 
 
-@numeric("lee2012-020")
-def bus_conductors(*, segments: int = 3, channels: int = 2) -> int:
-    """Conductors of the CAN ring and of both Modbus channels, a pair each."""
-    return read_points().conductors(segments=segments, channels=channels).bus
-
-
 @check("lee2012-065", counter={"segments": 100, "segment_wires": 8})
 def buses_need_less(*, segments: int = 3, segment_wires: int = 2) -> bool:
     """Whether the two buses need fewer conductors than sensors wired through one by one."""
@@ -200,11 +194,17 @@ def one_resistor_does(*, volts: tuple[float, float] = (1.0, 5.0)) -> bool:
     return bool(np.isclose(volts[0] / 4e-3, volts[1] / 20e-3))
 
 
-@check("lee2012-088", counter={"low": 0.0})
-def gain_alone_fills_the_range(*, low: float = 1.0, high: float = 5.0) -> bool:
-    """Whether an amplifier with a gain and no offset turns `low` to `high` [V] into 0 to 5 V."""
-    gain = 5.0 / high
-    return bool(np.allclose(gain * np.array([low, high]), [0, 5]))
+@check("lee2012-052", counter={"quantities": 20})
+def each_has_a_switch(*, quantities: int = 3) -> bool:
+    """Whether Table 3 has a switch for each of so many quantities."""
+    return listed_points(column="condition", value="S/W") >= quantities
+
+
+@check("lee2012-088", counter={"offset": False})
+def amplifier_fills_the_range(*, offset: bool = True, low: float = 1.0, high: float = 5.0) -> bool:
+    """Whether an amplifier, with an offset or without, turns `low` to `high` [V] into 0 to 5 V."""
+    gain, shift = (5.0 / (high - low), low) if offset else (5.0 / high, 0.0)
+    return bool(np.allclose(gain * (np.array([low, high]) - shift), [0, 5]))
 
 
 @numeric("lee2012-051")

@@ -1,0 +1,142 @@
+"""The rows of claims.csv: what the papers print and how it is judged, checked as they are read."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Hashable, Iterator, Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from shipnet import datasets
+from shipnet.errors import ArgumentError, InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: The papers by their keys, in the order in which they are shown.
+PAPERS: Mapping[str, str] = {
+    "kim2023": "Kim, Cho and Hyun, AS-Interface protocol utilization for smart ships, 2023",
+    "icn2007": "AS-Interface communication system for field networks (2), 2007",
+    "lee2012": "Lee and Kim, Distributed control system on dual field-bus for ship engine, 2012",
+    "chung1998": "Chung and Rhyu, Communication method for a ship main engine remote control, 1998",
+    "kim2014": "Kim and Yu, Electro hydraulic ballast remote valve control system, 2014",
+}
+COLUMNS = (
+    "id", "paper", "where", "kind", "claim", "value", "unit", "precision",
+    "verdict", "holds_under", "corrected", "evidence", "note",
+)  # fmt: skip
+#: Kinds of claims: a number, a statement, a misprint with its correction, quoted only, our number.
+KINDS = ("numeric", "qualitative", "erratum", "context", "ours")
+#: Verdicts that go against a paper, or put a condition beside it; each needs evidence.
+AGAINST = ("rounding", "unit", "wrong", "inconsistent", "assumption differs")
+#: Verdicts that are none: what is missing stands in the note.
+UNDECIDED = ("not verified", "not reproducible", "open")
+VERDICTS = ("agrees", *AGAINST, *UNDECIDED)
+#: Conditions under which a verdict holds; all but the first say which after a colon.
+CONDITIONS = ("as printed", "as corrected", "under our assumption")
+_ID = re.compile(r"[a-z]+\d{4}-\d{3}")
+
+
+def as_number(text: str) -> float:
+    """Return a printed number as a float; ``0x..`` is read as hexadecimal."""
+    return float(int(text, 16)) if text.lower().startswith("0x") else float(text)
+
+
+def check_paper(paper: str) -> None:
+    """Raise ArgumentError unless a paper has this key."""
+    if paper not in PAPERS:
+        raise ArgumentError(f"paper is {paper!r}; it must be one of {', '.join(PAPERS)}")
+
+
+@cache
+def rows() -> list[dict[Hashable, Any]]:
+    """Return the rows of claims.csv, checked."""
+    return checked(datasets.read("claims.csv"))
+
+
+def checked(table: pd.DataFrame, source: str = "claims.csv") -> list[dict[Hashable, Any]]:
+    """Return the rows of a table of claims; InputError if any is malformed, with row and column."""
+    if missing := [name for name in COLUMNS if name not in table]:
+        raise InputError(source, f"has no column {', '.join(missing)}")
+    claims = table.to_dict("records")
+    first: dict[str, int] = {}
+    for number, claim in enumerate(claims, start=2):
+        first.setdefault(claim["id"], number)
+    faults = [
+        f"row {number}, column {column}: {fault}"
+        for number, claim in enumerate(claims, start=2)
+        for column, fault in _faults(claim, number, first)
+    ]
+    if faults:
+        raise InputError(source, *faults)
+    return claims
+
+
+def _faults(
+    claim: Mapping[Hashable, Any], number: int, first: Mapping[str, int]
+) -> Iterator[tuple[str, str]]:
+    """Yield column and fault of what is wrong with one row, given the row of each id."""
+    if not _ID.fullmatch(claim["id"]) or claim["id"].rpartition("-")[0] != claim["paper"]:
+        yield "id", f"{claim['id']!r} is not the paper's key and three digits, as in 'kim2014-001'"
+    elif first[claim["id"]] != number:
+        yield "id", f"{claim['id']!r} is the id of row {first[claim['id']]} too"
+    kind, verdict = claim["kind"], claim["verdict"]
+    judged = kind in ("numeric", "qualitative")
+    for column, legal in (("paper", PAPERS), ("kind", KINDS)):
+        if claim[column] not in legal:
+            yield column, f"{claim[column]!r} must be one of {', '.join(legal)}"
+    for column in ("where", "claim"):
+        if not claim[column]:
+            yield column, "is empty"
+    if judged and verdict not in VERDICTS:
+        yield "verdict", f"{verdict!r} must be one of {', '.join(VERDICTS)}"
+    elif not judged and verdict:
+        yield "verdict", f"{verdict!r} must be empty, because the kind is {kind}"
+    yield from _faults_of_numbers(claim)
+    yield from _faults_of_the_condition(claim, judged and verdict not in UNDECIDED, first)
+    if kind == "erratum" and not claim["corrected"]:
+        yield "corrected", "is empty; an erratum says what should stand there"
+    if (kind == "erratum" or verdict in UNDECIDED) and not claim["note"]:
+        yield "note", "is empty; expected the reason of the correction, or what is missing"
+    sources = [source.strip() for source in claim["evidence"].split(";") if source.strip()]
+    if verdict in AGAINST and not sources:
+        yield "evidence", f"is empty; {verdict!r} needs a claim or a test, as in 'kim2023-041'"
+    for source in sources:
+        if source == claim["id"] or ("::" not in source and source not in first):
+            yield "evidence", f"{source!r} is neither another claim nor a test 'file::name'"
+
+
+def _faults_of_numbers(claim: Mapping[Hashable, Any]) -> Iterator[tuple[str, str]]:
+    """Yield column and fault of a value and its precision."""
+    if claim["kind"] == "ours" and claim["value"]:
+        yield "value", f"{claim['value']!r} must be empty, because the paper prints no number"
+    if claim["kind"] != "numeric" and not claim["precision"]:
+        return
+    for column in ("value", "precision"):
+        try:
+            good = math.isfinite(as_number(claim[column]))
+        except ValueError:
+            good = False
+        if not good:
+            yield column, f"{claim[column]!r} is not a number"
+        elif column == "precision" and as_number(claim[column]) <= 0:
+            yield column, f"{claim[column]!r} must be above 0"
+
+
+def _faults_of_the_condition(
+    claim: Mapping[Hashable, Any], decided: bool, ids: Mapping[str, int]
+) -> Iterator[tuple[str, str]]:
+    """Yield column and fault of the condition under which a verdict holds."""
+    held = claim["holds_under"]
+    condition, _, which = (part.strip() for part in held.partition(":"))
+    if not decided:
+        if held:
+            yield "holds_under", f"{held!r} must be empty, because the claim has no verdict"
+    elif condition not in CONDITIONS:
+        yield "holds_under", f"{held!r} must begin with one of {', '.join(CONDITIONS)}"
+    elif (condition == CONDITIONS[0]) == bool(which):
+        yield "holds_under", f"{held!r}: expected 'as printed', or another condition, ':' and which"
+    for id in _ID.findall(which):
+        if id not in ids:
+            yield "holds_under", f"no claim {id}"
