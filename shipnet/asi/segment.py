@@ -294,7 +294,7 @@ class Segment:
             )
         )
         rows = [places.index(node) for node in nodes]
-        return Quality(*(values[rows] for values in found[:5]), tuple(nodes))
+        return Quality._make([*(values[rows] for values in found[:5]), tuple(nodes)])
 
     def signals(self) -> Quality:
         """Return the worst of all 16 responses and of the requests `PROBES` for each listener."""
