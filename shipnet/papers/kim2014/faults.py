@@ -39,9 +39,9 @@ def _limit(channel: str, comparison: str) -> float:
 
 
 @numeric("kim2014-024")
-def faults(*, with_normal: bool = False) -> int:
-    """Rows of the rule table, the normal one left out."""
-    return len(_TABLE if with_normal else _TABLE[_TABLE["code"] != "normal"])
+def faults() -> int:
+    """Faults that the rules diagnose."""
+    return len(rule_base().codes)
 
 
 @numeric("kim2014-025")

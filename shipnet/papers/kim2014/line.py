@@ -123,7 +123,8 @@ def selectable_ids(*, positions: int = 10, pins: int = 2) -> int:
     """Ids that two dials and the DIP pins can be set to, and that a slave may have."""
     settings = product(range(2**pins), range(positions), range(positions))
     numbers = {100 * pin + 10 * tens + units for pin, tens, units in settings}
-    return sum(_verdict(number) == "legal" for number in numbers)
+    read = Request.read_input_registers(0, 1)
+    return sum(number > 0 and is_legal(read.rtu, number) for number in numbers)
 
 
 # Sections 2.1, 3.2 and 3.3: the serial line, its closed loop, and how long a scan takes.

@@ -118,9 +118,6 @@ _READ, _WRITE = FunctionCode.READ_INPUT_REGISTERS, FunctionCode.WRITE_SINGLE_REG
 #: The first Table 1, one row per field.
 _TABLE_1 = datasets.read("kim2014_function_codes.csv")
 
-#: Bytes before the first that the length field counts.
-_LENGTH_AT = 4
-
 
 def table_1() -> dict[str, int]:
     """Return how long the first Table 1 makes the messages of Tables 2 and 3."""
@@ -176,9 +173,9 @@ def names_a_register(*, message: str = "response") -> bool:
 @numeric("kim2014-016", messages=("write query", "write response"))
 @numeric("kim2014-017", messages=("write error",))
 @numeric("kim2014-019", messages=("read query",))
-def length_field(*, messages: tuple[str, ...], before: int = _LENGTH_AT + 2) -> int:
-    """Bytes of these messages, which have one length, that follow the length field."""
-    (length,) = {len(STANDARD[message]) - before for message in messages}
+def length_field(*, messages: tuple[str, ...]) -> int:
+    """Bytes of unit id and PDU of these messages, which have one length."""
+    (length,) = {1 + len(decode(STANDARD[message], "tcp").pdu) for message in messages}
     return length
 
 
@@ -345,11 +342,9 @@ def _at(position: float) -> list[list[float]]:
 
 
 @numeric("kim2014-023")
-def channels(
-    *, pressure: int = 2, current: int = 1, temperature: int = 1, position: int = 1
-) -> int:
-    """Sensors of a slave, each of which needs a channel of the converter."""
-    return pressure + current + temperature + position
+def channels(*, names: tuple[str, ...] = tuple(channel.name for channel in CHANNELS)) -> int:
+    """Sensors of a valve, each of which needs a channel of the converter."""
+    return len(names)
 
 
 @check("kim2014-021", counter={"reading": "flag sum"})
