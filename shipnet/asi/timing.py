@@ -136,6 +136,11 @@ class Transaction:
                 f"slave_pause is {self.slave_pause:g} bit times; it must be 1..{longest:.4g}"
             )
 
+    @property
+    def net_rate(self) -> float:
+        """User bits of one exchange, four each way, over its length [bit/s]."""
+        return 2 * USER_BITS / self.duration
+
     def efficiency(self, user_bits: npt.ArrayLike = USER_BITS) -> npt.NDArray[np.float64]:
         """Return the share of the line that carries `user_bits` each way.
 
