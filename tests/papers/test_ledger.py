@@ -357,7 +357,7 @@ def test_evidence_is_the_function_unless_the_claim_names_more():
     evidence = LEDGER.set_index("id")["evidence"]
     assert evidence["kim2023-004"] == "shipnet.papers.kim2023.protocol.strands_left"
     assert evidence["kim2023-074"] == "kim2023-072; kim2023-073"
-    assert evidence["kim2014-012"] == ""
+    assert evidence["kim2014-015"] == ""
 
 
 def test_status_follows_kind_and_function():
@@ -446,7 +446,7 @@ def test_a_claim_is_computed_anew_with_other_inputs():
     with pytest.raises(TypeError):
         claim.recompute(sheep=1)
     with pytest.raises(ArgumentError, match="not computed; its status is context"):
-        Claim("kim2014-012").recompute()
+        Claim("kim2014-015").recompute()
     with pytest.raises(ArgumentError, match="no claim kim2023-999"):
         Claim("kim2023-999")
 

@@ -216,13 +216,6 @@ def functions_are_named_right(*, write: int = 6, read: int = 4) -> bool:
     return (FunctionCode(write), FunctionCode(read)) == (_WRITE, _READ)
 
 
-@check("kim2014-084", counter={"messages": ("write query", "write response", "read query")})
-def same_pdu_on_both(*, messages: tuple[str, ...] = tuple(STANDARD)) -> bool:
-    """Whether the messages of Tables 2 and 3 have the PDU lengths of the first Table 1."""
-    header = 7
-    return all(len(printed_adu(message)) - header == table_1()[message] for message in messages)
-
-
 @check("kim2014-058", counter={"first": 1})
 def labels_are_offsets(*, first: int = 0) -> bool:
     """Whether the labels 5 to 11 are the places of the fields' last bytes, counted from first."""
@@ -384,14 +377,6 @@ def status_bits_agree(*, other: str = "table 3") -> bool:
     return bool(words[0] == words[1])
 
 
-@check("kim2014-060", counter={"mode": "Auto"})
-def position_codes_hold(*, mode: str = "Manual") -> bool:
-    """Whether both position codes, read as sums of flags, hold the flag of this mode."""
-    codes = command_codes("flag sum")
-    positions = (codes[Code.POSITION_CLOSE], codes[Code.POSITION_OPEN])
-    return all(code & codes[Code(mode)] for code in positions)
-
-
 @numeric("kim2014-078")
 def converter_step(*, bits: int = 12, span: float = 100.0) -> float:
     """Percent of the position from one code of the converter to the next."""
@@ -416,14 +401,6 @@ def largest_position(*, bits: int = 8) -> int:
 def colours(*, bits: int = 16) -> int:
     """Colours of a display with this many bits a pixel."""
     return int(2**bits)
-
-
-@check("kim2014-062", counter={"other": "PP"})
-def pump_pressure_is_called(*, other: str = "FP") -> bool:
-    """Whether this, the name in the rule table, is the name of the pump pressure in Table 3."""
-    rows = datasets.read("kim2014_table3_read_registers_bits.csv").query("part == 'register'")
-    remark = rows.loc[rows["remark_printed"].str.startswith("motor temperature"), "remark_printed"]
-    return bool(remark.str.endswith(f"pressure {other}").all())
 
 
 def code_table() -> pd.DataFrame:
