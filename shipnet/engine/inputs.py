@@ -160,12 +160,12 @@ class InputCard:
         So a step is the reference over 1024, though the formula above that sentence has 1023:
         Atmel, AT90CAN128 data sheet 4250E-CAN-12/04, p. 277.
         """
-        return 2**self.bits - 1
+        return int(2**self.bits - 1)
 
     @property
     def step(self) -> float:
         """Voltage from one code to the next [V]."""
-        return self.reference / 2**self.bits
+        return float(self.reference / 2**self.bits)
 
     def signal(self, values: npt.ArrayLike) -> _Floats:
         """Return what the sensors do at values: resistance [ohm], current [A], contact (1 closed).
