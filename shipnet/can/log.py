@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import measure_frames
 from shipnet.can.messages import MessageSet, check_set
 from shipnet.errors import ArgumentError, load_extra
-from shipnet.fields import check_scalar
+from shipnet.fields import check_path, check_scalar
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -161,7 +160,7 @@ class Log:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the frames as ``candump -l`` does; the suffix must be ``.log``."""
-        if Path(path).suffix.lower() != ".log":
+        if check_path("path", path).suffix.lower() != ".log":
             raise ArgumentError(f"path is {str(path)!r}; its suffix must be .log")
         self._check_times("a file of candump")
         text = self.data.astype(np.uint8).tobytes().hex().upper()

@@ -29,6 +29,7 @@ from shipnet.can.frame import highest_id
 from shipnet.can.log import Log, impossible
 from shipnet.can.messages import said
 from shipnet.errors import InputError, load_extra
+from shipnet.fields import check_path
 
 #: About how much of a file is worked on at once [byte], and how many rows.
 _BLOCK, _ROWS = 1 << 22, 1 << 16
@@ -197,7 +198,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     >>> pasted
     Log(1 frames without times, 1 CAN FD frames skipped)
     """
-    file = Path(path)
+    file = check_path("path", path)
     try:
         kind = _kind(file)
         if kind == "mdf":

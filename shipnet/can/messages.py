@@ -34,6 +34,8 @@ from shipnet.fields import (
     Number,
     Switch,
     Whole,
+    check_choice,
+    check_path,
     check_whole,
     declared,
     number,
@@ -202,6 +204,9 @@ class MessageSet(Sequence[Message]):
     __slots__ = ("_messages", "overlooked")
 
     def __init__(self, messages: Iterable[Message], *, overlooked: Iterable[str] = ()) -> None:
+        for argument, value in (("messages", messages), ("overlooked", overlooked)):
+            if not isinstance(value, Iterable):
+                raise ArgumentError(f"{argument} is {value!r}; it must be a sequence")
         self.overlooked = tuple(overlooked)
         given = list(messages)
         others = [item for item in given if not isinstance(item, Message)]
@@ -344,7 +349,12 @@ class MessageSet(Sequence[Message]):
 
         Its suffix must not be that of another format: a DBC file would lose its signals.
         """
-        if (suffix := Path(path).suffix.lower()) in (".dbc", ".xls", ".xlsm", ".xlsx"):
+        if (suffix := check_path("path", path).suffix.lower()) in (
+            ".dbc",
+            ".xls",
+            ".xlsm",
+            ".xlsx",
+        ):
             raise ArgumentError(f"path is {str(path)!r}; a CSV file has not the suffix {suffix}")
         Path(path).write_text(self.text, encoding="utf-8", newline="")
 
@@ -478,11 +488,9 @@ def example(name: str = "engine") -> MessageSet:
     >>> len(example("lee2012")), sum(message.dlc for message in example("lee2012"))
     (22, 164)
     """
-    if name == "engine":
+    if check_choice("name", name, ("engine", "lee2012")) == "engine":
         return MessageSet.parse(EXAMPLE)
-    if name == "lee2012":
-        return read_messages(datasets.path("synthetic_can_lee2012.csv"))
-    raise ArgumentError(f"name is {name!r}; it must be 'engine' or 'lee2012'")
+    return read_messages(datasets.path("synthetic_can_lee2012.csv"))
 
 
 def read_messages(
@@ -536,7 +544,7 @@ def read_messages(
     >>> read_messages(datasets.path("synthetic_can_lee2012.csv"))
     MessageSet(22 messages: JB1-01, JB1-02, JB1-03, ...)
     """
-    if Path(path).suffix.lower() == ".dbc":
+    if check_path("path", path).suffix.lower() == ".dbc":
         return parse_dbc(text_of(read_bytes(path)), str(path), period, strict)
     sheet = read_sheet(path, is_titles=_is_titles)
     return _from_sheet(sheet, {k.strip().lower(): v for k, v in (columns or {}).items()}, period)

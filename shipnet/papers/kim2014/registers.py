@@ -118,9 +118,6 @@ _READ, _WRITE = FunctionCode.READ_INPUT_REGISTERS, FunctionCode.WRITE_SINGLE_REG
 #: The first Table 1, one row per field.
 _TABLE_1 = datasets.read("kim2014_function_codes.csv")
 
-#: Bytes before the first that the length field counts.
-_LENGTH_AT = 4
-
 
 def table_1() -> dict[str, int]:
     """Return how long the first Table 1 makes the messages of Tables 2 and 3."""
@@ -176,9 +173,9 @@ def names_a_register(*, message: str = "response") -> bool:
 @numeric("kim2014-016", messages=("write query", "write response"))
 @numeric("kim2014-017", messages=("write error",))
 @numeric("kim2014-019", messages=("read query",))
-def length_field(*, messages: tuple[str, ...], before: int = _LENGTH_AT + 2) -> int:
-    """Bytes of these messages, which have one length, that follow the length field."""
-    (length,) = {len(STANDARD[message]) - before for message in messages}
+def length_field(*, messages: tuple[str, ...]) -> int:
+    """Bytes of unit id and PDU of these messages, which have one length."""
+    (length,) = {1 + len(decode(STANDARD[message], "tcp").pdu) for message in messages}
     return length
 
 
@@ -217,13 +214,6 @@ def exceptions_exist(*, codes: tuple[int, ...] = (1, 2, 3, 4)) -> bool:
 def functions_are_named_right(*, write: int = 6, read: int = 4) -> bool:
     """Whether these codes write a single register and read input registers."""
     return (FunctionCode(write), FunctionCode(read)) == (_WRITE, _READ)
-
-
-@check("kim2014-084", counter={"messages": ("write query", "write response", "read query")})
-def same_pdu_on_both(*, messages: tuple[str, ...] = tuple(STANDARD)) -> bool:
-    """Whether the messages of Tables 2 and 3 have the PDU lengths of the first Table 1."""
-    header = 7
-    return all(len(printed_adu(message)) - header == table_1()[message] for message in messages)
 
 
 @check("kim2014-058", counter={"first": 1})
@@ -345,11 +335,9 @@ def _at(position: float) -> list[list[float]]:
 
 
 @numeric("kim2014-023")
-def channels(
-    *, pressure: int = 2, current: int = 1, temperature: int = 1, position: int = 1
-) -> int:
-    """Sensors of a slave, each of which needs a channel of the converter."""
-    return pressure + current + temperature + position
+def channels(*, names: tuple[str, ...] = tuple(channel.name for channel in CHANNELS)) -> int:
+    """Sensors of a valve, each of which needs a channel of the converter."""
+    return len(names)
 
 
 @check("kim2014-021", counter={"reading": "flag sum"})
@@ -389,14 +377,6 @@ def status_bits_agree(*, other: str = "table 3") -> bool:
     return bool(words[0] == words[1])
 
 
-@check("kim2014-060", counter={"mode": "Auto"})
-def position_codes_hold(*, mode: str = "Manual") -> bool:
-    """Whether both position codes, read as sums of flags, hold the flag of this mode."""
-    codes = command_codes("flag sum")
-    positions = (codes[Code.POSITION_CLOSE], codes[Code.POSITION_OPEN])
-    return all(code & codes[Code(mode)] for code in positions)
-
-
 @numeric("kim2014-078")
 def converter_step(*, bits: int = 12, span: float = 100.0) -> float:
     """Percent of the position from one code of the converter to the next."""
@@ -421,14 +401,6 @@ def largest_position(*, bits: int = 8) -> int:
 def colours(*, bits: int = 16) -> int:
     """Colours of a display with this many bits a pixel."""
     return int(2**bits)
-
-
-@check("kim2014-062", counter={"other": "PP"})
-def pump_pressure_is_called(*, other: str = "FP") -> bool:
-    """Whether this, the name in the rule table, is the name of the pump pressure in Table 3."""
-    rows = datasets.read("kim2014_table3_read_registers_bits.csv").query("part == 'register'")
-    remark = rows.loc[rows["remark_printed"].str.startswith("motor temperature"), "remark_printed"]
-    return bool(remark.str.endswith(f"pressure {other}").all())
 
 
 def code_table() -> pd.DataFrame:
