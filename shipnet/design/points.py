@@ -49,8 +49,9 @@ RANGES: Mapping[str, tuple[float, float]] = {
 }
 
 #: Marks of points that are not to be built, and of tags that stand for nothing yet.
-_MARKS = {"deleted", "delete", "cancelled", "canceled", "void", "notused", "spare", "삭제", "예비"}
-_MARKED_TAG = re.compile(r"(?i)\W*(deleted|cancell?ed|void|not used|spare|삭제|예비)\b.*")
+_MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
+_MARKED = re.compile(rf"(?:^|\x1f){_MARK}\W*(?=\x1f|$)", re.IGNORECASE)
+_MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
 
 #: How a list is read that brings no words of its own.
 _PLAIN = Reading()
@@ -151,9 +152,10 @@ class Cells:
     def _points_of(self, rows: Iterable[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
         """Return the rows that are points, and remark on the others."""
         points, left = [], dict[str, list[int]]()
-        heads = [[plain(title) for title in titles] for titles in self._repeated]
+        heads = [{cell for cell in titles if cell} for titles in self._repeated]
+        meant: dict[tuple[str, str], bool] = {}
         for number, cells in rows:
-            why = self._no_point(number, cells, heads)
+            why = self._no_point(number, cells, heads, meant)
             if why:
                 left.setdefault(why, []).append(number)
             else:
@@ -165,13 +167,22 @@ class Cells:
             self.remarks.append(Remark("hidden, but read", hidden, doubt=True))
         return points
 
-    def _no_point(self, number: int, cells: list[str], heads: list[list[str]]) -> str:
-        """Return why a row is not a point; nothing if it is one."""
-        filled = [plain(cell) for cell in cells if cell]
+    def _no_point(
+        self,
+        number: int,
+        cells: list[str],
+        heads: Sequence[set[str]],
+        meant: dict[tuple[str, str], bool],
+    ) -> str:
+        """Return why a row is not a point; nothing if it is one.
+
+        `meant` keeps of which types and signals something is known.
+        """
         for head in heads:
-            same = sum(a == b != "" for a, b in zip(map(plain, cells), head, strict=False))
-            if same > 1 and 2 * same >= len(filled):
-                return _REPEATED
+            if not head.isdisjoint(cells):
+                same = sum(" ".join(cell.split()) in head for cell in cells if cell)
+                if same > 1 and 2 * same >= sum(map(bool, cells)):
+                    return _REPEATED
         if number in self.sheet.struck:
             return "struck out"
 
@@ -179,12 +190,16 @@ class Cells:
             place = self.places.get(name, [len(cells)])[0]
             return cells[place] if place < len(cells) else ""
 
-        tag, word = clean(cell("tag")), self.reading.signal(clean(cell("signal")))
-        if _MARKED_TAG.fullmatch(tag) or not _MARKS.isdisjoint(filled):
+        tag, what = clean(cell("tag")), (cell("type"), cell("signal"))
+        if _MARKED_TAG.fullmatch(tag) or _MARKED.search("\x1f".join(cells)):
             return "marked as deleted or spare"
-        content = plain(widened(cell("type"))) in spellings("type") or meanings(word)
+        if what not in meant:
+            word, _ = without_safety(self.reading.signal(clean(widened(what[1]))))
+            meant[what] = plain(widened(what[0])) in spellings("type") or bool(meanings(word))
         numbers = [*RANGES, "conductors"]
-        if content or any(_holds_number(cell(name)) for name in numbers) or is_frame(cell("frame")):
+        if meant[what] or any(_holds_number(cell(name)) for name in numbers):
+            return ""
+        if is_frame(cell("frame")):
             return ""
         # What has nothing but a tag may still be a point, of which all else was forgotten.
         return "" if re.search(r"[0-9]", tag) and not re.search(r"\s", tag) else _TEXT

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -100,7 +100,7 @@ def _offset(text: str) -> tuple[str, float]:
     found = re.fullmatch(r"(.*[^\s+-])\s*([+-]\s*[0-9]+(?:\.[0-9]+)?)\s*(mm|m)?", text.strip())
     if found is None:
         return text.strip(), 0.0
-    return found[1], float(found[2].replace(" ", "")) * (1.0 if found[3] == "m" else 1e-3)
+    return found[1], float("".join(found[2].split())) * (1.0 if found[3] == "m" else 1e-3)
 
 
 def _frame(text: str) -> float | None:
@@ -171,7 +171,8 @@ def _titles() -> Mapping[str, str]:
     return {word: found[0][0] for word, found in spellings("column").items()} | known
 
 
-def column_of(title: str, own: Iterable[tuple[str, str]] = ()) -> Column | None:
+@lru_cache(4096)
+def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | None:
     """Return the column that a title means, also where it says it in two languages."""
     mine = {plain(word): name for word, name in own}
     if plain(title) in mine:
