@@ -14,6 +14,7 @@ from inspect import cleandoc
 from math import inf, isnan
 from numbers import Real
 from operator import index
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, dataclass_transform, overload
 
 from shipnet.errors import ArgumentError
@@ -26,19 +27,25 @@ __all__ = [
     "Choice",
     "Kind",
     "Number",
+    "Part",
     "Quantity",
     "Series",
     "Switch",
     "Text",
     "Whole",
     "check",
+    "check_choice",
+    "check_kind",
+    "check_path",
     "check_quantity",
+    "check_rng",
     "check_scalar",
     "check_trees",
     "check_whole",
     "choice",
     "declared",
     "number",
+    "part",
     "record",
     "series",
     "switch",
@@ -120,6 +127,43 @@ def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> in
     if whole is None or not low <= whole <= high:
         raise ArgumentError(f"{name} is {value!r}; it must be a whole number {low}..{high}{why}")
     return whole
+
+
+def check_choice(name: str, value: Any, options: Iterable[str]) -> str:
+    """Return a value, or raise unless it is one of several strings."""
+    known = tuple(options)
+    if not (isinstance(value, str) and value in known):
+        legal = ", ".join(map(repr, known))
+        raise ArgumentError(f"{name} is {value!r}; it must be one of {legal}")
+    return value
+
+
+def check_kind(name: str, value: Any, kind: type[T]) -> T:
+    """Return a value, or raise unless it is of a class."""
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIOaeio" else "a"
+        raise ArgumentError(f"{name} is {value!r}; it must be {article} {kind.__name__}")
+    return value
+
+
+def check_path(name: str, path: Any) -> Path:
+    """Return a path, or raise unless it is one, or text."""
+    try:
+        return Path(path)
+    except TypeError:
+        raise ArgumentError(f"{name} is {path!r}; it must be text or a path") from None
+
+
+def check_rng(rng: Any) -> np.random.Generator:
+    """Return the generator that `numpy.random.default_rng` makes of a seed, or raise."""
+    import numpy as np  # not needed by most programs that check a number
+
+    try:
+        return np.random.default_rng(rng)
+    except (TypeError, ValueError):
+        raise ArgumentError(
+            f"rng is {rng!r}; it must be a seed, None or a numpy.random.Generator"
+        ) from None
 
 
 # Kinds of fields -------------------------------------------------------------------------------
@@ -301,6 +345,26 @@ class Series(Kind):
         return value
 
 
+@dataclass(frozen=True, kw_only=True)
+class Part(Kind):
+    """An object of the class `of`, which checks itself; `make` makes it of what else is given."""
+
+    of: type
+    make: Callable[[Any], Any] | None = None
+
+    @property
+    def legal(self) -> str:
+        """The class."""
+        return f"a {self.of.__name__}"
+
+    def _check(self, name: str, value: Any, record: Any) -> Any:
+        if isinstance(value, self.of):
+            return value
+        if self.make is None:
+            raise ArgumentError(f"{name} is {value!r}; it must be {self.legal}")
+        return self.make(value)
+
+
 # Declarations ----------------------------------------------------------------------------------
 
 
@@ -417,6 +481,22 @@ def series(
     return _declare(Series(label=label, help=help, known=tuple(known), most=most), default, False)
 
 
+def part(
+    of: type,
+    help: str = "",
+    *,
+    default: Any = MISSING,
+    default_factory: Any = MISSING,
+    make: Callable[[Any], Any] | None = None,
+    optional: bool = False,
+) -> Any:
+    """Declare an object of the class `of`; `make` makes it of what else may be given."""
+    kind = Part(help=help, of=of, make=make, optional=optional)
+    if default_factory is not MISSING:
+        return field(default_factory=default_factory, metadata={"kind": kind})
+    return _declare(kind, default, False)
+
+
 # Records ---------------------------------------------------------------------------------------
 
 
@@ -451,7 +531,8 @@ def record(
 
 
 @dataclass_transform(
-    frozen_default=True, field_specifiers=(number, whole, choice, switch, text, series, field)
+    frozen_default=True,
+    field_specifiers=(number, whole, choice, switch, text, series, part, field),
 )
 def record(kind: type[T] | None = None, /, **options: bool) -> Any:
     """Make a frozen dataclass whose declared fields are checked when an instance is made.
@@ -493,7 +574,8 @@ def _documented(kind: type) -> str | None:
         if not one.init or one.name.startswith("_"):
             continue
         declared = one.metadata.get("kind")
-        lines += _entry(one.name, declared, one.default, str(one.type))
+        default = one.default if one.default_factory is MISSING else None
+        lines += _entry(one.name, declared, default, str(one.type))
     if not any("kind" in one.metadata for one in fields(kind)):
         return docstring
     section = "\n".join(["Parameters", "----------", *lines])
@@ -513,7 +595,9 @@ def _entry(name: str, kind: Kind | None, default: Any, annotation: str) -> list[
     """Return the lines of one parameter in a numpydoc section."""
     if kind is None:
         return [f"{name} : {annotation}" + ("" if default is MISSING else ", optional")]
-    what = _TYPES.get(type(kind), f"{{{kind.legal}}}" if isinstance(kind, Choice) else "object")
+    what = _TYPES.get(type(kind), annotation)
+    if isinstance(kind, Choice):
+        what = f"{{{kind.legal}}}"
     if default is not MISSING:
         plain = default is None or default in (inf, -inf)
         what += ", optional" if plain else f", default {default!r}"

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from shipnet.can.messages import packed
 from shipnet.engine.points import PointList
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, record, whole
+from shipnet.fields import check_whole, part, record, whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,14 +36,7 @@ _Bytes = npt.NDArray[np.uint8]
 
 @record
 class CanLayout:
-    """Which CAN frame holds which point.
-
-    Parameters
-    ----------
-    points : PointList or iterable of Point
-        One or more; box k of them sends the identifiers from 0x100 k up, k = 1..7.
-    bits : int, default 16
-        Bits of an analogue value, 1..16.
+    """Which CAN frame holds which point: box k sends the identifiers from 0x100 k up, k = 1..7.
 
     Raises
     ------
@@ -70,12 +63,11 @@ class CanLayout:
     [164.0, 22.0, 2850.0, 22.8]
     """
 
-    points: PointList
+    points: PointList = part(PointList, "One or more points", make=PointList)
     bits: int = whole(1, 16, "", "Bits of an analogue value", default=16)
 
     def __post_init__(self) -> None:
-        """Check the points, and that the identifiers suffice."""
-        object.__setattr__(self, "points", PointList(self.points))
+        """Check that the identifiers suffice."""
         most = _HIGHEST_ID // _ID_STEP
         if len(self.boxes) > most:
             raise ArgumentError(f"there are {len(self.boxes)} boxes; there must be 1..{most}")

@@ -17,7 +17,7 @@ from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.engine.points import Point, PointList, read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, number, record, switch, whole
+from shipnet.fields import check_whole, number, part, record, switch, whole
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 
@@ -63,15 +63,6 @@ class Redundancy:
     A box works as long as one supply and one processor of it do; the points of a box that does not
     work are lost, whatever the buses do.
 
-    Parameters
-    ----------
-    points : PointList or iterable of Point
-        One or more.
-    supplies, cpus : int, default 1
-        In each box, 1..4.
-    shared_supply : bool, default False
-        Whether the supplies serve all boxes together, not each box its own.
-
     Raises
     ------
     ArgumentError
@@ -93,14 +84,12 @@ class Redundancy:
     {'one of each': 43, 'two supplies': 43, 'two CPUs': 43, 'two of each': 0}
     """
 
-    points: PointList
+    points: PointList = part(PointList, "One or more points", make=PointList)
     supplies: int = whole(1, _MOST, "", "Supplies of each box", default=1)
     cpus: int = whole(1, _MOST, "", "Processors of each box", default=1)
-    shared_supply: bool = switch("Whether all boxes share the supplies", default=False)
-
-    def __post_init__(self) -> None:
-        """Check the points."""
-        object.__setattr__(self, "points", PointList(self.points))
+    shared_supply: bool = switch(
+        "Whether the supplies serve all boxes together, not each box its own", default=False
+    )
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -174,26 +163,9 @@ class Redundancy:
 class Description:
     """What is known of a monitoring system, for the class rules to judge; None is not known.
 
-    Parameters
-    ----------
-    points : PointList or iterable of Point
-        One or more.
-    cpus, supplies : int, optional
-        Processors and power supplies of each box, 1..4.
-    power_switch_over : float, optional
-        How long a change of the supply takes, 0..3600 [s].
-    volatile : bool, optional
-        Whether settings or programs lie in memory that forgets without supply.
-    protocols : sequence of str, optional
-        Names of the protocols, one or more.
-    links : mapping of str to sequence of str, optional
-        Stations beside the master on each link to the boxes, one or more.
-    routes : mapping of str to sequence of str, optional
-        Spaces or trays that each link runs through, one or more; for the same links.
-    poll : modbus poll, optional
-        The poll that asks one junction box for all points.
-    retries_known : bool, default False
-        Whether the retries of `poll` are those of the system, not a mere default.
+    `volatile` says whether settings or programs lie in memory that forgets without supply.
+    `protocols` are names. `links` maps each link to the stations beside the master on it, and
+    `routes` the same links to the spaces or trays that they run through.
 
     Raises
     ------
@@ -207,22 +179,25 @@ class Description:
     (1, None)
     """
 
-    points: PointList
+    points: PointList = part(PointList, "One or more points", make=PointList)
     cpus: int | None = whole(1, 4, "", "Processors of each box", default=None, optional=True)
     supplies: int | None = whole(1, 4, "", "Supplies of each box", default=None, optional=True)
     power_switch_over: float | None = number(
-        0, 3600, "s", "Change of the supply", default=None, optional=True
+        0, 3600, "s", "How long a change of the supply takes", default=None, optional=True
     )
     volatile: bool | None = None
     protocols: tuple[str, ...] | None = None
     links: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
     routes: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
-    poll: Poll | None = None
-    retries_known: bool = switch("Whether the poll has the system's retries", default=False)
+    poll: Poll | None = part(
+        Poll, "The poll that asks one junction box for all points", default=None, optional=True
+    )
+    retries_known: bool = switch(
+        "Whether the retries of `poll` are those of the system, not a mere default", default=False
+    )
 
     def __post_init__(self) -> None:
         """Check what is not declared."""
-        object.__setattr__(self, "points", PointList(self.points))
         if self.volatile is not None and not isinstance(self.volatile, bool):
             raise ArgumentError(f"volatile is {self.volatile!r}; it must be True, False or None")
         if self.protocols is not None:
@@ -230,8 +205,6 @@ class Description:
         for name in ("links", "routes"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _routes_of(name, getattr(self, name)))
-        if self.poll is not None and not isinstance(self.poll, Poll):
-            raise ArgumentError(f"poll is {self.poll!r}; it must be a Poll")
         if self.routes is not None and set(self.routes) != set(self.links or ()):
             raise ArgumentError("routes must name the same links as links")
 

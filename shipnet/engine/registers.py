@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from shipnet.engine.points import Point, PointList
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
+from shipnet.fields import check_scalar, check_whole, choice, part, record, switch, whole
 from shipnet.modbus.pdu import Request
 
 if TYPE_CHECKING:
@@ -37,21 +37,9 @@ _Registers = npt.NDArray[np.uint16]
 class Coding:
     """What a register holds.
 
-    Parameters
-    ----------
-    name : str
-        What the coding is called.
-    step : float, "full scale" or "decimal"
-        What one more in the register is worth, 1e-6..1e6 in the unit of the point. With
-        ``"full scale"`` the range fills the bits, from 0 to all ones. With ``"decimal"`` it is the
-        largest power of ten within a thousandth of the span.
-    error : int
-        Content that marks a missing value, 0..65535.
-    bits : int, default 16
-        Bits in use, 2..16.
-    signed : bool, default True
-        Whether the highest bit in use is a sign (two's complement over the whole register); a
-        full scale has none.
+    `step` is what one more in the register is worth, 1e-6..1e6 in the unit of the point. With
+    ``"full scale"`` the range fills the bits, from 0 to all ones. With ``"decimal"`` it is the
+    largest power of ten within a thousandth of the span.
 
     Raises
     ------
@@ -88,7 +76,10 @@ class Coding:
     step: float | Literal["full scale", "decimal"]
     error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
     bits: int = whole(2, 16, "", "Bits in use", default=16)
-    signed: bool = switch("Whether the highest bit in use is a sign", default=True)
+    signed: bool = switch(
+        "Whether the highest bit in use is a sign (two's complement over the whole register); a "
+        "full scale has none", default=True,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Check the step."""
@@ -260,22 +251,6 @@ class Decoded(NamedTuple):
 class RegisterMap:
     """Registers of a junction box.
 
-    Parameters
-    ----------
-    points : PointList or iterable of Point
-        One or more.
-    coding : Coding, optional
-        How values become registers; tenths with the error mark 0x00FF if not given.
-    switches : {"single", "box", "all"}, default "single"
-        Whether each switch has a register, or fifteen share one, those of a box or all in a row.
-        Packed switches follow the other values. Those of a word are marked together, by
-        `PACKED_MARK`, whatever the coding; with status words each has a validity bit instead, and
-        sixteen share a register.
-    status : bool, default False
-        Whether age, heartbeat and validity bits follow.
-    first_address : int, default 0
-        Address on the wire of the first register, 0..65535.
-
     Raises
     ------
     ArgumentError
@@ -296,21 +271,27 @@ class RegisterMap:
     {109: 'heartbeat', 110: 'valid', 111: 'valid', 112: 'valid'}
     """
 
-    points: PointList
-    coding: Coding = CODINGS["tenths, 0x00FF"]
-    switches: Packing = choice(("single", "box", "all"), "How switches lie", default="single")
-    status: bool = switch("Whether status words follow", default=False)
-    first_address: int = 0
+    points: PointList = part(PointList, "One or more points", make=PointList)
+    coding: Coding = part(
+        Coding, "How values become registers; tenths with the error mark 0x00FF if not given",
+        default=CODINGS["tenths, 0x00FF"],
+    )  # fmt: skip
+    switches: Packing = choice(
+        ("single", "box", "all"),
+        "Whether each switch has a register, or fifteen share one, those of a box or all in a row. "
+        "Packed switches follow the other values. Those of a word are marked together, by "
+        "`PACKED_MARK`, whatever the coding; with status words each has a validity bit instead, "
+        "and sixteen share a register", default="single",
+    )  # fmt: skip
+    status: bool = switch("Whether age, heartbeat and validity bits follow", default=False)
+    first_address: int = whole(
+        0, 0xFFFF, "", "Address on the wire of the first register", default=0
+    )
 
     def __post_init__(self) -> None:
-        """Check points, coding and address."""
-        object.__setattr__(self, "points", PointList(self.points))
-        if not isinstance(self.coding, Coding):
-            raise ArgumentError(f"coding is {self.coding!r}; it must be a Coding")
-        most = 0x10000 - len(self)
+        """Check that the last address exists."""
         why = f" for {len(self)} registers"
-        address = check_whole("first_address", self.first_address, 0, most, why)
-        object.__setattr__(self, "first_address", address)
+        check_whole("first_address", self.first_address, 0, 0x10000 - len(self), why)
 
     @classmethod
     def corrected(cls, points: Iterable[Point], *, first_address: int = 0) -> RegisterMap:

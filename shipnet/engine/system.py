@@ -5,8 +5,8 @@ Boxes with one firmware, CAN between them, two Modbus channels, and the AMS that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from math import inf
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -30,7 +30,7 @@ from shipnet.engine.faults import (
 )
 from shipnet.engine.points import PointList, read_points
 from shipnet.errors import ArgumentError
-from shipnet.fields import Kind, check_scalar, check_whole, choice, number, record, switch, whole
+from shipnet.fields import check_scalar, check_whole, choice, number, part, record, switch, whole
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
@@ -158,18 +158,6 @@ class StalenessFlag(NamedTuple):
     oldest: float
 
 
-class _Part(Kind):
-    """A part of a system that checks itself when it is made."""
-
-    def _check(self, name: str, value: Any, record: Any) -> Any:
-        return value
-
-
-def _part(factory: Callable[[], Any], help: str) -> Any:
-    """Declare a part, which `factory` makes if it is not given."""
-    return field(default_factory=factory, metadata={"kind": _Part(help=help)})
-
-
 @record
 class System:
     """An engine monitoring system; without arguments, the one of lee2012.
@@ -206,12 +194,15 @@ class System:
     {'JB1': 1.781, 'JB2': 1.771, 'JB3': 1.789}
     """
 
-    points: PointList = _part(
-        read_points,
+    points: PointList = part(
+        PointList,
         "What is measured, in 2..7 boxes; the first box answers on Modbus channel 1, the last on "
         "channel 2. The 99 points of lee2012 if not given",
+        default_factory=read_points, make=PointList,
+    )  # fmt: skip
+    firmware: Firmware = part(
+        Firmware, "Times within a box; all assumed if not given", default_factory=Firmware
     )
-    firmware: Firmware = _part(Firmware, "Times within a box; all assumed if not given")
     can_bit_rate: int = whole(
         10_000, 10**6, "bit/s", "Bit rate of CAN; not printed, assumed", default=125_000
     )
@@ -221,8 +212,8 @@ class System:
         "longer begins again at once, so 0 is a loop that never rests", default=0.5,
     )  # fmt: skip
     topology: Literal["line", "ring"] = choice(("line", "ring"), "Course of CAN", default="line")
-    serial: SerialLine = _part(
-        lambda: SerialLine(9600), "Both Modbus lines; 9600 bit/s, 8E1 if not given"
+    serial: SerialLine = part(
+        SerialLine, "Both Modbus lines; 9600 bit/s, 8E1 if not given", default=SerialLine(9600)
     )
     poll_period: float = number(0.01, LONGEST, "s", "From poll to poll", default=1.0)
     timeout: float = number(
@@ -257,12 +248,6 @@ class System:
 
     def __post_init__(self) -> None:
         """Check what the fields ask of each other."""
-        object.__setattr__(self, "points", PointList(self.points))
-        for name, kind in (("firmware", Firmware), ("serial", SerialLine)):
-            if not isinstance(getattr(self, name), kind):
-                raise ArgumentError(
-                    f"{name} is {getattr(self, name)!r}; it must be of class {kind.__name__}"
-                )
         check_scalar("timeout", self.timeout, "s", self.shortest_timeout, LONGEST)
         if not 2 <= len(self.boxes) <= 7:
             raise ArgumentError(f"points lie in {len(self.boxes)} boxes; it must be 2..7")
@@ -667,31 +652,6 @@ class System:
         silent box has the bound of `staleness_flag`. In the printed design one frame keeps all
         values of its box alive, so random losses on CAN have no bound. In the corrected one the
         AMS marks by age. No bus can see that a sensor is stuck.
-
-        Parameters
-        ----------
-        fault : fault, optional
-            One of `shipnet.engine.faults`; the system is healthy if it is not given.
-
-        Returns
-        -------
-        FailureBounds
-            Longest answer, longest gap between two answers, and oldest value shown as good [s].
-
-        Raises
-        ------
-        ArgumentError
-            If the system does not have what fails, or `worst_age` has no bound.
-
-        Examples
-        --------
-        >>> from shipnet import engine
-        >>> cut = engine.faults.ModbusBreak("1")
-        >>> [round(bound, 3) for bound in engine.System().failure_bounds(cut)]
-        [0.51, 1.255, 2.043]
-        >>> often = engine.System(poll_period=0.5)
-        >>> [round(bound, 3) for bound in often.failure_bounds(cut)]
-        [0.51, 0.755, 1.543]
         """
         answer, gap = self.poll.time, self.poll_spacing()
         healthy = oldest = float(self.worst_age()["worst_s"].max())

@@ -11,17 +11,15 @@ That every value is a packet of its own is reading A with one item per packet.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from decimal import Decimal, localcontext
 from functools import cache
-from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.crc import MODBUS
-from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
+from shipnet.errors import FrameError
 from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
 from shipnet.remote_control.packet_format import (
     Bytes,
@@ -66,58 +64,18 @@ _NUMBER_CHECKS = {
 Floats = npt.NDArray[np.float64]
 
 
-def _trailer(data: bytes) -> bytes:
-    """Return the CRC-16/MODBUS of some bytes as it is sent, low byte first."""
-    return MODBUS.of(data).to_bytes(_CRC, "little")
-
-
-def _check_items(items: Mapping[int, int], n_numbers: int) -> Items:
-    """Return numbers and values in rising order, or raise unless a packet can hold them."""
-    if not isinstance(items, Mapping):
-        raise ArgumentError(f"items is {items!r}; it must map numbers to values")
-    return tuple(
-        sorted(
-            (
-                check_whole("number", number, 0, n_numbers - 1),
-                check_whole(f"value of item {number}", value, 0, 0xFFFF),
-            )
-            for number, value in items.items()
-        )
-    )
-
-
-def _read_items(data: bytes) -> Items:
-    """Return the items in bytes that hold nothing else."""
-    return tuple(zip(data[::3], map(_value, data[1::3], data[2::3]), strict=True))
-
-
-def _value(low: int, high: int) -> int:
-    return low | high << 8
-
-
-def _check_numbers(items: Items, numbers: NumberCheck, n_numbers: int) -> Items:
-    """Return the items, or raise unless a receiver accepts their numbers."""
-    if numbers == "any":
-        return items
-    found = [number for number, _ in items]
-    rising = numbers == "rising"
-    falls = any(one >= other for one, other in pairwise(found))
-    if any(number >= n_numbers for number in found) or (rising and falls):
-        raise FieldError(
-            f"numbers are {', '.join(map(str, found))}; they must be "
-            f"0..{n_numbers - 1}{' and rising' * rising}"
-        )
-    return items
+def _crc(rows: Bytes) -> npt.NDArray[np.unsignedinteger]:
+    # A single packet is quicker as bytes.
+    return np.array([MODBUS.of(rows.tobytes())], np.uint16) if len(rows) == 1 else MODBUS.of(rows)
 
 
 def _crc_fits(rows: Bytes) -> Flags:
     # Behind its own check, the register of a reflected CRC without final addition is 0.
-    fits: Flags = MODBUS.of(rows) == 0
-    return fits
+    return np.asarray(_crc(rows) == 0)
 
 
 def _with_crc(rows: Bytes) -> Bytes:
-    check = MODBUS.of(rows)
+    check = _crc(rows)
     return np.column_stack([rows, (check & 0xFF).astype(np.uint8), (check >> 8).astype(np.uint8)])
 
 
@@ -202,36 +160,6 @@ class MarkerFormat(PacketFormat):
         """Return the length of a packet with 0..n_numbers items [byte]."""
         n = check_whole("n_items", n_items, 0, self.n_numbers)
         return len(self.head) + n * (len(self.lead) + _ITEM) + 1 + _CRC * self.crc
-
-    def encode(self, items: Mapping[int, int]) -> bytes:
-        """Return a packet with values 0..65535 by their numbers, in rising order of these."""
-        body = b"".join(
-            self.lead + bytes([number, value & 0xFF, value >> 8])
-            for number, value in _check_items(items, self.n_numbers)
-        )
-        packet = self.head + body + bytes([PACKET_END])
-        return packet + _trailer(packet) if self.crc else packet
-
-    def decode(self, packet: bytes | bytearray) -> Items:
-        """Return numbers and values of one packet.
-
-        Raises `LengthError`, `FormError` (a marker is missing), `CrcError` or `FieldError` (a
-        number is refused).
-        """
-        data, step = check_bytes("packet", packet), len(self.lead) + _ITEM
-        end = len(data) - 1 - _CRC * self.crc
-        n_items, rest = divmod(end - len(self.head), step)
-        if rest or not 0 <= n_items <= self.n_numbers:
-            raise LengthError(f"the packet has {len(data)} bytes, which no number of items gives")
-        starts = range(len(self.head), end, step)
-        markers = not self.lead or all(data.startswith(self.lead, start) for start in starts)
-        early = not self.lead and any(data[start] == PACKET_END for start in starts)
-        if not (data.startswith(self.head) and markers and data[end] == PACKET_END) or early:
-            raise FormError(f"{data.hex(' ')} does not have a packet's markers at their places")
-        if self.crc and data[end + 1 :] != _trailer(data[: end + 1]):
-            raise CrcError(f"the check of {data.hex(' ')} is {_trailer(data[: end + 1]).hex(' ')}")
-        items = _read_items(b"".join(data[k + len(self.lead) : k + step] for k in starts))
-        return _check_numbers(items, self.numbers, self.n_numbers)
 
     def parser(self) -> MarkerParser:
         """Return a parser that has seen nothing yet; its `feed` takes a stream in any pieces."""
@@ -376,39 +304,49 @@ class MarkerParser:
         return byte < form.n_numbers and rises
 
     def _finish(self, packets: list[Items]) -> None:
-        try:
-            packets.append(self._format.decode(self._packet))
-        except CrcError:
+        check, head, lead = _CRC * self._format.crc, len(self._head), len(self._lead)
+        if check and MODBUS.of(self._packet):
             self.discarded += self._size
+        else:
+            starts = range(head + lead, self._size - 1 - check, lead + _ITEM)
+            triples = [self._packet[start : start + _ITEM] for start in starts]
+            packets.append(tuple((number, low | high << 8) for number, low, high in triples))
         self._packet.clear()
 
 
 # The byte-stuffed packet -----------------------------------------------------------------------
 
 
-def stuff(data: bytes) -> bytes:
-    """Return up to 254 bytes written without any 0, by consistent overhead byte stuffing (COBS).
+def stuff(data: Bytes) -> Bytes:
+    """Return rows of up to 254 bytes written without any 0, by consistent overhead byte stuffing.
 
     Every 0 is replaced by the distance to the next one, and the distance to the first goes in
     front: S. Cheshire, M. Baker, IEEE/ACM Transactions on Networking 7 (1999) 159-172.
     """
-    check_whole("length of data", len(data), 0, _SPAN)
-    return b"".join(bytes([len(part) + 1]) + part for part in data.split(b"\0"))
+    n_rows, size = data.shape
+    check_whole("length of data", size, 0, _SPAN)
+    rows = np.zeros((n_rows, size + 2), np.uint8)
+    rows[:, 1:-1] = data
+    places = np.arange(size + 2)
+    zero = np.where(rows == 0, places, size + 1)
+    following = np.minimum.accumulate(zero[:, :0:-1], axis=1)[:, ::-1]
+    step = (following - places[:-1]).astype(np.uint8)
+    return np.where(rows[:, :-1] == 0, step, rows[:, :-1])
 
 
-def unstuff(data: bytes) -> bytes:
-    """Return the bytes that `stuff` was given; raise LengthError or FormError for any others."""
-    if not 1 <= len(data) <= _SPAN + 1:
-        raise LengthError(f"there are {len(data)} bytes; there must be 1..{_SPAN + 1}")
-    if 0 in data:
-        raise FormError(f"{data.hex(' ')} has a 0")
-    plain, place = bytearray(data), 0
-    while place < len(data):
-        step, plain[place] = data[place], 0
-        place += step
-    if place != len(data):
-        raise FormError(f"the distances in {data.hex(' ')} do not lead to its end")
-    return bytes(plain[1:])
+def unstuff(rows: Bytes) -> tuple[Flags, Bytes]:
+    """Return which rows are stuffed, and the bytes that `stuff` was given for those."""
+    n_rows, width = rows.shape
+    plain, row, end = rows.copy(), np.arange(n_rows), np.zeros(n_rows, np.intp)
+    place = end.copy()
+    while row.size:
+        step = rows[row, place]
+        plain[row, place] = 0
+        place = place + step
+        end[row] = place
+        going = (step > 0) & (place < width)
+        row, place = row[going], place[going]
+    return (end == width) & (rows != 0).all(axis=1), plain[:, 1:]
 
 
 @record
@@ -449,32 +387,6 @@ class CobsFormat(PacketFormat):
     def size(self, n_items: int) -> int:
         """Return the length of a packet with 0..n_numbers items [byte]."""
         return 4 + 3 * check_whole("n_items", n_items, 0, self.n_numbers)
-
-    def encode(self, items: Mapping[int, int]) -> bytes:
-        """Return a packet with values 0..65535 by their numbers, in rising order of these."""
-        body = b"".join(
-            bytes([number, value & 0xFF, value >> 8])
-            for number, value in _check_items(items, self.n_numbers)
-        )
-        return stuff(body + _trailer(body)) + b"\0"
-
-    def decode(self, packet: bytes | bytearray) -> Items:
-        """Return numbers and values of one packet.
-
-        Raises `LengthError`, `FormError` (the only 0 is not the last byte, or the stuffing breaks
-        off), `CrcError` or `FieldError` (a number is refused).
-        """
-        data = check_bytes("packet", packet)
-        n_items, rest = divmod(len(data) - 4, 3)
-        if rest or not 0 <= n_items <= self.n_numbers:
-            raise LengthError(f"the packet has {len(data)} bytes, which no number of items gives")
-        if data[-1]:
-            raise FormError(f"{data.hex(' ')} does not end with 0")
-        plain = unstuff(data[:-1])
-        body, check = plain[:-2], plain[-2:]
-        if check != _trailer(body):
-            raise CrcError(f"the check is {check.hex(' ')}; it must be {_trailer(body).hex(' ')}")
-        return _check_numbers(_read_items(body), self.numbers, self.n_numbers)
 
     def parser(self) -> CobsParser:
         """Return a parser that has seen nothing yet; its `feed` takes a stream in any pieces."""
@@ -517,31 +429,13 @@ class CobsFormat(PacketFormat):
         return self.undetected_flips(n_items) * single + max(hit - single, 0.0) * 2.0**-_CRC_BITS
 
     def _encode_rows(self, items: Bytes) -> Bytes:
-        """Stuff every row, with the 0 that ends it."""
-        data = _with_crc(items.reshape(len(items), -1))
-        n_packets, size = data.shape
-        rows = np.zeros((n_packets, size + 2), np.uint8)
-        rows[:, 1:-1] = data
-        places = np.arange(size + 2)
-        zero = np.where(rows == 0, places, size + 1)
-        following = np.minimum.accumulate(zero[:, :0:-1], axis=1)[:, ::-1]
-        step = (following - places[:-1]).astype(np.uint8)
-        rows[:, :-1] = np.where(rows[:, :-1] == 0, step, rows[:, :-1])
-        return rows
+        stuffed = stuff(_with_crc(items.reshape(len(items), -1)))
+        return np.column_stack([stuffed, np.zeros(len(stuffed), np.uint8)])
 
     def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Flags, Flags, Bytes]:
-        body = rows[:, :-1]
-        n_packets, width = body.shape
-        columns = np.ascontiguousarray(body.T)
-        code = np.zeros(n_packets, np.int64)
-        plain = np.empty_like(columns)
-        for place, column in enumerate(columns):
-            here = code == place
-            plain[place] = np.where(here, 0, column)
-            code = np.where(here, place + column.astype(np.int64), code)
-        formed = (code == width) & (body != 0).all(axis=1) & (rows[:, -1] == 0)
-        data = np.ascontiguousarray(plain[1:].T)
-        return formed, _crc_fits(data), data[:, :-2].reshape(n_packets, n_items, 3)
+        formed, data = unstuff(rows[:, :-1])
+        formed &= rows[:, -1] == 0
+        return formed, _crc_fits(data), data[:, :-2].reshape(len(rows), n_items, 3)
 
 
 class CobsParser:
@@ -550,32 +444,25 @@ class CobsParser:
     def __init__(self, packet_format: CobsFormat) -> None:
         self.discarded = 0
         self._format = packet_format
-        self._packet = bytearray()
-        self._lost = 0
+        # What came since the last 0; of more than a packet can have, only a number is kept.
+        self._rest, self._more = b"", 0
 
     def feed(self, data: bytes) -> list[Items]:
         """Return the packets that these bytes complete."""
         packets: list[Items] = []
+        *ended, rest = check_bytes("data", data).split(b"\0")
+        for part in ended:
+            packet = self._rest + part + b"\0"
+            try:
+                packets.append(self._format.decode(packet))
+            except FrameError:
+                self.discarded += self._more + len(packet)
+            self._rest, self._more = b"", 0
         longest = self._format.size(self._format.n_numbers)
-        for byte in check_bytes("data", data):
-            if len(self._packet) < longest:
-                self._packet.append(byte)
-            else:
-                self._lost += 1
-            if byte == 0:
-                self._finish(packets)
+        self._rest += rest
+        self._more += len(self._rest[longest:])
+        self._rest = self._rest[:longest]
         return packets
-
-    def _finish(self, packets: list[Items]) -> None:
-        size = len(self._packet) + self._lost
-        try:
-            if self._lost:
-                raise LengthError(f"the packet has {size} bytes")
-            packets.append(self._format.decode(self._packet))
-        except FrameError:
-            self.discarded += size
-        self._packet.clear()
-        self._lost = 0
 
 
 # What the checks let through --------------------------------------------------------------------

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, LengthError
+from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
 from shipnet.fields import check_scalar, check_whole
 
 #: Number and value of each item, in the order of the packet.
@@ -27,6 +27,14 @@ Flags = npt.NDArray[np.bool_]
 
 #: Packets worked on at a time.
 _CHUNK = 1 << 16
+
+#: What is wrong with a packet that is refused; numbers go on with those that are legal.
+_FAULTS: Mapping[type[FrameError], str] = {
+    LengthError: "has a length that no number of items gives",
+    FormError: "does not have the form of a packet",
+    CrcError: "has a check that does not belong to its bytes",
+    FieldError: "has numbers that are not all",
+}
 
 
 def check_bytes(name: str, data: object) -> bytes:
@@ -109,12 +117,28 @@ class PacketFormat:
         raise NotImplementedError
 
     def encode(self, items: Mapping[int, int]) -> bytes:
-        """Return a packet."""
-        raise NotImplementedError
+        """Return a packet with values 0..65535 by their numbers, in rising order of these."""
+        if not isinstance(items, Mapping):
+            raise ArgumentError(f"items is {items!r}; it must map numbers to values")
+        numbers = sorted(check_whole("number", number, 0, self.n_numbers - 1) for number in items)
+        row = np.zeros((1, len(numbers), 3), np.uint8)
+        for place, number in enumerate(numbers):
+            value = check_whole(f"value of item {number}", items[number], 0, 0xFFFF)
+            row[0, place] = number, value & 0xFF, value >> 8
+        return self._encode_rows(row).tobytes()
 
     def decode(self, packet: bytes | bytearray) -> Items:
-        """Return the items of one packet, or raise."""
-        raise NotImplementedError
+        """Return numbers and values of one packet.
+
+        Raises `LengthError`, `FormError`, `CrcError` or `FieldError` (a number is refused).
+        """
+        data = check_bytes("packet", packet)
+        found = self.decode_batch(np.frombuffer(data, np.uint8)[np.newaxis])
+        for fault, why in _FAULTS.items():
+            if found.error[0] == fault.code:
+                legal = f" 0..{self.n_numbers - 1}" + " and rising" * (self.numbers == "rising")
+                raise fault(f"packet {data.hex(' ')} {why}{legal * (fault is FieldError)}")
+        return tuple(zip(found.numbers[0].tolist(), found.values[0].tolist(), strict=True))
 
     def parser(self) -> Parser:
         """Return a parser that has seen nothing yet."""

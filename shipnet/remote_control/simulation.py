@@ -20,7 +20,7 @@ from shipnet.fields import check_scalar, check_whole, choice, number, record, wh
 from shipnet.remote_control.faults import BitErrors, DeadStation, LostPacket, Stall
 from shipnet.remote_control.packet import DATA_START, MarkerFormat
 from shipnet.remote_control.packet_format import Items
-from shipnet.remote_control.station import Event, Role, State, Station
+from shipnet.remote_control.station import State, Station
 from shipnet.remote_control.system import BIT_RATES, System
 from shipnet.remote_control.values import HOPS, STATIONS, forwarded
 
@@ -192,23 +192,6 @@ class Run:
         """Times from one packet of RCS to BCS to the next, shape (n_cycles,) [s]."""
         starts = [p.start for p in self.packets if (p.source, p.target) == HOPS[0]]
         return np.diff(np.array(starts, dtype=float))
-
-    def ticks(self, station: str) -> int:
-        """Return how many ticks a station had counted at most when a sign of life came."""
-        return max((ticks for _, name, _, ticks in self.heartbeats if name == station), default=0)
-
-    def silences(self, station: str) -> npt.NDArray[np.float64]:
-        """Return how long BCS or SS heard nothing after each of its own packets [s].
-
-        Silences that had not ended when the simulation did are left out.
-        """
-        if station not in ("BCS", "SS"):
-            raise ArgumentError(f"station is {station!r}; it must be 'BCS' or 'SS'")
-        signs = np.array([time for time, name, _, _ in self.heartbeats if name == station])
-        ends = np.array([p.end for p in self.packets if p.source == station])
-        place = np.searchsorted(signs, ends, side="right")
-        heard = place < signs.size
-        return np.asarray(signs[place[heard]] - ends[heard], dtype=float)
 
     def history(self, number: int, station: str) -> pd.DataFrame:
         """Return which value of a number a station had from which ``time_s`` on.
@@ -403,7 +386,7 @@ class _Simulation:
 
     def run(self) -> Run:
         for station in self.stations.values():
-            self._note_state(station)
+            self._enter(station, State.RECEIVING)
         self._at(0.0, partial(self._send, self.stations["RCS"]))
         while self._heap and self._heap[0][0] <= self.end:
             self.now, _, act = heappop(self._heap)
@@ -417,14 +400,9 @@ class _Simulation:
     def _note(self, station: Station, event: str, partner: str = "", detail: str = "") -> None:
         self.run_._events.append((self.now, station.name, event, partner, detail))
 
-    def _note_state(self, station: Station) -> None:
-        self.run_._states.append((self.now, station.name, station.state))
-
-    def _go(self, station: Station, event: Event) -> bool:
-        gone = station.go(event)
-        if gone:
-            self._note_state(station)
-        return gone
+    def _enter(self, station: Station, state: State) -> None:
+        station.state = state
+        self.run_._states.append((self.now, station.name, state))
 
     # sending
 
@@ -432,15 +410,14 @@ class _Simulation:
         """Begin a packet to the next partner; its bytes arrive one by one."""
         station.choose_partner()
         if station.state is not State.SENDING:
-            station.state = State.SENDING
-            self._note_state(station)
+            self._enter(station, State.SENDING)
         station.turn += 1
         target, turn = self.stations[station.partner], station.turn
-        data = station.senders[target.name].packet(station.sending[target.name])
-        items = self.system.packet_format.decode(data)
+        items = station.senders[target.name].items(station.sending[target.name])
+        data = self.system.packet_format.encode(items)
         character = self.system.character_time
         packet = Packet(self.now, self.now + len(data) * character, station.name, target.name)
-        packet.items = items
+        packet.items = tuple(sorted(items.items()))
         self.run_.packets.append(packet)
         arriving = self._disturb(packet, data)
         for place, byte in enumerate(arriving):
@@ -480,10 +457,11 @@ class _Simulation:
         return [None if start else byte ^ flip for byte, start, flip in rows]
 
     def _sent(self, station: Station, turn: int) -> None:
-        if station.turn != turn or not self._go(station, Event.SENT):
+        if station.turn != turn:
             return
+        self._enter(station, State.RECEIVING)
         timeout = self.system.turn_timeout
-        if station.role is Role.MASTER and timeout is not None:
+        if station.master and timeout is not None:
             self._at(self.now + timeout, partial(self._time_out, station, turn))
         self._look(station)
 
@@ -530,7 +508,7 @@ class _Simulation:
             if reading.stopped:
                 self._note(station, "ring stopped", "", found)
             if reading.stopped and not reading.packets:
-                self._leave(station, Event.RING_STOPPED, station.turn)
+                self._leave(station, station.turn)
                 return
         waiting = self.waiting[station.name]
         if not reading.packets:
@@ -542,7 +520,7 @@ class _Simulation:
         source = read[-1].source if read else station.partner
         if not self.marked:
             self._life(station, source)
-        self._go(station, Event.PACKET)
+        self._enter(station, State.PROCESSING)
         taken = tuple(item for items in reading.packets for item in items)
         act = partial(self._processed, station, station.turn, source, taken)
         self._at(self.now + self.system.processing, act)
@@ -557,12 +535,11 @@ class _Simulation:
             return
         for k, value in items:
             self.run_.updates.append(Update(self.now, station.name, source, k, value))
-            if station.role is Role.MASTER and k < self.system.n_items:
+            if station.master and k < self.system.n_items:
                 other, numbers = _FORWARDED[source]
                 if k in numbers:
                     station.sending[other][k] = value
-        if self._go(station, Event.PROCESSED):
-            self._send(station)
+        self._send(station)
 
     # supervision
 
@@ -577,36 +554,38 @@ class _Simulation:
             if (waits or always) and counter.step():
                 station.left_out[partner] = self.system.skip_turns
                 self._note(station, "failed", partner)
-                if waits:
-                    self._leave(station, Event.FAILED, station.turn)
+                if waits and station.master:
+                    # That it goes on to its next partner is our reading.
+                    self._leave(station, station.turn)
 
     def _time_out(self, station: Station, turn: int) -> None:
         if station.turn == turn and station.state is State.RECEIVING:
             self._note(station, "timed out", station.partner)
-            self._leave(station, Event.TIMED_OUT, turn)
+            self._leave(station, turn)
 
-    def _leave(self, station: Station, event: Event, turn: int) -> None:
-        """Let a station that waits in vain go on, as soon as its task can."""
+    def _leave(self, station: Station, turn: int) -> None:
+        """Let a station that waits in vain send, as soon as its task can."""
         if self.now < station.busy_until:
-            self._at(station.busy_until, partial(self._leave, station, event, turn))
-            return
-        same = station.turn == turn
-        if same and self._go(station, event) and station.state is State.SENDING:
+            self._at(station.busy_until, partial(self._leave, station, turn))
+        elif station.turn == turn and station.state is State.RECEIVING:
             self._send(station)
 
     # faults and changes
 
     def _stop(self, station: Station) -> None:
-        if self._go(station, Event.STOPPED):
+        if station.state is not State.DEAD:
+            self._enter(station, State.DEAD)
             station.turn += 1
-            self._note(station, Event.STOPPED.value)
+            self._note(station, "station stops")
 
     def _start(self, station: Station) -> None:
-        if self._go(station, Event.STARTED):
+        if station.state is State.DEAD:
             station.turn += 1
-            self._note(station, Event.STARTED.value)
-            if station.role is Role.MASTER:
+            self._note(station, "station starts")
+            if station.master:
                 self._send(station)
+            else:
+                self._enter(station, State.RECEIVING)
 
     def _stall(self, fault: Stall) -> None:
         station = self.stations[fault.station]

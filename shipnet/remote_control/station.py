@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.remote_control.packet_format import Items, PacketFormat, Parser
+from shipnet.remote_control.packet_format import Items
 from shipnet.remote_control.ring_buffer import Ring
 from shipnet.remote_control.system import Counter, System
 from shipnet.remote_control.values import HOPS
@@ -65,40 +64,26 @@ def _values(name: str, values: Sequence[int]) -> list[int]:
 
 
 class Sender:
-    """Packs what has changed, and takes it as received: there is no acknowledgement.
+    """Chooses what has changed, and takes it as received: there is no acknowledgement.
 
     With each packet go `repeat` of the other values in turn, though they have not changed. 0 is
     the paper's rule, by which a lost packet leaves the other side with old values until they
-    change again; with k, they are corrected within ``ceil(n_numbers / k)`` packets.
+    change again; with k, they are corrected within ``ceil(n_items / k)`` packets.
     """
 
-    def __init__(
-        self, packet_format: PacketFormat, sended: Sequence[int] | None = None, *, repeat: int = 0
-    ) -> None:
-        n = packet_format.n_numbers
-        self.packet_format = packet_format
-        self.sended = [0] * n if sended is None else list(sended)
-        self.repeat = check_whole("repeat", repeat, 0, n)
+    def __init__(self, n_items: int, repeat: int = 0) -> None:
+        self.repeat = repeat
+        self._sended = [0] * n_items
         self._turn = 0
-        if len(self.sended) != n:
-            raise ArgumentError(f"sended has {len(self.sended)} data; it must have {n}")
 
-    def packet(self, sending: Sequence[int]) -> bytes:
-        """Return the next packet of these values, and take them as received."""
-        n = self.packet_format.n_numbers
+    def items(self, sending: Sequence[int]) -> dict[int, int]:
+        """Return what the next packet has of these values, and take them as received."""
+        n = len(self._sended)
         again = [number % n for number in range(self._turn, self._turn + self.repeat)]
-        items = changed_items(sending, self.sended) | {n: sending[n] for n in again}
-        packet = self.packet_format.encode(items)
+        items = changed_items(sending, self._sended) | {k: sending[k] for k in again}
         self._turn = (self._turn + self.repeat) % n
-        self.sended = list(sending)
-        return packet
-
-
-class Role(Enum):
-    """Whether a station begins an exchange, or answers."""
-
-    MASTER = "master"
-    SLAVE = "slave"
+        self._sended = list(sending)
+        return items
 
 
 class State(Enum):
@@ -117,43 +102,6 @@ class State(Enum):
         return 0 if self is State.SENDING else 1
 
 
-class Event(Enum):
-    """What happens to a station."""
-
-    SENT = "last byte is out"
-    PACKET = "packet found in the ring"
-    PROCESSED = "packet is processed"
-    RING_STOPPED = "reader stops before the ring is empty"
-    FAILED = "partner taken as failed"
-    TIMED_OUT = "turn timed out"
-    STOPPED = "station stops"
-    STARTED = "station starts"
-
-
-#: Next state by role, state and event: section 4 of chung1998 with its Figs 5, 6 and 8. That the
-#: master goes on to its next partner after a failure is our reading; turns that time out before
-#: that are not in the paper. What is not listed does not change the state.
-TRANSITIONS: dict[tuple[Role, State, Event], State] = {
-    (Role.MASTER, State.SENDING, Event.SENT): State.RECEIVING,
-    (Role.MASTER, State.RECEIVING, Event.PACKET): State.PROCESSING,
-    (Role.MASTER, State.RECEIVING, Event.RING_STOPPED): State.SENDING,
-    (Role.MASTER, State.RECEIVING, Event.FAILED): State.SENDING,
-    (Role.MASTER, State.RECEIVING, Event.TIMED_OUT): State.SENDING,
-    (Role.MASTER, State.PROCESSING, Event.PROCESSED): State.SENDING,
-    (Role.MASTER, State.DEAD, Event.STARTED): State.SENDING,
-    (Role.SLAVE, State.SENDING, Event.SENT): State.RECEIVING,
-    (Role.SLAVE, State.RECEIVING, Event.PACKET): State.PROCESSING,
-    (Role.SLAVE, State.RECEIVING, Event.RING_STOPPED): State.SENDING,
-    (Role.SLAVE, State.RECEIVING, Event.FAILED): State.RECEIVING,
-    (Role.SLAVE, State.PROCESSING, Event.PROCESSED): State.SENDING,
-    (Role.SLAVE, State.DEAD, Event.STARTED): State.RECEIVING,
-} | {
-    (role, state, Event.STOPPED): State.DEAD
-    for role in Role
-    for state in (State.SENDING, State.RECEIVING, State.PROCESSING)
-}
-
-
 class Reading(NamedTuple):
     """What the task found when it emptied the ring.
 
@@ -168,7 +116,6 @@ class Reading(NamedTuple):
     lost: int
 
 
-@dataclass(slots=True)
 class Station:
     """A station as the simulation moves it.
 
@@ -177,48 +124,23 @@ class Station:
     is the end of a slow task [s]; `left_out` counts turns of a partner still to be skipped.
     """
 
-    name: str
-    system: System
-    state: State = field(default=State.RECEIVING, init=False)
-    partner: str = field(default="RCS", init=False)
-    ring: Ring = field(init=False)
-    parser: Parser = field(init=False)
-    counters: dict[str, Counter] = field(init=False)
-    senders: dict[str, Sender] = field(init=False)
-    sending: dict[str, list[int]] = field(init=False)
-    left_out: dict[str, int] = field(init=False)
-    busy_until: float = field(default=0.0, init=False)
-    turn: int = field(default=0, init=False)
-
-    def __post_init__(self) -> None:
-        """Begin with empty tables."""
-        system = self.system
+    def __init__(self, name: str, system: System) -> None:
+        self.name, self.system = name, system
+        self.state, self.turn, self.busy_until = State.RECEIVING, 0, 0.0
+        self.partner = "RCS"
+        #: To whom it has a line, in the order of a cycle.
+        self.partners = tuple(target for source, target in HOPS if source == name)
         self.ring = Ring(system.ring_size, system.ring_rule)
         self.parser = system.packet_format.parser()
-        self.counters = {name: Counter(system.rule(self.name)) for name in self.partners}
-        self.senders = {
-            name: Sender(system.packet_format, repeat=system.repeat) for name in self.partners
-        }
-        self.sending = {name: [0] * system.n_items for name in self.partners}
+        self.counters = {other: Counter(system.rule(name)) for other in self.partners}
+        self.senders = {other: Sender(system.n_items, system.repeat) for other in self.partners}
+        self.sending = {other: [0] * system.n_items for other in self.partners}
         self.left_out = dict.fromkeys(self.partners, 0)
 
     @property
-    def role(self) -> Role:
-        """Master or slave."""
-        return Role.MASTER if self.name == "RCS" else Role.SLAVE
-
-    @property
-    def partners(self) -> tuple[str, ...]:
-        """To whom it has a line, in the order of a cycle."""
-        return tuple(target for source, target in HOPS if source == self.name)
-
-    def go(self, event: Event) -> bool:
-        """Take the transition of an event; return whether the state has one."""
-        state = TRANSITIONS.get((self.role, self.state, event))
-        if state is None:
-            return False
-        self.state = state
-        return True
+    def master(self) -> bool:
+        """Whether it begins every exchange, and does not answer."""
+        return self.name == "RCS"
 
     def read(self) -> Reading:
         """Take everything out of the ring, as the task does, and return what was in it."""
@@ -237,7 +159,7 @@ class Station:
 
         A failed partner is left out for ``skip_turns`` of its turns, unless all have failed.
         """
-        if self.role is Role.SLAVE:
+        if not self.master:
             return
         names = self.partners
         place = names.index(self.partner) if self.partner in names else -1

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, choice, number, record, switch, whole
+from shipnet.fields import check_whole, choice, number, part, record, switch, whole
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat
 from shipnet.remote_control.values import HOPS, VALUES
@@ -176,34 +176,6 @@ class Cascade(NamedTuple):
 class System:
     r"""The link of three stations: RCS asks BCS and SS in turn, over a line to each.
 
-    Parameters
-    ----------
-    packet_format : MarkerFormat or CobsFormat, default ``MarkerFormat()``
-        Form of the packets; its ``n_numbers`` is the number of items, the same on all hops.
-    bit_rate : float, default 9600
-        1..1e7 [bit/s].
-    character_bits : int, default 10
-        Bits on the line per byte, 10 without and 11 with a parity bit (or a second stop bit);
-        chung1998 does not say which.
-    repeat : int, default 0
-        How many values go with each packet in turn, though they have not changed: 0..n_items. 0
-        is the rule as printed, n_items sends everything every time.
-    processing : float, default 0
-        Work on a packet, from its last byte to the first byte of the answer, 0..10 [s]. Longer
-        than 0 by Fig. 2, which prints no number.
-    master, slave : Supervision, default ``Supervision()``
-        Rules of RCS, and of BCS and SS.
-    turn_timeout : float, optional
-        How long RCS waits for an answer before it goes on to the next partner, 1e-3..3600 [s].
-        As printed, there is none: it waits until it takes the partner as failed.
-    skip_turns : int, default 0
-        How many turns RCS leaves out a partner that it takes as failed, 0..1e6, unless both are.
-        Not in the paper.
-    ring_size : int, default 128
-        Bytes of the receive ring, 2..4096.
-    ring_rule : {"intended", "corrected"}, default "intended"
-        How its reader decides, see `Ring`.
-
     Raises
     ------
     ArgumentError
@@ -231,32 +203,47 @@ class System:
     'certain'
     """
 
-    packet_format: PacketFormat = field(default_factory=MarkerFormat)
+    packet_format: PacketFormat = part(
+        PacketFormat,
+        "Form of the packets, a MarkerFormat or a CobsFormat; its ``n_numbers`` is the number of "
+        "items, the same on all hops", default_factory=MarkerFormat,
+    )  # fmt: skip
     bit_rate: float = number(1, 10e6, "bit/s", "Bit rate", default=9600.0)
-    character_bits: int = whole(10, 11, "bit", "Bits on the line per byte", default=10)
-    repeat: int = whole(0, 204, "", "Values that go with each packet in turn", default=0)
-    processing: float = number(0, 10, "s", "Work on a packet", default=0.0)
-    master: Supervision = field(default_factory=Supervision)
-    slave: Supervision = field(default_factory=Supervision)
+    character_bits: int = whole(
+        10, 11, "bit",
+        "Bits on the line per byte, without or with a parity bit (or a second stop bit); chung1998 "
+        "does not say which", default=10,
+    )  # fmt: skip
+    repeat: int = whole(
+        0, 204, "",
+        "Values that go with each packet in turn, though they have not changed; 0 is the rule as "
+        "printed, ``n_items``, the most, sends everything every time", default=0,
+    )  # fmt: skip
+    processing: float = number(
+        0, 10, "s",
+        "Work on a packet, from its last byte to the first byte of the answer; longer than 0 by "
+        "Fig. 2, which prints no number", default=0.0,
+    )  # fmt: skip
+    master: Supervision = part(Supervision, "Rule of RCS", default_factory=Supervision)
+    slave: Supervision = part(Supervision, "Rule of BCS and SS", default_factory=Supervision)
     turn_timeout: float | None = number(
-        1e-3, 3600, "s", "How long RCS waits for an answer", default=None, optional=True
-    )
-    skip_turns: int = whole(0, 10**6, "", "Turns that leave out a failed partner", default=0)
+        1e-3, 3600, "s",
+        "How long RCS waits for an answer before it goes on to the next partner; as printed, it "
+        "waits until it takes the partner as failed", default=None, optional=True,
+    )  # fmt: skip
+    skip_turns: int = whole(
+        0, 10**6, "",
+        "Turns that leave out a partner taken as failed, unless both are; not in the paper",
+        default=0,
+    )  # fmt: skip
     ring_size: int = whole(2, 4096, "byte", "Size of the receive ring", default=128)
     ring_rule: Literal["intended", "corrected"] = choice(
-        ("intended", "corrected"), "How the reader of the ring decides", default="intended"
-    )
+        ("intended", "corrected"), "How the reader of the ring decides, see `Ring`",
+        default="intended",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check format, rules and the number of repeated values."""
-        if not isinstance(self.packet_format, PacketFormat):
-            raise ArgumentError(
-                f"packet_format is {self.packet_format!r}; it must be a format such as "
-                "MarkerFormat()"
-            )
-        for name in ("master", "slave"):
-            if not isinstance(getattr(self, name), Supervision):
-                raise ArgumentError(f"{name} is {getattr(self, name)!r}; it must be a Supervision")
+        """Check that a packet holds the repeated values."""
         check_whole("repeat", self.repeat, 0, self.n_items)
 
     @property

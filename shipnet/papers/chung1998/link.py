@@ -12,6 +12,7 @@ import numpy as np
 from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.papers.chung1998.usart import Status, Usart, send
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.experiment import recommend, switch_staleness
 from shipnet.remote_control.faults import DeadStation, LostPacket
@@ -19,7 +20,6 @@ from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.simulation import Change, simulate, switch_delays
 from shipnet.remote_control.station import Sender
 from shipnet.remote_control.system import BIT_RATES, Supervision, System
-from shipnet.remote_control.usart import Status, Usart, send_intended, send_printed
 from shipnet.remote_control.values import HOPS, STATIONS, VALUES, Hop
 
 if TYPE_CHECKING:
@@ -58,34 +58,12 @@ def flows_are_enough(*, flows: tuple[Hop, ...] = HOPS) -> bool:
 def send_loops(
     packet: bytes, waiting: bytes = b"12", polls: Sequence[float] = (20e-6,)
 ) -> pd.DataFrame:
-    """Return what the printed loop and the intended one send, on an idle chip and on a busy one.
+    """Return what both loops, printed and intended, send on an idle and on a busy chip.
 
-    Parameters
-    ----------
-    packet : bytes
-        What to send at 9600 bit/s.
-    waiting : bytes, optional
-        What a busy chip has still to send, 2 bytes.
-    polls : sequence of float, optional
-        Times to read the status or to write a byte, 1e-7..1 [s]; assumed, the paper names none.
-        How often the printed loop repeats a byte on a busy chip depends on them by chance.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row per chip, loop and poll: ``chip``, ``loop``, ``poll [us]``, ``on the line`` after the
-        byte that is being shifted out, ``writes`` to the chip, ``bytes lost``; an idle chip and
-        the intended loop only with the first poll, which makes no difference there.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of range, or there is no poll.
-
-    Examples
-    --------
-    >>> send_loops(b"abc")["on the line"].tolist()[:2]
-    ['', '61 62 63']
+    At 9600 bit/s, a row per chip, loop and time to `poll` [s], with the bytes ``on the line`` after
+    the one that is being shifted out. An idle chip and the intended loop come with the first poll
+    only, which makes no difference there; how often the printed loop repeats a byte on a busy chip
+    depends on it by chance.
     """
     import pandas as pd
 
@@ -94,13 +72,12 @@ def send_loops(
     ways = [("idle", b"", "printed", polls[0]), ("idle", b"", "intended", polls[0])]
     ways += [("busy", waiting, "printed", poll) for poll in polls]
     ways += [("busy", waiting, "intended", polls[0])]
-    loops = {"printed": send_printed, "intended": send_intended}
     rows = []
     for state, before, loop, poll in ways:
         chip = Usart(10 / 9600)
         for byte in before:
             chip.write(byte, 0.0)
-        sent = loops[loop](chip, packet, poll=poll)
+        sent = send(chip, packet, printed=loop == "printed", poll=poll)
         rows.append((state, loop, 1e6 * poll, sent.line.hex(" "), sent.writes, sent.lost))
     columns = ["chip", "loop", "poll [us]", "on the line", "writes", "bytes lost"]
     return pd.DataFrame(rows, columns=columns)
@@ -110,8 +87,7 @@ def send_loops(
 def loop_sends_each_byte(*, printed: bool = True) -> bool:
     """Whether the loop sends every byte of a packet once, on a chip that is ready."""
     packet = bytes.fromhex("cc dd 03 34 12 ee")
-    send = send_printed if printed else send_intended
-    return send(Usart(10 / 9600), packet).line == packet
+    return send(Usart(10 / 9600), packet, printed=printed).line == packet
 
 
 @numeric("chung1998-009")
@@ -201,12 +177,12 @@ def copies_stay_equal(*, lost: int = 0) -> bool:
     """
     rng = np.random.default_rng(2024)
     form = MarkerFormat(n_numbers=ITEMS)
-    sender, sending, table = Sender(form), [0] * ITEMS, [0] * ITEMS
+    sender, sending, table = Sender(ITEMS), [0] * ITEMS, [0] * ITEMS
     for turn in range(200):
         before = list(sending)
         for number in rng.choice(ITEMS, rng.integers(0, 4), replace=False):
             sending[number] = int(rng.integers(1 << 16))
-        packet = sender.packet(sending)
+        packet = form.encode(sender.items(sending))
         if len(packet) != 3 + 3 * sum(a != b for a, b in zip(before, sending, strict=True)):
             return False
         for number, value in form.decode(packet) if turn < 200 - lost else ():
@@ -285,32 +261,10 @@ def silence_while_waiting(*, rate: float = 9600.0, items: int = ITEMS) -> float:
 def cascades(
     changes: Mapping[str, Mapping[str, Any]], rates: Sequence[float] = (9600, 600)
 ) -> pd.DataFrame:
-    """Return what BCS sees while RCS waits for a dead SS, as printed or corrected.
+    """Return what BCS sees while RCS waits for a dead SS, by rule and bit rate.
 
-    Parameters
-    ----------
-    changes : mapping of str to mapping
-        Name of each rule, and the fields of `System` that it changes.
-    rates : sequence of float, optional
-        Bit rates [bit/s].
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row per rule and bit rate: ``rule``, ``bit/s``, ``RCS waits [s]`` and ``BCS hears nothing
-        [s]`` at the first turn of an SS that died silent, as the timers stand at worst, ``later,
-        up to [s]`` for any moment of death and any turn, and ``false alarm`` of BCS: never,
-        possible or certain.
-
-    Raises
-    ------
-    ArgumentError
-        If `System` does not take the fields.
-
-    Examples
-    --------
-    >>> cascades({"as printed": {}})["false alarm"].tolist()
-    ['possible', 'certain']
+    `changes` maps the name of each rule to the fields of `System` that it changes; the columns are
+    those of `Cascade`, times at worst.
     """
     import pandas as pd
 
@@ -327,32 +281,10 @@ def cascades(
 def deaths(
     changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
 ) -> pd.DataFrame:
-    """Return who is taken as failed when SS dies, its deaths spread over a cycle.
+    """Return who is taken as failed in `n` deaths of SS, spread over a cycle: one row per rule.
 
-    Parameters
-    ----------
-    changes : mapping of str to mapping
-        Name of each rule, and the fields of `System` that it changes.
-    rate : float, default 600
-        Bit rate [bit/s].
-    n : int, default 30
-        How many deaths, 1..1000; the timers of the stations stand by chance, seed 2024.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row per rule: ``rule``, ``deaths``, and in how many of these ``RCS fails SS``, which is
-        right, ``RCS fails BCS`` and ``BCS fails RCS``, which are not.
-
-    Raises
-    ------
-    ArgumentError
-        If `System` does not take the fields, or an argument is out of range.
-
-    Examples
-    --------
-    >>> deaths({"a turn ends": {"turn_timeout": 1.0}}, n=3).iloc[0].astype(str).tolist()
-    ['a turn ends', '3', '3', '0', '0']
+    That RCS fails SS is right; that it fails BCS, or BCS fails RCS, is not. `changes` is as for
+    `cascades`; the timers of the stations are drawn with the seed 2024.
     """
     import pandas as pd
 
@@ -412,24 +344,7 @@ def crc_share(*, items: int = ITEMS) -> float:
 
 
 def flips(items: int = ITEMS) -> pd.DataFrame:
-    """Return how many bits of a packet can each be inverted unseen.
-
-    Parameters
-    ----------
-    items : int, optional
-        Data of a packet; of reading C one.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row per reading and check: ``reading``, ``check``, ``bits`` of the packet, how many
-        ``pass`` inverted, and their ``share [%]``.
-
-    Examples
-    --------
-    >>> print(*flips().iloc[0])
-    A markers 264 240 90.9
-    """
+    """Return how many bits of a packet can each be inverted unseen, by reading and check."""
     import pandas as pd
 
     rows = []
@@ -447,30 +362,9 @@ def flips(items: int = ITEMS) -> pd.DataFrame:
 
 
 def recommendations(items: Sequence[int], patience: Mapping[float, float]) -> pd.DataFrame:
-    """Return how to send this many data at some bit rates, by `recommend`.
+    """Return how to send this many data, by `recommend`.
 
-    Parameters
-    ----------
-    items : sequence of int
-        Numbers of data, 1..84 each.
-    patience : mapping of float to float
-        For each bit rate [bit/s] how long a switch may be wrong [s].
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row per bit rate and number: ``bit/s``, ``values``, ``check``, ``sending``, ``values a
-        packet``, ``all sent in [s]``.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of range, or nothing meets the limits.
-
-    Examples
-    --------
-    >>> print(*recommendations([40], {600: 20}).iloc[0].iloc[:5])
-    600 40 CRC cyclic 10
+    `patience` is how long a switch may be wrong [s], by bit rate.
     """
     import pandas as pd
 

@@ -169,31 +169,8 @@ def extraction(
 ) -> pd.DataFrame:
     """Return what becomes of a packet at every place of the ring.
 
-    Parameters
-    ----------
-    items : mapping of int to int
-        Numbers and values of the packet.
-    packet_format : MarkerFormat, optional
-        Which way the figure is read; reading A with ten numbers if omitted.
-    wrap : bool, default False
-        Whether the indices go round; if not, two zeros lie in memory after the ring.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each place of the packet's first byte, ``offset``: how many bytes were read
-        ``outside`` the ring, and how many values came out ``wrong``.
-
-    Raises
-    ------
-    ArgumentError
-        If a packet cannot be sent, or is longer than the ring.
-
-    Examples
-    --------
-    >>> table = extraction({number: 1000 for number in range(10)})
-    >>> int((table.wrong > 0).sum()), int((table.outside > 0).sum()), len(table)
-    (20, 20, 128)
+    One row per place of its first byte: ``outside`` counts bytes read outside the ring, ``wrong``
+    values that come out wrong. Unless the indices `wrap`, two zeros lie in memory after the ring.
     """
     import pandas as pd
 
@@ -243,22 +220,8 @@ def full_rings(size: int = SIZE) -> Iterator[Ring]:
 def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
     """Return how many bytes that a ring still holds each repair gives up.
 
-    Parameters
-    ----------
-    rings : iterable of Ring, optional
-        Overrun rings; each is repaired. If omitted, rings of 128 bytes 0xCC with the writer in
-        each place, so that the search for a packet ends at once.
-
-    Returns
-    -------
-    list of int
-        Bytes, one number per ring; those overwritten before the repair are not counted.
-
-    Examples
-    --------
-    >>> lost = given_up()
-    >>> min(lost), max(lost), sum(lost) / len(lost)
-    (1, 64, 32.5)
+    If no `rings` are given, they hold 128 bytes 0xCC with the writer in each place, so that the
+    search for a packet ends at once.
     """
     found = []
     for ring in full_rings() if rings is None else rings:
@@ -289,31 +252,12 @@ def recovered(
     waiting: Sequence[int] = range(0, 3 * SIZE + 1, 8),
     places: Sequence[int] = range(0, SIZE, 8),
 ) -> pd.DataFrame:
-    """Return how many packets the ring as intended and the corrected one still hold.
+    """Return how many packets the intended and the corrected ring still hold.
 
-    Parameters
-    ----------
-    waiting : sequence of int, optional
-        Numbers of bytes that wait, 0..1e6.
-    places : sequence of int, optional
-        Places of the reader, 0..127, at least one.
+    One row per number of ``waiting`` bytes.
 
-    Returns
-    -------
-    pandas.DataFrame
-        A row per number of ``waiting`` bytes: packets ``sent`` whole; found in the ring as
-        ``intended``, as the mean over the places, with the ``fewest`` and the ``most``; share of
-        the places at which its reader ``stops`` in case a; and found in the ``corrected`` ring.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of range, or there is no place.
-
-    Examples
-    --------
-    >>> recovered([100, 200]).values.tolist()
-    [[100.0, 3.0, 3.0, 3.0, 3.0, 0.0, 3.0], [200.0, 6.0, 1.0625, 0.0, 3.0, 0.5625, 3.0]]
+    Of the ring as ``intended`` it is the mean over the `places` of the reader, with the ``fewest``
+    and the ``most``; ``stops`` is the share of the places at which its reader stops in case a.
     """
     import pandas as pd
 
@@ -417,37 +361,10 @@ def larger_ring_is_not_overrun(*, size: int = 2 * SIZE, stall: float = 0.2) -> b
 def ring_trials(system: System | None = None, *, duration: float = 20.0) -> pd.DataFrame:
     """Return how often the ring is found in an abnormal state in the paper's three trials.
 
-    Parameters
-    ----------
-    system : System, optional
-        The link; if omitted, that of the paper with all 10 items in every packet.
-    duration : float, default 20
-        How long each trial is simulated [s]; BCS writes its EEPROM after 5 s, in the second trial
-        for one press of the Enter key and in the third for ten, one after the other.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row per trial: ``trial``, ``stall_s``, ``events`` (abnormal states, all stations),
-        ``unread`` (most bytes that waited in the ring), ``alarms``, ``paper_events``.
-
-    Raises
-    ------
-    ArgumentError
-        If `duration` is out of range, or a stall does not end within the trial.
-
-    Notes
-    -----
-    The paper counted 0, 0 and 1. The one is not reproducible: it does not print the time to
-    write. While the partner waits for an answer, its one packet waits in the ring. When its
-    counters have run out, after 3.9 to 4.4 s, it comes again: up to three packets wait in a
-    stall below 13.1 s, and the ring of 128 bytes is still in order (claims chung1998-015, 016
-    and 058).
-
-    Examples
-    --------
-    >>> ring_trials()[["stall_s", "events", "unread", "paper_events"]].values.tolist()
-    [[0.0, 0.0, 1.0, 0.0], [0.02, 0.0, 1.0, 0.0], [0.2, 0.0, 33.0, 1.0]]
+    BCS writes its EEPROM after 5 s, in the second trial for one press of the Enter key and in the
+    third for ten, one after the other. The paper counted 0, 0 and 1; the one cannot be reproduced,
+    because the time to write is not printed. While the partner waits for an answer, its one packet
+    waits in the ring, and comes again when its counters have run out, after 3.9 to 4.4 s.
     """
     import pandas as pd
 

@@ -146,19 +146,7 @@ _DRAWN = bytes([JB1, 3, 0, 2, 0, 100, 0, 0])
 
 
 def response_scope() -> dict[str, Trace]:
-    """Return both lines during one request and its response as Fig 4 draws them: Fig 13.
-
-    Returns
-    -------
-    dict of str to (ndarray, ndarray)
-        Time [s] and level of what the AMS and the box send, the request from time 0 on.
-
-    Examples
-    --------
-    >>> time, level = response_scope()["JB1 sends"]
-    >>> round(1e3 * float(time[level == 0][-1]), 1) <= 22.3
-    True
-    """
+    """Return time [s] and level of both lines during one request and its response: Fig 13."""
     request = read(1).rtu(JB1)
     begin = LINE.frame_time(len(request)) + LINE.t35
     end = begin + LINE.frame_time(len(_DRAWN)) + LINE.t35
@@ -179,27 +167,7 @@ def _trace(frames: list[bytes], begins: list[float], end: float) -> Trace:
 
 
 def switch_over_scope(system: System, *, cut: float = 1.5, end: float = 3.4) -> dict[str, Trace]:
-    """Return what the AMS sends on both channels around a cut of channel 1: Fig 12(b).
-
-    Parameters
-    ----------
-    system : System
-        The system.
-    cut : float, default 1.5
-        When channel 1 is unplugged [s].
-    end : float, default 3.4
-        When the picture ends [s].
-
-    Returns
-    -------
-    dict of str to (ndarray, ndarray)
-        Time [s] and level of the transmit line of each channel.
-
-    Examples
-    --------
-    >>> sorted(switch_over_scope(System()))
-    ['Tx of channel 1', 'Tx of channel 2']
-    """
+    """Return what the AMS sends on both channels around a cut of channel 1 [s]: Fig 12(b)."""
     asked = simulate(system, faults=ModbusBreak("1", start=cut), until=end).requests()
     traces = {}
     for channel, unit in ((1, JB1), (2, JB3)):
@@ -210,40 +178,13 @@ def switch_over_scope(system: System, *, cut: float = 1.5, end: float = 3.4) -> 
 
 
 def response_readings(system: System) -> pd.DataFrame:
-    r"""Return how long a request and its response take, read in several ways.
+    """Return how long a request and its response take, read in several ways: one row per reading.
 
-    .. math:: t = \left( 8 + 3.5 + n \right) \frac{b}{r}
-
-    Parameters
-    ----------
-    system : System
-        The system, for its serial line, registers and firmware.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a reading: ``reading``, ``bits`` of a character, ``bytes`` of the response, and
-        ``time_ms`` from the first bit of the request to the last one of the response; without
-        processing, but for the last two rows, which are the system itself up to the first and up
-        to the last bit of its response.
-
-    Notes
-    -----
-    The paper prints 22.3 us from request to response (figure 13), 0.21 bit times. Read as ms, it
-    is request, silence and response of 8 bytes each, as figure 4 draws them, in characters of 11
-    bits, to the last digit; no FC03 response has 8 bytes, for 5 + 2 n is odd. That the sum fits
-    may be chance: from the request alone 9.1 ms of processing would give it too.
-
-    References
-    ----------
-    .. [1] J. H. Lee, D. S. Kim, "Design and implementation of distributed control system based on
-       dual field-bus for ship engine", J. IEEK 49-SC(2), 2012, section IV.2.c, figures 4 and 13.
-
-    Examples
-    --------
-    >>> table = response_readings(System())
-    >>> table.loc[table["time_ms"].between(22.25, 22.35), ["bits", "bytes"]].values.tolist()
-    [[11, 8]]
+    The paper prints 22.3 us from request to response (Fig 13), 0.21 bit times. Read as ms, it is
+    request, silence and response of 8 bytes each, as Fig 4 draws them, in characters of 11 bits, to
+    the last digit; no FC03 response has 8 bytes, because 5 + 2 n is odd. That the sum fits may be
+    chance: from the request alone 9.1 ms of processing would give it too. The last two rows are the
+    system itself, up to the first and up to the last bit of its response.
     """
     import pandas as pd
 

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError
+from shipnet.papers.chung1998.usart import Status, Usart, send
 from shipnet.remote_control import MarkerFormat
-from shipnet.remote_control.usart import Status, Usart, send_intended, send_printed
 
 RATES = st.sampled_from([600, 1200, 2400, 4800, 9600])
 BYTE = 10 / 9600
@@ -35,28 +35,27 @@ def test_ready_and_empty_follow_a_byte_through_the_chip():
 
 
 @given(
-    gaps=st.lists(st.tuples(st.integers(0, 255), st.floats(0, 3)), max_size=30),
+    gaps=st.lists(st.tuples(st.integers(0, 255), st.floats(0, 3)), min_size=1, max_size=30),
     character_time=st.floats(1e-4, 1e-2),
 )
-def test_every_byte_written_goes_out_once_or_was_replaced(gaps, character_time):
-    chip, time = Usart(character_time), 0.0
+def test_every_byte_written_goes_out_once_or_is_replaced(gaps, character_time):
+    chip, time, replaced = Usart(character_time), 0.0, 0
     for byte, gap in gaps:
         time += gap * character_time
-        chip.write(byte, time)
+        replaced += chip.write(byte, time)
     end = chip.finish()
     starts = [start for start, _ in chip.line]
-    assert sorted([byte for _, byte in chip.line] + chip.overwritten) == sorted(b for b, _ in gaps)
+    assert len(starts) + replaced == len(gaps) and chip.line[-1][1] == gaps[-1][0]
     assert all(b - a >= character_time * (1 - 1e-9) for a, b in pairwise(starts))
-    assert not starts or end == pytest.approx(max(time, starts[-1] + character_time))
+    assert end == pytest.approx(starts[-1] + character_time) and end > time
 
 
 @given(rate=RATES, data=st.binary(max_size=40), n=st.integers(0, 2))
 def test_the_intended_loop_sends_every_byte_once_whatever_the_chip_was_doing(rate, data, n):
     chip = busy_chip(n, rate)
-    sent = send_intended(chip, data)
+    sent = send(chip, data, printed=False)
     assert bytes(byte for _, byte in chip.line) == bytes([0x30, 0x31][:n]) + data
     assert (sent.lost, sent.writes) == (0, len(data))
-    assert chip.overwritten == []
     # The line is never idle in between, once a second byte waits.
     if n + len(data) > 1:
         assert chip.finish() == pytest.approx((n + len(data)) * 10 / rate, abs=41e-6)
@@ -64,22 +63,25 @@ def test_the_intended_loop_sends_every_byte_once_whatever_the_chip_was_doing(rat
 
 @given(rate=RATES, data=st.binary(max_size=40), n=st.integers(0, 1))
 def test_the_printed_loop_sends_nothing_when_the_chip_is_ready(rate, data, n):
-    sent = send_printed(busy_chip(n, rate), data)
-    assert sent == (b"", 0, len(data))
+    assert send(busy_chip(n, rate), data, printed=True) == (b"", 0, len(data))
 
 
 @given(rate=RATES, poll=st.floats(2e-6, 2e-4), first=st.integers(0, 255))
 def test_the_printed_loop_on_a_busy_chip_repeats_its_first_byte_and_loses_the_rest(
     rate, poll, first
 ):
-    data = bytes([first]) + PACKET[1:]
-    chip = busy_chip(2, rate)
-    sent = send_printed(chip, data, poll=poll)
+    data, chip = bytes([first]) + PACKET[1:], busy_chip(2, rate)
+    sent = send(chip, data, printed=True, poll=poll)
     # The byte that waited is replaced; the first of the packet goes out once or more.
     assert set(sent.line) == {first}
+    assert 0x31 not in (byte for _, byte in chip.line[: -len(sent.line)])
     assert sent.lost == 1 + len(data) - 1  # the byte that waited, and all but the first
     assert sent.writes >= len(sent.line)
-    assert chip.overwritten[0] == 0x31
+
+
+def test_how_often_the_first_byte_is_repeated_depends_on_the_moment():
+    lines = [send(busy_chip(2), PACKET, printed=True, poll=1e-6 * k).line for k in range(15, 30)]
+    assert len({len(line) for line in lines}) > 3
 
 
 def test_a_printed_loop_without_end_is_refused():
@@ -88,26 +90,6 @@ def test_a_printed_loop_without_end_is_refused():
     chip.write(1, 0.0)
     chip.write(2, 0.0)
     with pytest.raises(ArgumentError, match=r"poll is 6\.1.*byte 0 is still written"):
-        send_printed(chip, b"a", poll=2**-14)
-
-
-def test_how_often_the_first_byte_is_repeated_depends_on_the_moment():
-    counts = {
-        len(send_printed(busy_chip(2), PACKET, poll=poll * 1e-6).line) for poll in range(15, 30)
-    }
-    assert len(counts) > 3
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Usart(0), "character_time is 0"),
-        (lambda: Usart(BYTE).write(256, 0.0), r"byte is 256.*0\.\.255"),
-        (lambda: Usart(BYTE).status(-1.0), r"time is -1.0 s; it must be 0.0 or more"),
-        (lambda: Usart(BYTE).status(float("nan")), "time is nan"),
-        (lambda: send_printed(Usart(BYTE), b"a", poll=0), "poll is 0"),
-    ],
-)
-def test_arguments_out_of_range_are_named(make, message):
-    with pytest.raises(ArgumentError, match=message):
-        make()
+        send(chip, b"a", printed=True, poll=2**-14)
+    with pytest.raises(ArgumentError, match="poll is 0"):
+        send(Usart(BYTE), b"a", printed=True, poll=0)

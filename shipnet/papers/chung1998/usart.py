@@ -1,0 +1,126 @@
+"""The transmitter of the serial chip 8251A, and the loops of chung1998 that feed it.
+
+The chip is asynchronous, enabled, and clear to send. Time is simulated.
+"""
+
+from __future__ import annotations
+
+from enum import IntFlag
+from math import inf
+from typing import NamedTuple
+
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar
+
+#: Characters for which a program may stay with one byte; then its loop is taken as endless.
+_MOST_CHARACTERS = 10_000
+
+
+class Status(IntFlag):
+    """Bits of the status register for sending: Intel, 8251A data sheet, status read format."""
+
+    TXRDY = 0x01
+    TXEMPTY = 0x04
+
+
+class Usart:
+    """The transmitter of an 8251A with its line: one byte waits while another is shifted out.
+
+    `line` holds when each byte began to be sent [s], and the byte. A byte goes from the buffer to
+    the shift register at once when this is free: TxRDY is then 1 again. TxEMPTY is 1 when both are
+    empty. The status bit TxRDY, unlike the pin, says that the buffer is empty and nothing else.
+    """
+
+    def __init__(self, character_time: float) -> None:
+        self.character_time = character_time
+        self.line: list[tuple[float, int]] = []
+        self._waiting: tuple[float, int] | None = None
+
+    def status(self, time: float) -> Status:
+        """Return the status register at a time [s], never earlier than the last call."""
+        free = self._shift(time)
+        if self._waiting is not None:
+            return Status(0)
+        return Status.TXRDY | Status.TXEMPTY if free <= time else Status.TXRDY
+
+    def write(self, byte: int, time: float) -> bool:
+        """Write a byte to the transmit buffer; return whether it replaced one that waited."""
+        self._shift(time)
+        replaced = self._waiting is not None
+        self._waiting = time, byte
+        self._shift(time)
+        return replaced
+
+    def finish(self) -> float:
+        """Send what is left; return when the last character has ended [s]."""
+        return self._shift(inf)
+
+    def _shift(self, time: float) -> float:
+        """Begin to send the byte that waits if it can; return when the register is free."""
+        free = self.line[-1][0] + self.character_time if self.line else 0.0
+        if self._waiting is None or free > time:
+            return free
+        written, byte = self._waiting
+        self.line.append((max(written, free), byte))
+        self._waiting = None
+        return self.line[-1][0] + self.character_time
+
+
+class Sent(NamedTuple):
+    """What a loop made of some bytes.
+
+    `line` is what went out from the beginning of the loop on, `writes` how often the program wrote
+    to the chip, and `lost` how many bytes never went out (what was waiting in the chip counts too).
+    """
+
+    line: bytes
+    writes: int
+    lost: int
+
+
+def send(usart: Usart, data: bytes, *, printed: bool, poll: float = 20e-6) -> Sent:
+    """Send bytes by the loop as printed, which writes while the chip is not ready, or as intended.
+
+    The printed one is ``while((inportb(C8251) & 0x01) != 0x01) { outportb(D8251, ch); }``. A chip
+    that has nothing to do is ready, so nothing is ever written. On a busy one, the loop replaces
+    what waits with its own first byte, and writes this again and again, until by chance it asks
+    just when the buffer is empty; with some times of polling it never ends, and raises.
+
+    The intended one waits by an empty loop, and writes once. The last two characters are still in
+    the chip when it ends: a station that switches its line driver off must wait for TxEMPTY.
+
+    `poll` is the time to read the status, and to write a byte [s]; the paper names none.
+    """
+    step = check_scalar("poll", poll, "s", 1e-7, 1.0)
+    time, writes, already = 0.0, 0, len(usart.line)
+    # Which byte waits in the chip, by its place in the data; -1 is one that waited before.
+    waiting, out = -1, set[int]()
+    expected = set(range(0 if usart.status(time) & Status.TXRDY else -1, len(data)))
+
+    def write(place: int) -> None:
+        nonlocal waiting, writes, time
+        if not usart.write(data[place], time):
+            out.add(waiting)
+        waiting = place
+        writes += 1
+        time += step
+
+    for place in range(len(data)):
+        begun = time
+        while not usart.status(time) & Status.TXRDY:
+            # Each round of the printed loop fills the buffer again; if it always asks too early
+            # it has no end.
+            if time - begun > _MOST_CHARACTERS * usart.character_time:
+                raise ArgumentError(
+                    f"poll is {step:g} s: byte {place} is still written again after "
+                    f"{_MOST_CHARACTERS} characters, because the loop never asks in time"
+                )
+            time += step
+            if printed:
+                write(place)
+        time += step
+        if not printed:
+            write(place)
+    usart.finish()
+    line = bytes(byte for _, byte in usart.line[already:])
+    return Sent(line, writes, len(expected - out - {waiting}))
