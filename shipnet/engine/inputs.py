@@ -309,6 +309,10 @@ class InputCard:
                    "largest_error", "error_at"]  # fmt: skip
         return pd.DataFrame(rows, columns=columns)
 
+    def broken(self, wire: Literal["open", "short"]) -> _Codes:
+        """Return the codes of all points with their wires open or short."""
+        return self.code([WIRE_FAULTS[wire][point.condition] for point in self.points])
+
     def wire_faults(self) -> pd.DataFrame:
         """Return what the box makes of a broken wire and a short circuit, two rows per kind.
 
@@ -324,10 +328,7 @@ class InputCard:
             for end in ("low", "high")
         )
         rows = []
-        codes = {
-            fault: self.code([signals[point.condition] for point in self.points])
-            for fault, signals in WIRE_FAULTS.items()
-        }
+        codes = {fault: self.broken(fault) for fault in WIRE_FAULTS}
         values = {fault: self.value(code) for fault, code in codes.items()}
         detected = {fault: ~self.valid(code) for fault, code in codes.items()}
         for k, count in self.points.kinds():
