@@ -41,9 +41,12 @@ class Fault:
 
 def as_faults(faults: Fault | Iterable[Fault], *kinds: type[Fault]) -> tuple[Fault, ...]:
     """Return one or several faults as a tuple, or raise unless each is of one of the `kinds`."""
-    several = (faults,) if isinstance(faults, Fault) else tuple(faults)
+    known = ", ".join(sorted(kind.__name__ for kind in kinds)) or "Fault"
+    try:
+        several = (faults,) if isinstance(faults, Fault) else tuple(faults)
+    except TypeError:
+        raise ArgumentError(f"faults is {faults!r}; it must be some of {known}") from None
     for fault in several:
         if not isinstance(fault, kinds or Fault):
-            known = ", ".join(sorted(kind.__name__ for kind in kinds)) or "Fault"
             raise ArgumentError(f"one of faults is {fault!r}; it must be one of {known}")
     return several

@@ -14,6 +14,7 @@ from inspect import cleandoc
 from math import inf, isnan
 from numbers import Real
 from operator import index
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, dataclass_transform, overload
 
 from shipnet.errors import ArgumentError
@@ -33,7 +34,11 @@ __all__ = [
     "Text",
     "Whole",
     "check",
+    "check_choice",
+    "check_kind",
+    "check_path",
     "check_quantity",
+    "check_rng",
     "check_scalar",
     "check_trees",
     "check_whole",
@@ -122,6 +127,43 @@ def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> in
     if whole is None or not low <= whole <= high:
         raise ArgumentError(f"{name} is {value!r}; it must be a whole number {low}..{high}{why}")
     return whole
+
+
+def check_choice(name: str, value: Any, options: Iterable[str]) -> str:
+    """Return a value, or raise unless it is one of several strings."""
+    known = tuple(options)
+    if not (isinstance(value, str) and value in known):
+        legal = ", ".join(map(repr, known))
+        raise ArgumentError(f"{name} is {value!r}; it must be one of {legal}")
+    return value
+
+
+def check_kind(name: str, value: Any, kind: type[T]) -> T:
+    """Return a value, or raise unless it is of a class."""
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIOaeio" else "a"
+        raise ArgumentError(f"{name} is {value!r}; it must be {article} {kind.__name__}")
+    return value
+
+
+def check_path(name: str, path: Any) -> Path:
+    """Return a path, or raise unless it is one, or text."""
+    try:
+        return Path(path)
+    except TypeError:
+        raise ArgumentError(f"{name} is {path!r}; it must be text or a path") from None
+
+
+def check_rng(rng: Any) -> np.random.Generator:
+    """Return the generator that `numpy.random.default_rng` makes of a seed, or raise."""
+    import numpy as np  # not needed by most programs that check a number
+
+    try:
+        return np.random.default_rng(rng)
+    except (TypeError, ValueError):
+        raise ArgumentError(
+            f"rng is {rng!r}; it must be a seed, None or a numpy.random.Generator"
+        ) from None
 
 
 # Kinds of fields -------------------------------------------------------------------------------

@@ -58,7 +58,7 @@ def test_summary_counts_only(capsys):
     assert main(["ledger", "--summary"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == [
-        "recomputed", "checked", "ours", "erratum", "context", "not", "verified", "not",
+        "model", "arithmetic", "count", "ours", "erratum", "context", "not", "verified", "not",
         "reproducible", "open", "claims",
     ]  # fmt: skip
     assert len(lines) == 2 + 5

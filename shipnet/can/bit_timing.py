@@ -157,7 +157,6 @@ def bit_timings(
     return table.iloc[order].reset_index(drop=True)
 
 
-@cache
 def longest_bus(bit_rate: float) -> float:
     """Return the longest bus that a maker of controllers allows at a bit rate.
 
@@ -186,7 +185,11 @@ def longest_bus(bit_rate: float) -> float:
     >>> longest_bus(125e3), longest_bus(100e3)
     (500.0, 500.0)
     """
-    rate = check_bit_rate(bit_rate)
+    return _longest_bus(check_bit_rate(bit_rate))
+
+
+@cache
+def _longest_bus(rate: float) -> float:
     table = datasets.read("can_bus_lengths.csv").astype({"length_m": float})
     rates = table["bit_rate_kbit_per_s"].astype(float) * 1e3
     return float(table.loc[rates >= rate, "length_m"].max())

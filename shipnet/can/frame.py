@@ -12,7 +12,7 @@ never notice.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -127,11 +127,18 @@ def stuff(bits: str) -> str:
     str
         The bits and the stuff bits; one after the last bit is included.
 
+    Raises
+    ------
+    ArgumentError
+        If `bits` holds anything else.
+
     Examples
     --------
     >>> stuff("0000011110")
     '000001111100'
     """
+    if not isinstance(bits, str) or set(bits) - {"0", "1"}:
+        raise ArgumentError(f"bits is {bits!r}; it must be text of 0 and 1")
     parts = []
     begin = 0
     for place in stuff_places(bits):
@@ -434,7 +441,7 @@ def decode(bits: str) -> Frame:
     shipnet.errors.StuffError: bit 22, data: a sixth 0 in a row instead of a stuff bit
     """
     if not isinstance(bits, str):
-        raise ArgumentError(f"bits are {type(bits).__name__}; they must be a str of 0 and 1")
+        raise ArgumentError(f"bits is {bits!r}; it must be text of 0 and 1")
     line = _Line(bits)
     if line.take("SOF", 1) == "1":
         raise line.fault(StartBitError, "SOF", "recessive; a frame starts with a dominant bit")
@@ -558,7 +565,7 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     >>> contest.stopped, contest.bus
     ((2, 12, None), '000100000100000')
     """
-    given = tuple(frames)
+    given = tuple(frames) if isinstance(frames, Iterable) else (frames,)
     others = [frame for frame in given if not isinstance(frame, Frame)]
     if others or not given:
         raise ArgumentError(f"frames are {given!r}; there must be one Frame or more")

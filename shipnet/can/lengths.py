@@ -23,6 +23,7 @@ from shipnet.can.frame import (
 )
 from shipnet.crc import CAN as CRC
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_choice
 
 Stuffing = Literal["none", "mean", "attainable", "worst", "worst 1994"]
 
@@ -72,8 +73,7 @@ _TABLE: dict[Stuffing, tuple[tuple[float, ...], tuple[float, ...]]] = {
 
 def length_table(stuffing: Stuffing) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the lengths of frames by identifier (11 or 29 bits) and data bytes [bit]."""
-    if stuffing not in _TABLE:
-        raise ArgumentError(f"stuffing is {stuffing!r}; it must be one of {', '.join(_TABLE)}")
+    check_choice("stuffing", stuffing, _TABLE)
     return _TABLE[stuffing]
 
 

@@ -29,6 +29,7 @@ from shipnet.can.frame import highest_id
 from shipnet.can.log import Log, impossible
 from shipnet.can.messages import said
 from shipnet.errors import InputError, load_extra
+from shipnet.fields import check_path
 
 #: About how much of a file is worked on at once [byte], and how many rows.
 _BLOCK, _ROWS = 1 << 22, 1 << 16
@@ -197,9 +198,9 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     >>> pasted
     Log(1 frames without times, 1 CAN FD frames skipped)
     """
-    file = Path(path)
+    file = check_path("path", path)
     try:
-        kind = _kind(file)
+        kind = log_kind(file) or "text"
         if kind == "mdf":
             raise InputError(
                 str(path),
@@ -228,8 +229,8 @@ _SIGNS = {
 }  # fmt: skip
 
 
-def _kind(file: Path) -> str:
-    """Return the format of a file, of its first lines or else of its suffix."""
+def log_kind(file: Path) -> str:
+    """Return the format of a log by its first lines or else its suffix, nothing if unknown."""
     with open(file, "rb") as stream:
         head = stream.read(1 << 14)
     if head[:4] == b"LOGG":
@@ -243,7 +244,7 @@ def _kind(file: Path) -> str:
         if _LINE.match(line) or _table(line):
             return "text"
     kind = file.suffix.lower()[1:]
-    return kind if kind in ("asc", "blf", "trc") else "text"
+    return kind if kind in ("asc", "blf", "trc") else ""
 
 
 # Text of candump and tables ----------------------------------------------------------------------

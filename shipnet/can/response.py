@@ -19,7 +19,7 @@ from shipnet.can.frame import INTERMISSION, check_bit_rate
 from shipnet.can.messages import BIT_RATES, Message, MessageSet, check_set
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
-from shipnet.fields import choice, record, switch, whole
+from shipnet.fields import check_choice, check_kind, choice, record, switch, whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,6 +97,7 @@ class Bus(NamedTuple):
 def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions) -> Bus:
     """Return a message set in ticks of the bus."""
     check_set(messages)
+    check_kind("assumptions", assumptions, Assumptions)
     rate = check_bit_rate(bit_rate)
     if rate % 1:
         raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be a whole number of bit/s")
@@ -495,8 +496,7 @@ def response_times(
     [0.002, 0.003, 0.007]
     """
     check_set(messages)
-    if method not in ("exact", "sufficient", "1994"):
-        raise ArgumentError(f"method is {method!r}; it must be exact, sufficient or 1994")
+    check_choice("method", method, ("exact", "sufficient", "1994"))
     if method != "exact":
         for message in messages:
             if message.deadline > message.period:
@@ -505,7 +505,7 @@ def response_times(
                     f"{message.period} s; only the exact method allows that"
                 )
     errors = bound(faults)
-    bus = on_bus(messages, bit_rate, assumptions or AS_USUAL)
+    bus = on_bus(messages, bit_rate, AS_USUAL if assumptions is None else assumptions)
     return ResponseTimes(
         [_response(bus, place, message, method, errors) for place, message in enumerate(messages)],
         bit_rate,
@@ -634,7 +634,7 @@ def audsley(
     ['Z 0.002', 'Y 0.00252', 'X 0.00252']
     """
     errors = bound(faults)
-    bus = on_bus(messages, bit_rate, assumptions or AS_USUAL)
+    bus = on_bus(messages, bit_rate, AS_USUAL if assumptions is None else assumptions)
     left = sorted(range(len(messages)), key=lambda m: bus.deadline[m])
     placed: list[int] = []
     while left:
@@ -692,12 +692,15 @@ def lowest_bit_rate(
     (500000.0, 270000.0)
     """
     errors = bound(faults)
+    if isinstance(candidates, str) or not isinstance(candidates, Iterable):
+        raise ArgumentError(f"candidates is {candidates!r}; it must be some bit rates")
     rates: Sequence[float] = candidates if isinstance(candidates, range) else sorted(candidates)
     for rate in (rates[0], rates[-1]) if len(rates) else ():
-        check_bit_rate(rate)
+        if not isinstance(rate, int | float | np.number) or not 1000 <= rate <= 1e6:
+            raise ArgumentError(f"one of candidates is {rate!r}; it must be 1000..1000000 bit/s")
 
     def works(rate: float) -> bool:
-        return schedulable(messages, rate, assumptions or AS_USUAL, errors)
+        return schedulable(messages, rate, AS_USUAL if assumptions is None else assumptions, errors)
 
     place = bisect_left(rates, True, key=works)
     return float(rates[place]) if place < len(rates) else math.inf

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, number, record, whole
+from shipnet.fields import check_kind, check_scalar, check_whole, number, record, whole
 from shipnet.line.cable import Cable
 from shipnet.line.characteristics import Driver, simulate
 from shipnet.line.network import CableRun, Load, Network
@@ -205,7 +205,9 @@ def line(
     >>> line(40, terminator=None).send({1: "01001101"}, 1e6).table().loc[9, "read"]
     '00000000'
     """
-    more = {} if cable is None else {"cable": cable}
+    if not isinstance(stubs, Mapping | None):
+        raise ArgumentError(f"stubs is {stubs!r}; it must give the length of a stub by its node")
+    more = {} if cable is None else {"cable": check_kind("cable", cable, Cable)}
     return Segment(
         length, nodes, terminator, dict(stubs or {}), resistance=resistance,
         capacitance=capacitance, **more,

@@ -26,7 +26,7 @@ from shipnet.can.log import Log
 from shipnet.can.messages import MessageSet, check_set, counted, message_lengths
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar
+from shipnet.fields import check_choice, check_kind, check_rng, check_scalar
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -256,11 +256,11 @@ def simulate(
 
     columns = _columns(messages)
     bit = bit_time_ns(bit_rate)
-    if queue not in ("fifo", "overwrite"):
-        raise ArgumentError(f"queue is {queue!r}; it must be 'fifo' or 'overwrite'")
+    check_choice("queue", queue, ("fifo", "overwrite"))
+    check_kind("recover", recover, bool)
     horizon = nanoseconds(check_scalar("until", until, "s", 1e-9, 1e6))
     several = simulated(faults)
-    generator = np.random.default_rng(rng)
+    generator = check_rng(rng)
     arrival, releases = _releases(columns, horizon, bit, generator)
     overwrite = queue == "overwrite"
     if several:

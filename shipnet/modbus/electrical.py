@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
-from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_choice, check_scalar, check_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -129,8 +128,7 @@ def interfaces(
     count = check_whole("n_stations", n_stations, 2, 256)
     far = check_scalar("length", length, "m", 0, 1e5)
     load = check_scalar("unit_load", unit_load, "", 0.125, 1)
-    if duplex not in ("half", "full"):
-        raise ArgumentError(f"duplex is {duplex!r}; it must be half or full")
+    check_choice("duplex", duplex, ("half", "full"))
     rows = []
     for one in INTERFACES.values():
         longest = one.longest_line(bit_rate)

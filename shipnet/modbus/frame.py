@@ -14,7 +14,7 @@ from shipnet.errors import (
     LengthError,
     SymbolError,
 )
-from shipnet.fields import check_whole
+from shipnet.fields import check_choice, check_whole
 
 Framing = Literal["rtu", "tcp", "ascii"]
 
@@ -54,7 +54,7 @@ def tcp_frame(unit_id: int, pdu: bytes, transaction_id: int) -> bytes:
 
 def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
     """Return unit id, PDU and transaction id of a frame, or raise the error of its first fault."""
-    if framing == "rtu":
+    if check_choice("framing", framing, ("rtu", "tcp", "ascii")) == "rtu":
         frame = _checked_frame(data, "RTU", 1 + RTU_BYTES, MAX_PDU + RTU_BYTES)
         body, found = frame[:-2], int.from_bytes(frame[-2:], "little")
         expected = MODBUS.of(body)
@@ -62,7 +62,7 @@ def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
             raise CrcError(f"CRC is 0x{found:04X}, but the bytes before it make 0x{expected:04X}")
     elif framing == "ascii":
         body = _ascii_body(data)
-    elif framing == "tcp":
+    else:
         frame = _checked_frame(data, "TCP", 1 + MBAP_BYTES, MAX_PDU + MBAP_BYTES)
         transaction, protocol, length, unit = unpack(">HHHB", frame[:MBAP_BYTES])
         if protocol != 0:
@@ -70,8 +70,6 @@ def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
         if length != len(frame) - 6:
             raise LengthError(f"length field is {length}, but {len(frame) - 6} bytes follow it")
         return unit, frame[MBAP_BYTES:], transaction
-    else:
-        raise ArgumentError(f"framing is {framing!r}; it must be 'rtu', 'tcp' or 'ascii'")
     if body[0] > MAX_UNIT:
         raise FieldError(f"unit id is {body[0]}; it must be 0..{MAX_UNIT}")
     return body[0], body[1:], None
@@ -115,7 +113,7 @@ def _lrc(body: bytes) -> int:
 
 def _checked_frame(frame: bytes, kind: str, low: int, high: int) -> bytes:
     if not isinstance(frame, (bytes, bytearray, memoryview)):
-        raise ArgumentError(f"frame is {frame!r}; it must be bytes")
+        raise ArgumentError(f"data is {frame!r}; it must be bytes")
     if not low <= len(frame) <= high:
         raise LengthError(f"the {kind} frame has {len(frame)} bytes; it must have {low}..{high}")
     return bytes(frame)

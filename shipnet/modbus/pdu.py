@@ -89,23 +89,25 @@ class ExceptionCode(IntEnum):
 # Checks and coils -------------------------------------------------------------------------------
 
 
-def check_registers(registers: Iterable[int], most: int) -> tuple[int, ...]:
+def check_registers(
+    registers: Iterable[int], most: int, name: str = "registers"
+) -> tuple[int, ...]:
     """Return registers as a tuple, or raise unless there are 1..most of 0..65535."""
-    values = _sequence("registers", registers, most)
+    values = _sequence(name, registers, most)
     # 125 plain integers are checked at once; only what is odd is looked at one by one.
     if {type(value) for value in values} == {int} and 0 <= min(values) and max(values) <= 0xFFFF:
         return values
-    return tuple(check_whole(f"registers[{k}]", v, 0, 0xFFFF) for k, v in enumerate(values))
+    return tuple(check_whole(f"{name}[{k}]", v, 0, 0xFFFF) for k, v in enumerate(values))
 
 
-def check_coils(coils: Iterable[bool], most: int) -> tuple[bool, ...]:
+def check_coils(coils: Iterable[bool], most: int, name: str = "coils") -> tuple[bool, ...]:
     """Return coils as a tuple of bool, or raise unless there are 1..most of 0 and 1."""
-    values = _sequence("coils", coils, most)
+    values = _sequence(name, coils, most)
     for k, value in enumerate(values):
         if not (isinstance(value, bool) or (hasattr(value, "__index__") and value in (0, 1))):
             # A numpy bool has no index, so its kind is asked for.
             if getattr(getattr(value, "dtype", None), "kind", "") != "b":
-                raise ArgumentError(f"coils[{k}] is {value!r}; it must be True or False")
+                raise ArgumentError(f"{name}[{k}] is {value!r}; it must be True or False")
     return tuple(bool(value) for value in values)
 
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 from dataclasses import field
 from math import floor
 
-from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, number, record, whole
+from shipnet.fields import check_kind, check_scalar, check_whole, number, record, whole
 from shipnet.modbus.frame import MAX_UNIT, RTU_BYTES
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.uart import SerialLine
@@ -66,11 +65,8 @@ class Poll:
 
     def __post_init__(self) -> None:
         """Check what depends on other fields."""
-        for name, kind in (("request", Request), ("line", SerialLine)):
-            if not isinstance(getattr(self, name), kind):
-                raise ArgumentError(
-                    f"{name} is {getattr(self, name)!r}; it must be a {kind.__name__}"
-                )
+        check_kind("request", self.request, Request)
+        check_kind("line", self.line, SerialLine)
         object.__setattr__(self, "request_size", len(self.request.pdu) + RTU_BYTES)
         object.__setattr__(self, "response_size", self.request.response_size + RTU_BYTES)
         check_scalar("timeout", self.timeout, "s", self.shortest_timeout, 3600)
@@ -131,7 +127,8 @@ def scan_time(
     n_slaves : int
         Number of slaves, 1..247.
     registers : int
-        How many registers one request reads from each, 1..125.
+        How many registers the master reads from each, 1..65536; a request reads 125 at most, so
+        more take several requests, one after the other.
     bit_rate : float, default 9600
         50..10e6 [bit/s].
     character : str, default "8E1"
@@ -161,8 +158,13 @@ def scan_time(
     0.995
     >>> round(scan_time(24, registers=10, dead=2, timeout=0.5, retries=1), 3)
     3.045
+    >>> round(scan_time(24, registers=300, bit_rate=38400), 3)
+    4.645
     """
-    request = Request.read_holding_registers(0, registers)
-    line = SerialLine(bit_rate, character)
-    poll = Poll(request, line, processing=processing, timeout=timeout, retries=retries)
-    return poll.scan_time(n_slaves, dead=dead)
+    count = check_whole("registers", registers, 1, 1 << 16)
+    line, most, time = SerialLine(bit_rate, character), 125, 0.0
+    for begin in range(0, count, most):
+        request = Request.read_holding_registers(begin, min(most, count - begin))
+        poll = Poll(request, line, processing=processing, timeout=timeout, retries=retries)
+        time += poll.scan_time(n_slaves, dead=dead)
+    return time

@@ -12,7 +12,16 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, choice, number, record, switch, whole
+from shipnet.fields import (
+    check_kind,
+    check_scalar,
+    check_whole,
+    choice,
+    number,
+    record,
+    switch,
+    whole,
+)
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import Poll
@@ -118,8 +127,7 @@ class _Redundant:
 
     def _check(self) -> None:
         """Raise unless the master polls something, and rechecks no more than once per scan."""
-        if not isinstance(self.poll, Poll):
-            raise ArgumentError(f"poll is {self.poll!r}; it must be a Poll")
+        check_kind("poll", self.poll, Poll)
         if self.recheck < self.period * (1 - 1e-12):
             raise ArgumentError(
                 f"recheck is {self.recheck:g} s; it must not be shorter than a scan, "

@@ -25,7 +25,7 @@ from time import monotonic
 from typing import Literal
 
 from shipnet.errors import ArgumentError, load_extra
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_choice, check_kind, check_scalar, check_whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.handlers import Listener, Respond, RtuListener, TcpListener, UdpListener
 from shipnet.modbus.pdu import Adu
@@ -273,9 +273,8 @@ def serve(
     ...         print(client.recv(260).hex(" "))
     00 01 00 00 00 07 01 03 04 01 5e 01 9c
     """
-    if transport not in ("tcp", "udp", "rtu"):
-        raise ArgumentError(f"transport is {transport!r}; it must be 'tcp', 'udp' or 'rtu'")
-    rtu = transport == "rtu"
+    rtu = check_choice("transport", transport, ("tcp", "udp", "rtu")) == "rtu"
+    check_kind("line", line, SerialLine)
     if not isinstance(devices, Mapping) or not devices:
         raise ArgumentError(f"devices is {devices!r}; it must be a mapping with 1.. devices")
     slaves = {}
@@ -286,13 +285,14 @@ def serve(
     if not isinstance(host, str) or not host:
         raise ArgumentError(f"host is {host!r}; it must be a name or an address")
     bound = check_whole("port", port, 0, 0xFFFF)
-    if rtu != bool(serial_port):
+    if rtu != bool(check_kind("serial_port", serial_port, str)):
         raise ArgumentError(f"serial_port is {serial_port!r}; RTU needs one, and nothing else does")
     quiet = check_scalar("silence", silence, "s", line.t35, 10)
     limit = check_scalar("idle_limit", idle_limit, "s", 0.01, 1e6)
     most = check_whole("max_clients", max_clients, 1, 10_000)
-    if clock is None:
-        check_scalar("speed", speed, "s/s", 0, 1e6)
+    check_scalar("speed", speed, "s/s", 0, 1e6)
+    if not (clock is None or callable(clock)):
+        raise ArgumentError(f"clock is {clock!r}; it must return the model time when called")
     if rtu:
         for module, package in (("pymodbus", "pymodbus"), ("serial", "pyserial")):
             load_extra(module, package)

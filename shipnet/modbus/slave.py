@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 from shipnet.errors import ArgumentError, FrameError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_kind, check_scalar, check_whole
 from shipnet.modbus.pdu import (
     Adu,
     ExceptionCode,
@@ -105,6 +105,8 @@ class Registers:
         self.discrete_inputs = _memory("discrete_inputs", discrete_inputs, check_coils)
         self.holding_registers = _memory("holding_registers", holding_registers, check_registers)
         self.input_registers = _memory("input_registers", input_registers, check_registers)
+        if not isinstance(limits, Mapping | None):
+            raise ArgumentError(f"limits is {limits!r}; it must be a mapping")
         self.limits = dict(limits or {})
         for address, (low, high) in self.limits.items():
             if address not in self.holding_registers:
@@ -144,7 +146,9 @@ class Registers:
 
 
 def _memory(
-    name: str, given: Mapping[int, Any] | Iterable[Any], check: Callable[[Any, int], Sequence[int]]
+    name: str,
+    given: Mapping[int, Any] | Iterable[Any],
+    check: Callable[[Any, int, str], Sequence[int]],
 ) -> dict[int, int]:
     """Return checked values by address; a sequence begins at address 0."""
     try:
@@ -152,7 +156,7 @@ def _memory(
     except TypeError:
         raise ArgumentError(f"{name} is {given!r}; it must be a mapping or a sequence") from None
     addresses = [check_whole(f"address in {name}", a, 0, 0xFFFF) for a in pairs]
-    values = check(pairs.values(), _WHOLE_TABLE) if pairs else ()
+    values = check(pairs.values(), _WHOLE_TABLE, name) if pairs else ()
     return dict(zip(addresses, map(int, values), strict=True))
 
 
@@ -385,7 +389,11 @@ def answer(
     >>> answer(slaves, Adu(6, Request.read_holding_registers(0, 1))).pdu.hex(" ")
     '83 0b'
     """
-    unit, pdu = adu.unit_id, adu.pdu
+    if not isinstance(slaves, Mapping):
+        raise ArgumentError(f"slaves is {slaves!r}; it must be slaves by unit id")
+    unit, pdu = check_kind("adu", adu, Adu).unit_id, adu.pdu
+    check_scalar("time", time, "s", 0, 1e18)
+    check_kind("serial", serial, bool)
     if _BROADCAST in slaves and unit == _SERVER_ITSELF:
         unit = _BROADCAST
     if unit in slaves:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.errors import ArgumentError, FormError, ParityError
-from shipnet.fields import check_scalar, check_whole, number, record
+from shipnet.fields import check_kind, check_scalar, check_whole, number, record
 from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
 
 if TYPE_CHECKING:
@@ -244,6 +244,7 @@ class Waveform:
     def __post_init__(self) -> None:
         """Check every field."""
         check_scalar("threshold", self.threshold, "", -1e6, 1e6)
+        check_kind("line", self.line, SerialLine)
         try:
             at = np.asarray(self.time, dtype=np.float64)
             value = np.asarray(self.level, dtype=np.float64)

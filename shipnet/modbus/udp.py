@@ -13,7 +13,15 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, number, record
+from shipnet.fields import (
+    check_choice,
+    check_kind,
+    check_rng,
+    check_scalar,
+    check_whole,
+    number,
+    record,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,14 +118,14 @@ def simulate(
         raise ArgumentError(f"units is {units!r}; it must be a row of 1..{_MOST} whole numbers")
     if asked.min() < 0 or asked.max() > 255:
         raise ArgumentError(f"units reach from {asked.min()} to {asked.max()}; they must be 0..255")
-    if match not in _MATCHES:
-        raise ArgumentError(f"match is {match!r}; it must be one of {', '.join(_MATCHES)}")
-    if not isinstance(flush, bool):
-        raise ArgumentError(f"flush is {flush!r}; it must be True or False")
+    check_choice("match", match, _MATCHES)
+    check_kind("flush", flush, bool)
+    if not hasattr(path, "transit"):
+        raise ArgumentError(f"path is {path!r}; it must be a LossyPath")
     wait = check_scalar("timeout", timeout, "s", 1e-9, 3600)
     step = check_scalar("period", period, "s", 0, 3600)
     work = check_scalar("processing", processing, "s", 0, 3600)
-    n, generator = len(asked), np.random.default_rng(rng)
+    n, generator = len(asked), check_rng(rng)
     there = path.transit(n, generator)
     back = path.transit(2 * n, generator).reshape(n, 2, 2)
     trips = (there[:, :, np.newaxis] + work + back).reshape(n, 4).tolist()
@@ -222,7 +230,7 @@ def compare(
     """
     import pandas as pd
 
-    seed = int(np.random.default_rng(rng).integers(2**63))
+    seed = int(check_rng(rng).integers(2**63))
     settings = {"timeout": timeout, "period": period, "processing": processing, "flush": flush}
     rows = {}
     for match in _MATCHES:

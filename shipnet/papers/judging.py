@@ -10,22 +10,22 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Collection, Hashable, Mapping
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from shipnet import datasets, style
 from shipnet.errors import ArgumentError
 from shipnet.papers.claims import CONDITIONS, PAPERS, UNDECIDED, as_number, check_paper, rows
-from shipnet.papers.registry import REGISTRY, Recomputation
+from shipnet.papers.registry import REGISTRY
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-#: Colour of each status: what has been done about a claim.
+#: Colour of each kind of treatment: the basis of what is judged, or why a claim is not.
 _COLOURS = {
-    "recomputed": "#0072B2",
-    "checked": "#56B4E9",
+    "model": "#0072B2",
+    "arithmetic": "#56B4E9",
+    "count": "#D55E00",
     "ours": "#009E73",
     "erratum": "#CC79A7",
     "context": "#d9d9d9",
@@ -33,7 +33,7 @@ _COLOURS = {
     "not reproducible": "#8c8c8c",
     "open": "#E69F00",
 }
-STATUSES = tuple(_COLOURS)
+TREATMENTS = tuple(_COLOURS)
 
 
 class Claim:
@@ -111,21 +111,20 @@ class Ledger:
         return pd.DataFrame([_judge(claim) for claim in claims]).set_index("id")
 
     def counts(self) -> pd.DataFrame:
-        """Return how many claims of each paper have each status, and their sum."""
+        """Return how many claims of each paper are judged on each basis, or not judged."""
         import pandas as pd
 
-        counted = pd.crosstab(
-            pd.Index([claim["paper"] for claim in self._claims], name="paper"),
-            pd.Index([_status(claim) for claim in self._claims], name="status"),
-        )
+        table = self.table()
+        how = table["basis"].where(table["status"] == "judged", table["status"])
+        counted = pd.crosstab(table["paper"], how)
         keys = [key for key in PAPERS if key in counted.index]
-        counted = counted.reindex(index=keys, columns=list(STATUSES), fill_value=0)
+        counted = counted.reindex(index=keys, columns=list(TREATMENTS), fill_value=0)
         counted.columns.name, counted.index.name = None, "paper"
         return counted.assign(claims=counted.sum(axis=1))
 
     def judged(self) -> pd.DataFrame:
-        """Return the claims that are recomputed or checked."""
-        return self.table().query("status in ['recomputed', 'checked']")
+        """Return the numbers that are recomputed and the statements that are checked."""
+        return self.table().query("status == 'judged'")
 
     def differing(self) -> pd.DataFrame:
         """Return the judged claims that do not simply agree, with the reason."""
@@ -142,15 +141,15 @@ class Ledger:
         return items if self.paper is None else items[items["paper"] == self.paper]
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw how many claims of each paper have each status; numbers below 4 are not written."""
+        """Draw how many claims of each paper are treated how; numbers below 4 are not written."""
         ax, counts = style.axes(ax), self.counts()
         left = counts["claims"] * 0
-        for status, colour in _COLOURS.items():
-            number = counts[status]
-            bars = ax.barh(counts.index, number, left=left, color=colour, label=status)
+        for treatment, colour in _COLOURS.items():
+            number = counts[treatment]
+            bars = ax.barh(counts.index, number, left=left, color=colour, label=treatment)
             ax.bar_label(
                 bars, [str(n) if n >= 4 else "" for n in number], label_type="center",
-                color="white" if status in ("recomputed", "ours") else "black", fontsize=8,
+                color="white" if treatment in ("model", "count", "ours") else "black", fontsize=8,
             )  # fmt: skip
             left = left + number
         ax.invert_yaxis()
@@ -166,9 +165,9 @@ class Ledger:
     def __str__(self) -> str:
         """Count the claims, those judged, those that agree, and those still open."""
         status = [_status(claim) for claim in self._claims]
-        judged = sum(done in ("recomputed", "checked") for done in status)
         agree = sum(claim["verdict"] == "agrees" for claim in self._claims)
-        return f"{len(self)} claims, {judged} judged, {agree} agree, open: {status.count('open')}"
+        judged, left = status.count("judged"), status.count("open")
+        return f"{len(self)} claims, {judged} judged, {agree} agree, open: {left}"
 
     def __repr__(self) -> str:
         """Name the paper and count its claims."""
@@ -295,16 +294,13 @@ def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
     return [known[id] for id in ids]
 
 
-@cache
-def _computed(recomputation: Recomputation) -> Any:
-    """Call what recomputes a claim, once: it has no other inputs than its own."""
-    return recomputation()
-
-
 def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
     """Put one claim beside its recomputation."""
     recomputation = REGISTRY.get(claim["id"])
-    computed: Any = _computed(recomputation) if recomputation else None
+    computed: Any = None
+    basis = ""
+    if recomputation:
+        computed, basis = recomputation.result
     difference, outcome = math.nan, ""
     if recomputation and claim["precision"]:
         published = as_number(claim["value"])
@@ -317,6 +313,7 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
         "published": claim["value"],
         "unit": claim["unit"],
         "computed": computed,
+        "basis": basis,
         "relative_difference": difference,
         "match": outcome,
         "verdict": claim["verdict"],
@@ -333,7 +330,7 @@ def _status(claim: Mapping[Hashable, Any]) -> str:
         return str(claim["kind"])
     if claim["verdict"] in UNDECIDED or claim["id"] not in REGISTRY:
         return str(claim["verdict"] if claim["verdict"] in UNDECIDED else "open")
-    return "recomputed" if claim["kind"] == "numeric" else "checked"
+    return "judged"
 
 
 def _says(row: Mapping[str, Any]) -> str:

@@ -9,16 +9,31 @@ differ in their inputs alone share a function.
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from types import FrameType
 from typing import Any, TypeVar
 
 from shipnet.errors import ArgumentError, FrameError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+#: What a computed value rests on: a model of the package, a formula, or a count in transcriptions.
+BASES = ("model", "arithmetic", "count")
 
-@dataclass(frozen=True, slots=True, eq=False)
+#: Packages and modules that model something.
+_MODELS = (
+    "asi", "ballast", "can", "clock", "crc", "design", "engine", "fuzzy", "line", "modbus",
+    "remote_control",
+)  # fmt: skip
+
+#: What they only read from transcribed tables: a module, or a function of one.
+_READERS = ("shipnet.asi.emc.immunity", "shipnet.engine.points.read_points")
+
+
+@dataclass(frozen=True, eq=False)
 class Recomputation:
     """A function, a claim's own inputs to it, and for a check those that turn its answer round."""
 
@@ -36,10 +51,50 @@ class Recomputation:
         known = inspect.signature(self.function).parameters.items()
         return {name: p.default for name, p in known} | dict(self.inputs)
 
+    @cached_property
+    def result(self) -> tuple[Any, str]:
+        """What the claim comes to, and its basis, one of `BASES`, by what is called on the way.
+
+        It is ``model`` if code of the papers calls a model; else ``count`` if none of the inputs
+        is a number, so that texts and tables are counted or compared; else ``arithmetic``.
+        """
+        models: list[str] = []
+
+        def watch(frame: FrameType, event: str, _: object) -> None:
+            caller = frame.f_back
+            if event == "call" and caller is not None and _is_paper(caller) and _is_model(frame):
+                models.append(frame.f_code.co_name)
+                sys.setprofile(before)
+
+        before = sys.getprofile()
+        sys.setprofile(watch)
+        try:
+            value = self()
+        finally:
+            sys.setprofile(before)
+        numbers = [one for one in self.defaults.values() if isinstance(one, int | float)]
+        counts = all(isinstance(number, bool) for number in numbers)
+        return value, "model" if models else "count" if counts else "arithmetic"
+
     @property
     def evidence(self) -> str:
         """Full name of the function."""
         return f"{self.function.__module__}.{self.function.__name__}"
+
+
+def _is_paper(frame: FrameType) -> bool:
+    return str(frame.f_globals.get("__name__")).startswith("shipnet.papers.")
+
+
+def _is_model(frame: FrameType) -> bool:
+    module = str(frame.f_globals.get("__name__"))
+    package, *rest = module.split(".")
+    return (
+        package == "shipnet"
+        and bool(rest)
+        and rest[0] in _MODELS
+        and not {module, f"{module}.{frame.f_code.co_name}"} & set(_READERS)
+    )
 
 
 #: Claim id -> its function; filled as the modules of the papers are imported.

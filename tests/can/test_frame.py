@@ -274,6 +274,5 @@ def test_an_error_flag_is_seen_at_its_sixth_bit():
 
 @pytest.mark.parametrize("bits", [b"0101", 5, None, [0, 1]])
 def test_bits_that_are_not_text_are_refused(bits):
-    kind = type(bits).__name__
-    with pytest.raises(ArgumentError, match=f"^bits are {kind}; they must be a str of 0 and 1$"):
+    with pytest.raises(ArgumentError, match=r"^bits is .*; it must be text of 0 and 1$"):
         decode(bits)

@@ -159,7 +159,7 @@ def test_a_wrong_number_of_bytes_is_refused(dlc):
 
 
 def test_other_wrong_arguments_are_refused():
-    with pytest.raises(ArgumentError, match="stuffing is 'longest'; it must be one of none"):
+    with pytest.raises(ArgumentError, match="stuffing is 'longest'; it must be one of 'none'"):
         frame_length(8, stuffing="longest")
     with pytest.raises(ArgumentError, match="extended is 29; it must be True or False"):
         frame_length(8, extended=29)

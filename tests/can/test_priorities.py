@@ -116,5 +116,5 @@ def test_the_ends_of_the_bit_rates():
     assert lowest_bit_rate(quiet, [500_000, 20_000]) == 20_000
     assert lowest_bit_rate(quiet, [125e3, 20e3]) == 20_000
     for wrong in ([500], [125_000, 2_000_000], ["125000"]):
-        with pytest.raises(ArgumentError, match="bit_rate is"):
+        with pytest.raises(ArgumentError, match="candidates is"):
             lowest_bit_rate(quiet, wrong)

@@ -203,6 +203,41 @@ def test_no_release_and_no_fault_pass_the_response_with_faults(drawn, burst, see
         assert (np.array(ends) - times).max() <= most
 
 
+#: The messages of Broster et al. 2002, the most urgent first: data bytes, period [ms], and the
+#: response without errors at 250 kbit/s [ms], as SchedCAT computes it too.
+BROSTER = [
+    (8, 10, 1.028), (3, 14, 1.368), (3, 20, 1.708), (2, 15, 2.008), (5, 20, 2.428),
+    (5, 40, 2.848), (4, 15, 3.228), (5, 50, 3.648), (4, 20, 4.028), (7, 100, 4.448),
+    (5, 50, 4.708), (1, 100, 4.720),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("count", range(10))
+def test_the_published_responses_with_faults_come_out_with_the_bits_named_for_them(count):
+    messages = MessageSet(
+        Message(f"m{k}", k, size, period / 1e3) for k, (size, period, _) in enumerate(BROSTER)
+    )
+    few = errors(count, bits=faults.ERROR_BITS["Broster 2002"])
+    # Even the last message waits for an intermission.
+    between = Assumptions(intermission="between", foreign_bits=3)
+    found = response_times(messages, 250e3, method="1994", assumptions=between, faults=few)
+    for one, (_, period, alone) in zip(found, BROSTER, strict=True):
+        # An error costs 29 bits and 132 of the longest frame, which is the most urgent.
+        if alone + 0.644 * count < period and (count == 0 or one.message.name in ("m0", "m7")):
+            assert one.response * 1e3 == pytest.approx(alone + 0.644 * count, abs=1e-9)
+
+
+def test_the_least_bits_for_an_error_hold_on_a_simulated_bus():
+    messages = MessageSet([Message("A", 1, 8, 0.1, sender="x"), Message("B", 2, 8, 0.1)])
+    low = errors(1, bits=faults.ERROR_BITS["least"])
+    bound = response_times(messages, FAST, faults=low)["B"].response
+    seen = [
+        simulate(messages, FAST, until=0.01, faults=faults.ErrorAt(k * US)).table().max_ms["B"]
+        for k in range(130, 270)
+    ]
+    assert max(seen) / 1e3 == pytest.approx(bound, abs=1e-12)
+
+
 @pytest.mark.parametrize("faults", range(5))
 def test_faults_in_last_bits_attain_the_response_of_a_lone_message(faults):
     frame, period = 135, 2000

@@ -2,9 +2,10 @@
 
     python tests/fuzz/run.py [--seconds 600] [targets ...]
 
-Atheris guides the bytes by the code that they reach. A target fails if it raises what is no
-refusal, takes more than 5 s, or more than 1 GB beyond what it starts with. The bytes that did it
-are kept in build/fuzz/, and `python tests/fuzz/run.py --try FILE TARGET` runs them again.
+Each target first gets good inputs grown to 1 MB. Then Atheris guides the bytes by the code that
+they reach. A target fails if it raises what is not a refusal, takes more than 5 s of processor
+time, or more than 1 GB beyond what it starts with. The bytes that did it are kept in build/fuzz/,
+and `python tests/fuzz/run.py --try FILE TARGET` runs them again.
 """
 
 from __future__ import annotations
@@ -12,14 +13,20 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import resource
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
 FOLDER = Path("build/fuzz")
-SECONDS, MEGABYTES, LONGEST = 5, 1400, 65536
+#: Limits for one input; libFuzzer counts the seconds of the wall, so it only ends what hangs.
+SECONDS, HANGS, MEGABYTES = 5, 60, 1400
+#: Longest input that is guided, and the size to which good inputs grow [byte].
+LONGEST, LARGE = 65536, 10**6
 
 
 class Result(NamedTuple):
@@ -46,13 +53,51 @@ def fuzz(name: str) -> None:
         (corpus / f"seed{number}").write_bytes(seed)
 
     def one(data: bytes) -> None:
+        begin = time.process_time()
         try:
             target.run(data)
         except REFUSALS:
             pass
+        check_time(len(data), begin)
 
     atheris.Setup([sys.argv[0], *os.environ["FUZZ_OPTIONS"].split(), str(corpus)], one)
     atheris.Fuzz()
+
+
+def check_time(size: int, begin: float) -> None:
+    """Raise if an input has taken too much processor time."""
+    took = time.process_time() - begin
+    if took > SECONDS:
+        raise TimeoutError(f"an input of {size} bytes took {took:.1f} s")
+
+
+def grow(seed: bytes) -> Iterator[bytes]:
+    """Yield a good input again and again, and its halves and its last line."""
+    middle = len(seed) // 2
+    last = seed.rstrip().rfind(b"\n") + 1
+    for head, rest in ((b"", seed), (seed[:middle], seed[middle:]), (seed[:last], seed[last:])):
+        if rest:
+            yield head + rest * (LARGE // len(rest))
+    yield seed[:middle] + seed[:middle][-1:] * LARGE + seed[middle:]
+
+
+def try_large(name: str) -> None:
+    """Run a target on inputs of 1 MB, without the instruments of the fuzzer."""
+    from targets import REFUSALS, TARGETS
+
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for seed in TARGETS[name].seeds():
+        for data in grow(seed):
+            (FOLDER / f"{_slug(name)}-large").write_bytes(data)
+            begin = time.process_time()
+            try:
+                TARGETS[name].run(data)
+            except REFUSALS:
+                pass
+            check_time(len(data), begin)
+            more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024
+            if more > 1000:
+                raise MemoryError(f"an input of {len(data)} bytes took {more} MB")
 
 
 def _slug(name: str) -> str:
@@ -62,17 +107,20 @@ def _slug(name: str) -> str:
 def spawn(name: str, seconds: int) -> Result:
     """Fuzz one target in a process of its own, and read its last words."""
     options = (
-        f"-max_total_time={seconds} -timeout={SECONDS} -rss_limit_mb={MEGABYTES}"
+        f"-max_total_time={seconds} -timeout={HANGS} -rss_limit_mb={MEGABYTES}"
         f" -max_len={LONGEST} -print_final_stats=1 -artifact_prefix={FOLDER}/{_slug(name)}-"
     )
-    done = subprocess.run(
-        [sys.executable, __file__, "--target", name],
-        check=False,
-        env=os.environ | {"FUZZ_OPTIONS": options},
-        capture_output=True,
-        text=True,
-        errors="replace",
-    )
+    for what in ("--large", "--target"):
+        done = subprocess.run(
+            [sys.executable, __file__, what, name],
+            check=False,
+            env=os.environ | {"FUZZ_OPTIONS": options},
+            capture_output=True,
+            text=True,
+            errors="replace",
+        )
+        if done.returncode:
+            break
     said = done.stderr + done.stdout
     count = re.search(r"stat::number_of_executed_units:\s*(\d+)", said)
     failure = ""
@@ -87,11 +135,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--seconds", type=int, default=600, help="for all targets, on all cores")
     parser.add_argument("--target", help=argparse.SUPPRESS)
+    parser.add_argument("--large", help=argparse.SUPPRESS)
     parser.add_argument("--try", dest="again", type=Path, metavar="FILE", help="run one input")
     parser.add_argument("targets", nargs="*")
     given = parser.parse_args()
     if given.target:
         fuzz(given.target)
+    if given.large:
+        try_large(given.large)
+        return 0
     from targets import REFUSALS, TARGETS
 
     names = given.targets or list(TARGETS)

@@ -215,7 +215,8 @@ def test_a_table_has_a_column_a_rule():
 @pytest.mark.parametrize(
     ("samples", "fault"),
     [
-        ({"PP": 1}, "samples have PP"),
+        ([1, 2], r"^samples is \[1, 2\]; it must give the variables FP, OP, MC, .* by name$"),
+        ({"PP": 1, "QQ": 2}, r"^samples have PP, QQ; the variables are FP, OP, MC, "),
         ({"FP": "high"}, "FP must be numbers"),
         ({"FP": [[1], [1, 2]]}, "FP must be numbers"),
         ({"FP": [1, 2], "OP": [1, 2, 3]}, r"shapes are FP \(2,\), OP \(3,\)"),
@@ -225,6 +226,23 @@ def test_a_table_has_a_column_a_rule():
 def test_samples_that_do_not_fit_are_refused(samples, fault):
     with pytest.raises(ArgumentError, match=fault):
         BASE.fire(samples)
+
+
+@pytest.mark.parametrize("method", ["x", 5, None])
+def test_a_method_is_one_of_three(method):
+    message = f"^method is {method!r}; it must be one of crisp, midpoint, fuzzy$"
+    with pytest.raises(ArgumentError, match=message):
+        BASE.fire({"FP": 1}, method)
+
+
+def test_values_beyond_the_universe_count_as_its_ends_but_for_comparisons_as_written():
+    wide = Term("wide", (-3, 1, 9, 13), "x < 12")
+    base = RuleBase((Variable("x", "", 0, 10, (wide,)),), (Rule("on", (("x", "wide"),), 1),))
+    samples = {"x": [-2.5, 12.5]}
+    assert base.fire(samples, "midpoint")["on"].tolist() == [1, 1]
+    assert base.fire(samples, "crisp")["on"].tolist() == [1, 0]
+    assert base.fire(samples, "crisp").strength.dtype == np.float64
+    assert base.fire(samples)["on"].tolist() == [0.75, 0.75]
 
 
 def test_no_samples_are_no_fault():
@@ -266,8 +284,28 @@ def test_a_variable_that_no_rule_uses_is_left_out_of_the_control_system():
     theirs = control_strengths(small, samples)
     assert theirs.shape == (2, 2, 1)
     assert np.allclose(theirs, small.fire(samples).strength, rtol=0, atol=TOLERANCE)
-    with pytest.raises(ArgumentError, match="n_points is 1"):
-        small.to_skfuzzy(n_points=1)
+    for wrong in (1, 100_002):
+        message = rf"^n_points is {wrong}; it must be a whole number 2\.\.100001$"
+        with pytest.raises(ArgumentError, match=message):
+            small.to_skfuzzy(n_points=wrong)
+
+
+def test_a_control_system_has_the_terms_on_its_points_and_a_consequent_per_rule():
+    low = Term("low", (-math.inf, -math.inf, 1.5, 2.5), "x < 2")
+    high = Term("high", (7.5, 8.5, math.inf, math.inf), "x > 8")
+    rules = (Rule("cold", (("x", "low"),), 1), Rule("hot", (("x", "high"),), 2))
+    system = RuleBase((Variable("x", "", 0, 10, (low, high)),), rules).to_skfuzzy(n_points=2)
+    (x,) = system.antecedents
+    assert x.universe.tolist() == [0, 1.5, 2.5, 7.5, 8.5, 10]
+    assert x["low"].mf.tolist() == [1, 1, 0, 0, 0, 0]
+    assert x["high"].mf.tolist() == [0, 0, 0, 0, 1, 1]
+    made = {consequent.label: consequent for consequent in system.consequents}
+    assert sorted(made) == ["cold", "hot"]
+    for consequent in made.values():
+        assert consequent.universe.tolist() == consequent["on"].mf.tolist() == [0, 0.5, 1]
+    coarse = RuleBase((Variable("x", "", 0, 10, (high,)),), rules[1:]).to_skfuzzy(n_points=5)
+    (x,) = coarse.antecedents
+    assert x.universe.tolist() == [0, 2.5, 5, 7.5, 8.5, 10]
 
 
 def test_a_corner_between_the_points_is_given_to_scikit_fuzzy_as_well():

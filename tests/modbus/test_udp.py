@@ -153,7 +153,7 @@ def test_a_duplicated_request_is_answered_twice_and_the_second_answer_is_left_ov
         (lambda: simulate([1], LossyPath(), rng=1, flush="x"), "flush is 'x'"),
         (
             lambda: simulate([1], LossyPath(), rng=1, match="id"),
-            "match is 'id'; it must be one of nothing",
+            "match is 'id'; it must be one of 'nothing'",
         ),
         (lambda: compare([1], LossyPath(), rng=1, flush="x"), "flush is 'x'"),
     ],

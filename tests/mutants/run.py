@@ -41,7 +41,9 @@ class Target(NamedTuple):
 
 
 TARGETS = {
-    "asi telegram": Target("asi/telegram", ["asi/test_telegram.py"]),
+    "asi telegram": Target(
+        "asi/telegram", ["asi/test_telegram.py", "papers/test_printed_tables.py"]
+    ),
     "asi receiver": Target("asi/receiver", ["asi/test_receiver.py", "asi/test_eye.py"]),
     "modbus frame": Target("modbus/frame", ["modbus/test_frames.py"]),
     "modbus pdu": Target("modbus/pdu", ["modbus/test_frames.py"]),

@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 
-from shipnet.asi.emc.immunity import STANDARDS
 from shipnet.asi.modulation import send_current
 from shipnet.asi.receiver import receive
 from shipnet.errors import ArgumentError
-from shipnet.papers.kim2023.signals import about_emission, level, supply_decides
+from shipnet.papers.kim2023.signals import level, supply_decides
 
 
 def test_the_supply_is_no_shield():
@@ -21,11 +20,6 @@ def test_the_supply_is_no_shield():
     plain, lifted = receive(u, dt, 7), receive(u + 230, dt, 7)
     assert lifted.bits.tolist() == plain.bits.tolist()
     assert lifted.ringing == pytest.approx(plain.ringing, abs=1e-9)
-
-
-def test_discharge_is_about_immunity():
-    assert not about_emission(standard="IEC 61000-4-2")
-    assert [name for name in STANDARDS if about_emission(standard=name)] == ["IEC 61000-6-4"]
 
 
 def test_a_level_is_one_row():

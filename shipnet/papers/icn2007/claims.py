@@ -11,6 +11,7 @@ from shipnet.asi.faults import DeadSlave, LostReply, MasterFailure
 from shipnet.asi.master import Master
 from shipnet.asi.modulation import HALF_BIT, ramp_spectrum, send_spectrum, steps_of
 from shipnet.asi.plan import Plan
+from shipnet.asi.profile import Profile
 from shipnet.asi.segment import telegram_voltages
 from shipnet.asi.simulation import Run, Standby, simulate
 from shipnet.asi.slave import Slave
@@ -34,12 +35,6 @@ def metres_per_star_leg(*, total: float = 100, trunk: float = 90, slaves: int = 
     return (total - trunk) / slaves
 
 
-@numeric("icn2007-005")
-def bit_time_in_ms(*, rate: float = 167e3) -> float:
-    """Milliseconds a bit, from the rate in the same paragraph."""
-    return 1e3 / rate
-
-
 @numeric("icn2007-015")
 def extra_pause(*, edges: tuple[float, ...] = CHIP_EDGES) -> float:
     """Bit times that a slave takes longer when it is not synchronous, at most."""
@@ -54,11 +49,11 @@ def example_for_21a(*, data: int = 0xE) -> bool:
     return Request.parse(bits, extended=True) == Request.data_exchange(21, 0x6, "A")
 
 
-@numeric("icn2007-044", layout=Call.DATA_EXCHANGE.rule.pattern)
-@numeric("icn2007-020", layout=Call.DATA_EXCHANGE.rule.extended)
-def output_bits(*, layout: str) -> int:
+@numeric("icn2007-044", profile="S-7.F")
+@numeric("icn2007-020", profile="S-7.A")
+def output_bits(*, profile: str) -> int:
     """Output bits of a request to a standard slave, or to one that shares its address."""
-    return layout.count("d")
+    return Profile.parse(profile).output_bits
 
 
 @check("icn2007-045", counter={"asked": True})
@@ -71,28 +66,16 @@ def same_answer(
     return said[0].bits == said[1].bits
 
 
-@numeric("icn2007-036")
-def slaves_before_2_1(*, layout: str = Call.DATA_EXCHANGE.rule.pattern) -> int:
-    """Every address but 0."""
-    return (1 << layout.count("a")) - 1
-
-
-@numeric("icn2007-021")
-def request_information(*, layout: str = Call.DATA_EXCHANGE.rule.pattern) -> int:
-    """Bits of a request that must be checked: all but start, parity and end bit."""
-    return len(layout)
-
-
 @numeric("icn2007-025")
-def net_rate(*, user_bits: int = 8, master_pause: float = 2, slave_pause: float = 2) -> float:
+def net_rate(*, pause: float = 2) -> float:
     """Kilobits of user data a second, four bits each way in every transaction."""
-    return 1e-3 * user_bits / Transaction(master_pause, slave_pause).duration
+    return 1e-3 * Transaction(pause, 2).net_rate
 
 
 @numeric("icn2007-026")
-def efficiency(*, user_bits: int = 8, master_pause: float = 2, slave_pause: float = 2) -> float:
+def efficiency(*, pause: float = 2) -> float:
     """User bits in percent of all bit times of a transaction."""
-    return 100 * user_bits / Transaction(master_pause, slave_pause).bits
+    return 100 * float(Transaction(pause, 2).efficiency())
 
 
 @check("icn2007-029", counter={"call": Call.RESET})

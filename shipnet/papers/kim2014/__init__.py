@@ -8,9 +8,10 @@ Engineering 38(3), 292-301, 2014.
 from shipnet.papers.kim2014.faults import (
     age_table,
     broken_loops,
+    fired_table,
     graded_trials,
     picture_table,
-    score_table,
+    reading_table,
     seen_strokes,
     through_registers,
 )
@@ -23,5 +24,5 @@ from shipnet.papers.kim2014.registers import (
 )
 
 __all__ = ["age_table", "answer_table", "break_table", "broken_loops", "code_table"]
-__all__ += ["conversation", "graded_trials", "message_table", "picture_table"]
-__all__ += ["score_table", "seen_strokes", "survival_table", "switch_table", "through_registers"]
+__all__ += ["conversation", "fired_table", "graded_trials", "message_table", "picture_table"]
+__all__ += ["reading_table", "seen_strokes", "survival_table", "switch_table", "through_registers"]

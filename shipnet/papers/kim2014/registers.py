@@ -72,17 +72,8 @@ STANDARD = {
 def message_table() -> pd.DataFrame:
     """Compare the printed messages with the standard's.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by message: ``printed`` and ``standard`` (hexadecimal), ``length_printed`` and
-        ``length_standard`` (length field of the MBAP header [byte]), ``same``, and what a decoder
-        by the standard says of the printed bytes (``decoder``: ``ok`` or the name of the error).
-
-    Examples
-    --------
-    >>> message_table()[["length_printed", "length_standard", "decoder"]].values.tolist()
-    [[6, 6, 'ok'], [6, 6, 'ok'], [3, 3, 'LengthError'], [6, 6, 'ok'], [14, 11, 'LengthError']]
+    The lengths are those in the MBAP header; ``decoder`` is what a decoder by the standard says of
+    the printed bytes: ``ok`` or the name of the error.
     """
     import pandas as pd
 
@@ -117,9 +108,6 @@ _READ, _WRITE = FunctionCode.READ_INPUT_REGISTERS, FunctionCode.WRITE_SINGLE_REG
 
 #: The first Table 1, one row per field.
 _TABLE_1 = datasets.read("kim2014_function_codes.csv")
-
-#: Bytes before the first that the length field counts.
-_LENGTH_AT = 4
 
 
 def table_1() -> dict[str, int]:
@@ -176,9 +164,9 @@ def names_a_register(*, message: str = "response") -> bool:
 @numeric("kim2014-016", messages=("write query", "write response"))
 @numeric("kim2014-017", messages=("write error",))
 @numeric("kim2014-019", messages=("read query",))
-def length_field(*, messages: tuple[str, ...], before: int = _LENGTH_AT + 2) -> int:
-    """Bytes of these messages, which have one length, that follow the length field."""
-    (length,) = {len(STANDARD[message]) - before for message in messages}
+def length_field(*, messages: tuple[str, ...]) -> int:
+    """Bytes of unit id and PDU of these messages, which have one length."""
+    (length,) = {1 + len(decode(STANDARD[message], "tcp").pdu) for message in messages}
     return length
 
 
@@ -217,13 +205,6 @@ def exceptions_exist(*, codes: tuple[int, ...] = (1, 2, 3, 4)) -> bool:
 def functions_are_named_right(*, write: int = 6, read: int = 4) -> bool:
     """Whether these codes write a single register and read input registers."""
     return (FunctionCode(write), FunctionCode(read)) == (_WRITE, _READ)
-
-
-@check("kim2014-084", counter={"messages": ("write query", "write response", "read query")})
-def same_pdu_on_both(*, messages: tuple[str, ...] = tuple(STANDARD)) -> bool:
-    """Whether the messages of Tables 2 and 3 have the PDU lengths of the first Table 1."""
-    header = 7
-    return all(len(printed_adu(message)) - header == table_1()[message] for message in messages)
 
 
 @check("kim2014-058", counter={"first": 1})
@@ -272,37 +253,10 @@ def answer_table(
     timeout: float = 1.0,
     retries: int = 0,
 ) -> pd.DataFrame:
-    """Compare both moments of the answer, and the second with a time-out that waits for it.
+    """Compare an answer at the start of a movement with one at its end, and one that is waited for.
 
-    Parameters
-    ----------
-    serial : SerialLine
-        Settings of the line.
-    n_slaves : int
-        Number of slaves, 1..247.
-    movement : float
-        How long the valve moves, 0..3600 [s].
-    timeout : float, default 1
-        Response time-out of the master [s].
-    retries : int, default 0
-        How often the master repeats a command that is not answered, 0..100.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by ``answer``: ``at the start``, ``at the end``, and ``at the end, waited for`` with
-        the shortest timeout that is long enough; columns ``timeout_s``, ``write_s``, ``tries``,
-        ``answered``, ``scan_gap_s``, ``polls_while_moving``.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
-    Examples
-    --------
-    >>> answer_table(SerialLine(9600), 247, 9.0)["scan_gap_s"].round(2).to_dict()
-    {'at the start': 7.95, 'at the end': 8.93, 'at the end, waited for': 16.95}
+    The last has the shortest time-out that is long enough. A command that is not answered is
+    repeated `retries` times.
     """
     import pandas as pd
 
@@ -345,11 +299,9 @@ def _at(position: float) -> list[list[float]]:
 
 
 @numeric("kim2014-023")
-def channels(
-    *, pressure: int = 2, current: int = 1, temperature: int = 1, position: int = 1
-) -> int:
-    """Sensors of a slave, each of which needs a channel of the converter."""
-    return pressure + current + temperature + position
+def channels(*, names: tuple[str, ...] = tuple(channel.name for channel in CHANNELS)) -> int:
+    """Sensors of a valve, each of which needs a channel of the converter."""
+    return len(names)
 
 
 @check("kim2014-021", counter={"reading": "flag sum"})
@@ -389,14 +341,6 @@ def status_bits_agree(*, other: str = "table 3") -> bool:
     return bool(words[0] == words[1])
 
 
-@check("kim2014-060", counter={"mode": "Auto"})
-def position_codes_hold(*, mode: str = "Manual") -> bool:
-    """Whether both position codes, read as sums of flags, hold the flag of this mode."""
-    codes = command_codes("flag sum")
-    positions = (codes[Code.POSITION_CLOSE], codes[Code.POSITION_OPEN])
-    return all(code & codes[Code(mode)] for code in positions)
-
-
 @numeric("kim2014-078")
 def converter_step(*, bits: int = 12, span: float = 100.0) -> float:
     """Percent of the position from one code of the converter to the next."""
@@ -423,29 +367,8 @@ def colours(*, bits: int = 16) -> int:
     return int(2**bits)
 
 
-@check("kim2014-062", counter={"other": "PP"})
-def pump_pressure_is_called(*, other: str = "FP") -> bool:
-    """Whether this, the name in the rule table, is the name of the pump pressure in Table 3."""
-    rows = datasets.read("kim2014_table3_read_registers_bits.csv").query("part == 'register'")
-    remark = rows.loc[rows["remark_printed"].str.startswith("motor temperature"), "remark_printed"]
-    return bool(remark.str.endswith(f"pressure {other}").all())
-
-
 def code_table() -> pd.DataFrame:
-    """Return the codes of all readings beside each other.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by command, one column a reading.
-
-    Examples
-    --------
-    Only two of the readings give every command a code of its own:
-
-    >>> code_table().apply(lambda codes: codes.is_unique).to_dict()
-    {'flag sum': True, 'one bit': True, 'decimal': False, 'hexadecimal': False}
-    """
+    """Return the codes of all readings beside each other, one row per command."""
     import pandas as pd
 
     codes = {
@@ -458,18 +381,8 @@ def code_table() -> pd.DataFrame:
 def survival_table() -> pd.DataFrame:
     """Return what becomes of the values of the paper's fault tests on their way to the master.
 
-    Returns
-    -------
-    pandas.DataFrame
-        One row a value of the rule table: ``code``, ``channel``, ``value``, ``received``,
-        ``saturated``, and ``survives``: received within half a step. Positions are the corrected
-        ones, and 305 as printed.
-
-    Examples
-    --------
-    >>> table = survival_table()
-    >>> table[~table["survives"]].groupby("channel")["value"].unique().to_dict()
-    {'VPos': array([305.,  -5.])}
+    A value ``survives`` that is received within half a step; positions are the corrected ones, and
+    305 as printed.
     """
     import pandas as pd
 

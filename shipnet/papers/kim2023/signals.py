@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations, product
 from math import comb
 
 import numpy as np
@@ -13,7 +14,14 @@ from shipnet.asi.elements import DEVICE
 from shipnet.asi.emc.disturbances import Noise
 from shipnet.asi.emc.error_rates import error_rate
 from shipnet.asi.emc.immunity import STANDARDS, immunity_margin, levels
-from shipnet.asi.modulation import CLASSES, HALF_BIT, as_bits, levels_of, pulses_of, send_current
+from shipnet.asi.modulation import (
+    HALF_BIT,
+    as_bits,
+    check_slots,
+    levels_of,
+    pulses_of,
+    send_current,
+)
 from shipnet.asi.plan import Plan
 from shipnet.asi.receiver import Receiver, receive
 from shipnet.asi.slave import Slave
@@ -157,9 +165,17 @@ def growth(*, request: int = 11, response: int = 4, extra: int = 7 + 4) -> float
 
 
 @numeric("kim2023-060", "icn2007-024")
-def error_classes(*, classes: tuple[str, ...] = tuple(CLASSES)) -> int:
-    """Kinds of error that the receiver distinguishes."""
-    return len(classes)
+def error_classes(*, faults: int = 3) -> int:
+    """Kinds of error that the receiver names in responses with up to this many wrong slots."""
+    sent = np.pad(pulses_of(RESPONSES), ((0, 0), (0, 2)))
+    changes = [
+        np.bincount(places, steps, sent.shape[1])
+        for n in range(1, faults + 1)
+        for places in combinations(range(sent.shape[1]), n)
+        for steps in product((1, 2), repeat=n)
+    ]
+    heard = (sent + np.array(changes, np.int8)[:, np.newaxis] + 1) % 3 - 1
+    return len(set(check_slots(heard, 7)[1].ravel().tolist()) - {0})
 
 
 def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
@@ -240,31 +256,6 @@ def supply_decides(
     return lost[0] != lost[1]
 
 
-@check("kim2023-013", counter={"contact": 6.0})
-def discharge(*, contact: float = 4.0, air: float = 8.0) -> bool:
-    """Whether Table 2 prints these kilovolts, and a ship asks for more of one of them."""
-    rows = [level(f"electrostatic discharge, {how}", "voltage") for how in ("contact", "air")]
-    printed = [row["asi"] for row in rows] == [contact, air]
-    return printed and "below" in [row["gap"] for row in rows]
-
-
-@check("kim2023-014", counter={"standard": "IEC 61000-6-4"})
-def about_emission(*, standard: str = "IEC 61000-4-2") -> bool:
-    """Whether the standard is about what a device emits."""
-    return "emission" in STANDARDS[standard].lower()
-
-
-@check("kim2023-015", counter={"highest": 2000.0})
-def radiated_field(
-    *, strength: float = 10.0, lowest: float = 80.0, highest: float = 1000.0
-) -> bool:
-    """Whether Table 2 prints this field [V/m, MHz], and a ship asks for higher frequencies."""
-    names = ("field strength", "lowest frequency", "highest frequency")
-    rows = [level("radio-frequency field", name) for name in names]
-    printed = [row["asi"] for row in rows] == [strength, lowest, highest]
-    return printed and rows[-1]["gap"] == "below"
-
-
 @check("kim2023-016", counter={"peak": 0.5})
 def bursts(*, peak: float = 2.0) -> bool:
     """Whether bursts of this height [kV] and Table 2's form cover what a ship asks for."""
@@ -274,17 +265,6 @@ def bursts(*, peak: float = 2.0) -> bool:
     return bool(
         (form["gap"] == "covers").all() and (immunity_margin(peak, heights) == "covers").all()
     )
-
-
-@check("kim2023-017", counter={"printed": "0.15~80"})
-def reads_as_range(*, printed: str = "") -> bool:
-    """Whether the printed range is two numbers, the lower one first."""
-    text = printed or str(level("conducted radio frequency", "lowest frequency")["asi_printed"])
-    try:
-        low, high = (float(part) for part in text.split("~"))
-    except ValueError:
-        return False
-    return low < high
 
 
 @check("kim2023-018", counter={"ohm": 50.0})

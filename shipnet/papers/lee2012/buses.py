@@ -64,13 +64,13 @@ def _serial(rate: float, parity: bool = True) -> SerialLine:
 @numeric("lee2012-021")
 def bit_time(*, rate: float = BIT_RATE) -> float:
     """Microseconds of one bit."""
-    return 1e6 / rate
+    return 1e6 * _serial(rate).character_time / _serial(rate).character_bits
 
 
 @numeric("lee2012-022")
-def start_time(*, characters: float = 3.5, bits: int = 8, rate: float = BIT_RATE) -> float:
+def start_time(*, bits: int = 8, rate: float = BIT_RATE) -> float:
     """Microseconds of the silence, with characters of 8 bits as the paper counts them."""
-    return 1e6 * characters * bits / rate
+    return 1e6 * _serial(rate).t35 * bits / _serial(rate).character_bits
 
 
 @numeric("lee2012-023")
@@ -149,9 +149,9 @@ def request_fields(*, widths: tuple[int, ...] = _WIDTHS["request"]) -> bool:
 
 
 @numeric("lee2012-029")
-def byte_count_width(*, most_registers: int = 125) -> int:
-    """Bytes that hold the byte count of the longest response."""
-    return -(-(2 * most_registers).bit_length() // 8)
+def byte_count_width() -> int:
+    """Bytes that a response has beside its function code and its registers."""
+    return len(answer(POINTS).pdu) - 1 - 2 * POINTS
 
 
 @numeric("lee2012-079")
@@ -240,9 +240,9 @@ def most_registers(*, longest_pdu: int = 253) -> int:
 
 
 @numeric("lee2012-098")
-def drawn_response(*, data: int = _WIDTHS["response"][-2]) -> int:
+def drawn_response(*, widths: tuple[int, ...] = _WIDTHS["response"]) -> int:
     """Bytes of the response as Fig 4(b) draws it."""
-    return sum(_WIDTHS["response"][:-2]) + data + _WIDTHS["response"][-1]
+    return sum(widths)
 
 
 @numeric("lee2012-057")
