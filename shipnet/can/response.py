@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple, overload
+from collections.abc import Collection, Iterable, Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from shipnet import style
 from shipnet.can.faults import NO_ERRORS, ErrorBound, bound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
-from shipnet.can.messages import BIT_RATES, Message, MessageSet, check_set
+from shipnet.can.messages import BIT_RATES, Message, MessageSet, Named, check_set
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_kind, choice, record, switch, whole
@@ -301,7 +301,7 @@ class ResponseTime(NamedTuple):
         return self.message.deadline - self.response
 
 
-class ResponseTimes(Sequence[ResponseTime]):
+class ResponseTimes(Named[ResponseTime]):
     """The longest response time of every message, the highest priority first.
 
     Parameters
@@ -322,18 +322,18 @@ class ResponseTimes(Sequence[ResponseTime]):
     """
 
     def __init__(self, responses: Iterable[ResponseTime], bit_rate: float) -> None:
-        self._responses = tuple(responses)
+        self._items = tuple(responses)
         self.bit_rate = float(bit_rate)
 
     @property
     def met(self) -> bool:
         """Whether every message meets its deadline."""
-        return all(one.met for one in self._responses)
+        return all(one.met for one in self._items)
 
     @property
     def late(self) -> list[str]:
         """Names of the messages that may miss their deadlines, the highest priority first."""
-        return [one.message.name for one in self._responses if not one.met]
+        return [one.message.name for one in self._items if not one.met]
 
     @property
     def critical(self) -> str:
@@ -341,24 +341,10 @@ class ResponseTimes(Sequence[ResponseTime]):
         worst = max(self, key=lambda one: one.response / one.message.deadline, default=None)
         return "" if worst is None else worst.message.name
 
-    def __len__(self) -> int:
-        return len(self._responses)
-
-    def __iter__(self) -> Iterator[ResponseTime]:
-        return iter(self._responses)
-
-    @overload
-    def __getitem__(self, key: int | str) -> ResponseTime: ...
-    @overload
-    def __getitem__(self, key: slice) -> tuple[ResponseTime, ...]: ...
-    def __getitem__(self, key: int | str | slice) -> ResponseTime | tuple[ResponseTime, ...]:
-        """Return the response time of a message by its name or its place, or some by a slice."""
-        if isinstance(key, str):
-            names = [one.message.name for one in self._responses]
-            if key not in names:
-                raise ArgumentError(f"name is {key!r}; the messages are {', '.join(names)}")
-            return self._responses[names.index(key)]
-        return self._responses[key]
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the messages, the highest priority first."""
+        return tuple(one.message.name for one in self)
 
     def __repr__(self) -> str:
         """Count the messages and those that are late, and name the critical one."""
@@ -369,7 +355,7 @@ class ResponseTimes(Sequence[ResponseTime]):
         """Return one row per message, indexed by name, with the load it contributes."""
         import pandas as pd
 
-        messages = [one.message for one in self._responses]
+        messages = [one.message for one in self._items]
         table = pd.DataFrame(
             {
                 "arbitration_id": [message.arbitration_id for message in messages],
@@ -384,7 +370,7 @@ class ResponseTimes(Sequence[ResponseTime]):
                 "load_percent": [100 * one.frame_time / one.message.period for one in self],
             }
         )
-        table.index = pd.Index([message.name for message in messages], name="name", dtype=object)
+        table.index = pd.Index(self.names, name="name", dtype=object)
         # Times are whole nanoseconds and bits; what 1e3 adds to them is not part of the answer.
         return table.round(9)
 
