@@ -48,7 +48,7 @@ def test_ledger_prints_every_claim_of_the_paper(capsys):
     assert all(claim in out for claim in ledger("kim2023").table().index)
     assert "icn2007" not in out
     (row,) = [line for line in out.splitlines() if line.startswith("kim2023-074")]
-    assert row.split()[1:4] == ["0.7", "7.368", "erratum"]
+    assert row.split()[1:5] == ["0.7", "7.368", "model", "erratum"]
     assert row.endswith("[%] -> 7.4 %")
     (quoted,) = [line for line in out.splitlines() if line.startswith("kim2023-010")]
     assert quoted.split()[1:3] == ["100", "context"]
@@ -112,7 +112,7 @@ def test_json_says_also_what_could_not_be_done(tmp_path, capsys):
     answer = json.loads(streams.out)
     assert answer["command"] == "design" and answer["error"].startswith(str(file))
     assert [fault.split(":")[0] for fault in answer["faults"]] == [
-        "row 2, column x", "row 3, column signal",
+        "row 2, column x (C)", "row 3, column signal (B)",
     ]  # fmt: skip
     assert streams.err.startswith("shipnet: ")
 
@@ -196,9 +196,9 @@ def test_the_faults_of_a_file_are_reported_line_by_line(tmp_path, capsys):
     assert main(["design", str(file)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == f"shipnet: {file}:"
-    assert lines[1].startswith("  rows 2 to 301, column x: 'far'; expected")
+    assert lines[1].startswith("  rows 2 to 301, column x (C): 'far'; expected")
     assert [line.split(":")[0] for line in lines[2:]] == [
-        "  row 302, column tag", "  row 302, column signal",
+        "  row 302, column tag (A)", "  row 302, column signal (B)",
     ]  # fmt: skip
 
 
