@@ -46,11 +46,9 @@ TARGETS = {
     ),
     "asi receiver": Target("asi/receiver", ["asi/test_receiver.py", "asi/test_eye.py"]),
     "modbus frame": Target("modbus/frame", ["modbus/test_frames.py"]),
-    "modbus pdu": Target("modbus/pdu", ["modbus/test_frames.py"]),
     "can frame": Target(
         "can/frame", ["can/test_frame.py", "can/test_arbitration.py", "can/test_lengths.py"]
     ),
-    "can stuffing": Target("can/lengths", ["can/test_lengths.py"]),
     "can response": Target("can/response", ["can/test_response.py", "can/test_priorities.py"]),
     "fuzzy firing": Target("fuzzy/firing", ["fuzzy/test_firing.py", "fuzzy/test_decision.py"]),
     "ring buffer": Target("remote_control/ring_buffer", ["remote_control/test_receive_ring.py"]),
