@@ -109,13 +109,29 @@ class Nodes:
         self.tec, self.rec = [0] * number, [0] * number
         #: Recessive sequences that each node off the bus still waits for.
         self.missing: dict[int, int] = {}
+        #: Waiting frames of all nodes while they are equal, later of each node.
+        self.common: list[int] = []
         self.waiting: list[list[int]] = [[] for _ in range(number)]
+        #: Whether no node is error passive, off the bus, or at rest.
+        self.equal = True
+        #: Good frames of each node that its counters do not hold yet.
+        self.good = [0] * number
         self.rest_until = [0] * number
         #: How often each node went off the bus.
         self.bus_off = [0] * number
 
+    def push(self, node: int, item: int) -> None:
+        """Let a frame of a node wait."""
+        heappush(self.common if self.equal else self.waiting[node], item)
+
     def next_frame(self, now: int, start: list[int], mask: int) -> int:
         """Return the item that wins the arbitration, -1 if there is none."""
+        if self.equal:
+            while self.common:
+                item = heappop(self.common)
+                if start[item & mask] != OVERWRITTEN:
+                    return item
+            return -1
         best, winner = -1, -1
         for node, queue in enumerate(self.waiting):
             while queue and start[queue[0] & mask] == OVERWRITTEN:
@@ -137,12 +153,27 @@ class Nodes:
             self.bus_off[sender] += 1
             self.rest_until[sender] = NEVER
 
-    def sent(self, sender: int) -> None:
-        """Count a good frame of a node."""
-        for node, count in enumerate(self.rec):
-            if node != sender and node not in self.missing:
-                self.rec[node] = min(max(count - 1, 0), PASSIVE - 1)
-        self.tec[sender] = max(self.tec[sender] - 1, 0)
+    def settle(self) -> None:
+        """Count the good frames: nodes that are equal need no counters until the next error."""
+        for node, own in enumerate(self.good):
+            others = sum(self.good) - own
+            if others and node not in self.missing:
+                self.rec[node] = max(min(self.rec[node], PASSIVE) - others, 0)
+            self.tec[node] = max(self.tec[node] - own, 0)
+        self.good = [0] * len(self.good)
+
+    def sort(self, now: int, owner: list[int], ranks: list[int], mask: int) -> None:
+        """Note whether all nodes are equal, and sort their waiting frames by that."""
+        equal = not self.missing and max(self.tec + self.rec) < PASSIVE
+        equal = equal and max(self.rest_until) <= now
+        if equal and not self.equal:
+            self.common = sorted(item for queue in self.waiting for item in queue)
+            self.waiting = [[] for _ in self.waiting]
+        elif self.equal and not equal:
+            for item in sorted(self.common):
+                self.waiting[owner[ranks[item & mask]]].append(item)
+            self.common = []
+        self.equal = equal
 
     def suspend(self, node: int, until: int) -> None:
         """Make a node that is error passive wait after its own frame."""
@@ -210,7 +241,7 @@ def send_disturbed(
                 if newest[rank] >= 0:
                     start[newest[rank]] = OVERWRITTEN
                 newest[rank] = at
-            heappush(nodes.waiting[owner[rank]], items[at])
+            nodes.push(owner[rank], items[at])
             at += 1
         missing = nodes.missing if recover else {}
         if missing:
@@ -250,13 +281,18 @@ def send_disturbed(
             start[picked] = began
             if newest[rank] == picked:
                 newest[rank] = -1
-            nodes.sent(node)
+            nodes.good[node] += 1
         else:
-            heappush(nodes.waiting[node], item)
+            nodes.push(node, item)
+            nodes.settle()
             nodes.failed(node)
             tec, state = nodes.tec[node], nodes.state(node)
             failures.append(Failure(picked, began, now, broken, tec, state))
-        nodes.suspend(node, now + SUSPEND_BITS * bit)
+        if not (good and nodes.equal):
+            nodes.settle()
+            nodes.suspend(node, now + SUSPEND_BITS * bit)
+            nodes.sort(now, owner, ranks, mask)
+    nodes.settle()
     return start, failures, nodes
 
 
