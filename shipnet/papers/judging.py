@@ -91,7 +91,7 @@ class Ledger:
     Examples
     --------
     >>> print(Ledger("kim2014"))
-    100 claims, 51 judged, 31 agree, open: 0
+    101 claims, 53 judged, 40 agree, open: 0
     """
 
     def __init__(self, paper: str | None = None) -> None:
