@@ -10,9 +10,9 @@ import math
 import numpy as np
 from _timing import seconds
 
-from shipnet.asi.batch import bits_of, encode_responses
-from shipnet.asi.modulation import HALF_BIT, check_slots, send_current
+from shipnet.asi.modulation import HALF_BIT, as_bits, check_slots, send_current
 from shipnet.asi.receiver import receive
+from shipnet.asi.telegram import RESPONSES
 
 DT = 250e-9
 SAMPLES = 256
@@ -56,8 +56,7 @@ def plain_receive(u, matched):
 def main():
     rng = np.random.default_rng(2024)
     t = np.arange(SAMPLES) * DT
-    words, _ = encode_responses(rng.integers(0, 16, NUMBER))
-    bits = bits_of(words, BITS)
+    bits = as_bits(RESPONSES)[rng.integers(0, 16, NUMBER)]
     # 40 uH times the slope of the current: pulses of 1.6 V on an ideal line, with some noise.
     u = -40e-6 * np.gradient(send_current(t, bits, start=5e-6), DT, axis=-1)
     u += rng.normal(0, 0.03, u.shape)

@@ -3,8 +3,8 @@
 import numpy as np
 from _timing import seconds
 
-from shipnet.asi import Call, Request
-from shipnet.asi.batch import encode_requests, parse_requests
+from shipnet.asi import Call, Request, Requests
+from shipnet.asi.batch import encode_requests
 
 NUMBER = 1_000_000
 SAMPLE = 20_000  # what the loops get; their time is scaled up
@@ -24,7 +24,7 @@ def main():
     pairs = list(zip(address[:SAMPLE].tolist(), data[:SAMPLE].tolist(), strict=True))
     some = words[:SAMPLE].tolist()
     texts = [f"{word:014b}" for word in some]
-    batch = parse_requests(words[:SAMPLE])
+    batch = Requests.parse(words[:SAMPLE])
     assert [plain_parse(word) for word in some] == list(
         zip(batch.address.tolist(), batch.data.tolist(), strict=True)
     )
@@ -36,7 +36,7 @@ def main():
             lambda: [Request.data_exchange(a, d).bits for a, d in pairs]
         )
         / SAMPLE,
-        "parse, batch": seconds(lambda: parse_requests(words)) / NUMBER,
+        "parse, batch": seconds(lambda: Requests.parse(words)) / NUMBER,
         "parse, loop over Request": seconds(lambda: [Request.parse(text) for text in texts])
         / SAMPLE,
         "parse, plain shifts in a loop": seconds(lambda: [plain_parse(word) for word in some])

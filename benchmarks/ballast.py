@@ -39,7 +39,7 @@ def day(n_valves):
     """Let a day pass with a command an hour to every valve; return how many readings it has."""
     hours = range(24)
     orders = [Command(("open", "close")[hour % 2], 3600.0 * hour) for hour in hours]
-    run = blocks(commands=orders, n_valves=n_valves, duration=86400, rng=np.random.default_rng(1))
+    run = blocks(n_valves, orders, until=86400, rng=np.random.default_rng(1))
     return sum(block.time.size for block in run)
 
 

@@ -47,7 +47,7 @@ def day():
     tail, spent, readings = None, 0.0, 0
     begin = default_timer()
     rng = np.random.default_rng(1)
-    for run in blocks(commands=orders, duration=86400, n_valves=N, faults=faults, rng=rng):
+    for run in blocks(N, orders, faults=faults, until=86400, rng=rng):
         start = default_timer()
         tail = diagnose_run(run, earlier=tail).tail
         spent += default_timer() - start

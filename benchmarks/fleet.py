@@ -39,7 +39,7 @@ def day(duration=DAY, size=2000):
 def simulated_only():
     plan, faults, rng = scenario(DAY)
     start = perf_counter()
-    for _ in blocks(commands=plan, duration=DAY, n_valves=N, faults=faults, rng=rng):
+    for _ in blocks(N, plan, faults=faults, until=DAY, rng=rng):
         pass
     return perf_counter() - start
 

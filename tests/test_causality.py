@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from shipnet import asi, ballast, engine, modbus
@@ -178,17 +178,29 @@ def test_the_remote_control_reacts_to_no_fault_before_it_begins(name, who, start
     assert seen[0] == seen[1]
 
 
-@settings(max_examples=10)
+POLL = ballast.status_poll(9600)
+#: Read directly, by a master, and by one whose valves answer a command when they have arrived.
+VALVES = {
+    "direct": 3,
+    "scanned": ballast.System(3, POLL),
+    "answer in time": ballast.System(3, POLL, answer_at_end=True, command_timeout=15.0),
+    "answer too late": ballast.System(3, POLL, answer_at_end=True),
+}
+
+
+@settings(max_examples=25)
+@example(code="G1", start=6.15, lasts=np.inf, valves="answer too late")
+@example(code="G1", start=10.06, lasts=np.inf, valves="answer in time")
 @given(
     code=st.sampled_from(sorted(ballast.FAULTS)),
-    start=st.floats(0.5, 15),
+    start=st.integers(50, 1500).map(lambda k: k / 100),
     lasts=st.sampled_from([np.inf, 0.05, 4.0]),
-    scanned=st.booleans(),
+    valves=st.sampled_from(sorted(VALVES)),
 )
-def test_the_valves_react_to_no_fault_before_it_begins(code, start, lasts, scanned):
+def test_the_valves_react_to_no_fault_before_it_begins(code, start, lasts, valves):
     fault = ballast.Fault(code, valves=2, start=start, stop=start + lasts)
-    system = ballast.System(3, ballast.status_poll(9600)) if scanned else 3
-    orders = [ballast.Command("open", 1.0), ballast.Command("close", 12.0)]
+    system, scanned = VALVES[valves], valves != "direct"
+    orders = [ballast.Command("open", 1.0, valves=2), ballast.Command("close", 12.0, valves=2)]
     seen = []
     for faults in ([fault], []):
         run = ballast.simulate(system, orders, faults=faults, until=18)

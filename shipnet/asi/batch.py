@@ -8,6 +8,7 @@ why. They agree with `shipnet.asi.telegram` on every one of the 2**14 and 2**7 w
 from __future__ import annotations
 
 from functools import cache
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -23,7 +24,6 @@ from shipnet.errors import (
     UnknownCallError,
     name_of,
 )
-from shipnet.fields import check_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +73,22 @@ class Requests(NamedTuple):
         `extended` says, for all or for each word, whether the addressed slave works in extended
         addressing; see `Request.parse`.
         """
-        return parse_requests(words, extended=extended)
+        words = _integers("words", words)
+        mode = np.asarray(extended)
+        if mode.dtype.kind != "b":
+            raise ArgumentError(f"extended must be True or False, but its dtype is {mode.dtype}")
+        try:
+            mode = np.broadcast_to(mode, words.shape)
+        except ValueError:
+            raise ArgumentError(
+                f"extended has the shape {mode.shape}; it must fit the words' shape {words.shape}"
+            ) from None
+        error = _frame_errors(words, REQUEST_BITS)
+        information = np.where(error == 0, words >> 2, 0) & 0x7FF
+        meaning = _meanings()[mode.astype(np.intp), information]
+        error[(error == 0) & (meaning[..., 0] == NONE)] = UnknownCallError.code
+        meaning[error > 0] = NONE
+        return cls(error, *np.moveaxis(meaning, -1, 0))
 
     @property
     def words(self) -> npt.NDArray[np.uint16]:
@@ -98,65 +113,39 @@ class Requests(NamedTuple):
         )
 
 
-class _Layouts(NamedTuple):
-    """The patterns of all calls as numbers, row 0 for standard and row 1 for A/B slaves."""
-
-    fixed: npt.NDArray[np.int64]
-    fixed_mask: npt.NDArray[np.int64]
-    data_mask: npt.NDArray[np.int64]
-    select_mask: npt.NDArray[np.int64]
-    inverted: npt.NDArray[np.bool_]
-    free_address: npt.NDArray[np.bool_]
-    lowest_address: npt.NDArray[np.int64]
-    lowest_data: npt.NDArray[np.int64]
-
-
 @cache
-def _layouts() -> _Layouts:
-    def mask(pattern: str, letters: str) -> int:
-        return int("".join("01"[letter in letters] for letter in pattern), 2)
-
-    patterns = [[call.rule.layout(extended) for call in Call] for extended in (False, True)]
-
-    def table(letters: str) -> npt.NDArray[np.int64]:
-        return np.array([[mask(pattern, letters) for pattern in row] for row in patterns])
-
-    return _Layouts(
-        fixed=table("1"),
-        fixed_mask=table("01"),
-        data_mask=table("d"),
-        select_mask=table("sS"),
-        inverted=table("S") > 0,
-        free_address=table("a") > 0,
-        lowest_address=np.array([call.rule.lowest_address for call in Call]),
-        lowest_data=np.array([int(call is Call.ASSIGN_ADDRESS) for call in Call]),
-    )
-
-
-@cache
-def _dictionary() -> npt.NDArray[np.int8]:
+def _meanings() -> npt.NDArray[np.int8]:
     """Call, address, data and half of all 2 x 2**11 information words, `NONE` if unknown."""
-    information = np.arange(2**11)
     meaning = np.full((2, 2**11, 4), NONE, dtype=np.int8)
-    layouts = _layouts()
-    address = information >> 5 & 31
-    for extended in (0, 1):
-        for call in Call:
-            fixed, fixed_mask, data_mask, select_mask = (
-                int(table[extended, call]) for table in layouts[:4]
+    information = np.arange(2**11)[:, np.newaxis]
+    bits, address = information >> np.arange(10, -1, -1) & 1, information[:, 0] >> 5 & 31
+    for extended, call in product((0, 1), Call):
+        letters = np.array(list(call.rule.layout(bool(extended))))
+        fixed = (letters == "0") | (letters == "1")
+        known = (bits[:, fixed] == (letters[fixed] == "1")).all(axis=1)
+        data = bits[:, letters == "d"] @ (1 << np.arange((letters == "d").sum())[::-1])
+        known &= data >= int(call is Call.ASSIGN_ADDRESS)
+        known &= (address >= call.rule.lowest_address) | ("a" not in letters)
+        half = np.full(address.shape, NONE)
+        if "s" in letters or "S" in letters:
+            b_slave = bits[:, letters == "s"].any(axis=1) | (bits[:, letters == "S"] == 0).any(
+                axis=1
             )
-            data = information & data_mask
-            known = information & fixed_mask == fixed
-            known &= data >= layouts.lowest_data[call]
-            if layouts.free_address[extended, call]:
-                known &= address >= layouts.lowest_address[call]
-            half = np.full(information.shape, NONE)
-            if select_mask:
-                select = (information & select_mask > 0) ^ layouts.inverted[extended, call]
-                half = np.where(select, 1, 0 if extended else NONE)
-            calls = np.full(information.shape, call)
-            meaning[extended, known] = np.column_stack([calls, address, data, half])[known]
+            half = np.where(b_slave, 1, 0 if extended else NONE)
+        calls = np.full(address.shape, call)
+        meaning[extended, known] = np.column_stack([calls, address, data, half])[known]
     return meaning
+
+
+@cache
+def _words() -> npt.NDArray[np.uint16]:
+    """Request of every call, address, data and half, `NONE` being the last half; 0 if illegal."""
+    words = np.zeros((len(Call), 32, 32, 3), dtype=np.uint16)
+    information = np.arange(2**11)
+    for meaning in _meanings():
+        known = meaning[:, 0] != NONE
+        words[tuple(meaning[known].T)] = (information << 2 | _parity(information) << 1 | 1)[known]
+    return words
 
 
 def _integers(name: str, values: npt.ArrayLike) -> Integers:
@@ -187,60 +176,18 @@ def encode_requests(
     half: npt.ArrayLike = NONE,
 ) -> tuple[npt.NDArray[np.uint16], Codes]:
     """Encode many requests at once."""
-    call, address, data, half = np.broadcast_arrays(
+    fields = np.broadcast_arrays(
         _integers("call", call),
         _integers("address", address),
         _integers("data", data),
         _integers("half", half),
     )
-    known = (call >= 0) & (call < len(Call)) & (half >= NONE) & (half <= 1)
-    safe = np.where(known, call, 0)
-    extended = np.where(known & (half != NONE), 1, 0)
-    layouts = _layouts()
-    free = layouts.free_address[extended, safe]
-    fixed = layouts.fixed[extended, safe]
-    select_mask = layouts.select_mask[extended, safe]
-
-    own_address = np.where(free, address, fixed >> 5 & 31)
-    legal = known & (address == own_address) & (address >= 0) & (address <= 31)
-    legal &= ~free | (address >= layouts.lowest_address[safe])
-    legal &= (data >= layouts.lowest_data[safe]) & (data <= layouts.data_mask[extended, safe])
-    legal &= (half == NONE) | (select_mask > 0)
-
-    select = (half == 1) ^ layouts.inverted[extended, safe]
-    information = fixed | np.where(free, address << 5, 0) | data | np.where(select, select_mask, 0)
-    words = information << 2 | _parity(information) << 1 | 1
-    error = np.where(legal, 0, ArgumentError.code).astype(np.uint8)
-    return np.where(legal, words, 0).astype(np.uint16), error
-
-
-def parse_requests(words: npt.ArrayLike, *, extended: npt.ArrayLike = False) -> Requests:
-    """Parse many requests at once."""
-    words = _integers("words", words)
-    mode = np.asarray(extended)
-    if mode.dtype.kind != "b":
-        raise ArgumentError(f"extended must be True or False, but its dtype is {mode.dtype}")
-    try:
-        mode = np.broadcast_to(mode, words.shape)
-    except ValueError:
-        raise ArgumentError(
-            f"extended has the shape {mode.shape}; it must fit the words' shape {words.shape}"
-        ) from None
-    error = _frame_errors(words, REQUEST_BITS)
-    information = np.where(error == 0, words >> 2, 0) & 0x7FF
-    meaning = _dictionary()[mode.astype(np.intp), information]
-    error[(error == 0) & (meaning[..., 0] == NONE)] = UnknownCallError.code
-    meaning[error > 0] = NONE
-    return Requests(error, *np.moveaxis(meaning, -1, 0))
-
-
-def encode_responses(data: npt.ArrayLike) -> tuple[npt.NDArray[np.uint8], Codes]:
-    """Encode many responses at once."""
-    data = _integers("data", data)
-    legal = (data >= 0) & (data <= 15)
-    words = data << 2 | _parity(data) << 1 | 1
-    error = np.where(legal, 0, ArgumentError.code).astype(np.uint8)
-    return np.where(legal, words, 0).astype(np.uint8), error
+    table = _words()
+    legal = fields[3] >= NONE
+    for field, size, low in zip(fields, table.shape, (0, 0, 0, NONE), strict=True):
+        legal &= (field >= low) & (field < size + low)
+    words = np.where(legal, table[tuple(np.where(legal, field, 0) for field in fields)], 0)
+    return words, np.where(words > 0, 0, ArgumentError.code).astype(np.uint8)
 
 
 def parse_responses(words: npt.ArrayLike) -> tuple[npt.NDArray[np.int8], Codes]:
@@ -249,21 +196,3 @@ def parse_responses(words: npt.ArrayLike) -> tuple[npt.NDArray[np.int8], Codes]:
     error = _frame_errors(words, RESPONSE_BITS)
     data = np.where(error == 0, words >> 2 & 15, NONE).astype(np.int8)
     return data, error
-
-
-def bits_of(words: npt.ArrayLike, length: int) -> npt.NDArray[np.uint8]:
-    """Spread words into their bits, the first on the line first."""
-    words = _integers("words", words)
-    check_whole("length", length, 1, 62)
-    if np.any((words < 0) | (words >> length > 0)):
-        raise ArgumentError(f"words must be 0..{2**length - 1}, to fit {length} bits")
-    return (words[..., np.newaxis] >> np.arange(length - 1, -1, -1) & 1).astype(np.uint8)
-
-
-def words_of(bits: npt.ArrayLike) -> npt.NDArray[np.int64]:
-    """Gather bits into words; the inverse of `bits_of`."""
-    bits = np.atleast_1d(_integers("bits", bits))
-    check_whole("number of bits", bits.shape[-1], 1, 62)
-    if np.any((bits < 0) | (bits > 1)):
-        raise ArgumentError(f"bits must be 0 or 1, but range from {bits.min()} to {bits.max()}")
-    return np.asarray(bits @ (1 << np.arange(bits.shape[-1] - 1, -1, -1)))

@@ -6,21 +6,20 @@ that of its last one it takes 78 us if it is a request, and 36 us if it is a res
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Literal, NamedTuple
+from collections.abc import Iterator
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.asi.batch import NONE, words_of
+from shipnet.asi.batch import NONE
 from shipnet.asi.modulation import HALF_BIT
-from shipnet.asi.receiver import Reception, receive
+from shipnet.asi.receiver import receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.intp]
-Integers = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
 #: Silence that ends a telegram [s]. Two half-bits in a row are never empty, so pulses are 6 us
@@ -288,63 +287,27 @@ _NEAR = 2.5 * HALF_BIT
 _FEWEST_PULSES = 5
 
 
-class Telegrams(NamedTuple):
-    """The telegrams of a record, one array a field, all of the shape (n,)."""
+#: A telegram of a record: its start, its first and its last pulse [s], its length [bit], its word
+#: and which bits of it are known, its error code, its first pulse [V], its weakest pulse and its
+#: ringing as in `Reception`, whether the burst fits a telegram, and the edge of the record that it
+#: touches: 1 the front, 2 the back, 0 none.
+_TELEGRAM = np.dtype(
+    [
+        *((name, np.float64) for name in ("start", "first", "last")),
+        *((name, np.int64) for name in ("length", "word", "known", "error")),
+        *((name, np.float64) for name in ("amplitude", "weakest", "ringing")),
+        ("fits", np.bool_), ("edge", np.int64),
+    ]
+)  # fmt: skip
 
-    start: Floats
-    first: Floats
-    last: Floats
-    length: Integers
-    word: Integers
-    known: Integers
-    error: Integers
-    amplitude: Floats
-    weakest: Floats
-    ringing: Floats
-    fits: Bools
-    edge: Integers
+Telegrams: TypeAlias = "np.recarray[Any, Any]"
 
-    @classmethod
-    def of(
-        cls,
-        received: Reception,
-        begin: Floats,
-        *,
-        first: Floats,
-        last: Floats,
-        unit: Floats,
-        fits: Bools,
-        edge: Integers,
-    ) -> Telegrams:
-        """Take what was received from rows that begin at times, each measured in its own unit."""
-        bits = received.bits.astype(np.int64)
-        return cls(
-            begin + received.start,
-            first,
-            last,
-            np.full(len(bits), bits.shape[-1]),
-            words_of(np.maximum(bits, 0)),
-            words_of((bits != NONE).astype(np.int64)),
-            received.error.astype(np.int64),
-            received.amplitude * unit,
-            received.weakest,
-            received.ringing,
-            fits,
-            edge,
-        )
 
-    @classmethod
-    def none(cls) -> Telegrams:
-        """Return no telegram."""
-        kinds = [float] * 3 + [np.int64] * 4 + [float] * 3 + [bool, np.int64]
-        return cls._make(np.zeros(0, kind) for kind in kinds)
-
-    @classmethod
-    def joined(cls, parts: Sequence[Telegrams]) -> Telegrams:
-        """Put batches together, in the order of time."""
-        whole = [np.concatenate(field) for field in zip(*parts, strict=True)]
-        order = np.argsort(whole[1], kind="stable")
-        return cls._make(field[order] for field in whole)
+def _joined(parts: list[Telegrams]) -> Telegrams:
+    """Put batches together, in the order of time."""
+    whole = np.concatenate(parts).view(np.recarray)
+    order = np.argsort(whole.first, kind="stable")
+    return whole[order].view(np.recarray)
 
 
 class Found(NamedTuple):
@@ -366,7 +329,7 @@ def find_telegrams(u: Floats, dt: float, threshold: float, minimum: float | None
     limits = smallest_pulses(sample) if minimum is None else [minimum]
     minimum, sign = _measure(sample, limits, threshold)
     begins, ends = _edges(u, dt)
-    parts = [Telegrams.none()]
+    parts: list[Telegrams] = []
     disturbances = 0
     for piece in pieces(u, dt):
         bursts = find_bursts(piece, minimum)
@@ -381,7 +344,7 @@ def find_telegrams(u: Floats, dt: float, threshold: float, minimum: float | None
         kept = bursts.where(own & whole)
         edge = np.where(cut_front, 1, np.where(cut_back, 2, 0))[own & whole]
         parts.append(_receive(piece, kept, edge, sign, threshold))
-    return Found(Telegrams.joined(parts), ends, sign < 0, minimum, disturbances)
+    return Found(_joined(parts), ends, sign < 0, minimum, disturbances)
 
 
 def _liveliest(u: Floats, dt: float) -> npt.NDArray[np.intp]:
@@ -461,15 +424,21 @@ def _receive(
         received = receive(
             rows, piece.step, n_bits, threshold=threshold, minimum=min(_FIRST_PULSE, threshold)
         )
-        parts.append(
-            Telegrams.of(
-                received,
-                piece.start + begin * piece.step,
-                first=piece.start + bursts.first[chosen] * piece.step,
-                last=piece.start + bursts.last[chosen] * piece.step,
-                unit=unit,
-                fits=bursts.fits[chosen],
-                edge=edge[chosen],
-            )
-        )
-    return Telegrams.joined(parts)
+        bits = received.bits.astype(np.int64)
+        weights = 1 << np.arange(n_bits)[::-1]
+        fields = [
+            piece.start + begin * piece.step + received.start,
+            piece.start + bursts.first[chosen] * piece.step,
+            piece.start + bursts.last[chosen] * piece.step,
+            np.full(len(bits), n_bits),
+            np.maximum(bits, 0) @ weights,
+            (bits != NONE) @ weights,
+            received.error.astype(np.int64),
+            received.amplitude * unit,
+            received.weakest,
+            received.ringing,
+            bursts.fits[chosen],
+            edge[chosen],
+        ]
+        parts.append(np.rec.fromarrays(fields, dtype=_TELEGRAM))
+    return _joined(parts)

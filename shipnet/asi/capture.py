@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Findings
-from shipnet.asi.batch import NONE, parse_requests, parse_responses
+from shipnet.asi.batch import NONE, Requests, parse_responses
 from shipnet.asi.bursts import Telegrams, find_telegrams
 from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
@@ -55,7 +55,7 @@ def transactions_of(
     request_error, response_error = _pick(states, request, ""), _pick(states, response, "")
 
     words = np.where(request_error == "ok", _pick(telegrams.word, request, 0), -1)
-    calls = parse_requests(words, extended=np.isin(words >> 7 & 31, list(extended)))
+    calls = Requests.parse(words, extended=np.isin(words >> 7 & 31, list(extended)))
     readable = request_error == "ok"
     request_error[readable] = [name_of(code) for code in calls.error[readable].tolist()]
     replies = np.where(response_error == "ok", _pick(telegrams.word, response, 0), -1)

@@ -21,6 +21,7 @@ from shipnet.asi.profile import describe_status
 from shipnet.asi.slave import prepared, slave_key
 from shipnet.asi.telegram import Call
 from shipnet.errors import ArgumentError
+from shipnet.fields import record, text, whole
 
 __all__ = [
     "BroadcastReset",
@@ -39,16 +40,9 @@ def _detected(lists: Lists, slave: str) -> int:
     return slave_key(slave)[0]
 
 
-@dataclass(frozen=True)
+@record
 class ChangeAddress:
     """Give a slave another label: delete its address, then assign the new one.
-
-    Parameters
-    ----------
-    old : str
-        Its label, ``"0"`` for a new slave.
-    new : str
-        The label that it gets.
 
     Raises
     ------
@@ -71,8 +65,8 @@ class ChangeAddress:
     ChangeAddress(old='5', new='6')
     """
 
-    old: str
-    new: str
+    old: str = text('Label of the slave, "0" for a new one')
+    new: str = text("Label that it gets")
 
     def __post_init__(self) -> None:
         """Check the labels."""
@@ -108,25 +102,20 @@ class ChangeAddress:
         return f"slave {self.old} is slave {self.new} now"
 
 
-@dataclass(frozen=True)
+@record
 class _OfSlave:
-    """A command that needs the label of a slave and nothing else."""
+    """A command to a slave."""
 
-    slave: str
+    slave: str = text("Label of the slave")
 
     def __post_init__(self) -> None:
         """Check the label."""
         slave_key(self.slave)
 
 
-@dataclass(frozen=True)
+@record
 class ReadCodes(_OfSlave):
     """Read the codes of a slave, be it in a list or not.
-
-    Parameters
-    ----------
-    slave : str
-        Its label.
 
     Examples
     --------
@@ -143,14 +132,9 @@ class ReadCodes(_OfSlave):
         return f"slave {self.slave} is {found.profile}, {id1}"
 
 
-@dataclass(frozen=True)
+@record
 class ReadStatus(_OfSlave):
     """Read the status of a slave.
-
-    Parameters
-    ----------
-    slave : str
-        Its label.
 
     Examples
     --------
@@ -167,16 +151,9 @@ class ReadStatus(_OfSlave):
         return f"slave {self.slave}: {describe_status(status)}"
 
 
-@dataclass(frozen=True)
-class WriteParameter:
-    """Write the parameter of a slave, now and whenever it is activated again.
-
-    Parameters
-    ----------
-    slave : str
-        Its label; it must be in the LDS.
-    value : int
-        0..15; 0..7 for an A/B slave.
+@record
+class WriteParameter(_OfSlave):
+    """Write the parameter of a slave in the LDS, now and whenever it is activated again.
 
     Examples
     --------
@@ -184,8 +161,7 @@ class WriteParameter:
     WriteParameter(slave='5A', value=3)
     """
 
-    slave: str
-    value: int
+    value: int = whole(0, 15, help="Parameter bits; 0..7 for an A/B slave")
 
     def __post_init__(self) -> None:
         """Check label and value."""
@@ -201,14 +177,9 @@ class WriteParameter:
         return f"slave {self.slave} echoes {echo:X}"
 
 
-@dataclass(frozen=True)
+@record
 class ResetSlave(_OfSlave):
-    """Reset a slave and activate it again.
-
-    Parameters
-    ----------
-    slave : str
-        Its label; it must be in the LDS.
+    """Reset a slave that is in the LDS and activate it again.
 
     Examples
     --------

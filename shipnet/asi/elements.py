@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field
 
-from shipnet.fields import number, record
+from shipnet.fields import number, record, text
 from shipnet.line.network import CableRun as CableRun
 from shipnet.line.network import Load, check_node
 
@@ -64,16 +64,6 @@ class Supply:
 class Repeater:
     """A repeater: it couples two segments, and passes telegrams but no current.
 
-    Parameters
-    ----------
-    a, b : str
-        Its nodes, one in either segment; which of them lies toward the master follows from the
-        plan.
-    delay : float, default 6e-6
-        Delay in one direction, 0..1e-3 [s]; the default is assumed.
-    current : float, default 0.065
-        What it draws from either segment, 0..10 [A]; assumed to be that of a slave.
-
     Raises
     ------
     ArgumentError
@@ -81,8 +71,9 @@ class Repeater:
 
     Notes
     -----
-    No maker's figure for the delay was found, so it is one bit time: two such repeaters just fit
-    the time-out of 10 bit times, three do not.
+    Which end lies toward the master follows from the plan. No maker's figure for the delay was
+    found, so it is one bit time: two such repeaters just fit the time-out of 10 bit times, three do
+    not. The current is assumed to be that of a slave.
 
     Examples
     --------
@@ -90,10 +81,10 @@ class Repeater:
     repeater deck | hold
     """
 
-    a: str
-    b: str
+    a: str = text("Node in one segment")
+    b: str = text("Node in the other segment")
     delay: float = number(0, 1e-3, "s", "Delay in one direction", default=6e-6)
-    current: float = number(0, 10, "A", "Current", default=CURRENT)
+    current: float = number(0, 10, "A", "What it draws from either segment", default=CURRENT)
 
     def __post_init__(self) -> None:
         """Check the nodes."""
@@ -109,13 +100,8 @@ class Repeater:
 class Terminator:
     """A terminator or extension plug: a resistance that only the signal meets.
 
-    Parameters
-    ----------
-    node : str
-        Where it is.
-    resistance : float, default 100
-        Resistance, 1..1e6 [ohm]; the default is assumed, the wave impedance of the cable. A
-        capacitor keeps the supply away from it.
+    A capacitor keeps the supply away from it. The default resistance is assumed: the wave impedance
+    of the cable.
 
     Raises
     ------
@@ -128,7 +114,7 @@ class Terminator:
     terminator at bow
     """
 
-    node: str
+    node: str = text("Where it is")
     resistance: float = number(1, 1e6, "ohm", "Resistance", default=100.0)
 
     def __post_init__(self) -> None:

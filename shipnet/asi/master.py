@@ -94,7 +94,7 @@ class Master:
             check_node(self.node)
         projected = {}
         for label, given in (self.projected or {}).items():
-            profile = given if isinstance(given, Profile) else Profile.parse(given)
+            profile = Profile.parse(given)
             key, half = slave_key(label)
             if profile.extended != (half is not None) or key < 2:
                 raise ArgumentError(
@@ -153,21 +153,6 @@ def half_of(key: int, profile: Profile) -> Half | None:
     return "B" if key & 1 else "A"
 
 
-class Poll:
-    """An active slave, with the order that carries its outputs."""
-
-    __slots__ = ("_most", "half", "key", "order")
-
-    def __init__(self, key: int, profile: Profile, outputs: int) -> None:
-        self.key, self.half = key, half_of(key, profile)
-        self._most = (1 << profile.output_bits) - 1
-        self.set(outputs)
-
-    def set(self, outputs: int) -> None:
-        """Send other outputs from now on; an A/B slave takes the lower three bits."""
-        self.order = prepared(Call.DATA_EXCHANGE, self.key >> 1, outputs & self._most, self.half)
-
-
 class Lists:
     """LPS, LDS, LAS and LPF, and the data of the host."""
 
@@ -182,7 +167,8 @@ class Lists:
     def clear(self) -> None:
         """Empty all lists but the LPS."""
         self.detected: dict[int, Identity] = {}
-        self.polls: dict[int, Poll] = {}
+        #: The request that carries the outputs of each active slave.
+        self.polls: dict[int, PreparedRequest] = {}
         self.inputs: dict[int, int] = {}
         self.left: set[int] = set()
         self._periphery: set[int] = set()
@@ -204,20 +190,10 @@ class Lists:
         return [self.label(key) for key in sorted(self.polls)]
 
     @property
-    def lpf(self) -> list[str]:
-        """Labels of the slaves that report a periphery fault."""
-        return [self.label(key) for key in sorted(self._periphery)]
-
-    @property
     def config_ok(self) -> bool:
         """Whether exactly the projected slaves are there, with the projected profiles."""
         found = {self.label(key): identity.profile for key, identity in self.detected.items()}
         return found == self.projected and self.las == self.lps
-
-    @property
-    def input_image(self) -> dict[str, int]:
-        """What the host reads: the last inputs of the active slaves, 0..15."""
-        return {self.label(key): self.inputs[key] for key in sorted(self.polls)}
 
     def label(self, key: int) -> str:
         """Return the label of a slave by its key."""
@@ -229,7 +205,7 @@ class Lists:
         key = slave_key(slave)[0]
         self._outputs[slave] = check_bits("output", slave, value)
         if key in self.polls and self.label(key) == slave:
-            self.polls[key].set(value)
+            self._set_poll(key, value)
 
     def set_parameter(self, slave: str, value: int) -> None:
         """Set the parameter that a slave gets when it is next activated; values as for outputs."""
@@ -257,11 +233,16 @@ class Lists:
         """Enter a detected slave into the LAS."""
         if key not in self.polls:
             self._change("LAS", key, True)
-        outputs = self._outputs.get(self.label(key), 0xF)
-        self.polls[key] = Poll(key, self.detected[key].profile, outputs)
+        self._set_poll(key, self._outputs.get(self.label(key), 0xF))
         self.inputs[key] = inputs
         self.left.discard(key)
         self._plan()
+
+    def _set_poll(self, key: int, outputs: int) -> None:
+        """Send outputs from now on; an A/B slave takes the lower three bits."""
+        profile = self.detected[key].profile
+        data = outputs & (1 << profile.output_bits) - 1
+        self.polls[key] = prepared(Call.DATA_EXCHANGE, key >> 1, data, half_of(key, profile))
 
     def periphery(self, key: int, faulty: bool) -> None:
         """Enter a slave into the LPF, or strike it off."""
@@ -283,9 +264,10 @@ class Lists:
     def _plan(self) -> None:
         # Where both halves of an address are active, they take turns.
         both = {key >> 1 for key in self.polls if key & 1 and key - 1 in self.polls}
+        keys = sorted(self.polls)
         self.schedule = (
-            [p for k, p in sorted(self.polls.items()) if k >> 1 not in both or not k & 1],
-            [p for k, p in sorted(self.polls.items()) if k >> 1 not in both or k & 1],
+            [key for key in keys if key >> 1 not in both or not key & 1],
+            [key for key in keys if key >> 1 not in both or key & 1],
         )
 
     def _change(self, which: str, key: int, present: bool) -> None:
@@ -443,15 +425,15 @@ class RunningMaster:
         while True:
             self.cycle += 1
             self._begin(Phase.DATA_EXCHANGE)
-            inputs, failing = lists.inputs, self._failing
-            for poll in lists.schedule[self.cycle & 1]:
-                reply = yield poll.order
+            inputs, failing, polls = lists.inputs, self._failing, lists.polls
+            for key in lists.schedule[self.cycle & 1]:
+                reply = yield polls[key]
                 if reply >= 0:
-                    inputs[poll.key] = reply
+                    inputs[key] = reply
                     if failing:
-                        failing.pop(poll.key, None)
+                        failing.pop(key, None)
                 else:
-                    yield from self._insist(poll)
+                    yield from self._insist(key)
             self._begin(Phase.MANAGEMENT)
             yield from self._manage()
             self._begin(Phase.INCLUSION)
@@ -499,10 +481,9 @@ class RunningMaster:
                 return done
             reply = yield from self._send(what)
 
-    def _insist(self, poll: Poll) -> Task[None]:
+    def _insist(self, key: int) -> Task[None]:
         """Repeat a failed data exchange; drop the slave if too many cycles failed."""
-        key = poll.key
-        reply = yield from self._again(poll.order, FAULTY)
+        reply = yield from self._again(self.lists.polls[key], FAULTY)
         if reply >= 0:
             self.lists.inputs[key] = reply
             self._failing.pop(key, None)
@@ -541,7 +522,7 @@ class RunningMaster:
         elif self.settings.status_poll and polls:
             keys = sorted(polls)
             self._turn = next((key for key in keys if key > self._turn), keys[0])
-            asked = prepared(Call.READ_STATUS, self._turn >> 1, half=polls[self._turn].half)
+            asked = prepared(Call.READ_STATUS, self._turn >> 1, half=polls[self._turn].request.half)
             status = yield from self._send(asked)
             if status >= 0:
                 self.lists.periphery(self._turn, bool(status & 2))

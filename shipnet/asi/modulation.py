@@ -106,16 +106,13 @@ def send_current(
     *,
     start: float = 0.0,
     swing: float = SEND_CURRENT,
-    half_bit: float = HALF_BIT,
 ) -> Floats:
     r"""Return the current that a sender draws, in closed form.
 
     .. math:: i(t) = I_0 \sum_j d_j \, \rho\left(\frac{t - t_0}{T_h} - j\right)
     """
-    if not half_bit > 0:
-        raise ArgumentError(f"half_bit is {half_bit} s; it must be positive")
     steps = steps_of(bits)
-    since = (np.asarray(t, dtype=float) - start) / half_bit
+    since = (np.asarray(t, dtype=float) - start) / HALF_BIT
     shapes = ramp(since - np.arange(steps.shape[-1])[:, np.newaxis])
     return swing * (steps @ shapes)
 
@@ -136,26 +133,19 @@ def ramp_spectrum(s: npt.ArrayLike, *, half_bit: float = HALF_BIT) -> npt.NDArra
 
 
 def send_spectrum(
-    s: npt.ArrayLike,
-    bits: str | Sequence[str] | npt.ArrayLike,
-    *,
-    start: float = 0.0,
-    swing: float = SEND_CURRENT,
-    half_bit: float = HALF_BIT,
+    s: npt.ArrayLike, bits: str | Sequence[str] | npt.ArrayLike, *, start: float = 0.0
 ) -> npt.NDArray[np.complex128]:
     r"""Return the Laplace transform of `send_current`, in closed form.
 
     .. math:: I(s) = \frac{I_0}{s} P(s) \sum_j d_j \, e^{-s (t_0 + j T_h)}
     """
-    if not half_bit > 0:
-        raise ArgumentError(f"half_bit is {half_bit} s; it must be positive")
     s = np.asarray(s, dtype=complex)
     if np.any(s == 0):
         raise ArgumentError("s is 0, where the transform of a current has no value of its own")
     steps = steps_of(bits)
-    at = start + half_bit * np.arange(steps.shape[-1])
+    at = start + HALF_BIT * np.arange(steps.shape[-1])
     code = steps @ np.exp(-np.outer(at, s))
-    return np.asarray(swing * ramp_spectrum(s, half_bit=half_bit) / s * code)
+    return np.asarray(SEND_CURRENT * ramp_spectrum(s) / s * code)
 
 
 Bools = npt.NDArray[np.bool_]
@@ -294,25 +284,16 @@ def _sign(pulse: int) -> str:
     return {-1: "-", 0: "no pulse", 1: "+"}[pulse]
 
 
-def add_pulses(telegrams: Sequence[tuple[str, int]], n_bits: int) -> npt.NDArray[np.int8]:
-    """Return the pulses that a receiver finds where several telegrams overlap."""
-    check_bit_count(n_bits)
-    if not telegrams:
-        raise ArgumentError("telegrams is empty; at least one is needed")
-    n_slots = 2 * n_bits + 2
-    total = np.zeros(n_slots, dtype=np.int64)
-    for bits, start in telegrams:
-        pulses = pulses_of(bits)
-        slots = start + np.arange(pulses.size)
-        heard = (slots >= 0) & (slots < n_slots)
-        total[slots[heard]] += pulses[heard]
-    return np.sign(total).astype(np.int8)
-
-
 @lru_cache(maxsize=4096)
 def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, int]:
-    """Return what a receiver reads where several telegrams overlap."""
-    bits, error = check_slots(add_pulses(telegrams, n_bits), n_bits)
+    """Return what a receiver reads where telegrams overlap, each with the slot of its start."""
+    total = np.zeros(2 * n_bits + 2, dtype=np.int64)
+    for telegram, start in telegrams:
+        pulses = pulses_of(telegram)
+        slots = start + np.arange(pulses.size)
+        heard = (slots >= 0) & (slots < total.size)
+        total[slots[heard]] += pulses[heard]
+    bits, error = check_slots(np.sign(total), n_bits)
     return ("", int(error)) if error else ("".join(map(str, bits)), 0)
 
 
@@ -433,50 +414,43 @@ class Modulation:
             raise ArgumentError(
                 f"there are {len(axes)} axes and {len(u)} voltages; there must be 3 or 6, and one"
             )
-        bits, t, u = self.text, wave.t, u[0]
-        if len(axes) == 3:
-            return _plot_levels_to_voltage(bits, t, u, axes)
+        bits, t = self.text, wave.t
         edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6
-        levels = levels_of(bits)
-        received = bits_of_slots(np.pad(pulses_of(bits), (0, 2)))
+        current = send_current(t, bits) * 1e3
+        if len(axes) == 3:
+            axes[0].step(edges, [*self.levels, 1], where="post")
+            _write_bits(axes[0], bits, 1.25, va="baseline")
+            axes[0].set(ylabel="level [1]", ylim=(-0.2, 1.7))
+            axes[1].plot(t * 1e6, current, color="C1")
+            axes[1].set(ylabel="current [mA]")
+            axes[2].plot(t * 1e6, u[0], color="C2")
+            axes[2].set(ylabel="voltage [V]", xlabel="time [us]")
+            return axes
+        pulses = self.pulses
         for ax, row, what in [
-            (axes[0], bits, "1 bits to send"),
-            (axes[5], received, "6 bits received"),
-        ]:
+            (axes[0], bits, "1 bits to send"), (axes[5], pulses.decode(), "6 bits received"),
+        ]:  # fmt: skip
             ax.step(edges[::2], [int(bit) for bit in row + row[-1]], where="post", color="C0")
-            for place, bit in enumerate(row):
-                ax.text(6 * place + 3, 0.5, bit, ha="center", va="center", family="monospace")
+            _write_bits(ax, row, 0.5)
             ax.set(ylabel="level [1]", ylim=(-0.2, 1.2), title=what)
-        axes[1].step(edges, [*levels, levels[-1]], where="post", color="C0")
+        axes[1].step(edges, [*self.levels, self.levels[-1]], where="post", color="C0")
         axes[1].set(ylabel="level [1]", ylim=(-0.2, 1.2), title="2 Manchester code")
-        axes[2].plot(t * 1e6, send_current(t, bits) * 1e3, color="C1")
+        axes[2].plot(t * 1e6, current, color="C1")
         axes[2].set(ylabel="current [mA]", title="3 send current")
-        axes[3].plot(t * 1e6, u, color="C2")
+        axes[3].plot(t * 1e6, u[0], color="C2")
         axes[3].set(ylabel="voltage [V]", title="4 voltage on the line")
-        pulses = pulses_of(bits)
         slots = np.flatnonzero(pulses)
-        axes[4].stem((slots + 0.5) * HALF_BIT * 1e6, pulses[slots], basefmt="0.7")
+        axes[4].stem((slots + 0.5) * HALF_BIT * 1e6, pulses.signs[slots], basefmt="0.7")
         axes[4].set(ylabel="pulse [1]", ylim=(-1.4, 1.4), title="5 pulses that the receiver takes")
         axes[5].set_xlabel("time [us]")
         return axes
 
 
-def _plot_levels_to_voltage(
-    bits: str, t: Floats, u: Floats, axes: Sequence[Axes]
-) -> Sequence[Axes]:
-    """Draw bits with their levels, the send current and the voltage."""
-    levels = levels_of(bits)
-    edges = np.arange(levels.size + 1) * HALF_BIT * 1e6
-    axes[0].step(edges, [*levels, 1], where="post")
+def _write_bits(ax: Axes, bits: str, height: float, va: str = "center") -> None:
+    """Write bits in the middle of their times."""
     for place, bit in enumerate(bits):
         middle = (2 * place + 1) * HALF_BIT * 1e6
-        axes[0].text(middle, 1.25, bit, ha="center", family="monospace")
-    axes[0].set(ylabel="level [1]", ylim=(-0.2, 1.7))
-    axes[1].plot(t * 1e6, 1e3 * send_current(t, bits), color="C1")
-    axes[1].set(ylabel="current [mA]")
-    axes[2].plot(t * 1e6, u, color="C2")
-    axes[2].set(ylabel="voltage [V]", xlabel="time [us]")
-    return axes
+        ax.text(middle, height, bit, ha="center", va=va, family="monospace")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

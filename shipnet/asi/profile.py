@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from shipnet import style
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.fields import check_whole, record, whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,15 +26,8 @@ IO_CONFIGURATIONS: tuple[tuple[Port, ...], ...] = tuple(
     tuple(_PORTS[letter] for letter in code) for code in _CODES.split()
 )
 
-_STATUS = {
-    "2.1": ("address or ID code still volatile", "periphery fault", "", "memory read error"),
-    "2.0": (
-        "address or ID code still volatile",
-        "parity error seen",
-        "end bit error seen",
-        "memory read error",
-    ),
-}
+#: The status bits S0..S3 of a slave of specification 2.1.
+_STATUS = ("address or ID code still volatile", "periphery fault", "reserved", "memory read error")
 
 
 def describe_io_configuration(code: int) -> str:
@@ -47,40 +39,16 @@ def describe_io_configuration(code: int) -> str:
     return f"ports D0..D3 {' '.join(ports)}"
 
 
-def io_code(ports: tuple[str, str, str, str]) -> int:
-    """Return the I/O configuration code of four ports; the inverse of `IO_CONFIGURATIONS`."""
-    try:
-        return IO_CONFIGURATIONS.index(tuple(ports))
-    except ValueError:
-        known = "; ".join(" ".join(code) for code in IO_CONFIGURATIONS)
-        raise ArgumentError(f"ports are {ports!r}; the codes know only {known}") from None
-
-
-def describe_status(status: int, version: Literal["2.0", "2.1"] = "2.1") -> str:
+def describe_status(status: int) -> str:
     """Return the meaning of the status bits S3..S0 that are set."""
-    if version not in _STATUS:
-        raise ArgumentError(f"version is {version!r}; it must be '2.0' or '2.1'")
     check_whole("status", status, 0, 15)
-    flags = [
-        f"S{bit} {meaning or 'reserved'}"
-        for bit, meaning in enumerate(_STATUS[version])
-        if status >> bit & 1
-    ]
+    flags = [f"S{bit} {meaning}" for bit, meaning in enumerate(_STATUS) if status >> bit & 1]
     return ", ".join(flags) or "no flag set"
 
 
-@dataclass(frozen=True, slots=True)
+@record(slots=True)
 class Profile:
     """A slave's profile, as its nameplate prints it: ``S-7.A.E``.
-
-    Parameters
-    ----------
-    io : int
-        I/O configuration code, 0..15.
-    id : int
-        ID code, 0..15; A makes the slave an A/B slave.
-    id2 : int, optional
-        Extended ID code 2, 0..15; None for slaves before specification 2.1.
 
     Raises
     ------
@@ -97,16 +65,11 @@ class Profile:
     'S-0.F'
     """
 
-    io: int
-    id: int
-    id2: int | None = None
-
-    def __post_init__(self) -> None:
-        """Check the codes."""
-        check_whole("io", self.io, 0, 15)
-        check_whole("id", self.id, 0, 15)
-        if self.id2 is not None:
-            check_whole("id2", self.id2, 0, 15)
+    io: int = whole(0, 15, help="I/O configuration code")
+    id: int = whole(0, 15, help="ID code; 10, hexadecimal A, makes the slave an A/B slave")
+    id2: int | None = whole(
+        0, 15, help="Extended ID code 2; None before specification 2.1", default=None, optional=True
+    )
 
     @property
     def extended(self) -> bool:
@@ -124,8 +87,10 @@ class Profile:
         return "S-" + ".".join(f"{code:X}" for code in codes)
 
     @classmethod
-    def parse(cls, text: str) -> Profile:
-        """Read the nameplate form."""
+    def parse(cls, text: str | Profile) -> Profile:
+        """Read the nameplate form; a profile is returned as it is."""
+        if isinstance(text, Profile):
+            return text
         found = re.fullmatch(r"[Ss]-([0-9A-Fa-f])\.([0-9A-Fa-f])(?:\.([0-9A-Fa-f]))?", text)
         if not found:
             raise ArgumentError(

@@ -7,7 +7,7 @@ finds goes through the seven checks of `shipnet.asi.modulation`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -45,6 +45,10 @@ Indices = npt.NDArray[np.intp]
 
 class Disturbance(Protocol):
     """What `shipnet.asi.emc` adds to telegrams, such as `Noise`."""
+
+    @property
+    def quantity(self) -> str:
+        """What its amplitude is, in words; noise names its bandwidth."""
 
     def voltage(
         self,
@@ -167,8 +171,8 @@ class Receiver:
     flanks of the neighbours: on a line of 150 m, 0.25 costs telegrams that 0.1 receives. The
     default `minimum` is 30 % of 1.5 V, half of the smallest legal signal of 3 V peak to peak. In
     noise it should be four times the standard deviation of what is decided on, or the noise ahead
-    of a telegram is taken for its first pulse: 0.9 V serves noise of up to 0.48 V, sampled every
-    250 ns, of which the filter leaves 47 %.
+    of a telegram is taken for its first pulse: 0.9 V serves noise of up to 0.48 V in 2 MHz (samples
+    250 ns apart), of which the filter leaves 47 %.
 
     References
     ----------
@@ -193,24 +197,16 @@ class Receiver:
         default=0.1,
     )  # fmt: skip
     matched: bool = switch("Whether to filter with the shape of a pulse first", default=True)
-    minimum: float = number(0, 1e9, "V", "Voltage below which nothing counts", default=0.45)
+    minimum: float = number(0, 1e9, "V", "Voltage below which nothing counts", default=MINIMUM)
 
     def __post_init__(self) -> None:
         """Check that the threshold lies between its ends."""
         if not 0 < self.threshold < 1:
             raise ArgumentError(f"threshold is {self.threshold}; it must lie between 0 and 1")
 
-    @property
-    def settings(self) -> dict[str, Any]:
-        """The settings as arguments of `receive`."""
-        return {
-            "threshold": self.threshold, "window": self.window,
-            "matched": self.matched, "minimum": self.minimum,
-        }  # fmt: skip
-
     def receive(self, wave: Waveform) -> Reception:
         """Receive telegrams of known length; a bad one raises nothing, its `error` is its code."""
-        return receive(wave.u, wave.dt, wave.bits.shape[-1], **self.settings)
+        return receive(wave.u, wave.dt, wave.bits.shape[-1], **asdict(self))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -327,25 +323,11 @@ def matched_filter(u: npt.ArrayLike, dt: float) -> Floats:
     return _filtered(_centred(u), length, gain)
 
 
-def receive(
-    u: npt.ArrayLike,
-    dt: float,
-    n_bits: int,
-    *,
-    threshold: float = 0.5,
-    window: float = 0.1,
-    matched: bool = True,
-    minimum: float = MINIMUM,
-) -> Reception:
-    """Receive telegrams of known length, one a row of samples."""
+def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Reception:
+    """Receive telegrams of known length, one a row of samples; `settings` are a receiver's."""
+    receiver = Receiver(**settings)
     u = _checked(u, dt)
     check_bit_count(n_bits)
-    if not 0 < threshold < 1:
-        raise ArgumentError(f"threshold is {threshold}; it must lie between 0 and 1")
-    if not 0 <= window <= 0.5:
-        raise ArgumentError(f"window is {window} half-bits; it must be 0..0.5")
-    if not 0 <= minimum < np.inf:
-        raise ArgumentError(f"minimum is {minimum} V; it must be 0 or more, and finite")
     n_t = u.shape[-1]
     rows = u.reshape(-1, n_t)
     length, gain = _filter_gain(n_t, dt)
@@ -353,8 +335,8 @@ def receive(
     parts = []
     for begin in range(0, max(1, len(rows)), chunk):
         line = _centred(rows[begin : begin + chunk])
-        y = _filtered(line, length, gain) if matched else line
-        parts.append(_decide(line, y, dt, n_bits, threshold, window, minimum))
+        y = _filtered(line, length, gain) if receiver.matched else line
+        parts.append(_decide(line, y, dt, n_bits, receiver))
     joined = (np.concatenate(field) for field in zip(*parts, strict=True))
     return Reception(*(field.reshape(u.shape[:-1] + field.shape[1:]) for field in joined))
 
@@ -443,22 +425,21 @@ def _largest_near(y: Floats, middle: Indices, reach: int) -> Floats:
     return np.where(middle < n_t, np.where(high > -low, high, low), 0.0)
 
 
-def _decide(
-    line: Floats, y: Floats, dt: float, n_bits: int, threshold: float, window: float, minimum: float
-) -> Reception:
+def _decide(line: Floats, y: Floats, dt: float, n_bits: int, receiver: Receiver) -> Reception:
     """Receive the rows of `y`, filtered from `line`; slots run along the first axis in here."""
     n_rows, n_t = y.shape
     row = np.arange(n_rows)
     samples = HALF_BIT / dt
-    silent, at, peak = _first_pulse(y, samples, minimum)
+    silent, at, peak = _first_pulse(y, samples, receiver.minimum)
     first = y[row, at]
 
     # Slot 0 lies before the first pulse, and there nothing counts: it stays empty.
     middle = np.rint(peak + samples * np.arange(2 * n_bits + 1)[:, np.newaxis]).astype(np.intp)
-    height = _largest_near(y, middle, int(window * samples + 1e-9))
+    height = _largest_near(y, middle, int(receiver.window * samples + 1e-9))
     height[0] = first
     absolute = np.abs(height)
-    filled = (absolute > np.maximum(threshold * absolute[0], minimum)) & ~silent
+    filled = absolute > np.maximum(receiver.threshold * absolute[0], receiver.minimum)
+    filled &= ~silent
     slots = np.zeros((2 * n_bits + 2, n_rows), dtype=np.int8)
     slots[1:] = np.where(filled, np.where(height < 0, -1, 1), 0)
     bits, error = check_columns(slots)

@@ -80,12 +80,11 @@ def telegram_voltages(
 
     # One change of current, heard from each node; a telegram is a row of such changes.
     heard = record_of(change, n_t, dt, f_max)
-    u = np.zeros((len(nodes), len(steps), n_t))
+    changes = np.zeros((len(nodes), steps.shape[1], n_t))
     for place in range(steps.shape[1]):
         late = place * slot
-        if late < n_t:
-            u[:, :, late:] += steps[:, place, None] * heard[:, None, : n_t - late]
-    return u
+        changes[:, place, late:] = heard[:, : max(0, n_t - late)]
+    return np.asarray(steps @ changes)
 
 
 class Quality(NamedTuple):
@@ -144,36 +143,24 @@ class Quality(NamedTuple):
             (self.evenness >= TOLERANCE.evenness) & (self.ringing <= TOLERANCE.ringing)
         )
 
-    def worst(self, other: Quality) -> Quality:
-        """Return the worse of this and another quality of the same slaves; `received` is left."""
-        return self._replace(
-            level_least=np.minimum(self.level_least, other.level_least),
-            level_most=np.maximum(self.level_most, other.level_most),
-            evenness=np.minimum(self.evenness, other.evenness),
-            ringing=np.maximum(self.ringing, other.ringing),
-        )
 
-    def of(self, rows: Sequence[int], slaves: tuple[str, ...]) -> Quality:
-        """Return some of the entries, some of them perhaps twice, under other names."""
-        some = list(rows)
-        return Quality(
-            self.level_least[some], self.level_most[some], self.evenness[some],
-            self.ringing[some], self.received[some], slaves,
-        )  # fmt: skip
-
-
-def quality_of(wave: Waveform) -> Quality:
-    """Return how the telegrams of a waveform come over at each of its nodes."""
-    heard = receive(wave.u, wave.dt, wave.bits.shape[-1])
-    right = (heard.error == 0) & (heard.bits == wave.bits).all(axis=-1)
-    level = np.ptp(wave.u, axis=-1)
+def quality_of(*waves: Waveform) -> Quality:
+    """Return how the telegrams of waveforms come over at each of the nodes that they share."""
+    levels, weakest, ringing, right = [], [], [], []
+    for wave in waves:
+        heard = receive(wave.u, wave.dt, wave.bits.shape[-1])
+        levels.append(np.ptp(wave.u, axis=-1))
+        weakest.append(np.nan_to_num(heard.weakest, nan=0.0))
+        ringing.append(np.nan_to_num(heard.ringing, nan=1.0))
+        right.append((heard.error == 0) & (heard.bits == wave.bits).all(axis=-1))
+    level = np.concatenate(levels, axis=1)
     return Quality(
         level.min(axis=1),
         level.max(axis=1),
-        np.nan_to_num(heard.weakest, nan=0.0).min(axis=1),
-        np.nan_to_num(heard.ringing, nan=1.0).max(axis=1),
-        right.mean(axis=1),
-        wave.names,
+        np.concatenate(weakest, axis=1).min(axis=1),
+        np.concatenate(ringing, axis=1).max(axis=1),
+        np.concatenate(right, axis=1).mean(axis=1),
+        waves[0].names,
     )
 
 
@@ -294,11 +281,20 @@ class Segment:
         )
         return Waveform(u if bits.ndim == 2 else u[:, 0], dt, start=-before, names=nodes, bits=bits)
 
-    def quality(self, nodes: Sequence[str], words: Sequence[str] = RESPONSES) -> Quality:
-        """Return how telegrams come over between `head` and nodes, of which some may be equal."""
+    def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
+        """Return how telegrams come over between `head` and nodes, of which some may be equal.
+
+        They are the 16 responses unless `words` has others, each entry of telegrams of one length.
+        """
         places = tuple(dict.fromkeys(nodes))
-        found = quality_of(self.waveform(words, places, before=_START, after=_SILENCE - _START))
-        return found.of([places.index(node) for node in nodes], tuple(nodes))
+        found = quality_of(
+            *(
+                self.waveform(some, places, before=_START, after=_SILENCE - _START)
+                for some in words or (RESPONSES,)
+            )
+        )
+        rows = [places.index(node) for node in nodes]
+        return Quality._make([*(values[rows] for values in found[:5]), tuple(nodes)])
 
     def signals(self) -> Quality:
         """Return the worst of all 16 responses and of the requests `PROBES` for each listener."""
@@ -306,11 +302,7 @@ class Segment:
         if self.head is not None and not nodes:
             none = np.empty(0)
             return Quality(none, none, none, none, none)
-        responses, requests = (self.quality(nodes, words) for words in (RESPONSES, PROBES))
-        share = len(RESPONSES) / (len(RESPONSES) + len(PROBES))
-        return responses.worst(requests)._replace(
-            received=share * responses.received + (1 - share) * requests.received
-        )
+        return self.quality(nodes, RESPONSES, PROBES)
 
 
 # What hangs together ---------------------------------------------------------------------------

@@ -4,7 +4,7 @@ What a request means depends on who reads it: the bits that carry four outputs t
 carry three outputs and a select bit to an A/B slave. A `PreparedRequest` is read once for each of
 the three kinds of slave and remembers what each of them makes of its bits.
 
-The receive states are a table: state and event -> next state and action. A slave reads requests
+The receive states are a table: state and event -> next state. A slave reads requests
 only in the state RECEIVE. What it reads decides whether it keeps step with the master (SYNCHRONOUS)
 or has to look for the next pause (ASYNCHRONOUS). icn2007, data link layer, section 3, describes the
 table in words and refers to a Fig 3.19 that it does not print.
@@ -19,7 +19,7 @@ from dataclasses import field
 from enum import Enum
 from functools import cache
 from math import inf
-from typing import TYPE_CHECKING, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 from shipnet import style
 from shipnet.asi.batch import NONE
@@ -140,8 +140,7 @@ class Slave:
         """Check label and profile."""
         half = slave_key(self.label)[1]
         profile = self.profile or ("S-0.A.F" if half else "S-0.F.F")
-        if not isinstance(profile, Profile):
-            object.__setattr__(self, "profile", Profile.parse(profile))
+        object.__setattr__(self, "profile", Profile.parse(profile))
         if self.node:
             check_node(self.node)
         if self.id1 is not None and self.kind.extended:
@@ -275,35 +274,23 @@ class Event(Enum):
     SILENT = "call without answer"
 
 
-class Action(Enum):
-    """What a slave does on the way to its next state."""
+#: What a slave does when it hears an event in the state RECEIVE; it does nothing else.
+ACTIONS = {Event.OWN: "answer", Event.SILENT: "obey"}
 
-    NONE = ""
-    ANSWER = "answer"
-    OBEY = "obey"
-
-
-class Step(NamedTuple):
-    """One arrow of the figure: the state that follows, and what the slave does on the way."""
-
-    state: State
-    action: Action
-
-
-#: The arrows. Whoever is not named here stays where it is: an asynchronous slave reads nothing,
-#: and a synchronous one lets the pause before a response and the response itself pass.
+#: The state that follows. Whoever is not named here stays where it is: an asynchronous slave reads
+#: nothing, and a synchronous one lets the pause before a response and the response itself pass.
 #: icn2007 describes ERROR, FOREIGN, UNKNOWN and OWN, and the way out of ASYNCHRONOUS. The way
 #: out of SYNCHRONOUS is our reading: taken at the pause *before* a response, it would make every
 #: slave read the response as a faulty request, and none would ever answer in step.
-TRANSITIONS: dict[tuple[State, Event], Step] = {
-    (State.ASYNCHRONOUS, Event.PAUSE): Step(State.RECEIVE, Action.NONE),
-    (State.ASYNCHRONOUS, Event.SLAVE_PAUSE): Step(State.RECEIVE, Action.NONE),
-    (State.RECEIVE, Event.ERROR): Step(State.ASYNCHRONOUS, Action.NONE),
-    (State.RECEIVE, Event.FOREIGN): Step(State.SYNCHRONOUS, Action.NONE),
-    (State.RECEIVE, Event.UNKNOWN): Step(State.SYNCHRONOUS, Action.NONE),
-    (State.RECEIVE, Event.OWN): Step(State.SYNCHRONOUS, Action.ANSWER),
-    (State.RECEIVE, Event.SILENT): Step(State.SYNCHRONOUS, Action.OBEY),
-    (State.SYNCHRONOUS, Event.SLAVE_PAUSE): Step(State.RECEIVE, Action.NONE),
+TRANSITIONS = {
+    (State.ASYNCHRONOUS, Event.PAUSE): State.RECEIVE,
+    (State.ASYNCHRONOUS, Event.SLAVE_PAUSE): State.RECEIVE,
+    (State.RECEIVE, Event.ERROR): State.ASYNCHRONOUS,
+    (State.RECEIVE, Event.FOREIGN): State.SYNCHRONOUS,
+    (State.RECEIVE, Event.UNKNOWN): State.SYNCHRONOUS,
+    (State.RECEIVE, Event.OWN): State.SYNCHRONOUS,
+    (State.RECEIVE, Event.SILENT): State.SYNCHRONOUS,
+    (State.SYNCHRONOUS, Event.SLAVE_PAUSE): State.RECEIVE,
 }
 
 
@@ -331,12 +318,12 @@ def plot_states(ax: Axes | None = None) -> Axes:
         )
         ax.text(x, 0, state.value.upper(), ha="center", va="center", fontsize=8)
     words = defaultdict(list)
-    for (state, event), step in TRANSITIONS.items():
+    for (state, event), following in TRANSITIONS.items():
         # A pause after a response is a pause: where any will do, it need not be named.
         if event is Event.SLAVE_PAUSE and (state, Event.PAUSE) in TRANSITIONS:
             continue
-        doing = "" if step.action is Action.NONE else f" / {step.action.value}"
-        words[state, step.state].append(event.value + doing)
+        doing = f" / {ACTIONS[event]}" if event in ACTIONS else ""
+        words[state, following].append(event.value + doing)
     for (begin, end), said in words.items():
         # Arrows out of RECEIVE run above those back to it, with their words outside.
         lane = _LANE if begin is State.RECEIVE else -_LANE
@@ -447,14 +434,11 @@ class RunningSlave:
             raise ArgumentError(f"event is {event}; it must be Event.PAUSE or Event.SLAVE_PAUSE")
         self._step(event)
 
-    def _step(self, event: Event) -> Action:
-        step = TRANSITIONS.get((self.state, event))
-        if step is None:
-            return Action.NONE
-        self.state = step.state
-        if step.state is not State.RECEIVE:
-            self.synchronised = step.state is State.SYNCHRONOUS
-        return step.action
+    def _step(self, event: Event) -> None:
+        following = TRANSITIONS.get((self.state, event), self.state)
+        if following is not self.state and following is not State.RECEIVE:
+            self.synchronised = following is State.SYNCHRONOUS
+        self.state = following
 
     def hear(self, bits: str, time: float = 0.0) -> Response | None:
         """Hear one telegram."""
@@ -476,8 +460,8 @@ class RunningSlave:
             return None
         data = self.obey(request, time)
         unanswered = Event.SILENT if request.call.rule.answer is None else Event.UNKNOWN
-        event = Event.OWN if data != NONE else unanswered
-        return Response(data, request.call) if self._step(event) is Action.ANSWER else None
+        self._step(Event.OWN if data != NONE else unanswered)
+        return Response(data, request.call) if data != NONE else None
 
     def rest(self, time: float) -> None:
         """Let the time pass up to `time` [s]: the watchdog may reset the slave meanwhile."""

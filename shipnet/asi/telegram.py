@@ -19,9 +19,11 @@ functions and the printed tables are all read from them.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 from shipnet import style
@@ -67,6 +69,15 @@ class Rule:
     def layout(self, extended: bool) -> str:
         """Return the pattern for an A/B slave, or for a standard one."""
         return self.extended if extended and self.extended else self.pattern
+
+    def reader(self, extended: bool) -> re.Pattern[str]:
+        """Return an expression with a group per letter of the pattern."""
+        return _reader(self.layout(extended))
+
+
+@cache
+def _reader(layout: str) -> re.Pattern[str]:
+    return re.compile(re.sub(r"([adsS])\1*", lambda n: f"(?P<{n[1]}>[01]{{{len(n[0])}}})", layout))
 
 
 class Call(IntEnum):
@@ -180,6 +191,9 @@ _RULES = {
 
 # Telegrams ------------------------------------------------------------------------------------
 
+#: Bits of a master's request, and of a slave's response.
+REQUEST_BITS, RESPONSE_BITS = 14, 7
+
 #: Parts of the telegrams: label, number of bits, key of `style.FIELD`.
 REQUEST_PARTS = (
     ("ST", 1, "frame"),
@@ -206,13 +220,9 @@ def plot_telegram(
 ) -> Axes:
     """Draw a telegram as a row of coloured bits with its level line above."""
     ax = style.axes(ax)
-    lengths = {sum(part[1] for part in own) for own in (REQUEST_PARTS, RESPONSE_PARTS)}
-    if parts is None and len(bits) not in lengths:
-        raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
+    parts = parts or {REQUEST_BITS: REQUEST_PARTS, RESPONSE_BITS: RESPONSE_PARTS}.get(len(bits))
     if parts is None:
-        parts = (
-            REQUEST_PARTS if len(bits) == sum(part[1] for part in REQUEST_PARTS) else RESPONSE_PARTS
-        )
+        raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
     place = start
     for label, length, colour in parts:
         style.box(ax, place, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
@@ -228,12 +238,6 @@ def plot_telegram(
 
 #: Columns of the bits between start bit and parity bit.
 _PLACES = ["CB", "A4", "A3", "A2", "A1", "A0", "I4", "I3", "I2", "I1", "I0"]
-
-#: Bits of a master's request.
-REQUEST_BITS = 14
-
-#: Bits of a slave's response.
-RESPONSE_BITS = 7
 
 
 def frame(information: str) -> str:
@@ -482,21 +486,23 @@ class Request:
         """Read the 14 bits of a request."""
         information = information_of(bits, REQUEST_BITS, "request")
         for call in Call:
-            layout = call.rule.layout(extended)
-            seen: dict[str, str] = dict.fromkeys("adsS", "")
-            for letter, bit in zip(layout, information, strict=True):
-                if letter in seen:
-                    seen[letter] += bit
-                elif letter != bit:
-                    break
-            else:
-                address = int(information[1:6], 2)
-                data = int(seen["d"] or "0", 2)
-                if "a" in layout and address < call.rule.lowest_address:
-                    continue
-                if call is Call.ASSIGN_ADDRESS and data == 0:
-                    continue
-                return cls(call, address, data, _half(seen["s"], seen["S"], extended))
+            found = call.rule.reader(extended).fullmatch(information)
+            if found is None:
+                continue
+            parts = found.groupdict()
+            address, data = int(information[1:6], 2), int(parts.get("d", "0"), 2)
+            if "a" in parts and address < call.rule.lowest_address:
+                continue
+            if call is Call.ASSIGN_ADDRESS and data == 0:
+                continue
+            half: Half | None = None
+            if parts.get("s") == "1" or parts.get("S") == "0":
+                half = "B"
+            elif extended and parts.keys() & {"s", "S"}:
+                half = (
+                    "A"  # without extended addressing only a select bit that is set says anything
+                )
+            return cls(call, address, data, half)
         raise UnknownCallError(
             f"request {bits}: no call has control bit {information[0]}, address "
             f"{int(information[1:6], 2)} and information {information[6:]}"
@@ -611,15 +617,6 @@ class Request:
             ("EB", "end bit", 1, *_start_and_end(REQUEST_BITS)[1], ""),
         ]
         return _field_table(rows)
-
-
-def _half(plain: str, inverted: str, extended: bool) -> Half | None:
-    """Read the select bit; without extended addressing only a set one says anything."""
-    if not plain and not inverted:
-        return None
-    if plain == "1" or inverted == "0":
-        return "B"
-    return "A" if extended else None
 
 
 def _field_table(rows: list[tuple[str, str, int, str, str, str]]) -> pd.DataFrame:

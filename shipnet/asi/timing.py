@@ -25,10 +25,9 @@ from shipnet import datasets, style
 from shipnet.asi.profile import Profile
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response, plot_telegram
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.fields import check_whole, number, record
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 
@@ -59,24 +58,9 @@ class Span(NamedTuple):
         return self.start + self.length
 
 
-@dataclass(frozen=True, slots=True)
+@record(slots=True)
 class Transaction:
     """One request with its response and both pauses.
-
-    Parameters
-    ----------
-    master_pause : float, default 3
-        Pause after the request, 2..10 bit times: a synchronous slave answers after 2 to 3, one
-        that is not synchronous needs two more.
-    slave_pause : float, default 2
-        Pause after the response [bit], 0 or more; 1.5 to 2 in undisturbed operation.
-    bit_time : float, default 6e-6
-        Length of a bit [s].
-    unsynchronised : float, default 2
-        How much later a slave answers that is not synchronised, 0..10 bit times [2]_.
-    timeout : float, default 10
-        How long the master waits for the start of a response before it goes on, 2..24 bit
-        times [1]_.
 
     Raises
     ------
@@ -86,7 +70,9 @@ class Transaction:
     Notes
     -----
     Published lengths are 150 us (25 bit times), 153, 154 and 156 us (26 bit times): the pauses
-    make the difference, so they are parameters. The default is the longest of them.
+    make the difference, so they are parameters. The default is the longest of them. A synchronous
+    slave answers after 2 to 3 bit times, one that is not synchronous needs two more [2]_. In
+    undisturbed operation the pause after a response is 1.5 to 2 bit times long.
 
     References
     ----------
@@ -102,26 +88,19 @@ class Transaction:
     156
     """
 
-    master_pause: float = 3.0
-    slave_pause: float = 2.0
-    bit_time: float = BIT_TIME
-    unsynchronised: float = field(default=2.0, kw_only=True)
-    timeout: float = field(default=10.0, kw_only=True)
-
-    def __post_init__(self) -> None:
-        """Check the pauses."""
-        for name, low, high in (
-            ("master_pause", *MASTER_PAUSE_BITS),
-            ("unsynchronised", 0.0, 10.0),
-            ("timeout", 2.0, 24.0),
-        ):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ArgumentError(f"{name} is {value} bit times; it must be {low:g}..{high:g}")
-        if not 0 <= self.slave_pause < float("inf"):
-            raise ArgumentError(f"slave_pause is {self.slave_pause} bit times; it must be 0..")
-        if not 0 < self.bit_time < float("inf"):
-            raise ArgumentError(f"bit_time is {self.bit_time} s; it must be positive")
+    master_pause: float = number(
+        *MASTER_PAUSE_BITS, "bit times", "Pause after the request", default=3.0
+    )
+    slave_pause: float = number(0, 1e9, "bit times", "Pause after the response", default=2.0)
+    bit_time: float = number(1e-12, 1e3, "s", "Length of a bit", default=BIT_TIME)
+    unsynchronised: float = number(
+        0, 10, "bit times", "How much later a slave answers that is not synchronised",
+        default=2.0, kw_only=True,
+    )  # fmt: skip
+    timeout: float = number(
+        2, 24, "bit times", "How long the master waits for the start of a response",
+        default=10.0, kw_only=True,
+    )  # fmt: skip
 
     @property
     def spans(self) -> tuple[Span, Span, Span, Span]:
@@ -154,7 +133,7 @@ class Transaction:
         longest = LONGEST_SLAVE_PAUSE / self.bit_time
         if not 1 <= self.slave_pause <= longest:
             raise ArgumentError(
-                f"slave_pause is {self.slave_pause} bit times; it must be 1..{longest:.4g}"
+                f"slave_pause is {self.slave_pause:g} bit times; it must be 1..{longest:.4g}"
             )
 
     @property
@@ -399,15 +378,11 @@ class Cycle:
         lost to synchronising; Siemens counts one (SlimLine analogue module, manual: 7 x 2 + 7 =
         21 cycles for two channels). 20 to 60 ms of conversion per channel come on top.
         """
-        return transfer_time(
-            profile, self.time, channels=channels, paired=paired, direction=direction,
-            value_bit=value_bit, extra_rounds=extra_rounds,
+        cycles = transfer_cycles(
+            profile, channels=channels, direction=direction, value_bit=value_bit,
+            extra_rounds=extra_rounds,
         )  # fmt: skip
-
-    def efficiency(self, user_bits: int = 4) -> float | Floats:
-        """Return the share of the cycle in which user bits pass, so many each way, 0..1."""
-        bits = 2 * check_whole("user_bits", user_bits, 0, 4)
-        return _plain(np.asarray(self.addresses) * bits * self.transaction.bit_time / self.time)
+        return _plain(np.asarray(self.time) * (cycles * (2 if paired else 1)))
 
 
 def cycle_time(
@@ -476,30 +451,25 @@ def response_time(
 
 
 @cache
-def analogue_profiles() -> pd.DataFrame:
-    """Return what is known about transfers: a row per profile, direction and size of value.
+def analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
+    """Return the exchanges that a value takes, by profile and direction, and by its size [bit]."""
+    found: dict[tuple[str, str], dict[int, int]] = {}
+    for row in datasets.read("asi_analogue_profiles.csv").to_dict("records"):
+        sizes = found.setdefault((row["profile"], row["direction"]), {})
+        sizes[int(row["value_bit"])] = int(row["cycles"])
+    return found
 
-    `cycles` are exchanges with the slave; `evidence` says whether the source prints them or they
-    are derived from it. The table is shared: do not change it.
-    """
-    table = datasets.read("asi_analogue_profiles.csv")
-    return table.astype({"value_bit": int, "cycles": int, "addresses": int})
+
+def _sizes(profile: Profile, direction: str) -> dict[int, int]:
+    general, own = f"S-{profile.io:X}.{profile.id:X}", str(profile)
+    known = analogue_profiles()
+    return known.get((general, direction), {}) | known.get((own, direction), {})
 
 
 def transfers_values(profile: Profile | str) -> bool:
     """Return whether a profile is one for values of more than four bits."""
-    return _largest_value(Profile.parse(profile) if isinstance(profile, str) else profile) > 4
-
-
-@cache
-def _largest_value(profile: Profile) -> int:
-    table = analogue_profiles()
-    own = table[table["profile"].isin(_names(profile))]
-    return int(own["value_bit"].max()) if len(own) else 0
-
-
-def _names(profile: Profile) -> list[str]:
-    return [str(profile), f"S-{profile.io:X}.{profile.id:X}"]
+    profile = Profile.parse(profile)
+    return max((*_sizes(profile, "in"), *_sizes(profile, "out")), default=0) > 4
 
 
 def transfer_cycles(
@@ -511,47 +481,21 @@ def transfer_cycles(
     extra_rounds: int = 0,
 ) -> int:
     """Return how many exchanges with a slave all of its values take."""
-    profile = Profile.parse(profile) if isinstance(profile, str) else profile
     check_whole("channels", channels, 1, _CHANNELS)
     check_whole("extra_rounds", extra_rounds, 0, 1000)
-    return _value_cycles(profile, direction, value_bit) * (channels + extra_rounds)
-
-
-@cache
-def _value_cycles(profile: Profile, direction: str, value_bit: int | None) -> int:
-    table = analogue_profiles()
-    found = table[table["profile"].isin(_names(profile)) & (table["direction"] == direction)]
-    if value_bit is not None:
-        found = found[found["value_bit"] == value_bit]
-    if found.empty:
-        columns = table[["profile", "direction", "value_bit"]]
-        known = [f"{name} {way} {bits} bit" for name, way, bits in columns.itertuples(index=False)]
+    sizes = _sizes(Profile.parse(profile), direction)
+    size = max(sizes, default=None) if value_bit is None else value_bit
+    if size not in sizes:
+        known = [
+            f"{name} {way} {bits} bit"
+            for (name, way), cycles in analogue_profiles().items()
+            for bits in cycles
+        ]
         raise ArgumentError(
             f"profile is '{profile}' {direction}"
             f"{'' if value_bit is None else f' {value_bit} bit'}; known are {', '.join(known)}"
         )
-    return int(found.sort_values("value_bit")["cycles"].iloc[-1])
-
-
-def transfer_time(
-    profile: Profile | str,
-    cycle: npt.ArrayLike,
-    *,
-    channels: int = 1,
-    paired: bool = False,
-    direction: Direction = "in",
-    value_bit: int | None = None,
-    extra_rounds: int = 0,
-) -> float | Floats:
-    """Return how long all values of a slave take on the bus, by the time of a cycle [s]."""
-    time = np.asarray(cycle)
-    if time.dtype.kind not in "iuf" or not ((time > 0) & np.isfinite(time)).all():
-        raise ArgumentError(f"cycle is {cycle!r} s; it must be positive and finite")
-    exchanges = transfer_cycles(
-        profile, channels=channels, direction=direction, value_bit=value_bit,
-        extra_rounds=extra_rounds,
-    )  # fmt: skip
-    return _plain(time.astype(np.float64) * (exchanges * (2 if paired else 1)))
+    return sizes[size] * (channels + extra_rounds)
 
 
 # Checks ----------------------------------------------------------------------------------------

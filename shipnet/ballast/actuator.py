@@ -134,10 +134,8 @@ class Actuator:
 
 Floats = npt.NDArray[np.float64]
 
-
 #: Opening over which the seat lets go, as a part of the quarter turn; our assumption.
 _SEAT = 0.03
-
 
 #: Nodes of the quadrature over a stroke; with 48 the seat's exponential is good to 1e-9.
 _NODES = 48

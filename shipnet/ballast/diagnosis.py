@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from math import inf
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,7 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.rule_table import rule_base
-from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed
+from shipnet.ballast.sensors import CHANNELS, position_speed, stroke_speed
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import Samples, check_method
@@ -49,11 +50,12 @@ class Run:
         When [s]; not evenly spaced if it was idle in between.
     readings : ndarray of float, shape (n_times, 5, n_valves)
         FP, OP [bar], MC [A], OT [degC], VPos [%].
-    DVPos : ndarray of float, shape (n_times, n_valves)
-        By how much VPos has changed within the last second, up or down [%/s]; NaN unless the motor
-        has been running in one direction for all of it.
-    running, moving, active : ndarray of bool, shape (n_times, n_valves)
-        The motor runs; the valve turns; a command has not been fulfilled.
+    speed : ndarray of float, shape (n_times, n_valves)
+        By how much VPos has changed within the last second, up or down [%/s].
+    ran : ndarray of float, shape (n_times, n_valves)
+        For how long the motor has been running in its direction [s]; NaN while it is off.
+    moving, active : ndarray of bool, shape (n_times, n_valves)
+        The valve turns; a command has not been fulfilled.
     opening : ndarray of float, shape (n_times, n_valves)
         True opening, 0..1, which no sensor knows.
     movements : tuple of Movement
@@ -69,8 +71,8 @@ class Run:
 
     time: Floats
     readings: Floats
-    DVPos: Floats
-    running: Flags
+    speed: Floats
+    ran: Floats
     moving: Flags
     active: Flags
     opening: Floats
@@ -105,6 +107,16 @@ class Run:
     def VPos(self) -> Floats:
         """Valve position, shape (n_times, n_valves) [%]."""
         return self.readings[:, 4]
+
+    @property
+    def DVPos(self) -> Floats:
+        """Speed of VPos, NaN unless the motor has been running for the whole second [%/s]."""
+        return stroke_speed(self.speed, self.ran)
+
+    @property
+    def running(self) -> Flags:
+        """Whether the motor runs, shape (n_times, n_valves)."""
+        return ~np.isnan(self.ran)
 
     @property
     def samples(self) -> dict[str, Floats]:
@@ -200,27 +212,6 @@ class Run:
         return f"Run({span}{said}, {n} motor run{'s' if n != 1 else ''})"
 
 
-def running_time(run: Run, before: npt.ArrayLike = np.nan) -> Floats:
-    """Return for how long each motor has been running in its direction."""
-    running, time = run.running, run.time
-    if not time.size:
-        return np.full(running.shape, np.nan)
-    starts = running.copy()
-    starts[1:] &= ~running[:-1]
-    # A motor that was running before goes on, unless a movement that ended says otherwise.
-    goes_on = running[0] & np.isfinite(np.asarray(before, float))
-    for moved in run.movements:
-        # One that runs at the first instant after its end has been started again there.
-        row = int(np.searchsorted(time, moved.end - 1e-9))
-        if row < time.size and running[row, moved.valve]:
-            starts[row, moved.valve] = True
-            goes_on[moved.valve] &= row > 0
-    began = np.where(starts, time[:, np.newaxis], -np.inf)
-    began[0] = np.where(goes_on, before, began[0])
-    since = time[:, np.newaxis] - np.maximum.accumulate(began, axis=0)
-    return np.where(running, since, np.nan)
-
-
 def stroke_rows(run: Run) -> pd.DataFrame:
     """Return the runs of motors that have ended: valve, action, times, opening, outcome."""
     import pandas as pd
@@ -231,23 +222,12 @@ def stroke_rows(run: Run) -> pd.DataFrame:
     return frame.rename(columns={"start": "start_s", "end": "end_s"})
 
 
-def valve_row(run: Run, time: float) -> int:
-    """Return the last instant that is not after a time."""
-    if not run.time.size:
-        raise ArgumentError(f"time is {time!r}; the run has no instants")
-    if not isinstance(time, int | float | np.number) or not time >= run.time[0] - 1e-9:
-        raise ArgumentError(
-            f"time is {time!r} s; it must be a number, and the run begins at {run.time[0]:g} s"
-        )
-    return int(np.searchsorted(run.time, time + 1e-9, side="right")) - 1
-
-
 class Recorder:
     """Keeps what the sensors of a plant read while something else moves its time on."""
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
-        self._rows: list[tuple[float, Floats, Flags, Flags, Floats, npt.NDArray[np.int64]]] = []
+        self._rows: list[tuple[float, Floats, Floats, Flags, Floats]] = []
         self._first = len(plant.movements)
 
     def take(self) -> None:
@@ -255,11 +235,9 @@ class Recorder:
         plant = self.plant
         if self._rows and self._rows[-1][0] == plant.time:
             return
-        readings = plant.run_until(plant.time)
-        self._rows.append(
-            (plant.time, readings.copy(), plant.running.copy(), plant.active.copy(),
-             plant.opening.copy(), plant.ran.copy())
-        )  # fmt: skip
+        readings = plant.run_until(plant.time).copy()
+        states = plant.run_time, plant.active.copy(), plant.opening.copy()
+        self._rows.append((plant.time, readings, *states))
 
     @property
     def run(self) -> Run:
@@ -267,70 +245,29 @@ class Recorder:
         if not self._rows:
             raise ArgumentError("nothing has been recorded")
         columns = [np.array(column) for column in zip(*self._rows, strict=True)]
-        time, readings, running, active, opening, ran = columns
-        # A reading taken at the start is the first of the motor's run.
-        rate = position_speed(time, readings[:, 4], (ran - 1) * self.plant.step)
-        moving = np.zeros_like(running)
+        time, readings, ran, active, opening = columns
+        moving = np.zeros_like(active)
         moving[:-1] = opening[1:] != opening[:-1]
         movements = tuple(self.plant.movements[self._first :])
-        return Run(time, readings, rate, running, moving, active, opening, movements)
+        speed = position_speed(time, readings[:, 4])
+        return Run(time, readings, speed, ran, moving, active, opening, movements)
 
 
-@dataclass(frozen=True, eq=False)
-class Tail:
-    """The end of a run, for the diagnosis of the run that follows it."""
+class Tail(NamedTuple):
+    """The last instants of a run, copied, for the diagnosis of the run that follows it."""
 
-    time: Floats
     samples: dict[str, Floats]
-    active_before: Flags
     active: Flags
-    started: Floats
-
-    @classmethod
-    def keep(
-        cls,
-        run: Run,
-        time: Floats,
-        samples: dict[str, Floats],
-        active: Flags,
-        window: int,
-        earlier: Tail | None,
-    ) -> Tail:
-        """Copy what the next block needs, so that it does not keep this one in memory."""
-        before = np.zeros(active.shape[1:], bool) if earlier is None else earlier.active
-        last = active[-1].copy() if len(active) else before
-        then = int(np.searchsorted(time, time[-1] - WINDOW + 1e-9)) - 1 if time.size else 0
-        keep = slice(max(min(then, time.size - window + 1), 0), None)
-        started = np.full(run.n_valves, np.nan)
-        if "Time" in samples and time.size:
-            started = time[-1] - samples["Time"][-1]
-            for moved in run.movements:
-                if moved.end > time[-1]:
-                    started[moved.valve] = np.nan
-        kept = {name: x[keep].copy() for name, x in samples.items()}
-        return cls(time[keep].copy(), kept, before, last, started)
 
 
-def rule_inputs(
-    run: Run, base: RuleBase, earlier: Tail | None = None, *, any_time: bool = False
-) -> dict[str, Floats]:
-    """Return the channels that rules speak of, those of the tail before them."""
-    found = dict(run.samples)
-    if "Time" in base.names:
-        found["Time"] = running_time(run, np.nan if earlier is None else earlier.started)
+def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats]:
+    """Return the values of the rules' variables; DVPos only while commanded, or always."""
+    found = run.samples | {"Time": run.ran}
+    found["DVPos"] = run.speed if any_time else np.where(run.active, run.DVPos, np.nan)
     strange = [name for name in base.names if name not in found]
     if strange:
         raise ArgumentError(f"rules speak of {', '.join(strange)}; a run has {', '.join(found)}")
-    found["DVPos"] = np.where(run.active, run.DVPos, np.nan)
-    # The change of VPos needs it, whether the rules speak of it or not.
-    found = {name: found[name] for name in dict.fromkeys((*base.names, "VPos"))}
-    if earlier is not None:
-        found = {name: np.concatenate([earlier.samples[name], x]) for name, x in found.items()}
-    if any_time and "DVPos" in found:
-        kept = 0 if earlier is None else earlier.time.size
-        time = run.time if earlier is None else np.concatenate([earlier.time, run.time])
-        found["DVPos"][kept:] = position_speed(time, found["VPos"])[kept:]
-    return found
+    return {name: found[name] for name in base.names}
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,6 +290,8 @@ class Diagnosis:
         The values of each variable; NaN where it does not count.
     active : ndarray of bool, shape (n_times, n_valves, n_rules)
         Which codes are active, in the order of ``base.codes``; valve 1 comes first.
+    before : ndarray of bool, shape (n_valves, n_rules)
+        Which codes were active before the first instant.
     tail : Tail
         What the diagnosis of the run that follows needs.
 
@@ -385,6 +324,7 @@ class Diagnosis:
     threshold: float
     samples: dict[str, Floats]
     active: Flags
+    before: Flags
     tail: Tail
 
     @property
@@ -403,7 +343,7 @@ class Diagnosis:
         """Where a code becomes active that was not before, shape as `active`."""
         new = self.active.copy()
         new[1:] &= ~self.active[:-1]
-        new[:1] &= ~self.tail.active_before
+        new[:1] &= ~self.before
         return new
 
     @cached_property
@@ -443,9 +383,7 @@ class Diagnosis:
             if seen.any():
                 found[place] = seen.any(axis=0)
                 delay[place] = self.time[first + seen.any(axis=1).argmax()] - moved.start
-        ranked = [self.base.codes.index(code) for code in self.base.ranking]
-        names = np.array(self.base.ranking, dtype=object)
-        table["active"] = [" ".join(names[row]) for row in found[:, ranked]]
+        table["active"] = self.base.active_codes(found)
         table["top_fault"] = self.base.top_codes(found)
         table["delay_s"] = delay
         return table
@@ -465,7 +403,10 @@ class Diagnosis:
         The last instant that is not after it counts. A code that fires, but not for long enough, is
         not active yet.
         """
-        row, k = valve_row(self.run, time), self._place(valve)
+        if not self.time.size:
+            raise ArgumentError(f"time is {time!r}; the run has no instants")
+        at = check_scalar("time", time, "s", float(self.time[0]), inf)
+        row, k = int(np.searchsorted(self.time, at + 1e-9, side="right")) - 1, self._place(valve)
         given = {name: x[row : row + 1, k] for name, x in self.samples.items()}
         firing = _fire(self.base, given, self.method)
         return Decision(firing, self.threshold, self.active[row : row + 1, k]).explain(0)
@@ -534,20 +475,26 @@ def diagnose_run(
     base = rules if rules is not None else rule_base()
     check_method(method)
     window = check_whole("n", n, 1, 1000)
-    time = run.time if earlier is None else np.concatenate([earlier.time, run.time])
-    samples = rule_inputs(run, base, earlier, any_time=method == "crisp")
-    kept = time.size - run.time.size
-    active = np.empty((run.time.size, run.n_valves, len(base.rules)), bool)
+    own = rule_inputs(run, base, any_time=method == "crisp")
+    before = np.zeros((run.n_valves, len(base.rules)), bool)
+    samples, kept = own, 0
+    if earlier is not None:
+        before = earlier.active
+        samples = {name: np.concatenate([earlier.samples[name], x]) for name, x in own.items()}
+        kept = len(earlier.samples[base.names[0]])
+    n_times = run.time.size
+    active = np.empty((n_times, run.n_valves, len(base.rules)), bool)
     size = max(_AT_ONCE // run.n_valves, window)
     # Also decided when there is nothing to decide, so that wrong arguments are refused.
-    for start in range(kept, max(time.size, kept + 1), size):
-        first = max(start - window + 1, 0)
-        part = {name: x[first : start + size] for name, x in samples.items()}
+    for start in range(0, max(n_times, 1), size):
+        first = max(kept + start - window + 1, 0)
+        part = {name: x[first : kept + start + size] for name, x in samples.items()}
         decided = _fire(base, part, method).decide(threshold=threshold, k=k, n=n).active
-        active[start - kept : start - kept + size] = decided[start - first :]
-    own = {name: x[kept:] for name, x in samples.items()}
-    tail = Tail.keep(run, time, samples, active, window, earlier)
-    return Diagnosis(run, base, method, k, n, threshold, own, active, tail)
+        active[start : start + size] = decided[kept + start - first :]
+    last = slice(max(kept + n_times - window + 1, 0), None)
+    rest = {name: x[last].copy() for name, x in samples.items()}
+    tail = Tail(rest, active[-1].copy() if n_times else before)
+    return Diagnosis(run, base, method, k, n, threshold, own, active, before, tail)
 
 
 def _fire(base: RuleBase, samples: dict[str, Floats], method: str) -> Firing:

@@ -26,7 +26,7 @@ from shipnet.ballast.registers import (
     RegisterMap,
     Status,
 )
-from shipnet.ballast.scan import READ_STATUS, status_poll
+from shipnet.ballast.scan import READ_STATUS, System, status_poll
 from shipnet.ballast.slave import ValveDevice, valve_slaves
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
@@ -34,7 +34,6 @@ from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.modbus.frame import MAX_UNIT, tcp_frame
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request, Response, decode
-from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.server import Server, real_clock
 from shipnet.modbus.server import serve as serve_slaves
 from shipnet.modbus.slave import DeviceError, Slave, Table, answer
@@ -107,18 +106,14 @@ class Tank:
 #: Slaves of Figure 15; that with the tank, and that with the fault simulator.
 N_SLAVES, _TANK, _SIMULATOR = 5, 3, 5
 
-
 #: A healthy valve opens or closes within this; row 0 of the rule table [s].
 _STROKE = 10.0
-
 
 #: How long a valve is watched after its stroke [s], and the tolerance of a position [%].
 _SETTLE, _NEAR = 5.0, 1.5
 
-
 #: Faults that show at the closed end: the valve is open, and closes.
 _CLOSING = ("S2", "Pos2", "Pos4")
-
 
 #: Kinds of test, in the order of section 4.
 TESTS = ("manual", "remote", "PC", "diagnosis")
@@ -178,9 +173,9 @@ class TestBed:
         rng: Any = None,
     ) -> None:
         faults = [] if fault is None else [Fault(fault, valves=_SIMULATOR)]
-        noise = None if rng is None else np.random.default_rng(rng)
-        self.plant = Plant(n_valves=N_SLAVES, faults=faults, opening=opening, rng=noise)
-        self.station = Station(self.plant, Loop(N_SLAVES, status_poll(bit_rate)))
+        system = System(N_SLAVES, status_poll(bit_rate), opening=opening)
+        self.plant = Plant(system, faults, rng)
+        self.station = Station(self.plant)
         self.gateway, self.recorder = Gateway(self.station), Recorder(self.plant)
         self.tank = Tank()
 
@@ -477,12 +472,8 @@ def serve(
     """
     count = check_whole("n_valves", n_valves, 1, MAX_UNIT)
     factor = check_scalar("speed", speed, "s/s", 0, 1e4)
-    failed = [faults] if isinstance(faults, Fault) else list(faults)
-    noise = None if rng is None else np.random.default_rng(rng)
-    for fault in failed:
-        fault.severities(count)
-    plant = Plant(n_valves=count, faults=failed, rng=noise)
-    return serve_slaves(valve_slaves(plant, watchdog=watchdog), clock=real_clock(factor), **options)
+    plant = Plant(System(count, watchdog=watchdog), faults, rng)
+    return serve_slaves(valve_slaves(plant), clock=real_clock(factor), **options)
 
 
 #: Takes unit id and request, returns the response: a `Link`, or `ModelValves`.
@@ -566,7 +557,7 @@ class ModelValves:
         faults: tuple[Fault, ...] = (),
         rng: np.random.Generator | None = None,
     ) -> None:
-        self._slaves = valve_slaves(Plant(n_valves=n_valves, faults=faults, rng=rng))
+        self._slaves = valve_slaves(Plant(n_valves, faults, rng))
         self.time = 0.0
 
     def __call__(self, unit: int, request: Request) -> Response:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.plant import Fault as ValveFault
 from shipnet.ballast.registers import COMMAND_REGISTER, MISSING, Code, RegisterMap
 from shipnet.ballast.scan import READ_STATUS, System, command_poll
-from shipnet.ballast.sensors import CHANNELS, position_speed
+from shipnet.ballast.sensors import CHANNELS, position_speed, stroke_speed
 from shipnet.ballast.slave import valve_slaves
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
@@ -28,7 +29,6 @@ from shipnet.fields import check_scalar, check_whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request
 from shipnet.modbus.polling import Poll
-from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.simulation import LOST, A, Master, Try
 from shipnet.modbus.slave import Slave, answer
 
@@ -39,12 +39,9 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-
 Ints = npt.NDArray[np.int64]
 
-
 Flags = npt.NDArray[np.bool_]
-
 
 #: What a valve can be on the screen. The first that holds counts.
 STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
@@ -60,10 +57,8 @@ STATE_COLOURS = {
     "not seen": "0.8",
 }
 
-
 #: A valve within this of an end counts as open or closed [%]; the paper does not say.
 _END = 1.0
-
 
 #: A motor runs whose current is sent as two steps of its register or more; one may be noise [A].
 LEAST_CURRENT = 0.15
@@ -394,32 +389,14 @@ class Station(Master):
     transaction that it falls into.
     """
 
-    def __init__(
-        self,
-        plant: Plant,
-        system: Loop,
-        faults: Iterable[Fault] = (),
-        *,
-        answer_at_end: bool = False,
-        timeout: float | None = None,
-        watchdog: float | None = None,
-    ) -> None:
-        if system.n_slaves != plant.n_valves:
-            raise ArgumentError(
-                f"system has {system.n_slaves} slaves; the plant has {plant.n_valves} valves"
-            )
-        failed = tuple(faults)
-        super().__init__(system, failed)
-        self.plant, self.system = plant, system
+    def __init__(self, plant: Plant, faults: Iterable[Fault] = ()) -> None:
+        self.plant, system = plant, plant.system
+        super().__init__(system.loop, tuple(faults))
         self.registers = RegisterMap()
-        self.slaves: dict[int, Slave] = valve_slaves(plant, watchdog=watchdog)
-        self.at_end = answer_at_end
-        poll = system.poll
-        self._command = command_poll(
-            poll.line,
-            processing=poll.processing,
-            timeout=poll.timeout if timeout is None else timeout,
-        )
+        self.slaves: dict[int, Slave] = valve_slaves(plant)
+        self.at_end, poll = system.answer_at_end, system.loop.poll
+        timeout = poll.timeout if system.command_timeout is None else system.command_timeout
+        self._command = command_poll(poll.line, processing=poll.processing, timeout=timeout)
         self.shown: list[Shown] = []
         self.writes: list[Write] = []
         self._position: dict[int, int] = {}
@@ -430,7 +407,7 @@ class Station(Master):
     def seen(self) -> MasterRun:
         """What the master has seen up to now."""
         return MasterRun(
-            self.n, self.system.poll, self.registers, self.time, list(self.shown),
+            self.n, self.rule.poll, self.registers, self.time, list(self.shown),
             list(self.writes), list(self.tries), float(self._command.time),
         )  # fmt: skip
 
@@ -465,14 +442,15 @@ class Station(Master):
         if self._holds(begin, arrives, unit, port):
             response = answer(self.slaves, Adu(unit, request.pdu), arrives, serial=True).pdu
             waits = self.at_end and response[:1] == b"\x06"
-            ready = max(self._arrival(unit, end), arrives) if waits else arrives
+            started = self.plant.started[unit - 1]
+            ready = max(self._stopped(unit, started, end), arrives) if waits else arrives
             done = ready + poll.shortest_timeout
             if done <= end + 1e-9 and self._holds(arrives, done, unit, port):
                 end = done + poll.line.t35
             else:
                 response = b""
                 if waits:
-                    self._late[unit] = self.plant.started[unit - 1]
+                    self._late[unit] = started
         self.time = end
         write = Write(begin, end, unit, value, response)
         self.writes.append(write)
@@ -480,17 +458,20 @@ class Station(Master):
 
     def attempt(self, slave: int, port: int, kind: int) -> bool:
         """Ask a slave for its status, from its devices; return whether it answered."""
-        start = self.time
-        if self._garbled(start, start + self.needed):
+        start, unit, line = self.time, slave + 1, self.rule.poll.line
+        read = start + line.frame_time(self.rule.poll.request_size)
+        garbled = self._garbled(start, read)
+        pdu = b""
+        if not garbled and self.paths.hold(start, read, slave, port):
+            pdu = answer(self.slaves, Adu(unit, READ_STATUS.pdu), read, serial=True).pdu
+        # The slave takes its readings before the plant moves on, lest it sees what comes later.
+        if garbled or self._garbled(read, start + self.needed):
             self.tries.append((start, slave, port, kind, False))
             self.time = self.last_failure = start + self.unanswered
             return False
         if not super().attempt(slave, port, kind):
             return False
-        unit, poll = slave + 1, self.system.poll
-        read = start + poll.line.frame_time(poll.request_size)
-        response = answer(self.slaves, Adu(unit, READ_STATUS.pdu), read, serial=True).pdu
-        words = tuple(int.from_bytes(response[k : k + 2], "big") for k in (2, 4, 6, 8))
+        words = tuple(int.from_bytes(pdu[k : k + 2], "big") for k in (2, 4, 6, 8))
         if words[0] >> 8 != MISSING:
             self._position[unit] = words[0] >> 8
         self.shown.append(Shown(unit, read, start + self.needed, words))
@@ -500,30 +481,29 @@ class Station(Master):
         """Return whether a path is whole; a lost slave is tried through port A."""
         return self.paths.hold(start, end, unit - 1, A if port == LOST else port)
 
-    def _arrival(self, unit: int, latest: float) -> float:
-        """Let time pass until a motor stops, or until `latest`; return when it stopped."""
-        k, plant = unit - 1, self.plant
-        while plant.running[k] and plant.time < latest:
-            plant.advance()
-        return self._stopped(unit, plant.started[k])
+    def _stopped(self, unit: int, started: float, latest: float) -> float:
+        """Let time pass until the motor stops that was started then, or until `latest`.
 
-    def _stopped(self, unit: int, started: float) -> float:
-        """Return when the motor stopped that was started then: inf while it runs."""
-        k = unit - 1
-        if self.plant.running[k] and self.plant.started[k] == started:
-            return float("inf")
-        ends = [m.end for m in self.plant.movements if m.valve == k and m.start == started]
+        Return when it stopped, inf if it still runs. The plant does not move on beyond that, so
+        that the next request finds it as it is then.
+        """
+        k, plant = unit - 1, self.plant
+        while plant.running[k] and plant.started[k] == started:
+            plant.run_until(plant.time)
+            stop = plant.stop_time(k)
+            if stop <= latest:
+                return stop
+            if plant.time + plant.step > latest:
+                return inf
+            plant.advance()
+        ends = [m.end for m in plant.movements if m.valve == k and m.start == started]
         return max([started, *ends])
 
     def _garbled(self, start: float, end: float) -> bool:
-        """Return whether an answer that nobody waits for falls into a transaction."""
-        if not self._late:
-            return False
-        # A motor that stops between two readings is known to have stopped at the second.
-        self.plant.run_until(end + self.plant.step)
-        serial, garbled = self.system.poll.line, False
+        """Return whether an answer that nobody waits for falls into this time."""
+        serial, garbled = self.rule.poll.line, False
         for unit, started in list(self._late.items()):
-            begins = self._stopped(unit, started) + serial.t35
+            begins = self._stopped(unit, started, end) + serial.t35
             lasts = serial.frame_time(self._command.response_size)
             if begins < end:
                 garbled |= begins + lasts > start
@@ -533,20 +513,14 @@ class Station(Master):
 
 def operate(
     plant: Plant,
-    system: Loop,
     commands: Iterable[Command] = (),
     *,
-    duration: float,
+    until: float,
     faults: Iterable[Fault] = (),
-    answer_at_end: bool = False,
-    timeout: float | None = None,
-    watchdog: float | None = None,
 ) -> MasterRun:
     """Let a master scan its valves and send commands at their times."""
-    end = check_scalar("until", duration, "s", 0, 1e5)
-    station = Station(
-        plant, system, faults, answer_at_end=answer_at_end, timeout=timeout, watchdog=watchdog
-    )
+    end = check_scalar("until", until, "s", 0, 1e5)
+    station = Station(plant, faults)
     orders = sorted(commands, key=lambda command: command.time)
     due = [(c.time, c, k + 1) for c in orders for k in c.mask(plant.n_valves).nonzero()[0]]
     for time, order, unit in due:
@@ -558,40 +532,29 @@ def operate(
 
 
 def scan_fleet(
-    system: System,
-    commands: Iterable[Command],
-    faults: list[ValveFault],
-    line_faults: Iterable[Fault],
-    until: float,
-    rng: np.random.Generator | None,
+    system: System, commands: Iterable[Command], faults: Iterable[Fault], until: float, rng: Any
 ) -> MasterRun:
     """Simulate the valves of a system and their masters, each with its share of the valves."""
     shares = system.valve_addresses()["master"].value_counts(sort=False).tolist()
-    orders, cuts = list(commands), list(line_faults)
-    if len(shares) > 1 and (faults or cuts or system.actuator or np.ndim(system.opening)):
+    orders, several = list(commands), list(faults)
+    own = [fault for fault in several if isinstance(fault, ValveFault)]
+    cuts = [fault for fault in several if not isinstance(fault, ValveFault)]
+    if len(shares) > 1 and (several or system.actuator.n_valves or np.ndim(system.opening)):
         raise ArgumentError(
             f"n_valves is {system.n_valves}; faults, actuators and openings need one master, with "
             f"1..{MAX_UNIT} valves"
         )
     known = [command.mask(system.n_valves) for command in orders]
+    noise = None if rng is None else np.random.default_rng(rng)
     parts, first = [], 0
     for share in shares:
-        plant = Plant(
-            system.actuator, n_valves=share, sensors=system.sensors, faults=faults,
-            opening=system.opening, step=system.step, rng=rng,
-        )  # fmt: skip
         mine = [
             replace(order, valves=[int(k) + 1 for k in np.flatnonzero(mask[first : first + share])])
             for order, mask in zip(orders, known, strict=True)
             if mask[first : first + share].any()
         ]
-        loop = replace(system, n_valves=share).loop if len(shares) > 1 else system.loop
-        parts.append(
-            operate(
-                plant, loop, mine, duration=until, faults=cuts, watchdog=system.watchdog,
-                answer_at_end=system.answer_at_end, timeout=system.command_timeout,
-            )
-        )  # fmt: skip
+        plant = Plant(replace(system, n_valves=share), own, noise)
+        parts.append(operate(plant, mine, until=until, faults=cuts))
         first += share
     if len(parts) == 1:
         return parts[0]
@@ -609,25 +572,20 @@ def scan_fleet(
     )
 
 
-def received_run(seen: MasterRun, unit: int, *, target: float, plant: Plant | None = None) -> Run:
+def received_run(seen: MasterRun, unit: int, *, target: float) -> Run:
     """Return the readings of one valve as the master was sent them."""
     known = check_whole("unit", unit, 1, seen.n_valves)
     rows = seen.answers[seen.answers["unit"] == known]
     if rows.empty:
         raise ArgumentError(f"unit is {unit}; nothing has come from it")
     time = rows["read_s"].to_numpy()
-    names = ["FP_bar", "OP_bar", "MC_A", "OT_degC", "VPos_percent"]
-    readings = rows[names].to_numpy()[:, :, np.newaxis]
-    running = readings[:, 2] >= LEAST_CURRENT
-    active = running & (np.abs(readings[:, 4] - target) > 0.5)
-    ran = np.zeros(time.size)
-    for k in range(1, time.size):
-        both = running[k, 0] and running[k - 1, 0]
-        ran[k] = ran[k - 1] + time[k] - time[k - 1] if both else 0.0
-    rate = position_speed(time, readings[:, 4], ran[:, np.newaxis])
-    moved = () if plant is None else tuple(
-        m._replace(valve=0) for m in plant.movements if m.valve == known - 1
-    )  # fmt: skip
-    return Run(
-        time, readings, rate, running, running & (rate != 0), active, readings[:, 4] / 100, moved
-    )
+    readings = rows[[c.column for c in CHANNELS]].to_numpy()[:, :, np.newaxis]
+    running, place = readings[:, 2] >= LEAST_CURRENT, readings[:, 4]
+    starts = running.copy()
+    starts[1:] &= ~running[:-1]
+    began = np.maximum.accumulate(np.where(starts, time[:, np.newaxis], -np.inf))
+    ran = np.where(running, time[:, np.newaxis] - began, np.nan)
+    speed = position_speed(time, place)
+    moving = running & (stroke_speed(speed, ran) != 0)
+    active = running & (np.abs(place - target) > 0.5)
+    return Run(time, readings, speed, ran, moving, active, place / 100, ())

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import clock
 from shipnet.ballast.actuator import (
     Actuator,
     Hydraulics,
@@ -26,7 +25,10 @@ from shipnet.ballast.actuator import (
     motor_current,
     steady_temperature,
 )
-from shipnet.ballast.sensors import CHANNELS, Sensors
+from shipnet.ballast.scan import System, as_system
+from shipnet.ballast.sensors import CHANNELS
+from shipnet.clock import Fault as TimedFault
+from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, record
 
@@ -65,14 +67,8 @@ def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
 class Command:
     """A command to some valves.
 
-    Parameters
-    ----------
-    action : str or float
-        ``open``, ``close`` or ``stop``; a number is the position to go to, 0..100 [%].
-    time : float, default 0
-        When it is given [s].
-    valves : int, sequence of int or None, default None
-        Which valves, counted from 1; None is all.
+    The `action` is ``open``, ``close``, ``stop`` or the position to go to, 0..100 [%]; `valves`
+    are numbers counted from 1, and None is all.
 
     Raises
     ------
@@ -197,27 +193,16 @@ FAULTS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "Pos4": ("position reads far too low", (Change("VPos", "added", -15.0),)),
 }
 
-
 _SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
 
 
 @record
-class Fault(clock.Fault):
+class Fault(TimedFault):
     """A fault of some valves.
 
-    Parameters
-    ----------
-    code : str
-        Code of the rule table: G1, P1, P2, V1, V2, O1, S1, S2 or Pos1 to Pos4.
-    severity : float or array of float, shape (n,), default 1
-        0 healthy to 1; an array has one value for each valve of `valves`.
-    valves : int, sequence of int or None, default None
-        Which valves have it, counted from 1; None is all.
-    start : float, default 0
-        When it begins [s]. A motor that is not cooled from time 0 on has been so for long, and is
-        as warm as that makes it.
-    stop : float, default inf
-        When it ends [s]; a valve stays where the fault left it.
+    The `valves` are numbers counted from 1, and None is all. When a fault ends, a valve stays where
+    the fault left it. A motor that is not cooled from time 0 on has been so for long, and is as
+    warm as that makes it.
 
     Raises
     ------
@@ -235,8 +220,11 @@ class Fault(clock.Fault):
     ('P2', 0.5, (3,))
     """
 
-    code: str = choice(tuple(FAULTS))
-    severity: float | Floats = number(0, 1, default=1.0, many=True)
+    code: str = choice(tuple(FAULTS), "Code of the rule table")
+    severity: float | Floats = number(
+        0, 1, "", "0 healthy to 1; an array has one value for each of `valves`", default=1.0,
+        many=True,
+    )  # fmt: skip
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:
@@ -338,6 +326,16 @@ class Movement(NamedTuple):
     outcome: str
 
 
+class _Step(NamedTuple):
+    """How valves turn between two readings: how fast, for how long, and which stop, and why."""
+
+    speed: Floats
+    lasted: Floats
+    late: Flags
+    arrives: Flags
+    at_limit: Flags
+
+
 class Plant:
     """Valves whose state is known at one time, which only moves on.
 
@@ -347,39 +345,18 @@ class Plant:
     end; a position is judged by the potentiometer.
     """
 
-    def __init__(
-        self,
-        actuator: Actuator | None = None,
-        *,
-        n_valves: int | None = None,
-        sensors: Sensors | None = None,
-        faults: Iterable[Fault] = (),
-        opening: npt.ArrayLike = 0.0,
-        step: float = 0.1,
-        rng: np.random.Generator | None = None,
-    ) -> None:
-        self._healthy = actuator if actuator is not None else Actuator()
-        known = self._healthy.n_valves
-        wanted = n_valves if n_valves is not None else known or 1
-        self.n_valves = check_whole("n_valves", wanted, 1, 10_000)
-        if known not in (None, self.n_valves):
-            raise ArgumentError(f"n_valves is {n_valves}; the actuator has numbers for {known}")
-        self.sensors = sensors if sensors is not None else Sensors()
-        self.step = check_scalar("step", step, "s", 1e-3, 1.0)
-        self.faults = list(faults)
-        self._rng = rng
+    def __init__(self, system: System | int = 1, faults: Any = (), rng: Any = None) -> None:
+        self.system = as_system(system)
+        self.n_valves, self.step = self.system.n_valves, self.system.step
+        self._healthy, self.sensors = self.system.actuator, self.system.sensors
+        self.faults: tuple[Any, ...] = as_faults(faults, Fault)
+        self._rng = None if rng is None else np.random.default_rng(rng)
         times = {time for fault in self.faults for time in (fault.start, fault.stop)} - {inf}
         #: Readings at which a fault begins or ends.
         self.changes = sorted(map(self.ticks, times))
-        place = np.asarray(opening, float)
-        if place.shape not in ((), (self.n_valves,)) or not ((place >= 0) & (place <= 1)).all():
-            raise ArgumentError(
-                f"opening is {opening!r}; it must be 0..1, one for all or one for each of "
-                f"{self.n_valves} valves"
-            )
         n = self.n_valves
         self.tick = 0
-        self.opening = np.broadcast_to(place, n).copy()
+        self.opening = np.array(np.broadcast_to(self.system.opening, n), float)
         self.running, self.active = np.zeros(n, bool), np.zeros(n, bool)
         self.direction, self.ran = np.zeros(n, int), np.zeros(n, int)
         self.started, self.last_run = np.zeros(n), np.zeros(n)
@@ -403,6 +380,11 @@ class Plant:
     @property
     def _busy(self) -> bool:
         return bool(np.count_nonzero(self.running))  # in a fifth of the time of any()
+
+    @property
+    def run_time(self) -> Floats:
+        """For how long each motor has been running at this reading [s]; NaN if it is off."""
+        return np.where(self.running, (self.ran - 1) * self.step, np.nan)
 
     def ticks(self, time: float) -> int:
         """Return the first reading that is not before a time."""
@@ -490,8 +472,14 @@ class Plant:
             self.measure()
         return self.readings
 
-    def _turn(self) -> Floats:
-        """Move the valves for a step; return the mean heat of each motor [W]."""
+    def stop_time(self, valve: int) -> float:
+        """Return when a motor that runs stops before the next reading; inf if it does not [s]."""
+        step = self._next_step()
+        stops = step.late | step.arrives
+        return float(self.time + step.lasted[valve]) if stops[valve] else inf
+
+    def _next_step(self) -> _Step:
+        """Return how the valves turn until the next reading, which their state now decides."""
         dt, way = self.step, self.direction
         now, volume = self._state(), self._volume
         half = self.opening + way * now.flow / volume * dt / 2
@@ -511,6 +499,12 @@ class Plant:
             lasted = np.where(late, np.maximum(self.deadline - self.time, 0.0), lasted)
             arrives &= ~late
         at_limit = arrives & (to_limit <= np.where(np.isnan(to_target), np.inf, to_target))
+        return _Step(speed, lasted, late, arrives, at_limit)
+
+    def _turn(self) -> Floats:
+        """Move the valves for a step; return the mean heat of each motor [W]."""
+        now, way = self._state(), self.direction
+        speed, lasted, late, arrives, at_limit = self._next_step()
         moved = self.opening + way * speed * lasted * self.running
         self.opening = np.where(at_limit, way > 0, np.minimum(np.maximum(moved, 0), 1))
         self._load = self._driven = None
@@ -518,7 +512,7 @@ class Plant:
         self._stop(at_limit, self.time + lasted, "limit")
         self._stop(arrives & ~at_limit, self.time + lasted, "position")
         self.active &= ~arrives
-        return losses(self._actuator, now.pump_pressure) * lasted / dt
+        return losses(self._actuator, now.pump_pressure) * lasted / self.step
 
     def _stop(self, which: Flags, when: npt.ArrayLike, outcome: str) -> None:
         if not np.count_nonzero(which):

@@ -54,10 +54,8 @@ def command_codes(reading: str) -> dict[Code, int]:
 
 Floats = npt.NDArray[np.float64]
 
-
 #: Input registers of the status; Tables 1 and 3 of the paper.
 FIRST_REGISTER, N_REGISTERS = 0x4020, 4
-
 
 #: Largest number of steps that a byte holds, and what it holds when a sensor says nothing. The
 #: paper names no such value; without one a dead sensor reads as the end of its scale.
@@ -97,32 +95,24 @@ def whole_steps(
 #: Holding register of the command; Tables 1 and 2 of the paper.
 COMMAND_REGISTER = 0x4001
 
-
 #: Step of the operating time [s]; our assumption, as all scales are.
 _TIME_STEP = 0.1
-
 
 #: Step of each reading, shape (5, 1).
 _STEPS = np.array([[scale.step] for scale in SCALES])
 
-
 #: What is sent at most, and instead of NaN, by the longest operating time; each shape (6, 1).
 _HIGHEST = {last: np.array([[HIGHEST]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
 
-
 _MISSING = {last: np.array([[MISSING]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
-
 
 #: What a step of each reading, and of the operating time, adds to each register, shape (4, 6).
 _PLACES = np.zeros((N_REGISTERS, len(SCALES) + 1), np.int64)
 
-
 for _k, _scale in enumerate(SCALES):
     _PLACES[_scale.register - FIRST_REGISTER, _k] = 1 << _scale.shift
 
-
 _PLACES[1, -1] = 1
-
 
 #: Bits of Manual, Auto, Close and Open, from the first of them on.
 _FLAGS = np.array([1, 2, 4, 8])
@@ -151,17 +141,6 @@ class Status(NamedTuple):
 class RegisterMap:
     """A reading of Tables 2 and 3.
 
-    Parameters
-    ----------
-    status : str, default "table 3"
-        Places of Manual, Auto, Close and Open in the low byte of 0x4020: Bit2 to Bit5 as in
-        ``table 3``, or Bit0 to Bit3 as in the response of ``table 2``. The number of the fault,
-        whose place neither prints, is then in the high byte of 0x4021 or in Bit4 to Bit7; the
-        operating time has the other 8 bits of 0x4021, or all 16.
-    codes : str, default "flag sum"
-        Command codes: ``flag sum`` (position codes 6 and 10, auto added to close and open),
-        ``one bit`` (16 and 32), or as printed, with 10 read as ``decimal`` or ``hexadecimal``.
-
     Raises
     ------
     ArgumentError
@@ -177,8 +156,18 @@ class RegisterMap:
     '0x280A'
     """
 
-    status: str = choice(("table 3", "table 2"), default="table 3")
-    codes: str = choice(tuple(CODE_READINGS), default="flag sum")
+    status: str = choice(
+        ("table 3", "table 2"),
+        "Places of Manual, Auto, Close and Open in the low byte of 0x4020: Bit2 to Bit5 as in "
+        "table 3, or Bit0 to Bit3 as in the response of table 2. The number of the fault, whose "
+        "place neither prints, is then in the high byte of 0x4021 or in Bit4 to Bit7; the "
+        "operating time has the other 8 bits of 0x4021, or all 16", default="table 3",
+    )  # fmt: skip
+    codes: str = choice(
+        tuple(CODE_READINGS),
+        "Command codes: the position codes 6 and 10, with auto added to close and open; 16 and 32; "
+        "or as printed, with 10 read as decimal or hexadecimal", default="flag sum",
+    )  # fmt: skip
 
     def encode(
         self,

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 #: The test values as printed, and with the misprints corrected; the words of the data file.
 VERSIONS = {"printed": "printed", "corrected": "meant"}
 
-
 #: What is assumed of the sensors that a row does not print.
 FILLS = ("absent", "normal", "physical")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import KW_ONLY
+from dataclasses import KW_ONLY, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -27,10 +27,8 @@ if TYPE_CHECKING:
 #: Usual bit rates within the 2400 to 115200 bit/s of both controllers; the paper, section 3.
 BIT_RATES = (2400, 4800, 9600, 19200, 38400, 57600, 115200)
 
-
 #: What a scan asks of each valve: input registers 0x4020 to 0x4023.
 READ_STATUS = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
-
 
 #: "Display of fully updated screen views", as DNV-OS-D202 has it [s].
 _SCREEN = 2.0
@@ -87,31 +85,9 @@ def command_poll(serial: SerialLine, *, processing: float = 0.0, timeout: float 
 class System:
     """Valves; with a poll also the line and the master that scans them.
 
-    Parameters
-    ----------
-    n_valves : int, optional
-        How many, 1..10000; as many as `actuator` has numbers for, or 1, if omitted.
-    poll : Poll, optional
-        How the master asks a valve for its status, such as `status_poll` returns; without one the
-        valves are commanded and read directly. More than 247 valves are shared among masters.
-    actuator : Actuator, optional
-        What the valves are; `Actuator` with its defaults if omitted.
-    sensors : Sensors, optional
-        What measures; `Sensors` with its defaults if omitted.
-    opening : float or array of float, shape (n_valves,), default 0
-        Where the valves are at first, 0..1.
-    step : float, default 0.1
-        Time between two readings while a motor runs, 1e-3..1 [s].
-    move : {"slave", "downstream"}, default "slave"
-        What the master moves to its other port when a slave does not answer: the slave alone, or
-        with it all that lie downstream of it.
-    answer_at_end : bool, default False
-        Whether a slave answers a command when the valve has arrived, as the paper prints it, else
-        at once.
-    command_timeout : float, optional
-        How long the master waits for the answer to a command [s]; that of the poll if omitted.
-    watchdog : float, optional
-        A motor stops that has had no request for so long [s]; never if omitted.
+    Without `poll`, such as `status_poll` returns, the valves are commanded and read directly. More
+    than 247 valves are shared among masters. `opening` is where the valves are at first, 0..1, one
+    number or one per valve.
 
     Raises
     ------
@@ -124,24 +100,46 @@ class System:
     7.94
     """
 
-    n_valves: int = whole(1, 10_000, help="Number of valves", default=None, optional=True)
+    n_valves: int = whole(
+        1, 10_000, help="How many; as many as `actuator` has numbers for, or 1, if omitted",
+        default=None, optional=True,
+    )  # fmt: skip
     poll: Poll | None = None
     _: KW_ONLY
-    actuator: Actuator | None = None
-    sensors: Sensors | None = None
+    actuator: Actuator = field(default_factory=Actuator)
+    sensors: Sensors = field(default_factory=Sensors)
     opening: npt.ArrayLike = 0.0
-    step: float = number(1e-3, 1, "s", "Time between readings", default=0.1)
-    move: Literal["slave", "downstream"] = choice(("slave", "downstream"), default="slave")
-    answer_at_end: bool = switch("Whether a command is answered at its end", default=False)
-    command_timeout: float | None = number(0, 3600, "s", default=None, optional=True)
-    watchdog: float | None = number(0.1, 3600, "s", default=None, optional=True)
+    step: float = number(1e-3, 1, "s", "Time between two readings while a motor runs", default=0.1)
+    move: Literal["slave", "downstream"] = choice(
+        ("slave", "downstream"),
+        "What the master moves to its other port when a slave does not answer: the slave alone, or "
+        "with it all that lie downstream of it", default="slave",
+    )  # fmt: skip
+    answer_at_end: bool = switch(
+        "Whether a slave answers a command when the valve has arrived, as the paper prints it, "
+        "else at once", default=False,
+    )  # fmt: skip
+    command_timeout: float | None = number(
+        0, 3600, "s", "How long the master waits for the answer to a command; as `poll` if omitted",
+        default=None, optional=True,
+    )  # fmt: skip
+    watchdog: float | None = number(
+        0.1, 3600, "s", "A motor stops that has had no request for so long; never if omitted",
+        default=None, optional=True,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Take the number of valves of the actuator, or check that it is the same."""
-        known = None if self.actuator is None else self.actuator.n_valves
+        known = self.actuator.n_valves
         count = known or 1 if self.n_valves is None else self.n_valves
         if known not in (None, count):
             raise ArgumentError(f"n_valves is {count}; the actuator has numbers for {known}")
+        place = np.asarray(self.opening, float)
+        if place.shape not in ((), (count,)) or not ((place >= 0) & (place <= 1)).all():
+            raise ArgumentError(
+                f"opening is {self.opening!r}; it must be 0..1, one for all or one for each of "
+                f"{count} valves"
+            )
         object.__setattr__(self, "n_valves", count)
 
     def __repr__(self) -> str:

@@ -70,19 +70,23 @@ def _rules() -> list[dict[str, str]]:
 
 Floats = npt.NDArray[np.float64]
 
-
 #: Over how long the change of the position is taken [s]; the paper does not say.
 WINDOW = 1.0
 
 
-def position_speed(time: Floats, position: Floats, ran: npt.ArrayLike = np.inf) -> Floats:
-    """Return how fast the position changes, up or down."""
+def position_speed(time: Floats, position: Floats) -> Floats:
+    """Return how fast the position has changed within the window, up or down."""
     then = np.searchsorted(time, time - WINDOW + 1e-9) - 1
     speed = np.full(position.shape, np.nan)
     known = then >= 0
     lasted = (time[known] - time[then[known]])[:, np.newaxis]
     speed[known] = np.abs(position[known] - position[then[known]]) / lasted
-    return np.where(np.asarray(ran) < WINDOW - 1e-9, np.nan, speed)
+    return speed
+
+
+def stroke_speed(speed: Floats, ran: npt.ArrayLike) -> Floats:
+    """Return a speed where the motor has been running for the whole window, else NaN."""
+    return np.where(np.asarray(ran) >= WINDOW - 1e-9, speed, np.nan)
 
 
 _NAMES = tuple(channel.name for channel in CHANNELS)

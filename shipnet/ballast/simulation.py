@@ -7,42 +7,34 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.master import MasterRun, scan_fleet
 from shipnet.ballast.plant import Command, Fault, Plant
 from shipnet.ballast.scan import System, as_system
-from shipnet.ballast.sensors import WINDOW, Sensors, position_speed
+from shipnet.ballast.sensors import WINDOW, position_speed
+from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 
-#: Fields of a `Run` that have a row an instant.
-_COLUMNS = ("time", "readings", "DVPos", "running", "moving", "active", "opening")
+#: Fields of a `Run` that have one row per instant.
+_COLUMNS = ("time", "readings", "speed", "ran", "moving", "active", "opening")
 
 
 def blocks(
-    actuator: Actuator | None = None,
+    system: System | int,
     commands: Iterable[Command] = (),
     *,
-    duration: float,
-    n_valves: int | None = None,
     faults: Iterable[Fault] = (),
-    sensors: Sensors | None = None,
-    opening: npt.ArrayLike = 0.0,
-    step: float = 0.1,
+    until: float,
     idle_step: float = 1.0,
-    rng: np.random.Generator | None = None,
+    rng: Any = None,
     size: int = 2000,
 ) -> Iterator[Run]:
     """Simulate valves piece by piece, for runs that do not fit into memory."""
-    plant = Plant(
-        actuator, n_valves=n_valves, sensors=sensors, faults=faults, opening=opening, step=step,
-        rng=rng,
-    )  # fmt: skip
-    last = plant.ticks(check_scalar("duration", duration, "s", 0, 1e8))
-    idle = check_scalar("idle_step", idle_step, "s", step, 3600)
+    plant = Plant(system, faults, rng)
+    last = plant.ticks(check_scalar("until", until, "s", 0, 1e8))
+    idle = check_scalar("idle_step", idle_step, "s", plant.step, 3600)
     most = check_whole("size", size, 1, 10**6)
     try:
         orders = sorted(commands, key=lambda command: command.time)
@@ -105,33 +97,25 @@ def simulate(
     [[1, 9, 90], [2, 9, 90], [3, 9, 90], [4, 17, 28]]
     """
     valves = as_system(system)
-    noise = None if rng is None else np.random.default_rng(rng)
-    several = list(faults) if isinstance(faults, Iterable) else [faults]
-    own = [fault for fault in several if isinstance(fault, Fault)]
-    others = [fault for fault in several if not isinstance(fault, Fault)]
+    several = as_faults(faults)
     if valves.poll is not None:
-        return scan_fleet(valves, commands, own, others, until, noise)
-    if others:
+        return scan_fleet(valves, commands, several, until, rng)
+    if others := [fault for fault in several if not isinstance(fault, Fault)]:
         raise ArgumentError(f"one of faults is {others[0]!r}; the system has no line, give a poll")
-    return simulate_valves(valves, commands, own, until, idle_step, noise)
+    return simulate_valves(valves, commands, faults, until, idle_step, rng)
 
 
 def simulate_valves(
     system: System,
     commands: Iterable[Command],
-    faults: list[Fault],
+    faults: Any,
     until: float,
-    idle_step: float | None,
-    rng: np.random.Generator | None,
+    idle_step: float | None = None,
+    rng: Any = None,
 ) -> Run:
     """Simulate valves without a master."""
-    pieces = list(
-        blocks(
-            system.actuator, commands, duration=check_scalar("until", until, "s", 0, 1e8),
-            n_valves=system.n_valves, faults=faults, sensors=system.sensors, opening=system.opening,
-            step=system.step, rng=rng, idle_step=system.step if idle_step is None else idle_step,
-        )
-    )  # fmt: skip
+    idle = system.step if idle_step is None else idle_step
+    pieces = list(blocks(system, commands, faults=faults, until=until, idle_step=idle, rng=rng))
     columns = {
         name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in _COLUMNS
     }
@@ -148,8 +132,8 @@ def _record(
     done = False
     while not done:
         time, readings = np.empty(size), np.empty((size, 5, n))
-        flags, opening = np.zeros((3, size, n), bool), np.empty((size, n))
-        ran = np.zeros((size, n), int)
+        moving, active = np.zeros((2, size, n), bool)
+        opening, ran = np.empty((size, n)), np.full((size, n), np.nan)
         row = 0
         while row < size and not done:
             while given < len(orders) and plant.ticks(orders[given].time) <= plant.tick:
@@ -162,26 +146,25 @@ def _record(
             if calm:
                 rows = slice(row, row + calm)
                 time[rows] = (plant.tick + pause * np.arange(calm)) * plant.step
-                opening[rows], flags[2, rows] = plant.opening, plant.active
+                opening[rows], active[rows] = plant.opening, plant.active
                 readings[rows] = plant.rest(calm, pause)
                 row += calm
                 continue
             readings[row] = plant.measure()
-            time[row], opening[row], ran[row] = plant.time, plant.opening, plant.ran
-            flags[0, row], flags[2, row] = plant.running, plant.active
+            time[row], opening[row] = plant.time, plant.opening
+            ran[row], active[row] = plant.run_time, plant.active
             was = plant.opening
             row += 1
             done = plant.tick >= last
             if not done:
                 plant.advance(1 if plant.running.any() else upcoming - plant.tick)
-                flags[1, row - 1] = plant.opening != was
-        earlier = np.concatenate([before, readings[:row, 4]])
+                moving[row - 1] = plant.opening != was
+        places = np.concatenate([before, readings[:row, 4]])
         instants, kept = np.concatenate([since, time[:row]]), len(since)
-        lasted = np.concatenate([np.zeros((kept, n)), (ran[:row] - 1) * plant.step])
-        rate = position_speed(instants, earlier, lasted)[kept:]
-        before, since = earlier[-window:], instants[-window:]
+        speed = position_speed(instants, places)[kept:]
+        before, since = places[-window:], instants[-window:]
         movements, plant.movements = tuple(plant.movements), []
         yield Run(
-            time[:row], readings[:row], rate, flags[0, :row], flags[1, :row], flags[2, :row],
+            time[:row], readings[:row], speed, ran[:row], moving[:row], active[:row],
             opening[:row], movements,
         )  # fmt: skip

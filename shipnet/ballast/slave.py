@@ -21,18 +21,16 @@ from shipnet.ballast.registers import (
     RegisterMap,
 )
 from shipnet.ballast.rule_table import rule_base
-from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed
+from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed, stroke_speed
 from shipnet.errors import ArgumentError, FieldError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import ExceptionCode
 from shipnet.modbus.slave import DeviceError, Slave, Table
 
 Floats = npt.NDArray[np.float64]
 
-
 Flags = npt.NDArray[np.bool_]
-
 
 #: A code is found if its rule fired in 3 or more of the last 5 readings.
 _LEAST, _WINDOW = 3, 5
@@ -58,7 +56,7 @@ class Monitor:
 
     def codes(self, valve: int) -> tuple[str, ...]:
         """Return all codes that were found since the last command, the highest priority first."""
-        return tuple(self.base.codes[k] for k in self._ranked if self.found[valve, k])
+        return tuple(self.base.active_codes(self.found[[valve]])[0].split())
 
     def report(self, valve: int, row: int) -> None:
         """Take a code for found, and no other, and begin to count anew."""
@@ -92,7 +90,7 @@ class Monitor:
         if not calm:
             ends = (self._places[0], self._places[-1])
             time, places = (np.array(column) for column in zip(*ends, strict=True))
-            found = position_speed(time, places, (plant.ran - 1) * plant.step)[-1]
+            found = stroke_speed(position_speed(time, places)[-1], plant.run_time)
             speed = np.where(plant.active, found, np.nan)
         values = {c.name: x for c, x in zip(CHANNELS, plant.readings, strict=True)}
         values["DVPos"] = speed
@@ -118,16 +116,11 @@ class ValveDevice:
         self,
         plant: Plant,
         valve: int = 0,
-        *,
-        watchdog: float | None = None,
         monitor: Monitor | None = None,
     ) -> None:
         self.plant = plant
         self.valve = check_whole("valve", valve, 0, plant.n_valves - 1)
-        self.registers = RegisterMap()
-        self.watchdog = (
-            None if watchdog is None else check_scalar("watchdog", watchdog, "s", 0.1, 3600)
-        )
+        self.registers, self.watchdog = RegisterMap(), plant.system.watchdog
         self.local, self.auto = False, True
         self.monitor = monitor if monitor is not None else Monitor(plant)
         self.saturated = dict.fromkeys([*(channel.name for channel in CHANNELS), "time"], False)
@@ -210,13 +203,10 @@ class ValveDevice:
             self.plant.deadline[self.valve] = np.minimum(latest, now + self.watchdog)
 
 
-def valve_slaves(plant: Plant, *, watchdog: float | None = None) -> dict[int, Slave]:
+def valve_slaves(plant: Plant) -> dict[int, Slave]:
     """Return the valves of a plant as slaves, which `shipnet.modbus.server.serve` takes."""
     if plant.n_valves > MAX_UNIT:
         raise ArgumentError(f"plant has {plant.n_valves} valves; there are {MAX_UNIT} unit ids")
     monitor = Monitor(plant)
-    devices = (
-        ValveDevice(plant, valve, watchdog=watchdog, monitor=monitor)
-        for valve in range(plant.n_valves)
-    )
+    devices = (ValveDevice(plant, valve, monitor) for valve in range(plant.n_valves))
     return {unit: Slave(device, functions=_FUNCTIONS) for unit, device in enumerate(devices, 1)}

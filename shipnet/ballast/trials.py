@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,10 +21,11 @@ from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.scan import System, as_system
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
+from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
-from shipnet.fuzzy.rules import RuleBase
+from shipnet.fuzzy.rules import RuleBase, draw_matrix
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
 
@@ -35,44 +36,35 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-
 Flags = npt.NDArray[np.bool_]
 
+#: What stands behind the numbers.
+BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
 
-#: When a fault counts as found.
-CRITERIA = {
-    "detected": "any code was active",
-    "named": "its own code was active",
-    "isolated": "its own code was ranked first",
-}
-
+#: A year [s].
+_YEAR = 365.25 * 86400
 
 #: A trial: rest, open, rest, close, rest [s]. A motor may run for 20 s.
 _OPEN, _CLOSE, _END = 5.0, 35.0, 65.0
-
 
 #: Instants of a block: what 3328 valves read in it takes 27 MB.
 _BLOCK = 100
 
 
-def spread_actuator(n_valves: int, spread: float, rng: np.random.Generator) -> Actuator:
+def spread_valves(
+    n_valves: int, spread: float, sensors: Sensors | None, rng: np.random.Generator
+) -> System:
     """Return valves that differ from each other as new ones do."""
     n = check_whole("n_valves", n_valves, 1, 10_000)
     sigma = check_scalar("spread", spread, "", 0, 0.5)
     usual = Actuator()
     factors = np.exp(sigma * rng.standard_normal((3, n)))
-    return Actuator(
+    actuator = Actuator(
         pump_leak=usual.pump_leak * factors[0],
         restrictor=usual.restrictor * factors[1],
         bearing_torque=usual.bearing_torque * factors[2],
     )
-
-
-class Outcome(NamedTuple):
-    """What became of trials, for one method of the rules."""
-
-    active: Flags
-    first: Floats
+    return System(actuator=actuator, sensors=sensors or Sensors())
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +119,7 @@ class Trials:
 
         groups = self.rows.groupby(["method", "fault"], sort=False)
         table = pd.DataFrame({"n": groups.size()})
-        for name in CRITERIA:
+        for name in ("detected", "named", "isolated"):
             hits = groups[name].sum().astype(int)
             table[name] = hits / table["n"]
             ends = share_interval(hits, table["n"], confidence=confidence)
@@ -157,23 +149,12 @@ class Trials:
         count = table.to_numpy(float)
         total = count.sum(axis=1, keepdims=True)
         share = np.divide(count, total, out=np.zeros_like(count), where=total > 0)
-        ax.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
+        draw_matrix(ax, share, lambda _, __, x: f"{100 * x:.0f}" if x >= 0.005 else "<1")
         ax.autoscale(False)
-        for (row, column), value in np.ndenumerate(share):
-            if table.index[row] == table.columns[column]:
-                ax.bar(column, 1, 1, row - 0.5, fill=False, edgecolor="0.3", linewidth=1)
-            if value > 0:
-                ax.text(
-                    column, row, f"{100 * value:.0f}" if value >= 0.005 else "<1", fontsize=8,
-                    ha="center", va="center", color="white" if value > 0.6 else "0.1",
-                )  # fmt: skip
+        for row, column in np.argwhere(table.index.to_numpy()[:, None] == table.columns.to_numpy()):
+            ax.bar(column, 1, 1, row - 0.5, fill=False, edgecolor="0.3", linewidth=1)
         ax.set_xticks(range(len(table.columns)), [str(name) for name in table.columns], fontsize=8)
         ax.set_yticks(range(len(table.index)), [str(name) for name in table.index], fontsize=8)
-        ax.set_xticks(np.arange(len(table.columns) - 1) + 0.5, minor=True)
-        ax.set_yticks(np.arange(len(table.index) - 1) + 0.5, minor=True)
-        ax.grid(visible=False)
-        ax.grid(visible=True, which="minor", color="0.88")
-        ax.tick_params(which="both", length=0)
         ax.set(xlabel="top-ranked fault [% of the row]", ylabel="fault of the valve")
         return ax
 
@@ -251,21 +232,35 @@ def fault_trials(
     severities = np.tile(each, len(wanted))
     base = rules if rules is not None else rule_base()
     faults = np.repeat(np.array(wanted, dtype=object), valves)
-    actuator = spread_actuator(faults.size, spread, generator)
-    found = _cycle(actuator, faults, severities, base, asked, (k, n), sensors, generator)
-    ranked = [base.codes.index(code) for code in base.ranking]
-    names = np.array(base.ranking, dtype=object)
+    places = {code: np.flatnonzero(faults == code) for code in wanted if code != NORMAL}
+    plan = [Fault(code, severities[mine], valves=mine + 1) for code, mine in places.items()]
+    active = {method: np.zeros((faults.size, len(base.rules)), bool) for method in asked}
+    first = {method: np.full(faults.size, np.nan) for method in asked}
+    runs = blocks(
+        spread_valves(faults.size, spread, sensors, generator),
+        [Command("open", _OPEN), Command("close", _CLOSE)],
+        faults=plan, until=_END, idle_step=0.5, rng=generator, size=_BLOCK,
+    )  # fmt: skip
+    for block in _diagnosed(runs, base, asked, k=k, n=n):
+        for method, found in block.items():
+            active[method] |= found.active.any(axis=0)
+            soonest = np.fmin.reduce(found.alarm_times, axis=1)
+            first[method] = np.fmin(first[method], soonest)
+    own = faults[:, np.newaxis] == np.array(base.codes, dtype=object)
     tables = []
-    for method, outcome in found.items():
+    for method, codes in active.items():
+        top = base.top_codes(codes)
         rows = {
             "method": method,
             "fault": faults,
             "valve": np.tile(np.arange(1, valves + 1), len(wanted)),
             "severity": np.where(faults == NORMAL, 0.0, severities),
-            "active": [" ".join(names[row]) for row in outcome.active[:, ranked]],
-            "top_fault": base.top_codes(outcome.active),
-            **{name: _found(base, faults, outcome, name) for name in CRITERIA},
-            "delay_s": np.maximum(outcome.first - _OPEN, 0.0),
+            "active": base.active_codes(codes),
+            "top_fault": top,
+            "detected": codes.any(axis=1),
+            "named": (codes & own).any(axis=1),
+            "isolated": top == faults,
+            "delay_s": np.maximum(first[method] - _OPEN, 0.0),
         }
         tables.append(pd.DataFrame(rows))
     return Trials(pd.concat(tables, ignore_index=True))
@@ -292,55 +287,6 @@ def _some(name: str, words: Iterable[str]) -> list[str]:
     if len(given) > 10_000:
         raise ArgumentError(f"{name} has {len(given)} words; it must have 10000 at most")
     return given
-
-
-def _found(base: RuleBase, faults: npt.NDArray[np.object_], outcome: Outcome, how: str) -> Flags:
-    if how == "detected":
-        return np.asarray(outcome.active.any(axis=1))
-    if how == "isolated":
-        return np.asarray(base.top_codes(outcome.active) == faults)
-    own = faults[:, np.newaxis] == np.array(base.codes, dtype=object)
-    return np.asarray((outcome.active & own).any(axis=1))
-
-
-def _cycle(
-    actuator: Actuator,
-    faults: npt.NDArray[np.object_],
-    severities: Floats,
-    base: RuleBase,
-    methods: list[str],
-    persistence: tuple[int, int],
-    sensors: Sensors | None,
-    rng: np.random.Generator,
-) -> dict[str, Outcome]:
-    """Simulate one trial of every valve, and diagnose it in every method."""
-    known = [code for code in dict.fromkeys(faults) if code != NORMAL]
-    plan = []
-    for code in known:
-        mine = np.flatnonzero(faults == code)
-        plan.append(Fault(code, severities[mine], valves=mine + 1))
-    orders = [Command("open", _OPEN), Command("close", _CLOSE)]
-    k, n = persistence
-    active = {method: np.zeros((faults.size, len(base.rules)), bool) for method in methods}
-    first = {method: np.full(faults.size, np.nan) for method in methods}
-    runs = blocks(
-        actuator, orders, duration=_END, faults=plan, sensors=sensors, rng=rng, idle_step=0.5,
-        size=_BLOCK,
-    )  # fmt: skip
-    for block in _diagnosed(runs, base, methods, k=k, n=n):
-        for method, found in block.items():
-            active[method] |= found.active.any(axis=0)
-            soonest = np.fmin.reduce(found.alarm_times, axis=1)
-            first[method] = np.fmin(first[method], soonest)
-    return {method: Outcome(active[method], first[method]) for method in methods}
-
-
-#: What stands behind the numbers.
-BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
-
-
-#: A year [s].
-_YEAR = 365.25 * 86400
 
 
 def false_alarms(
@@ -413,12 +359,10 @@ def false_alarms(
     alarmed = {method: np.zeros((starts.size, valves), bool) for method in wanted}
     alarms = dict.fromkeys(wanted, 0)
     quiet = {method: np.ones((1, valves), bool) for method in wanted}
-    actuator = spread_actuator(valves, spread, generator)
+    system = spread_valves(valves, spread, sensors, generator)
     # The last period is whole: it ends just before the next command would come.
     end = starts[-1] + every - 0.1
-    runs = blocks(
-        actuator, orders, duration=end, sensors=sensors, rng=generator, size=max(2**19 // valves, 1)
-    )
+    runs = blocks(system, orders, until=end, rng=generator, size=max(2**19 // valves, 1))
     for block in _diagnosed(runs, rules, wanted, k=k, n=n):
         for method, found in block.items():
             of = np.minimum((found.time + 1e-6) // every, starts.size - 1).astype(int)
@@ -504,28 +448,20 @@ class FleetReport:
                     (self.alarms["valve"] == valve + 1) & (self.alarms["time_s"] >= fault.start)
                 ]
                 own = mine[mine["code"] == fault.code]
-                alarm = float(mine["time_s"].iloc[0]) if len(mine) else np.nan
+                alarm, top = mine["time_s"].min(), mine["top_fault"].tolist()
                 ran = self.commands[
                     (self.commands["valve"] == valve + 1)
                     & (self.commands["end_s"] >= fault.start)
                     & (self.commands["start_s"] <= alarm)
                 ]
-                command = max(float(ran["start_s"].iloc[-1]), fault.start) if len(ran) else np.nan
+                command = np.maximum(ran["start_s"].max(), fault.start)
                 rows.append(
-                    {
-                        "valve": int(valve) + 1,
-                        "code": fault.code,
-                        "severity": float(severities[valve]),
-                        "start_s": fault.start,
-                        "alarm_s": alarm,
-                        "top_fault": mine["top_fault"].iloc[0] if len(mine) else "",
-                        "diagnosed_s": float(own["time_s"].iloc[0]) if len(own) else np.nan,
-                        "isolated": bool((mine["top_fault"] == fault.code).any()),
-                        "delay_s": alarm - fault.start,
-                        "command_s": command,
-                        "after_command_s": alarm - command,
-                    }
-                )
+                    (
+                        valve + 1, fault.code, severities[valve], fault.start, alarm,
+                        [*top, ""][0], own["time_s"].min(), fault.code in top, alarm - fault.start,
+                        command, alarm - command,
+                    )
+                )  # fmt: skip
         # Types of a report without faults: what counts and compares them must work there too.
         return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
 
@@ -573,7 +509,7 @@ class FleetReport:
 
     def false_alarm_rate(self, confidence: float = 0.95) -> tuple[float, float]:
         """Return the interval of the rate of false alarms, per valve and year."""
-        years = self.n_valves * self.duration / (365.25 * 86400)
+        years = self.n_valves * self.duration / _YEAR
         low, high = event_interval(len(self.false_alarms()), years, confidence=confidence)
         return float(low), float(high)
 
@@ -673,14 +609,11 @@ def run_fleet(
     import pandas as pd
 
     fleet = as_system(system)
-    failed = [faults] if isinstance(faults, Fault) else list(faults)
+    failed: list[Any] = list(as_faults(faults, Fault))
     end = check_scalar("until", until, "s", 0, 1e8)
-    noise = None if rng is None else np.random.default_rng(rng)
     runs = blocks(
-        fleet.actuator, commands, n_valves=fleet.n_valves, duration=end, faults=failed,
-        sensors=fleet.sensors, opening=fleet.opening, step=fleet.step, idle_step=idle_step,
-        rng=noise, size=size,
-    )  # fmt: skip
+        fleet, commands, faults=failed, until=end, idle_step=idle_step, rng=rng, size=size
+    )
     n_samples, strokes, alarms = 0, [], []
     for found in _diagnosed(runs, rules, [method], **options):
         diagnosis = found[method]

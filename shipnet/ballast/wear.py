@@ -19,6 +19,7 @@ from shipnet import style
 from shipnet.ballast.actuator import Actuator, hydraulics, load_pressure, stroke_time
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.fuzzy.firing import persistent
 from shipnet.fuzzy.terms import Term
 
 if TYPE_CHECKING:
@@ -28,10 +29,8 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-
 #: A stroke may take so long [s]: row 0 of the rule table.
 LIMIT = 10.0
-
 
 #: Leaks that a stroke time is computed for; between them it is interpolated, to 1e-6 s.
 _GRID = 2001
@@ -130,14 +129,8 @@ class Wear:
         """
         import pandas as pd
 
-        window = check_whole("n", n, 1, 10_000)
-        least = check_whole("k", k, 1, window)
-
         def first(fires: npt.NDArray[np.bool_]) -> Floats:
-            total = np.cumsum(fires, axis=0)
-            before = np.zeros_like(total)
-            before[window:] = total[:-window]
-            reported = np.asarray(total - before >= least)
+            reported = persistent(fires, k, n)
             return np.where(reported.any(axis=0), reported.argmax(axis=0).astype(float), np.nan)
 
         return pd.DataFrame(
@@ -448,14 +441,12 @@ def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) 
 #: A set for FP [bar] that spans all between its normal value and the limit of rule P2; ours.
 WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 
-
 #: What the remaining life is predicted from, and how.
 PREDICTORS = {
     "FP membership": "membership of FP in the set worn, straight in the number of strokes",
     "stroke time": "stroke time, straight in the number of strokes",
     "leak": "pump leak from FP by the inverted model, its logarithm straight",
 }
-
 
 #: Strokes without which no prediction is tried.
 _FEWEST = 10

@@ -1,4 +1,6 @@
 from . import faults as faults
+from .analysis import Analysis as Analysis
+from .analysis import analyse as analyse
 from .bit_timing import bit_timings as bit_timings
 from .bit_timing import longest_bus as longest_bus
 from .frame import Arbitration as Arbitration

@@ -17,7 +17,7 @@ from shipnet import style
 from shipnet.answers import COLUMNS, Findings
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import measure_frames
-from shipnet.can.messages import MessageSet, check_set
+from shipnet.can.messages import Message, MessageSet, check_set
 from shipnet.errors import ArgumentError, load_extra
 from shipnet.fields import check_path, check_scalar
 
@@ -215,6 +215,36 @@ class Log:
             pd.DataFrame(totals, columns=columns).set_index("channel"),
             len(self.faults) + len(self.skipped),
         )
+
+    def messages(self, *, period: float | None = None) -> MessageSet:
+        """Return the messages that the log shows, named by their identifiers.
+
+        The period is the mean time between two frames, the jitter how far their times are from
+        even ones, waiting for the bus included, and `dlc` the most that was seen. A message with
+        one frame has the `period` [s]; without it, it is left out, as `MessageSet.overlooked` says.
+        Frames of all buses count.
+        """
+        self._check_times("a message set")
+        if period is not None:
+            check_scalar("period", period, "s", 1e-6, 1e5)
+        keys = self.arbitration_id << 1 | self.extended
+        size = np.where(self.remote, 0, np.minimum(self.dlc, 8))
+        messages, overlooked = [], []
+        for key in np.unique(keys).tolist():
+            mine = keys == key
+            times, name = np.sort(self.time[mine]), f"0x{key >> 1:0{8 if key & 1 else 3}X}"
+            each = float(np.diff(times).mean()) if len(times) > 1 else period
+            if each is None:
+                overlooked.append(f"{name}: one frame has no period; give one with period=")
+                continue
+            jitter = round(float(np.ptp(times - np.arange(len(times)) * each)), 9)
+            messages.append(
+                Message(
+                    name, key >> 1, int(size[mine].max()), max(each, 1e-6), jitter=jitter,
+                    extended=bool(key & 1),
+                )
+            )  # fmt: skip
+        return MessageSet(messages, overlooked=overlooked)
 
     def compare(self, messages: MessageSet) -> Findings:
         """Return what the log says about a set of messages: missing, unknown, late, too often.

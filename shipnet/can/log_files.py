@@ -200,7 +200,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     """
     file = check_path("path", path)
     try:
-        kind = _kind(file)
+        kind = log_kind(file) or "text"
         if kind == "mdf":
             raise InputError(
                 str(path),
@@ -229,8 +229,8 @@ _SIGNS = {
 }  # fmt: skip
 
 
-def _kind(file: Path) -> str:
-    """Return the format of a file, of its first lines or else of its suffix."""
+def log_kind(file: Path) -> str:
+    """Return the format of a log by its first lines or else its suffix, nothing if unknown."""
     with open(file, "rb") as stream:
         head = stream.read(1 << 14)
     if head[:4] == b"LOGG":
@@ -244,7 +244,7 @@ def _kind(file: Path) -> str:
         if _LINE.match(line) or _table(line):
             return "text"
     kind = file.suffix.lower()[1:]
-    return kind if kind in ("asc", "blf", "trc") else "text"
+    return kind if kind in ("asc", "blf", "trc") else ""
 
 
 # Text of candump and tables ----------------------------------------------------------------------

@@ -6,7 +6,7 @@
 In a file an identifier is decimal, or hexadecimal after 0x. An empty `deadline_ms` is the period,
 `jitter_ms` and `offset_ms` are 0, `extended` is no, `bits` follows from the data bytes. Columns
 may come in any order; those with a default may be left out. `note` is for remarks, which are not
-kept.
+kept. Titles as yards write them are known too: `Message`, `CAN-ID (hex)`, `Cycle time [s]`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dataclasses import replace
 from decimal import Decimal
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +36,7 @@ from shipnet.fields import (
     Whole,
     check_choice,
     check_path,
+    check_scalar,
     check_whole,
     declared,
     number,
@@ -152,6 +153,28 @@ class Message:
 _KINDS = declared(Message)
 COLUMNS = tuple(f"{field}_ms" if field in TIMES else field for field in _KINDS)
 _NEEDED = COLUMNS[:4]
+
+#: Other titles of columns, without unit and signs.
+_TITLES = {
+    "name": "message messagename msg msgname framename",
+    "arbitration_id": "id canid canidentifier identifier messageid msgid frameid cobid",
+    "dlc": "length len bytes databytes datalength datalengthcode size",
+    "period": "cycle cycletime repetition repetitiontime interval sendinterval periodicity",
+    "deadline": "maxlatency latency maxdelay maxage",
+    "jitter": "releasejitter queuingjitter queueingjitter",
+    "offset": "startoffset startdelay phase",
+    "extended": "ext extendedid 29bit ide",
+    "sender": "node sendernode transmitter txnode ecu source station",
+    "bits": "framelength framebits",
+    "note": "notes remark remarks comment comments description",
+}  # fmt: skip
+_SYNONYMS = {other: column for column, others in _TITLES.items() for other in others.split()}
+
+#: A title and its unit, in brackets or behind a sign; what makes milliseconds of each unit.
+_UNIT = re.compile(
+    r"(.*?)[\s_]*(?:[\[(]|[\s_]|,|/|\bin\b)\s*(ms|s|us|\xb5s|hex|dec)\s*[\])]?", re.I
+)
+_POWERS = {"ms": 0, "s": 3, "us": -3, "\xb5s": -3}
 
 _WHOLE = re.compile(r"[0-9]{1,12}(\.0)?|0[xX][0-9a-fA-F]{1,8}")
 _YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
@@ -509,9 +532,13 @@ def read_messages(
         (separated by commas, semicolons or tabs; UTF-8, UTF-16 with a mark, or Windows-1252), or
         a ``.dbc`` file, which needs cantools.
     columns : mapping of str to str, optional
-        Names of the columns for the titles of the file: ``{"Cycle [ms]": "period_ms"}``. Columns
-        are ``name``, ``arbitration_id``, ``dlc``, ``period_ms`` and, if wanted, ``deadline_ms``,
-        ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits`` and ``note``.
+        Names of the columns for titles of the file that are not understood: ``{"Every":
+        "period_ms"}``. Columns are ``name``, ``arbitration_id``, ``dlc``, ``period_ms`` and, if
+        wanted, ``deadline_ms``, ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits``,
+        and ``note`` for all that is to be left out. Usual titles are understood: times with their
+        unit (``Cycle time [s]``), identifiers in hexadecimal (``CAN-ID (hex)``), ``Node`` for the
+        sender. Without ``extended``, an identifier above 0xFFFF or of eight hexadecimal digits has
+        29 bits.
     period : float, optional
         Period of messages for which the file names none [s].
     strict : bool, default True
@@ -544,6 +571,8 @@ def read_messages(
     >>> read_messages(datasets.path("synthetic_can_lee2012.csv"))
     MessageSet(22 messages: JB1-01, JB1-02, JB1-03, ...)
     """
+    if period is not None:
+        check_scalar("period", period, "s", 1e-6, 1e5)
     if check_path("path", path).suffix.lower() == ".dbc":
         return parse_dbc(text_of(read_bytes(path)), str(path), period, strict)
     sheet = read_sheet(path, is_titles=_is_titles)
@@ -619,14 +648,18 @@ def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) 
         raise InputError(
             sheet.source, f"no column {missing[0]!r}; the titles are {', '.join(titles)}"
         )
-    columns = [renamed.get(title, title) for title in titles]
+    read = [_Title.of(renamed.get(title, title)) for title in titles]
+    columns = [title.column for title in read]
     usual = {} if period is None else {"period_ms": _milliseconds(period)}
-    faults = [
-        f"column {place}: title {title!r} is unknown; expected one of {', '.join(COLUMNS)}, note"
-        for place, title in enumerate(columns, start=1)
-        if title not in (*COLUMNS, "note")
-    ]
-    twice = sorted({title for title in columns if columns.count(title) > 1})
+    faults = []
+    legal = ", ".join(COLUMNS)
+    for at, (column, title) in enumerate(zip(columns, titles, strict=True), start=1):
+        if column in TIMES:
+            unit = f"expected such as {column}_ms or {column} [s]"
+            faults.append(f"column {at}: title {title!r} has no unit; {unit}")
+        elif column not in (*COLUMNS, "note"):
+            faults.append(f"column {at}: title {title!r} is unknown; expected one of {legal}, note")
+    twice = sorted({title for title in columns if columns.count(title) > 1 and title != "note"})
     faults += [f"title {title!r} appears twice" for title in twice]
     faults += [f"no column {title}" for title in _NEEDED if title not in (*columns, *usual)]
     if faults:
@@ -637,12 +670,49 @@ def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) 
         if any(row[width:]):
             faults.append(f"{place} has {len(row)} cells; expected {width}")
             continue
-        filled = {title: cell for title, cell in zip(columns, row, strict=False) if cell}
+        filled = {
+            title.column: title.plain(cell) for title, cell in zip(read, row, strict=False) if cell
+        }
+        number = filled.get("arbitration_id", "")
+        if "extended" not in columns and _WHOLE.fullmatch(number):
+            long = len(number) == 10 or int(number.removesuffix(".0"), 0) > 0xFFFF
+            filled["extended"] = "yes" if long else "no"
         message, wrong = _message(usual | filled)
         faults += [f"{place}, {fault}" for fault in wrong]
         if message is not None:
             messages.append((place, message))
     return _checked(sheet.source, messages, faults, "has no message; expected one row per message")
+
+
+class _Title(NamedTuple):
+    """Which column a title means, and how to read the cells below it."""
+
+    column: str
+    power: int = 0
+    hexadecimal: bool = False
+
+    @classmethod
+    def of(cls, title: str) -> _Title:
+        """Return what a title in small letters means; one that is unknown means itself."""
+        if title in COLUMNS:
+            return cls(title)
+        match = _UNIT.fullmatch(title)
+        words, unit = (match[1], match[2]) if match else (title, "")
+        plain = re.sub(r"[\W_]", "", words)
+        plain = _SYNONYMS.get(plain, plain.replace("arbitrationid", "arbitration_id"))
+        if plain in TIMES:
+            return cls(f"{plain}_ms" if unit in _POWERS else plain, _POWERS.get(unit, 0))
+        return cls(plain if plain in (*COLUMNS, "note") else title, 0, unit == "hex")
+
+    def plain(self, cell: str) -> str:
+        """Return a cell as it would be below the plain name of the column."""
+        if self.power and NUMBER.fullmatch(cell):
+            return f"{Decimal(cell).scaleb(self.power):f}"
+        if self.column == "arbitration_id":
+            digits = cell.lower().removesuffix("h")
+            if digits != cell.lower() or (self.hexadecimal and not digits.startswith("0x")):
+                return "0x" + digits
+        return cell
 
 
 def _checked(

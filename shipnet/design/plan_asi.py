@@ -18,7 +18,7 @@ from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.rules import rule_limits
 from shipnet.asi.slave import Slave
-from shipnet.asi.timing import ADDRESSES, Transaction, cycle_time, response_time, transfer_time
+from shipnet.asi.timing import ADDRESSES, Transaction, cycle_time, response_time, transfer_cycles
 from shipnet.asi.topologies import assign_addresses as share_addresses
 from shipnet.design.catalogue import cables
 from shipnet.design.drafting import (
@@ -103,7 +103,7 @@ def modules(draft: Draft, rows: Ints, places: Floats) -> list[Module]:
 
 def analogue_response(channels: int, limits: AsiLimits, cycle: float | None = None) -> float:
     """Return how late the host knows of a value."""
-    one = float(transfer_time(_ANALOGUE, float(cycle_time(ADDRESSES)) if cycle is None else cycle))
+    one = transfer_cycles(_ANALOGUE) * (float(cycle_time(ADDRESSES)) if cycle is None else cycle)
     late = limits.repetitions * Transaction().duration
     return (channels + 1) * one + late + channels * limits.conversion
 
@@ -114,8 +114,8 @@ def digital_response(
     """Return how late a change of a state is known at the other end."""
     worst = float(response_time(cycle, paired=paired, repetitions=limits.repetitions).worst)
     if output and Profile.parse(profile).extended:
-        whole = float(transfer_time(profile, cycle, paired=paired, direction="out"))
-        return whole + worst - cycle * (2 if paired else 1)
+        interval = cycle * (2 if paired else 1)
+        return interval * transfer_cycles(profile, direction="out") + worst - interval
     return worst
 
 

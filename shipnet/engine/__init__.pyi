@@ -7,7 +7,6 @@ from .inputs import InputCard as InputCard
 from .points import Point as Point
 from .points import PointList as PointList
 from .points import read_points as read_points
-from .power import DieselEngine as DieselEngine
 from .registers import CODINGS as CODINGS
 from .registers import Coding as Coding
 from .registers import RegisterMap as RegisterMap

@@ -80,12 +80,6 @@ def _within(name: str, value: npt.ArrayLike, low: float, high: float, unit: str)
 
 # Converters ------------------------------------------------------------------------------------
 
-#: Resistor of a current loop [ohm]: 4-20 mA make 1-5 V; lee2012, section IV.1.b.
-BURDEN = 250.0
-
-#: Current through a thermometer [A]; assumed, the paper prints none.
-EXCITATION = 1e-3
-
 #: Zero and full scale of a current loop [A].
 _LOOP = (4e-3, 20e-3)
 
@@ -112,41 +106,6 @@ WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
     "open": {"RTD": np.inf, "4-20 mA": 0.0, "switch": 0.0},
     "short": {"RTD": 0.0, "4-20 mA": np.inf, "switch": 1.0},
 }
-
-
-@record(slots=True)
-class Adc:
-    """An analogue-to-digital converter, without noise and non-linearity.
-
-    The highest code is "the reference minus one LSB" (Atmel, AT90CAN128 data sheet
-    4250E-CAN-12/04, p. 277), so a step is the reference over 1024, though the formula above that
-    sentence has 1023.
-    """
-
-    bits: int = whole(1, 16, "", "Resolution; that of the AT90CAN128 is 10", default=10)
-    reference: float = number(0.1, 100, "V", "Reference voltage; 5 V is assumed", default=5.0)
-
-    @property
-    def highest(self) -> int:
-        """Highest code."""
-        return int(2**self.bits - 1)
-
-    @property
-    def step(self) -> float:
-        """Voltage from one code to the next [V]."""
-        return float(self.reference / 2**self.bits)
-
-    def code(self, voltage: npt.ArrayLike) -> _Codes:
-        """Return the codes of voltages [V]; what is out of range is clipped, NaN is an error."""
-        u = np.asarray(voltage, np.float64)
-        if np.isnan(u).any():
-            raise ArgumentError("voltage is nan; a converter always sees some voltage")
-        steps = np.clip(np.floor(np.clip(u / self.step, -1, 2**17) + 0.5), 0, self.highest)
-        return steps.astype(np.uint16)
-
-    def voltage(self, code: npt.ArrayLike) -> _Floats:
-        """Return the voltages in the middle of codes [V]."""
-        return np.asarray(code) * self.step
 
 
 @record
@@ -194,10 +153,19 @@ class InputCard:
         "line between the ends of the range", default=True, kw_only=True,
     )  # fmt: skip
 
-    @cached_property
-    def adc(self) -> Adc:
-        """The converter of the controller."""
-        return Adc(self.bits, self.reference)
+    @property
+    def highest(self) -> int:
+        """Highest code, "the reference minus one LSB".
+
+        So a step is the reference over 1024, though the formula above that sentence has 1023:
+        Atmel, AT90CAN128 data sheet 4250E-CAN-12/04, p. 277.
+        """
+        return int(2**self.bits - 1)
+
+    @property
+    def step(self) -> float:
+        """Voltage from one code to the next [V]."""
+        return float(self.reference / 2**self.bits)
 
     def signal(self, values: npt.ArrayLike) -> _Floats:
         """Return what the sensors do at values: resistance [ohm], current [A], contact (1 closed).
@@ -244,19 +212,20 @@ class InputCard:
         """Return the codes of signals; of a switch the bit of its port."""
         u = self.voltage(signal)
         analogue = np.array([point.analogue for point in self.points])
-        return np.where(analogue, self.adc.code(u), u > self.reference / 2).astype(np.uint16)
+        steps = np.clip(np.floor(u / self.step + 0.5), 0, self.highest)
+        return np.where(analogue, steps, u > self.reference / 2).astype(np.uint16)
 
     def value(self, code: npt.ArrayLike) -> _Floats:
         """Return the values that the firmware makes of codes."""
         c = np.asarray(code)
-        highest = np.array([self.adc.highest if p.analogue else 1 for p in self.points])
+        highest = np.array([self.highest if p.analogue else 1 for p in self.points])
         if c.dtype.kind not in "iu" or not c.ndim or c.shape[-1] != len(highest):
             raise ArgumentError(
                 f"code has shape {c.shape}; it must be whole, (..., {len(highest)})"
             )
         if ((c < 0) | (c > highest)).any():
             raise ArgumentError(f"code is out of range; it must be 0..{highest.max()}")
-        return self._decoded(c / np.where(highest > 1, self.adc.highest + 1.0, 1.0))
+        return self._decoded(c / np.where(highest > 1, self.highest + 1.0, 1.0))
 
     def _decoded(self, part: npt.ArrayLike, *, linearised: bool | None = None) -> _Floats:
         """Return the values at parts of the window, voltage over reference, without rounding."""
@@ -291,7 +260,7 @@ class InputCard:
         return np.column_stack(
             [
                 np.where(analogue & (low < lowest), low, -1),
-                np.where(analogue & (high > highest), high, self.adc.highest + 1),
+                np.where(analogue & (high > highest), high, self.highest + 1),
             ]
         )
 
@@ -300,17 +269,6 @@ class InputCard:
         low, high = self.limits.T
         c = np.asarray(code)
         return np.asarray((c > low) & (c < high))
-
-    def amplifiers(self) -> pd.DataFrame:
-        """Return voltages, gain and offset of each analogue point's amplifier: one row per tag."""
-        import pandas as pd
-
-        rows = []
-        for point, ends in zip(self.points, self.window, strict=True):
-            if point.analogue:
-                low, high = ends * (EXCITATION if point.condition == "RTD" else BURDEN)
-                rows.append((point.tag, low, high, self.reference / (high - low), low))
-        return pd.DataFrame(rows, columns=["tag", "low_v", "high_v", "gain", "offset_v"])
 
     def accuracy(self) -> pd.DataFrame:
         """Return resolution and largest error of each kind of analogue input, one row per kind.
@@ -328,7 +286,7 @@ class InputCard:
             if not point.analogue:
                 continue
             one = replace(self, points=PointList([point]))
-            n = self.adc.highest + 1
+            n = self.highest + 1
             # Between two steps of the converter the decoded value stays the same, so the largest
             # error lies at a step or at an end of the range.
             edges = one._decoded((np.arange(1, n) - 0.5)[:, np.newaxis] / n, linearised=True)[:, 0]

@@ -37,26 +37,9 @@ PT100 = (-200.0, 850.0)
 class Point:
     """A measuring point.
 
-    Parameters
-    ----------
-    tag : str
-        What it is called; printable and not empty.
-    box : str
-        Junction box that it is wired to.
-    condition : {"RTD", "4-20 mA", "switch"}
-        Kind of its signal.
-    quantity : str
-        What is measured, such as ``"temperature"``.
-    low, high : float, default 0 and 1
-        Ends of the range [`unit`]; 0 and 1 for a switch, -200..850 for a thermometer.
-    unit : str, default ""
-        Unit of the range; none for a switch.
-    signal : str, default ""
-        Kind of sensor, such as ``"Pt100 3-wire"``.
-    alarm : {"high", "low", ""}, default ""
-        Which side is alarmed.
-    service : str, default ""
-        What it measures on the engine.
+    Texts are printable; `tag` and `box`, the junction box that it is wired to, are not empty.
+    `quantity` is what is measured, such as ``"temperature"``, `unit` that of the range, `signal`
+    the kind of sensor, such as ``"Pt100 3-wire"``, and `service` what it measures on the engine.
 
     Raises
     ------
@@ -73,8 +56,14 @@ class Point:
     box: str
     condition: Condition = choice(CONDITIONS, "Kind of its signal")
     quantity: str
-    low: float = number(-1e300, 1e300, "", "Lower end of the range", default=0.0)
-    high: float = number(-1e300, 1e300, "", "Upper end of the range", default=1.0)
+    low: float = number(
+        -1e300, 1e300, "", "Lower end of the range; 0 for a switch, from -200 for a thermometer",
+        default=0.0,
+    )  # fmt: skip
+    high: float = number(
+        -1e300, 1e300, "", "Upper end of the range; 1 for a switch, up to 850 for a thermometer",
+        default=1.0,
+    )  # fmt: skip
     unit: str = ""
     signal: str = ""
     alarm: Literal["high", "low", ""] = choice(("high", "low", ""), "Alarmed side", default="")

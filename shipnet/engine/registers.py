@@ -37,21 +37,9 @@ _Registers = npt.NDArray[np.uint16]
 class Coding:
     """What a register holds.
 
-    Parameters
-    ----------
-    name : str
-        What the coding is called.
-    step : float, "full scale" or "decimal"
-        What one more in the register is worth, 1e-6..1e6 in the unit of the point. With
-        ``"full scale"`` the range fills the bits, from 0 to all ones. With ``"decimal"`` it is the
-        largest power of ten within a thousandth of the span.
-    error : int
-        Content that marks a missing value, 0..65535.
-    bits : int, default 16
-        Bits in use, 2..16.
-    signed : bool, default True
-        Whether the highest bit in use is a sign (two's complement over the whole register); a
-        full scale has none.
+    `step` is what one more in the register is worth, 1e-6..1e6 in the unit of the point. With
+    ``"full scale"`` the range fills the bits, from 0 to all ones. With ``"decimal"`` it is the
+    largest power of ten within a thousandth of the span.
 
     Raises
     ------
@@ -88,7 +76,10 @@ class Coding:
     step: float | Literal["full scale", "decimal"]
     error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
     bits: int = whole(2, 16, "", "Bits in use", default=16)
-    signed: bool = switch("Whether the highest bit in use is a sign", default=True)
+    signed: bool = switch(
+        "Whether the highest bit in use is a sign (two's complement over the whole register); a "
+        "full scale has none", default=True,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Check the step."""

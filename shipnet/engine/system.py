@@ -652,31 +652,6 @@ class System:
         silent box has the bound of `staleness_flag`. In the printed design one frame keeps all
         values of its box alive, so random losses on CAN have no bound. In the corrected one the
         AMS marks by age. No bus can see that a sensor is stuck.
-
-        Parameters
-        ----------
-        fault : fault, optional
-            One of `shipnet.engine.faults`; the system is healthy if it is not given.
-
-        Returns
-        -------
-        FailureBounds
-            Longest answer, longest gap between two answers, and oldest value shown as good [s].
-
-        Raises
-        ------
-        ArgumentError
-            If the system does not have what fails, or `worst_age` has no bound.
-
-        Examples
-        --------
-        >>> from shipnet import engine
-        >>> cut = engine.faults.ModbusBreak("1")
-        >>> [round(bound, 3) for bound in engine.System().failure_bounds(cut)]
-        [0.51, 1.255, 2.043]
-        >>> often = engine.System(poll_period=0.5)
-        >>> [round(bound, 3) for bound in often.failure_bounds(cut)]
-        [0.51, 0.755, 1.543]
         """
         answer, gap = self.poll.time, self.poll_spacing()
         healthy = oldest = float(self.worst_age()["worst_s"].max())

@@ -21,7 +21,6 @@ import numpy as np
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
 
-
 #: Powers of ten that prefixes of units make: from pico to tera, one way or the other.
 _PREFIXES = tuple(power for power in range(-24, 25, 3) if power)
 

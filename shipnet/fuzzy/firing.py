@@ -18,6 +18,7 @@ from shipnet.fuzzy.terms import Rule, Variable
 if TYPE_CHECKING:
     import pandas as pd
 
+Bools = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
 
 #: Values by the name of their variable.
@@ -116,6 +117,17 @@ def compare(
                 holds[variable.name, term.name] = limits.contains(seen)
     rows = [np.logical_and.reduce([holds[pair] for pair in rule.antecedent]) for rule in rules]
     return np.array(rows, float)
+
+
+def persistent(fires: Bools, k: int, n: int) -> Bools:
+    """Return where `k` or more of the last `n` rows fire; before the first row nothing fired."""
+    window = check_whole("n", n, 1, 10**6)
+    least = check_whole("k", k, 1, window)
+    if window == 1:
+        return fires
+    count = np.cumsum(fires, axis=0, dtype=np.int32)
+    count[window:] -= count[:-window]
+    return np.asarray(count >= least)
 
 
 def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, product
@@ -17,8 +17,15 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
-from shipnet.fuzzy.firing import Ramps, Samples, arrays, check_method, compare, control_system
+from shipnet.fuzzy.firing import (
+    Ramps,
+    Samples,
+    arrays,
+    check_method,
+    compare,
+    control_system,
+    persistent,
+)
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN, Rule, Term, Variable, number_text
 
 if TYPE_CHECKING:
@@ -58,9 +65,8 @@ class RuleBase:
 
     Examples
     --------
-    >>> from shipnet import datasets
-    >>> from shipnet.fuzzy import read_rules
-    >>> base = read_rules(*(datasets.path(f"kim2014_assumed_{x}.csv") for x in ("rules", "terms")))
+    >>> from shipnet import ballast
+    >>> base = ballast.rule_base()
     >>> len(base.rules), base.names, base.ranking[:3]
     (12, ('FP', 'OP', 'MC', 'OT', 'VPos', 'DVPos'), ('G1', 'P1', 'V1'))
     >>> base.decide({"FP": 121, "OP": 2.9}).explain()
@@ -144,6 +150,12 @@ class RuleBase:
         return np.asarray(
             names[first + (np.asarray(silent) & (first == len(places)))], dtype=object
         )
+
+    def active_codes(self, active: Bools) -> list[str]:
+        """Return the active codes of each row of (n, n_rules), the highest priority first."""
+        places = [self.codes.index(code) for code in self.ranking]
+        names = np.array(self.ranking, dtype=object)
+        return [" ".join(names[row]) for row in active[:, places]]
 
     def table(self) -> pd.DataFrame:
         """Return the rules: code, antecedent, flag, priority and labels."""
@@ -327,9 +339,8 @@ class Firing:
 
     Examples
     --------
-    >>> from shipnet import datasets
-    >>> from shipnet.fuzzy import read_rules
-    >>> base = read_rules(*(datasets.path(f"kim2014_assumed_{x}.csv") for x in ("rules", "terms")))
+    >>> from shipnet import ballast
+    >>> base = ballast.rule_base()
     >>> firing = base.fire({"FP": [90, 120, 124], "OP": 2.83})
     >>> firing["V1"].round(2).tolist(), firing.normal.round(2).tolist()
     ([0.0, 0.5, 0.83], [1.0, 0.5, 0.17])
@@ -384,18 +395,12 @@ class Firing:
         along the first axis, and the sample itself is the last of the `n`; before the first sample
         nothing fired.
         """
-        window = check_whole("n", n, 1, 10**6)
-        least = check_whole("k", k, 1, window)
         if not isinstance(threshold, (int, float, np.floating)) or not 0 < threshold <= 1:
             raise ArgumentError(f"threshold is {threshold!r}; it must be a number above 0, up to 1")
         fires = self.strength >= threshold
-        if window > 1:
-            if fires.ndim < 2:
-                raise ArgumentError(f"n is {window}; the samples must have an axis of time")
-            count = np.cumsum(fires, axis=0, dtype=np.int32)
-            count[window:] -= count[:-window]
-            fires = count >= least
-        return Decision(self, float(threshold), fires)
+        if n != 1 and fires.ndim < 2:
+            raise ArgumentError(f"n is {n}; the samples must have an axis of time")
+        return Decision(self, float(threshold), persistent(fires, k, n))
 
     def plot(self, labels: Sequence[object] | None = None, ax: Axes | None = None) -> Axes:
         """Draw the strengths as a matrix, a row per rule and a column per sample."""
@@ -406,12 +411,9 @@ class Firing:
         if labels is not None and len(labels) != n_samples:
             raise ArgumentError(f"there are {len(labels)} labels; expected {n_samples}")
         ax = style.axes(ax)
-        _matrix(ax, strength.T)
-        if n_samples <= _MOST_NUMBERS:
-            for (place, rule), value in np.ndenumerate(strength):
-                if value > 0:
-                    text = "1" if value == 1 else f"{value:.2f}".removeprefix("0")
-                    _write(ax, place, rule, text, value)
+        draw_matrix(
+            ax, strength.T, lambda _, __, x: "1" if x == 1 else f"{x:.2f}".removeprefix("0")
+        )
         if labels is not None:
             ax.set_xticks(range(n_samples), [str(label) for label in labels])
         ax.set_yticks(range(len(self.base.codes)), self.base.codes)
@@ -437,9 +439,8 @@ class Decision:
     --------
     The motor current drops out for one sample, then for good:
 
-    >>> from shipnet import datasets
-    >>> from shipnet.fuzzy import read_rules
-    >>> base = read_rules(*(datasets.path(f"kim2014_assumed_{x}.csv") for x in ("rules", "terms")))
+    >>> from shipnet import ballast
+    >>> base = ballast.rule_base()
     >>> samples = {"FP": 124, "MC": [1, 0, 1, 0, 0, 0, 0], "OP": 1, "DVPos": 9}
     >>> print(*base.decide(samples).top)
     normal G1 normal G1 G1 G1 G1
@@ -472,11 +473,8 @@ class Decision:
 
     def codes(self, *index: int) -> tuple[str, ...]:
         """Return all active codes of the sample at this index, the highest priority first."""
-        return self._codes(self.active[self._place(index)])
-
-    def _codes(self, active: Bools) -> tuple[str, ...]:
-        base = self.firing.base
-        return tuple(code for code in base.ranking if active[base.codes.index(code)])
+        active = self.active[self._place(index)]
+        return tuple(self.firing.base.active_codes(active[np.newaxis])[0].split())
 
     def table(self) -> pd.DataFrame:
         """Return one row per sample: ``top``, its ``strength``, ``active`` codes, faulty sensors.
@@ -498,7 +496,7 @@ class Decision:
             {
                 "top": top,
                 "strength": np.array(strength, dtype=float),
-                "active": [" ".join(self._codes(row)) for row in np.atleast_2d(self.active)],
+                "active": firing.base.active_codes(np.atleast_2d(self.active)),
                 "missing": [self._sensors(row) for row in np.atleast_2d(firing.missing)],
                 "clipped": [self._sensors(row) for row in np.atleast_2d(firing.clipped)],
             }
@@ -599,9 +597,8 @@ class Overlaps:
 
     Examples
     --------
-    >>> from shipnet import datasets
-    >>> from shipnet.fuzzy import read_rules
-    >>> base = read_rules(*(datasets.path(f"kim2014_assumed_{x}.csv") for x in ("rules", "terms")))
+    >>> from shipnet import ballast
+    >>> base = ballast.rule_base()
     >>> overlaps = Overlaps(base)
     >>> overlaps
     Overlaps(42 of 66 pairs of rules)
@@ -667,10 +664,14 @@ class Overlaps:
         count = self.matrix.to_numpy(dtype=float)
         alone = np.diag(count)[:, None]
         share = np.divide(count, alone, out=np.zeros_like(count), where=alone > 0)
-        _matrix(ax, share)
-        for (row, column), value in np.ndenumerate(share):
-            if value > 0 and row != column:
-                _write(ax, column, row, "in" if value == 1 else f"{100 * value:.0f}", value)
+
+        def said(row: int, column: int, value: float) -> str:
+            """Return a percentage; that a rule fires with itself is not said."""
+            if row == column:
+                return ""
+            return "in" if value == 1 else f"{100 * value:.0f}"
+
+        draw_matrix(ax, share, said)
         names = self.base.codes
         ax.set_xticks(range(len(names)), names)
         ax.set_yticks(range(len(names)), names)
@@ -700,18 +701,21 @@ def rule_faults(variables: Sequence[Variable], rules: Sequence[Rule]) -> list[tu
     return faults
 
 
-def _matrix(ax: Axes, values: npt.NDArray[np.float64]) -> None:
+def draw_matrix(ax: Axes, values: Floats, said: Callable[[int, int, float], str]) -> None:
+    """Draw values of 0 to 1 as a map, and what is said of each that is not 0, if it can be read."""
     rows, columns = values.shape
     ax.imshow(values, cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
     ax.grid(visible=False)
-    if columns <= _MOST_NUMBERS:
-        ax.set_xticks(np.arange(columns - 1) + 0.5, minor=True)
-        ax.set_yticks(np.arange(rows - 1) + 0.5, minor=True)
-        ax.grid(visible=True, which="minor", color="0.88")
     ax.tick_params(which="both", length=0)
-
-
-def _write(ax: Axes, column: int, row: int, text: str, value: float) -> None:
-    # Black on the pale half of the map, white on the dark one.
-    colour = "white" if value > 0.6 else "0.1"
-    ax.text(column, row, text, ha="center", va="center", color=colour, fontsize=7)
+    if columns > _MOST_NUMBERS:
+        return
+    ax.set_xticks(np.arange(columns - 1) + 0.5, minor=True)
+    ax.set_yticks(np.arange(rows - 1) + 0.5, minor=True)
+    ax.grid(visible=True, which="minor", color="0.88")
+    ax.tick_params(which="minor", length=0)
+    for (row, column), value in np.ndenumerate(values):
+        # Black on the pale half of the map, white on the dark one.
+        colour = "white" if value > 0.6 else "0.1"
+        text = said(row, column, value) if value > 0 else ""
+        if text:
+            ax.text(column, row, text, ha="center", va="center", color=colour, fontsize=9)

@@ -58,8 +58,28 @@ class Pulse:
         return ax
 
 
+class Valued:
+    """What is equal if all its constants are, some of which may be arrays."""
+
+    @property
+    def parameters(self) -> tuple[Quantity | None, ...]:
+        """The constants."""
+        raise NotImplementedError
+
+    def _key(self) -> tuple[Any, ...]:
+        return tuple(tuple(v) if isinstance(v, np.ndarray) else v for v in self.parameters)
+
+    def __eq__(self, other: object) -> bool:
+        """Compare all constants."""
+        return isinstance(other, type(self)) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        """Hash all constants."""
+        return hash(self._key())
+
+
 @record(eq=False)
-class Cable:
+class Cable(Valued):
     r"""A uniform two-wire cable, by its constants per metre of both wires.
 
     .. math:: z(s) = r \sqrt{1 + \frac{s}{2 \pi f_{skin}}} + s l, \qquad y(s) = g + s c
@@ -110,17 +130,6 @@ class Cable:
     def resistance(self) -> Quantity:
         """Resistance of the loop at direct current [ohm/m]."""
         return self.r if self.r_dc is None else self.r_dc
-
-    def _key(self) -> tuple[Any, ...]:
-        return tuple(tuple(v) if isinstance(v, np.ndarray) else v for v in self.parameters)
-
-    def __eq__(self, other: object) -> bool:
-        """Compare all constants."""
-        return isinstance(other, Cable) and self._key() == other._key()
-
-    def __hash__(self) -> int:
-        """Hash all constants."""
-        return hash(self._key())
 
     @classmethod
     def lossless(cls, z0: npt.ArrayLike, delay: npt.ArrayLike) -> Cable:

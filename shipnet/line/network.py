@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import style
+from shipnet import fields, style
 from shipnet.errors import ArgumentError
-from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees
-from shipnet.line.cable import CABLES, Cable
-from shipnet.line.solver import Rooted, check_frequencies, dense_transfer, tree_transfer
+from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees, record
+from shipnet.line.cable import CABLES, Cable, Valued
+from shipnet.line.solver import Rooted, check_frequencies, closed_transfer, tree_transfer
 from shipnet.line.waveform import F_MAX, Waveform, record_of
 
 if TYPE_CHECKING:
@@ -31,6 +31,10 @@ LEAST, MOST = 1e-18, 1e18
 _MOST_DC = 1e9
 
 Floats = npt.NDArray[np.float64]
+
+
+def _constant(unit: str, help: str) -> Any:
+    return fields.number(LEAST, MOST, unit, help, default=None, optional=True, many=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,14 +91,11 @@ class CableRun:
         return f"cable {self.a} - {self.b}"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Load:
+@record(eq=False)
+class Load(Valued):
     """A resistor, an inductor and a capacitor in parallel, from a node to the reference.
 
-    Parameters
-    ----------
-    r, l, c : float or array_like, shape (n_trees,), optional
-        Resistance [ohm], inductance [H] and capacitance [F], 1e-18 to 1e18; at least one.
+    At least one of them must be given.
 
     Raises
     ------
@@ -109,38 +110,26 @@ class Load:
     Load(r=50.0, l=None, c=5e-11)
     """
 
-    r: Quantity | None = None
-    l: Quantity | None = None  # noqa: E741  # the symbol of an inductance
-    c: Quantity | None = None
+    r: Quantity | None = _constant("ohm", "Resistance")
+    l: Quantity | None = _constant("H", "Inductance")  # noqa: E741  # its symbol
+    c: Quantity | None = _constant("F", "Capacitance")
 
     def __post_init__(self) -> None:
-        """Check the values."""
+        """Check that there is a value, and that all have as many trees."""
         if self.r is None and self.l is None and self.c is None:
             raise ArgumentError("a load has neither r nor l nor c; it must have at least one")
-        for name, unit in (("r", "ohm"), ("l", "H"), ("c", "F")):
-            value = getattr(self, name)
-            if value is not None:
-                value = check_quantity(f"{name} of a load", value, unit, low=LEAST, high=MOST)
-                object.__setattr__(self, name, value)
-        check_trees("a load", None, self.r, self.l, self.c)
+        check_trees("a load", None, *self.parameters)
+
+    @property
+    def parameters(self) -> tuple[Quantity | None, ...]:
+        """The constants r, l and c."""
+        return self.r, self.l, self.c
 
     def __add__(self, other: Load) -> Load:
         """Return both loads in parallel."""
         if not isinstance(other, Load):
             return NotImplemented
         return Load(_parallel(self.r, other.r), _parallel(self.l, other.l), _sum(self.c, other.c))
-
-    def _key(self) -> tuple[Any, ...]:
-        values = (self.r, self.l, self.c)
-        return tuple(tuple(v) if isinstance(v, np.ndarray) else v for v in values)
-
-    def __eq__(self, other: object) -> bool:
-        """Compare all values."""
-        return isinstance(other, Load) and self._key() == other._key()
-
-    def __hash__(self) -> int:
-        """Hash all values."""
-        return hash(self._key())
 
     @property
     def shunt(self) -> tuple[Quantity, Quantity, Quantity]:
@@ -333,25 +322,28 @@ class Network:
         return Rooted(order, parent, above, levels)
 
     def transfer(
-        self, root: str, s: npt.ArrayLike, to: str | None = None, *, dense: bool = False
+        self, root: str, s: npt.ArrayLike, to: str | None = None
     ) -> npt.NDArray[np.complex128]:
         """Return the transfer impedances between one node and every node, or one other [ohm].
 
         Row k is the voltage at node k per ampere into the root, and as well the voltage at the
         root per ampere into node k: such a network is reciprocal. `s` is one or more complex
-        frequencies with a real part that is not negative [rad/s]. A tree takes a sweep, in a time
-        that is proportional to nodes x frequencies; a ring takes a dense solution of the nodal
-        equations, and so does a tree if `dense`: the second way to the same result.
+        frequencies with a real part that is not negative [rad/s]. The time is proportional to
+        nodes x frequencies; a ring takes it two or three times.
         """
         bins = check_frequencies(s)
-        tree = self.rooted(root)
         pieces = [(run.made_of, run.length) for run in self.runs]
         shunts, trees = self.shunts(), self._trees or 1
-        if dense or self._ring is not None:
-            ends = [(self._index[run.a], self._index[run.b]) for run in self.runs]
-            z = dense_transfer(tree.order[0], ends, pieces, shunts, bins, trees)
-        else:
-            z = tree_transfer(tree, pieces, shunts, bins, trees)
+
+        def sweep(node: str) -> npt.NDArray[np.complex128]:
+            return tree_transfer(self.rooted(node), pieces, shunts, bins, trees)
+
+        z = sweep(root)
+        if self.ring is not None:
+            a, b = self.ring.a, self.ring.b
+            from_ends = (z if a == root else sweep(a)), (z if b == root else sweep(b))
+            closing = self.ring.made_of, self.ring.length
+            z = closed_transfer(z, from_ends, (self.index(a), self.index(b)), closing, bins)
         z = z if self._trees else z[0]
         return z if to is None else z[..., self.index(to), :]
 

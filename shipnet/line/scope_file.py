@@ -96,9 +96,7 @@ def read_scope_file(
             raise InputError(
                 file, f"not a whole {kind} file: {str(fault) or type(fault).__name__}"
             ) from fault
-    read = read_table(file, data)
-    table = _Channels(_columns_of(read.values), read.columns, read.interval, None)
-    return _choose(file, table, channel, sample_interval)
+    return _choose(file, _read_text(file, data), channel, sample_interval)
 
 
 class _Channels(NamedTuple):
@@ -403,16 +401,8 @@ class Column(NamedTuple):
     digits: int  # significant digits of the longest number among the first and the last rows
 
 
-class Table(NamedTuple):
-    """The numbers of a text file as printed, and what its header says; `interval` in s."""
-
-    values: Floats
-    columns: list[Column]
-    interval: float | None
-
-
-def read_table(file: str, data: bytes) -> Table:
-    r"""Read what a scope wrote as text."""
+def _read_text(file: str, data: bytes) -> _Channels:
+    """Read what a scope wrote as text."""
     data = _normal(file, data)
     tail = [line for line in _text(data[-64_000:]).split("\n") if line.strip(" ,;\t")][-_TAIL:]
     separator, places, decimal = _layout(tail)
@@ -433,7 +423,8 @@ def read_table(file: str, data: bytes) -> Table:
     digits = _digits(first[:_TAIL] + tail, separator, places)
     above = [_split(line, separator) for line in header]
     beside = [_split(line, separator)[: places[0]] for line in first]
-    return Table(values, _columns(above, places, digits), _interval(above, beside))
+    columns = _columns(above, places, digits)
+    return _Channels(_columns_of(values), columns, _interval(above, beside), None)
 
 
 def _normal(file: str, data: bytes) -> bytes:

@@ -7,8 +7,9 @@ A line folds the admittance Y at its far end to its near end, and divides the vo
     Y_near = Yc (Y C + Yc S) / (Yc C + Y S),      V_far / V_near = 2 e Yc / (Yc C + Y S).
 
 A tree takes one sweep from the leaves that folds all admittances, level by level, and one back
-that multiplies all ratios; no term blows up at a whole number of half waves. A ring takes a dense
-solution of the nodal equations, which is also the second route to what a sweep finds.
+that multiplies all ratios; no term blows up at a whole number of half waves. A ring takes sweeps of
+the tree that is left when it is opened, from the root and from both ends of the line that closes
+it, and then two equations for the currents of that line.
 """
 
 from __future__ import annotations
@@ -129,9 +130,6 @@ def admittances(
     return y
 
 
-#: Elements of the matrices that a dense solution takes at a time.
-_BLOCK_DENSE = 1 << 20
-
 #: Elements of the arrays of a sweep: larger ones leave the cache, and are handed back to the
 #: system and zeroed by it again at every call. A Monte Carlo uses them many times in a call.
 _BLOCK, _BLOCK_TREES = 1 << 15, 1 << 17
@@ -251,31 +249,28 @@ def _sweep(
         v[level.own] *= v[level.parent]
 
 
-def dense_transfer(
-    root: int,
-    ends: Sequence[tuple[int, int]],
-    pieces: Pieces,
-    shunts: Floats,
+def closed_transfer(
+    z: Complexes,
+    from_ends: tuple[Complexes, Complexes],
+    ends: tuple[int, int],
+    closing: tuple[Cable, Quantity],
     s: Complexes,
-    trees: int,
 ) -> Complexes:
-    """Return the same of any network; `ends` holds the numbers of the two nodes of each run."""
-    lines = Lines(pieces, s)
-    nodes = shunts.shape[1]
-    unit = np.zeros((nodes, 1))
-    unit[root] = 1
+    """Return what transfer impedances become when a line joins two nodes of their tree.
 
-    every = list(range(len(lines.cable)))
-    z = np.empty((trees, nodes, s.size), dtype=complex)
-    blocks = slices(trees, 1), slices(s.size, _BLOCK_DENSE // nodes**2)
-    for some, bins in product(*blocks):
-        e2, c, sinh, y0, _ = lines.waves(every, some, bins)
-        own, mutual = (y0 * c / sinh)[:, 0], (y0 * e2 / sinh)[:, 0]
-        matrix = np.zeros((s[bins].size, nodes, nodes), dtype=complex)
-        matrix[:, range(nodes), range(nodes)] = admittances(shunts, some, s[bins])[:, 0].T
-        for (a, b), kind in zip(ends, lines.kind, strict=True):
-            for i, j in ((a, b), (b, a)):
-                matrix[:, i, i] += own[kind]
-                matrix[:, i, j] -= mutual[kind]
-        z[some.start, :, bins] = np.linalg.solve(matrix, unit)[..., 0].T
-    return z
+    `from_ends` holds those of both ends. The line draws equal currents at its ends by the sum of
+    their voltages, and opposite ones by the difference: two unknowns at each frequency.
+    """
+    from_a, from_b = from_ends
+    a, b = ends
+    e2, _, sinh, (y0,), (z0,) = Lines([closing], s).waves([0], slice(None), slice(None))
+    tanh = sinh[0] / (1 + e2[0] / 2) ** 2  # of half the line
+    y, ohms = y0 * tanh / 2, 2 * z0 * tanh
+    both, between = z[:, a] + z[:, b], z[:, a] - z[:, b]
+    aa, ab, bb = from_a[:, a], from_a[:, b], from_b[:, b]
+    own, other, skew = 1 + y * (aa + 2 * ab + bb), ohms + aa - 2 * ab + bb, aa - bb
+    determinant = own * other - y * skew * skew
+    equal = y * (both * other - skew * between) / determinant
+    opposite = (own * between - skew * y * both) / determinant
+    at_a, at_b = equal + opposite, equal - opposite
+    return np.asarray(z - from_a * at_a[:, np.newaxis] - from_b * at_b[:, np.newaxis])

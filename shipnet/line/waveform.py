@@ -104,8 +104,10 @@ class Waveform:
 
         `channel` is its title, upper or lower case, or the number of its column, 1 for the first;
         the first channel with a voltage if omitted. `sample_interval` [s] overrides what the file
-        says. Raise InputError if the file cannot be read, is empty, has a cell that is not a
-        number, uneven times, fewer than 1e6 samples per second, or no such channel.
+        says. The channel that is read from an archive may unpack to 2**24 numbers, or to 4 per byte
+        of the file if that is more. Raise InputError if the file cannot be read, is empty, has a
+        cell that is not a number, uneven times, fewer than 1e6 samples per second, or no such
+        channel.
         """
         from shipnet.line.scope_file import read_scope_file
 
@@ -169,12 +171,17 @@ def synthesize(
     bins = np.asarray(spectrum, dtype=complex)
     if bins.ndim == 0 or bins.shape[-1] == 0:
         raise ArgumentError("spectrum must hold at least one frequency")
-    # Below twice the highest frequency, irfft would cut bins off: sample finer, keep every n-th.
-    finer = ceil((2 * bins.shape[-1] - 1) / n_samples)
-    total = finer * n_samples
-    waves = np.fft.irfft(bins, total, axis=-1)[..., ::finer]
-    growth = np.exp(d * np.arange(n_samples) / n_samples) * (total / length)
-    return np.asarray(waves * growth)
+    # Sampled below twice the highest frequency, each bin falls on one of the n that the samples
+    # can tell apart: add those up instead of sampling finer and dropping most of it.
+    turns = ceil(bins.shape[-1] / n_samples)
+    folded = np.zeros((*bins.shape[:-1], turns * n_samples), dtype=complex)
+    folded[..., : bins.shape[-1]] = bins
+    folded[..., 0] /= 2
+    folded = folded.reshape(*bins.shape[:-1], turns, n_samples).sum(axis=-2)
+    place = np.arange(n_samples // 2 + 1)
+    both = folded[..., place] + folded[..., -place % n_samples].conj()
+    growth = np.exp(d * np.arange(n_samples) / n_samples) * (n_samples / length)
+    return np.asarray(np.fft.irfft(both, n_samples, axis=-1) * growth)
 
 
 def record_of(

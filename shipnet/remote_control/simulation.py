@@ -193,23 +193,6 @@ class Run:
         starts = [p.start for p in self.packets if (p.source, p.target) == HOPS[0]]
         return np.diff(np.array(starts, dtype=float))
 
-    def ticks(self, station: str) -> int:
-        """Return how many ticks a station had counted at most when a sign of life came."""
-        return max((ticks for _, name, _, ticks in self.heartbeats if name == station), default=0)
-
-    def silences(self, station: str) -> npt.NDArray[np.float64]:
-        """Return how long BCS or SS heard nothing after each of its own packets [s].
-
-        Silences that had not ended when the simulation did are left out.
-        """
-        if station not in ("BCS", "SS"):
-            raise ArgumentError(f"station is {station!r}; it must be 'BCS' or 'SS'")
-        signs = np.array([time for time, name, _, _ in self.heartbeats if name == station])
-        ends = np.array([p.end for p in self.packets if p.source == station])
-        place = np.searchsorted(signs, ends, side="right")
-        heard = place < signs.size
-        return np.asarray(signs[place[heard]] - ends[heard], dtype=float)
-
     def history(self, number: int, station: str) -> pd.DataFrame:
         """Return which value of a number a station had from which ``time_s`` on.
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from shipnet.asi.emc.disturbances import Noise
 from shipnet.asi.modulation import HALF_BIT
 from shipnet.asi.receiver import MINIMUM, TOLERANCE, Receiver, Reception, Waveform
 from shipnet.asi.telegram import Response
@@ -74,8 +74,9 @@ class AsiLine(Tool):
         default=False, label="100 ohm at the end", help="A terminator absorbs the echo."
     )
     noise: float = number(
-        0, 10, default=0.0, unit="V", slider=(0, 1.5), step=0.05, label="noise",
-        help="Standard deviation of white noise at the master, sampled at 4 MS/s.",
+        0, 10, default=0.0, unit="V", slider=(0, 1.5), step=0.05, label="noise in 2 MHz",
+        help="Standard deviation of white noise at the master, in a bandwidth of 2 MHz: "
+        "1 V is 0.71 mV per root hertz.",
     )  # fmt: skip
     data: int = whole(0, 15, default=6, label="data", help="The four bits that the slave answers.")
     seed: int = whole(
@@ -99,8 +100,7 @@ class AsiLine(Tool):
         )
         node = plan.slaves[0].node
         wave = plan.waveform(Response(self.data), node, dt=STEP, before=BEFORE, after=AFTER)
-        noise = np.random.default_rng(self.seed).normal(0, self.noise, wave.u.size)
-        return replace(wave, u=wave.u + noise)
+        return wave.disturbed(Noise(), self.noise, self.seed)
 
     @cached_property
     def result(self) -> Reception:

@@ -151,7 +151,7 @@ class ValveDiagnosis(Tool):
         orders = [] if order is None else [Command(order)]
         quiet = Sensors(noise=(0.0,) * 5, bits=None)
         system = System(sensors=quiet, opening=start, step=0.5)
-        run = simulate_valves(system, orders, faults, duration, None, None)
+        run = simulate_valves(system, orders, faults, duration)
         last = {name: round(float(values[-1, 0]), 6) for name, values in run.samples.items()}
         commanded = bool(run.active[-1, 0])
         return cls(

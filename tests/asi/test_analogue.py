@@ -1,14 +1,11 @@
-import numpy as np
 import pytest
 
 from shipnet import datasets
 from shipnet.asi import Profile
 from shipnet.asi.timing import (
     Cycle,
-    analogue_profiles,
     cycle_time,
     transfer_cycles,
-    transfer_time,
 )
 from shipnet.errors import ArgumentError
 from shipnet.papers.kim2023.protocol import least_cycles
@@ -21,13 +18,13 @@ def test_published_transfer_times_are_reproduced():
     assert len(transfers) == 4
     for row in transfers.itertuples():
         rounds = int("one round" in row.quantity)
-        time = transfer_time("S-7.3", 5e-3, channels=row.number, extra_rounds=rounds)
-        assert time * 1e3 == pytest.approx(row.time_ms)
+        cycles = transfer_cycles("S-7.3", channels=row.number, extra_rounds=rounds)
+        assert cycles * 5 == pytest.approx(row.time_ms)
 
 
 def test_a_real_transfer_never_beats_four_bits_a_cycle():
-    for row in analogue_profiles().itertuples():
-        assert row.cycles >= least_cycles(row.value_bit) / row.addresses
+    for row in datasets.read("asi_analogue_profiles.csv").itertuples():
+        assert int(row.cycles) >= least_cycles(int(row.value_bit)) / int(row.addresses)
         assert str(Profile.parse(row.profile)) == row.profile
 
 
@@ -37,11 +34,12 @@ def test_messages_of_more_than_four_bits_take_several_cycles():
 
 
 def test_sharing_an_address_doubles_the_time():
-    times = transfer_time("S-7.A.7", [5e-3, cycle_time(31)], paired=True, direction="out")
-    assert times.tolist() == [4 * 5e-3, 4 * cycle_time(31)]
-    assert transfer_time("S-7.A.7", 5e-3, paired=True) == 10e-3
-    # About 50 Bd: 16 bits take 0.32 s.
-    assert 16 / transfer_time("S-7.A.5", 5e-3, paired=True) == pytest.approx(50)
+    times = Cycle([10, 31]).transfer_time("S-7.A.7", paired=True, direction="out")
+    assert times.tolist() == [4 * cycle_time(10), 4 * cycle_time(31)]
+    assert Cycle(31).transfer_time("S-7.A.7", paired=True) == 2 * cycle_time(31)
+    # About 50 Bd: 16 bits take 0.32 s in cycles of 5 ms.
+    time = Cycle(31).transfer_time("S-7.A.5", paired=True)
+    assert 16 / time == pytest.approx(50 * 5e-3 / cycle_time(31))
 
 
 def test_a_profile_is_found_by_its_first_two_codes():
@@ -53,12 +51,6 @@ def test_a_profile_is_found_by_its_first_two_codes():
         transfer_cycles("S-7.A.5", direction="out")
     with pytest.raises(ArgumentError, match="12 bit"):
         transfer_cycles("S-7.3", value_bit=12)
-
-
-@pytest.mark.parametrize("cycle", [0, -1, np.nan, np.inf, "5 ms", [5e-3, 0]])
-def test_what_is_no_cycle_is_refused(cycle):
-    with pytest.raises(ArgumentError, match="cycle is"):
-        transfer_time("S-7.3", cycle)
 
 
 @pytest.mark.parametrize("channels", [0, 5, 1.0])

@@ -4,16 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from shipnet.asi import Call, Request, Response
-from shipnet.asi.batch import (
-    NONE,
-    bits_of,
-    encode_requests,
-    encode_responses,
-    parse_requests,
-    parse_responses,
-    words_of,
-)
+from shipnet.asi import Call, Request, Requests, Response
+from shipnet.asi.batch import NONE, encode_requests, parse_responses
 from shipnet.errors import ArgumentError, FrameError, LengthError, name_of
 
 HALVES = {None: NONE, "A": 0, "B": 1}
@@ -21,7 +13,7 @@ HALVES = {None: NONE, "A": 0, "B": 1}
 
 @pytest.mark.parametrize("extended", [False, True])
 def test_all_requests_parse_as_the_scalar_code_does(extended):
-    batch = parse_requests(np.arange(2**14), extended=extended)
+    batch = Requests.parse(np.arange(2**14), extended=extended)
     for word in range(2**14):
         try:
             request = Request.parse(f"{word:014b}", extended=extended)
@@ -57,18 +49,11 @@ def test_all_fields_encode_as_the_scalar_code_does():
             assert (f"{word:014b}", fault) == (expected, 0)
 
 
-def test_all_responses_encode_as_the_scalar_code_does():
-    words, error = encode_responses(np.arange(-1, 17))
-    assert [f"{word:07b}" for word in words[1:-1]] == [Response(data).bits for data in range(16)]
-    assert [name_of(code) for code in error[[0, -1]]] == ["ArgumentError"] * 2
-    assert not error[1:-1].any()
-
-
 @given(
     hnp.arrays(hnp.integer_dtypes() | hnp.unsigned_integer_dtypes(), hnp.array_shapes(min_side=0))
 )
 def test_any_words_of_any_shape_get_a_code(words):
-    batch = parse_requests(words)
+    batch = Requests.parse(words)
     assert all(field.shape == words.shape for field in batch)
     outside = (words.astype(object) < 0) | (words.astype(object) >= 2**14)
     assert ((batch.error == LengthError.code) == outside).all()
@@ -88,7 +73,7 @@ def test_huge_numbers_are_refused_not_wrapped(values):
 
 def test_extended_may_differ_from_word_to_word():
     word = int(Request.data_exchange(21, 0xE).bits, 2)
-    batch = parse_requests([word, word], extended=[False, True])
+    batch = Requests.parse([word, word], extended=[False, True])
     assert batch.data.tolist() == [14, 6]
     assert batch.half.tolist() == [NONE, 0]
 
@@ -96,38 +81,18 @@ def test_extended_may_differ_from_word_to_word():
 @pytest.mark.parametrize("extended", [[True, False], "no", 1, float("nan"), [[True], [False]]])
 def test_a_mode_that_does_not_fit_is_refused(extended):
     with pytest.raises(ArgumentError, match="extended"):
-        parse_requests([1, 2, 3], extended=extended)
-
-
-def test_bits_that_do_not_fit_are_refused():
-    with pytest.raises(ArgumentError, match=r"words must be 0\.\.127, to fit 7 bits"):
-        bits_of([128], 7)
-    with pytest.raises(ArgumentError, match="number of bits is 70"):
-        words_of([1] * 70)
-    with pytest.raises(ArgumentError, match="number of bits is 0"):
-        words_of([])
-    assert words_of(1) == 1
+        Requests.parse([1, 2, 3], extended=extended)
 
 
 def test_empty_arrays_stay_empty():
     words, error = encode_requests([], [], [])
-    assert words.shape == error.shape == parse_requests([]).call.shape == (0,)
+    assert words.shape == error.shape == Requests.parse([]).call.shape == (0,)
 
 
 @pytest.mark.parametrize(
     "values", [[0.5], ["1"], [None], [np.nan], [True], np.array([1], "timedelta64[s]")]
 )
 def test_other_types_are_refused(values):
-    for function in (parse_requests, parse_responses, encode_responses):
+    for function in (Requests.parse, parse_responses):
         with pytest.raises(ArgumentError, match="must be whole numbers"):
             function(values)
-
-
-def test_bits_and_words_are_inverse():
-    words = np.arange(2**14).reshape(2, -1)
-    assert (words_of(bits_of(words, 14)) == words).all()
-    assert "".join(map(str, bits_of(0b0011001, 7))) == "0011001"
-    with pytest.raises(ArgumentError, match="range from 0 to 2"):
-        words_of([0, 2])
-    with pytest.raises(ArgumentError, match="range from -1 to 1"):
-        words_of([-1, 1])

@@ -4,18 +4,16 @@ import numpy as np
 import pytest
 
 from shipnet.asi import Response
-from shipnet.asi.batch import bits_of
 from shipnet.asi.channel import MISSED, REQUEST_LOST, VARIANTS
 from shipnet.asi.modulation import (
     ONE_PULSE_CODES,
-    add_pulses,
     bits_of_slots,
     check_slots,
     collide,
     pulses_of,
 )
-from shipnet.errors import ArgumentError, FrameError, name_of
-from tests.asi.lines import draw
+from shipnet.errors import FrameError, name_of
+from tests.asi.lines import REQUESTS, draw
 
 ANSWERS = [Response(data).bits for data in range(16)]
 
@@ -34,9 +32,7 @@ def test_answers_that_overlap_by_part_never_pass(shift):
 
 
 def test_an_answer_upon_a_request_never_makes_another_request_of_it():
-    information = np.arange(2**11)
-    requests = bits_of(information << 2 | (np.bitwise_count(information) & 1) << 1 | 1, 14)
-    pulses = np.pad(pulses_of(requests).astype(int), ((0, 0), (0, 2)))
+    pulses = np.pad(pulses_of(REQUESTS).astype(int), ((0, 0), (0, 2)))
     survived = 0
     for answer, shift in itertools.product(ANSWERS, range(28)):
         both = pulses.copy()
@@ -44,23 +40,23 @@ def test_an_answer_upon_a_request_never_makes_another_request_of_it():
         both[:, shift : shift + heard.size] += heard
         bits, error = check_slots(np.sign(both), 14)
         passed = error == 0
-        assert (bits[passed] == requests[passed]).all()
+        assert (bits[passed] == REQUESTS[passed]).all()
         survived += passed.sum()
     # It survives only where the pulses of both are the same: 2560 of 917504 cases.
     assert survived == 2560
 
 
 def test_pulses_add_up_as_currents_do():
-    two = add_pulses([(ANSWERS[3], 0), (ANSWERS[9], 2)], 7)
-    total = np.zeros(18, dtype=int)
+    total = np.zeros(16, dtype=int)
     total[:14] += pulses_of(ANSWERS[3])
     total[2:16] += pulses_of(ANSWERS[9])
-    assert two.tolist() == np.sign(total[:16]).tolist()
+    bits, error = collide(((ANSWERS[3], 0), (ANSWERS[9], 2)), 7)
+    assert (bits, error) == ("", check_slots(np.sign(total), 7)[1])
 
 
 def test_what_began_before_is_heard_from_its_middle_on():
-    early = add_pulses([(ANSWERS[9], -4)], 7)
-    assert early.tolist() == [*pulses_of(ANSWERS[9])[4:], 0, 0, 0, 0, 0, 0]
+    early = [*pulses_of(ANSWERS[9])[4:], 0, 0, 0, 0, 0, 0]
+    assert collide(((ANSWERS[9], -4),), 7)[1] == check_slots(early, 7)[1]
 
 
 def test_the_codes_of_one_disturbed_pulse_are_those_that_the_scalar_receiver_finds():
@@ -74,15 +70,6 @@ def test_the_codes_of_one_disturbed_pulse_are_those_that_the_scalar_receiver_fin
                 with pytest.raises(FrameError) as caught:
                     bits_of_slots(other)
                 assert type(caught.value).__name__ == name_of(next(wrong))
-
-
-@pytest.mark.parametrize(
-    ("telegrams", "n_bits", "message"),
-    [([], 7, "telegrams is empty"), ([(ANSWERS[0], 0)], 8, "n_bits is 8")],
-)
-def test_nothing_and_other_lengths_are_refused(telegrams, n_bits, message):
-    with pytest.raises(ArgumentError, match=message):
-        add_pulses(telegrams, n_bits)
 
 
 def test_disturbances_are_as_frequent_as_asked_and_independent():

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from shipnet.asi.batch import bits_of
 from shipnet.asi.elements import DEVICE, POWER_SUPPLY, Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.modulation import HALF_BIT
@@ -13,10 +12,9 @@ from shipnet.asi.topologies import line, ring, star
 from shipnet.errors import ArgumentError
 from shipnet.line import Load, Network
 from shipnet.line.network import CableRun
+from tests.asi.lines import REQUESTS
 
 R = 0.027  # ohm/m of the loop, 1.5 mm2
-INFORMATION = np.arange(2**11)
-REQUESTS = bits_of(INFORMATION << 2 | (np.bitwise_count(INFORMATION) & 1) << 1 | 1, 14)
 
 
 def silent(plan):

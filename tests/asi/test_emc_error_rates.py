@@ -31,6 +31,8 @@ SLOT = 156e-6
 class Added:
     """A disturbance whose voltage is given."""
 
+    quantity = "given"
+
     def __init__(self, voltage):
         self.given = voltage
 
@@ -259,7 +261,7 @@ def test_theory_needs_noise_and_telegrams_that_are_received(amplitudes, minimum,
 def drawn(rows):
     columns = ("amplitude_V", "failed", "rate", "rate_low", "rate_high")
     with mpl.rc_context():
-        rates = ErrorRates(dict(zip(columns, row, strict=True)) for row in rows)
+        rates = ErrorRates((dict(zip(columns, row, strict=True)) for row in rows), "volts")
         ax = rates.plot(Figure(figsize=(6.4, 4)).subplots(), label="noise")
         ax.figure.draw_without_rendering()
     return ax
@@ -273,9 +275,22 @@ def test_rates_are_drawn_with_their_intervals_and_zeros_with_an_arrow():
     assert ends == pytest.approx(np.array([[0.01, 0.08], [0.13, 0.29]]))
     assert arrows.lines[0].get_xydata().tolist() == [[0.1, 0.04]]
     assert arrows.lines[0].get_color() == points.lines[0].get_color()
-    assert (ax.get_yscale(), ax.get_xlabel()) == ("log", "amplitude [V]")
+    assert (ax.get_yscale(), ax.get_xlabel()) == ("log", "volts [V]")
     assert ax.get_legend_handles_labels()[1] == ["noise"]
     assert drawn([(0.1, 0, 0.0, 0.0, 0.1)]).containers
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "axis"),
+    [
+        (Noise(), "noise in 2 MHz, standard deviation [V]"),
+        (Noise(reference=50e-9), "noise in 10 MHz, standard deviation [V]"),
+        (Impulses(), "mean height of the impulses [V]"),
+    ],
+)
+def test_an_axis_says_what_the_amplitude_is_and_in_which_bandwidth(disturbance, axis):
+    rates = error_rate(NEAR, disturbance, [0.5, 2.0], 20, rng())
+    assert rates.plot(Figure().subplots()).get_xlabel() == axis
 
 
 # What failures do to a cycle -------------------------------------------------------------------

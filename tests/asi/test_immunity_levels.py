@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from shipnet import datasets, style
 from shipnet.asi.emc.disturbances import PULSE_RATE
-from shipnet.asi.emc.immunity import CRITERIA, STANDARDS, immunity_margin, levels
+from shipnet.asi.emc.immunity import STANDARDS, immunity_margin, levels
 from shipnet.errors import ArgumentError
 
 TABLE = levels().table()
@@ -109,7 +109,7 @@ def test_bad_levels_are_named(arguments, message):
 
 
 def test_criteria_and_standards_have_their_words():
-    assert set(TABLE["criterion"]) - {""} <= set(CRITERIA)
+    assert set(TABLE["criterion"]) - {""} <= {"A", "B", "C"}
     assert set(TABLE["standard"]) <= set(STANDARDS)
     immunity = {name for name, title in STANDARDS.items() if "immunity" in title.lower()}
     assert set(STANDARDS) - immunity == {"IEC 61000-6-4"}

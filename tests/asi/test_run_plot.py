@@ -8,7 +8,7 @@ from matplotlib.patches import Rectangle
 
 from shipnet import style
 from shipnet.asi.simulation import simulate
-from shipnet.asi.slave import TRANSITIONS, Slave, State
+from shipnet.asi.slave import ACTIONS, TRANSITIONS, Slave, State
 from shipnet.errors import ArgumentError
 from tests.asi.lines import simulate_drawn
 
@@ -66,12 +66,12 @@ def test_the_states_are_drawn_from_their_table(ax):
     Slave.plot_states(ax=ax)
     said = "\n".join(text.get_text() for text in ax.texts).split("\n")
     assert [name for name in said if name.isupper()] == [state.value.upper() for state in State]
-    pairs = {(state, step.state) for (state, _), step in TRANSITIONS.items()}
+    pairs = {(state, after) for (state, _), after in TRANSITIONS.items()}
     assert sum(text.get_text() == "" for text in ax.texts) == len(pairs)
-    for (state, event), step in TRANSITIONS.items():
+    for state, event in TRANSITIONS:
         if (state, event.name) != (State.ASYNCHRONOUS, "SLAVE_PAUSE"):
             assert any(line.startswith(event.value) for line in said)
-            assert any(line.endswith(step.action.value) for line in said)
+            assert any(line.endswith(ACTIONS.get(event, "")) for line in said)
 
 
 def test_an_arrow_names_no_pause_twice(ax):

@@ -247,7 +247,7 @@ def test_without_slaves_the_master_goes_on_detecting():
 def test_a_slave_takes_outputs_and_gives_inputs():
     slaves = [slave("S-0.F.F", 1, inputs=6), slave("S-8.F.F", 2), slave("S-7.A.E", 3, "B")]
     run = simulate(slaves, Master(outputs={"2": 5, "3B": 2}), cycles=3)
-    assert run.master.lists.input_image == {"1": 6, "2": 5, "3B": 0}
+    assert run.master.lists.inputs == {2: 6, 4: 5, 7: 0}
     assert [slave.outputs for slave in run.slaves] == [0xF, 5, 2]
 
 
@@ -292,7 +292,7 @@ def test_a_silent_slave_is_dropped_after_its_tries(repetitions, drop_after):
     worst = (1 + repetitions) * drop_after
     assert len(tries) == worst
     assert run.master.lists.las == ["1", "3"]
-    assert "2" not in run.master.lists.input_image
+    assert 4 not in run.master.lists.inputs
     classes = run.failure_classes()
     assert classes.shape == (3, worst)
     assert classes.loc["2"].to_dict() == {**dict.fromkeys(range(1, worst), 0), worst: 1}

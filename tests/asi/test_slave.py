@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 
 from shipnet.asi import Call, Profile, Request, Response
 from shipnet.asi.slave import (
+    ACTIONS,
     TRANSITIONS,
     WATCHDOG,
     WRITE_TIME,
-    Action,
     Event,
     RunningSlave,
     Slave,
@@ -42,12 +42,12 @@ def test_the_table_has_an_arrow_for_every_event_that_a_receiver_reports():
     assert {event for state, event in TRANSITIONS if state is State.RECEIVE} == {
         Event.ERROR, Event.FOREIGN, Event.UNKNOWN, Event.OWN, Event.SILENT,
     }  # fmt: skip
-    answers = {key for key, step in TRANSITIONS.items() if step.action is Action.ANSWER}
+    answers = {key for key in TRANSITIONS if ACTIONS.get(key[1]) == "answer"}
     assert answers == {(State.RECEIVE, Event.OWN)}
 
 
 def test_every_state_is_reached_and_left():
-    ends = {(state, step.state) for (state, _), step in TRANSITIONS.items()}
+    ends = {(state, after) for (state, _), after in TRANSITIONS.items()}
     assert {a for a, b in ends if a != b} == {b for a, b in ends if a != b} == set(State)
 
 

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
@@ -9,20 +10,27 @@ from hypothesis import strategies as st
 from shipnet.ballast.live import Gateway
 from shipnet.ballast.master import Station, operate
 from shipnet.ballast.plant import Command, Fault, Plant
-from shipnet.ballast.registers import COMMAND_REGISTER
+from shipnet.ballast.registers import COMMAND_REGISTER, Code
 from shipnet.ballast.scan import READ_STATUS, System, status_poll
+from shipnet.ballast.simulation import simulate
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.simulation import simulate as poll_loop
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.registers import answer_table
 
 LINE = SerialLine(9600)
 
 
-def loop(n, serial=LINE, **options):
-    return Loop(n, status_poll(serial, **options))
+def plant(n, **options):
+    return Plant(System(n, status_poll(LINE), **options))
+
+
+def simulated(n, *orders, until, timeout=1.0, **options):
+    system = System(n, status_poll(LINE, timeout=timeout))
+    return simulate(system, orders, until=until, **options)
 
 
 @pytest.mark.parametrize("rate", [2400, 9600, 19200, 38400, 115200])
@@ -53,7 +61,7 @@ def test_every_valve_has_a_master_and_no_master_too_many(n):
 @pytest.mark.parametrize(("n", "commands"), [(1, 0), (5, 0), (40, 0), (40, 3)])
 def test_the_oldest_position_shown_is_as_old_as_the_closed_form_says(n, commands):
     orders = [Command("open", 3.0, valves=range(1, commands + 1))] if commands else []
-    run = operate(Plant(n_valves=n), loop(n), orders, duration=10)
+    run = simulated(n, *orders, until=10)
     age = System(n, status_poll(LINE)).worst_age(commands=commands)
     assert run.longest_age.max() == pytest.approx(age, abs=1e-9)
     times = np.linspace(5, 9, 4001)
@@ -63,8 +71,7 @@ def test_the_oldest_position_shown_is_as_old_as_the_closed_form_says(n, commands
 
 
 def test_what_is_shown_is_what_the_plant_was_when_the_slave_was_asked():
-    plant = Plant(n_valves=20)
-    run = operate(plant, loop(20), [Command("open", 2.0, valves=8)], duration=12)
+    run = simulated(20, Command("open", 2.0, valves=8), until=12)
     mine = run.answers.query("unit == 8")
     sent = run.commands["sent_s"][0]
     since = mine["read_s"].to_numpy() - sent
@@ -75,24 +82,22 @@ def test_what_is_shown_is_what_the_plant_was_when_the_slave_was_asked():
 
 
 def test_a_command_goes_out_between_two_polls_and_costs_its_transaction():
-    run = operate(Plant(n_valves=10), loop(10), [Command("open", 1.0, valves=[3, 6])], duration=3)
+    run = simulated(10, Command("open", 1.0, valves=[3, 6]), until=3)
     first, second = run.commands.itertuples()
     assert (first.unit, second.unit) == (3, 6)
     assert 1.0 <= first.sent_s < 1.0 + status_poll(LINE).time
     assert second.sent_s == first.free_s
     assert first.free_s - first.sent_s == pytest.approx(run.write_time)
-    assert run.scan_gap == pytest.approx(loop(10).period + 2 * run.write_time)
+    assert run.scan_gap == pytest.approx(10 * run.poll.time + 2 * run.write_time)
     assert run.commands["value"].tolist() == ["0x0008", "0x0008"]
 
 
 def test_without_commands_the_station_polls_as_the_ring_does():
-    from shipnet.modbus.simulation import simulate
-
-    system = loop(12, timeout=0.3)
+    system = System(12, status_poll(LINE, timeout=0.3))
     faults = [Break(5, start=2.0), DeadSlave(3, start=4.0, stop=90.0)]
-    station = Station(Plant(n_valves=12), system, faults)
+    station = Station(Plant(system), faults)
     station.run_until(150.0)
-    theirs = simulate(system, faults=faults, until=150.0)
+    theirs = poll_loop(system.loop, faults=faults, until=150.0)
     ours = [t for t in station.tries if t[0] < 150]
     assert [t[1:] for t in ours] == [t[1:] for t in theirs.tries]
     assert [t[0] for t in ours] == pytest.approx([t[0] for t in theirs.tries])
@@ -102,12 +107,9 @@ def test_without_commands_the_station_polls_as_the_ring_does():
     "faults", [[Break(5)], [DeadPort("A")], [DeadSlave(4)], [Break(3), Break(6)]]
 )
 def test_no_gap_is_longer_than_the_ring_allows(faults):
-    from dataclasses import replace
-
-    system = loop(10, timeout=0.4)
     begun = [replace(fault, start=1.7) for fault in faults]
-    run = operate(Plant(n_valves=10), system, duration=30, faults=begun)
-    bound = system.worst_gap(faults)
+    run = simulated(10, timeout=0.4, until=30, faults=begun)
+    bound = Loop(10, run.poll).worst_gap(faults)
     for unit in range(1, 11):
         shown = run.answers.query(f"unit == {unit}")["shown_s"].to_numpy()
         if np.isfinite(bound[unit - 1]):
@@ -119,7 +121,7 @@ def test_no_gap_is_longer_than_the_ring_allows(faults):
 
 
 def test_a_line_that_is_shorted_is_tried_again_later_and_comes_back():
-    run = operate(Plant(n_valves=3), loop(3), duration=100, faults=[Short(1, start=1.0, stop=30.0)])
+    run = simulated(3, until=100, faults=Short(1, start=1.0, stop=30.0))
     assert run.screen(20.0).table().state.tolist() == ["silent"] * 3
     assert run.screen().table().state.tolist() == ["closed"] * 3
     assert run.screen(0.01).table().state.tolist() == ["not seen"] * 3
@@ -129,10 +131,10 @@ def test_a_line_that_is_shorted_is_tried_again_later_and_comes_back():
 def test_a_command_that_is_lost_is_reported_and_not_repeated():
     orders = [Command("open", 2.0, valves=4)]
     cut = [Break(0, start=1.99), DeadPort("B", start=1.99)]
-    plant = Plant(n_valves=5)
-    run = operate(plant, loop(5), orders, duration=15, faults=cut)
+    valves = plant(5)
+    run = operate(valves, orders, until=15, faults=cut)
     assert run.commands["outcome"].tolist() == ["no answer"]
-    assert plant.opening.tolist() == [0.0] * 5
+    assert valves.opening.tolist() == [0.0] * 5
 
 
 @pytest.mark.parametrize("n", [5, 50])
@@ -140,10 +142,8 @@ def test_a_command_that_is_lost_is_reported_and_not_repeated():
 def test_the_gap_that_a_command_tears_is_that_of_the_closed_form(n, at_end):
     table = answer_table(LINE, n, 9.0, timeout=10)
     expected = table.loc["at the end" if at_end else "at the start"]
-    run = operate(
-        Plant(n_valves=n), loop(n), [Command('open', 2.0, valves=2)], duration=25,
-        answer_at_end=at_end, timeout=10.0,
-    )  # fmt: skip
+    system = System(n, status_poll(LINE), answer_at_end=at_end, command_timeout=10.0)
+    run = simulate(system, [Command("open", 2.0, valves=2)], until=25)
     assert run.commands["outcome"].tolist() == ["done"]
     # The motor starts at the reading before, up to 0.1 s early.
     assert run.scan_gap == pytest.approx(expected.scan_gap_s, abs=0.1 if at_end else 1e-9)
@@ -155,7 +155,7 @@ def test_the_gap_that_a_command_tears_is_that_of_the_closed_form(n, at_end):
 
 def test_an_answer_at_the_end_that_nobody_waits_for_garbles_one_transaction():
     orders = [Command("open", 2.0, valves=2)]
-    run = operate(Plant(n_valves=5), loop(5), orders, duration=20, answer_at_end=True, timeout=1.0)
+    run = simulate(System(5, status_poll(LINE), answer_at_end=True), orders, until=20)
     assert run.commands["outcome"].tolist() == ["no answer"]
     failed = [t for t in run.tries if not t[4]]
     assert len(failed) == 1
@@ -173,16 +173,16 @@ def test_positions_are_commanded_from_where_the_valve_is_shown():
         Command(60, 1.0, valves=1),
         Command(20, 10.0, valves=1),
     ]
-    plant = Plant(n_valves=2)
-    run = operate(plant, loop(2), orders, duration=20)
+    valves = plant(2)
+    run = operate(valves, orders, until=20)
     assert run.commands["value"].tolist() == [f"0x{60:02X}0A", f"0x{20:02X}06"]
-    assert plant.opening == pytest.approx([0.2, 0.0], abs=0.002)
+    assert valves.opening == pytest.approx([0.2, 0.0], abs=0.002)
     assert run.screen().table().position_percent.tolist() == [20, 0]
     assert run.screen().table().state.tolist() == ["part open", "closed"]
 
 
 def test_modes_and_refusals():
-    station = Station(Plant(n_valves=3), loop(3))
+    station = Station(plant(3))
     station.slaves[2].device.local = True
     assert station.command("open", 2).outcome == "server device failure"
     assert station.command("open", 1).outcome == "done"
@@ -206,7 +206,7 @@ def test_modes_and_refusals():
 
 
 def test_a_refused_command_is_answered_at_once_even_where_answers_come_at_the_end():
-    station = Station(Plant(n_valves=2), loop(2), answer_at_end=True, timeout=20.0)
+    station = Station(plant(2, answer_at_end=True, command_timeout=20.0))
     station.slaves[2].device.local = True
     write = station.command("open", 2)
     assert write.outcome == "server device failure"
@@ -214,14 +214,14 @@ def test_a_refused_command_is_answered_at_once_even_where_answers_come_at_the_en
 
 
 def test_a_pc_sees_the_last_scan_and_commands_through_the_master():
-    plant = Plant(n_valves=3, faults=[Fault("Pos3", valves=3)])
-    station = Station(plant, loop(3))
+    system = System(3, status_poll(LINE))
+    station = Station(Plant(system, Fault("Pos3", valves=3)))
     pc = Gateway(station)
     write_request = partial(Request.write_single_register, COMMAND_REGISTER)
     early = pc.answer(READ_STATUS.tcp(1, 7))
     assert early.hex() == "000700000003" + "01" + "840b"
     station.run_until(1.0)
-    value = station.registers.command(_open())
+    value = station.registers.command(Code.OPEN)
     sent = write_request(value).tcp(1, 8)
     before = station.time
     assert pc.answer(sent) == sent
@@ -237,12 +237,6 @@ def test_a_pc_sees_the_last_scan_and_commands_through_the_master():
     assert pc.answer(sent)[7:].hex() == "8604"
     with pytest.raises(FrameError):
         pc.answer(sent[:-1])
-
-
-def _open():
-    from shipnet.ballast.registers import Code
-
-    return Code.OPEN
 
 
 @settings(max_examples=25)
@@ -263,13 +257,10 @@ def test_time_moves_on_and_nothing_overlaps_whatever_happens(orders, at_end, fau
         Command(50 if action == "position" else action, time, valves=valve + 1)
         for action, time, valve in orders
     ]
-    system = Loop(5, status_poll(LINE, timeout=0.1), recheck=1.0)
-    run = operate(
-        Plant(n_valves=5), system, commands, duration=8, faults=faults, answer_at_end=at_end,
-        timeout=2.0,
-    )  # fmt: skip
-    spans = [(t[0], t[0] + (system.poll.time if t[4] else system.poll.unanswered_time))
-             for t in run.tries]  # fmt: skip
+    poll = status_poll(LINE, timeout=0.1)
+    system = System(5, poll, answer_at_end=at_end, command_timeout=2.0)
+    run = simulate(system, commands, until=8, faults=faults)
+    spans = [(t[0], t[0] + (poll.time if t[4] else poll.unanswered_time)) for t in run.tries]
     spans = sorted(spans + [(w.time, w.end) for w in run.writes])
     assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(spans))
     assert all(shown.read < shown.time for shown in run.shown)
@@ -287,12 +278,12 @@ def test_time_moves_on_and_nothing_overlaps_whatever_happens(orders, at_end, fau
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Station(Plant(n_valves=2), loop(3)), "system has 3 slaves"),
+        (lambda: Station(Plant(2)), "the system has no poll"),
         (lambda: System(answer_at_end=1), "answer_at_end is 1"),
-        (lambda: Station(Plant(), loop(1), timeout=0.001), "timeout is 0.001"),
-        (lambda: Station(Plant(), loop(1), [Break(2)]), "section is 2"),
-        (lambda: operate(Plant(), loop(1), duration=-1), "until is -1"),
-        (lambda: operate(Plant(), loop(1), [Command("stop")], duration=1), "no code for it"),
+        (lambda: Station(plant(1, command_timeout=0.001)), "timeout is 0.001"),
+        (lambda: Station(plant(1), [Break(2)]), "section is 2"),
+        (lambda: operate(plant(1), until=-1), "until is -1"),
+        (lambda: operate(plant(1), [Command("stop")], until=1), "no code for it"),
         (lambda: System(1, status_poll()).worst_age(commands=-1), "commands is -1"),
     ],
 )
@@ -302,7 +293,7 @@ def test_a_bad_argument_is_named(make, message):
 
 
 def test_a_master_that_saw_nothing_says_so():
-    run = operate(Plant(n_valves=2), loop(2), duration=0)
+    run = simulated(2, until=0)
     assert run.answers.empty and run.commands.empty
     assert np.isnan(run.scan_gap)
     assert np.isinf(run.longest_age).all()

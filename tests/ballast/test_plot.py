@@ -3,13 +3,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.master import operate
-from shipnet.ballast.plant import Command, Fault, Plant
-from shipnet.ballast.scan import status_poll
+from shipnet.ballast.plant import Command, Fault
+from shipnet.ballast.scan import System, status_poll
 from shipnet.ballast.simulation import simulate
 from shipnet.modbus.faults import DeadSlave
-from shipnet.modbus.redundancy import Loop
-from shipnet.modbus.uart import SerialLine
 
 
 def axes():
@@ -17,8 +14,8 @@ def axes():
 
 
 def test_the_screen_has_a_bar_as_high_as_each_valve_is_open():
-    plant = Plant(n_valves=5, opening=[0, 1, 0.4, 0, 0.5])
-    run = operate(plant, Loop(5, status_poll(SerialLine(9600))), duration=3, faults=[DeadSlave(4)])
+    system = System(5, status_poll(9600), opening=[0, 1, 0.4, 0, 0.5])
+    run = simulate(system, faults=DeadSlave(4), until=3)
     ax = run.screen().plot(ax=axes(), columns=3)
     bars = [bar for bar in ax.patches if bar.get_linewidth() != 0.5]
     heights = np.array([bar.get_height() for bar in bars]) / 0.62

@@ -10,7 +10,7 @@ from shipnet.ballast.simulation import blocks, simulate
 
 @pytest.mark.parametrize("step", [0.1, 0.25, 0.3, 0.4, 1.0])
 def test_simulation_and_recorder_give_one_speed_whatever_the_step(step):
-    plant = Plant(step=step)
+    plant = Plant(System(step=step))
     recorder = Recorder(plant)
     plant.order(Command("open"))
     while plant.time <= 10:
@@ -29,7 +29,7 @@ def test_blocks_have_the_speed_of_the_whole_run(size):
     orders = [Command("open", 1.0), Command("close", 6.0)]
     rng = np.random.default_rng
     whole = simulate(System(step=0.3), orders, until=12, idle_step=1.0, rng=rng(1)).DVPos
-    parts = blocks(commands=orders, duration=12, step=0.3, idle_step=1.0, rng=rng(1), size=size)
+    parts = blocks(System(step=0.3), orders, until=12, rng=rng(1), size=size)
     np.testing.assert_allclose(np.concatenate([run.DVPos for run in parts]), whole)
 
 

@@ -113,12 +113,11 @@ def test_the_same_seed_gives_the_same_run_and_another_seed_another():
 @given(size=st.integers(1, 300), idle=st.sampled_from([0.1, 0.5, 1.0]))
 def test_blocks_of_any_size_strung_together_are_the_whole(size, idle):
     orders = [Command(30, 2.0), Command("close", 8.0, valves=2)]
-    plan = {"commands": orders, "duration": 12, "n_valves": 2, "idle_step": idle}
     faults = [Fault("P2", 0.4, start=5.05)]
     whole = simulate(2, orders, faults=faults, until=12, idle_step=idle, rng=rng())
-    parts = list(blocks(**plan, faults=faults, rng=rng(), size=size))
+    parts = list(blocks(2, orders, faults=faults, until=12, idle_step=idle, rng=rng(), size=size))
     assert all(part.time.size <= size for part in parts)
-    for name in ("time", "readings", "DVPos", "running", "moving", "active", "opening"):
+    for name in ("time", "readings", "speed", "ran", "moving", "active", "opening"):
         together = np.concatenate([getattr(part, name) for part in parts])
         assert np.array_equal(together, getattr(whole, name), equal_nan=True), name
     assert sum((part.movements for part in parts), ()) == whole.movements
@@ -126,10 +125,7 @@ def test_blocks_of_any_size_strung_together_are_the_whole(size, idle):
 
 def test_rest_is_measure_and_advance_in_turn():
     faults = [Fault("Pos2", valves=2), Fault("O1", start=60.0, valves=3)]
-    plants = [
-        Plant(n_valves=3, faults=faults, opening=[0, 0.4, 1], rng=np.random.default_rng(7))
-        for _ in range(2)
-    ]
+    plants = [Plant(System(3, opening=[0, 0.4, 1]), faults, rng=7) for _ in range(2)]
     one, other = plants
     steps = []
     for _ in range(12):
@@ -317,7 +313,7 @@ def test_whatever_happens_the_state_stays_within_its_bounds(orders, faults):
         (lambda: simulate(System(opening=[0, 1]), until=1), "one for each of 1"),
         (lambda: simulate(System(step=0), until=1), "step is 0"),
         (lambda: simulate(1, until=1, idle_step=0.01), "idle_step is 0.01"),
-        (lambda: blocks(duration=1, size=0), "size is 0"),
+        (lambda: blocks(1, until=1, size=0), "size is 0"),
         (lambda: simulate(1, until=1).valve(2), "valve is 2"),
     ],
 )

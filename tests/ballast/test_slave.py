@@ -10,14 +10,13 @@ from shipnet.ballast.live import serve
 from shipnet.ballast.master import operate
 from shipnet.ballast.plant import FAULTS, Command, Fault, Plant
 from shipnet.ballast.registers import Code, RegisterMap
-from shipnet.ballast.scan import status_poll
+from shipnet.ballast.scan import System, status_poll
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.slave import Monitor, ValveDevice, valve_slaves
 from shipnet.errors import ArgumentError
 from shipnet.modbus.faults import Break
 from shipnet.modbus.pdu import Request, Response
 from shipnet.modbus.polling import Poll
-from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.slave import Device, DeviceError
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.registers import answer_table
@@ -84,7 +83,7 @@ def test_code_manual_stops_the_motor():
 
 
 def test_the_watchdog_stops_a_valve_whose_master_falls_silent():
-    fed, starved = (ValveDevice(Plant(), watchdog=2.0) for _ in range(2))
+    fed, starved = (ValveDevice(Plant(System(watchdog=2.0))) for _ in range(2))
     for device in (fed, starved):
         write(device, Code.OPEN, 0.0)
     for time in np.arange(0.5, 12, 1.5):
@@ -96,7 +95,7 @@ def test_the_watchdog_stops_a_valve_whose_master_falls_silent():
 
 
 def test_valves_of_one_plant_share_its_time_and_nothing_else():
-    slaves = valve_slaves(Plant(n_valves=3))
+    slaves = valve_slaves(Plant(3))
     write(slaves[2].device, Code.OPEN, 0.0)
     positions = [status(slaves[k].device, 5.0).readings[4, 0] for k in (1, 2, 3)]
     assert positions == [0, 56, 0]
@@ -128,7 +127,7 @@ def test_any_request_gets_an_answer_or_none_and_breaks_nothing(pdu, time):
 
 
 def test_a_slave_finds_its_fault_and_what_does_not_fit_reaches_the_master():
-    device = ValveDevice(Plant(faults=[Fault("Pos4")]))
+    device = ValveDevice(Plant(1, [Fault("Pos4")]))
     # Three of five readings; S2, in row 7, is Pos4 without motor current, and ranks higher.
     assert [status(device, 0.1 * k).fault[0] for k in range(4)] == [0, 0, 7, 7]
     seen = status(device, 0.4)
@@ -140,7 +139,7 @@ def test_a_slave_finds_its_fault_and_what_does_not_fit_reaches_the_master():
 @pytest.mark.parametrize(("code", "row"), [("Pos1", 9), ("Pos2", 10), ("Pos3", 6), ("Pos4", 7)])
 def test_the_four_faults_of_the_position_are_found_by_the_slave(code, row):
     slaves = valve_slaves(
-        Plant(n_valves=3, faults=[Fault(code, valves=2)], opening=float(code in ("Pos1", "Pos3"))),
+        Plant(System(3, opening=float(code in ("Pos1", "Pos3"))), [Fault(code, valves=2)]),
     )
     device = slaves[2].device
     # Pos1 and Pos2 need a pressure that only a stroke traps.
@@ -156,7 +155,7 @@ def test_the_four_faults_of_the_position_are_found_by_the_slave(code, row):
 
 def test_a_slave_finds_what_the_offline_diagnosis_of_the_same_readings_finds():
     faults = [Fault(code, valves=k + 1) for k, code in enumerate(FAULTS)]
-    plant = Plant(n_valves=13, faults=faults, rng=np.random.default_rng(7))
+    plant = Plant(13, faults, rng=7)
     monitor, recorder = Monitor(plant), Recorder(plant)
     for action, until in (("open", 25.0), ("close", 50.0)):
         plant.order(Command(action))
@@ -171,7 +170,7 @@ def test_a_slave_finds_what_the_offline_diagnosis_of_the_same_readings_finds():
 
 
 def test_what_is_still_wrong_is_found_again_though_no_reading_changes():
-    plant = Plant(n_valves=2, faults=[Fault("Pos4", valves=2)])
+    plant = Plant(2, [Fault("Pos4", valves=2)])
     monitor = Monitor(plant)
     rows = []
     for time in range(1, 9):
@@ -186,7 +185,7 @@ def test_what_is_still_wrong_is_found_again_though_no_reading_changes():
 
 
 def test_a_fault_that_begins_at_rest_is_seen_in_the_readings_from_then_on():
-    plant = Plant(faults=[Fault("Pos4", start=3.5)])
+    plant = Plant(1, [Fault("Pos4", start=3.5)])
     monitor = Monitor(plant)
     rows = []
     for time in range(1, 8):
@@ -197,30 +196,29 @@ def test_a_fault_that_begins_at_rest_is_seen_in_the_readings_from_then_on():
 
 
 def test_a_found_fault_stays_until_the_next_command_and_a_dead_sensor_finds_none():
-    plant = Plant(faults=[Fault("V1")])
+    plant = Plant(1, [Fault("V1")])
     device = ValveDevice(plant)
     write(device, Code.OPEN, 0.0)
     assert status(device, 0.1).fault[0] == 0
     assert [status(device, time).fault[0] for time in (0.3, 5.0, 100.0)] == [4, 4, 4]
     write(device, Code.CLOSE, 100.0)
     assert status(device, 101.0).fault[0] == 0
-    dead = Plant(rng=np.random.default_rng(1))
+    dead = Plant(rng=1)
     dead._offsets = np.full((5, 1), np.nan)
     blind = ValveDevice(dead)
     assert [status(blind, 0.1 * k).fault[0] for k in range(8)] == [0] * 8
 
 
 def test_the_watchdog_is_reached_through_slaves_station_and_server():
-    slaves = valve_slaves(Plant(n_valves=2), watchdog=2.0)
+    slaves = valve_slaves(Plant(System(2, watchdog=2.0)))
     write(slaves[1].device, Code.OPEN, 0.0)
     assert status(slaves[1].device, 12.0).readings[4, 0] == 22
     # Cut off from both ends, the first valve hears nothing more.
-    loop = Loop(2, status_poll(SerialLine(9600)))
     lost = [Break(0, start=3.0), Break(1, start=3.0)]
     ends = []
     for watchdog in (None, 5.0):
-        plant = Plant(n_valves=2)
-        operate(plant, loop, [Command("open", 1.0)], duration=15, faults=lost, watchdog=watchdog)
+        plant = Plant(System(2, status_poll(9600), watchdog=watchdog))
+        operate(plant, [Command("open", 1.0)], until=15, faults=lost)
         ends.append({moved.valve: moved.outcome for moved in plant.movements})
     assert ends[0] == {0: "limit", 1: "limit"}
     assert ends[1] == {0: "time", 1: "limit"}
@@ -273,11 +271,10 @@ def test_at_the_end_the_master_times_out_or_sees_nothing_of_the_movement():
         (lambda: answer_table(SerialLine(9600), 5, -1), "movement is -1"),
         (lambda: answer_table(SerialLine(9600), 5, 9, timeout=0), "timeout is 0"),
         (lambda: ValveDevice(Plant(), 1), "valve is 1"),
-        (lambda: ValveDevice(Plant(), watchdog=0), "watchdog is 0"),
-        (lambda: valve_slaves(Plant(), watchdog=0), "watchdog is 0"),
+        (lambda: System(watchdog=0), "watchdog is 0"),
         (lambda: serve(1, watchdog=4000), "watchdog is 4000"),
         (lambda: setattr(ValveDevice(Plant()), "fault", 13), "row is 13"),
-        (lambda: valve_slaves(Plant(n_valves=248)), "plant has 248 valves"),
+        (lambda: valve_slaves(Plant(248)), "plant has 248 valves"),
         (lambda: ValveDevice(Plant()).turn("position", 0.0), "action is 'position'"),
     ],
 )

@@ -5,13 +5,12 @@ from scipy.stats import binomtest, poisson
 
 from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.plant import FAULTS, Command, Fault
-from shipnet.ballast.scan import System
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.trials import (
     BASIS,
     false_alarms,
     fault_trials,
-    spread_actuator,
+    spread_valves,
 )
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.firing import METHODS
@@ -107,11 +106,9 @@ def test_a_trial_is_what_the_run_of_the_same_valve_shows():
     rng = np.random.default_rng(11)
     trials = fault_trials(["V2"], n_valves=3, methods=["fuzzy"], spread=0.1, rng=rng).table()
     again = np.random.default_rng(11)
-    actuator = spread_actuator(3, 0.1, again)
+    system = spread_valves(3, 0.1, None, again)
     orders = [Command("open", 5.0), Command("close", 35.0)]
-    run = simulate(
-        System(actuator=actuator), orders, until=65, faults=[Fault("V2")], idle_step=0.5, rng=again
-    )
+    run = simulate(system, orders, until=65, faults=[Fault("V2")], idle_step=0.5, rng=again)
     diagnosis = diagnose_run(run)
     first = np.nanmin(diagnosis.alarm_times, axis=1)
     np.testing.assert_allclose(trials["delay_s"], np.maximum(first - 5.0, 0))
@@ -136,9 +133,9 @@ def test_false_alarms_are_those_of_a_diagnosis_of_the_whole_run():
         until=130, period=60, methods=["crisp", "fuzzy"], rng=np.random.default_rng(4), **more
     )
     rng = np.random.default_rng(4)
-    actuator = spread_actuator(6, 0.0, rng)
+    system = spread_valves(6, 0.0, None, rng)
     orders = [Command("open"), Command("close", 60.0)]
-    run = simulate(System(actuator=actuator), orders, until=119.9, idle_step=1.0, rng=rng)
+    run = simulate(system, orders, until=119.9, idle_step=1.0, rng=rng)
     quiet = diagnose_run(run, method="crisp").top == "normal"
     begins = quiet[:-1] & ~quiet[1:]
     assert table.loc["crisp", "alarms"] == begins.sum() + (~quiet[0]).sum()
@@ -173,7 +170,7 @@ def test_blocks_do_not_change_the_count_of_false_alarms(monkeypatch):
         (lambda r: fault_trials(["V1"], n_valves=2, methods=["x"], rng=r).table(), "method is 'x'"),
         (lambda r: false_alarms(until=10, period=60, rng=r), "until is 10"),
         (lambda r: false_alarms(period=1, rng=r), "period is 1"),
-        (lambda r: spread_actuator(3, -1, r), "spread is -1"),
+        (lambda r: spread_valves(3, -1, None, r), "spread is -1"),
     ],
 )
 def test_an_argument_of_a_trial_out_of_range_is_named(call, message):

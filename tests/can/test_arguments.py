@@ -36,6 +36,10 @@ CALLS = [
      {"bit_rate": "empty"}),
     (can.example, {"name": "engine"}, {}),
     (can.read_messages, {"path": "none"}, {"path": "text path"}),
+    (can.analyse, {
+        "messages": MESSAGES, "bit_rates": [125e3], "period": 1.0, "assumptions": None,
+        "faults": (),
+    }, {"messages": "text path", "period": "None", "faults": "empty"}),
     (can.audsley, {"messages": MESSAGES, "bit_rate": 125e3, "assumptions": None, "faults": ()},
      {"faults": "empty"}),
     (can.lowest_bit_rate, {
@@ -65,13 +69,14 @@ CALLS = [
     (can.faults.ErrorBound, {"interval": 0.1, "burst": 1, "bits": 31}, {}),
     (LOG.load, {"bit_rate": 125e3, "window": 1.0}, {}),
     (LOG.compare, {"messages": MESSAGES}, {}),
+    (LOG.messages, {"period": 1.0}, {"period": "None"}),
     (LOG.save, {"path": "none.csv"}, {}),
 ]  # fmt: skip
 
 #: Made by a function of the front, or with nothing to check.
 RESULTS = {
-    "Arbitration", "Assignment", "BIT_RATES", "BatchRun", "Log", "LogLoad", "ResponseTime",
-    "ResponseTimes", "Run", "Segment", "Signals", "faults",
+    "Analysis", "Arbitration", "Assignment", "BIT_RATES", "BatchRun", "Log", "LogLoad",
+    "ResponseTime", "ResponseTimes", "Run", "Segment", "Signals", "faults",
 }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -222,8 +223,13 @@ def test_all_faults_of_a_file_are_named_at_once(tmp_path):
         ("", "is empty"),
         ("\n;;\n", "is empty"),
         ("name,arbitration_id,dlc,period_ms\n", "has no message"),
-        ("name,dlc,period\nA,8,1\n", "column 3: title 'period' is unknown; expected one of name"),
+        (
+            "name,dlc,Cycle\nA,8,1\n",
+            "column 3: title 'cycle' has no unit; expected such as period_",
+        ),
+        ("name,dlc,every\nA,8,1\n", "column 3: title 'every' is unknown; expected one of name"),
         ("name,dlc,period\nA,8,1\n", "no column arbitration_id"),
+        ("id,can-id,name,dlc,period_ms\n", "title 'arbitration_id' appears twice"),
         ("name,name,arbitration_id,dlc,period_ms\n", "title 'name' appears twice"),
         (b"name\0", "is not text"),
         ("name,dlc\n" + 200_000 * "a" + ",1\n", "is no CSV file: field larger"),
@@ -278,8 +284,8 @@ def test_a_table_of_numbers_with_gaps_is_read_and_its_faults_are_named():
     )
     with pytest.raises(ArgumentError, match="has no message"):
         MessageSet.from_table(table[:0])
-    with pytest.raises(ArgumentError, match="title 'cycle' is unknown; expected one of name"):
-        MessageSet.from_table(table.assign(cycle=1))
+    with pytest.raises(ArgumentError, match="title 'every' is unknown; expected one of name"):
+        MessageSet.from_table(table.assign(every=1))
 
 
 # Load.
@@ -342,15 +348,42 @@ def test_a_message_is_replaced_by_name():
         messages.replace("speed", arbitration_id=0x010)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Message;CAN-ID (hex);DLC;Cycle time [ms];Node\noil;110;8;20;JB1\n"
+        "rpm;18FEF100;4;1000;JB2\n",
+        "Msg name\tID\tLength\tCycle time in s\tTransmitter\nrpm\t0x18FEF100\t4\t1\tJB2\n"
+        "oil\t0x110\t8\t0.02\tJB1\n",
+        "Name,Identifier,Data bytes,Interval (us),ECU,Remarks,Comment\noil,110h,8,20000,JB1,a,b\n"
+        "rpm,18FEF100h,4,1e6,JB2,,\n",
+        "name,COB-ID,size,period_s,29 bit,source\noil,272,8,.02,no,JB1\n"
+        "rpm,419361024,4,1.0,yes,JB2\n",
+    ],
+)
+def test_titles_as_yards_write_them_are_understood(tmp_path, text):
+    expected = MessageSet(
+        [
+            Message("oil", 0x110, 8, 0.02, sender="JB1"),
+            Message("rpm", 0x18FEF100, 4, 1.0, extended=True, sender="JB2"),
+        ]
+    )
+    assert load(tmp_path, text) == expected
+    book = tmp_path / "set.xlsx"
+    lines = [re.split("[;,\t]", line) for line in text.splitlines()]
+    pd.DataFrame(lines[1:], columns=lines[0]).to_excel(book, index=False)
+    assert read_messages(book) == expected
+
+
 def test_a_file_with_other_titles_and_without_periods(tmp_path):
     file = tmp_path / "yard.csv"
-    file.write_text("Name;CAN-ID (hex);DLC;Cycle [ms]\noil;0x10;8;20\ngas;0x11;4;\n")
-    columns = {"CAN-ID (hex)": "arbitration_id", "Cycle [ms]": "period_ms"}
+    file.write_text("Name;Number;DLC;Every\noil;0x10;8;20\ngas;0x11;4;\n")
+    columns = {"Number": "arbitration_id", "Every": "period_ms"}
     found = read_messages(file, columns=columns, period=0.5)
     assert found.periods.tolist() == [0.02, 0.5]
     with pytest.raises(InputError, match="row 3, column period_ms: is empty"):
         read_messages(file, columns=columns)
-    with pytest.raises(InputError, match="no column 'cycle'; the titles are name, can-id"):
+    with pytest.raises(InputError, match="no column 'cycle'; the titles are name, number"):
         read_messages(file, columns={"cycle": "period_ms"})
 
 

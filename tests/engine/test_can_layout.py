@@ -1,5 +1,4 @@
 import csv
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -78,36 +77,6 @@ def test_the_bytes_are_those_of_a_long_number(bits):
         digits += "".join(states[k : k + 8][::-1] for k in range(0, len(states), 8))
         sent = b"".join(data.tobytes() for name, data in frames.items() if name.startswith(box))
         assert sent == int(digits, 2).to_bytes(len(digits) // 8, "big")
-
-
-def database(layout):
-    """Describe the frames of 16-bit values to cantools, from the table."""
-    import cantools.database as db
-
-    signals, states = {}, Counter()
-    for point, row in zip(POINTS, layout.table().itertuples(), strict=True):
-        place = row.message, row.byte
-        if point.analogue:
-            signal = db.can.signal.Signal(row.Index, 8 * row.byte + 7, 16, "big_endian")
-        else:
-            signal = db.can.signal.Signal(row.Index, 8 * row.byte + states[place], 1)
-            states[place] += 1
-        signals.setdefault(row.message, []).append(signal)
-    messages = [
-        db.can.Message(m.arbitration_id, m.name, m.dlc, signals[m.name], strict=True)
-        for m in layout.messages()
-    ]
-    return db.can.Database(messages)
-
-
-def test_cantools_reads_the_same_values():
-    pytest.importorskip("cantools")
-    layout, values = CanLayout(POINTS), codes(16, ())
-    known = database(layout)
-    read = {}
-    for name, data in layout.encode(values).items():
-        read |= known.decode_message(name, data.tobytes())
-    assert [read[point.tag] for point in POINTS] == values.tolist()
 
 
 @pytest.mark.parametrize("bits", [16, 12, 10])

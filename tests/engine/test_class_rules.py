@@ -5,7 +5,7 @@ import pytest
 
 from shipnet.can import Frame, decode
 from shipnet.crc import CAN, MODBUS, Crc
-from shipnet.engine.class_rules import RULES, Description, Part, Redundancy, check
+from shipnet.engine.class_rules import Description, Part, Redundancy, check
 from shipnet.engine.points import read_points
 from shipnet.errors import ArgumentError
 from shipnet.modbus.pdu import Request
@@ -114,22 +114,12 @@ def test_two_wrong_bits_behind_the_bit_stuffing_can_pass_the_crc_of_can():
     assert CAN.undetected(payload=8) == 0
 
 
-def test_the_measure_of_the_crc_says_where_it_ends():
-    measure = next(rule.measure for rule in RULES if rule.name == "CRC")
-    assert "before bit stuffing" in measure
-
-
 def test_a_useless_crc_is_seen_to_miss(monkeypatch):
     monkeypatch.setattr(
         Crc, "of", lambda crc, rows: np.zeros(np.shape(rows)[:1], np.int64) if np.ndim(rows) else 0
     )
     assert MODBUS.undetected(flips=1) == 48
     assert verdicts(GOOD)["CRC"] == "violated"
-
-
-def test_every_rule_says_what_it_asks_and_what_others_ask():
-    assert len({rule.name for rule in RULES}) == len(RULES) == 10
-    assert all(rule.asks and rule.object and rule.measure and rule.elsewhere for rule in RULES)
 
 
 def test_one_dead_part_costs_its_box_where_there_is_no_other():

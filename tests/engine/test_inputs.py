@@ -5,11 +5,8 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from shipnet.engine.inputs import (
-    BURDEN,
-    EXCITATION,
     NAMUR,
     WIRE_FAULTS,
-    Adc,
     InputCard,
     pt100_resistance,
     pt100_temperature,
@@ -52,40 +49,28 @@ def test_what_is_no_temperature_is_refused(bad):
         pt100_temperature(bad)
 
 
+#: A current loop alone.
+LOOP = InputCard([Point("P", "B", "4-20 mA", "pressure", 0, 10, "bar")])
+
+
 def test_the_current_loop_is_that_of_the_paper():
     # 4..20 mA make 1..5 V over 250 ohm, and 1.25 (u - 1 V) is 0..5 V.
-    card = InputCard([Point("P", "B", "4-20 mA", "pressure", 0, 10, "bar")])
-    current = card.signal([[0.0], [2.5], [10.0]])
+    current = LOOP.signal([[0.0], [2.5], [10.0]])
     assert current.ravel() == pytest.approx([4e-3, 8e-3, 20e-3])
-    u = 1.25 * (BURDEN * current - 1)
-    assert card.voltage(current) == pytest.approx(u)
-    amplifier = card.amplifiers().iloc[0]
-    assert [amplifier.gain, amplifier.offset_v] == pytest.approx([1.25, 1.0])
+    assert LOOP.voltage(current) == pytest.approx(1.25 * (250 * current - 1))
 
 
 def test_a_transmitter_goes_no_further_than_its_limits():
-    card = InputCard([Point("P", "B", "4-20 mA", "pressure", 0, 10, "bar")])
-    ends = card.signal([[-1e9], [1e9]]).ravel().tolist()
+    ends = LOOP.signal([[-1e9], [1e9]]).ravel().tolist()
     assert ends == [NAMUR.lowest, NAMUR.highest]
 
 
-def test_every_amplifier_makes_0_to_5_v_of_its_range():
-    card = InputCard(POINTS)
-    inputs = np.where(RTD, EXCITATION, BURDEN)
-    for ends, wanted in ((LOW, 0), (HIGH, 5)):
-        u = (card.signal(ends) * inputs)[ANALOGUE]
-        table = card.amplifiers()
-        made = (table.gain * (u - table.offset_v)).to_numpy()
-        assert made == pytest.approx(np.full(80, wanted), abs=1e-9)
-
-
 def test_a_step_is_the_reference_over_1024():
-    adc = Adc()
-    assert adc.step == 5 / 1024
-    steps = np.arange(1023) + 0.5
-    assert adc.code(steps * adc.step - 1e-9).tolist() == list(range(1023))
-    assert adc.code(steps * adc.step + 1e-9).tolist() == list(range(1, 1024))
-    assert adc.code([-np.inf, np.inf]).tolist() == [0, 1023]
+    assert LOOP.step == 5 / 1024
+    steps = 4e-3 + 16e-3 * (np.arange(1023) + 0.5)[:, None] / 1024
+    assert LOOP.code(steps - 1e-12).ravel().tolist() == list(range(1023))
+    assert LOOP.code(steps + 1e-12).ravel().tolist() == list(range(1, 1024))
+    assert LOOP.code([[-np.inf], [np.inf]]).ravel().tolist() == [0, 1023]
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.125, 1.0])
@@ -169,9 +154,7 @@ def test_what_cannot_be_is_refused():
     cold = LOW.copy()
     cold[0] = -300
     for action, message in (
-        (lambda: Adc(0), "bits is 0"),
-        (lambda: Adc(10, 0), "reference is 0 V"),
-        (lambda: Adc().code(np.nan), "voltage is nan"),
+        (lambda: InputCard(POINTS, reference=0), "reference is 0 V"),
         (lambda: InputCard([]), "points are empty"),
         (lambda: InputCard(POINTS, bits=17), "bits is 17"),
         (lambda: InputCard(POINTS, margin=-0.1), "margin is -0.1"),

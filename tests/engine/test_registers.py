@@ -5,10 +5,8 @@ from hypothesis import strategies as st
 
 from shipnet.engine.points import Point, read_points
 from shipnet.engine.registers import AGE_STEP, CODINGS, CORRECTED, Coding, RegisterMap
-from shipnet.errors import ArgumentError, FieldError, LengthError
-from shipnet.modbus.pdu import Request, Response
+from shipnet.errors import ArgumentError
 from shipnet.modbus.polling import Poll
-from shipnet.modbus.slave import Slave
 from shipnet.modbus.uart import SerialLine
 
 POINTS = read_points()
@@ -53,14 +51,6 @@ def test_the_corrected_coding_never_sends_its_mark_for_a_value():
     wild = np.random.default_rng(3).normal(0, 1e6, (1000, 99))
     assert (CORRECTED.encode(POINTS, wild) != CORRECTED.error).all()
     assert not CORRECTED.collisions(POINTS).collides.any()
-
-
-def test_255_degrees_are_an_error_to_the_printed_coding():
-    table = CODINGS["whole units, 0x00FF"].collisions(POINTS)
-    found = table[table.collides]
-    assert {(row.low, row.high) for row in found.itertuples()} == {(-50.0, 600.0)}
-    assert (found.reads == 255).all()
-    assert found[["from", "to"]].drop_duplicates().to_numpy().tolist() == [[254.5, 255.5]]
 
 
 @CODING
@@ -188,58 +178,6 @@ def test_a_map_judges_its_packed_switches_apart_from_its_values():
     values = np.where(switch, 1.0, LOW)
     layout = RegisterMap(POINTS, ones, "box")
     assert (layout.decode(layout.encode(values)).values[switch] == 1).all()
-
-
-def answer(pdu, registers, first_address=0):
-    """Let a slave answer that knows function code 3 alone, as the junction box does."""
-    content = dict(enumerate(registers, first_address))
-    return Slave(holding_registers=content, functions={3}).answer(pdu)
-
-
-def expected(pdu, registers, first):
-    """Say by the book, from our decoder of requests, what a server with code 3 alone answers."""
-    if not pdu or not 1 <= pdu[0] <= 127:
-        return b""
-    if pdu[0] != 3:
-        return bytes([pdu[0] + 128, 1])
-    try:
-        request = Request.parse(pdu)
-    except (LengthError, FieldError):
-        return bytes([0x83, 3])
-    start = request.address - first
-    part = registers[start : start + request.quantity] if start >= 0 else []
-    if len(part) < request.quantity:
-        return bytes([0x83, 2])
-    return bytes([3, 2 * len(part)]) + b"".join(r.to_bytes(2, "big") for r in part)
-
-
-REQUEST = st.builds(
-    lambda start, n, rest: b"\x03" + start.to_bytes(2, "big") + n.to_bytes(2, "big") + rest,
-    st.integers(0, 300) | st.integers(0, 65535),
-    st.integers(0, 130) | st.integers(0, 65535),
-    st.sampled_from([b"", b"", b"", b"\0"]),
-)
-
-
-@given(st.binary(max_size=300) | REQUEST, st.sampled_from([0, 7, 65536 - 99]))
-def test_any_bytes_get_the_answer_of_the_standard(pdu, first):
-    registers = list(range(1000, 1099))
-    response = answer(pdu, registers, first_address=first)
-    assert response == expected(pdu, registers, first)
-    if response:
-        Response.parse(response)
-
-
-def test_the_answers_are_those_of_pymodbus():
-    pdu = pytest.importorskip("pymodbus.pdu")
-    decoder = pdu.DecodePDU(False)
-    for quantity in (1, 99):
-        request = pdu.register_message.ReadHoldingRegistersRequest(address=0, count=quantity)
-        asked = bytes([request.function_code]) + request.encode()
-        read = decoder.decode(answer(asked, range(99)))
-        assert read.registers == list(range(quantity))
-    refused = decoder.decode(answer(b"\x03\0\0\0\x64", range(99)))
-    assert (refused.function_code, refused.exception_code) == (0x83, 2)
 
 
 def test_what_no_box_has_is_refused():

@@ -1,5 +1,7 @@
 """A network that tests put together step by step."""
 
+import numpy as np
+
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun, Load, Network
 
@@ -29,3 +31,21 @@ class Net:
 
     def __getattr__(self, name):
         return getattr(self.network, name)
+
+
+def dense_transfer(network, root, s):
+    """Return `Network.transfer` of one network by solving its nodal equations."""
+    matrix = np.zeros((len(s), len(network.nodes), len(network.nodes)), dtype=complex)
+    conductance, per_henry, capacitance = network.shunts()[..., 0]
+    each = range(len(network.nodes))
+    matrix[:, each, each] = conductance + per_henry / s[:, None] + capacitance * s[:, None]
+    for run in network.runs:
+        cable, ends = run.made_of, [network.index(run.a), network.index(run.b)]
+        angle = cable.propagation(s) * run.length
+        wave = np.sqrt(cable.shunt_admittance(s) / cable.series_impedance(s))
+        for i, j in (ends, ends[::-1]):
+            matrix[:, i, i] += wave / np.tanh(angle)
+            matrix[:, i, j] -= wave / np.sinh(angle)
+    unit = np.zeros((len(network.nodes), 1))
+    unit[network.index(root)] = 1
+    return np.linalg.solve(matrix, unit)[..., 0].T

@@ -354,24 +354,63 @@ def test_faulty_responses_are_refused_by_field(pdu, request_, error, message):
 
 
 @pytest.mark.parametrize(
-    ("framing", "frame", "error"),
+    ("framing", "frame", "error", "message"),
     [
-        ("rtu", "010300", LengthError),
-        ("rtu", rtu_frame(1, bytes(253)).hex() + "00", LengthError),
-        ("ascii", b"1103006B00037E\r\n".hex(), FormError),
-        ("ascii", b":1103006B00037E\n\n".hex(), FormError),
-        ("ascii", b":1103006B00037G\r\n".hex(), SymbolError),
-        ("ascii", b":1103006B00037\r\n".hex(), LengthError),
-        ("ascii", b":1103006B00037F\r\n".hex(), CrcError),
-        ("tcp", "000000010002ff03", FieldError),
-        ("tcp", "000000000003ff03", LengthError),
-        ("tcp", "000000000001ff", LengthError),
+        ("rtu", b"\1\3\0", LengthError, "the RTU frame has 3 bytes; it must have 4..256"),
+        ("rtu", bytes(257), LengthError, "the RTU frame has 257 bytes; it must have 4..256"),
+        (
+            "rtu",
+            b"123456789\0\0",
+            CrcError,
+            "CRC is 0x0000, but the bytes before it make 0x4B37",
+        ),
+        ("ascii", b":0103\r\n", LengthError, "the ASCII frame has 7 bytes; it must have 9..513"),
+        ("ascii", bytes(514), LengthError, "the ASCII frame has 514 bytes; it must have 9..513"),
+        *(
+            (
+                "ascii",
+                frame,
+                FormError,
+                "an ASCII frame begins with ':' and ends with carriage return, line feed",
+            )
+            for frame in (b"1103006B00037E\r\n", b":1103006B00037E\n\n")
+        ),
+        ("ascii", b":1103006B00037G\r\n", SymbolError, "b'G' is not a hexadecimal digit"),
+        (
+            "ascii",
+            b":1103006B00037\r\n",
+            LengthError,
+            "the ASCII frame has 13 digits; two make a byte",
+        ),
+        ("ascii", b":010300\r\n", CrcError, "LRC is 0x00, but the bytes before it make 0xFC"),
+        ("tcp", bytes(7), LengthError, "the TCP frame has 7 bytes; it must have 8..260"),
+        ("tcp", bytes(261), LengthError, "the TCP frame has 261 bytes; it must have 8..260"),
+        ("tcp", b"\0\0\0\1\0\2\xff\3", FieldError, "protocol id is 1; it must be 0"),
+        (
+            "tcp",
+            b"\0\0\0\0\0\3\xff\3",
+            LengthError,
+            "length field is 3, but 2 bytes follow it",
+        ),
+        ("x", bytes(9), ArgumentError, "framing is 'x'; it must be one of 'rtu', 'tcp', 'ascii'"),
     ],
 )
-def test_faulty_frames_are_refused(framing, frame, error):
+def test_faulty_frames_are_refused(framing, frame, error, message):
     with pytest.raises(error) as caught:
-        decode(bytes.fromhex(frame), framing)
+        decode(frame, framing)
     assert caught.type is error
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("size", [1, 253])
+@pytest.mark.parametrize("framing", FRAMERS)
+def test_the_shortest_and_the_longest_pdu_have_a_frame(framing, size):
+    for kind in (bytes, bytearray, memoryview):
+        pdu = kind(b"\3" * size)
+        for unit in (0, 247):
+            assert decode(getattr(Adu(unit, pdu, 5), framing), framing).pdu == b"\3" * size
+        assert tcp_frame(255, pdu, 0xFFFF)[:8] == b"\xff\xff\0\0" + bytes([0, size + 1, 255, 3])
+        assert rtu_frame(0, pdu)[:2] == b"\0\3"
 
 
 def test_a_reserved_unit_id_with_a_right_crc_is_refused():

@@ -125,20 +125,6 @@ def test_no_single_inverted_bit_passes_the_stuffed_packet_whatever_its_values(n_
     assert form.error_shares(n_items, 1e-6).undetected == pytest.approx(two / 2**16, rel=1e-3)
 
 
-def test_the_gaps_between_inverted_bits_make_the_same_packets_as_a_coin_for_every_bit():
-    form, n, rate = MarkerFormat(numbers="known"), 10, 5e-3
-    rng = np.random.default_rng(2024)
-    values = rng.integers(0, 1 << 16, (50_000, n))
-    sent = form.encode_batch(range(n), values)
-    flips = np.packbits(rng.random((len(sent), 8 * sent.shape[1])) < rate, axis=1)
-    checked = form.decode_batch(sent ^ flips)
-    hit = flips.any(axis=1)
-    coin = [int((~hit).sum()), int((~checked.accepted).sum()), int((hit & checked.accepted).sum())]
-    drawn = np.bincount(form.outcomes(n, rate, len(sent), rng), minlength=3)
-    # Both are random: 5 standard deviations of a difference of two counts.
-    assert np.abs(np.array(coin) - drawn).max() < 5 * np.sqrt(2 * max(coin) / 2)
-
-
 @settings(max_examples=30)
 @given(
     n=st.integers(0, 84),
@@ -195,15 +181,6 @@ def test_a_stale_switch_waits_as_long_as_a_walk_from_failure_to_success():
             since = k
     duration = switch_staleness(Shares(1 - d - u, d, u), 1.0, 50.0, "changed").duration
     assert np.mean(waits) * 50.0 == pytest.approx(duration, rel=0.02)
-
-
-def test_repetition_corrects_in_a_cycle_what_a_change_sent_once_leaves_for_an_hour():
-    shares = MarkerFormat(crc=True).error_shares(10, 1e-5)
-    once = switch_staleness(shares, 0.1375, 3600, "changed")
-    again = switch_staleness(shares, 0.1375, 3600, "cyclic")
-    assert once.duration == pytest.approx(3600, rel=0.01)
-    assert again.duration == pytest.approx(0.1375, rel=0.01)
-    assert once.share > 1000 * again.share
 
 
 def test_markers_miss_the_same_share_whatever_the_items_and_a_crc_misses_none():

@@ -1,5 +1,4 @@
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -31,6 +30,20 @@ def full(**fields):
 
 def fixed(system):
     return {name: system.rule(name).tick for name in STATIONS}
+
+
+def ticks(run, station):
+    """Return how many ticks a station had counted at most when a sign of life came."""
+    return max(ticks for _, name, _, ticks in run.heartbeats if name == station)
+
+
+def silences(run, station):
+    """Return how long a slave heard nothing after each of its own packets."""
+    signs = np.array([time for time, name, *_ in run.heartbeats if name == station])
+    ends = np.array([packet.end for packet in run.packets if packet.source == station])
+    place = np.searchsorted(signs, ends, side="right")
+    heard = place < signs.size
+    return signs[place[heard]] - ends[heard]
 
 
 # The facts' table: packet and quiet time of both readings, 10-bit characters [s].
@@ -71,8 +84,8 @@ def test_in_health_the_simulation_takes_the_times_of_the_closed_forms(system, se
     assert run.cycle_times == pytest.approx(system.cycle_time, rel=1e-9)
     assert (run.traffic().outcome.iloc[:-1] == "ok").all()
     for slave in ("BCS", "SS"):
-        assert run.silences(slave)[:-1] == pytest.approx(system.idle_time, rel=1e-9)
-        assert system.max_ticks - 2 <= run.ticks(slave) <= system.max_ticks
+        assert silences(run, slave)[:-1] == pytest.approx(system.idle_time, rel=1e-9)
+        assert system.max_ticks - 2 <= ticks(run, slave) <= system.max_ticks
 
 
 def test_the_most_ticks_are_reached_by_some_phase_and_passed_by_none():
@@ -80,16 +93,8 @@ def test_the_most_ticks_are_reached_by_some_phase_and_passed_by_none():
     seen = set()
     for phase in np.linspace(0.001, 0.1, 25):
         phases = {"BCS": float(phase), "RCS": 0.1, "SS": 0.1}
-        seen.add(simulate(system, until=30, phases=phases).ticks("BCS"))
+        seen.add(ticks(simulate(system, until=30, phases=phases), "BCS"))
     assert max(seen) == system.max_ticks == 17
-
-
-def test_one_half_of_a_pair_has_the_turn_at_every_moment():
-    run = simulate(full(), until=1.0)
-    sending = [(p.start, p.end) for p in run.packets]
-    assert all(end <= start for (_, end), (start, _) in pairwise(sending))
-    hops = [(p.source, p.target) for p in run.packets[:8]]
-    assert hops == 2 * [("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "RCS")]
 
 
 def test_a_station_that_sends_takes_no_byte():
@@ -150,7 +155,7 @@ def cascades(system, n=20):
         waits = [p.end for p in run.packets if p.target == "SS" and died <= p.end]
         yield_wait = first - waits[0]
         alarms += bool(len(run.alarms().query("station == 'BCS' and time_s < @first + 0.2")))
-        yield yield_wait, run.silences("BCS").max(), alarms
+        yield yield_wait, silences(run, "BCS").max(), alarms
 
 
 @pytest.mark.parametrize("bit_rate", [9600, 600])
@@ -158,10 +163,10 @@ def test_a_dead_slave_costs_the_wait_and_the_silence_of_the_closed_form(bit_rate
     system = full(bit_rate=bit_rate)
     seen = system.cascade()
     *_, last = results = list(cascades(system))
-    waits, silences = [r[0] for r in results], [r[1] for r in results]
+    waits, silent = [r[0] for r in results], [r[1] for r in results]
     slack = 1e-6
     assert seen.wait[0] - slack <= min(waits) <= max(waits) <= seen.wait[1] + slack
-    assert seen.silent[0] - slack <= min(silences) <= max(silences) <= seen.silent[1] + slack
+    assert seen.silent[0] - slack <= min(silent) <= max(silent) <= seen.silent[1] + slack
     alarms = last[2]
     assert {"certain": alarms == 20, "possible": 0 < alarms < 20, "never": alarms == 0}[seen.alarm]
     assert seen.alarm == {9600: "possible", 600: "certain"}[bit_rate]
@@ -180,7 +185,7 @@ def test_no_death_anywhere_in_the_cycle_silences_bcs_longer_than_the_bound(chang
         died = 3 + system.cycle_time * (k + 0.5) / 30
         run = simulate(system, until=died + 16, faults=[DeadStation("SS", start=died)], rng=rng)
         pairs |= set(zip(run.alarms().station, run.alarms().partner, strict=True))
-        longest = max(longest, run.silences("BCS").max())
+        longest = max(longest, silences(run, "BCS").max())
     # Half an answer in the ring spoils that of BCS in some of the runs: the bound is nearly met.
     assert seen.longest - 2 * system.master.tick <= longest <= seen.longest + 1e-9
     assert (seen.alarm == "never") == (("BCS", "RCS") not in pairs)
@@ -246,12 +251,6 @@ def test_the_response_time_is_reached_by_a_change_just_after_a_packet_was_made()
     made = 3 * system.cycle_time + system.packet_time + system.processing
     run = simulate(system, until=made + 6, changes=[Change(made + 1e-9, "BCS", 2, 1)])
     assert run.delays("SS").delay_s[0] == pytest.approx(system.response_time(), rel=1e-6)
-
-
-def test_the_three_trials_find_the_ring_in_order_whatever_the_bit_rate():
-    for rate in (9600, 600):
-        table = ring_trials(full(bit_rate=rate))
-        assert (table.events == 0).all() and (table.unread <= 33).all()
 
 
 def test_a_stall_overruns_the_ring_from_the_time_of_the_closed_form_on():
@@ -372,7 +371,6 @@ def test_the_margins_are_drawn_under_their_limit(ax):
         ),
         (lambda: simulate(System(), until=1, phases={"BCS": 0.2}), "phase of BCS is 0.2"),
         (lambda: simulate(System(), until=1, phases={"ECS": 0.1}), "phases name 'ECS'"),
-        (lambda: simulate(System(), until=1).silences("RCS"), "must be 'BCS' or 'SS'"),
         (lambda: System().response_time(hops=3), "hops is 3"),
         (lambda: System(skip_turns=1).overrun_stall(), "skip_turns is 1"),
         (lambda: System(ring_size=33).overrun_stall(), "ring_size is 33"),

@@ -161,30 +161,6 @@ def test_stream_and_batch_agree_with_decode_on_disturbed_packets(form, items, da
         assert found[0] == decoded == tuple(pairs)
 
 
-@formats
-def test_batch_and_scalar_agree_on_ten_thousand_disturbed_packets(form):
-    rng = np.random.default_rng(1998)
-    values = rng.integers(0, 0x10000, (2000, 10))
-    values[rng.random(values.shape) < 0.2] = 0xDDCC
-    rows = form.encode_batch(range(10), values)
-    for row, line in zip(rows[:50], values[:50].tolist(), strict=True):
-        assert row.tobytes() == form.encode(dict(enumerate(line)))
-    assert (form.decode_batch(rows).values == values).all()
-    assert form.decode_batch(rows).accepted.all()
-    for n_flips in (1, 2, 4):
-        damaged = flipped(rows, rng.integers(0, 8 * rows.shape[1], (len(rows), n_flips)))
-        checked = form.decode_batch(damaged)
-        for row, code, line in zip(damaged, checked.error, checked.values, strict=True):
-            try:
-                decoded = form.decode(row.tobytes())
-            except FrameError as error:
-                assert code == error.code
-                assert not line.any()
-            else:
-                assert code == 0
-                assert [value for _, value in decoded] == line.tolist()
-
-
 @pytest.mark.parametrize(
     ("form", "passed", "bits"),
     [
@@ -294,15 +270,6 @@ def test_two_bytes_imitate_as_often_as_counted():
     markers = {PACKET_START, DATA_START, PACKET_END}
     pairs = itertools.product(range(256), repeat=2)
     assert sum(not markers.isdisjoint(pair) for pair in pairs) == MarkerFormat.false_sync(2) * 65536
-
-
-def test_twenty_random_bytes_imitate_as_often_as_the_formula_says():
-    values = np.random.default_rng(2024).integers(0, 256, (100_000, 20))
-    for markers in ([PACKET_START], [PACKET_START, DATA_START, PACKET_END]):
-        share = MarkerFormat.false_sync(20, len(markers))
-        found = np.isin(values, markers).any(axis=1).mean()
-        # Four standard errors of a share of 100 000.
-        assert found == pytest.approx(share, abs=4 * (share * (1 - share) / 1e5) ** 0.5)
     assert [round(100 * MarkerFormat.false_sync(20, m), 1) for m in (1, 3)] == [7.5, 21.0]
     assert MarkerFormat.false_sync(0) == 0 and MarkerFormat.false_sync(5, 256) == 1
 

@@ -9,6 +9,7 @@ the receiver's input, and a sample is the mean over its interval.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -128,9 +129,10 @@ def _passed(since: Floats, constants: Floats) -> Floats:
 class Noise:
     r"""White noise; its amplitude is the standard deviation of samples `reference` apart.
 
-    Samples :math:`\Delta t` apart that have a standard deviation :math:`\sigma` stand for a
-    one-sided density of :math:`2 \sigma^2 \Delta t`. A waveform with another step gets noise of
-    the same density, so that a finer step changes no error rate.
+    Samples :math:`\Delta t` apart have a bandwidth of :math:`1 / 2 \Delta t`, 2 MHz by default.
+    With a standard deviation :math:`\sigma` they stand for a one-sided density of
+    :math:`2 \sigma^2 \Delta t`, 0.71 mV per root hertz for 1 V. A waveform with another step gets
+    noise of the same density, so that a finer step changes no error rate.
 
     Examples
     --------
@@ -145,6 +147,11 @@ class Noise:
     reference: float = number(
         1e-9, 1e-6, "s", "Spacing of the samples that have the amplitude", default=250e-9
     )
+
+    @property
+    def quantity(self) -> str:
+        """What its amplitude is."""
+        return f"noise in {0.5e-6 / self.reference:g} MHz, standard deviation"
 
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
@@ -185,6 +192,9 @@ class Impulses:
     >>> print(f"{abs(u).max(axis=1).mean():.1f} V")
     2.0 V
     """
+
+    #: What its amplitude is.
+    quantity: ClassVar[str] = "mean height of the impulses"
 
     count: int = whole(0, 1000, "", "Impulses per telegram", default=1)
     width: tuple[float, float] = (0.5e-6, 4e-6)
@@ -233,6 +243,9 @@ class ConductedRF:
     >>> round(float(abs(u).max()), 1)
     1.8
     """
+
+    #: What its amplitude is.
+    quantity: ClassVar[str] = "peak of the carrier without modulation"
 
     frequency: float = number(1e-3, 1e12, "Hz", "Frequency of the carrier; 150 kHz to 80 MHz")
     modulation: float = number(0, 1, "", "Depth of the amplitude modulation", default=0.8)
@@ -283,6 +296,9 @@ class Burst:
     >>> print(f"{(abs(u).max(axis=1) > 0.1).mean():.0%} of the records are hit")
     33% of the records are hit
     """
+
+    #: What its amplitude is.
+    quantity: ClassVar[str] = "peak of a pulse ahead of the receiver's input"
 
     rate: float = number(1, 1e6, "1/s", "Pulses per second", default=PULSE_RATE)
     corner: float = number(

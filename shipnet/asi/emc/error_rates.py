@@ -10,6 +10,7 @@ the sixth being the drop.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,7 +60,7 @@ def _row(
     bits, u = wave.records
     n_words, n_bits = bits.shape
     chunk = max(1, _SAMPLES // u.shape[1])
-    settings = {**receiver.settings, "matched": False}
+    settings = {**asdict(receiver), "matched": False}
     failed = undetected = 0
     broken = np.zeros(len(CLASSES) + 1, dtype=np.int64)
     for begin in range(0, count, chunk):
@@ -119,7 +120,7 @@ def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, i
     n_bits = bits.shape[1]
     y = decided_on(u, dt, receiver.matched)
     y = y - y.mean(axis=1, keepdims=True)
-    received = receive(y, dt, n_bits, **{**receiver.settings, "matched": False, "window": 0.0})
+    received = receive(y, dt, n_bits, **{**asdict(receiver), "matched": False, "window": 0.0})
     if received.error.any() or (received.bits != bits).any():
         raise ArgumentError("telegrams must be received without an error when there is no noise")
     peak = (received.start + 1.5 * HALF_BIT) / dt
@@ -190,8 +191,8 @@ def _missed(
 class ErrorRates:
     """How many telegrams were lost at each amplitude of a disturbance."""
 
-    def __init__(self, rows: Iterable[dict[str, float]]) -> None:
-        self._table = pd.DataFrame(rows)
+    def __init__(self, rows: Iterable[dict[str, float]], quantity: str) -> None:
+        self._table, self._quantity = pd.DataFrame(rows), quantity
 
     def table(self) -> pd.DataFrame:
         """Return one row per amplitude: counts, rate with its 95 % interval, and causes.
@@ -205,7 +206,7 @@ class ErrorRates:
         return self._table.copy()
 
     def plot(self, ax: Axes | None = None, *, label: str | None = None, marker: str = "o") -> Axes:
-        """Draw the rates over the amplitude, with their intervals as bars."""
+        """Draw the rates over the amplitude, which the axis names, with their intervals as bars."""
         ax, table = style.axes(ax), self._table
         seen = table[table["failed"] > 0]
         bars = np.stack([seen["rate"] - seen["rate_low"], seen["rate_high"] - seen["rate"]])
@@ -219,7 +220,7 @@ class ErrorRates:
             color=points.lines[0].get_color(),
         )  # fmt: skip
         ax.set_yscale("log")
-        ax.set(xlabel="amplitude [V]", ylabel="telegram error rate [1]")
+        ax.set(xlabel=f"{self._quantity} [V]", ylabel="telegram error rate [1]")
         return ax
 
     def __repr__(self) -> str:
@@ -249,7 +250,8 @@ def error_rate(
     disturbance : Noise, Impulses, ConductedRF or Burst
         What is added, at the receiver.
     amplitudes : float or array_like of float, shape (n_amplitudes,)
-        Its amplitudes, 0..1e9 [V].
+        Its amplitudes, 0..1e9 [V]: what `disturbance.quantity` says. That of noise is a standard
+        deviation in a bandwidth, 2 MHz by default, whatever the step of `wave`.
     n_telegrams : int
         Trials at each amplitude, 1 or more.
     rng : numpy.random.Generator or int, optional
@@ -282,7 +284,8 @@ def error_rate(
     checked = [check_scalar("amplitude", float(volt), "V", 0, 1e9) for volt in volts]
     count = check_whole("n_telegrams", n_telegrams, 1, 2**31)
     source, receiver = np.random.default_rng(rng), receiver or Receiver()
-    return ErrorRates(_row(wave, disturbance, volt, count, source, receiver) for volt in checked)
+    rows = (_row(wave, disturbance, volt, count, source, receiver) for volt in checked)
+    return ErrorRates(rows, disturbance.quantity)
 
 
 def noise_error_rate(

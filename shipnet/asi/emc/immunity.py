@@ -18,14 +18,6 @@ from shipnet.errors import ArgumentError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Performance criteria of a test, in short, after IEC 61000-6-2, clause 4.
-CRITERIA: dict[str, str] = {
-    "A": "works as intended during the test and after it",
-    "B": "may be disturbed during the test, works as intended after it without help; what it "
-    "stores and the state it is in stay the same",
-    "C": "may stop working, if it recovers by itself or by an operator",
-}
-
 #: Titles of the standards that `levels` names, and of one on emission, to tell it from immunity.
 STANDARDS: dict[str, str] = {
     "ENV 50204": "Radiated electromagnetic field from digital radio telephones - Immunity test",

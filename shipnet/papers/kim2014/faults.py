@@ -22,7 +22,6 @@ from shipnet.ballast.wear import Wear
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.modbus.faults import Break
-from shipnet.modbus.redundancy import Loop
 from shipnet.papers.registry import check, numeric
 
 # The second Table 1 as a rule base: how many faults, what overlaps, what it leaves open.
@@ -141,17 +140,8 @@ def is_right(code: str, codes: str) -> bool:
 def reading_table() -> pd.DataFrame:
     """Return how many of the 13 rows are right, as printed and corrected, in every reading.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by version of the ``inputs`` and ``reading``: rows whose own rule ``fires``, by
-        comparisons and by ``fuzzy`` strengths; rows of which it is named first by ``our ranking``
-        and in ``table order``; and those in which it does ``not`` fire.
-
-    Examples
-    --------
-    >>> reading_table().loc[("printed", "held")].tolist()
-    [11, 11, 10, 10, 'S2, Pos2']
+    ``fires`` counts the rows whose own rule fires by comparisons, ``fuzzy`` those by strengths,
+    ``our ranking`` and ``table order`` those of which it is named first; ``not`` are the others.
     """
     rows = {}
     for version, reading in product(("printed", "corrected"), READINGS):
@@ -174,54 +164,16 @@ def reading_table() -> pd.DataFrame:
 
 
 def fired_table(version: str = "printed") -> pd.DataFrame:
-    """Return which rules fire on each row, in every reading.
-
-    Parameters
-    ----------
-    version : {"printed", "corrected"}, default "printed"
-        The inputs as printed, or with the misprints corrected.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row per test, one column per reading: the codes, ``-`` where no rule fires.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such version.
-
-    Examples
-    --------
-    >>> fired_table().loc["V2"].tolist()
-    ['V2', '-', '-', '-']
-    """
+    """Return which rules fire on each row, one column per reading, ``-`` where no rule fires."""
     found = {reading: fired(row_inputs(version, reading)) for reading in READINGS}
     return pd.DataFrame(found).replace("", "-").rename_axis("row")
 
 
 def through_registers(code: str) -> str:
-    """Return what the rules make of a corrected row, once its readings came through registers.
+    """Return what the rules make of a corrected row once its readings came through registers.
 
     What the row does not print is as the plant would have it; the speed is not sent, so it is
     taken from the row.
-
-    Parameters
-    ----------
-    code : str
-        Code of the row.
-
-    Returns
-    -------
-    str
-        Headline.
-
-    Examples
-    --------
-    A position of -5 arrives as 0:
-
-    >>> through_registers("S1"), through_registers("S2")
-    ('S1', 'normal')
     """
     tests = rule_vectors(fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]
@@ -293,31 +245,8 @@ def graded_trials(
 ) -> pd.DataFrame:
     """Let valves with each fault, from healthy to the worst, open and close once.
 
-    Parameters
-    ----------
-    codes : iterable of str, optional
-        Faults; all of the rule table if omitted.
-    n_valves : int, default 101
-        Valves with each fault, their severities evenly from 0 to 1; 10000 in all at most.
-    rng : numpy.random.Generator
-        Draws valves and noise of the sensors.
-
-    Returns
-    -------
-    pandas.DataFrame
-        As `fault_trials` by the method ``fuzzy``, and what is ``said``: ``nothing``, ``its own
-        name``, or ``another fault's name``, by the top fault.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such fault, or `n_valves` is out of range.
-
-    Examples
-    --------
-    >>> table = graded_trials(["Pos3"], n_valves=5, rng=np.random.default_rng(2024))
-    >>> table[["severity", "top_fault", "said"]].values.tolist()[:2]
-    [[0.0, 'normal', 'nothing'], [0.25, 'S1', "another fault's name"]]
+    The table is that of `fault_trials`, with what is ``said``: ``nothing``, ``its own name``, or
+    ``another fault's name``, by the top fault.
     """
     trials = fault_trials(
         codes, n_valves=n_valves, severity=np.linspace(0, 1, max(n_valves, 0)),
@@ -354,32 +283,14 @@ class Picture(NamedTuple):
 def seen_strokes(
     numbers: Iterable[int] = (5, 64, 247), *, duration: float = 15.0, start: float = 3.0
 ) -> dict[int, Run]:
-    """Let masters with more and more valves open their last one.
+    """Return what masters with these numbers of valves were sent of their last one, which opens.
 
-    Parameters
-    ----------
-    numbers : iterable of int
-        Numbers of valves, 1..247 each.
-    duration : float, default 15
-        For how long [s].
-    start : float, default 3
-        When the command is due; it goes out after the poll under way [s].
-
-    Returns
-    -------
-    dict of int to Run
-        By number of valves: what came of the last valve, at 9600 bit/s.
-
-    Examples
-    --------
-    >>> {number: run.time.size for number, run in seen_strokes().items()}
-    {5: 93, 64: 7, 247: 1}
+    The line has 9600 bit/s; the command is due at `start` and goes out after the poll under way.
     """
     runs = {}
     for number in numbers:
-        system = Loop(number, status_poll(9600))
         order = Command("open", start, valves=number)
-        seen = operate(Plant(n_valves=number), system, [order], duration=duration)
+        seen = operate(Plant(System(number, status_poll(9600))), [order], until=duration)
         runs[number] = received_run(seen, number, target=100.0)
     return runs
 
@@ -387,41 +298,20 @@ def seen_strokes(
 def age_table(
     commands: Iterable[int] = (0, 10, 100), *, n_valves: int = 247, duration: float = 50.0
 ) -> pd.DataFrame:
-    """Return how old the picture gets when commands are sent between the polls.
+    """Return how old the picture gets when commands to open are sent between the polls.
 
-    Parameters
-    ----------
-    commands : iterable of int
-        How many valves get the command to open at once, 0..n_valves each.
-    n_valves : int, default 247
-        Number of valves, 1..247, at 9600 bit/s.
-    duration : float, default 50
-        For how long; the commands are sent after half of it [s].
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by ``commands``: ``formula_s`` as `worst_age` has it, and ``simulated_s``.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range, or the duration shorter than two scans after the commands.
-
-    Examples
-    --------
-    >>> age_table().round(2).values.tolist()
-    [[7.94, 7.94], [8.21, 8.21], [10.58, 10.58]]
+    ``formula_s`` is as `System.worst_age` has it, ``simulated_s`` the longest that was seen at
+    9600 bit/s; the commands are sent after half of the duration.
     """
-    system = Loop(n_valves, status_poll(9600))
+    system = System(n_valves, status_poll(9600))
     rows = {}
     for count in commands:
-        age = System(n_valves, system.poll).worst_age(commands=count)
+        age = system.worst_age(commands=count)
         if duration / 2 < 2 * age:
             raise ArgumentError(f"duration is {duration:g} s; it must be {4 * age:.3g} or more")
         orders = [Command("open", duration / 2, valves=range(1, count + 1))] if count else []
-        seen = operate(Plant(n_valves=n_valves), system, orders, duration=duration)
-        rows[count] = (age, float(_longest(seen)))
+        seen = operate(Plant(system), orders, until=duration)
+        rows[count] = (age, seen.oldest)
     table = pd.DataFrame.from_dict(rows, orient="index", columns=["formula_s", "simulated_s"])
     return table.rename_axis("commands")
 
@@ -429,70 +319,33 @@ def age_table(
 def broken_loops(
     n_valves: int = 247, *, opened: int = 100, start: float = 12.0, duration: float = 60.0
 ) -> dict[str, Picture]:
-    """Break the loop in its middle while valves open, under four masters.
+    """Break a loop at 9600 bit/s in its middle while valves open, under four masters.
 
-    Parameters
-    ----------
-    n_valves : int, default 247
-        Number of valves, at 9600 bit/s.
-    opened : int, default 100
-        How many get the command to open at 3 s.
-    start : float, default 12
-        When the loop breaks [s].
-    duration : float, default 60
-        How long the fleet is watched [s].
-
-    Returns
-    -------
-    dict of str to Picture
-        By the rule of the change, one by one or all beyond the break, and the time-out; before
-        them ``no break``.
-
-    Examples
-    --------
-    >>> [picture.wrong for picture in broken_loops().values()]
-    [0, 100, 0, 0, 0]
+    They differ by the rule of the change, one by one or all beyond the break, and by the time-out.
     """
     orders = [Command("open", 3.0, valves=range(1, opened + 1))]
     unbroken: list[Break] = []
-    cases = {"no break": (Loop(n_valves, status_poll(9600)), unbroken)}
+    cases = {"no break": (System(n_valves, status_poll(9600)), unbroken)}
     for move, timeout in product(_MOVES, (1.0, 0.1)):
         name = f"{'one by one' if move == 'slave' else 'all beyond'}, time-out {timeout:g} s"
         poll = status_poll(9600, timeout=timeout)
-        cases[name] = (Loop(n_valves, poll, move=move), [Break(n_valves // 2, start=start)])
+        cases[name] = (System(n_valves, poll, move=move), [Break(n_valves // 2, start=start)])
     pictures = {}
     for name, (system, faults) in cases.items():
-        plant = Plant(n_valves=n_valves)
-        pictures[name] = Picture(
-            operate(plant, system, orders, duration=duration, faults=faults), plant
-        )
+        plant = Plant(system)
+        pictures[name] = Picture(operate(plant, orders, until=duration, faults=faults), plant)
     return pictures
 
 
 def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
-    """Return how good the pictures are.
+    """Return how good the pictures are, one row each.
 
-    Parameters
-    ----------
-    pictures : mapping of str to Picture
-        Such as from `broken_loops`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a picture: ``oldest_s``, the greatest age of what was shown of a valve;
-        ``unanswered``, requests without an answer; ``shown_moving`` and ``moving`` at the end; and
-        ``wrong``, valves shown at a wrong position then.
-
-    Examples
-    --------
-    >>> table = picture_table(broken_loops(64, opened=30, duration=40))
-    >>> table.loc["one by one, time-out 1 s"].round(1).tolist()
-    [29.3, 27.0, 30.0, 0.0, 30.0]
+    ``oldest_s`` is the greatest age of what was shown of a valve, ``unanswered`` counts requests;
+    ``shown_moving``, ``moving`` and valves shown ``wrong`` are those at the end.
     """
     rows = {
         name: {
-            "oldest_s": _longest(picture.seen),
+            "oldest_s": picture.seen.oldest,
             "unanswered": sum(not answered for *_, answered in picture.seen.tries),
             "shown_moving": int((picture.seen.screen().table()["state"] == "moving").sum()),
             "moving": int(picture.plant.running.sum()),
@@ -501,8 +354,3 @@ def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
         for name, picture in pictures.items()
     }
     return pd.DataFrame.from_dict(rows, orient="index")
-
-
-def _longest(seen: MasterRun) -> float:
-    """Return the greatest age of what was shown of any valve [s]."""
-    return float(np.max(seen.longest_age))

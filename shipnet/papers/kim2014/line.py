@@ -38,18 +38,7 @@ if TYPE_CHECKING:
 
 
 def switch_table() -> pd.DataFrame:
-    """Return all settings of the switches.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row each of 4 * 10 * 10: ``pins``, ``tens``, ``units``, ``number`` and ``verdict``.
-
-    Examples
-    --------
-    >>> switch_table()["verdict"].value_counts().to_dict()
-    {'legal': 247, 'more than a byte': 144, 'reserved': 8, 'the broadcast': 1}
-    """
+    """Return all 400 settings of the switches: pins, tens, units, their number and a verdict."""
     import pandas as pd
 
     rows = [(n // 100, n // 10 % 10, n % 10, n, _verdict(n)) for n in range(400)]
@@ -145,24 +134,8 @@ def break_table(
 ) -> pd.DataFrame:
     """Return how long data stay away when the loop breaks in its middle, at 9600 bit/s.
 
-    Parameters
-    ----------
-    n_slaves : int, default 247
-        Number of slaves.
-    timeouts : sequence of float
-        Response timeouts of the master [s].
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by ``timeout_s``: longest time between two answers of a slave [s], where the master
-        moves each slave by itself to the other port (``one_by_one_s``), or with it all downstream
-        (``with_downstream_s``).
-
-    Examples
-    --------
-    >>> break_table(timeouts=[1.0]).round(1).values.tolist()
-    [[132.1, 9.9]]
+    The master moves each slave by itself to the other port (``one_by_one_s``), or with it all
+    downstream (``with_downstream_s``).
     """
     import pandas as pd
 
@@ -180,35 +153,7 @@ def break_table(
 
 
 def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -> pd.DataFrame:
-    """Send a closed valve to a position, and read its status from time to time.
-
-    Parameters
-    ----------
-    position : int, default 40
-        Where to go, 0..100 [%].
-    times : sequence of float
-        When the status is read, rising [s].
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a message on the line: ``time_s`` of the query, who it is ``from``, ``frame``
-        (hexadecimal), and what it ``says``.
-
-    Raises
-    ------
-    ArgumentError
-        If the position is out of range.
-
-    Examples
-    --------
-    >>> for row in conversation(times=[2.0]).itertuples():
-    ...     print(row.frame, "|", row.says)
-    01 06 40 01 28 0a 53 cd | go to 40 %
-    01 06 40 01 28 0a 53 cd | the same
-    01 04 40 20 00 04 e5 c3 | how are you?
-    01 04 08 16 28 00 14 32 5a 0c 12 96 8c | FP 90 bar, OP 1.8 bar, MC 1.2 A, OT 50 degC, VPos 22 %
-    """
+    """Send a valve to a position, read its status at these times, and return the messages."""
     import pandas as pd
 
     registers = RegisterMap()

@@ -72,17 +72,8 @@ STANDARD = {
 def message_table() -> pd.DataFrame:
     """Compare the printed messages with the standard's.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by message: ``printed`` and ``standard`` (hexadecimal), ``length_printed`` and
-        ``length_standard`` (length field of the MBAP header [byte]), ``same``, and what a decoder
-        by the standard says of the printed bytes (``decoder``: ``ok`` or the name of the error).
-
-    Examples
-    --------
-    >>> message_table()[["length_printed", "length_standard", "decoder"]].values.tolist()
-    [[6, 6, 'ok'], [6, 6, 'ok'], [3, 3, 'LengthError'], [6, 6, 'ok'], [14, 11, 'LengthError']]
+    The lengths are those in the MBAP header; ``decoder`` is what a decoder by the standard says of
+    the printed bytes: ``ok`` or the name of the error.
     """
     import pandas as pd
 
@@ -262,37 +253,10 @@ def answer_table(
     timeout: float = 1.0,
     retries: int = 0,
 ) -> pd.DataFrame:
-    """Compare both moments of the answer, and the second with a time-out that waits for it.
+    """Compare an answer at the start of a movement with one at its end, and one that is waited for.
 
-    Parameters
-    ----------
-    serial : SerialLine
-        Settings of the line.
-    n_slaves : int
-        Number of slaves, 1..247.
-    movement : float
-        How long the valve moves, 0..3600 [s].
-    timeout : float, default 1
-        Response time-out of the master [s].
-    retries : int, default 0
-        How often the master repeats a command that is not answered, 0..100.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by ``answer``: ``at the start``, ``at the end``, and ``at the end, waited for`` with
-        the shortest timeout that is long enough; columns ``timeout_s``, ``write_s``, ``tries``,
-        ``answered``, ``scan_gap_s``, ``polls_while_moving``.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
-    Examples
-    --------
-    >>> answer_table(SerialLine(9600), 247, 9.0)["scan_gap_s"].round(2).to_dict()
-    {'at the start': 7.95, 'at the end': 8.93, 'at the end, waited for': 16.95}
+    The last has the shortest time-out that is long enough. A command that is not answered is
+    repeated `retries` times.
     """
     import pandas as pd
 
@@ -404,20 +368,7 @@ def colours(*, bits: int = 16) -> int:
 
 
 def code_table() -> pd.DataFrame:
-    """Return the codes of all readings beside each other.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by command, one column a reading.
-
-    Examples
-    --------
-    Only two of the readings give every command a code of its own:
-
-    >>> code_table().apply(lambda codes: codes.is_unique).to_dict()
-    {'flag sum': True, 'one bit': True, 'decimal': False, 'hexadecimal': False}
-    """
+    """Return the codes of all readings beside each other, one row per command."""
     import pandas as pd
 
     codes = {
@@ -430,18 +381,8 @@ def code_table() -> pd.DataFrame:
 def survival_table() -> pd.DataFrame:
     """Return what becomes of the values of the paper's fault tests on their way to the master.
 
-    Returns
-    -------
-    pandas.DataFrame
-        One row a value of the rule table: ``code``, ``channel``, ``value``, ``received``,
-        ``saturated``, and ``survives``: received within half a step. Positions are the corrected
-        ones, and 305 as printed.
-
-    Examples
-    --------
-    >>> table = survival_table()
-    >>> table[~table["survives"]].groupby("channel")["value"].unique().to_dict()
-    {'VPos': array([305.,  -5.])}
+    A value ``survives`` that is received within half a step; positions are the corrected ones, and
+    305 as printed.
     """
     import pandas as pd
 

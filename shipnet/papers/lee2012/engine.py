@@ -7,14 +7,13 @@ project guide.
 from __future__ import annotations
 
 import re
-from typing import Literal
+from math import pi
 
 import numpy as np
 
 from shipnet import datasets
-from shipnet.engine.inputs import Adc
+from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import CONDITIONS, PointList, read_points
-from shipnet.engine.power import DieselEngine
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.papers.registry import check, numeric
 
@@ -28,29 +27,43 @@ CYLINDERS = 8
 #: Power of the same engine in the project guide [kW].
 _GUIDE = 12640.0
 
-_NAMES: dict[Literal[2, 4], str] = {2: "two-stroke", 4: "four-stroke"}
+_NAMES = {2: "two-stroke", 4: "four-stroke"}
 
 #: One metric horsepower: 75 kgf m/s by 9.80665 m/s2 [W]. Makers' "BHP" are these.
 _METRIC_HORSEPOWER = 75 * 9.80665
 
 
+def _volume(cylinders: int = CYLINDERS, strokes: int = 2) -> float:
+    """Return what the pistons sweep in the working strokes of a turn [m3].
+
+    Bore and stroke are those of MAN B&W, S50MC-C project guide, Fig. 1.02.
+    """
+    bore, stroke = 0.5, 2.0
+    return cylinders * pi / 4 * bore**2 * stroke * 2 / strokes
+
+
 @numeric("lee2012-005")
-def power(*, pressure: float = PRESSURE, rate: float = SPEED, cylinders: int = CYLINDERS) -> float:
+def power(
+    *,
+    pressure: float = PRESSURE,
+    rate: float = SPEED,
+    cylinders: int = CYLINDERS,
+    strokes: int = 2,
+) -> float:
     """Kilowatts that follow from Table 1 and the size of the cylinders."""
-    return DieselEngine.S50MC_C(cylinders).power(1e5 * pressure, rate / 60) / 1e3
+    return 1e5 * pressure * rate / 60 * _volume(cylinders, strokes) / 1e3
 
 
 @numeric("lee2012-006")
 def rate_from_power(*, power: float = _GUIDE, pressure: float = PRESSURE) -> float:
     """Revolutions a minute at which the engine has its power."""
-    return 60 * DieselEngine.S50MC_C(CYLINDERS).speed(1e3 * power, 1e5 * pressure)
+    return 60 * 1e3 * power / (1e5 * pressure * _volume())
 
 
 @numeric("lee2012-007")
 def pressure_from_power(*, power: float = _GUIDE, rate: float = SPEED) -> float:
     """Bar of mean effective pressure at which the engine has its power."""
-    main = DieselEngine.S50MC_C(CYLINDERS)
-    return main.mean_effective_pressure(1e3 * power, rate / 60) / 1e5
+    return 1e3 * power / (rate / 60 * _volume()) / 1e5
 
 
 @numeric("lee2012-008", per_horsepower_hour=126.0)  # fuel
@@ -78,10 +91,7 @@ def unit_is_known(
 @check("lee2012-071", counter={"called": "two-stroke"})
 def called_after_its_strokes(*, called: str = "two-stage") -> bool:
     """Whether the name is that of the strokes with which the engine reaches its class."""
-    powers = {
-        strokes: DieselEngine.S50MC_C(CYLINDERS, strokes=strokes).power(1e5 * PRESSURE, SPEED / 60)
-        for strokes in _NAMES
-    }
+    powers = {strokes: 1e3 * power(strokes=strokes) for strokes in _NAMES}
     fits = min(powers, key=lambda strokes: abs(powers[strokes] - 13e6))
     return called == _NAMES[fits]
 
@@ -210,7 +220,7 @@ def amplifier_fills_the_range(*, offset: bool = True, low: float = 1.0, high: fl
 @numeric("lee2012-051")
 def adc_step(*, bits: int = 10, reference: float = 5.0) -> float:
     """Millivolts from one code to the next."""
-    return 1e3 * Adc(bits, reference).step
+    return 1e3 * InputCard(read_points(), bits=bits, reference=reference).step
 
 
 @check("lee2012-093", counter={"printed": "High"})
