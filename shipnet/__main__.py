@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
-#: Groups of faults of a file that are reported.
-_FAULTS = 100
-
 #: What the terminal shows of a transaction: title, column, width and digits.
 _TRANSACTION = (
     ("ms", "start_ms", 9, 3),
@@ -79,7 +76,7 @@ examples:
   shipnet serve ballast --valves 64 --fault 3:V1 --fault 7:P2:0.5
   shipnet serve ballast --serial /dev/ttyUSB0 --bit-rate 19.2k --speed 10
   shipnet serve ballast --serial /dev/pts/5 --character 8N1
-  shipnet serve engine --port 1502
+  shipnet serve engine --port 1502 --fault 2:dead --fault ME-JB2-044:open
 """
 
 _DESIGN = """\
@@ -178,7 +175,7 @@ def _parser() -> argparse.ArgumentParser:
     option("--character C", "of the serial port: 8E1, 8O1, 8N2 or 8N1", "8E1")
     option(
         "--fault FAULT", "a fault of valve V as V:CODE:SEVERITY, such as 3:P2:0.5, or of the "
-        "engine, such as 'box dead JB2'", [],
+        "engine as WHERE:WHAT, such as 2:dead, 3:cut or ME-JB2-044:stuck (also open, short)", [],
     )  # fmt: skip
     option("--speed FACTOR", "model seconds per second", 1.0)
     option(
@@ -189,7 +186,9 @@ def _parser() -> argparse.ArgumentParser:
     said = "cables, cost, response and rules of an I/O list, planned in several ways"
     option = command(_design, _DESIGN, said, *FORMS, ".html")
     option("LIST", "the I/O list: .csv or .xlsx", nargs="?")
-    option("--sheet NAME", "sheet of a workbook (default the first with a list, unless hidden)")
+    option("--sheet NAME", "sheet of a workbook (default the one that looks most like a list)")
+    option("--strict", "take every doubt about a row for a fault, such as one that is hidden")
+    option("--faults FILE", "write the faults of the list as CSV: row, column, fault")
     option(
         "--cabinet X,Y,Z", "where the cables end, in m, or the name of a cabinet in the file of "
         "trays (default found from the lengths in the list)",
@@ -310,7 +309,11 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
             "designs_meeting_every_rule": (len(found.meeting), ""),
             **{name: (value, "EUR") for name, value in costs.items()},
         },
-        tables={"comparison": found.table().reset_index(), "failures": found.failures()},
+        tables={
+            "comparison": found.table().reset_index(),
+            "failures": found.failures(),
+            "reading": found.iolist.reading(),
+        },
         draw=lambda ax: found.plot(ax=ax),
         findings=found.findings(),
         forms={
@@ -354,11 +357,11 @@ def _serve(arguments: argparse.Namespace) -> None:
         where = where.replace("TCP", "UDP")
     options["speed"] = arguments.speed
     if engine:
-        from shipnet.engine.serving import parse_fault
+        from shipnet.engine.serving import FAULT_UNIT, parse_fault
         from shipnet.engine.serving import serve as serve_engine
         from shipnet.engine.system import System
 
-        system, units = System(), "unit ids 2 and 3"
+        system, units = System(), f"unit ids 2 and 3, faults on {FAULT_UNIT}"
         broken = [parse_fault(system, words) for words in arguments.fault]
         server = serve_engine(system, faults=broken, **options)
     else:
@@ -418,8 +421,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
     except (ValueError, OSError, ImportError) as mistake:
         lines = [str(mistake)]
-        if isinstance(mistake, InputError) and len(found := mistake.lines(_FAULTS)) > 1:
-            lines = [f"{mistake.file}:", *found]
+        if isinstance(mistake, InputError) and len(mistake.faults) > 1:
+            lines = [f"{mistake.file}:", *mistake.lines()]
         print("shipnet:", "\n  ".join(lines), file=sys.stderr)
         if parsed.json:
             faults = mistake.faults if isinstance(mistake, InputError) else ()
