@@ -86,7 +86,9 @@ EXERCISES = (
         draws={"bits": _MESSAGES},
         answer=lambda bits: Bits(_remainder(bits + _ROOM)),
         traps={
-            "make room first: three zeros behind the bits, then divide": _remainder,
+            "make room first: three zeros behind the bits, then divide": lambda bits: _remainder(
+                bits
+            ),
         },
     ),
     Exercise(
