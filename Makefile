@@ -9,7 +9,7 @@
 # make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
 # make bench      ratios against peers, measured side by side
 # make fuzz       hostile bytes for every reader and decoder, ten minutes
-# make mutants    break the code in every small way, and see whether a test notices; an hour
+# make mutants    break the code in every small way, and see whether a test or the ledger notices; an hour
 # make lock       resolve requirements.lock anew
 # make clean      remove everything that make made, but for .venv and .tools
 
@@ -119,6 +119,7 @@ fuzz: setup
 mutants: setup
 	@$(UV) pip install --quiet --python $(PY) --group mutants
 	@$(PY) tests/mutants/run.py --left
+	@$(PY) tests/mutants/ledger.py
 
 lock: $(filter .tools/%,$(UV))
 	@$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \

@@ -148,7 +148,9 @@ def ledger_page() -> str:
     parts = [
         "# Ledger",
         "What the papers print, and what shipnet computes. Below a claim stand a note and the "
-        "evidence; a percentage below a computed value is its distance from the printed one.",
+        "evidence. Below a computed value stand its distance from the printed one and its basis: a "
+        "model of this package, arithmetic on printed or standard numbers, or a count of what the "
+        "paper's tables print. Below a verdict stands its condition, unless it holds as printed.",
         _table(["paper", *done.columns], counts),
     ]
     for key, claims in everything.table().reset_index().groupby("paper", sort=False):
@@ -219,12 +221,12 @@ UNREAD = [
 
 def _values(claim: dict[str, Any]) -> tuple[str, str]:
     """Return what a claim prints and what is computed, each with its unit."""
-    from shipnet.papers.judging import format_computed
+    from shipnet.papers.judging import computed_text
 
-    computed = format_computed(claim["computed"], claim["published"])
+    computed = computed_text(claim)
     unit = "" if isinstance(claim["computed"], bool) or not computed else claim["unit"]
     printed = f"{claim['published']} {claim['unit']}" if claim["published"] else ""
-    return printed, f"{computed} {unit}".strip()
+    return printed.strip(), f"{computed} {unit}".strip()
 
 
 def _condition(claim: dict[str, Any]) -> str:
@@ -253,6 +255,7 @@ def _claim(claim: dict[str, Any]) -> str:
     distance = [claim["match"]] if claim["match"].startswith(("factor", "differs")) else []
     if difference and not math.isnan(difference):
         distance.append(f"{100 * difference:+.2g} %")
+    distance += [f"by {claim['basis']}"] * bool(claim["basis"])
     evidence = claim["evidence"].removeprefix("shipnet.papers.")
     instead = f"instead {claim['corrected']}" if claim["corrected"] else ""
     cells = [

@@ -214,16 +214,16 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _ledger(arguments: argparse.Namespace) -> Answer:
-    from shipnet.papers.judging import Ledger, format_computed
+    from shipnet.papers.judging import Ledger, computed_text
 
     ledger = Ledger(arguments.paper or arguments.key)
     counts, table = ledger.counts(), ledger.table().reset_index()
     lines = []
     if not arguments.summary:
-        lines = [f"{'claim':<15}{'published':>16}  {'computed':<14}{'verdict':<20}what"]
+        lines = [f"{'claim':<15}{'published':>16}  {'computed':<14}{'by':<11}{'verdict':<20}what"]
         for row in table.to_dict("records"):
             published = shorten(row["published"], 16, placeholder="..")
-            computed = format_computed(row["computed"], row["published"])
+            computed = computed_text(row)
             unit = f" [{row['unit']}]" if row["unit"] else ""
             # A star: the verdict holds under a condition, which stands in the last brackets.
             as_printed = row["holds_under"] in ("", "as printed")
@@ -231,7 +231,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
             condition = "" if as_printed else f" ({row['holds_under']})"
             instead = f" -> {row['corrected']}" if row["corrected"] else ""
             lines.append(
-                f"{row['id']:<15}{published:>16}  {computed:<14}{verdict:<20}"
+                f"{row['id']:<15}{published:>16}  {computed:<14}{row['basis']:<11}{verdict:<20}"
                 f"{row['claim']}{unit}{instead}{condition}"
             )
         lines.append("")

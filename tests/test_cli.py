@@ -48,7 +48,7 @@ def test_ledger_prints_every_claim_of_the_paper(capsys):
     assert all(claim in out for claim in ledger("kim2023").table().index)
     assert "icn2007" not in out
     (row,) = [line for line in out.splitlines() if line.startswith("kim2023-074")]
-    assert row.split()[1:4] == ["0.7", "7.368", "erratum"]
+    assert row.split()[1:5] == ["0.7", "7.368", "model", "erratum"]
     assert row.endswith("[%] -> 7.4 %")
     (quoted,) = [line for line in out.splitlines() if line.startswith("kim2023-010")]
     assert quoted.split()[1:3] == ["100", "context"]

@@ -18,6 +18,7 @@ from .messages import MessageSet as MessageSet
 from .messages import bus_load as bus_load
 from .messages import example as example
 from .messages import read_messages as read_messages
+from .offsets import spread_offsets as spread_offsets
 from .response import Assignment as Assignment
 from .response import Assumptions as Assumptions
 from .response import ResponseTime as ResponseTime

@@ -19,7 +19,7 @@ from dataclasses import replace
 from decimal import Decimal
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -58,6 +58,7 @@ from shipnet.tables import (
 if TYPE_CHECKING:
     import pandas as pd
 
+T = TypeVar("T")
 Floats = npt.NDArray[np.float64]
 
 #: Bit rates in use [bit/s], with bus lengths from 5000 m down to 20 m: Beckhoff, BX5100
@@ -197,7 +198,39 @@ def set_faults(messages: Iterable[Message]) -> list[tuple[int, str]]:
     return faults
 
 
-class MessageSet(Sequence[Message]):
+class Named(Sequence[T]):
+    """A sequence whose items are also found by their names."""
+
+    __slots__ = ()
+    _items: tuple[T, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the items, in their order."""
+        raise NotImplementedError
+
+    def place(self, name: str) -> int:
+        """Return the place of an item, or raise if there is none of the name."""
+        if name not in self.names:
+            raise ArgumentError(f"name is {name!r}; the messages are {', '.join(self.names)}")
+        return self.names.index(name)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self._items)
+
+    @overload
+    def __getitem__(self, key: int | str) -> T: ...
+    @overload
+    def __getitem__(self, key: slice) -> tuple[T, ...]: ...
+    def __getitem__(self, key: int | str | slice) -> T | tuple[T, ...]:
+        """Return an item by its place or its name, or some by a slice."""
+        return self._items[self.place(key) if isinstance(key, str) else key]
+
+
+class MessageSet(Named[Message]):
     """The messages of one bus, the highest priority first.
 
     Parameters
@@ -224,7 +257,7 @@ class MessageSet(Sequence[Message]):
     {'fast': 2, 'slow': 4}
     """
 
-    __slots__ = ("_messages", "overlooked")
+    __slots__ = ("_items", "overlooked")
 
     def __init__(self, messages: Iterable[Message], *, overlooked: Iterable[str] = ()) -> None:
         for argument, value in (("messages", messages), ("overlooked", overlooked)):
@@ -238,48 +271,28 @@ class MessageSet(Sequence[Message]):
         faults = set_faults(given)
         if faults:
             raise ArgumentError("; ".join(fault for _, fault in faults))
-        self._messages = tuple(sorted(given, key=lambda message: message.priority))
+        self._items = tuple(sorted(given, key=lambda message: message.priority))
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names in order of priority."""
-        return tuple(message.name for message in self._messages)
+        return tuple(message.name for message in self._items)
 
     @property
     def periods(self) -> Floats:
         """Periods in order of priority [s]."""
-        return np.array([message.period for message in self._messages], dtype=np.float64)
-
-    def __len__(self) -> int:
-        return len(self._messages)
-
-    def __iter__(self) -> Iterator[Message]:
-        return iter(self._messages)
-
-    @overload
-    def __getitem__(self, key: int | str) -> Message: ...
-    @overload
-    def __getitem__(self, key: slice) -> tuple[Message, ...]: ...
-    def __getitem__(self, key: int | str | slice) -> Message | tuple[Message, ...]:
-        """Return a message by its place or its name, or some by a slice."""
-        return self._messages[self.place(key) if isinstance(key, str) else key]
+        return np.array([message.period for message in self._items], dtype=np.float64)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, MessageSet) and self._messages == other._messages
+        return isinstance(other, MessageSet) and self._items == other._items
 
     def __hash__(self) -> int:
-        return hash(self._messages)
+        return hash(self._items)
 
     def __repr__(self) -> str:
         """Count the messages and name the first, and count what was overlooked."""
         faults = f"; {len(self.overlooked)} faults overlooked" if self.overlooked else ""
         return f"MessageSet({counted(self.names)}{faults})"
-
-    def place(self, name: str) -> int:
-        """Return the place of a message in the order of priority, or raise if there is none."""
-        if name not in self.names:
-            raise ArgumentError(f"name is {name!r}; the messages are {', '.join(self.names)}")
-        return self.names.index(name)
 
     def replace(self, name: str, **new: Any) -> MessageSet:
         """Return the set with some fields of one message replaced.
@@ -306,7 +319,7 @@ class MessageSet(Sequence[Message]):
         if sorted(order) != sorted(self.names):
             raise ArgumentError(f"names are {order}; they must be {', '.join(self.names)}, once")
         moved = [self[name] for name in order]
-        new = [message.arbitration_id for message in self._messages]
+        new = [message.arbitration_id for message in self._items]
         if len({message.extended for message in moved}) > 1:
             new = [place << 18 * message.extended for place, message in enumerate(moved)]
         return MessageSet(

@@ -22,6 +22,7 @@ _POOR = "AS-i without repeaters"
 _NEAR, _FAR = 10, 30
 
 
+@cache
 def _left(contacts: int, lines: int) -> float:
     return 100 * Plant(contacts, contacts=1, lines=lines).saving.left
 

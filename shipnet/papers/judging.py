@@ -90,8 +90,8 @@ class Ledger:
 
     Examples
     --------
-    >>> print(Ledger("kim2014"))
-    100 claims, 51 judged, 31 agree, open: 0
+    >>> Ledger("kim2014")  # doctest: +ELLIPSIS
+    <Ledger of kim2014: ... claims, ... judged, ... agree, open: 0>
     """
 
     def __init__(self, paper: str | None = None) -> None:
@@ -338,12 +338,19 @@ def _says(row: Mapping[str, Any]) -> str:
     return f"{row['published']} {row['unit']}".strip() if row["published"] else ""
 
 
+def computed_text(row: Mapping[Any, Any]) -> str:
+    """Return what we compute, without its unit; of an erratum only a number."""
+    if row["kind"] == "erratum" and isinstance(row["computed"], bool):
+        return ""
+    return format_computed(row["computed"], str(row["published"]))
+
+
 def _ours(row: Mapping[str, Any]) -> str:
-    """Return what we compute, with its unit; of an erratum only a number."""
-    text = format_computed(row["computed"], str(row["published"]))
-    if isinstance(row["computed"], bool):
-        return "" if row["kind"] == "erratum" else text
-    return f"{text} {row['unit']}".strip() if text else ""
+    """Return what we compute, with its unit."""
+    text = computed_text(row)
+    return (
+        text if isinstance(row["computed"], bool) or not text else f"{text} {row['unit']}".strip()
+    )
 
 
 def _why(row: Mapping[str, Any]) -> str:

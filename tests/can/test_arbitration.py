@@ -56,10 +56,29 @@ def test_a_standard_data_frame_beats_the_extended_one_that_begins_like_it_by_rtr
     )
 
 
-@pytest.mark.parametrize("wrong", [[], [0x100], [Frame(1), Frame(1, b"\x01")]])
-def test_what_cannot_be_settled_is_refused(wrong):
-    with pytest.raises(ArgumentError, match="frames"):
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ([], "frames are (); there must be one Frame or more"),
+        ([0x100], "frames are (256,); there must be one Frame or more"),
+        (
+            [Frame(1), Frame(1, b"\x01")],
+            "frames 001# and 001#01 have the same id; they would collide in their data",
+        ),
+    ],
+)
+def test_what_cannot_be_settled_is_refused(wrong, message):
+    with pytest.raises(ArgumentError) as caught:
         arbitrate(wrong)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("frame", "last"), [(Frame(0x155), "IDE"), (Frame(0x15555555, extended=True), "RTR")]
+)
+def test_the_bus_shows_all_bits_that_can_decide_and_no_more(frame, last):
+    decides = {field.name: field.line_start for field in frame.fields}[last]
+    assert arbitrate([frame]).bus == frame.bits[: decides + 1]
 
 
 CONTEST = arbitrate([Frame(0x100), Frame(0x101), Frame(0x200)])

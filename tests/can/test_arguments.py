@@ -47,8 +47,9 @@ CALLS = [
     }, {"faults": "empty", "candidates": "empty"}),
     (can.response_times, {
         "messages": MESSAGES, "bit_rate": 125e3, "method": "exact", "assumptions": None,
-        "faults": (),
+        "faults": (), "offsets": False,
     }, {"faults": "empty"}),
+    (can.spread_offsets, {"messages": MESSAGES, "step": 1e-3}, {}),
     (can.line, {
         "length": 40, "nodes": 9, "terminator": 120, "stubs": None, "cable": None,
         "resistance": 2e4, "capacitance": 1e-10,

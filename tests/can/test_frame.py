@@ -131,16 +131,13 @@ def test_a_frame_takes_its_bits_and_the_intermission_at_1_kbit_to_1_mbit():
         ({"arbitration_id": 2048}, r"arbitration_id is 2048; .* 0\.\.2047 for an id of 11 bits"),
         ({"arbitration_id": 2**29, "extended": True}, r"0\.\.536870911 for an id of 29 bits"),
         ({"arbitration_id": -1}, "arbitration_id is -1"),
-        ({"arbitration_id": float("nan")}, "arbitration_id is nan"),
         ({"arbitration_id": True}, "arbitration_id is True"),
         ({"data": bytes(9)}, r"data has 9 bytes; it must have 0\.\.8"),
         ({"data": "12"}, "data is '12'; it must be bytes"),
-        ({"data": 5}, "data is 5; it must be bytes"),
         ({"data": b"1", "remote": True}, "a remote frame carries none"),
         ({"dlc": 16}, r"dlc is 16; it must be a whole number 0\.\.15"),
         ({"data": b"12", "dlc": 3}, "dlc is 3, but data has 2 bytes"),
         ({"dlc": 9}, "dlc is 9, but data has 0 bytes"),
-        ({"extended": "no"}, "extended is 'no'"),
         ({"remote": 1}, "remote is 1"),
     ],
 )
@@ -270,9 +267,3 @@ def test_an_error_flag_is_seen_at_its_sixth_bit():
         with pytest.raises(StuffError) as caught:
             decode(frame.bits[:place] + "0" * 6 + "1" * 11)
         assert place <= int(str(caught.value).split()[1].rstrip(",")) <= place + 5
-
-
-@pytest.mark.parametrize("bits", [b"0101", 5, None, [0, 1]])
-def test_bits_that_are_not_text_are_refused(bits):
-    with pytest.raises(ArgumentError, match=r"^bits is .*; it must be text of 0 and 1$"):
-        decode(bits)

@@ -378,9 +378,7 @@ def test_nothing_released_is_an_empty_table():
     ("change", "message"),
     [
         ({"until": 0}, "until is 0 s; it must be 1e-09"),
-        ({"until": np.nan}, "until is nan"),
         ({"bit_rate": 2e6}, r"bit_rate is 2e\+06 bit/s"),
-        ({"bit_rate": "fast"}, "bit_rate is 'fast'"),
         ({"bit_rate": 83e3}, r"a bit of 12048\.2 ns; it must be a whole number"),
         ({"queue": "stack"}, "queue is 'stack'"),
         ({"faults": ErrorBound(0.1)}, r"a simulation takes faults\.BitErrors and faults\.ErrorAt"),
@@ -406,7 +404,6 @@ def test_an_argument_out_of_range_is_refused(change, message):
         (lambda: BitErrors(0.1, start=2.0, stop=1.0), "stop is 1 s; it must be after start"),
         (lambda: BitErrors(0.1, bits=31), "bits is 31; it must be a whole number 17..23"),
         (lambda: ErrorAt(-1.0), "time is -1 s"),
-        (lambda: ErrorAt(np.nan), "time is nan"),
     ],
 )
 def test_a_fault_out_of_range_is_refused(make, message):

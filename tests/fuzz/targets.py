@@ -140,16 +140,18 @@ def _sheet_xml() -> Iterable[bytes]:
         yield book.read("xl/worksheets/sheet1.xml")
 
 
+_REQUESTS = [
+    modbus.Request.read_holding_registers(0, 10),
+    modbus.Request.read_coils(3, 17),
+    modbus.Request.write_single_register(7, 0xABCD),
+    modbus.Request.write_multiple_registers(1, [1, 2, 3]),
+    modbus.Request.write_multiple_coils(1, [1, 0, 1]),
+    modbus.Request.read_write_multiple_registers(0, 4, 9, [5, 6]),
+]
+
+
 def _adus() -> Iterable[bytes]:
-    requests = [
-        modbus.Request.read_holding_registers(0, 10),
-        modbus.Request.read_coils(3, 17),
-        modbus.Request.write_single_register(7, 0xABCD),
-        modbus.Request.write_multiple_registers(1, [1, 2, 3]),
-        modbus.Request.write_multiple_coils(1, [1, 0, 1]),
-        modbus.Request.read_write_multiple_registers(0, 4, 9, [5, 6]),
-    ]
-    for request in requests:
+    for request in _REQUESTS:
         yield request.rtu(17)
         yield request.tcp(3, 17)
         yield request.ascii(17)
@@ -162,8 +164,15 @@ _SLAVE = modbus.Slave(
 
 def _answered(data: bytes) -> Any:
     """Send bytes as a request with a right CRC, for no fuzzer guesses that."""
-    frame = data + crc.crc("CRC-16/MODBUS", data).to_bytes(2, "little")
+    frame = data + crc.MODBUS.of(data).to_bytes(2, "little")
     return modbus.answer({17: _SLAVE}, modbus.decode(frame))
+
+
+def _answers() -> Iterable[bytes]:
+    for request in _REQUESTS:
+        answer = modbus.answer({17: _SLAVE}, modbus.decode(request.rtu(17)))
+        if answer is not None:
+            yield answer.pdu
 
 
 def _can_bits() -> Iterable[bytes]:
@@ -234,8 +243,8 @@ TARGETS: dict[str, Target] = {
     "modbus rtu": Target(lambda data: modbus.decode(data, "rtu"), _adus),
     "modbus tcp": Target(lambda data: modbus.decode(data, "tcp"), _adus),
     "modbus ascii": Target(lambda data: modbus.decode(data, "ascii"), _adus),
-    "modbus request": Target(modbus.Request.parse, _adus),
-    "modbus response": Target(modbus.Response.parse, _adus),
+    "modbus request": Target(modbus.Request.parse, lambda: [request.pdu for request in _REQUESTS]),
+    "modbus response": Target(modbus.Response.parse, _answers),
     "modbus answer": Target(_answered, lambda: [adu[:-2] for adu in _adus()]),
     "packet, marker": _packet(remote_control.MarkerFormat()),
     "packet, marker and CRC": _packet(remote_control.MarkerFormat(crc=True)),

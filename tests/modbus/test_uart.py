@@ -209,7 +209,6 @@ def test_the_tolerance_is_where_a_simulated_receiver_begins_to_fail(character, o
         (lambda: read([0, 1], [1, np.inf], SerialLine(9600)), "finite"),
         (lambda: read(["a"], [1], SerialLine(9600)), "numbers"),
         (lambda: read([0], [1], SerialLine(9600), oversampling=3), "oversampling is 3"),
-        (lambda: read([0], [1], SerialLine(9600), threshold=np.nan), "threshold is nan"),
         (lambda: SerialLine(9600).clock_tolerance(oversampling=0), "oversampling is 0"),
     ],
 )

@@ -143,7 +143,6 @@ def test_a_duplicated_request_is_answered_twice_and_the_second_answer_is_left_ov
     ("make", "message"),
     [
         (lambda: LossyPath(lost=1.1), "lost is 1.1"),
-        (lambda: LossyPath(late=float("nan")), "late is nan"),
         (lambda: LossyPath(delay=-1), "delay is -1 s"),
         (lambda: LossyPath().transit(-1, np.random.default_rng(1)), "n is -1"),
         (lambda: simulate([], LossyPath(), rng=1), "row of 1"),
@@ -155,7 +154,6 @@ def test_a_duplicated_request_is_answered_twice_and_the_second_answer_is_left_ov
             lambda: simulate([1], LossyPath(), rng=1, match="id"),
             "match is 'id'; it must be one of 'nothing'",
         ),
-        (lambda: compare([1], LossyPath(), rng=1, flush="x"), "flush is 'x'"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):

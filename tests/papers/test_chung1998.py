@@ -62,7 +62,7 @@ def test_the_delay_of_a_switch_grows_with_the_length_of_a_bit():
 
 
 def test_bcs_may_take_rcs_as_failed_and_at_600_bit_per_s_must():
-    assert [link.as_printed(rate).cascade().alarm for rate in (9600, 600)] == [
+    assert [link.as_printed(bit_rate=rate).cascade().alarm for rate in (9600, 600)] == [
         "possible",
         "certain",
     ]

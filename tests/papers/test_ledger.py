@@ -453,7 +453,9 @@ def test_a_claim_is_computed_anew_with_other_inputs():
 
 def test_the_ledger_of_a_paper_is_summed_up():
     one = ledger("kim2023")
-    assert len(one.judged()) == 60 and str(one).startswith("95 claims, 60 judged, ")
+    judged = (one.table()["basis"] != "") & one.table()["kind"].isin(["numeric", "qualitative"])
+    assert 0 < len(one.judged()) == judged.sum()
+    assert str(one).startswith(f"{len(one)} claims, {len(one.judged())} judged, ")
     assert "agrees" not in set(one.differing()["verdict"])
     assert len(one.differing()) == (one.judged()["verdict"] != "agrees").sum()
     assert set(one.items()["paper"]) == {"kim2023"} and set(ledger().items()["paper"]) == {*PAPERS}
@@ -463,3 +465,22 @@ def test_a_figure_that_is_not_drawn_is_refused():
     for paper, item in (("kim", "Fig 1"), ("kim2023", "Fig 99"), ("kim2023", "")):
         with pytest.raises(ArgumentError, match=r"it must be one of|drawn are"):
             figure(paper, item)
+
+
+MUTANTS = ROOT / "tests" / "mutants"
+
+
+def test_the_constants_that_the_ledger_must_feel_are_those_of_the_models():
+    constants = pd.read_csv(MUTANTS / "constants.csv")
+    assert len(constants) >= 20
+    assert set(" ".join(constants["papers"]).split()) == set(PAPERS)
+    for row in constants.itertuples():
+        text = (ROOT / "shipnet" / row.file).read_text(encoding="utf-8")
+        assert text.count(row.before) == 1, f"{row.file}: {row.before}"
+
+
+def test_a_changed_constant_moves_a_claim_of_each_paper_that_rests_on_it():
+    # All the others: `make mutants`.
+    program = [sys.executable, MUTANTS / "ledger.py", "SEND_CURRENT"]
+    said = subprocess.check_output(program, text=True)
+    assert [line.split()[-4] for line in said.splitlines()] == ["claims,", "claims,"]

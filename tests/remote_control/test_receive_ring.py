@@ -11,7 +11,7 @@ from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.papers.chung1998.ring import extraction
 from shipnet.remote_control import MarkerFormat, Ring
-from shipnet.remote_control.ring_buffer import State, case_of, pointer_case
+from shipnet.remote_control.ring_buffer import State, Step, case_of, pointer_case
 
 RULES = ["printed", "intended", "corrected"]
 SIZES = range(2, 9)
@@ -329,3 +329,67 @@ def test_the_lead_is_drawn_with_the_letters_of_its_cases(ax):
     letters = [text.get_text() for text in ax.texts if len(text.get_text()) == 1]
     assert letters == ["b", "d", "c", "a", "b", "d"]
     assert ax.lines[1].get_ydata().max() == 255
+
+
+def test_each_step_says_what_it_found_and_did():
+    assert Ring(4, "corrected").extract() == Step("b", "wait")
+    assert Ring(4, "intended").extract() == Step("b", "wait")
+    assert Ring.filled(6, size=4, rule="corrected").extract() == Step("c", "repair", lost=2)
+    assert Ring.filled(6, size=4).extract() == Step("c", "repair", lost=6)
+    assert Ring.filled(3, 2, size=4).extract() == Step("d", "take", 2)
+    # Two laps later the ring shows one byte, and eight are lost.
+    assert Ring.filled(9, size=4).extract() == Step("b", "take", 8, lost=8)
+    ring = Ring(4)
+    assert ring.extract() == Step("b", "take", 0, stale=True)
+    assert ring.extract() == Step("a", "stop")
+
+
+def test_a_reader_one_step_ahead_takes_a_stale_byte_each_time():
+    ring = Ring(4)
+    for stale in (1, 2, 3):
+        assert ring.extract().stale
+        assert ring.stale == stale
+        ring.store(0)
+
+
+def test_a_ring_begins_empty_with_128_cells():
+    assert Ring().size == Ring.filled(0).size == 128
+    assert Ring.filled(3).state == State(3, 0, 0, 0)
+    assert Ring.filled(257, size=512).cells[:258] == bytes([*range(256), 0, 0])
+    assert [Ring.filled(1, rule=rule).rule for rule in RULES] == RULES
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Ring(8, "x"), "rule is 'x'; it must be 'printed', 'intended' or 'corrected'"),
+        (lambda: Ring.filled(-1), "unread is -1; it must be a whole number 0..1000000"),
+        (lambda: Ring(1025).cases(), "size is 1025; it must be a whole number 2..1024"),
+        (lambda: Ring(8).cases(0), "laps is 0; it must be a whole number 1..16"),
+        (lambda: Ring(4).explore(-1), "max_unread is -1; it must be a whole number 0..16"),
+        (lambda: Ring(4).store_all("12"), "data is '12'; it must be bytes"),
+    ],
+)
+def test_refusals_name_the_value_and_the_range(make, message):
+    with pytest.raises(ArgumentError) as caught:
+        make()
+    assert str(caught.value) == message
+
+
+def test_all_states_of_the_smallest_ring_are_listed_with_their_columns():
+    states = Ring(2, "corrected").explore()
+    assert [*states] == [
+        "no", "ring_f", "get_no", "ring_get_f", "unread", "first_lap", "case", "action", "lost",
+        "stale",
+    ]  # fmt: skip
+    assert states["unread"].max() == 6
+    full = states[(states["unread"] == 2) & (states["get_no"] == 0) & (states["ring_get_f"] == 0)]
+    assert full["first_lap"].tolist() == [False]
+    assert Ring(2).explore(0)["unread"].max() == 0
+
+
+def test_the_table_of_cases_has_a_row_per_lap():
+    table = Ring(4).cases(2).table()
+    assert [*table] == ["from", "to", "a", "b", "c", "d"]
+    assert table[["from", "to"]].to_numpy().tolist() == [[0, 3], [4, 7]]
+    assert (table[["a", "b", "c", "d"]].sum(axis=1) == 16).all()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -192,21 +191,16 @@ def copies_stay_equal(*, lost: int = 0) -> bool:
 
 # Turns, supervision, switches --------------------------------------------------------------
 
-#: Section 4: period of the timer [s], and the limits of the two counters.
-_TICK = float(PRINTED["tick"])
-_COUNT, _MISS = (int(PRINTED[f"{name}_threshold"]) for name in ("count", "miss"))
 
-
-def as_printed(rate: float = BIT_RATES[0], items: int = ITEMS, bits: int = 10) -> System:
+def as_printed(items: int = ITEMS, **fields: Any) -> System:
     """Return the link of the paper, in reading A, with all data in every packet."""
-    form = MarkerFormat(n_numbers=items)
-    return System(form, bit_rate=rate, character_bits=bits, repeat=items)
+    return System(MarkerFormat(n_numbers=items), repeat=items, **fields)
 
 
 @numeric("chung1998-003")
-def cycle_time(*, rate: float = 9600.0, items: int = ITEMS, bits: int = 10) -> float:
+def cycle_time(*, items: int = ITEMS) -> float:
     """Seconds of one exchange with BCS and one with SS, nothing but bytes counted."""
-    return as_printed(rate, items, bits).cycle_time
+    return as_printed(items).cycle_time
 
 
 @check("chung1998-031", counter={"turn_timeout": 0.01})
@@ -221,9 +215,9 @@ def never_both_send(*, turn_timeout: float | None = None) -> bool:
 
 
 @numeric("chung1998-007", "chung1998-045")
-def failure_time(*, count: int = _COUNT, miss: int = _MISS, tick: float = _TICK) -> float:
+def failure_time() -> float:
     """Seconds until a partner is taken as failed, by the tests as printed."""
-    return Supervision(tick, count, miss).detection_time[1]
+    return Supervision().detection_time[1]
 
 
 @check("chung1998-043", counter={"readings": ("A", "B")})
@@ -234,11 +228,10 @@ def sign_of_life_is_enough(*, readings: tuple[Literal["A", "B"], ...] = ("A",)) 
 
 
 @check("chung1998-044", counter={"miss": 99})
-def nobody_waits_for_ever(*, miss: int = _MISS) -> bool:
+def nobody_waits_for_ever(*, miss: int = Supervision().miss_limit) -> bool:
     """Whether, after either partner died, whoever waits for it goes on within 20 s."""
-    rule = Supervision(_TICK, _COUNT, miss)
-    form = MarkerFormat(n_numbers=ITEMS)
-    system = System(form, repeat=ITEMS, master=rule, slave=rule)
+    rule = Supervision(miss_limit=miss)
+    system = as_printed(master=rule, slave=rule)
     missed = set()
     for dead in ("RCS", "BCS", "SS"):
         alarms = simulate(system, until=21.0, faults=DeadStation(dead, start=1.0)).alarms()
@@ -247,15 +240,15 @@ def nobody_waits_for_ever(*, miss: int = _MISS) -> bool:
 
 
 @numeric("chung1998-046")
-def longest_silence(*, rate: float = 600.0, items: int = ITEMS, bits: int = 10) -> float:
+def longest_silence(*, rate: float = BIT_RATES[-1], items: int = ITEMS) -> float:
     """Seconds without a 0xDD that a slave sees in health."""
-    return as_printed(rate, items, bits).idle_time
+    return as_printed(items, bit_rate=rate).idle_time
 
 
 @numeric("chung1998-047")
-def silence_while_waiting(*, rate: float = 9600.0, items: int = ITEMS) -> float:
+def silence_while_waiting(*, items: int = ITEMS) -> float:
     """Seconds without a 0xDD for BCS while RCS waits for an SS that died silent, as printed."""
-    return as_printed(rate, items).cascade().silent[1]
+    return as_printed(items).cascade().silent[1]
 
 
 def cascades(
@@ -271,7 +264,7 @@ def cascades(
     rows = []
     for name, fields in changes.items():
         for rate in rates:
-            seen = replace(as_printed(rate), **fields).cascade()
+            seen = as_printed(bit_rate=rate, **fields).cascade()
             rows.append((name, rate, seen.wait[1], seen.silent[1], seen.longest, seen.alarm))
     columns = ["rule", "bit/s", "RCS waits [s]", "BCS hears nothing [s]", "later, up to [s]"]
     columns += ["false alarm"]
@@ -291,7 +284,7 @@ def deaths(
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []
     for name, fields in changes.items():
-        system = replace(as_printed(rate), **fields)
+        system = as_printed(bit_rate=rate, **fields)
         rng, cycle, found = np.random.default_rng(2024), system.cycle_time, []
         for k in range(runs):
             # After a cycle; the last failure is found by four waits later.

@@ -314,9 +314,9 @@ def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
 
 
 @numeric("chung1998-060")
-def fill_time(*, size: int = SIZE, rate: float = 9600.0) -> float:
+def fill_time() -> float:
     """Seconds in which unbroken reception fills the ring."""
-    return size / SIZE * as_printed(rate).fill_time
+    return as_printed().fill_time
 
 
 @numeric("chung1998-061")

@@ -484,8 +484,9 @@ def master_pause_of_chip(*, edge: float) -> float:
 
 @check("kim2023-028", "icn2007-014", counter={"edges": (10e-6, 33.5e-6)})
 def master_pause_in_range(*, edges: tuple[float, ...] = CHIP_EDGES) -> bool:
-    """Whether the delays of a chip are pauses that a transaction may have."""
-    return all(is_legal(Transaction, master_pause_of_chip(edge=edge)) for edge in edges)
+    """Whether the printed ends and the delays of a chip are pauses that a transaction may have."""
+    pauses = [2.0, 10.0, *(master_pause_of_chip(edge=edge) for edge in edges)]
+    return all(is_legal(Transaction, pause) for pause in pauses)
 
 
 @check("kim2023-030", "icn2007-016", counter={"pause": 84.0})

@@ -19,6 +19,7 @@ from shipnet.engine.simulation import simulate as simulate_engine
 from shipnet.engine.system import RULE, System
 from shipnet.errors import CrcError
 from shipnet.modbus.electrical import INTERFACES
+from shipnet.modbus.frame import MAX_PDU
 from shipnet.modbus.pdu import ExceptionCode, FunctionCode, Request, Response, decode
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
@@ -233,7 +234,7 @@ def poll_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
 
 
 @numeric("lee2012-036")
-def most_registers(*, longest_pdu: int = 253) -> int:
+def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
     """Registers that one response can hold."""
     head = len(answer(1).pdu) - 2
     return (longest_pdu - head) // 2

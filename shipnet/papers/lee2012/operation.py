@@ -57,9 +57,9 @@ def marked_after_four_seconds(*, stale_limit: float = 4.0) -> bool:
 
 
 @numeric("lee2012-099")
-def time_until_marked(*, stale_limit: float = 4.0, poll_period: float = 1.0) -> float:
+def time_until_marked() -> float:
     """Seconds until the AMS sees the mark of a dead box at the latest."""
-    return System(stale_limit=stale_limit, poll_period=poll_period).staleness_flag().after
+    return System().staleness_flag().after
 
 
 @check("lee2012-046", counter={"dead": "JB1"})

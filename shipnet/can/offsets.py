@@ -1,0 +1,252 @@
+"""Response times where messages of one sender share a clock, and offsets that shorten them.
+
+All is counted in whole ticks. The phases of different clocks are free, so each other clock has its
+worst window by itself, and only the message's own clock is followed instance by instance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.can.messages import MessageSet, check_set, message_lengths
+from shipnet.clock import nanoseconds
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar
+
+Integers = npt.NDArray[np.int64]
+
+#: Releases in a hyperperiod beyond which messages of a sender are taken as of several clocks: that
+#: is safe, as they have more freedom then.
+MOST_RELEASES = 20_000
+
+#: Load from which the bounds without offsets are taken: the windows become too long.
+_HIGHEST_LOAD = 0.99
+
+
+class Streams(NamedTuple):
+    """Messages in order of priority as columns, times in ticks; `clock` numbers their clocks."""
+
+    period: Integers
+    offset: Integers
+    jitter: Integers
+    frame: Integers
+    clock: Integers
+    #: How late a more urgent message may be queued and still win, and the longest foreign frame.
+    tau: int
+    foreign: int
+
+
+def clocks(senders: list[str], periods: list[int]) -> Integers:
+    """Return the clock of each message: that of its sender, or its own if it has none."""
+    found: list[int] = []
+    newest: dict[str, tuple[int, list[int]]] = {}
+    for place, (sender, period) in enumerate(zip(senders, periods, strict=True)):
+        number, members = newest.get(sender, (place, []))
+        whole = math.lcm(period, *members)
+        if not sender or sum(whole // each for each in (period, *members)) > MOST_RELEASES:
+            number, members = place, []
+        newest[sender] = number, [*members, period]
+        found.append(number)
+    return np.array(found, dtype=np.int64)
+
+
+def longest_responses(streams: Streams) -> list[int] | None:
+    """Return the longest response of each message from its event; None if offsets are no help."""
+    load = float((streams.frame / streams.period).sum())
+    if load >= _HIGHEST_LOAD:
+        return None
+    jitter = streams.frame * (1 + streams.jitter / streams.period)
+    blocked = max(int(streams.frame.max(initial=0)), streams.foreign)
+    # No busy period is longer; most are much shorter, so the window is doubled until it suffices.
+    most = 2 * (int((blocked + jitter.sum()) / (1 - load)) + 2) + streams.tau
+    span = int(4 * streams.frame.sum()) + 1
+    while (found := _within(streams, min(span, most))) is None:
+        span *= 2
+    return found
+
+
+class _Clock:
+    """Releases of messages of one clock, from `span` before 0 to `span` behind a hyperperiod."""
+
+    def __init__(self, streams: Streams, members: list[int], span: int, reach: int = 0) -> None:
+        period, offset, jitter, frame = (column[members] for column in streams[:4])
+        self.hyperperiod = max(math.lcm(*period.tolist()), reach)
+        edge = int(span + jitter.max()) + 1
+        first = -((offset + edge) // period)
+        count = (self.hyperperiod + edge - offset) // period - first + 1
+        which = np.repeat(np.arange(len(members)), count)
+        number = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+        event = offset[which] + (number + first[which]) * period[which]
+        early, late = (
+            np.argsort(event, kind="stable"),
+            np.argsort(event + jitter[which], kind="stable"),
+        )
+        #: Events in order, their messages, and the work before each; then the latest releases.
+        self.event = event[early]
+        self.message = np.asarray(members)[which[early]]
+        self.work = np.r_[0, np.cumsum(frame[which[early]])]
+        self.latest = (event + jitter[which])[late]
+        self._gone = np.r_[0, np.cumsum(frame[which[late]])]
+
+    def before(self, time: Integers) -> Integers:
+        """Return the work that is released before a time, whatever the jitter."""
+        gone: Integers = self._gone[np.searchsorted(self.latest, time)]
+        return gone
+
+    def curve(self, span: int) -> tuple[Integers, Integers]:
+        """Return lengths of closed windows, and by how much the most work in them grows there.
+
+        A window may begin anywhere; the worst ones begin with a latest release.
+        """
+        begin = np.unique(self.latest[(self.latest >= 0) & (self.latest < self.hyperperiod)])
+        first = np.searchsorted(self.event, begin, side="right") - 1
+        count = np.searchsorted(self.event, begin + span, side="right") - first
+        row = np.repeat(np.arange(len(begin)), count)
+        place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + first[row]
+        length = np.maximum(self.event[place] - begin[row], 0)
+        work = self.work[place + 1] - self.before(begin)[row]
+        order = np.lexsort((work, length))
+        length, work = length[order], np.maximum.accumulate(work[order])
+        grows = np.diff(work, prepend=0) > 0
+        return length[grows], np.diff(work[grows], prepend=0)
+
+
+def _staircase(curves: list[tuple[Integers, Integers]]) -> tuple[Integers, Integers]:
+    """Return the lengths at which a sum of curves grows, and the work before each of them."""
+    if not curves:
+        return np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
+    length, step = (np.concatenate(column) for column in zip(*curves, strict=True))
+    order = np.argsort(length, kind="stable")
+    return length[order], np.r_[0, np.cumsum(step[order])]
+
+
+def _within(streams: Streams, span: int) -> list[int] | None:
+    """Return the longest responses if no busy period is longer than the span, else None."""
+    curves: dict[int, tuple[Integers, Integers]] = {}
+    members: dict[int, list[int]] = {}
+    found = []
+    for m, clock in enumerate(streams.clock.tolist()):
+        frame, jitter = int(streams.frame[m]), int(streams.jitter[m])
+        higher = members.get(clock, [])
+        blocking = max(int(streams.frame[m + 1 :].max(initial=0)), streams.foreign)
+        own = _Clock(streams, [*higher, m], span)
+        # Higher releases of the own clock must reach as far as the hyperperiod with the message.
+        above = _Clock(streams, higher, span + jitter, own.hyperperiod) if higher else None
+        others = [curve for number, curve in curves.items() if number != clock]
+        curves[clock] = own.curve(span)
+
+        # The longest busy period: all clocks at their worst, the message among them.
+        length, work = _staircase([curves[clock], *others])
+        ends = np.flatnonzero(blocking + work <= np.r_[np.where(length > 0, length, -1), span + 1])
+        if not ends.size:
+            return None
+        busy = int(blocking + work[ends[0]])
+
+        # Pairs of an instance, and a begin of its busy period with the latest release of a frame.
+        mine = own.event[own.message == m]
+        instance = mine[(mine >= 0) & (mine < own.hyperperiod)]
+        begins = np.unique(own.latest)
+        low = np.searchsorted(begins, instance - busy, side="right")
+        count = np.searchsorted(begins, instance + jitter, side="right") - low
+        begin = begins[np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - low, count)]
+        instance = np.repeat(instance, count)
+        earlier = np.searchsorted(mine, instance) - np.searchsorted(mine, begin - jitter)
+        constant = blocking + earlier * frame
+        if above is not None:
+            constant = constant - above.before(begin)
+
+        # How long each is delayed: the least fixed point, from below.
+        length, work = _staircase(others)
+        delay, later = np.full(len(instance), -1), np.zeros(len(instance), dtype=np.int64)
+        while (later > delay).any():
+            delay = np.maximum(later, delay)
+            until = delay + streams.tau
+            later = constant + work[np.searchsorted(length, until)]
+            if above is not None:
+                later = later + above.work[np.searchsorted(above.event, begin + until)]
+            if later.max() + streams.tau > span:
+                return None
+        # Else the bus is at rest before the instance.
+        pending = delay >= instance - begin
+        found.append(int((delay + frame - (instance - begin))[pending].max()))
+        members[clock] = [*higher, m]
+    return found
+
+
+def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
+    """Return the messages with offsets that keep those of one sender apart.
+
+    Parameters
+    ----------
+    messages : MessageSet
+        The messages. One without a sender keeps its offset.
+    step : float, default 1e-3
+        Grid of the offsets, 1e-6..1 [s], such as the cycle of the senders' task. The period of a
+        message with a sender must be a multiple of it.
+
+    Returns
+    -------
+    MessageSet
+        The same messages with offsets of 0 or more, shorter than their periods.
+
+    Raises
+    ------
+    ArgumentError
+        If a period is not a multiple of `step`, or the periods of a sender repeat together only
+        after a million steps.
+
+    Notes
+    -----
+    Sender by sender, the message with the shortest period first, each gets the offset around which
+    its sender sends least. That is a heuristic; `response_times` with ``offsets=True`` says what it
+    gains. Senders with many messages gain most, as a frame of each other sender may still come
+    first.
+
+    Examples
+    --------
+    >>> from shipnet import can
+    >>> messages = can.MessageSet(
+    ...     can.Message(f"m{k}", k, 8, 0.01, sender="engine") for k in range(4)
+    ... )
+    >>> apart = can.spread_offsets(messages)
+    >>> [message.offset for message in apart]
+    [0.005, 0.0, 0.007, 0.002]
+    >>> can.response_times(messages, 125e3)["m3"].response
+    0.00432
+    >>> can.response_times(apart, 125e3, offsets=True)["m3"].response
+    0.00108
+    """
+    check_set(messages)
+    grain = nanoseconds(check_scalar("step", step, "s", 1e-6, 1))
+    periods = np.array([nanoseconds(message.period) for message in messages])
+    length = message_lengths(messages)
+    offsets = [message.offset for message in messages]
+    senders = [message.sender for message in messages]
+    for sender in sorted({*senders} - {""}):
+        mine = [place for place, name in enumerate(senders) if name == sender]
+        uneven = [messages[place].name for place in mine if periods[place] % grain]
+        if uneven:
+            raise ArgumentError(
+                f"step is {step:g} s, but the period of {uneven[0]!r} is no multiple"
+            )
+        slots = math.lcm(*(int(periods[place]) // grain for place in mine))
+        if slots > 10**6:
+            raise ArgumentError(f"step is {step:g} s, but {sender!r} repeats after {slots} of them")
+        # How crowded each slot is: what is sent in it and, less and less, around it.
+        far = np.minimum(np.arange(slots), slots - np.arange(slots))
+        near, load = np.fft.rfft(1 / (1 + far)), np.zeros(slots)
+        for place in sorted(mine, key=lambda k: (periods[k], -length[k])):
+            every = int(periods[place]) // grain
+            crowd = np.fft.irfft(np.fft.rfft(load) * near, slots).reshape(-1, every).sum(axis=0)
+            least = np.flatnonzero(crowd <= crowd.min() + 1e-9 * load.sum())
+            slot = int(least[len(least) // 2])
+            load[slot::every] += length[place]
+            offsets[place] = slot * grain / 1e9
+    return MessageSet(
+        replace(message, offset=offset) for message, offset in zip(messages, offsets, strict=True)
+    )

@@ -1,0 +1,159 @@
+"""Bounds with offsets: beside those without, beside simulations, and the gain of spreading them."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shipnet import can
+from shipnet.errors import ArgumentError
+
+FAST, US = 1_000_000, 1e-6
+
+
+def random_set(rng, *, periods=(600, 1200, 2400), senders=3, jitter=0.0, most=12):
+    """Return messages of a few senders on a bus of 1 us a bit, load 0.3 to 0.95."""
+    n = int(rng.integers(2, most))
+    bits, every = rng.integers(47, 161, n), rng.choice(periods, n)
+    every *= max(1, math.ceil((bits / every).sum() / rng.uniform(0.3, 0.95)))
+    return can.MessageSet(
+        can.Message(
+            f"m{k}", k, 8, int(every[k]) * US, offset=int(rng.integers(every[k])) * US,
+            jitter=int(every[k] * jitter * rng.random()) * US, bits=int(bits[k]),
+            sender=f"s{rng.integers(senders)}",
+        )
+        for k in range(n)
+    )  # fmt: skip
+
+
+def responses(messages, **more):
+    return np.array([one.response for one in can.response_times(messages, FAST, **more)])
+
+
+def shifted(messages, phases):
+    """Return the messages with the clock of each sender moved."""
+    return can.MessageSet(
+        replace(m, offset=round((m.offset + phases[m.sender]) % m.period, 9)) for m in messages
+    )
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.4, 1.5])
+@pytest.mark.parametrize("more", [{}, {"foreign_bits": 150}, {"intermission": "between"}])
+def test_clocks_of_their_own_give_the_bounds_without_offsets(jitter, more):
+    rng, assumptions = np.random.default_rng(1), can.Assumptions(**more)
+    for _ in range(40):
+        messages = random_set(rng, jitter=jitter)
+        for alone in ("", None):
+            own = can.MessageSet(
+                replace(m, sender=m.name if alone is None else alone) for m in messages
+            )
+            plain = responses(own, assumptions=assumptions)
+            bounded = responses(own, assumptions=assumptions, offsets=True)
+            assert bounded.tolist() == plain.tolist()
+
+
+def test_a_later_instance_may_have_the_longest_response():
+    # The example of Davis et al. 2007: the second instance of C misses its deadline.
+    messages = can.MessageSet(
+        can.Message(f"m{k}", k, 7, period, sender=f"s{k}")
+        for k, period in enumerate((2.5e-3, 3.5e-3, 3.5e-3))
+    )
+    found = can.response_times(messages, 125e3, offsets=True)
+    assert [one.response for one in found] == [2e-3, 3e-3, 3.5e-3]
+
+
+def test_frames_of_the_sender_count_in_its_whole_hyperperiod():
+    # Each second instance of m1 comes with m0, long after the hyperperiod of m0 alone.
+    messages = can.MessageSet(
+        [
+            can.Message("m0", 0, 8, 0.01, sender="s"),
+            can.Message("m1", 1, 8, 0.015, offset=0.005, sender="s"),
+        ]
+    )
+    assert can.response_times(messages, 125e3, offsets=True)["m1"].response == 2.16e-3
+    even = messages.replace("m1", period=0.02)
+    assert can.response_times(even, 125e3, offsets=True)["m1"].response == 1.08e-3
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.3])
+def test_no_simulated_response_passes_the_bound_and_no_bound_that_without_offsets(jitter):
+    rng, tight = np.random.default_rng(2), []
+    for _ in range(30):
+        messages = random_set(rng, jitter=jitter)
+        bounded, plain = responses(messages, offsets=True), responses(messages)
+        assert (bounded <= plain + 1e-12).all()
+        longest = np.zeros(len(messages))
+        for _ in range(12):
+            phases = {m.sender: int(rng.integers(10**4)) * US for m in messages}
+            run = can.simulate(shifted(messages, phases), FAST, until=0.05, rng=rng)
+            longest = np.fmax(longest, run.table()["max_ms"].to_numpy() / 1e3)
+        assert (longest <= bounded + 1e-9).all()
+        tight += (bounded < 0.999 * plain).tolist()
+    assert np.mean(tight) > 0.2
+
+
+def test_the_bound_of_two_senders_is_nearly_attained_in_some_phase():
+    rng, ratios = np.random.default_rng(3), []
+    for _ in range(6):
+        messages = random_set(rng, periods=(200, 400), senders=2, most=6)
+        bounded = responses(messages, offsets=True)
+        whole = round(max(m.period for m in messages) / US)
+        phases = np.arange(0, whole)[:, np.newaxis] * US * [m.sender == "s1" for m in messages]
+        offsets = (phases + [m.offset for m in messages]) % messages.periods
+        batch = can.simulate_batch(messages, FAST, offsets=offsets, until=4 * whole * US)
+        longest = np.nanmax(batch.max_response, axis=0)
+        assert (longest <= bounded + 1e-9).all()
+        ratios += (bounded / longest).tolist()
+    assert np.median(ratios) < 1.2
+
+
+def test_a_sender_whose_hyperperiod_is_too_long_counts_as_several(monkeypatch):
+    rng = np.random.default_rng(4)
+    messages = random_set(rng, senders=1, most=8)
+    assert (responses(messages, offsets=True) < responses(messages) - 1e-9).any()
+    monkeypatch.setattr("shipnet.can.offsets.MOST_RELEASES", 1)
+    assert responses(messages, offsets=True).tolist() == responses(messages).tolist()
+
+
+def test_spread_offsets_halve_the_longest_response_of_most_sets():
+    rng, gains = np.random.default_rng(5), []
+    for _ in range(5):
+        share = rng.dirichlet(np.full(8, 2.0))
+        messages, load = [], 0.0
+        while load < 0.7:
+            period = float(rng.choice([0.02, 0.05, 0.1, 0.2, 0.5, 1.0]))
+            messages.append((period, int(rng.integers(1, 9))))
+            load += (55 + 10 * messages[-1][1]) / 250e3 / period
+        named = can.MessageSet(
+            can.Message(f"m{k}", k, size, period, sender=f"s{rng.choice(8, p=share)}")
+            for k, (period, size) in enumerate(sorted(messages))
+        )
+        apart = can.spread_offsets(named)
+        assert all(0 <= m.offset < m.period and m.offset * 1e3 % 1 < 1e-9 for m in apart)
+        before, after = (
+            max(one.response for one in can.response_times(case, 250e3, offsets=True))
+            for case in (named, apart)
+        )
+        gains.append(before / after)
+    assert np.mean(np.array(gains) >= 2) >= 0.5
+
+
+def test_what_offsets_do_not_go_with_is_refused():
+    messages = can.example()
+    for more in (
+        {"method": "sufficient"},
+        {"faults": can.faults.ErrorBound(0.1)},
+        {"assumptions": can.Assumptions(own_jitter=False)},
+    ):
+        with pytest.raises(ArgumentError, match="offsets is True; that takes the exact method"):
+            can.response_times(messages, 125e3, offsets=True, **more)
+    with pytest.raises(ArgumentError, match="the period of 'speed' is no multiple"):
+        can.spread_offsets(messages.replace("speed", period=10.5e-3), 1e-3)
+    odd = [can.Message(f"m{k}", k, 8, t, sender="s") for k, t in enumerate((0.997, 0.991, 0.983))]
+    with pytest.raises(ArgumentError, match="'s' repeats after"):
+        can.spread_offsets(can.MessageSet(odd))
+    full = can.MessageSet([can.Message(f"m{k}", k, 8, 2.17e-3, sender="s") for k in range(2)])
+    assert list(can.response_times(full, 125e3, offsets=True)) == list(
+        can.response_times(full, 125e3)
+    )
