@@ -79,7 +79,7 @@ examples:
   shipnet serve ballast --valves 64 --fault 3:V1 --fault 7:P2:0.5
   shipnet serve ballast --serial /dev/ttyUSB0 --bit-rate 19.2k --speed 10
   shipnet serve ballast --serial /dev/pts/5 --character 8N1
-  shipnet serve engine --port 1502
+  shipnet serve engine --port 1502 --fault 2:dead --fault ME-JB2-044:open
 """
 
 _DESIGN = """\
@@ -178,7 +178,7 @@ def _parser() -> argparse.ArgumentParser:
     option("--character C", "of the serial port: 8E1, 8O1, 8N2 or 8N1", "8E1")
     option(
         "--fault FAULT", "a fault of valve V as V:CODE:SEVERITY, such as 3:P2:0.5, or of the "
-        "engine, such as 'box dead JB2'", [],
+        "engine as WHERE:WHAT, such as 2:dead, 3:cut or ME-JB2-044:stuck (also open, short)", [],
     )  # fmt: skip
     option("--speed FACTOR", "model seconds per second", 1.0)
     option(
@@ -354,11 +354,11 @@ def _serve(arguments: argparse.Namespace) -> None:
         where = where.replace("TCP", "UDP")
     options["speed"] = arguments.speed
     if engine:
-        from shipnet.engine.serving import parse_fault
+        from shipnet.engine.serving import FAULT_UNIT, parse_fault
         from shipnet.engine.serving import serve as serve_engine
         from shipnet.engine.system import System
 
-        system, units = System(), "unit ids 2 and 3"
+        system, units = System(), f"unit ids 2 and 3, faults on {FAULT_UNIT}"
         broken = [parse_fault(system, words) for words in arguments.fault]
         server = serve_engine(system, faults=broken, **options)
     else:

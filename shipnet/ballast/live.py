@@ -190,9 +190,8 @@ class TestBed:
 
     def device(self, unit: int) -> ValveDevice:
         """Return a slave, for its switches."""
-        device = self.station.slaves[unit].device
-        if not isinstance(device, ValveDevice):
-            raise ArgumentError(f"unit {unit} is not a valve")
+        device = self.station.slaves[check_whole("unit", unit, 1, N_SLAVES)].device
+        assert isinstance(device, ValveDevice)
         return device
 
     def wait(self, duration: float) -> None:

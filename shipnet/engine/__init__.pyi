@@ -12,6 +12,7 @@ from .registers import Coding as Coding
 from .registers import RegisterMap as RegisterMap
 from .run import Run as Run
 from .run import Screen as Screen
+from .serving import fault_registers as fault_registers
 from .serving import serve as serve
 from .simulation import simulate as simulate
 from .simulation import single_failures as single_failures

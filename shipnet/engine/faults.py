@@ -16,6 +16,8 @@ __all__ = [
     "LostCanFrames",
     "LostModbusFrames",
     "ModbusBreak",
+    "OpenWire",
+    "ShortCircuit",
     "StuckSensor",
 ]
 
@@ -124,6 +126,34 @@ class StuckSensor(EngineFault):
 
 
 @record
+class OpenWire(EngineFault):
+    """A wire of a sensor, named by its tag, is broken; the box reads what no sensor sends.
+
+    Examples
+    --------
+    >>> print(OpenWire("ME-JB1-001"))
+    sensor wire open ME-JB1-001
+    """
+
+    words = "sensor wire open"
+    at = "sensor"
+
+
+@record
+class ShortCircuit(EngineFault):
+    """The wires of a sensor, named by its tag, touch each other.
+
+    Examples
+    --------
+    >>> print(ShortCircuit("ME-JB1-001"))
+    sensor wires short ME-JB1-001
+    """
+
+    words = "sensor wires short"
+    at = "sensor"
+
+
+@record
 class LostCanFrames(EngineFault):
     """CAN frames of a box are lost at random at each receiver, by overrun of its buffers.
 
@@ -161,10 +191,15 @@ class LostModbusFrames(EngineFault):
     )
 
 
-#: All kinds, in the order of a table of single failures.
+#: Kinds in the order of a table of single failures.
 KINDS: tuple[type[EngineFault], ...] = (
     CanBreak, ModbusBreak, DeadPort, DeadBox, BusOff, LostCanFrames, LostModbusFrames, StuckSensor,
 )  # fmt: skip
+
+#: Faults of a sensor's wires: no value gets older by them, it is a wrong one.
+WIRES: dict[Literal["open", "short"], type[EngineFault]] = {
+    "open": OpenWire, "short": ShortCircuit,
+}  # fmt: skip
 
 
 def outages(

@@ -271,12 +271,12 @@ class InputCard:
         return np.asarray((c > low) & (c < high))
 
     def accuracy(self) -> pd.DataFrame:
-        """Return resolution and largest error of each kind of analogue input, one row per kind.
+        """Return resolution and error of conversion of each kind of analogue input, a row each.
 
         ``codes`` counts those within the range; ``step_low`` and ``step_high`` lead from one code
-        to the next at both ends; ``error_at`` is the value with the ``largest_error``. Only
-        quantisation, and the firmware's straight line if the card has one, are counted: sensors,
-        amplifiers and reference are taken as perfect.
+        to the next at both ends; ``error_at`` is the value with the largest ``conversion_error``.
+        That is of quantisation, and of the firmware's straight line if the card has one, and of
+        nothing else: sensors, amplifiers and reference are taken as perfect.
         """
         import pandas as pd
 
@@ -306,8 +306,12 @@ class InputCard:
                  errors[worst], ends[worst])
             )  # fmt: skip
         columns = ["condition", "low", "high", "unit", "points", "codes", "step_low", "step_high",
-                   "largest_error", "error_at"]  # fmt: skip
+                   "conversion_error", "error_at"]  # fmt: skip
         return pd.DataFrame(rows, columns=columns)
+
+    def broken(self, wire: Literal["open", "short"]) -> _Codes:
+        """Return the codes of all points with their wires open or short."""
+        return self.code([WIRE_FAULTS[wire][point.condition] for point in self.points])
 
     def wire_faults(self) -> pd.DataFrame:
         """Return what the box makes of a broken wire and a short circuit, two rows per kind.
@@ -324,10 +328,7 @@ class InputCard:
             for end in ("low", "high")
         )
         rows = []
-        codes = {
-            fault: self.code([signals[point.condition] for point in self.points])
-            for fault, signals in WIRE_FAULTS.items()
-        }
+        codes = {fault: self.broken(fault) for fault in WIRE_FAULTS}
         values = {fault: self.value(code) for fault, code in codes.items()}
         detected = {fault: ~self.valid(code) for fault, code in codes.items()}
         for k, count in self.points.kinds():

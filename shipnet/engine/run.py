@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.clock import nanoseconds
-from shipnet.engine.faults import EngineFault, StuckSensor, outages
+from shipnet.engine.faults import WIRES, EngineFault, StuckSensor, outages
+from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import Point, PointList
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
@@ -198,6 +199,18 @@ class SyntheticValues:
     def now(self, time: float) -> Floats:
         """Return the values of all points at one time [s]."""
         return np.array([self.at(place, time) for place in range(len(self.points))])
+
+
+def reading(
+    values: SyntheticValues, faults: Iterable[EngineFault], place: int, time: float
+) -> float:
+    """Return what a box makes of a point at a time [s]: its value, or that of broken wires."""
+    point, now = values.points[place], nanoseconds(time)
+    for wire, kind in WIRES.items():
+        if any(begin <= now < stop for begin, stop in outages(faults, point.tag, kind)):
+            card = InputCard(PointList([point]))
+            return float(card.value(card.broken(wire))[0])
+    return float(values.at(place, time))
 
 
 class Screen:
@@ -462,7 +475,8 @@ class Run:
             ):
                 sampled = int(shown.sampled[row]) / 1e9
                 age, mark = time - sampled, ""
-                value = round(float(known.at(place, sampled)), 0 if printed else 1)
+                value = reading(known, self.faults, place, sampled)
+                value = round(value, 0 if printed else 1)
                 if printed and int(value) == _ERROR:
                     mark = "0xFF?"
             true = float(known.at(place, time))

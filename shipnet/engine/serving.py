@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,11 +17,13 @@ from shipnet.engine.faults import (
     DeadPort,
     EngineFault,
     ModbusBreak,
+    OpenWire,
+    ShortCircuit,
     StuckSensor,
     outages,
 )
 from shipnet.engine.registers import RegisterMap
-from shipnet.engine.run import SyntheticValues
+from shipnet.engine.run import SyntheticValues, reading
 from shipnet.engine.simulation import islands
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
@@ -31,6 +34,8 @@ from shipnet.modbus.server import serve as serve_slaves
 from shipnet.modbus.slave import DeviceError, Slave, Table
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from shipnet.modbus.server import Server
 
 #: Unit ids of the boxes on channels 1 and 2; lee2012, Table 2.
@@ -39,8 +44,19 @@ UNITS = (2, 3)
 #: Function codes of a junction box; lee2012, section IV.1.a.
 FUNCTIONS = frozenset({3})
 
-#: Faults that a real server can show: those that are not drawn at random.
-_SHOWN = (BusOff, CanBreak, DeadBox, DeadPort, ModbusBreak, StuckSensor)
+#: Unit id of the registers that make faults, and the first one of a sensor.
+FAULT_UNIT, _SENSORS = 247, 100
+
+#: Faults that a real server can show, which are not drawn at random: of parts, and of sensors by
+#: what a register holds for them.
+_PARTS = (DeadBox, BusOff, CanBreak, ModbusBreak, DeadPort)
+_OF_SENSORS = (StuckSensor, OpenWire, ShortCircuit)
+
+#: What a fault is called behind the place where it is.
+_WORDS: dict[str, tuple[type[EngineFault], ...]] = {
+    "dead": (DeadBox,), "bus-off": (BusOff,), "cut": (ModbusBreak, CanBreak),
+    "stuck": (StuckSensor,), "open": (OpenWire,), "short": (ShortCircuit,),
+}  # fmt: skip
 
 
 def serve(
@@ -60,7 +76,8 @@ def serve(
     faults : fault or iterable of faults, optional
         What goes wrong, in model time. A box that is dead, or cut off from the AMS, does not
         answer; values of a box that is not heard on CAN stay as they are, and are marked after the
-        system's `stale_limit`. Losses at random cannot be served.
+        system's `stale_limit`. Losses at random cannot be served. More can be made while it runs,
+        by writing to the registers of `fault_registers`.
     speed : float, default 1
         Seconds of the engine in a real one, 0..1e4.
     rng : optional
@@ -73,7 +90,8 @@ def serve(
     -------
     Server
         Unit ids 2 and 3, a slave each. Function code 3 reads the registers of `RegisterMap`: one
-        per point, in the order of Table 3, temperatures in tenths of a degree.
+        per point, in the order of Table 3, temperatures in tenths of a degree. Unit id 247, which
+        a real system does not have, holds `fault_registers`.
 
     Raises
     ------
@@ -94,25 +112,118 @@ def serve(
     if system.coding != "printed":
         raise ArgumentError("coding is 'corrected'; only a system in the printed coding is served")
     factor = check_scalar("speed", speed, "s/s", 0, 1e4)
-    wrong = system.check_faults(faults)
+    wrong = list(system.check_faults(faults))
     for fault in wrong:
-        if not isinstance(fault, _SHOWN):
+        if not isinstance(fault, (*_PARTS, *_OF_SENSORS)):
             raise ArgumentError(f"one of faults is {fault!r}; losses at random cannot be served")
     sensors = SyntheticValues(system.points, rng)
-    slaves = {
-        unit: _BoxSlave(system, wrong, sensors, channel) for channel, unit in enumerate(UNITS)
+    slaves: dict[int, Slave] = {
+        unit: _BoxSlave(JunctionBox(system, wrong, sensors, box))
+        for unit, box in zip(UNITS, system.ports, strict=True)
     }
+    slaves[FAULT_UNIT] = Slave(FaultRegisters(system, wrong), functions={3, 6, 16})
     return serve_slaves(slaves, clock=real_clock(factor), **options)
 
 
 def parse_fault(system: System, words: str) -> EngineFault:
-    """Return the lasting fault that these words name, such as ``box dead JB1``."""
+    """Return the lasting fault that these words name, such as ``2:dead`` or ``box dead JB1``."""
+    where, _, what = words.rpartition(":")
+    unit = {str(unit): channel for channel, unit in enumerate(UNITS)}.get(where)
+    for kind in _WORDS.get(what, ()):
+        place = where
+        if unit is not None:
+            place = str(unit + 1) if kind.at == "channel" else system.boxes[system.ports[unit]]
+        if place in system.places[kind.at]:
+            return kind(place)
     known = {str(fault): fault for fault in system.single_faults(0.0, every_sensor=True)}
     if words not in known:
-        one_each = {type(fault): str(fault) for fault in reversed(system.single_faults(0.0))}
-        few = ", ".join(sorted(one_each.values(), key=str.lower))
-        raise ArgumentError(f"fault is {words!r}; it must be like one of {few}")
+        raise ArgumentError(
+            f"fault is {words!r}; it must be a place and what happens to it, such as 2:dead, "
+            "JB2:bus-off, 3:cut (its Modbus channel), JB1-JB2:cut (a CAN cable) or ME-JB2-044:open "
+            "(also stuck, short), or be named as 'box dead JB1'"
+        )
     return known[words]
+
+
+def fault_registers(system: System | None = None) -> pd.DataFrame:
+    """Return the registers that make faults in a served engine, on unit id 247.
+
+    Function codes 3, 6 and 16 read and write them. What is written begins at once, and 0 ends it.
+
+    Parameters
+    ----------
+    system : System, optional
+        The system; that of lee2012 if not given.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per ``address``: ``where`` something can fail, and what the register ``holds``.
+
+    Examples
+    --------
+    >>> from shipnet import engine
+    >>> table = engine.fault_registers()
+    >>> print(*table.loc[0], table.loc[100, "holds"], sep="; ")
+    JB1; 1 box dead; 1 sensor stuck, 2 sensor wire open, 3 sensor wires short
+    """
+    import pandas as pd
+
+    registers = FaultRegisters(System() if system is None else system, [])
+    rows = [
+        (address, where, ", ".join(f"{n} {kind.words}" for n, kind in enumerate(kinds, 1)))
+        for address, (where, kinds) in registers.rows.items()
+    ]
+    return pd.DataFrame(rows, columns=["address", "where", "holds"]).set_index("address")
+
+
+class FaultRegisters:
+    """The device behind `fault_registers`; it changes the list of `faults` that the boxes have."""
+
+    def __init__(self, system: System, faults: list[EngineFault]) -> None:
+        self.faults = faults
+        places = system.places
+        parts = [(where, (kind,)) for kind in _PARTS for where in places[kind.at]]
+        sensors = [(where, _OF_SENSORS) for where in places["sensor"]]
+        self.rows: dict[int, tuple[str, tuple[type[EngineFault], ...]]] = {
+            **dict(enumerate(parts)), **dict(enumerate(sensors, _SENSORS)),
+        }  # fmt: skip
+
+    def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
+        """Return which fault each place has now, 0 for none."""
+        now = nanoseconds(time)
+        content = []
+        for where, kinds in self._rows(table, address, quantity):
+            spans = [outages(self.faults, where, kind) for kind in kinds]
+            broken = [any(begin <= now < stop for begin, stop in own) for own in spans]
+            content.append(broken.index(True) + 1 if any(broken) else 0)
+        return content
+
+    def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
+        """End the faults that the places have now, and begin those that are written."""
+        rows = self._rows(table, address, len(values))
+        if any(value > len(kinds) for value, (_, kinds) in zip(values, rows, strict=True)):
+            raise DeviceError(ExceptionCode.ILLEGAL_DATA_VALUE)
+        for value, (where, kinds) in zip(values, rows, strict=True):
+            kept = []
+            for fault in self.faults:
+                own = type(fault) in kinds and fault.where == where
+                if not own or not fault.start <= time < fault.stop:
+                    kept.append(fault)
+                elif fault.start < time:
+                    kept.append(replace(fault, stop=time))
+            self.faults[:] = [
+                *kept,
+                *(kind(where, start=time) for kind in kinds[value - 1 : value]),
+            ]
+
+    def _rows(
+        self, table: Table, address: int, quantity: int
+    ) -> list[tuple[str, tuple[type[EngineFault], ...]]]:
+        asked = range(address, address + quantity)
+        if table != "holding_registers" or not all(place in self.rows for place in asked):
+            raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+        return [self.rows[place] for place in asked]
 
 
 class JunctionBox:
@@ -150,7 +261,7 @@ class JunctionBox:
                 continue
             for begin, stop in outages(self.faults, point.tag, StuckSensor):
                 last = begin if begin < last < stop else last
-            values[place] = self.sensors.at(place, last / 1e9)
+            values[place] = reading(self.sensors, self.faults, place, last / 1e9)
         return values
 
     def _heard(self, sender: int, now: int) -> int | None:
@@ -159,32 +270,27 @@ class JunctionBox:
             return now
         borders = sorted({0, *(t for fault in self.faults for t in fault.span if 0 < t <= now)})
         for begin, end in zip(reversed(borders), [now, *reversed(borders[1:])], strict=True):
-            if any({sender, self.box} <= set(part) for part in self._parts(begin)):
+            if any(
+                {sender, self.box} <= set(part) for part in islands(self.system, self.faults, begin)
+            ):
                 return end
         return None
 
-    def _parts(self, time: int) -> list[list[int]]:
-        return islands(self.system, self.faults, time)
+    def silent(self, time: float) -> bool:
+        """Whether it is dead at a time [s], or cannot be reached on its channel."""
+        now, channel = nanoseconds(time), str(self.system.ports.index(self.box) + 1)
+        spans = outages(self.faults, self.system.boxes[self.box], DeadBox)
+        spans += outages(self.faults, channel, ModbusBreak, DeadPort)
+        return any(begin <= now < stop for begin, stop in spans)
 
 
 class _BoxSlave(Slave):
-    """A junction box on its channel; it is silent while it is dead or cannot be reached."""
+    """The slave of a junction box, which does not answer while the box is silent."""
 
-    def __init__(
-        self,
-        system: System,
-        faults: Sequence[EngineFault],
-        sensors: SyntheticValues,
-        channel: int,
-    ) -> None:
-        box = system.ports[channel]
-        super().__init__(JunctionBox(system, faults, sensors, box), functions=FUNCTIONS)
-        where = {str(channel + 1): (ModbusBreak, DeadPort), system.boxes[box]: (DeadBox,)}
-        spans = [span for name, kinds in where.items() for span in outages(faults, name, *kinds)]
-        object.__setattr__(self, "_spans", spans)
+    def __init__(self, box: JunctionBox) -> None:
+        super().__init__(box, functions=FUNCTIONS)
 
     def answer(self, request: Request | bytes, time: float = 0.0) -> bytes:
         """Execute a request, unless the box is silent at this time."""
-        now = nanoseconds(time)
-        spans: list[tuple[int, int]] = self._spans  # type: ignore[attr-defined]
-        return b"" if any(a <= now < b for a, b in spans) else super().answer(request, time)
+        silent = isinstance(self.device, JunctionBox) and self.device.silent(time)
+        return b"" if silent else super().answer(request, time)

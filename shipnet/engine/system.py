@@ -18,6 +18,7 @@ from shipnet.clock import Fault, as_faults, nanoseconds
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.faults import (
     KINDS,
+    WIRES,
     BusOff,
     CanBreak,
     DeadBox,
@@ -708,7 +709,7 @@ class System:
         """Return one or several faults as a tuple, or raise unless the system has what fails."""
         found: list[EngineFault] = []
         places = self.places
-        for fault in as_faults(faults, *KINDS):
+        for fault in as_faults(faults, *KINDS, *WIRES.values()):
             assert isinstance(fault, EngineFault)
             legal = places[fault.at]
             if fault.where not in legal:

@@ -125,6 +125,7 @@ def test_what_the_master_received_has_the_steps_of_the_registers():
         (lambda: Recorder(Plant()).run, "nothing has been recorded"),
         (lambda: received_run(Bed().station.seen, 1, target=0), "nothing has come"),
         (lambda: received_run(Bed().station.seen, 6, target=0), "unit is 6"),
+        (lambda: Bed().device(6), r"unit is 6; it must be a whole number 1\.\.5"),
     ],
 )
 def test_a_bad_argument_is_named(make, message):

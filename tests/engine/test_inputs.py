@@ -75,7 +75,7 @@ def test_a_step_is_the_reference_over_1024():
 
 @pytest.mark.parametrize("margin", [0.0, 0.125, 1.0])
 @pytest.mark.parametrize("linearised", [True, False])
-def test_the_largest_error_is_that_of_a_dense_grid(margin, linearised):
+def test_the_error_of_conversion_is_that_of_a_dense_grid(margin, linearised):
     card = InputCard(POINTS, margin=margin, linearised=linearised)
     table = card.accuracy()
     places = [k for k, _ in POINTS.kinds() if POINTS[k].analogue]
@@ -84,8 +84,8 @@ def test_the_largest_error_is_that_of_a_dense_grid(margin, linearised):
     error = np.abs(few.value(few.code(few.signal(grid))) - grid).max(axis=0)
     # Two steps of the grid may be missed.
     slack = 2 * (HIGH - LOW)[places] / 100_000
-    assert (error <= table.largest_error + 1e-9).all()
-    assert (error >= table.largest_error - slack).all()
+    assert (error <= table.conversion_error + 1e-9).all()
+    assert (error >= table.conversion_error - slack).all()
 
 
 def test_the_error_of_a_loop_is_a_step_at_the_top_or_half_of_one():
@@ -94,7 +94,7 @@ def test_the_error_of_a_loop_is_a_step_at_the_top_or_half_of_one():
         loops = table[table.condition == "4-20 mA"]
         step = (loops.high - loops.low) * (1 + 2 * margin) / 1024
         assert loops.step_low.to_numpy() == pytest.approx(step.to_numpy())
-        assert loops.largest_error.to_numpy() == pytest.approx(part * step.to_numpy())
+        assert loops.conversion_error.to_numpy() == pytest.approx(part * step.to_numpy())
 
 
 def test_without_margin_no_fault_of_an_analogue_sensor_is_told():

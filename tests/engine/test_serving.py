@@ -15,14 +15,19 @@ from shipnet.engine.faults import (
     DeadPort,
     LostCanFrames,
     ModbusBreak,
+    OpenWire,
+    ShortCircuit,
     StuckSensor,
 )
+from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.engine.run import SyntheticValues
-from shipnet.engine.serving import JunctionBox, parse_fault, serve
+from shipnet.engine.serving import JunctionBox, fault_registers, parse_fault, serve
+from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
+from shipnet.modbus.pdu import Request
 
 POINTS = read_points()
 SENSORS = SyntheticValues(POINTS, 2024)
@@ -124,7 +129,7 @@ def test_the_program_serves_the_boxes_and_stops_upon_an_interrupt():
     program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         said = program.stdout.readline()
-        port = int(re.search(r"port (\d+) \(TCP\): unit ids 2 and 3", said)[1])
+        port = int(re.search(r"port (\d+) \(TCP\): unit ids 2 and 3, faults on 247", said)[1])
         client = ModbusTcpClient("127.0.0.1", port=port, timeout=60)
         found = [
             client.read_holding_registers(0, count=99, device_id=unit).registers for unit in (2, 3)
@@ -150,5 +155,79 @@ def test_a_fault_is_named_as_the_table_of_failures_names_it():
     system = System()
     for fault in system.single_faults(0.0):
         assert parse_fault(system, str(fault)) == fault
-    with pytest.raises(ArgumentError, match="it must be like one of AMS port dead 1, box"):
-        parse_fault(system, "fire")
+    for words in ("fire", "4:dead", "JB2:cut", "2:stuck", "dead"):
+        with pytest.raises(ArgumentError, match=f"fault is '{words}'; it must be a place and"):
+            parse_fault(system, words)
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        ("2:dead", DeadBox("JB1")),
+        ("3:dead", DeadBox("JB3")),
+        ("JB2:dead", DeadBox("JB2")),
+        ("JB2:bus-off", BusOff("JB2")),
+        ("3:cut", ModbusBreak("2")),
+        ("JB1-JB2:cut", CanBreak("JB1-JB2")),
+        ("ME-JB2-044:stuck", StuckSensor("ME-JB2-044")),
+        ("ME-JB2-044:open", OpenWire("ME-JB2-044")),
+        ("ME-JB2-044:short", ShortCircuit("ME-JB2-044")),
+    ],
+)
+def test_a_fault_is_a_place_and_what_happens_to_it(words, fault):
+    assert parse_fault(System(), words) == fault
+
+
+def test_a_silent_box_leaves_the_other_one_alone():
+    slaves = serve(faults=parse_fault(System(), "2:dead"), speed=0).slaves
+    assert [bool(slaves[unit].answer(ALL, 1.0)) for unit in (2, 3)] == [False, True]
+
+
+def test_broken_wires_read_what_the_card_makes_of_them():
+    tag, card = "ME-JB2-044", InputCard(POINTS)
+    place = next(k for k, point in enumerate(POINTS) if point.tag == tag)
+    for kind, wire in ((OpenWire, "open"), (ShortCircuit, "short")):
+        good, values = known([kind(tag, start=3, stop=6)], 5.0)
+        assert good.all() and values[place] == card.value(card.broken(wire))[place]
+        assert known([kind(tag, start=3, stop=6)], 6.5)[1][place] == SENSORS.at(place, 6.5)
+        others = np.arange(len(POINTS)) != place
+        assert values[others].tolist() == SENSORS.now(5.0)[others].tolist()
+    run = simulate(System(), until=9, faults=[OpenWire(tag, start=3)])
+    screen = run.screen(8.0).table()
+    read = round(card.value(card.broken("open"))[place])
+    assert screen.loc[tag, ["value", "mark"]].tolist() == [read, ""] and run.alarms().empty
+
+
+def write(slaves, address, value, time):
+    return slaves[247].answer(Request.write_single_register(address, value), time)
+
+
+def test_a_register_makes_a_fault_and_ends_it():
+    slaves = serve(speed=0).slaves
+    assert write(slaves, 0, 1, 5.0)  # JB1 dead
+    assert slaves[2].answer(ALL, 4.9) and slaves[3].answer(ALL, 5.1)
+    assert slaves[2].answer(ALL, 5.1) == b""
+    assert slaves[247].answer(Request.read_holding_registers(0, 3), 6.0).hex() == "0306000100000000"
+    assert write(slaves, 0, 0, 7.0)
+    assert slaves[2].answer(ALL, 6.9) == b"" != slaves[2].answer(ALL, 7.0)
+
+
+def test_the_register_of_a_sensor_has_one_of_three_faults():
+    slaves, read = serve(speed=0).slaves, Request.read_holding_registers(100, 1)
+    own = Request.read_holding_registers(0, 1)
+    moving = [slaves[2].answer(own, time) for time in (5.0, 50.0)]
+    assert moving[0] != moving[1]
+    for content in (1, 2, 3, 2, 0):
+        assert write(slaves, 100, content, 5.0)
+        assert slaves[247].answer(read, 5.0) == bytes([3, 2, 0, content])
+    assert slaves[2].answer(own, 50.0) == moving[1]
+    write(slaves, 100, 1, 5.0)
+    assert slaves[2].answer(own, 50.0) == moving[0]
+
+
+def test_registers_that_are_none_and_faults_that_are_none_are_refused():
+    slaves, table = serve(speed=0).slaves, fault_registers()
+    assert table.index.tolist() == [*range(12), *range(100, 199)]
+    for address, value, code in ((12, 1, 2), (199, 1, 2), (0, 2, 3), (100, 4, 3)):
+        assert write(slaves, address, value, 1.0) == bytes([0x86, code])
+    assert slaves[247].answer(Request.read_input_registers(0, 1)) == bytes([0x84, 1])
