@@ -101,7 +101,7 @@ def _faults(
         yield "note", "is empty; expected the reason of the correction, or what is missing"
     sources = [source.strip() for source in claim["evidence"].split(";") if source.strip()]
     if verdict in AGAINST and not sources:
-        yield "evidence", f"is empty; {verdict!r} needs a claim or a test, as in 'kim2023-041'"
+        yield "evidence", f"is empty; {verdict!r} needs a claim or a test, as in 'kim2023-040'"
     for source in sources:
         if source == claim["id"] or ("::" not in source and source not in first):
             yield "evidence", f"{source!r} is neither another claim nor a test 'file::name'"

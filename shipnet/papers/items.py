@@ -158,7 +158,7 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
     >>> figure("kim2023", "Fig 99")
     Traceback (most recent call last):
         ...
-    shipnet.errors.ArgumentError: figure of kim2023 is 'Fig 99'; drawn are none
+    shipnet.errors.ArgumentError: figure of kim2023 is 'Fig 99'; drawn are Fig 7, Fig 9
     """
     check_paper(paper)
     judging.load((paper,))

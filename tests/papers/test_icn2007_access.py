@@ -3,6 +3,7 @@ from shipnet.asi.faults import DeadSlave
 from shipnet.asi.simulation import simulate
 from shipnet.asi.telegram import Request
 from shipnet.asi.timing import Transaction
+from shipnet.asi.topologies import star
 from shipnet.papers.icn2007 import claims
 from shipnet.papers.icn2007.claims import allowed_plans, keeps_all_rules, trunk_and_star
 from shipnet.papers.kim2023.protocol import moves
@@ -32,3 +33,26 @@ def test_each_allowed_structure_has_100_m_and_62_slaves_at_most():
     assert all(sum(run.length for run in plan.cables) <= 100 + 1e-9 for plan in plans.values())
     assert [len(plan.slaves) for plan in plans.values()] == [1] + [62] * 7
     assert not keeps_all_rules(trunk_and_star(leg=2.0))
+
+
+def test_the_place_of_the_supply_is_a_condition_too():
+    least = {}
+    for supply in (0, 90):
+        table = star(90, [10 / 62] * 62, supply=supply).check().table()
+        least[supply] = table.query("rule == 'slave_voltage'")["value"].min()
+    assert round(least[0], 1) == 20.2
+    assert least[0] < 26.5 < least[90]
+    assert claims.length_is_the_only_condition(supply=90.0)
+
+
+def test_a_quarter_wave_in_the_signal_bends_it_as_much_as_noise():
+    assert claims.signal_suits_cable() and not claims.signal_suits_cable(length=200.0)
+
+
+def test_the_distance_is_that_of_the_first_pattern_that_passes():
+    for crc in (claims.MODBUS, claims.CAN):
+        assert crc.undetected(6, 1) == crc.undetected(6, 2) == 0
+    assert claims.hamming_distance(claims.MODBUS, 6) == 4
+    # A valid frame 4 bits away from another, by its four places.
+    single = claims.MODBUS.syndromes(6)
+    assert not claims.buses_have_distance(distance=5) and len(set(single.tolist())) == 64

@@ -3,8 +3,7 @@ import pytest
 
 from shipnet.asi.modulation import send_current
 from shipnet.asi.receiver import receive
-from shipnet.errors import ArgumentError
-from shipnet.papers.kim2023.signals import level, supply_decides
+from shipnet.papers.kim2023.signals import supply_decides
 
 
 def test_the_supply_is_no_shield():
@@ -20,9 +19,3 @@ def test_the_supply_is_no_shield():
     plain, lifted = receive(u, dt, 7), receive(u + 230, dt, 7)
     assert lifted.bits.tolist() == plain.bits.tolist()
     assert lifted.ringing == pytest.approx(plain.ringing, abs=1e-9)
-
-
-def test_a_level_is_one_row():
-    assert level("burst", "rise time")["asi"] == 5
-    with pytest.raises(ArgumentError, match="'burst' and 'colour'"):
-        level("burst", "colour")

@@ -7,6 +7,7 @@ from scipy.spatial.distance import pdist
 
 from shipnet.asi import Response
 from shipnet.asi.modulation import check_slots, pulses_of
+from shipnet.papers.kim2023.protocol import outputs_are_reset
 from shipnet.papers.kim2023.signals import check_bits, undetected
 
 #: Every row of 14 bits with a start bit, even parity of what lies between, and an end bit.
@@ -72,3 +73,8 @@ def test_faults_of_requests_counted_by_trying_them_all():
     for faults in (3, 4, 5):
         tried = 2048 * comb(29, faults) * 2**faults
         assert undetected(faults, requests=True) == (2 * (apart == faults).sum(), tried)
+
+
+def test_a_watchdog_of_94_ms_survives_50():
+    assert not outputs_are_reset(silence=0.05) and not outputs_are_reset(silence=0.09)
+    assert outputs_are_reset(silence=0.1)

@@ -8,12 +8,10 @@ from math import comb
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from shipnet.asi.elements import DEVICE
 from shipnet.asi.emc.disturbances import Noise
 from shipnet.asi.emc.error_rates import error_rate
-from shipnet.asi.emc.immunity import STANDARDS, immunity_margin, levels
 from shipnet.asi.modulation import (
     HALF_BIT,
     as_bits,
@@ -27,7 +25,6 @@ from shipnet.asi.receiver import Receiver, receive
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES, Response, frame
 from shipnet.asi.topologies import line
-from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import CableRun
 from shipnet.papers.registry import check, numeric
@@ -64,7 +61,7 @@ def first_pulse(*, sign: int = -1) -> bool:
     return bool((trains[:, 0] == 0).all() and (trains[:, 1] == sign).all())
 
 
-@check("icn2007-008", counter={"sign": 1})
+@check("kim2023-099", "icn2007-008", counter={"sign": 1})
 def rising_current(*, sign: int = -1) -> bool:
     """Whether the voltage on the line has this sign while the current begins to rise."""
     wave = line(100, slaves=(5,)).waveform(Response(0x6), dt=50e-9)
@@ -225,21 +222,6 @@ def every_fault_found(*, faults: int = 1) -> bool:
 # Section 3.3, 3.6 and Table 2: immunity, and what a ship asks for beyond it.
 
 
-#: What a burst may come in on.
-LINES = ("supply", "signal")
-
-
-def level(test: str, parameter: str) -> pd.Series:
-    """Return the row of a parameter of a test, from `levels`."""
-    table = levels().table()
-    rows = table[(table["test"] == test) & (table["parameter"] == parameter)]
-    if len(rows) != 1:
-        raise ArgumentError(
-            f"test and parameter are {test!r} and {parameter!r}; see levels().table()"
-        )
-    return rows.iloc[0]
-
-
 @check("kim2023-012", counter={"deviations": (0.5, 0.7)})
 def supply_decides(
     *,
@@ -254,41 +236,3 @@ def supply_decides(
         rates = error_rate(lifted, Noise(), deviation, 2000, 2024, receiver=receiver)
         lost.append(int(rates.table()["failed"].iloc[0]))
     return lost[0] != lost[1]
-
-
-@check("kim2023-016", counter={"peak": 0.5})
-def bursts(*, peak: float = 2.0) -> bool:
-    """Whether bursts of this height [kV] and Table 2's form cover what a ship asks for."""
-    table = levels().table()
-    form = table[table["test"] == "burst"]
-    heights = [level(f"burst, {lines} lines", "peak voltage")["marine"] for lines in LINES]
-    return bool(
-        (form["gap"] == "covers").all() and (immunity_margin(peak, heights) == "covers").all()
-    )
-
-
-@check("kim2023-018", counter={"ohm": 50.0})
-def source_impedance(*, ohm: float = 150.0) -> bool:
-    """Whether the generator's impedance is that of the standard."""
-    row = level("conducted radio frequency", "source impedance")
-    return bool(immunity_margin(ohm, row["marine"], "equal") == "covers")
-
-
-@check("kim2023-019", counter={"standards": ("IEC 61000-4-4", "IEC 61000-4-6")})
-def covers_a_ship(*, standards: tuple[str, ...] = tuple(STANDARDS)) -> bool:
-    """Whether the levels for these standards cover all that a ship asks for."""
-    table = levels().table()
-    asked = table[table["standard"].isin(standards)]
-    return bool(asked["gap"].isin(["covers", "not asked"]).all())
-
-
-@check("kim2023-078", counter={"frequency": 1800.0})
-def pulsed_field(
-    *, strength: float = 10.0, frequency: float = 900.0, duty: float = 50.0, rate: float = 200.0
-) -> bool:
-    """Whether Table 2 prints these values [V/m, MHz, %, Hz], as the older standard has them."""
-    table = levels().table()
-    rows = table[table["test"] == "pulsed field"]
-    return rows["asi"].tolist() == [strength, frequency, duty, rate] and set(rows["standard"]) == {
-        "ENV 50204"
-    }
