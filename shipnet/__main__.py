@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
-#: Groups of faults of a file that are reported.
-_FAULTS = 100
-
 #: What the terminal shows of a transaction: title, column, width and digits.
 _TRANSACTION = (
     ("ms", "start_ms", 9, 3),
@@ -189,7 +186,9 @@ def _parser() -> argparse.ArgumentParser:
     said = "cables, cost, response and rules of an I/O list, planned in several ways"
     option = command(_design, _DESIGN, said, *FORMS, ".html")
     option("LIST", "the I/O list: .csv or .xlsx", nargs="?")
-    option("--sheet NAME", "sheet of a workbook (default the first with a list, unless hidden)")
+    option("--sheet NAME", "sheet of a workbook (default the one that looks most like a list)")
+    option("--strict", "take every doubt about a row for a fault, such as one that is hidden")
+    option("--faults FILE", "write the faults of the list as CSV: row, column, fault")
     option(
         "--cabinet X,Y,Z", "where the cables end, in m, or the name of a cabinet in the file of "
         "trays (default found from the lengths in the list)",
@@ -310,7 +309,11 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
             "designs_meeting_every_rule": (len(found.meeting), ""),
             **{name: (value, "EUR") for name, value in costs.items()},
         },
-        tables={"comparison": found.table().reset_index(), "failures": found.failures()},
+        tables={
+            "comparison": found.table().reset_index(),
+            "failures": found.failures(),
+            "reading": found.iolist.reading(),
+        },
         draw=lambda ax: found.plot(ax=ax),
         findings=found.findings(),
         forms={
@@ -418,8 +421,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
     except (ValueError, OSError, ImportError) as mistake:
         lines = [str(mistake)]
-        if isinstance(mistake, InputError) and len(found := mistake.lines(_FAULTS)) > 1:
-            lines = [f"{mistake.file}:", *found]
+        if isinstance(mistake, InputError) and len(mistake.faults) > 1:
+            lines = [f"{mistake.file}:", *mistake.lines()]
         print("shipnet:", "\n  ".join(lines), file=sys.stderr)
         if parsed.json:
             faults = mistake.faults if isinstance(mistake, InputError) else ()

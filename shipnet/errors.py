@@ -5,6 +5,7 @@ scalar function raises. Code 0 means that nothing is wrong.
 """
 
 import re
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from typing import Any, ClassVar
 
@@ -175,13 +176,16 @@ class InputError(ValueError):
         self.faults = faults
         self.more = more
 
-    def lines(self, most: int) -> list[str]:
+    def lines(self, most: int | None = None) -> list[str]:
         """Return up to `most` groups of faults, one per line, and a line that counts the others.
 
-        Faults that differ only in their rows are one group. A line has at most 300 characters; the
-        middle of what is longer is left out.
+        Faults that differ only in their rows, and in the value that they quote first, are one
+        group. Without `most`, every group is there with all its rows and values; else a line has at
+        most 300 characters, and the middle of what is longer is left out.
         """
-        groups = self._groups()
+        groups = self._groups(most is not None)
+        if most is None:
+            return [text for text, _ in groups] + ([f"and {self.more} more"] if self.more else [])
         rest = sum(count for _, count in groups[most:]) + self.more
         return [_without_middle(_short(text), _FAULT) for text, _ in groups[:most]] + (
             [f"and {rest} more"] if rest else []
@@ -191,26 +195,39 @@ class InputError(ValueError):
         """Say everything in one line."""
         return f"{self.file}: {'; '.join(self.lines(self.shown))}"
 
-    def _groups(self) -> list[tuple[str, int]]:
-        groups: dict[tuple[str, str], list[int]] = {}
+    def _groups(self, short: bool) -> list[tuple[str, int]]:
+        groups: dict[tuple[str, str, str], list[tuple[int, str]]] = {}
         for fault in self.faults:
-            placed = _PLACED.fullmatch(fault)
-            what, row, rest = placed.groups() if placed else ("", "0", fault)
-            groups.setdefault((what, rest), []).append(int(row))
-        return [
-            (f"{what}{_listed(rows)}{rest}" if what else rest, len(rows))
-            for (what, rest), rows in groups.items()
-        ]
+            found = _PLACED.fullmatch(fault)
+            parts = tuple(filter(None, found.groups())) if found else ("", "0", fault)
+            what, row, head, value, tail = (*parts, "", "")[:5]
+            groups.setdefault((what, head, tail), []).append((int(row), value))
+        said = []
+        for (what, head, tail), places in groups.items():
+            rows, values = [row for row, _ in places], list(dict.fromkeys(v for _, v in places))
+            if short and (more := len(values) - _VALUES) > 1:
+                values = [*values[:_VALUES], f"{more} more"]
+            listing = listed(rows, _RUNS if short else None) if what else ""
+            said.append((f"{what}{listing}{head}{_joined(values)}{tail}", len(places)))
+        return said
 
 
-#: A fault with its place: what is counted, its number, and the rest.
-_PLACED = re.compile(r"(row|line) (\d{1,9})([,:].*)", re.DOTALL)
+#: A fault with its place: what is counted, its number, and the rest, with the value that is wrong.
+_PLACED = re.compile(
+    r"(row|line) (\d{1,9})([,:][^'\"]*?: )('[^']*'|\"[^\"]*\")(; .*)|"
+    r"(row|line) (\d{1,9})([,:].*)", re.DOTALL,
+)  # fmt: skip
 
-#: Runs of rows that a message names.
-_RUNS = 5
+#: Runs of rows, and different values, that a message names.
+_RUNS, _VALUES = 5, 5
 
 
-def _listed(numbers: list[int]) -> str:
+def _joined(parts: Sequence[str]) -> str:
+    """Return parts as an enumeration."""
+    return " and ".join([*([", ".join(parts[:-1])] if parts[1:] else []), parts[-1]])
+
+
+def listed(numbers: Iterable[int], runs_shown: int | None = _RUNS) -> str:
     """Return rows or lines in words, behind their name: `` 3``, ``s 2 to 9 and 12``."""
     runs: list[list[int]] = []
     for number in sorted(set(numbers)):
@@ -218,11 +235,11 @@ def _listed(numbers: list[int]) -> str:
             runs[-1] = [runs[-1][0], number]
         else:
             runs.append([number])
-    parts = [" to ".join(map(str, run)) for run in runs[:_RUNS]]
-    if rest := sum(run[-1] - run[0] + 1 for run in runs[_RUNS:]):
+    shown = len(runs) if runs_shown is None else runs_shown
+    parts = [" to ".join(map(str, run)) for run in runs[:shown]]
+    if rest := sum(run[-1] - run[0] + 1 for run in runs[shown:]):
         parts.append(f"{rest} more")
-    listed = " and ".join([*([", ".join(parts[:-1])] if parts[1:] else []), parts[-1]])
-    return f"{'s' if len(set(numbers)) > 1 else ''} {listed}"
+    return f"{'s' if sum(map(len, runs)) > 1 else ''} {_joined(parts)}"
 
 
 _NAMES = {0: "ok"} | {kind.code: kind.__name__ for kind in FrameError.__subclasses__()}

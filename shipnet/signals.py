@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import cache
 from typing import Literal, get_args
 
+from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, record, whole
 
@@ -25,74 +28,43 @@ class Signal:
     conductors: int
     common: int = 0
     kind: Kind = "DI"
-    synonyms: tuple[str, ...] = ()
 
 
 #: The kinds of points; `conductors` follow from the connection, not from a cable catalogue.
 SIGNALS: Mapping[str, Signal] = {
-    "contact": Signal(
-        "switch or limit contact, both wires its own", 2, 0, "DI",
-        ("DI", "digital input", "switch", "dry contact", "potential-free contact", "volt-free",
-         "limit switch", "float switch", "level switch", "pressure switch", "temperature switch",
-         "flow switch", "proximity switch", "proximity switch 2-wire", "2-wire proximity switch",
-         "inductive sensor", "inductive sensor 2-wire", "NO contact", "NC contact",
-         "DI NO contact", "DI NC contact", "contact NO", "contact NC", "push button",
-         "DI 24 V", "status contact"),
-    ),
-    "contact_common": Signal(
-        "contact with a common return for its group", 1, 1, "DI",
-        ("contact with common return", "DI common", "contact 1-wire"),
-    ),
-    "proximity_3wire": Signal(
-        "proximity switch with its supply and its output", 3, 0, "DI",
-        ("proximity switch", "proximity switch 3-wire", "3-wire proximity switch", "prox 3-wire",
-         "PNP", "NPN", "DI PNP", "DI NPN", "3-wire sensor", "inductive sensor", "inductive switch",
-         "inductive sensor 3-wire", "capacitive sensor", "DI 3-wire"),
-    ),
-    "solenoid": Signal(
-        "coil of a valve or relay, both wires its own", 2, 0, "DO",
-        ("DO", "digital output", "solenoid valve", "coil", "relay", "relay output", "lamp",
-         "24 V solenoid/relay", "24 V solenoid", "24 V relay", "24 V coil", "DO 24 V", "command"),
-    ),
-    "solenoid_common": Signal(
-        "coil with a common return for its group", 1, 1, "DO",
-        ("solenoid with common return", "coil with common return", "DO common", "coil 1-wire"),
-    ),
-    "rtd_2wire": Signal(
-        "resistance thermometer, two wires", 2, 0, "AI",
-        ("RTD 2-wire", "Pt100 2-wire", "RTD Pt100 2-wire", "RTD", "Pt100", "RTD Pt100"),
-    ),
-    "rtd_3wire": Signal(
-        "resistance thermometer, three wires", 3, 0, "AI",
-        ("RTD 3-wire", "Pt100 3-wire", "RTD Pt100 3-wire", "RTD", "Pt100", "RTD Pt100"),
-    ),
-    "rtd_4wire": Signal(
-        "resistance thermometer, four wires", 4, 0, "AI",
-        ("RTD 4-wire", "Pt100 4-wire", "RTD Pt100 4-wire", "RTD", "Pt100", "RTD Pt100"),
-    ),
-    "thermocouple": Signal(
-        "thermocouple, compensating pair", 2, 0, "AI",
-        ("TC", "T/C", "thermocouple type K", "TC type K", "type K", "NiCr-Ni"),
-    ),
-    "current_loop": Signal(
-        "4-20 mA transmitter fed by its loop", 2, 0, "AI",
-        ("AI 4-20 mA", "4-20 mA", "4..20 mA", "4 to 20 mA", "4-20 mA 2-wire", "AI 4-20 mA 2-wire",
-         "4-20 mA input", "transmitter", "2-wire transmitter", "current loop 2-wire"),
-    ),
-    "current_loop_4wire": Signal(
-        "4-20 mA transmitter with a supply of its own", 4, 0, "AI",
-        ("4-20 mA 4-wire", "AI 4-20 mA 4-wire", "4-wire transmitter"),
-    ),
-    "potentiometer": Signal(
-        "potentiometer with its supply and its wiper", 3, 0, "AI",
-        ("pot", "potentiometer 3-wire", "potentiometer 3-wire / 4-20 mA", "position potentiometer"),
-    ),
-    "analogue_output": Signal(
-        "4-20 mA set point to a positioner or drive", 2, 0, "AO",
-        ("AO", "analog output", "AO 4-20 mA", "4-20 mA", "4..20 mA", "4 to 20 mA",
-         "4-20 mA output", "positioner", "set point"),
-    ),
-}  # fmt: skip
+    "contact": Signal("switch or limit contact, both wires its own", 2),
+    "contact_common": Signal("contact with a common return for its group", 1, 1),
+    "namur": Signal("NAMUR proximity switch on two wires", 2),
+    "proximity_3wire": Signal("proximity switch with its supply and its output", 3),
+    "solenoid": Signal("coil of a valve or relay, both wires its own", 2, 0, "DO"),
+    "solenoid_common": Signal("coil with a common return for its group", 1, 1, "DO"),
+    "rtd_2wire": Signal("resistance thermometer, two wires", 2, 0, "AI"),
+    "rtd_3wire": Signal("resistance thermometer, three wires", 3, 0, "AI"),
+    "rtd_4wire": Signal("resistance thermometer, four wires", 4, 0, "AI"),
+    "thermocouple": Signal("thermocouple, compensating pair", 2, 0, "AI"),
+    "current_loop": Signal("4-20 mA transmitter fed by its loop", 2, 0, "AI"),
+    "current_loop_3wire": Signal("4-20 mA transmitter on three wires", 3, 0, "AI"),
+    "current_loop_4wire": Signal("4-20 mA transmitter with a supply of its own", 4, 0, "AI"),
+    "voltage_input": Signal("voltage such as 0-10 V, fed elsewhere", 2, 0, "AI"),
+    "potentiometer": Signal("potentiometer with its supply and its wiper", 3, 0, "AI"),
+    "serial": Signal("value of a serial device, its pair counted for each value", 2, 0, "AI"),
+    "analogue_output": Signal("4-20 mA set point to a positioner or drive", 2, 0, "AO"),
+}
+
+
+@cache
+def spellings(of: str) -> Mapping[str, tuple[tuple[str, str], ...]]:
+    """Return what lists call columns, types or signals: by plain word, what it means as written.
+
+    A word may have several meanings.
+    """
+    known = {"signal": SIGNALS, "type": KINDS}.get(of, ())
+    found: dict[str, dict[str, str]] = {plain(name): {name: name} for name in known}
+    with datasets.path("iolist_words.csv").open(newline="", encoding="utf-8") as stream:
+        for row in csv.DictReader(stream):
+            if row["of"] == of:
+                found.setdefault(plain(row["word"]), {}).setdefault(row["means"], row["word"])
+    return {word: tuple(means.items()) for word, means in found.items()}
 
 
 def plain(text: str) -> str:
@@ -100,28 +72,13 @@ def plain(text: str) -> str:
     return "".join(re.findall(r"[^\W_]+", text.casefold()))
 
 
-def _named() -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
-    """Return the signals that a plain word may mean, and the word as it is written."""
-    named: dict[str, tuple[str, ...]] = {}
-    written: dict[str, str] = {}
-    for name, signal in SIGNALS.items():
-        for word, text in {plain(text): text for text in (*signal.synonyms, name)}.items():
-            named[word] = (*named.get(word, ()), name)
-            written.setdefault(word, text)
-    return named, written
-
-
-_NAMED, _WRITTEN = _named()
-
-
 def meanings(text: str) -> tuple[str, ...]:
     """Return the signals that a word may mean."""
-    return _NAMED.get(plain(text), ())
+    return tuple(name for name, _ in spellings("signal").get(plain(text), ()))
 
 
 def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str:
     """Return the signal that a list means."""
-    word = plain(text)
     found = meanings(text)
     if len(found) > 1:
         if kind in KINDS:
@@ -134,9 +91,10 @@ def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str
                 f"signal is {text!r}; it may be {either}: name one, or give the conductors"
             )
     if not found:
-        near = get_close_matches(word, _NAMED, n=1)
+        known = spellings("signal")
+        near = get_close_matches(plain(text), known, n=1)
         legal = (
-            f"the nearest known is {_WRITTEN[near[0]]!r}"
+            f"the nearest known is {known[near[0]][0][1]!r}"
             if near
             else f"known are {', '.join(SIGNALS)}"
         )

@@ -24,13 +24,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.etree import ElementTree
 from zipfile import ZipFile
 
-from shipnet.errors import InputError
+from shipnet.errors import InputError, listed
 
 if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "ERRORS", "NUMBER", "Sheet", "frame_sheet", "in_order", "parse_sheet", "read_bytes",
+    "ERRORS", "NUMBER", "Remark", "Sheet", "frame_sheet", "in_order", "parse_sheet", "read_bytes",
     "read_sheet", "text_of", "titled",
 ]  # fmt: skip
 
@@ -49,17 +49,38 @@ _CELLS = 2**22
 #: Characters of a row without anything in its cells.
 _BLANK = ' ,;\t"\r\n'
 
-#: Number of lines among which the row of titles is looked for.
+#: Number of rows among which the row of titles is looked for.
 _TOP = 50
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """What was noticed while a table was read, and in which rows.
+
+    A `doubt` says that the rows may not mean what was made of them; a `detail` is for a table.
+    """
+
+    what: str
+    rows: tuple[int, ...] = ()
+    doubt: bool = False
+    detail: bool = False
+
+    def __str__(self) -> str:
+        """Say it with the rows, the first of them if there are many."""
+        if not self.rows:
+            return self.what
+        several, places = "s" * (len(self.rows) > 1), listed(self.rows).lstrip("s ")
+        return f"{self.what}: {len(self.rows)} row{several} ({places})"
 
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
     """A row of titles and the rows below it, as text without blanks around it.
 
-    `top` and the rows are numbered as the file shows them, from 1. `separator` is what stood
-    between the cells, ``""`` in a workbook. `odd` says of a cell, by row number and place from 0,
-    what it is if neither text nor a plain number; `remarks` say what was not read.
+    `top` and the rows are numbered as a spreadsheet shows them, from 1. `separator` is what stood
+    between the cells, ``""`` in a workbook, and `sheet` the name of its sheet. `odd` says of a
+    cell, by row number and place from 0, what it is if neither text nor a plain number; `hidden`
+    and `struck` are numbers of rows, and `remarks` say how the file was read.
     """
 
     source: str
@@ -68,7 +89,10 @@ class Sheet:
     rows: Sequence[tuple[int, list[str]]]
     separator: str = ","
     odd: dict[tuple[int, int], str] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
+    sheet: str = ""
+    hidden: frozenset[int] = frozenset()
+    struck: frozenset[int] = frozenset()
 
 
 def titled(
@@ -119,29 +143,48 @@ def read_bytes(path: str | PathLike[str]) -> bytes:
 
 
 def text_of(data: bytes) -> str:
-    """Return the text of a file in UTF-8, UTF-16 with a mark, or else Windows-1252.
+    """Return the text of a file in UTF-8, UTF-16, Korean (cp949) or Windows-1252."""
+    return _decoded(data)[0]
 
-    A mark is left out; a byte that the encoding does not know is replaced.
+
+def _decoded(data: bytes) -> tuple[str, str]:
+    """Return the text of a file and its encoding; a byte that this does not know is replaced.
+
+    charset-normalizer, which has no fixed choice of encodings, took five of nine short lists for
+    Big5 or cp775, so the few that spreadsheets write are tried in turn.
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return data.decode("utf-16", errors="replace")
+        return data.decode("utf-16", errors="replace"), "utf-16"
+    for encoding, odd in (("utf-16-le", data[1:200:2]), ("utf-16-be", data[:200:2])):
+        if len(data) > 3 and odd.count(0) > 0.9 * len(odd):
+            return data.decode(encoding, errors="replace"), encoding
     try:
-        return data.decode("utf-8-sig")
+        return data.decode("utf-8-sig"), "utf-8"
     except UnicodeDecodeError:
-        return data.decode("cp1252", errors="replace")
+        pass
+    try:
+        # Two bytes of Windows-1252, such as a degree sign and a letter, may be a rare syllable of
+        # cp949; Korean text is nearly all in the smaller set EUC-KR.
+        korean = data.decode("cp949")
+        beyond = "".join(character for character in korean if not character.isascii())
+        if len(beyond.encode("euc-kr", errors="ignore")) > 1.8 * len(beyond):
+            return korean, "cp949"
+    except UnicodeDecodeError:
+        pass
+    return data.decode("cp1252", errors="replace"), "cp1252"
 
 
 def parse_sheet(
     text: str,
     source: str = "text",
     *,
-    is_titles: Callable[[Sequence[str]], bool] = any,
+    is_titles: Callable[[Sequence[str]], float] = any,
     what: str = "column titles",
 ) -> Sheet:
     """Split text into rows and cells separated by commas, semicolons or tabs.
 
-    `is_titles` says whether cells are the row of titles, which is looked for among the first 50
-    lines; by default it is the first row that is not blank. `what` names that row in an error.
+    `is_titles` says how well cells serve as titles, 0 if not at all; the best of the first 50 rows
+    is the row of titles, by default the first that is not blank. `what` names it in an error.
     """
     if "\0" in text:
         raise InputError(source, "is not text: it holds zero bytes; expected a CSV file")
@@ -151,27 +194,29 @@ def parse_sheet(
         empty = not text.strip(_BLANK)
         raise InputError(source, f"{'is empty; expected a' if empty else 'has no'} row of {what}")
     above, separator = found
+    # A row of a spreadsheet has several lines where a cell has line breaks.
+    before = sum(1 for _ in csv.reader(lines[:above], delimiter=separator))
     reader = csv.reader(lines[above:], delimiter=separator, strict=True)
     rows = []
-    line = above + 1
+    number = before
     try:
-        for row in reader:
+        for number, row in enumerate(reader, before + 1):
             cells = list(map(str.strip, row))
             if any(cells):
-                rows.append((line, cells))
-            line = above + reader.line_num + 1
+                rows.append((number, cells))
     except csv.Error as error:
-        raise InputError(source, f"is no CSV file: {error}, in row {line}") from None
+        raise InputError(source, f"is no CSV file: {error}, in row {number + 1}") from None
     (top, titles), *rows = rows
     return Sheet(source, top, _trim(titles), rows, separator)
 
 
 def _top(
-    lines: Sequence[str], is_titles: Callable[[Sequence[str]], bool]
+    lines: Sequence[str], is_titles: Callable[[Sequence[str]], float]
 ) -> tuple[int, str] | None:
-    """Return the place of the row of titles, and the separator that makes it one."""
+    """Return the line with the best row of titles, and the separator that makes it one."""
+    best: tuple[float, tuple[int, str] | None] = (0, None)
     for place, line in enumerate(lines[:_TOP]):
-        # A spreadsheet may have told itself the separator in a line of its own.
+        # A spreadsheet may have named the separator in a line of its own.
         if not line.strip(_BLANK) or (place == 0 and re.fullmatch(r"sep=.\s*", line)):
             continue
         for separator in sorted(";\t,", key=line.count, reverse=True):
@@ -179,9 +224,10 @@ def _top(
                 cells = next(csv.reader(lines[place:], delimiter=separator))
             except csv.Error:
                 continue
-            if is_titles([cell.strip() for cell in cells]):
-                return place, separator
-    return None
+            worth = float(is_titles([cell.strip() for cell in cells]))
+            if worth > best[0]:
+                best = worth, (place, separator)
+    return best[1]
 
 
 def _trim(titles: Sequence[str]) -> tuple[str, ...]:
@@ -194,14 +240,14 @@ def read_sheet(
     path: str | PathLike[str],
     sheet: str | None = None,
     *,
-    is_titles: Callable[[Sequence[str]], bool] = any,
+    is_titles: Callable[[Sequence[str]], float] = any,
     what: str = "column titles",
 ) -> Sheet:
     """Read a CSV file or a sheet of an Excel workbook; the content decides, not the name.
 
-    Without `sheet`, the first sheet is read that is not hidden and has a row of titles; a remark
-    names the others. A formula is the value that was saved with it. Cells merged downwards hold
-    the same in each of their rows. `is_titles` and `what` are as in `parse_sheet`.
+    Without `sheet`, that sheet is read which is not hidden and has the best row of titles; a remark
+    names it and the others. A formula is the value that was saved with it. Cells merged downwards
+    hold the same in each of their rows. `is_titles` and `what` are as in `parse_sheet`.
     """
     source, data = str(path), read_bytes(path)
     if data[:4] == b"PK\x03\x04":
@@ -210,28 +256,34 @@ def read_sheet(
         raise InputError(source, "is an old Excel file (.xls), or has a password; save it as .xlsx")
     if sheet is not None:
         raise InputError(source, f"has no sheet {sheet!r}; expected an Excel workbook (.xlsx)")
-    return parse_sheet(text_of(data), source, is_titles=is_titles, what=what)
+    text, encoding = _decoded(data)
+    found = parse_sheet(text, source, is_titles=is_titles, what=what)
+    said = f"read as {encoding}, with {_SEPARATORS[found.separator]} between the cells"
+    return replace(found, remarks=(Remark(said, detail=encoding == "utf-8"),))
+
+
+_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 
 
 def _workbook(
     source: str,
     data: bytes,
     name: str | None,
-    is_titles: Callable[[Sequence[str]], bool],
+    is_titles: Callable[[Sequence[str]], float],
     what: str,
 ) -> Sheet:
     with _opened(data, source) as book:
         if name is not None and name not in book.sheets:
             raise InputError(source, f"has no sheet {name!r}; it has {', '.join(book.sheets)}")
         shown = [title for title in book.sheets if title not in book.hidden]
-        asked = shown if name is None else [name]
-        for place, title in enumerate(asked):
-            found = _table(source, book, title, is_titles)
-            if found is not None:
-                rest = asked[place + 1 :]
-                too = [other for other in rest if _top_row(book.rows(other), is_titles)]
-                said = f"read: sheet {title}; not read: {', '.join(too)}, with such titles too"
-                return replace(found, remarks=(said,)) if too else found
+        worths = {title: _best_row(book, title, is_titles)
+                  for title in (shown if name is None else [name])}  # fmt: skip
+        chosen = max(worths, key=lambda title: worths[title][0], default="")
+        if chosen and worths[chosen][0]:
+            rest = [title for title in book.sheets if title != chosen]
+            said = f"read: sheet {chosen}" + (f"; not read: {', '.join(rest)}" if rest else "")
+            found = _table(source, book, chosen, worths[chosen][1])
+            return replace(found, remarks=(Remark(said, detail=not (rest and name is None)),))
     where = f"the sheets {', '.join(shown)}" if name is None else f"the sheet {name}"
     more = (
         f"; hidden, to be named: {', '.join(book.hidden)}" if name is None and book.hidden else ""
@@ -239,32 +291,36 @@ def _workbook(
     raise InputError(source, f"has no row of {what}, on {where}{more}")
 
 
-def _top_row(table: Iterator[_Row], is_titles: Callable[[Sequence[str]], bool]) -> _Row | None:
-    """Return the row of titles, and leave the rows below it; None if there is none."""
-    for row in table:
+def _best_row(
+    book: _Workbook, title: str, is_titles: Callable[[Sequence[str]], float]
+) -> tuple[float, int]:
+    """Return how good the best row of titles of a sheet is, and its number."""
+    best = (0.0, 0)
+    for row in book.rows(title):
         if row.number > _TOP:
             break
-        if is_titles(row.cells):
-            return row
-    return None
+        best = max(best, (float(is_titles(row.cells)), row.number), key=itemgetter(0))
+    return best
 
 
-def _table(
-    source: str, book: _Workbook, title: str, is_titles: Callable[[Sequence[str]], bool]
-) -> Sheet | None:
-    """Return what a sheet of a workbook holds; None if it has no row of titles."""
-    table = book.rows(title)
-    top = _top_row(table, is_titles)
-    if top is None:
-        return None
+def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
+    """Return what a sheet of a workbook holds below its row of titles."""
     rows: list[tuple[int, list[str]]] = []
     odd: dict[tuple[int, int], str] = {}
-    for number, cells, own in table:
-        if any(cells):
+    titles: list[str] = []
+    for number, cells, own in book.rows(title):
+        if number == top:
+            titles = cells
+        elif number > top and any(cells):
             rows.append((number, cells))
             odd |= {(number, place): what for place, what in own.items()}
-    _fill_down(rows, odd, [area for area in book.merged(title) if area[0] > top.number])
-    return Sheet(source, top.number, _trim(top.cells), rows, "", odd)
+    merged, hidden = book.layout(title)
+    _fill_down(rows, odd, [area for area in merged if area[0] > top])
+    return Sheet(
+        source, top, _trim(titles), rows, "", odd, sheet=title,
+        hidden=hidden.intersection(number for number, _ in rows),
+        struck=frozenset(number for name, number in book.struck if name == title),
+    )  # fmt: skip
 
 
 def _fill_down(
@@ -303,6 +359,7 @@ class _Workbook:
         if not worksheets:
             raise ValueError("has no sheet with cells")
         self.sheets = tuple(sheet.title for sheet in worksheets)
+        self.struck: set[tuple[str, int]] = set()
         self.hidden = tuple(s.title for s in worksheets if s.sheet_state != "visible")
 
     def rows(self, title: str) -> Iterator[_Row]:
@@ -322,22 +379,30 @@ class _Workbook:
             last = number
             odd: dict[int, str] = {}
             texts = [_text(cell, place, odd) for place, cell in enumerate(cells)]
+            first = next((cell for cell in cells if cell.value is not None), None)
+            if first is not None and first.font.strike:
+                self.struck.add((title, number))
             yield _Row(number, texts, odd)
 
-    def merged(self, title: str) -> list[tuple[int, int, int]]:
-        """Return first row, last row and column (from 0) of all merged cells of a sheet."""
+    def layout(self, title: str) -> tuple[list[tuple[int, int, int]], frozenset[int]]:
+        """Return the merged cells of a sheet, and its hidden rows.
+
+        Merged cells are given by first row, last row and column, from 0.
+        """
         from openpyxl.worksheet.cell_range import CellRange
 
         # openpyxl leaves them out when it reads row by row, to keep little in memory.
-        found = []
+        found, hidden = [], set()
         with self._archive.open(self._book[title]._worksheet_path) as part:
             for _, element in ElementTree.iterparse(part):
                 if element.tag.endswith("}mergeCell"):
                     area = CellRange(element.attrib["ref"])
                     found.append((area.min_row, area.max_row, area.min_col - 1))
                 elif not element.tag.endswith("}mergeCells"):
+                    if element.tag.endswith("}row") and element.get("hidden") in ("1", "true"):
+                        hidden.add(int(element.get("r", 0)))
                     element.clear()
-        return found
+        return found, frozenset(hidden)
 
 
 @contextmanager

@@ -112,7 +112,7 @@ def test_json_says_also_what_could_not_be_done(tmp_path, capsys):
     answer = json.loads(streams.out)
     assert answer["command"] == "design" and answer["error"].startswith(str(file))
     assert [fault.split(":")[0] for fault in answer["faults"]] == [
-        "row 2, column x", "row 3, column signal",
+        "row 2, column x (C)", "row 3, column signal (B)",
     ]  # fmt: skip
     assert streams.err.startswith("shipnet: ")
 
@@ -196,9 +196,9 @@ def test_the_faults_of_a_file_are_reported_line_by_line(tmp_path, capsys):
     assert main(["design", str(file)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == f"shipnet: {file}:"
-    assert lines[1].startswith("  rows 2 to 301, column x: 'far'; expected")
+    assert lines[1].startswith("  rows 2 to 301, column x (C): 'far'; expected")
     assert [line.split(":")[0] for line in lines[2:]] == [
-        "  row 302, column tag", "  row 302, column signal",
+        "  row 302, column tag (A)", "  row 302, column signal (B)",
     ]  # fmt: skip
 
 

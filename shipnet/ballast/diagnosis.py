@@ -108,12 +108,12 @@ class Run:
         """Valve position, shape (n_times, n_valves) [%]."""
         return self.readings[:, 4]
 
-    @property
+    @cached_property
     def DVPos(self) -> Floats:
         """Speed of VPos, NaN unless the motor has been running for the whole second [%/s]."""
         return stroke_speed(self.speed, self.ran)
 
-    @property
+    @cached_property
     def running(self) -> Flags:
         """Whether the motor runs, shape (n_times, n_valves)."""
         return ~np.isnan(self.ran)

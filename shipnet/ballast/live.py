@@ -27,7 +27,7 @@ from shipnet.ballast.registers import (
     Status,
 )
 from shipnet.ballast.scan import READ_STATUS, System, status_poll
-from shipnet.ballast.slave import ValveDevice, valve_slaves
+from shipnet.ballast.slave import ValveDevice, ValveRegisters, valve_slaves
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase
@@ -36,33 +36,28 @@ from shipnet.modbus.frame import MAX_UNIT, tcp_frame
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request, Response, decode
 from shipnet.modbus.server import Server, real_clock
 from shipnet.modbus.server import serve as serve_slaves
-from shipnet.modbus.slave import DeviceError, Slave, Table, answer
+from shipnet.modbus.slave import DeviceError, Slave, answer
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-class _Image:
+class _Image(ValveRegisters):
     """A valve as the master knows it."""
 
     def __init__(self, station: Station, unit: int) -> None:
         self.station, self.unit = station, unit
 
-    def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
-        """Return registers of the status that came last; exception 11 before the first."""
-        first = address - FIRST_REGISTER
-        if table != "input_registers" or not 0 <= first <= N_REGISTERS - quantity:
-            raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+    def status(self, time: float) -> Sequence[int]:
+        """Return the status that came last; exception 11 before the first."""
         for status in reversed(self.station.shown):
             if status.unit == self.unit:
-                return status.registers[first : first + quantity]
+                return status.registers
         raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
 
-    def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
+    def command(self, value: int, time: float) -> None:
         """Send a command on to the slave, and its exception back."""
-        if table != "holding_registers" or address != COMMAND_REGISTER or len(values) != 1:
-            raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
-        response = self.station.write(values[0], self.unit).response
+        response = self.station.write(value, self.unit).response
         if not response:
             raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
         if response[0] & 0x80:
@@ -601,16 +596,14 @@ class Client:
         timeout: float = 1.0,
     ) -> None:
         self.n_valves = check_whole("n_valves", n_valves, 1, MAX_UNIT)
-        self._link: Link | None = Link(address, port, timeout)
-        self._ask: Ask = self._link
-        self._map = RegisterMap()
+        self._ask: Ask = Link(address, port, timeout)
 
     @classmethod
     def over(cls, ask: Ask, n_valves: int = 16) -> Client:
         """Return a client that asks in another way, such as `ModelValves`."""
         client = cls.__new__(cls)
         client.n_valves = check_whole("n_valves", n_valves, 1, MAX_UNIT)
-        client._link, client._ask, client._map = None, ask, RegisterMap()
+        client._ask = ask
         return client
 
     def __enter__(self) -> Client:
@@ -623,8 +616,8 @@ class Client:
 
     def close(self) -> None:
         """Close the connection."""
-        if self._link is not None:
-            self._link.close()
+        if isinstance(self._ask, Link):
+            self._ask.close()
 
     def command(self, valve: int, action: str | float) -> str:
         """Command a valve: ``open``, ``close``, ``manual``, ``auto`` or a position, 0..100 [%].
@@ -632,7 +625,9 @@ class Client:
         Return what was done, or why the valve refuses, as a sentence.
         """
         unit = check_whole("valve", valve, 1, MAX_UNIT)
-        request = Request.write_single_register(COMMAND_REGISTER, self._map.encode_command(action))
+        request = Request.write_single_register(
+            COMMAND_REGISTER, RegisterMap().encode_command(action)
+        )
         response = self._ask(unit, request)
         if response.exception is not None:
             why = ExceptionCode(response.exception).name.replace("_", " ").lower()
@@ -648,7 +643,7 @@ class Client:
             if response.exception is None:
                 words.append(response.registers)
                 units.append(unit)
-        status = self._map.decode(np.array(words, np.int64).reshape(-1, 4))
+        status = RegisterMap().decode(np.array(words, np.int64).reshape(-1, 4))
         return Readout(self.n_valves, status, np.array(units, np.int64))
 
     def screen(self) -> Screen:

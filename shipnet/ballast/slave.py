@@ -103,7 +103,32 @@ class Monitor:
 _FUNCTIONS = frozenset({4, 6})
 
 
-class ValveDevice:
+class ValveRegisters:
+    """What a valve has on the line: a status to read, and a command to write."""
+
+    def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
+        """Return registers of the status."""
+        first = address - FIRST_REGISTER
+        if table != "input_registers" or not 0 <= first <= N_REGISTERS - quantity:
+            raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+        return self.status(time)[first : first + quantity]
+
+    def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
+        """Carry out a command."""
+        if table != "holding_registers" or address != COMMAND_REGISTER or len(values) != 1:
+            raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+        self.command(values[0], time)
+
+    def status(self, time: float) -> Sequence[int]:
+        """Return the four registers at a time."""
+        raise NotImplementedError
+
+    def command(self, value: int, time: float) -> None:
+        """Carry out what a command register asks for."""
+        raise NotImplementedError
+
+
+class ValveDevice(ValveRegisters):
     """One valve of a plant as a device behind `shipnet.modbus.server`.
 
     Figures 9 and 10 of the paper, as far as its text goes: in auto mode the master commands,
@@ -134,11 +159,8 @@ class ValveDevice:
     def fault(self, row: int) -> None:
         self.monitor.report(self.valve, row)
 
-    def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
-        """Return registers of the status."""
-        first = address - FIRST_REGISTER
-        if table != "input_registers" or not 0 <= first <= N_REGISTERS - quantity:
-            raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+    def status(self, time: float) -> list[int]:
+        """Return what the sensors read at a time, as registers."""
         self._attend(time)
         plant, k = self.plant, self.valve
         ran = plant.time - plant.started[k] if plant.running[k] else plant.last_run[k]
@@ -151,14 +173,12 @@ class ValveDevice:
             operating_time=ran,
         )
         self.saturated = dict(zip(self.saturated, map(bool, packed.saturated[0]), strict=True))
-        return [int(word) for word in packed.registers[0, first : first + quantity]]
+        return [int(word) for word in packed.registers[0]]
 
-    def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """Carry out a command."""
-        if table != "holding_registers" or address != COMMAND_REGISTER or len(values) != 1:
-            raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+    def command(self, value: int, time: float) -> None:
+        """Carry out what a command register asks for, if the mode allows it."""
         try:
-            code, position = self.registers.decode_command(values[0])
+            code, position = self.registers.decode_command(value)
         except (FieldError, ArgumentError):
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_VALUE) from None
         self._attend(time)

@@ -688,7 +688,7 @@ def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) 
         }
         number = filled.get("arbitration_id", "")
         if "extended" not in columns and _WHOLE.fullmatch(number):
-            long = len(number) == 10 or int(number.removesuffix(".0"), 0) > 0xFFFF
+            long = len(number) == 10 or _whole(number) > 0xFFFF
             filled["extended"] = "yes" if long else "no"
         message, wrong = _message(usual | filled)
         faults += [f"{place}, {fault}" for fault in wrong]
@@ -767,12 +767,16 @@ def _value(kind: Kind, cell: str) -> Any:
         time = float(Decimal(cell).scaleb(-3)) if NUMBER.fullmatch(cell) else -1
         return time if kind.low <= time <= kind.high else None
     if isinstance(kind, Whole):
-        base = 16 if cell[:2] in ("0x", "0X") else 10
-        whole = int(cell.removesuffix(".0"), base) if _WHOLE.fullmatch(cell) else -1
+        whole = _whole(cell) if _WHOLE.fullmatch(cell) else -1
         return whole if kind.low <= whole <= kind.high else None
     if isinstance(kind, Switch):
         return _YES.get(cell.lower())
     return cell if cell.isprintable() else None
+
+
+def _whole(cell: str) -> int:
+    """Return a whole number as tables have it: decimal, also with zeros in front, or with 0x."""
+    return int(cell.removesuffix(".0"), 16 if cell[:2] in ("0x", "0X") else 10)
 
 
 def _legal(field: str, kind: Kind) -> str:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import csv
+import re
 import tomllib
 from collections.abc import Sequence
+from pathlib import Path
 
 from shipnet.design.comparison import Comparison
 from shipnet.design.iolist import read_iolist
 from shipnet.design.planning import OPTIONS
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, InputError
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:
@@ -45,11 +48,35 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
         if twice := [name for name in dict.fromkeys(options) if options.count(name) > 1]:
             raise ArgumentError(f"--options names {', '.join(twice)} twice")
     choose = _choices(arguments.mix)
-    iolist = read_iolist(arguments.list, sheet=arguments.sheet)
+    try:
+        iolist = read_iolist(
+            arguments.list, sheet=arguments.sheet, settings=settings, strict=arguments.strict
+        )
+    except InputError as mistake:
+        save_faults(arguments.faults, mistake)
+        raise
+    save_faults(arguments.faults)
     return iolist.compare(
         arguments.cabinet, options, trays=arguments.trays, settings=settings, mix=choose,
         rules=rules,
     )  # fmt: skip
+
+
+def save_faults(path: str | None, mistake: InputError | None = None) -> None:
+    """Write the faults of a list as a CSV file, one per row; without any, only its titles."""
+    if path is None:
+        return
+    with Path(path).open("w", newline="", encoding="utf-8-sig") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(["file", "row", "column", "fault"])
+        for fault in () if mistake is None else mistake.faults:
+            found = _PLACED.fullmatch(fault)
+            row, column, text = found.groups("") if found else ("", "", fault)
+            writer.writerow([mistake.file if mistake else "", row, column, text])
+
+
+#: Row, column and text of a fault.
+_PLACED = re.compile(r"row (\d+)(?:, column (.*?))?(?::|(?= has)) ?(.*)", re.DOTALL)
 
 
 def _choices(texts: Sequence[str]) -> dict[str, str]:

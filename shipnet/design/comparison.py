@@ -50,6 +50,9 @@ CRITERIA = ("total_cost_eur", RESPONSE, "lost_by_failure")
 #: Lengths given by the list and our own may differ by this much per metre, unsaid; assumed.
 _ALIKE = 0.1
 
+#: How far a cable may fall short of the straight way, as both are rounded [m].
+_ROUNDED = 0.2
+
 #: Columns whose lowest value is named, with words and unit.
 _TOLD = (
     ("total_cost_eur", "Lowest cost", "EUR"),
@@ -402,6 +405,7 @@ class Comparison:
             ("comparison", self.table().reset_index()),
             ("findings", self.findings().table()),
             ("failures", self.failures()),
+            ("reading", self.iolist.reading()),
         ):
             table.to_csv(to / f"{name}.csv", index=False, lineterminator="\n")
         for name, design in self.designs.items():
@@ -512,6 +516,12 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
         return
     given = iolist.points["home_run_m"].to_numpy(float)[mine]
     own = site.length(site.route(site.cabinet, iolist.places[mine]))
+    straight = np.linalg.norm(iolist.places[mine] - np.array(site.cabinet), axis=1)
+    if short := int((given < straight - _ROUNDED).sum()):
+        yield (
+            f"{short} home run{'s' * (short > 1)} of the list {'are' if short > 1 else 'is'} "
+            "shorter than the straight way to the cabinet, but kept."
+        )
     if np.abs(own - given).sum() > _ALIKE * given.sum():
         cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
         over = "" if site.trays is None else " over the trays"

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from shipnet.design.points import COLUMNS, PointTable
+from shipnet.design.points import PointTable
+from shipnet.design.words import COLUMNS
 from shipnet.errors import ArgumentError
 from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
@@ -41,11 +42,12 @@ class IoList(PointTable):
     points : pandas.DataFrame
         One row per point, numbered from 0: tag, system, type (DI, DO, AI, AO), signal, a key of
         `SIGNALS`, conductors, x_m, y_m, z_m, box with its place, to_box_m, home_run_m, update_ms,
-        category, note and device. What the list does not say is NaN or empty.
+        category, note, device, and ex, a mark such as "Ex ia". What the list does not say is NaN
+        or empty.
     source : str
         Where it comes from.
-    remarks : tuple of str, optional
-        What was not used, and what was assumed.
+    notes : tuple of Remark, optional
+        How the list was read, which `reading` returns as a table and `remarks` as sentences.
 
     Raises
     ------
@@ -179,9 +181,10 @@ class IoList(PointTable):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the list as a CSV file, from which `read_iolist` makes the same points."""
-        names = [name for name in COLUMNS if name != "device" or self.points["device"].any()]
+        empty = [name for name in ("device", "ex") if not self.points[name].any()]
+        names = [name for name in COLUMNS if name not in empty]
         table = self.points[names].copy()
-        for name in ("tag", "system", "box", "note"):
+        for name in {"tag", "system", "box", "note", "ex"}.difference(empty):
             table[name] = [
                 f"'{text}" if re.match(r"'*[=+\-@]", text) else text for text in table[name]
             ]
@@ -209,23 +212,36 @@ class _Case:
         return {_TABLE: found.table().reset_index()}
 
 
-def read_iolist(path: str | PathLike[str], *, sheet: str | None = None) -> IoList:
-    """Read an I/O list from a CSV file or an Excel workbook.
+def read_iolist(
+    path: str | PathLike[str],
+    *,
+    sheet: str | None = None,
+    settings: Given = None,
+    strict: bool = False,
+) -> IoList:
+    """Read an I/O list from a CSV file or an Excel workbook, as a yard writes it.
 
-    Common titles are understood: at least ``tag``, and ``signal`` or ``type``. Case, blanks and
-    punctuation do not matter, and a title may name a unit, such as ``x [mm]``.
+    The best row of titles among the first 50 is taken, also in two rows or two languages: at least
+    ``tag``, and ``signal`` or ``type``. A title or a cell may name a unit, such as ``x [mm]`` or
+    ``24,8 m``. Titles that are repeated, subtitles, page headers, notes, and rows that are struck
+    out or marked as deleted or spare are left out. `IoList.reading` says what was done.
 
     Parameters
     ----------
     path : path
         The file.
     sheet : str, optional
-        Sheet of a workbook; by default the first that is not hidden and holds a list.
+        Sheet of a workbook; by default the one that is not hidden and has the best titles.
+    settings : Settings or mapping, optional
+        Settings whose tables ``columns``, ``signals``, ``frames`` and ``decks`` hold the list's own
+        words.
+    strict : bool, default False
+        Whether every doubt is a fault, such as a row that is hidden or struck out.
 
     Returns
     -------
     IoList
-        The points; its remarks say what was not used.
+        The points.
 
     Raises
     ------
@@ -238,4 +254,6 @@ def read_iolist(path: str | PathLike[str], *, sheet: str | None = None) -> IoLis
     >>> read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     <IoList: 353 points (176 AI, 129 DI, 48 DO)>
     """
-    return IoList.read(path, sheet)
+    from shipnet.design.settings import Settings
+
+    return IoList.read(path, sheet, reading=Settings.of(settings).reading, strict=strict)

@@ -155,7 +155,7 @@ class Plant:
                 "x_m": rows["x_m"], "y_m": self.drop, "z_m": 0.0, "box": "",
                 "box_x_m": nothing, "box_y_m": nothing, "box_z_m": nothing,
                 "to_box_m": nothing, "home_run_m": nothing, "update_ms": 1000.0,
-                "category": "", "note": "", "device": rows["device"],
+                "category": "", "note": "", "device": rows["device"], "ex": "",
             }
         )  # fmt: skip
         return IoList(points, "counts of a plant")

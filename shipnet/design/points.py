@@ -4,199 +4,132 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from shipnet.errors import ArgumentError, InputError
-from shipnet.signals import KINDS, SIGNALS, find_signal, meanings, plain
-from shipnet.tables import NUMBER, frame_sheet, parse_sheet, read_sheet
+from shipnet.design.words import (
+    COLUMNS,
+    PLACED,
+    UNITS,
+    Reading,
+    column_of,
+    decimal_mark,
+    is_frame,
+    read_number,
+    widened,
+    without_safety,
+)
+from shipnet.errors import ArgumentError, InputError, listed
+from shipnet.signals import SIGNALS, find_signal, meanings, plain, spellings
+from shipnet.tables import Remark, frame_sheet, parse_sheet, read_sheet
 
 if TYPE_CHECKING:
     from typing import Self
 
     from shipnet.tables import Sheet
 
-
-# What the columns of an I/O list are called, on paper and here ----------------------------------
-
-#: Columns of a list of points, in their order: what they hold ("text", or a quantity whose unit
-#: the name ends with), and what lists call them. Case, blanks and punctuation do not matter.
-COLUMNS: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "tag": ("text", ("tag no", "tag nr", "tag number", "tag name", "tag id", "io tag", "point",
-                     "point id", "point name", "instrument", "instrument tag", "instrument no",
-                     "id")),
-    "system": ("text", ("sys", "system name", "ship system", "subsystem", "plant")),
-    "type": ("text", ("io", "io type", "io kind", "point type", "channel type", "kind")),
-    "signal": ("text", ("signal type", "signal kind", "sensor", "sensor type", "connection")),
-    "conductors": ("whole", ("cores", "wires", "strands", "no of cores", "no of wires",
-                             "number of cores", "number of wires", "number of conductors",
-                             "no of conductors", "core count")),
-    "x_m": ("length", ("pos x", "position x", "deck x", "x pos", "x position", "x coord",
-                       "x coordinate", "coordinate x")),
-    "y_m": ("length", ("pos y", "position y", "deck y", "y pos", "y position", "y coord",
-                       "y coordinate", "coordinate y")),
-    "z_m": ("length", ("pos z", "position z", "deck z", "z pos", "z position", "z coord",
-                       "z coordinate", "coordinate z", "height", "elevation")),
-    "box": ("text", ("jb", "junction box", "jb no", "box no", "jb tag", "terminal box",
-                     "junction box no")),
-    "box_x_m": ("length", ("jb x", "junction box x", "x box", "x jb", "x of box")),
-    "box_y_m": ("length", ("jb y", "junction box y", "y box", "y jb", "y of box")),
-    "box_z_m": ("length", ("jb z", "junction box z", "z box", "z jb", "z of box")),
-    "to_box_m": ("length", ("len to jb", "len to box", "length to jb", "length to box",
-                            "length to junction box", "cable to box", "cable to jb",
-                            "distance to box", "distance to jb", "to jb", "drop", "drop length")),
-    "home_run_m": ("length", ("len home run", "length home run", "home run length", "length",
-                              "cable length", "cable length to cabinet", "length to cabinet",
-                              "distance to cabinet")),
-    "update_ms": ("time", ("update time", "update period", "update interval", "update need",
-                           "scan", "scan time", "cycle", "cycle time", "sampling time",
-                           "refresh time")),
-    "category": ("text", ("cat", "e22 category", "system category", "category e22")),
-    "note": ("text", ("notes", "remark", "remarks", "comment", "comments", "description",
-                      "service")),
-    "device": ("text", ("actuator",)),
-}  # fmt: skip
-
-#: Units that a title may name, each as a multiple of that of the column.
-UNITS: Mapping[str, Mapping[str, float]] = {
-    "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2},
-    "time": {"ms": 1.0, "s": 1e3},
-}
-
-
-class Column(NamedTuple):
-    """What a title means: the name of the column, and the multiple of its unit."""
-
-    name: str
-    scale: float = 1.0
-
-
-def _titles() -> dict[str, str]:
-    titles: dict[str, str] = {}
-    for name, (holds, others) in COLUMNS.items():
-        base = name.rpartition("_")[0] if holds in UNITS else name
-        titles |= {plain(title): name for title in (base, *others)}
-    return titles
-
-
-_TITLES = _titles()
-
-
-def column_of(title: str) -> Column | None:
-    """Return the column that a title means."""
-    name = _TITLES.get(plain(title))
-    if name is not None:
-        return Column(name)
-    words = re.findall(r"[^\W_]+", title.casefold())
-    name = _TITLES.get("".join(words[:-1])) if words else None
-    units = UNITS.get(COLUMNS[name][0], {}) if name is not None else {}
-    return Column(name, units[words[-1]]) if name is not None and words[-1] in units else None
-
-
-def is_titles(cells: Sequence[str]) -> bool:
-    """Say whether cells are the titles of an I/O list."""
-    known = {column.name for column in map(column_of, cells) if column is not None}
-    return len(known) > 1 and not known.isdisjoint({"tag", "type", "signal"})
-
-
-# The cells of an I/O list by column, and the faults that are found in them ----------------------
+# Which rows of a sheet are points, and what their columns are ---------------------------------
 
 _POSITION, _BOX = ("x_m", "y_m", "z_m"), ("box_x_m", "box_y_m", "box_z_m")
+
+#: Legal values in the unit of the column, both ends included, but for an update time of 0. No ship
+#: is a kilometre long, no cable of one ten.
+RANGES: Mapping[str, tuple[float, float]] = {
+    **dict.fromkeys((*_POSITION, *_BOX), (-1e3, 1e3)),
+    **dict.fromkeys(("to_box_m", "home_run_m"), (0.0, 1e4)),
+    "update_ms": (0.0, 3.6e6),
+}
+
+#: Marks of points that are not to be built, and of tags that stand for nothing yet.
+_MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
+_MARKED = re.compile(rf"(?:^|\x1f){_MARK}\W*(?=\x1f|$)", re.IGNORECASE)
+_MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
+
+#: How a list is read that brings no words of its own.
+_PLAIN = Reading()
 
 #: What a spreadsheet may take for a formula begins so; an apostrophe before it makes it text.
 _FORMULA = re.compile(r"'+[=+\-@]")
 
 
-class Cells:
-    """The cells of a sheet under the columns of an I/O list."""
+def score(reading: Reading) -> Callable[[Sequence[str]], float]:
+    """Return the function that says how many columns of an I/O list cells are the titles of."""
 
-    def __init__(self, sheet: Sheet) -> None:
-        self.sheet = sheet
-        self.rows = [number for number, _ in sheet.rows]
+    def worth(cells: Sequence[str]) -> float:
+        found = {column.name for cell in cells if (column := column_of(cell, reading.columns))}
+        named = not found.isdisjoint({"tag", "type", "signal"})
+        return len(found) if len(found) > 1 and named else 0
+
+    return worth
+
+
+class Cells:
+    """The points of a sheet: their cells under the columns of an I/O list."""
+
+    def __init__(self, sheet: Sheet, reading: Reading) -> None:
+        self.sheet, self.reading = sheet, reading
         self.remarks = list(sheet.remarks)
         self.places: dict[str, list[int]] = {}
         self.scales: dict[str, float] = {}
         self._faults: list[tuple[int, int, str]] = []
-        self._read_titles()
-        width = len(sheet.titles)
-        beside = [
-            row for row, (_, cells) in enumerate(sheet.rows)
-            if len(cells) > width and any(cells[width:])
-        ]  # fmt: skip
-        if sheet.separator:
-            # The row is shifted, or a number has a comma in it.
-            for row in beside:
-                self.fault(row, "", f" has {len(sheet.rows[row][1])} cells; expected {width}")
-        elif beside:
-            self.remarks.append(f"not used: what stands beside the table in {len(beside)} rows")
+        rows = list(sheet.rows)
+        self.titles = list(sheet.titles)
+        second = self._second_line(rows[0][1]) if rows else None
+        if second is not None:
+            self.titles = second
+            self.remarks.append(Remark("titles in two rows", (sheet.top, rows[0][0]), detail=True))
+        self._repeated = [list(sheet.titles)] + ([rows.pop(0)[1]] if second is not None else [])
+        self._find_columns(rows)
+        rows = self._points_of(rows)
+        if not rows:
+            raise InputError(self._source, "has no points; expected one per row")
+        self.rows = [number for number, _ in rows]
+        self._columns = [list(c) for c in zip_longest(*(row for _, row in rows), fillvalue="")]
+        self._check_width(rows)
+        self._fill_down("system")
 
-    def __getitem__(self, name: str) -> list[str]:
-        """Return the cells of a column, empty ones if the list has no such column."""
-        places = self.places.get(name)
-        return self.column(places[0]) if places else [""] * len(self.rows)
+    @property
+    def _source(self) -> str:
+        sheet = self.sheet
+        return f"{sheet.source}, sheet {sheet.sheet}" if sheet.sheet else sheet.source
 
-    def column(self, place: int) -> list[str]:
-        """Return the cells of a column by its place."""
-        return self._columns[place] if place < len(self._columns) else [""] * len(self.rows)
+    def _second_line(self, below: Sequence[str]) -> list[str] | None:
+        """Return the titles with a second row of them below, if these cells are one."""
+        titles, above, understood = [], "", 0
+        for title, cell in zip_longest(self.titles, below, fillvalue=""):
+            above = title or above
+            if not plain(cell):
+                titles.append(title)
+                continue
+            both = (f"{above} {cell}", cell)
+            found = next((t for t in both if column_of(t, self.reading.columns)), None)
+            if found is None and (cell.isascii() or not title):
+                return None
+            understood += found is not None
+            titles.append(found or title)
+        return titles if understood else None
 
-    @cached_property
-    def _columns(self) -> list[list[str]]:
-        return [list(c) for c in zip_longest(*(row for _, row in self.sheet.rows), fillvalue="")]
-
-    def given(self, name: str) -> NDArray[np.bool_]:
-        """Return whether each cell of a column holds something."""
-        return np.array([cell != "" for cell in self[name]], dtype=bool)
-
-    def title(self, name: str) -> str:
-        """Return what the list itself calls a column."""
-        places = self.places.get(name)
-        return self.sheet.titles[places[0]] if places else name
-
-    def fault(self, row: int, name: str, text: str) -> None:
-        """Keep a fault of a row."""
-        place = self.places[name][0] if name in self.places else -1
-        self._faults.append((row, place, f"row {self.rows[row]}{text}"))
-
-    def wrong(self, rows: Iterable[int], name: str, expected: str) -> None:
-        """Keep the same fault of some cells of a column."""
-        cells = self[name]
-        for row in rows:
-            what = self.odd(row, name)
-            cell = f"{cells[row]!r}{what and f', {what}'}" if cells[row] else "is empty"
-            self.fault(row, name, f", column {self.title(name)}: {cell}; expected {expected}")
-
-    def odd(self, row: int, name: str) -> str:
-        """Return what a cell is that is neither text nor number, else ``""``."""
-        places = self.places.get(name, [-1])
-        return self.sheet.odd.get((self.rows[row], places[0]), "")
-
-    def check(self) -> None:
-        """Raise all faults that were found, in the order of rows and columns."""
-        if self._faults:
-            raise InputError(self.sheet.source, *(text for _, _, text in sorted(self._faults)))
-
-    def _read_titles(self) -> None:
+    def _find_columns(self, rows: Sequence[tuple[int, list[str]]]) -> None:
         unused = []
-        for place, title in enumerate(self.sheet.titles):
-            column = column_of(title)
+        for place, title in enumerate(self.titles):
+            column = column_of(title, self.reading.columns)
             if column is not None:
                 self.places.setdefault(column.name, []).append(place)
                 self.scales.setdefault(column.name, column.scale)
             elif title:
                 unused.append(title)
-            elif any(self.column(place)):
-                unused.append(f"column {place + 1}, which has no title")
+            elif any(row[place] for _, row in rows if place < len(row)):
+                unused.append(f"column {_letter(place)}, which has no title")
         faults = [
-            f"{' and '.join(repr(self.sheet.titles[place]) for place in places)} both mean {name}"
+            f"{' and '.join(repr(self.titles[place]) for place in places)} both mean {name}"
             for name, places in self.places.items()
             if len(places) > 1 and name != "note"
         ]
@@ -212,11 +145,161 @@ class Cells:
         used = "; ".join(unused)
         if faults:
             faults = [f"row {self.sheet.top}: {fault}" for fault in faults]
-            raise InputError(self.sheet.source, *faults, *([f"not known: {used}"] * bool(used)))
-        if not self.rows:
-            raise InputError(self.sheet.source, "has no points; expected one a row")
+            raise InputError(self._source, *faults, *([f"not known: {used}"] * bool(used)))
         if unused:
-            self.remarks.append(f"not used: {used}")
+            self.remarks.append(Remark(f"not used: {used}"))
+
+    def _points_of(self, rows: Iterable[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+        """Return the rows that are points, and remark on the others."""
+        points, left = [], dict[str, list[int]]()
+        heads = [{cell for cell in titles if cell} for titles in self._repeated]
+        meant: dict[tuple[str, str], bool] = {}
+        for number, cells in rows:
+            why = self._no_point(number, cells, heads, meant)
+            if why:
+                left.setdefault(why, []).append(number)
+            else:
+                points.append((number, cells))
+        for why, numbers in left.items():
+            harmless = why in (_REPEATED, _TEXT)
+            self.remarks.append(Remark(f"left out, {why}", tuple(numbers), doubt=not harmless))
+        if hidden := tuple(number for number, _ in points if number in self.sheet.hidden):
+            self.remarks.append(Remark("hidden, but read", hidden, doubt=True))
+        return points
+
+    def _no_point(
+        self,
+        number: int,
+        cells: list[str],
+        heads: Sequence[set[str]],
+        meant: dict[tuple[str, str], bool],
+    ) -> str:
+        """Return why a row is not a point; nothing if it is one.
+
+        `meant` keeps of which types and signals something is known.
+        """
+        for head in heads:
+            if not head.isdisjoint(cells):
+                same = sum(" ".join(cell.split()) in head for cell in cells if cell)
+                if same > 1 and 2 * same >= sum(map(bool, cells)):
+                    return _REPEATED
+        if number in self.sheet.struck:
+            return "struck out"
+
+        def cell(name: str) -> str:
+            place = self.places.get(name, [len(cells)])[0]
+            return cells[place] if place < len(cells) else ""
+
+        tag, what = clean(cell("tag")), (cell("type"), cell("signal"))
+        if _MARKED_TAG.fullmatch(tag) or _MARKED.search("\x1f".join(cells)):
+            return "marked as deleted or spare"
+        if what not in meant:
+            word, _ = without_safety(self.reading.signal(clean(widened(what[1]))))
+            meant[what] = plain(widened(what[0])) in spellings("type") or bool(meanings(word))
+        numbers = [*RANGES, "conductors"]
+        if meant[what] or any(_holds_number(cell(name)) for name in numbers):
+            return ""
+        if is_frame(cell("frame")):
+            return ""
+        # What has nothing but a tag may still be a point, of which all else was forgotten.
+        return "" if re.search(r"[0-9]", tag) and not re.search(r"\s", tag) else _TEXT
+
+    def _check_width(self, rows: Sequence[tuple[int, list[str]]]) -> None:
+        width = len(self.titles)
+        beside = [row for row, (_, cells) in enumerate(rows) if any(cells[width:])]
+        if self.sheet.separator:
+            # The row is shifted, or a number has a comma in it.
+            for row in beside:
+                self.fault(row, "", f" has {len(rows[row][1])} cells; expected {width}")
+        elif beside:
+            numbers = tuple(self.rows[row] for row in beside)
+            self.remarks.append(Remark("not used: what stands beside the table", numbers))
+
+    def _fill_down(self, name: str) -> None:
+        """Fill a column whose values stand only in the first row of each group."""
+        cells = self[name]
+        given = [cell for cell in cells if cell]
+        twice = any(a and a == b for a, b in pairwise(cells))
+        if not given or len(given) == len(cells) or not cells[0] or twice:
+            return
+        filled, last = [], ""
+        for row, cell in enumerate(cells):
+            last = cell or last
+            if not cell:
+                filled.append(self.rows[row])
+            cells[row] = last
+        said = f"{name} filled down from the row above, as it is given once per group"
+        self.remarks.append(Remark(said, tuple(filled), doubt=True))
+
+    def __getitem__(self, name: str) -> list[str]:
+        """Return the cells of a column, empty ones if the list has no such column."""
+        places = self.places.get(name)
+        return self.column(places[0]) if places else [""] * len(self.rows)
+
+    def column(self, place: int) -> list[str]:
+        """Return the cells of a column by its place."""
+        return self._columns[place] if place < len(self._columns) else [""] * len(self.rows)
+
+    def given(self, name: str) -> NDArray[np.bool_]:
+        """Return whether each cell of a column holds something."""
+        return np.array([cell != "" for cell in self[name]], dtype=bool)
+
+    def title(self, name: str) -> str:
+        """Return what the list itself calls a column, with the letter that a spreadsheet shows."""
+        places = self.places.get(name)
+        if not places:
+            return name
+        letter = f" ({_letter(places[0])})" if self.sheet.top > 0 else ""
+        return f"{self.titles[places[0]]}{letter}"
+
+    def fault(self, row: int, name: str, text: str) -> None:
+        """Keep a fault of a row."""
+        place = self.places[name][0] if name in self.places else -1
+        self._faults.append((row, place, f"row {self.rows[row]}{text}"))
+
+    def wrong(self, rows: Iterable[int], name: str, expected: str) -> None:
+        """Keep the same fault of some cells of a column."""
+        cells = self[name]
+        for row in rows:
+            what = self.odd(row, name)
+            cell = f"{cells[row]!r}{what and f', {what}'}" if cells[row] else "is empty"
+            self.fault(row, name, f", column {self.title(name)}: {cell}; expected {expected}")
+
+    def doubt(self, what: str, rows: NDArray[np.bool_]) -> None:
+        """Remark on points that may not be meant so."""
+        if rows.any():
+            numbers = tuple(self.rows[row] for row in np.flatnonzero(rows).tolist())
+            self.remarks.append(Remark(what, numbers, doubt=True))
+
+    def odd(self, row: int, name: str) -> str:
+        """Return what a cell is that is neither text nor number, else ``""``."""
+        places = self.places.get(name, [-1])
+        return self.sheet.odd.get((self.rows[row], places[0]), "")
+
+    def check(self, strict: bool) -> None:
+        """Raise all faults that were found, in the order of rows and columns."""
+        faults = [text for _, _, text in sorted(self._faults)]
+        if strict:
+            faults += [f"row {n}: {one.what}" for one in self.remarks if one.doubt
+                       for n in one.rows]  # fmt: skip
+        if faults:
+            raise InputError(self._source, *faults)
+
+
+#: Why rows are left out of which nobody expects that they are points.
+_REPEATED, _TEXT = "titles again", "no point: a subtitle, a page header or footer, or a note"
+
+
+def _letter(place: int) -> str:
+    """Return what a spreadsheet calls a column, by its place from 0."""
+    more, own = divmod(place, 26)
+    return (_letter(more - 1) if more else "") + chr(65 + own)
+
+
+def _holds_number(cell: str) -> bool:
+    return (
+        bool(cell) and read_number(cell, "", 1.0, {**UNITS["length"], **UNITS["time"]}) is not None
+    )
 
 
 def clean(cell: str) -> str:
@@ -226,15 +309,7 @@ def clean(cell: str) -> str:
     return text[1:] if text[:1] == "'" and _FORMULA.match(text) else text
 
 
-# The numbers of an I/O list: where points and boxes are, lengths of cables, update times
-
-#: Legal values in the unit of the column, both ends included, but for an update time of 0. No ship
-#: is a kilometre long, no cable of one ten.
-RANGES: Mapping[str, tuple[float, float]] = {
-    **dict.fromkeys((*_POSITION, *_BOX), (-1e3, 1e3)),
-    **dict.fromkeys(("to_box_m", "home_run_m"), (0.0, 1e4)),
-    "update_ms": (0.0, 3.6e6),
-}
+# The numbers of an I/O list: where points and boxes are, lengths of cables, update times --------
 
 #: How far a cable may fall short of the straight way, as both are rounded [m].
 _ROUNDED = 0.2
@@ -244,41 +319,56 @@ _Floats = NDArray[np.float64]
 
 def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, _Floats]:
     """Return the numbers of an I/O list, and keep the faults that are found."""
-    comma = cells.sheet.separator in (";", "\t") and any(
-        "," in cell for name in RANGES if name in cells.places for cell in cells[name]
-    )
-    numbers = {name: _numbers(cells, name, comma) for name in RANGES}
+    mark = decimal_mark(cell for name in RANGES for cell in cells[name])
+    if mark == ",":
+        cells.remarks.append(Remark("numbers have a decimal comma", detail=True))
+    numbers = {name: _numbers(cells, name, mark) for name in RANGES}
     _check_positions(cells)
+    _place_by_frames(cells, numbers)
     _check_boxes(cells, boxes, numbers)
     return numbers
 
 
-def _numbers(cells: Cells, name: str, comma: bool) -> _Floats:
+def _numbers(cells: Cells, name: str, mark: str) -> _Floats:
     low, high = RANGES[name]
     if name not in cells.places:
         return np.full(len(cells.rows), np.nan)
+    units, scale = UNITS[COLUMNS[name]], cells.scales[name]
     # A list holds few different numbers; each is read once.
-    known = {cell: _number(cell, comma) for cell in set(cells[name])}
+    known = {cell: read_number(cell, mark, scale, units) for cell in set(cells[name])}
     wrong = {cell for cell, value in known.items() if cell and value is None}
     bad = [row for row, cell in enumerate(cells[name]) if cell in wrong] if wrong else []
     values = np.array([known[cell] for cell in cells[name]], dtype=np.float64)
-    scale = cells.scales[name]
-    values = values if scale == 1 else values * scale
     outside = (values < low) | (values > high) | ((values == 0) & (name == "update_ms"))
-    unit = next(u for u, s in UNITS[COLUMNS[name][0]].items() if s == scale)
+    unit = next(u for u, s in units.items() if s == scale)
     above = "above 0, up to " if name == "update_ms" else f"{low / scale:.7g}.."
-    point = " with a decimal comma" if comma else ""
-    expected = f"a number {above}{high / scale:.7g} {unit}{point}"
+    expected = f"a number {above}{high / scale:.7g} {unit}"
     cells.wrong([*bad, *np.flatnonzero(outside).tolist()], name, expected)
     return values
 
 
-def _number(cell: str, comma: bool) -> float | None:
-    """Return the number that a cell holds; None, which numpy takes for NaN, if it holds none."""
-    if comma:
-        # A point beside a decimal comma may part thousands: then the number is not certain.
-        cell = cell.replace(",", ".") if "." not in cell else ""
-    return float(cell) if NUMBER.fullmatch(cell) else None
+def _place_by_frames(cells: Cells, numbers: dict[str, _Floats]) -> None:
+    """Place points by frame, deck and side where the list gives no x, y, z."""
+    columns = [name for name in PLACED if name in cells.places]
+    if not columns or "x_m" in cells.places:
+        return
+    rows = list(zip(*(map(widened, cells[name]) for name in columns), strict=True))
+    given = np.array([any(row) for row in rows], dtype=bool)
+    if not (cells.reading.frames and cells.reading.decks):
+        cells.doubt("placed by frame and deck, of which the settings give no [frames] and [decks]",
+                    given)  # fmt: skip
+        return
+    known = {row: cells.reading.place(dict(zip(columns, row, strict=True))) for row in set(rows)}
+    for place, row in enumerate(rows):
+        found = known[row]
+        if not given[place]:
+            continue
+        if isinstance(found, str):
+            cells.wrong([place], found if found in columns else "location", PLACED[found])
+            continue
+        for name, value in zip(_POSITION, found, strict=True):
+            numbers[name][place] = value
+    cells.remarks.append(Remark("x, y, z computed from frame, deck and side", detail=True))
 
 
 def _check_positions(cells: Cells) -> None:
@@ -320,46 +410,43 @@ def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, _Floats]
         numbers[name] = np.where(fill, places[same, axis], numbers[name])
     away = [numbers[own] - numbers[box] for own, box in zip(_POSITION, _BOX, strict=True)]
     straight = np.sqrt(np.square(away).sum(axis=0))
-    for row in np.flatnonzero(numbers["to_box_m"] < straight - _ROUNDED).tolist():
-        expected = f"the straight way of {straight[row]:.1f} m at least"
-        cells.wrong([row], "to_box_m", expected)
+    short = numbers["to_box_m"] < straight - _ROUNDED
+    cells.doubt("the cable to the box is shorter than the straight way, but kept", short)
 
 
 # Rows of an I/O list made into points, or all that is wrong with them ---------------------------
 
-_KIND_WORDS = {
-    "DI": ("digital input", "discrete input", "binary input"),
-    "DO": ("digital output", "discrete output", "binary output"),
-    "AI": ("analogue input", "analog input"),
-    "AO": ("analogue output", "analog output"),
-}
-_KINDS = {plain(word): str(kind) for kind in KINDS for word in (kind, *_KIND_WORDS[kind])}
 _CATEGORIES = {
     plain(word): name
     for number, name in enumerate(("I", "II", "III"), start=1)
     for word in (name, str(number), f"cat {name}", f"cat {number}", f"category {name}")
 }
 
-#: A signal, and what is wrong with the point by column.
-_Found = tuple[str, list[tuple[str, str]]]
+#: A signal, its mark of intrinsic safety, and what is wrong with the point by column.
+_Found = tuple[str, str, list[tuple[str, str]]]
 
 
-def points_of(sheet: Sheet) -> tuple[pd.DataFrame, tuple[str, ...]]:
+def points_of(
+    sheet: Sheet, reading: Reading, *, strict: bool = False
+) -> tuple[pd.DataFrame, tuple[Remark, ...]]:
     """Make points of the rows of a sheet."""
-    cells = Cells(sheet)
-    texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device")}
+    cells = Cells(sheet, reading)
+    texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device", "ex")}
     _check_tags(cells, texts["tag"])
-    signals = _signals(cells, _look_up(cells, "type", _KINDS, "DI, DO, AI or AO"))
+    types = {word: found[0][0] for word, found in spellings("type").items()}
+    signals = _signals(cells, _look_up(cells, "type", types, "DI, DO, AI or AO"), texts["ex"])
     categories = _look_up(cells, "category", _CATEGORIES, "I, II, III or nothing")
     numbers = read_numbers(cells, texts["box"])
-    cells.check()
+    if "system" in cells.places:
+        cells.doubt("no system", ~cells.given("system"))
+    cells.doubt("intrinsically safe: no plan has barriers yet", np.array(texts["ex"]) != "")
+    cells.check(strict)
     missing = np.isnan(numbers["update_ms"])
     if missing.any():
         count = int(missing.sum())
         which = f"{count} points have" if count > 1 else "1 point has"
-        cells.remarks.append(
-            f"{which} no update time: that of the settings holds, 1000 ms unless they say other"
-        )
+        said = f"{which} no update time: that of the settings holds, 1000 ms unless they say other"
+        cells.remarks.append(Remark(said))
     columns: dict[str, object] = {
         **texts,
         "type": [SIGNALS[name].kind for name in signals],
@@ -410,33 +497,46 @@ def _check_tags(cells: Cells, tags: list[str]) -> None:
 
 def _look_up(cells: Cells, name: str, known: Mapping[str, str], expected: str) -> list[str]:
     """Return the meanings of the words of a column; that of an empty cell is ""."""
-    found = {cell: known.get(plain(cell), "") for cell in set(cells[name])}
+    found = {cell: known.get(plain(widened(cell)), "") for cell in set(cells[name])}
     rows = [row for row, cell in enumerate(cells[name]) if cell and not found[cell]]
     cells.wrong(rows, name, expected)
     return [found[cell] for cell in cells[name]]
 
 
-def _signals(cells: Cells, kinds: list[str]) -> list[str]:
-    """Return the signal of each point; a list has few different ones, each is looked up once."""
+def _signals(cells: Cells, kinds: list[str], safety: list[str]) -> list[str]:
+    """Return the signal of each point; a list has few different ones, each is looked up once.
+
+    A mark of intrinsic safety beside the signal goes into `safety`.
+    """
     known: dict[tuple[str, str, str, str], _Found] = {}
-    signals = []
-    points = zip(
-        map(clean, cells["signal"]), cells["type"], kinds, cells["conductors"], strict=True
-    )
+    signals: list[str] = []
+    taken: dict[tuple[str, str], list[int]] = {}
+    words = [clean(widened(cell)) for cell in cells["signal"]]
+    points = zip(words, cells["type"], kinds, cells["conductors"], strict=True)
     for row, point in enumerate(points):
         if point not in known:
-            known[point] = _signal(*point)
-        signal, faults = known[point]
+            bare, safe = without_safety(cells.reading.signal(point[0]))
+            signal, faults = _signal(bare, *point[1:])
+            known[point] = signal, safe, faults
+        signal, safe, faults = known[point]
         for column, text in faults:
             cells.fault(row, column, f", column {cells.title(column)}: {text}")
         signals.append(signal)
+        safety[row] = safety[row] or safe
+        if point[0] and point[0] != signal and not faults:
+            taken.setdefault((point[0], signal), []).append(cells.rows[row])
     either = Counter(
-        word for word, kind in zip(map(clean, cells["signal"]), kinds, strict=True)
-        if not kind and _input_of(word)
-    )  # fmt: skip
+        word for word, kind in zip(words, kinds, strict=True) if not kind and _input_of(word)
+    )
     cells.remarks += [
-        f"signal {word!r} without a type is taken for an input, not an output: {count} times"
+        Remark(
+            f"signal {word!r} without a type is taken for an input, not an output: {count} times"
+        )
         for word, count in either.items()
+    ]
+    cells.remarks += [
+        Remark(f"signal {word!r} taken for {signal}", tuple(rows), detail=True)
+        for (word, signal), rows in taken.items()
     ]
     return signals
 
@@ -447,9 +547,9 @@ def _input_of(word: str) -> str:
     return next((k for k in kinds if k[1] == "I"), "") if {k[1] for k in kinds} == {*"IO"} else ""
 
 
-def _signal(word: str, given: str, kind: str, count: str) -> _Found:
+def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tuple[str, str]]]:
     """Return the signal that a point names, or that of its type if it names none."""
-    whole = re.fullmatch(r"([0-9]{1,4})([.,]0+)?", count)
+    whole = re.fullmatch(r"([0-9]{1,4})([.,]0+)?", widened(count))
     conductors = int(whole[1]) if whole else None
     faults = []
     if count and not conductors:
@@ -485,7 +585,7 @@ class PointTable:
 
     points: pd.DataFrame
     source: str
-    remarks: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the form of the table."""
@@ -498,24 +598,51 @@ class PointTable:
             raise ArgumentError("the rows of points must be numbered from 0; use IoList.from_table")
 
     @classmethod
-    def parse(cls, text: str, source: str = "text") -> Self:
+    def parse(
+        cls, text: str, source: str = "text", *, reading: Reading = _PLAIN, strict: bool = False
+    ) -> Self:
         """Read an I/O list from text, as an editor holds it."""
-        return cls._of(parse_sheet(text, source, is_titles=is_titles, what=_WHAT))
+        return cls._of(
+            parse_sheet(text, source, is_titles=score(reading), what=_WHAT), reading, strict
+        )
 
     @classmethod
     def from_table(cls, table: pd.DataFrame, source: str = "table") -> Self:
         """Make an I/O list of a table, checked as a file would be."""
-        return cls._of(frame_sheet(table, source))
+        return cls._of(frame_sheet(table, source), _PLAIN, False)
 
     @classmethod
-    def read(cls, path: str | PathLike[str], sheet: str | None = None) -> Self:
+    def read(
+        cls,
+        path: str | PathLike[str],
+        sheet: str | None = None,
+        *,
+        reading: Reading = _PLAIN,
+        strict: bool = False,
+    ) -> Self:
         """Read an I/O list from a CSV file or an Excel workbook."""
-        return cls._of(read_sheet(path, sheet, is_titles=is_titles, what=_WHAT))
+        found = read_sheet(path, sheet, is_titles=score(reading), what=_WHAT)
+        return cls._of(found, reading, strict)
 
     @classmethod
-    def _of(cls, sheet: Sheet) -> Self:
-        points, remarks = points_of(sheet)
-        return cls(points, sheet.source, remarks)
+    def _of(cls, sheet: Sheet, reading: Reading, strict: bool) -> Self:
+        points, notes = points_of(sheet, reading, strict=strict)
+        return cls(points, sheet.source, notes)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was not used, left out, filled in or assumed, in sentences."""
+        return tuple(str(note) for note in self.notes if not note.detail)
+
+    def reading(self) -> pd.DataFrame:
+        """Return how the list was read: what, how many rows, which, and whether it is a doubt."""
+        rows = [
+            (note.what, len(note.rows) or np.nan, listed(note.rows, None)[1:].lstrip()
+             if note.rows else "", note.doubt)
+            for note in self.notes
+        ]  # fmt: skip
+        table = pd.DataFrame(rows, columns=["what", "count", "rows", "doubt"])
+        return table.astype({"count": "Int64"})
 
     def __len__(self) -> int:
         """Return the number of points."""

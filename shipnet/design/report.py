@@ -27,6 +27,7 @@ from shipnet.design.designs import Design
 from shipnet.design.failures import FAILURES
 from shipnet.design.plot import plot_pareto, plot_ranges, svg
 from shipnet.design.settings import shown
+from shipnet.errors import listed
 
 #: What the first page of a report and the end of a text say.
 BANNER = "A design aid, not class approval."
@@ -336,12 +337,23 @@ def _what(design: Design, remarks: Sequence[str], changes: pd.DataFrame) -> str:
         f"I/O list {Path(iolist.source).name}: {len(iolist)} points ("
         + ", ".join(f"{n} {kind}" for kind, n in counts.items())
         + f") {of_systems}.",
-        *(f"{said[:1].upper()}{said[1:]}." for said in (*iolist.remarks, *remarks)),
+        *(f"{said[:1].upper()}{said[1:]}." for said in remarks),
         where,
         f"The host adds {design.settings.host_time:g} s to a response where a rule counts it"
         f"{_assumed(changes, 'host_time')}.",
     ]
-    return section("What was planned", bullets(lines), _changes(changes), page=False)
+    read = [
+        [f"{note.what[:1].upper()}{note.what[1:]}", str(len(note.rows) or ""),
+         listed(note.rows).lstrip("s ") if note.rows else ""]
+        for note in iolist.notes
+    ]  # fmt: skip
+    return section(
+        "What was planned",
+        bullets(lines),
+        *([table(["how the list was read", "count", "rows"], read, numbers=[1])] if read else []),
+        _changes(changes),
+        page=False,
+    )
 
 
 def _assumed(changes: pd.DataFrame, *names: str) -> str:

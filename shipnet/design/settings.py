@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cache, partial
 from itertools import accumulate
+from json import dumps
 from os import PathLike
 from pathlib import Path
 from textwrap import wrap
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 import numpy as np
 
 from shipnet.design.catalogue import Assumptions, Range, cables, ordered, read_assumptions
+from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Kind, Switch, Whole, check_whole, declared, number, record, switch, whole
 from shipnet.modbus.electrical import INTERFACES
@@ -283,6 +285,17 @@ _HEAD = """\
 
 _WIDTH = 98
 
+#: What a file of settings says of the tables for a list's own words where they are empty.
+_EXAMPLES: Mapping[str, tuple[str, ...]] = {
+    "columns": ("# Titles of the list, and the columns that they mean:", "# [columns]",
+                '# "KKS code" = "tag"'),
+    "signals": ("# Its words for signals, and what they mean:", "# [signals]",
+                '# "TIT" = "rtd_3wire"'),
+    "frames": ("# Frames and where they are, x in m; those between are spaced evenly:",
+               "# [frames]", "# 0 = 0.0", "# 30 = 18.0"),
+    "decks": ("# Decks and how high they are, z in m:", "# [decks]", "# DK3 = 8.0"),
+}  # fmt: skip
+
 #: A value that is a number with a decimal comma, as much of Europe types it.
 _COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTILINE)
 
@@ -316,7 +329,8 @@ class Settings(_Plain):
     Names without a prefix are ``detour``, ``tails``, ``host_time``, ``spare``, ``redundant``,
     ``update``, ``fed``, ``feeder`` and ``list_lengths``; then come ``boxes.``, ``asi.``, ``can.``
     and ``modbus.`` with the limits of each bus, and ``assumptions.`` with prices, hours and
-    factors. `table` lists them all with their legal values.
+    factors. `table` lists them all with their legal values. The tables ``columns``, ``signals``,
+    ``frames`` and ``decks`` hold the words of a list that `read_iolist` does not know.
 
     Parameters
     ----------
@@ -347,13 +361,16 @@ class Settings(_Plain):
     can: CanLimits = field(default_factory=CanLimits)
     modbus: ModbusLimits = field(default_factory=ModbusLimits)
     assumptions: Assumptions = field(default_factory=Assumptions)
+    reading: Reading = field(default_factory=Reading)
 
     #: What is checked and compared when two designs are put side by side.
     SHARED: ClassVar[tuple[str, ...]] = ("detour", "tails", "assumptions")
 
     def __init__(self, values: Mapping[str, object] | None = None, /) -> None:
-        for part in (*_PARTS, "assumptions")[1:]:
-            object.__setattr__(self, part, _PARTS.get(part, Assumptions)())
+        more = {"assumptions": Assumptions, "reading": Reading}
+        for part, kind in ({**_PARTS, **more}).items():
+            if part:
+                object.__setattr__(self, part, kind())
         if faults := self._take(values or {}):
             raise ArgumentError("; ".join(faults))
 
@@ -365,16 +382,22 @@ class Settings(_Plain):
     def _take(self, values: Mapping[str, object]) -> list[str]:
         """Take values over those there are; return what is wrong with the ones not taken."""
         faults: list[str] = []
+        reading = self.reading
+        words = {n: v for n, v in values.items() if n in Reading._fields and isinstance(v, Mapping)}
+        for table, own in words.items():
+            reading, wrong = reading.tried(table, own)
+            faults += wrong
+        object.__setattr__(self, "reading", reading)
         taken: dict[str, dict[str, Any]] = {}
-        for name, value in _flat(values):
+        for name, value in _flat({n: v for n, v in values.items() if n not in words}):
             try:
                 kind = kind_of(name)
             except ArgumentError as fault:
                 faults.append(str(fault))
                 continue
-            part, _, own = name.rpartition(".")
+            part, _, last = name.rpartition(".")
             try:
-                taken.setdefault(part, {})[own] = kind.check(name, _plain(value), None)
+                taken.setdefault(part, {})[last] = kind.check(name, _plain(value), None)
             except ArgumentError:
                 faults.append(f"{name} is {_brief(value)}; it must be {legal(name)}")
         changed = taken.pop("", {})
@@ -481,6 +504,10 @@ class Settings(_Plain):
                 lines += [f"# {line}" for line in wrap(f"{meaning(name)}.", _WIDTH)]
                 lines += [f"# {line}" for line in wrap(f"It must be {legal(name)}.{was}", _WIDTH)]
                 lines += [f"{own} = {shown(self[name])}", ""]
+        for words, pairs in zip(Reading._fields, self.reading, strict=True):
+            own_words = [f"{dumps(word, ensure_ascii=False)} = {dumps(value, ensure_ascii=False)}"
+                         for word, value in pairs]  # fmt: skip
+            lines += ["", f"[{words}]", *own_words] if own_words else ["", *_EXAMPLES[words]]
         return "\n".join(lines) + "\n"
 
 

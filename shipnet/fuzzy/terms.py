@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite, isnan
@@ -239,8 +240,8 @@ class Variable:
         object.__setattr__(self, "terms", tuple(self.terms))
         if not (isfinite(low) and isfinite(high) and low < high):
             raise ArgumentError(f"universe of {self.name} is {low:g}..{high:g}; it must be rising")
-        names = [term.name for term in self.terms]
-        twice = sorted({name for name in names if names.count(name) > 1})
+        names = Counter(term.name for term in self.terms)
+        twice = sorted(name for name, number in names.items() if number > 1)
         if twice or not names:
             raise ArgumentError(
                 f"{self.name} has {f'term {twice[0]} twice' if twice else 'no term'}; "

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
-from shipnet import style
+from shipnet import datasets, style
+from shipnet.papers.registry import figure
 
 #: Text, colour and place of each block by its name.
 Blocks: TypeAlias = Mapping[str, tuple[str, str, float, float]]
@@ -27,9 +29,35 @@ FILL = {
 HALF = (0.82, 0.33)
 
 
-def spread(blocks: Blocks, step: float) -> Blocks:
-    """Return the blocks with their columns this far apart."""
-    return {name: (text, fill, step * x, y) for name, (text, fill, x, y) in blocks.items()}
+def diagram(paper: str, item: str, *, ax: Axes, arrowstyle: str = "->") -> Blocks:
+    """Draw the blocks of a figure and what leads from one to another; return the blocks."""
+
+    def rows(name: str) -> list[list[str]]:
+        table = datasets.read(name)
+        mine = (table.paper == paper) & (table.figure == item)
+        return table.loc[mine].iloc[:, 2:].to_numpy().tolist()
+
+    blocks = {
+        name: (text.replace(r"\n", "\n"), colour, float(x), float(y))
+        for name, text, colour, x, y in rows("diagram_blocks.csv")
+    }
+    ways = [(start, end, word) for start, end, word in rows("diagram_ways.csv")]
+    outline(ax, blocks, ways, arrowstyle)
+    return blocks
+
+
+def diagrams(paper: str, *items: str, arrowstyle: str = "->") -> None:
+    """Register figures that are a diagram and nothing else."""
+    for item in items:
+        figure(paper, item)(partial(_diagram, paper, item, arrowstyle))
+
+
+def _diagram(paper: str, item: str, arrowstyle: str, *, ax: Axes) -> Axes:
+    blocks = diagram(paper, item, ax=ax, arrowstyle=arrowstyle).values()
+    places = np.array([(x, y) for _, _, x, y in blocks])
+    margin = np.array(HALF) + 0.13
+    (left, low), (right, top) = places.min(axis=0) - margin, places.max(axis=0) + margin
+    return style.bare(ax, (left, right), (low, top))
 
 
 def outline(ax: Axes, blocks: Blocks, ways: Ways, arrowstyle: str = "->") -> None:

@@ -18,6 +18,7 @@ from shipnet.design.iolist import IoList
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.settings import Settings, names
 from shipnet.design.site import Site, site_of
+from shipnet.design.words import Reading
 
 # The steps from an I/O list to a comparison, each kept for what it depends on ---------------------
 
@@ -55,9 +56,9 @@ EXAMPLES = _examples()
 
 
 @lru_cache(maxsize=8)
-def points(text: str, name: str, update_ms: int) -> IoList:
+def points(text: str, name: str, update_ms: int, reading: Reading) -> IoList:
     """Return the points of a text, none of which may wait longer than a time."""
-    iolist = IoList.parse(text, name)
+    iolist = IoList.parse(text, name, reading=reading)
     if not update_ms:
         return iolist
     # Where the list names none it is NaN, which fmin passes over.
@@ -96,9 +97,9 @@ def settings_of(
         "spare": spare, "redundant": redundant, "list_lengths": list_lengths, "detour": detour,
         **_prices(labour, parts),
     }  # fmt: skip
-    controls = Settings(values)
-    told = Settings.parse(own, "limits and prices").changes()["value"]
-    return controls.replace(dict(told))
+    given = Settings.parse(own, "limits and prices")
+    words = {table: dict(pairs) for table, pairs in given.reading._asdict().items()}
+    return Settings(values | dict(given.changes()["value"]) | words)
 
 
 @lru_cache(maxsize=8)

@@ -172,11 +172,12 @@ class ShipDesign(Tool):
         if not self.options:
             raise ArgumentError("no option is on; switch on one or more of home runs to Modbus RTU")
         printed = "".join(one if one.isprintable() else " " for one in self.name)
-        iolist = points(self.points, " ".join(printed.split()) or "list", self.update_ms)
         settings = settings_of(
             self.spare, self.redundant, self.list_lengths, self.detour, self.labour,
             self.parts, self.own,
         )  # fmt: skip
+        name = " ".join(printed.split()) or "list"
+        iolist = points(self.points, name, self.update_ms, settings.reading)
         return compared(iolist, self.cabinet, settings, self.options, self.rules)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -255,7 +256,7 @@ def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
         path = Path(folder) / "list"
         path.write_bytes(content)
         try:
-            iolist = read_iolist(path)
+            iolist = read_iolist(path, settings=Settings.parse(inputs.own))
         except InputError as problem:
             raise InputError(name, *problem.faults, more=problem.more) from None
         if content.startswith(b"PK"):

@@ -15,6 +15,7 @@ WORDS = as_bits(RESPONSES)
 
 def test_ideal_pulses_lie_on_each_other():
     opened = Waveform(train_of(1.5 * pulses_of(WORDS)), 250e-9, bits=WORDS).eye()
+    assert opened.t.tolist() == np.linspace(-1.5e-6, 1.5e-6, 61).tolist()
     assert len(opened.pulses) == (pulses_of(WORDS) != 0).sum()
     assert len(opened.pulses) + len(opened.gaps) == 16 * 15
     # Linear interpolation between samples a twelfth of a pulse apart.
@@ -29,6 +30,13 @@ def test_a_supply_voltage_and_a_scale_change_nothing():
     assert lifted.pulses == pytest.approx(plain.pulses, abs=1e-9)
     assert lifted.gaps == pytest.approx(plain.gaps, abs=1e-9)
     assert len(plain.pulses) == 2 * (pulses_of(WORDS) != 0).sum()
+    # Each telegram counts from its own mean and over its own largest sample.
+    scaled = replace(
+        wave, u=wave.u * np.linspace(1, 2, 16)[:, np.newaxis] + np.arange(16.0)[:, np.newaxis]
+    )
+    assert scaled.eye().pulses == pytest.approx(plain.pulses, abs=1e-9)
+    assert np.abs(plain.pulses).max() == pytest.approx(1, abs=1e-12)
+    assert wave.eye(2).t.tolist() == [-1.5e-6, 1.5e-6]
 
 
 def test_the_weakest_pulse_is_the_receivers():
@@ -44,11 +52,48 @@ def test_the_weakest_pulse_is_the_receivers():
 @pytest.mark.parametrize(
     ("u", "points", "message"),
     [
-        (np.zeros((16, 320)), 61, "holds no pulse"),
-        (train_of(2 * pulses_of(WORDS)), 1, "points is 1"),
+        (np.zeros((16, 320)), 61, "^a telegram in u holds no pulse above the receiver's minimum$"),
+        (train_of(2 * pulses_of(WORDS)), 1, "^points is 1; it must be 2 or more$"),
         (train_of(pulses_of(WORDS))[:, :190], 61, "u ends after 4.75e-05 s"),
     ],
 )
 def test_what_does_not_fit_is_named(u, points, message):
     with pytest.raises(ArgumentError, match=message):
         Waveform(u, 250e-9, bits=WORDS).eye(points)
+
+
+@pytest.mark.parametrize(
+    ("bits", "message"),
+    [
+        (WORDS[:5], r"^bits have the shape \(5, 7\); u has \(16, 268\)$"),
+        (np.tile(WORDS, (2, 1, 1)), r"^bits have the shape \(2, 16, 7\); u has \(16, 268\)$"),
+        (WORDS[:, :5], "^n_bits is 5; it must be 7, a response, or 14, a request$"),
+    ],
+)
+def test_bits_that_do_not_fit_the_voltages_are_refused(bits, message):
+    with pytest.raises(ArgumentError, match=message):
+        Waveform(np.zeros((16, 268)), 250e-9, bits=bits)
+    one = Waveform(np.zeros((16, 268)), 250e-9, bits=WORDS[0].tolist())
+    assert one.bits.shape == (7,)
+    assert one.span == pytest.approx((0, 42e-6))
+
+
+class Ramp:
+    """A disturbance that shows what it was asked for."""
+
+    def voltage(self, t, amplitude, rng, size, *, span):
+        self.asked = t, amplitude, size, span
+        return amplitude * np.arange(size)[:, np.newaxis] + rng.random((size, len(t)))
+
+
+def test_a_disturbance_covers_the_telegrams_of_a_record_that_begins_before_them():
+    wave = Waveform(np.ones((2, 3, 400)), 250e-9, start=-20e-6, bits=WORDS[:3])
+    ramp = Ramp()
+    noisy = wave.disturbed(ramp, 10.0, 5)
+    t, amplitude, size, span = ramp.asked
+    assert (t[0], amplitude, size) == (0, 10, 6)
+    assert t[-1] == pytest.approx(399 * 250e-9)
+    assert span == (20e-6, 62e-6)
+    expected = 1 + 10 * np.arange(6)[:, np.newaxis] + np.random.default_rng(5).random((6, 400))
+    assert np.array_equal(noisy.u, expected.reshape(2, 3, 400))
+    assert (noisy.start, noisy.dt) == (wave.start, wave.dt)

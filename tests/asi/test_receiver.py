@@ -407,6 +407,7 @@ def test_the_filter_takes_records_shorter_than_itself():
         ({"u": [1j]}, "dtype is complex128"),
         ({"n_bits": 8}, "n_bits is 8; it must be 7, a response, or 14, a request"),
         ({"threshold": 0}, "threshold is 0.0; it must lie between 0 and 1"),
+        ({"threshold": 1}, "threshold is 1.0; it must lie between 0 and 1"),
         ({"threshold": np.nan}, "threshold is nan"),
         ({"window": 0.6}, r"window is 0.6 half-bits; it must be 0\.\.0\.5"),
         ({"minimum": -1}, r"minimum is -1 V; it must be 0\.\.1e\+09 V"),
@@ -459,3 +460,57 @@ def test_any_numbers_get_an_answer(u, dt, n_bits, matched, minimum, window):
     for ratio in (received.weakest, received.ringing):
         assert ((ratio[heard] >= 0) & (ratio[heard] <= 1)).all()
     assert np.isnan(received.start[~heard]).all()
+
+
+def heard_by_hand(u, dt, n_bits, threshold, window, minimum):
+    """Receive one row slot by slot; None if it is silent."""
+    y = (u - u.mean()).tolist()
+    samples, end = HALF_BIT / dt, len(y) - 1
+    loud = [place for place, value in enumerate(y) if abs(value) > minimum]
+    if not loud:
+        return None
+    sign = 1 if y[loud[0]] > 0 else -1
+    near = range(loud[0], min(loud[0] + int(1.25 * samples), end) + 1)
+    at = max(near, key=lambda place: (sign * y[place], -place))
+    peak = float(at)
+    if 0 < at < end:
+        left, right = sign * (y[at] - y[at - 1]), sign * (y[at] - y[at + 1])
+        if left >= 0 and right >= 0 and left + right > 0:
+            peak += 0.5 * (left - right) / (left + right)
+    heights = [y[at]]
+    for slot in range(1, 2 * n_bits + 1):
+        middle, reach = round(peak + samples * slot), int(window * samples + 1e-9)
+        around = [y[min(max(middle + k, 0), end)] for k in range(-reach, reach + 1)]
+        largest = max(around) if max(around) > -min(around) else min(around)
+        heights.append(largest if middle <= end else 0.0)
+    least = max(threshold * abs(heights[0]), minimum)
+    slots = [0, *((h > 0) - (h < 0) if abs(h) > least else 0 for h in heights)]
+    filled = [abs(h) for h, slot in zip(heights, slots[1:], strict=True) if slot]
+    between = [abs(h) for h, slot in zip(heights, slots[1:], strict=True) if not slot]
+    reach = range(-int(samples / 4), int(samples / 4) + 1)
+    amplitude = max(sign * y[min(max(at + k, 0), end)] for k in reach)
+    start = peak * dt - 1.5 * HALF_BIT
+    return slots, start, amplitude, min(filled) / max(filled), max(between, default=0) / max(filled)
+
+
+@pytest.mark.parametrize("dt", [250e-9, 500e-9, 1e-6])
+@pytest.mark.parametrize("window", [0.0, 0.1, 0.5])
+def test_the_receiver_finds_in_small_whole_numbers_what_a_walk_along_the_record_finds(dt, window):
+    # Whole numbers of mean 0 give flat tops, pulses at both ends, and heights at the thresholds.
+    rng = np.random.default_rng(2024)
+    for size in (1, 2, 12, 90, 200):
+        half = rng.integers(-4, 5, (200, size)) * (rng.random((200, size)) < rng.random((200, 1)))
+        u = np.concatenate([half, -half], axis=1).astype(float)
+        settings = {"threshold": 0.5, "window": window, "minimum": 1.0}
+        heard = receive(u, dt, 7, matched=False, **settings)
+        silent = heard.error == SilenceError.code
+        for row, values in enumerate(u):
+            expected = heard_by_hand(values, dt, 7, **settings)
+            assert silent[row] == (expected is None)
+            if expected:
+                slots, *numbers = expected
+                assert heard.slots[row].tolist() == slots
+                names = ("start", "amplitude", "weakest", "ringing")
+                found = [getattr(heard, name)[row] for name in names]
+                assert found == pytest.approx(numbers, rel=1e-12, abs=1e-15)
+    assert heard.slots.dtype == np.int8

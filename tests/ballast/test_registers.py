@@ -5,15 +5,9 @@ from hypothesis import strategies as st
 
 from shipnet.ballast.registers import CODE_READINGS, SCALES, Code, RegisterMap, command_codes
 from shipnet.ballast.rule_table import rule_base
-from shipnet.errors import ArgumentError, FieldError, LengthError
-from shipnet.modbus.pdu import Request, Response, decode
-from shipnet.papers.kim2014.line import switch_table
+from shipnet.errors import ArgumentError, FieldError
 from shipnet.papers.kim2014.registers import (
-    STANDARD,
     code_table,
-    message_table,
-    printed_adu,
-    survival_table,
 )
 
 MAPS = st.builds(
@@ -105,15 +99,6 @@ def test_no_reading_within_its_scale_is_off_by_more_than_the_table_says():
         assert worst < table["largest_error"].iloc[k] + 1e-9
 
 
-def test_of_the_test_values_only_positions_are_lost_on_the_way():
-    table = survival_table()
-    lost = table[~table["survives"]]
-    assert set(lost["value"]) == {-5.0, 305.0}
-    assert lost["saturated"].all()
-    assert {"FP", "OP", "MC", "OT", "VPos"} == set(table["channel"])
-    assert table.query("value == 105")["survives"].all()
-
-
 def test_commands_come_back_in_the_readings_that_tell_them_apart():
     table = code_table()
     for reading in CODE_READINGS:
@@ -137,57 +122,6 @@ def test_any_command_is_understood_or_refused_by_name(value, map_):
         return
     assert map_.command(code, position) & 0xFF == value & 0xFF
     assert 0 <= position <= 100
-
-
-def test_the_printed_lengths_are_those_of_the_paper_and_one_is_not_the_standards():
-    table = message_table()
-    assert table["length_printed"].tolist() == [6, 6, 3, 6, 14]
-    assert table["length_standard"].tolist() == [6, 6, 3, 6, 11]
-    assert table["same"].tolist() == [True, True, False, True, False]
-    assert printed_adu("write error")[7] == 0x06
-    assert STANDARD["write error"][7] == 0x86
-
-
-@pytest.mark.parametrize("message", STANDARD)
-def test_the_length_field_of_every_printed_message_counts_what_follows(message):
-    adu = printed_adu(message)
-    assert int.from_bytes(adu[4:6], "big") == len(adu) - 6
-
-
-def test_our_decoder_takes_the_standard_bytes_and_refuses_the_printed_ones():
-    read, write = Request.read_input_registers(0x4020, 4), Request.write_single_register(0x4001, 0)
-    standard = decode(STANDARD["read response"], "tcp").pdu
-    assert Response.parse(standard, read).registers == (0, 0, 0, 0)
-    for message, request in (("read response", read), ("write error", write)):
-        with pytest.raises(LengthError):
-            Response.parse(decode(printed_adu(message), "tcp").pdu, request)
-
-
-def test_pymodbus_takes_the_standard_bytes_and_refuses_the_printed_ones():
-    pytest.importorskip("pymodbus")
-    from pymodbus.exceptions import ModbusIOException
-    from pymodbus.framer import FramerSocket
-    from pymodbus.pdu import DecodePDU
-
-    framer = FramerSocket(DecodePDU(is_server=False))
-
-    def registers(adu):
-        _, pdu = framer.handleFrame(adu, 0, 0)
-        return pdu.registers
-
-    assert registers(STANDARD["read response"]) == [0, 0, 0, 0]
-    for message in ("read response", "write error"):
-        with pytest.raises(ModbusIOException):
-            framer.handleFrame(printed_adu(message), 0, 0)
-    _, error = framer.handleFrame(STANDARD["write error"], 0, 0)
-    assert error.isError()
-
-
-def test_400_settings_make_247_legal_ids_each_once():
-    table = switch_table()
-    legal = table.query("verdict == 'legal'")
-    assert len(table) == 4 * 10 * 10
-    assert legal["number"].tolist() == list(range(1, 248))
 
 
 @pytest.mark.parametrize(

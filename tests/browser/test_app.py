@@ -312,7 +312,11 @@ def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, 
 
     tool.load("load a list", "bad.csv", b"tag,type,x,y,z\nA,DI,1,2,3\nA,DI,1,2,x\nB,XX,1,2,3\n")
     note = page.locator(".shipnet-note")
-    for fault in ("row 3, column tag: 'A'", "row 3, column z: 'x'", "row 4, column type: 'XX'"):
+    for fault in (
+        "row 3, column tag (A): 'A'",
+        "row 3, column z (E): 'x'",
+        "row 4, column type (B): 'XX'",
+    ):
         expect(note).to_contain_text(fault, timeout=LONG)
     # It is seen although the foot of the page is not.
     assert note.bounding_box()["y"] + note.bounding_box()["height"] <= 1000

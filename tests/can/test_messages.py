@@ -216,6 +216,13 @@ def test_all_faults_of_a_file_are_named_at_once(tmp_path):
     )
 
 
+def test_an_identifier_may_have_zeros_in_front():
+    for number, expected in (("002", 2), ("0070000", 70000), ("0x002", 2)):
+        messages = MessageSet.parse(f"name,arbitration_id,dlc,period_ms\nA,{number},8,10\n")
+        assert messages["A"].arbitration_id == expected
+        assert messages["A"].extended is (expected > 0xFFFF)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

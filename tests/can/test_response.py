@@ -309,6 +309,45 @@ def test_methods_keep_their_order_and_the_verdict_is_one(drawn, burst):
     assert schedulable(messages, FAST, faults=few) == all(e.met for e in exact)
 
 
+def test_a_bit_time_that_is_not_a_whole_number_of_nanoseconds_gives_the_same_bits():
+    # 3 bits take 3 us at 1 Mbit/s and 10 us at 300 kbit/s, so all times are whole nanoseconds.
+    few = {"burst": 2, "bits": 31}
+    found = {}
+    for rate in (FAST, 300_000):
+        bit = 3 / rate / 3
+        messages = MessageSet(
+            Message(f"m{k}", k, 8, period * bit, period * bit, jitter * bit, bits=bits)
+            for k, (bits, period, jitter) in enumerate(
+                [(60, 300, 30), (90, 600, 60), (120, 900, 120)]
+            )
+        )
+        limit = ErrorBound(1200 * bit, **few)
+        times = response_times(messages, rate, faults=limit)
+        found[rate] = [[round(one * rate, 6) for one in each.instances] for each in times]
+    assert found[FAST] == found[300_000]
+    # The most urgent: blocked by 120 bits, two errors of 31 bits and a frame, itself, its jitter.
+    assert found[FAST][0][0] == 120 + 2 * (31 + 60) + 60 + 30
+
+
+def test_a_frame_that_is_queued_within_the_arbitration_time_goes_first():
+    frames, periods = [60, 100], [160.5, 1000]
+    lower = response_times(message_set(frames, periods), FAST)[1]
+    assert lower.response == pytest.approx(160 * US)
+    # The second frame of m0 is queued 0.5 bit times after the bus is free.
+    frames, periods = [60, 60, 100], [120.5, 1000, 1000]
+    for bits, expected in ((0, 220), (1, 280)):
+        some = Assumptions(arbitration_bits=bits)
+        last = response_times(message_set(frames, periods), FAST, assumptions=some)[2]
+        assert last.response == pytest.approx(expected * US)
+
+
+def test_a_message_alone_without_the_intermission_waits_for_nothing():
+    (alone,) = response_times(
+        message_set([60], [200]), FAST, assumptions=Assumptions(intermission="nowhere")
+    )
+    assert alone.blocking == 0
+
+
 def test_assumptions_shift_the_response_by_what_they_say():
     messages = MessageSet(
         [Message("A", 1, 8, 0.01, jitter=0.001), Message("B", 2, 8, 0.01), Message("C", 3, 1, 0.01)]
@@ -454,7 +493,16 @@ def test_a_wrong_error_bound_is_refused(fields):
 
 
 def test_the_table_says_what_the_results_say():
-    table = response_times(davis_messages(), 125_000).table()
+    found = response_times(davis_messages(), 125_000)
+    table = found.table()
+    assert [*table] == [
+        "arbitration_id", "frame_ms", "blocking_ms", "busy_period_ms", "instances", "response_ms",
+        "deadline_ms", "slack_ms", "met", "load_percent",
+    ]  # fmt: skip
+    assert (found.bit_rate, table.index.name) == (125_000, "name")
+    assert (table.index.dtype, table["met"].dtype) == (object, bool)
+    assert table["frame_ms"].tolist() == [1.0, 1.0, 1.0]
+    assert table["blocking_ms"].tolist() == [1.0, 1.0, 0.0]
     assert table["response_ms"].tolist() == [2.0, 3.0, 3.5]
     assert table["slack_ms"].tolist() == [0.5, 0.25, -0.25]
     assert table["busy_period_ms"].tolist() == [2.0, 5.0, 7.0]

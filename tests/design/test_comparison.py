@@ -202,7 +202,14 @@ def test_a_comparison_is_saved_as_tables(tmp_path):
     both = compare([small(), small(name="b/c")])
     both.save(tmp_path / "all")
     names = {path.name for path in (tmp_path / "all").iterdir()}
-    assert names == {"comparison.csv", "findings.csv", "failures.csv", "home runs", "b-c"}
+    assert names == {
+        "comparison.csv",
+        "findings.csv",
+        "failures.csv",
+        "reading.csv",
+        "home runs",
+        "b-c",
+    }
     cables = pd.read_csv(tmp_path / "all" / "b-c" / "cables.csv")
     assert len(cables) == 3
     assert (tmp_path / "all" / "b-c" / "settings.toml").read_text() == both.settings.text()

@@ -61,7 +61,7 @@ def test_conductors_of_each_signal():
     # A common return leaves one wire a point; a number in the name is the number of wires.
     expected = {name: 1 if name.endswith("_common") else 2 for name in SIGNALS}
     expected |= {"rtd_3wire": 3, "rtd_4wire": 4, "current_loop_4wire": 4, "potentiometer": 3}
-    expected |= {"proximity_3wire": 3}
+    expected |= {"proximity_3wire": 3, "current_loop_3wire": 3}
     assert {name: signal.conductors for name, signal in SIGNALS.items()} == expected
     for name, signal in SIGNALS.items():
         assert signal.meaning

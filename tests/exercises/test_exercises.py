@@ -13,7 +13,6 @@ import pytest
 from docs import editions
 from shipnet import datasets
 from shipnet.asi.modulation import ramp_spectrum
-from shipnet.ballast import rule_base
 from shipnet.errors import ArgumentError
 from shipnet.exercises import check, given, glossary, student
 from shipnet.exercises.answers import (
@@ -115,109 +114,25 @@ def test_every_stub_says_that_nothing_is_solved(source):
 EXERCISES = [key for source in SOURCES for key in keys(source)]
 
 
-#: Wrong answers that every kind of answer has a hint for, made from the right one.
+#: A slip that every kind of answer has a hint for, and a part of that hint.
 SLIPS = {
-    "ex-01-1": {
-        "the other way round": lambda right: right.translate({48: "1", 49: "0"}),
-        "reverse order": lambda right: right[::-1],
-        "these are 4 bits: 4 too few": lambda right: right[:4],
-    },
-    "ex-01-2": {
-        "1000 times too small: is it in us": lambda right: right / 1e3,
-        "1000000 times too small: is it in us": lambda right: right / 1e6,
-    },
-    "ex-01-3": {
-        "one too many": lambda right: lambda bits: right(bits) + 1,
-        "IndexError": lambda right: lambda bits: bits[len(bits)],
-    },
-    "ex-01-4": {
-        "1000 times too large": lambda right: 1e3 * right,
-        "one over the answer": lambda right: 1 / right,
-    },
-    "ex-02-2": {"1000 times too large: is it in us": lambda right: 1e3 * right},
-    "ex-02-3": {
-        "the sign is wrong": lambda right: lambda *case: -right(*case),
-        "one over the answer": lambda right: lambda *case: 1 / right(*case),
-    },
-    "ex-02-4": {"one too many": lambda right: right + 1},
-    "ex-03-1": {
-        "these are 5 bits: 2 too few": lambda right: right[1:-1],
-        "reverse order": lambda right: right[::-1],
-    },
-    "ex-03-2": {
-        "reverse order": lambda right: right[::-1],
-        "these are 9 bits: 6 too many": lambda right: 3 * right,
-    },
-    "ex-03-3": {
-        "too large": lambda right: lambda words: 3 * right(words),
-        "one too few": lambda right: lambda words: right(words) - 1,
-    },
-    "ex-03-4": {
-        "one too many": lambda right: right + 1,
-        "bits or bytes": lambda right: right / 8,
-    },
-    "ex-04-1": {"1000 times too small: is it in us": lambda right: right / 1e3},
-    "ex-04-2": {
-        "1000 times too large: is it in ms": lambda right: 1e3 * right,
-        "one over the answer": lambda right: 1 / right,
-    },
-    "ex-04-3": {
-        "that is the share": lambda right: lambda *case: right(*case) / 100,
-        "too large": lambda right: lambda *case: 100 - right(*case),
-    },
-    "ex-04-4": {"one too few": lambda right: right - 1},
-    "ex-05-2": {
-        "too few": lambda right: lambda bits: bits,
-        "too many": lambda right: lambda bits: bits + "1",
-    },
-    "ex-05-3": {"1000 times too large": lambda right: 1e3 * right},
-    "ex-05-4": {"is none of": lambda right: right.replace(" ", "")},
-    "ex-06-1": {
-        "byte 1 of 6 is wrong": lambda right: bytes([right[0] + 1]) + right[1:],
-        "1 too few": lambda right: right[1:],
-        "last two bytes are swapped": lambda right: right[:-2] + right[:-3:-1],
-    },
-    "ex-06-2": {"1000 times too small: is it in ms": lambda right: right / 1e3},
-    "ex-06-3": {"1000 times too large: is it in s": lambda right: lambda *case: 1e3 * right(*case)},
-    "ex-06-4": {"one too few": lambda right: right - 1},
-    "ex-07-1": {"one too many": lambda right: right + 1},
-    "ex-07-2": {"1000 times too small: is it in ms": lambda right: right / 1e3},
-    "ex-07-3": {"one too few": lambda right: lambda events, size: right(events, size + 1)},
-    "ex-07-4": {"too small": lambda right: right // 8 + 3},
-    "ex-08-2": {"1000 times too large": lambda right: 1e3 * right},
-    "ex-08-3": {
-        "one too many": lambda right: lambda n, cuts: right(n, cuts) + 1,
-        "ValueError": lambda right: lambda n, cuts: max(cuts) - min(cuts),
-    },
-    "ex-08-4": {"1000 times too small": lambda right: right / 1e3},
-    "ex-09-1": {
-        "1 is missing": lambda right: [code for code in rule_base().ranking if code in right][1:],
-        "1 of yours does not belong": lambda right: {*right, min({*rule_base().codes} - right)},
-    },
-    "ex-09-2": {"that is the percentage": lambda right: 100 * right},
-    "ex-09-3": {
-        "too few": lambda right: lambda fires, k, n: right(fires, k, n)[n - 1 :],
-        "other way round": lambda right: lambda *case: right(*case).translate({48: "1", 49: "0"}),
-    },
-    "ex-09-4": {
-        "1000 times too small: is it in ms": lambda right: [
-            {**row, "delay": row["delay"] / 1e3} for row in right
-        ],
-    },
-    "ex-10-1": {
-        "the point is in the wrong place": lambda right: right / 10,
-        "that is the share": lambda right: right / 100,
-    },
-    "ex-10-2": {"that is the share": lambda right: right / 100},
-    "ex-10-3": {"1000 times too small": lambda right: right / 1e3},
-    "ex-10-4": {
-        "ValueError": lambda right: (
-            lambda options, limit: min(
-                (row[0], option) for option, row in options.items() if row[1] <= limit
-            )[1]
-        ),
-    },
+    Number: (lambda right: 1e3 * right, "1000 times too large"),
+    Whole: (lambda right: 7 * right + 31, "too large"),
+    Bits: (lambda right: right[1:], "1 too few"),
+    Bytes: (lambda right: right[1:], "1 too few"),
+    Choice: (lambda right: right + "?", "is none of"),
+    Choices: (lambda right: [*right, "?"], "is none of"),
+    Table: (lambda right: [{**row, "delay": row["delay"] / 1e3} for row in right], "1000 times"),
 }
+
+
+def slip(right):
+    """Return a hint and the wrong answer for it, made from the right one."""
+    if not isinstance(right, Function):
+        make, hint = SLIPS[type(right)]
+        return hint, make(right.value)
+    make, hint = SLIPS[type(right.answer(right.value(*right.cases[0])))]
+    return hint, lambda *case: make(right.value(*case))
 
 
 def gives_away(said, right):
@@ -250,9 +165,7 @@ def test_mistakes_are_told_apart_whatever_the_numbers(key):
     for numbers in draws(one):
         right = one.answer(**numbers)
         trapped = {hint: wrong(**numbers) for hint, wrong in one.traps.items()}
-        slips = {hint: wrong(right.value) for hint, wrong in SLIPS.get(key, {}).items()}
-        mistakes = trapped | slips
-        assert len(mistakes) >= 2
+        mistakes = trapped | dict([slip(right)])
         for hint, answered in mistakes.items():
             said = one.fault(answered, Drawn(numbers))
             assert said is not None and hint in said, f"{numbers}: {hint!r} got {said!r}"
@@ -333,17 +246,6 @@ def test_what_players_answered_gets_the_hint_that_helps(key, wrong, hint):
         assert hint in one.fault(wrong(**numbers), Drawn(numbers)), numbers
 
 
-@pytest.mark.parametrize("key", EXERCISES)
-@pytest.mark.parametrize(
-    "answer",
-    [True, "", "x", -1, float("nan"), [], {}, len, str, object(), 1j, np.zeros(3), b"\xff"],
-)
-def test_whatever_is_answered_a_sentence_comes_back(key, answer):
-    verdict = check(key, answer, student("Kim"))
-    assert not verdict
-    assert verdict.text and "\n" not in verdict.text
-
-
 class Hostile:
     """Objects to everything."""
 
@@ -355,19 +257,31 @@ class Hostile:
 
 
 @pytest.mark.parametrize("key", EXERCISES)
-@pytest.mark.parametrize("answer", [Hostile(), lambda *_: Hostile(), [Hostile()]])
-def test_an_answer_that_objects_is_no_traceback(key, answer):
+@pytest.mark.parametrize(
+    "answer",
+    [
+        True,
+        "",
+        "x",
+        -1,
+        float("nan"),
+        [],
+        {},
+        len,
+        str,
+        object(),
+        1j,
+        np.zeros(3),
+        b"\xff",
+        Hostile(),
+        lambda *_: Hostile(),
+        [Hostile()],
+    ],
+)
+def test_whatever_is_answered_a_sentence_comes_back(key, answer):
     verdict = check(key, answer, student("Kim"))
     assert not verdict
     assert verdict.text and "\n" not in verdict.text
-
-
-@pytest.mark.parametrize("key", EXERCISES)
-def test_a_hint_does_not_show_the_answer(key):
-    me = student("Kim")
-    right = exercise(key).answer(**given(key, me))
-    for wrong in (12345.678, "0", "00000000", [], lambda *_: 12345.678):
-        assert not gives_away(check(key, wrong, me).text, right)
 
 
 # The lessons' words

@@ -53,37 +53,6 @@ def test_overlaps_are_those_that_the_ends_of_the_intervals_have(method):
     assert BASE.overlaps(method).table().to_numpy().tolist() == expected
 
 
-def test_42_of_66_pairs_of_the_printed_rules_overlap_and_6_are_nested():
-    pairs = BASE.overlaps().table()
-    assert len(pairs) == 42
-    nested = {
-        (row.a, row.b) if row.relation == "a in b" else (row.b, row.a)
-        for row in pairs.itertuples()
-        if row.relation != "overlap"
-    }
-    assert nested == {
-        ("Pos1", "S1"), ("S1", "Pos3"), ("Pos1", "Pos3"),
-        ("Pos2", "S2"), ("S2", "Pos4"), ("Pos2", "Pos4"),
-    }  # fmt: skip
-
-
-def test_with_a_cut_of_a_half_seven_more_pairs_touch_on_a_common_limit():
-    printed, cut = (
-        {(row.a, row.b) for row in BASE.overlaps(band).table().itertuples()}
-        for band in ("crisp", "midpoint")
-    )
-    more = cut - printed
-    # Where both terms are a half: MC 0.1 or 2.5 A, OP 2.5 bar.
-    assert printed < cut and len(more) == 7
-    assert all(
-        any(
-            BASE.rule(a).variables.count(name) and BASE.rule(b).variables.count(name)
-            for name in ("MC", "OP")
-        )
-        for a, b in more
-    )
-
-
 @pytest.mark.parametrize("method", ["crisp", "midpoint"])
 def test_every_sample_lies_in_a_region(method):
     rng = np.random.default_rng(11)
@@ -236,11 +205,3 @@ def test_one_fault_alone_keeps_its_number_and_none_is_none():
     assert table["nearest"].tolist() == tests.index.tolist()
     assert table["centroid"].tolist() == [1, 2, 3, 4, 5, 8, 11]
     assert BASE.centroid({"OT": [float("nan")]})["nearest"].tolist() == ["unknown"]
-
-
-def test_of_the_nested_vectors_the_centroid_names_half_and_those_by_chance():
-    tests = rule_vectors().loc[["S1", "S2", "Pos1", "Pos2"]]
-    table = BASE.centroid(tests)
-    # (6 + 9 + 11) / 3 happens to lie near 9, (7 + 10 + 12) / 3 near 10.
-    assert table["nearest"].tolist() == ["O1", "Pos1", "Pos1", "Pos2"]
-    assert table["top"].tolist() == tests.index.tolist()

@@ -50,23 +50,6 @@ def test_the_headline_is_the_active_code_of_the_highest_priority(fires):
     assert decision.codes(0)[:1] == ((expected,) if active else ())
 
 
-def test_an_alarm_comes_with_the_third_of_five_and_goes_with_the_third_clear_sample():
-    column = [0, 1, 0, 1, 0, 1, 1, 1, 0, 0, 0, 0]
-    active = of_rule("V1", column).decide(k=3, n=5).top == "V1"
-    assert active.tolist() == [False] * 5 + [True] * 5 + [False] * 2
-
-
-def test_two_disturbed_samples_raise_no_alarm():
-    column = [0, 0, 1, 1, 0, 0, 0, 0]
-    assert set(of_rule("V1", column).decide(k=3, n=5).top) == {"normal"}
-    assert "V1" in of_rule("V1", column).decide().top
-
-
-def test_a_window_longer_than_the_record_needs_its_k_all_the_same():
-    assert of_rule("V1", [1, 1, 1]).decide(k=3, n=100).top.tolist()[-1] == "V1"
-    assert of_rule("V1", [1, 1]).decide(k=3, n=100).top.tolist()[-1] == "normal"
-
-
 def test_each_unit_has_its_own_persistence():
     rng = np.random.default_rng(7)
     strength = rng.uniform(0, 1, (40, 3, 12))

@@ -93,21 +93,6 @@ def test_membership_is_that_of_scikit_fuzzy_to_the_last_bit(corners, x):
     assert ours.tolist() == skfuzzy.trapmf(values, given_corners).tolist()
 
 
-@given(trapezoids(), st.lists(numbers, min_size=1, max_size=20))
-def test_the_dead_band_is_where_membership_is_a_half_or_more(corners, x):
-    term = Term("a", corners, ANY)
-    values = np.array(x)
-    degree = term.membership(values)
-    # On the middle itself a rounding decides.
-    clear = np.abs(degree - 0.5) > 1e-9
-    assert (term.midpoint.contains(values) == (degree >= 0.5))[clear].all()
-
-
-def test_nan_is_a_member_of_nothing():
-    for corners in ((0, 1, 2, 3), (-INF, -INF, 1, 1), (0, 0, INF, INF), (5, 5, 5, 5)):
-        assert Term("a", corners, ANY).membership([math.nan]).tolist() == [0]
-
-
 def test_membership_keeps_the_shape():
     term = Term("a", (0, 1, 2, 3), ANY)
     assert term.membership(0.25).tolist() == 0.25

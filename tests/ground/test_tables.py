@@ -59,13 +59,13 @@ def test_dates_errors_and_truths_in_a_workbook_are_faults(tmp_path):
     with pytest.raises(InputError) as error:
         read_iolist(path)
     assert error.value.faults == (
-        "row 2, column X [m]: '1905-07-02 00:00:00', a date or a time; expected a number "
+        "row 2, column X [m] (D): '1905-07-02 00:00:00', a date or a time; expected a number "
         "-1000..1000 m",
-        "row 2, column Y [m]: 'True', true or false; expected a number -1000..1000 m",
-        "row 2, column Update [s]: '1,5'; expected a number above 0, up to 3600 s",
-        "row 3, column Tag No.: '2026-01-02 00:00:00', a date or a time; expected printable text",
-        "row 3, column Z [m]: '#REF!', an error; expected a number -1000..1000 m",
-        "row 4, column Tag No.: '#N/A', an error; expected printable text",
+        "row 2, column Y [m] (E): 'True', true or false; expected a number -1000..1000 m",
+        "row 3, column Tag No. (A): '2026-01-02 00:00:00', a date or a time; expected printable "
+        "text",
+        "row 3, column Z [m] (F): '#REF!', an error; expected a number -1000..1000 m",
+        "row 4, column Tag No. (A): '#N/A', an error; expected printable text",
     )
 
 
@@ -76,15 +76,15 @@ def test_a_formula_is_never_evaluated(tmp_path):
     with pytest.raises(InputError) as error:
         read_iolist(path)
     assert error.value.faults == (
-        "row 2, column Tag No.: is empty; expected a tag",
-        "row 3, column X [m]: is empty; expected X [m], Y [m], Z [m], or none",
+        "row 2, column Tag No. (A): is empty; expected a tag",
+        "row 3, column X [m] (D): is empty; expected X [m] (D), Y [m] (E), Z [m] (F), or none",
     )
 
 
 def test_what_stands_beside_the_table_is_not_used(tmp_path):
     rows = [LIST[0], [*LIST[1], None, "checked by K."], LIST[2]]
     iolist = read_iolist(workbook(tmp_path / "list.xlsx", ("list", rows)))
-    assert iolist.remarks == ("not used: what stands beside the table in 1 rows",)
+    assert iolist.remarks == ("not used: what stands beside the table: 1 row (2)",)
 
 
 def test_sheets_that_are_not_there_are_named(tmp_path):
@@ -163,7 +163,7 @@ def test_a_broken_workbook_gives_a_sheet_or_an_input_error(
 def test_cells_with_line_breaks_do_not_shift_the_rows():
     sheet = parse_sheet('a,"long\ntitle"\n1,"x\ny"\n\n2,3\n')
     assert sheet.titles == ("a", "long title")
-    assert sheet.rows == [(3, ["1", "x\ny"]), (6, ["2", "3"])]
+    assert sheet.rows == [(2, ["1", "x\ny"]), (4, ["2", "3"])]
 
 
 def test_the_separator_is_the_one_that_makes_titles():
@@ -211,7 +211,7 @@ def test_sheets_that_hold_such_a_table_too_are_told(tmp_path):
         ("Cargo", other),
     )  # fmt: skip
     iolist = read_iolist(path)
-    assert iolist.remarks == ("read: sheet Bilge; not read: Fuel, Cargo, with such titles too",)
+    assert iolist.remarks == ("read: sheet Bilge; not read: Cover, Fuel, Cargo",)
     assert read_iolist(path, sheet="Fuel").remarks == ()
     assert read_iolist(path, sheet="Fuel").points["tag"].tolist() == ["FO-1"]
 
@@ -250,6 +250,7 @@ def test_a_tag_that_a_format_makes_longer_is_not_cut_short(tmp_path):
     book["Points"]["D3"].number_format = '0.0" m"'
     book.save(path)
     with pytest.raises(
-        InputError, match=r"xlsx: row 3, column Tag No.: '1001', a number with words beside it;"
+        InputError,
+        match=r"sheet Points: row 3, column Tag No. \(A\): '1001', a number with words beside it;",
     ):
         read_iolist(path)

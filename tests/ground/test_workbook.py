@@ -181,7 +181,7 @@ def test_merged_cells_hold_something_only_once():
     book.save(stream)
     cells = {number: row for number, row, _ in read(stream.getvalue(), "Sheet")}
     with _opened(stream.getvalue(), "workbook") as made:
-        assert made.merged("Sheet") == [(1, 3, 0)]
+        assert made.layout("Sheet") == ([(1, 3, 0)], frozenset())
     assert cells[1] == ["wide", "", "c"]
     assert not any(cells.get(2, [])) and not any(cells.get(3, []))
 

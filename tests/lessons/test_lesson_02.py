@@ -9,18 +9,10 @@ from shipnet.asi.elements import DEVICE, POWER_SUPPLY
 from shipnet.asi.modulation import SEND_CURRENT, as_bits, steps_of
 from shipnet.asi.receiver import receive
 from shipnet.asi.telegram import RESPONSES
-from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_02 import _ECHOES, _ENDS, _echo
 from shipnet.line import Cable, CableRun, Driver, Network, simulate
-
-NAMES = ("Kim", "Jeong", "a student")
-
-
-def right(key, name):
-    """Return a student's numbers and right answer."""
-    numbers = given(key, student(name))
-    return numbers, exercise(key).answer(**numbers).value
+from tests.lessons.students import NAMED, right
 
 
 def at_both_ends(volts, resistor, z0):
@@ -45,7 +37,7 @@ def test_every_echo_names_its_end():
         assert ("above" in end or "open" in end) == (echo > 0)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_an_open_cable_is_a_short_at_a_quarter_wave(name):
     """An echo that needs half a period of a wave comes back against it."""
     numbers, echo = right("ex-02-2", name)

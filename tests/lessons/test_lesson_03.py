@@ -8,21 +8,12 @@ from scipy.spatial.distance import pdist
 
 from shipnet.asi.modulation import check_slots, pulses_of
 from shipnet.crc import CAN
-from shipnet.exercises import given, student
-from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_03 import _MESSAGES, _TRIED, _distance, _remainder
 from shipnet.papers.kim2023.signals import undetected
-
-NAMES = ("Kim", "Jeong", "a student")
-
-
-def right(key, name):
-    """Return a student's numbers and right answer."""
-    numbers = given(key, student(name))
-    return numbers, exercise(key).answer(**numbers).value
+from tests.lessons.students import NAMED, right
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_of_all_seven_bits_a_receiver_takes_only_the_right_ones(name):
     numbers, telegram = right("ex-03-1", name)
     words = ["".join(bits) for bits in product("01", repeat=7)]
@@ -53,7 +44,7 @@ def test_the_distance_is_that_of_scipy():
         assert _distance(words) == round(pdist(table, "hamming").min() * len(words[0]))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_one_bit_of_crc_less_lets_a_message_pass(name):
     numbers, width = right("ex-03-4", name)
     hit = numbers["hits"] * numbers["years"] * 365

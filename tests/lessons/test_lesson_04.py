@@ -6,24 +6,16 @@ import pytest
 from shipnet.asi import Slave, simulate
 from shipnet.asi.faults import LostReply
 from shipnet.asi.timing import BIT_TIME, Transaction, cycle_time, response_time
-from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_04 import _efficiency
-
-NAMES = ("Kim", "Jeong", "a student")
-
-
-def right(key, name):
-    """Return a student's numbers and right answer."""
-    numbers = given(key, student(name))
-    return numbers, exercise(key).answer(**numbers).value
+from tests.lessons.students import NAMED, right
 
 
 def line(n):
     return [Slave(f"{address}") for address in range(1, n + 1)]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_two_requests_follow_each_other_as_computed(name):
     numbers, exchange = right("ex-04-1", name)
     run = simulate(line(2), cycles=10, transaction=Transaction(**numbers))
@@ -31,7 +23,7 @@ def test_two_requests_follow_each_other_as_computed(name):
     assert np.diff(rows["time_s"]) * 1e6 == pytest.approx(exchange)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_the_cycle_is_that_of_a_simulated_line(name):
     numbers, cycle = right("ex-04-2", name)
     transaction = Transaction(master_pause=numbers["bits"] - 23)
@@ -52,7 +44,7 @@ def test_the_efficiency_is_counted_on_a_simulated_line(pauses):
     assert 100 * 8 * 3 * BIT_TIME / span == pytest.approx(_efficiency(8, *pauses))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_one_slave_more_breaks_the_limit(name):
     """Counted in whole bit times."""
     numbers, most = right("ex-04-4", name)

@@ -3,38 +3,31 @@
 import numpy as np
 import pytest
 
-from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
 from shipnet.modbus.frame import rtu_frame
 from shipnet.modbus.pdu import Request, Response, decode
 from shipnet.modbus.uart import SerialLine
-
-NAMES = ["Kim", "Jeong", "a student", "Lee", "Park"]
-
-
-def one(key, name):
-    numbers = given(key, student(name))
-    return numbers, exercise(key).answer(**numbers).value
+from tests.lessons.students import NAMED, right
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_a_peer_reads_the_request_as_it_was_meant(name):
     pymodbus = pytest.importorskip("pymodbus.pdu.register_message")
-    numbers, right = one("ex-06-1", name)
+    numbers, expected = right("ex-06-1", name)
     request = pymodbus.ReadHoldingRegistersRequest(
         address=numbers["number"] - 1, count=numbers["quantity"]
     )
-    assert right == bytes([numbers["unit"], 3]) + request.encode()
-    read = Request.parse(decode(rtu_frame(right[0], right[1:])).pdu)
+    assert expected == bytes([numbers["unit"], 3]) + request.encode()
+    read = Request.parse(decode(rtu_frame(expected[0], expected[1:])).pdu)
     assert read == Request.read_holding_registers(numbers["number"] - 1, numbers["quantity"])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_the_response_is_as_long_as_its_waveform(name):
-    numbers, right = one("ex-06-2", name)
+    numbers, expected = right("ex-06-2", name)
     frame = rtu_frame(1, Response(3, registers=[0] * numbers["registers"]).pdu)
     time = SerialLine(numbers["rate"]).waveform(frame, gap=0).time
-    assert right == pytest.approx(1e3 * time[-1])
+    assert expected == pytest.approx(1e3 * time[-1])
 
 
 def transaction(line, quantity):
@@ -53,9 +46,9 @@ def test_a_scan_is_as_long_as_its_waveforms():
         assert asked.value(slaves, quantity, rate) == pytest.approx(right)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_one_valve_more_would_be_late(name):
-    numbers, most = one("ex-06-4", name)
+    numbers, most = right("ex-06-4", name)
     line = SerialLine(numbers["rate"])
     alive = transaction(line, 4) + numbers["think_ms"] / 1e3
     dead = 8 * 11 / numbers["rate"] + numbers["timeout_ms"] / 1e3

@@ -7,7 +7,6 @@ import pytest
 
 from shipnet.design import Design
 from shipnet.engine.system import System
-from shipnet.exercises import given, student
 from shipnet.exercises.checking import exercise
 from shipnet.modbus.faults import Break
 from shipnet.modbus.pdu import Request
@@ -15,9 +14,9 @@ from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import DualChannel, Loop
 from shipnet.modbus.simulation import simulate
 from shipnet.modbus.uart import SerialLine
+from tests.lessons.students import NAMED, right
 from tests.modbus.sweeps import sweep
 
-NAMES = ("Kim", "Jeong", "a student")
 LINE = SerialLine(9600)
 STATUS = Request.read_input_registers(0, 4)
 
@@ -33,14 +32,9 @@ def walked(n, cuts):
     return n - len(met)
 
 
-def numbers_and_answer(key, name):
-    numbers = given(key, student(name))
-    return numbers, exercise(key).answer(**numbers).value
-
-
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_the_lost_valves_are_those_that_a_walk_does_not_meet(name):
-    numbers, answer = numbers_and_answer("ex-08-1", name)
+    numbers, answer = right("ex-08-1", name)
     assert answer == walked(numbers["n"], {numbers["first"], numbers["second"]})
 
 
@@ -53,9 +47,9 @@ def test_the_function_agrees_with_a_walk_for_random_cuts():
         assert lost_valves(n, cuts) == walked(n, set(cuts))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_the_gap_of_the_channels_is_simulated(name):
-    numbers, answer = numbers_and_answer("ex-08-2", name)
+    numbers, answer = right("ex-08-2", name)
     poll = Poll(STATUS, LINE, timeout=numbers["timeout"] / 1e3, retries=numbers["retries"])
     ams = DualChannel(poll, period=numbers["period"])
     # Just behind the end of the third answer.

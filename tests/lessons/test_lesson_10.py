@@ -13,16 +13,9 @@ from shipnet.design.planning import plan
 from shipnet.design.plant import Plant
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
-from shipnet.exercises import check, given, student
+from shipnet.exercises import check
 from shipnet.exercises.checking import exercise
-
-NAMES = ("Kim", "Jeong", "a student")
-
-
-def right(key, name):
-    """Return what a student was given, and the right answer."""
-    numbers = given(key, student(name))
-    return numbers, exercise(key).answer(**numbers).value
+from tests.lessons.students import NAMED, right
 
 
 @cache
@@ -38,7 +31,7 @@ def design(option, repeaters=2, tree=True):
     return plan(ballast(), site, option, settings=settings, name=f"{option} {repeaters}")
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_what_is_left_is_counted_wire_by_wire(name):
     numbers, left = right("ex-10-1", name)
     plant = Plant(modules=numbers["contacts"], contacts=1, lines=numbers["lines"])
@@ -49,7 +42,7 @@ def test_what_is_left_is_counted_wire_by_wire(name):
     assert left == pytest.approx(100 * wires[0] / wires[1])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@NAMED
 def test_a_saving_adds_up_from_its_parts(name):
     numbers, saved = right("ex-10-2", name)
     plant = Plant(contacts=2, spacing=4, **numbers)

@@ -3,7 +3,7 @@ import pytest
 from shipnet import datasets
 from shipnet.asi import Call, Request
 from shipnet.errors import ArgumentError
-from shipnet.papers import PrintedTable, table
+from shipnet.papers import PrintedTable, figure, table
 
 GENERATED = [f"Table {number}" for number in (4, 5, 6, 7)]
 
@@ -97,3 +97,16 @@ def test_a_table_that_is_only_transcribed_is_shown_as_text():
 def test_an_unknown_table_is_refused(paper, item):
     with pytest.raises(ArgumentError, match=r"transcribed are Table 1|paper is 'kim'"):
         table(paper, item)
+
+
+def test_a_diagram_joins_blocks_that_it_has():
+    blocks, ways = datasets.read("diagram_blocks.csv"), datasets.read("diagram_ways.csv")
+    have = {tuple(row) for row in blocks[["paper", "figure", "block"]].to_numpy()}
+    assert len(have) == len(blocks)
+    for end in ("start", "end"):
+        assert {tuple(row) for row in ways[["paper", "figure", end]].to_numpy()} <= have
+    for paper, item in {place[:2] for place in have}:
+        ax = figure(paper, item)
+        mine = blocks[(blocks.paper == paper) & (blocks.figure == item)]
+        drawn = [text.get_text() for text in ax.texts]
+        assert {text.replace(r"\n", "\n") for text in mine["text"]} <= set(drawn)

@@ -238,7 +238,7 @@ def test_the_page_refuses_a_bad_list_fault_by_fault_and_takes_a_good_one():
     before = page.inputs
     upload = page.uploads["load a list"]
     load(upload, f"tag,type,x,y,z\nA,DI,1,2,3\nA,DI,1,2,x\n{HOSTILE},XX,1,2,3\n".encode(), "l.csv")
-    assert page.note.startswith("l.csv: row 3, column tag: 'A'") and "row 4" in page.note
+    assert page.note.startswith("l.csv: row 3, column tag (A): 'A'") and "row 4" in page.note
     assert page._noted.value.count("<br>") == 4 and "<img" not in page._noted.value
     assert page.inputs == before
     load(upload, FEW.replace("P7", HOSTILE).encode(), "few.csv")

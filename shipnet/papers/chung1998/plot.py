@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +11,7 @@ from matplotlib.patches import FancyBboxPatch, Patch, Rectangle
 
 from shipnet import style
 from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings, stored
-from shipnet.papers.plot import Blocks, Ways, outline, spread
+from shipnet.papers.plot import diagrams
 from shipnet.papers.registry import figure
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.values import HOPS, values_on
@@ -32,103 +31,8 @@ _STATIONS = {
 #: Numbers and values of a packet to draw.
 _ITEMS = {0: 1, 3: 120, 4: 0x1234}
 
-#: The flow charts, from the words of sections 4 to 4.3: blocks, and what leads to what.
-_CHARTS: Mapping[str, tuple[Blocks, Ways]] = {
-    "Fig 5": (
-        {
-            "tick": ("every 0.1 s", "blue", 0, 3),
-            "receiving": ("receiving?\ncomm_f = 1", "purple", 1, 3),
-            "count": ("count + 1", "", 2, 3),
-            "sign": ("0xDD\nreceived?", "purple", 3, 3),
-            "clear": ("count = 0\nmiss = 0", "green", 4, 3),
-            "long": ("count > 10?", "purple", 3, 1.8),
-            "miss": ("count = 0\nmiss + 1", "", 2, 1.8),
-            "often": ("miss > 3?", "purple", 1, 1.8),
-            "failed": ("partner\nhas failed", "amber", 0, 1.8),
-        },
-        [
-            ("tick", "receiving", ""), ("receiving", "count", "yes"), ("count", "sign", ""),
-            ("sign", "clear", "yes"), ("sign", "long", "no"), ("long", "miss", "yes"),
-            ("miss", "often", ""), ("often", "failed", "yes"),
-        ],
-    ),
-    "Fig 6": (
-        {
-            "sending": ("sending?\ncomm_f = 0", "purple", 0, 3),
-            "compare": ("SENDING[i]\n= SENDED[i]?", "purple", 1, 3),
-            "new": ("NEW_SEND: those\nthat differ", "", 2, 3),
-            "pack": ("packet of Fig 4", "blue", 3, 3),
-            "ready": ("TxRDY = 1?", "purple", 4, 3),
-            "write": ("write a byte\nto the 8251", "blue", 4, 1.8),
-            "last": ("last byte?", "purple", 3, 1.8),
-            "listen": ("comm_f = 1", "green", 2, 1.8),
-            "copy": ("SENDED\n= SENDING", "green", 1, 1.8),
-        },
-        [
-            ("sending", "compare", "yes"), ("compare", "new", "no"), ("new", "pack", ""),
-            ("pack", "ready", ""), ("ready", "write", "yes"), ("write", "last", ""),
-            ("last", "listen", "yes"), ("listen", "copy", ""), ("last", "ready", "no"),
-        ],
-    ),
-    "Fig 7": (
-        {
-            "interrupt": ("8251 has\na byte", "blue", 0, 3),
-            "receiving": ("receiving?\ncomm_f = 1", "purple", 1, 3),
-            "store": ("Ring_Buffer[no]\n= byte", "", 2, 3),
-            "next": ("no + 1", "", 3, 3),
-            "end": ("past the\nlast place?", "purple", 4, 3),
-            "turn": ("no = 0\ntoggle ring_f", "amber", 4, 1.8),
-            "back": ("return", "green", 3, 1.8),
-        },
-        [
-            ("interrupt", "receiving", ""), ("receiving", "store", "yes"), ("store", "next", ""),
-            ("next", "end", ""), ("end", "turn", "yes"), ("turn", "back", ""),
-            ("end", "back", "no"),
-        ],
-    ),
-    "Fig 8(a)": (
-        {
-            "same": ("ring_f =\nring_get_f", "blue", 0, 3),
-            "case": ("no < get_no?", "purple", 1, 3),
-            "stop": ("receive interrupt off\ncomm_f = 0", "amber", 1, 1.8),
-            "start": ("0xCC at\nget_no?", "purple", 2, 3),
-            "on": ("get_no + 1,\nlook again", "", 2, 1.8),
-            "data": ("0xDD after it?", "purple", 3, 3),
-            "value": ("REC_VAL =\nlow | high << 8", "green", 4, 3),
-        },
-        [
-            ("same", "case", ""), ("case", "stop", "yes"), ("case", "start", "no"),
-            ("start", "on", "no"), ("start", "data", "yes"), ("data", "value", "yes"),
-        ],
-    ),
-    "Fig 8(b)": (
-        {
-            "other": ("ring_f is not\nring_get_f", "blue", 0, 3),
-            "case": ("no >= get_no?", "purple", 1, 3),
-            "repair": ("move get_no\nas in Fig 9", "amber", 1, 1.8),
-            "toggle": ("moved to the start:\ntoggle ring_get_f", "amber", 2, 1.8),
-            "start": ("0xCC at\nget_no?", "purple", 2, 3),
-            "data": ("0xDD after it?", "purple", 3, 3),
-            "value": ("REC_VAL =\nlow | high << 8", "green", 4, 3),
-        },
-        [
-            ("other", "case", ""), ("case", "repair", "yes"), ("repair", "toggle", ""),
-            ("toggle", "start", ""), ("case", "start", "no"), ("start", "data", "yes"),
-            ("data", "value", "yes"),
-        ],
-    ),
-}  # fmt: skip
-
-
-def _chart(item: str, *, ax: Axes) -> Axes:
-    """Draw a flow chart."""
-    blocks, ways = _CHARTS[item]
-    outline(ax, spread(blocks, 2.15), ways)
-    return style.bare(ax, (-0.95, 9.55), (1.35, 3.45))
-
-
-for _item in _CHARTS:
-    figure("chung1998", _item)(partial(_chart, _item))
+# The flow charts follow the words of sections 4 to 4.3.
+diagrams("chung1998", "Fig 5", "Fig 6", "Fig 7", "Fig 8(a)", "Fig 8(b)")
 
 
 @figure("chung1998", "Fig 1")

@@ -20,7 +20,7 @@ from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.faults import Picture
-from shipnet.papers.plot import FILL, HALF, Blocks, Ways, arrow, box, fields, outline, spread
+from shipnet.papers.plot import FILL, HALF, arrow, box, diagram, diagrams, fields, outline
 from shipnet.papers.registry import figure
 
 __all__ = ["plot_ages", "plot_control_system", "plot_scan_times", "plot_seen_strokes"]
@@ -29,85 +29,7 @@ __all__ = ["plot_ages", "plot_control_system", "plot_scan_times", "plot_seen_str
 _QUERY = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _LINE = SerialLine(9600)
 
-_ACTUATOR: Blocks = {
-    "relay": ("control module\nrelay outputs", "blue", 0, 2),
-    "motor": ("reversible motor", "", 1, 2),
-    "pump": ("pump\nturns both ways", "amber", 2, 2),
-    "rack": ("cylinder\nwith rack", "amber", 3, 2),
-    "pinion": ("pinion", "green", 4, 2),
-    "valve": ("valve", "green", 4, 3),
-    "bus": ("communication\nmodule, Modbus", "blue", 0, 3),
-    "MC": ("current MC", "purple", 1, 1),
-    "OT": ("temperature OT", "purple", 2, 1),
-    "OP": ("pressures FP, OP", "purple", 3, 1),
-    "VPos": ("potentiometer\nVPos", "purple", 4, 1),
-    "ADC": ("A/D converter\n5 channels, 12 bit", "blue", 0, 1),
-}
-_ACTUATOR_WAYS: Ways = [
-    ("bus", "relay", ""), ("relay", "motor", ""), ("motor", "pump", ""), ("pump", "rack", "oil"),
-    ("rack", "pinion", ""), ("pinion", "valve", ""), ("pinion", "VPos", ""), ("motor", "MC", ""),
-    ("motor", "OT", ""), ("pump", "OP", ""), ("rack", "OP", ""),
-]  # fmt: skip
-
-_MODES: Blocks = {
-    "start": ("auto/manual switch", "purple", 0, 2),
-    "auto": ("command of the\nmaster by Modbus", "blue", 1.3, 3),
-    "position": ("position asked for,\nor an end", "blue", 2.6, 3),
-    "time": ("motor time\nis set", "", 1.3, 1),
-    "switch": ("on-off-on switch:\nopen, stop, close", "", 2.6, 1),
-    "motor": ("motor forward,\nstop, backward", "amber", 3.9, 2),
-    "valve": ("valve, position\nby potentiometer", "green", 5.2, 2),
-}
-_MODES_WAYS: Ways = [
-    ("start", "auto", "auto"), ("auto", "position", ""), ("position", "motor", ""),
-    ("start", "time", "manual"), ("time", "switch", ""), ("switch", "motor", ""),
-    ("motor", "valve", ""),
-]  # fmt: skip
-
-_COMMAND: Blocks = {
-    "receive": ("write register\nreceived", "blue", 0, 3),
-    "id": ("own id?", "purple", 1.3, 3),
-    "ignore": ("keep silent", "", 1.3, 1.7),
-    "way": ("which way?", "purple", 2.6, 3),
-    "run": ("motor runs", "amber", 3.9, 3),
-    "there": ("position\nreached?", "purple", 3.9, 1.7),
-    "reply": ("reply: result\nand diagnosis", "blue", 5.2, 1.7),
-    "echo": ("reply at once:\nwhat we propose", "green", 5.2, 3),
-}
-_COMMAND_WAYS: Ways = [
-    ("receive", "id", ""), ("id", "ignore", "no"), ("id", "way", "yes"), ("way", "run", ""),
-    ("run", "there", ""), ("there", "reply", "yes"), ("run", "echo", ""),
-]  # fmt: skip
-
-_ALGORITHM: Blocks = {
-    "sensors": ("five sensors\nof a valve", "", 0, 2),
-    "poll": ("master reads\nby Modbus RTU", "blue", 1.3, 2),
-    "limits": ("upper and lower\nlimit of a sensor", "blue", 2.6, 3),
-    "compare": ("above or below\na limit?", "purple", 2.6, 2),
-    "rules": ("rule table:\nif ... then flag", "amber", 3.9, 2),
-    "ramps": ("ramps, minimum,\nthreshold: assumed", "green", 3.9, 3),
-    "cause": ("fault\nand its cause", "amber", 5.2, 2),
-    "slave": ("slave finds\nPos1 to Pos4", "blue", 0, 1),
-    "display": ("display\nof the master", "blue", 5.2, 1),
-}
-_ALGORITHM_WAYS: Ways = [
-    ("sensors", "poll", ""), ("poll", "compare", ""), ("limits", "compare", ""),
-    ("compare", "rules", ""), ("ramps", "rules", ""), ("rules", "cause", ""),
-    ("cause", "display", ""), ("sensors", "slave", ""),
-    ("slave", "display", "row 9 of the table"),
-]  # fmt: skip
-
-_TESTBED: Blocks = {
-    "PC": ("PC\nsimulator of the\nship's system", "", 0.1, 3.2),
-    "master": ("master", "blue", 2, 3.2),
-    "S1": ("S1", "blue", 0.1, 2), "S2": ("S2", "blue", 1.05, 2),
-    "S3": ("S3", "blue", 2, 2), "S4": ("S4", "blue", 2.95, 2),
-    "S5": ("S5", "blue", 3.9, 2),
-    "V2": ("butterfly valve", "green", 1.05, 1),
-    "V3": ("pump, valve,\nsmall tank", "green", 2, 1),
-    "V5": ("fault simulator", "purple", 3.9, 1),
-}  # fmt: skip
-_TESTBED_WAYS: Ways = [("S2", "V2", ""), ("S3", "V3", ""), ("S5", "V5", "")]
+diagrams("kim2014", "Fig 7", "Fig 9")
 
 
 @figure("kim2014", "Fig 1")
@@ -152,8 +74,7 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
 @figure("kim2014", "Fig 2")
 def _actuator(*, ax: Axes) -> Axes:
     """Draw the parts of an actuator and what measures them."""
-    blocks = spread(_ACTUATOR, 2.0)
-    outline(ax, blocks, _ACTUATOR_WAYS)
+    blocks = diagram("kim2014", "Fig 2", ax=ax)
     sensors = [blocks[name] for name in ("MC", "OT", "OP", "VPos")]
     for _, _, x, y in sensors:
         ax.plot([x, x], [y - HALF[1], 0.35], color="0.45", lw=1)
@@ -216,18 +137,10 @@ def plot_scan_times(slaves: Sequence[int], *, ax: Axes) -> Axes:
     return ax
 
 
-@figure("kim2014", "Fig 9")
-def _modes(*, ax: Axes) -> Axes:
-    """Draw who moves the motor in auto and in manual mode."""
-    outline(ax, spread(_MODES, 1.65), _MODES_WAYS)
-    return style.bare(ax, (-1.0, 9.6), (0.5, 3.5))
-
-
 @figure("kim2014", "Fig 10")
 def _command(*, ax: Axes) -> Axes:
     """Draw what a slave does with a command, as printed, and when it should reply."""
-    blocks = spread(_COMMAND, 1.65)
-    outline(ax, blocks, _COMMAND_WAYS)
+    blocks = diagram("kim2014", "Fig 10", ax=ax)
     # Not there yet: round again.
     x, y = blocks["there"][2:]
     left = x - HALF[0] - 0.35
@@ -238,17 +151,10 @@ def _command(*, ax: Axes) -> Axes:
     return style.bare(ax, (-1.0, 9.6), (1.25, 3.5))
 
 
-@figure("kim2014", "Fig 7")
-def _algorithm(*, ax: Axes) -> Axes:
-    """Draw how a fault is found, from section 2.3 and row 9 of the rule table."""
-    outline(ax, spread(_ALGORITHM, 1.65), _ALGORITHM_WAYS)
-    return style.bare(ax, (-1.0, 9.6), (0.5, 3.5))
-
-
 @figure("kim2014", "Fig 15")
 def _testbed(*, ax: Axes) -> Axes:
     """Draw the test bed, the line closed through the second port of the master."""
-    blocks = spread(_TESTBED, 2.0)
+    blocks = diagram("kim2014", "Fig 15", ax=ax)
     x, y = blocks["master"][2:]
     first, last, row = blocks["S1"][2], blocks["S5"][2], blocks["S1"][3]
     ax.plot(
@@ -264,7 +170,6 @@ def _testbed(*, ax: Axes) -> Axes:
     left = blocks["PC"][2] + HALF[0]
     ax.plot([left, x - HALF[0]], [y, y], color="C1", lw=1.5, zorder=0)
     ax.text((left + x - HALF[0]) / 2, y + 0.06, "Ethernet, UDP port 502", ha="center", fontsize=8)
-    outline(ax, blocks, _TESTBED_WAYS)
     return style.bare(ax, (-1.1, 9.2), (0.55, 3.65))
 
 

@@ -14,32 +14,12 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import read_points
-from shipnet.papers.plot import FILL, Blocks, Ways, arrow, box, outline, spread
+from shipnet.papers.plot import FILL, arrow, box, diagrams, outline
 from shipnet.papers.registry import figure
 
 __all__ = ["plot_channels", "plot_inputs"]
 
-#: Figure 7: blocks, and which are joined.
-_BLOCKS: Blocks = {
-    "RTD": ("up to 27\nthermometers", "blue", 0, 3),
-    "loop": ("up to 17 loops\n4-20 mA", "blue", 0, 2),
-    "switch": ("up to 11 switches", "blue", 0, 1),
-    "R/V": ("2 R/V converters\n32 inputs", "amber", 1, 3),
-    "I/V": ("I/V converter\n18 inputs", "amber", 1, 2),
-    "B/V": ("B/V converter\nopto-couplers", "amber", 1, 1),
-    "MCU": ("AT90CAN128: ADC,\nGPIO, CAN, UART", "", 2, 2),
-    "mode": ("3-pole switch: mode\n5-pole: options", "", 2, 3),
-    "LCD": ("text LCD, LEDs", "", 2, 1),
-    "CAN": ("PCA82C250\nCAN transceiver", "green", 3, 3),
-    "UART": ("RS-232 / 422 / 485\nconverters", "green", 3, 1.5),
-    "JB": ("CAN bus to other\nboxes, 120 ohm", "blue", 4, 3),
-    "AMS": ("Modbus RTU\nto the AMS", "blue", 4, 1.5),
-}
-_JOINED: Ways = [
-    ("RTD", "R/V", ""), ("loop", "I/V", ""), ("switch", "B/V", ""), ("R/V", "MCU", ""),
-    ("I/V", "MCU", ""), ("B/V", "MCU", ""), ("mode", "MCU", ""), ("MCU", "LCD", ""),
-    ("MCU", "CAN", ""), ("MCU", "UART", ""), ("CAN", "JB", ""), ("UART", "AMS", ""),
-]  # fmt: skip
+diagrams("lee2012", "Fig 7", arrowstyle="-")
 
 #: Figure 6: the main loop and the three interrupts, step by step.
 _FLOWS: Mapping[str, Sequence[str]] = {
@@ -75,13 +55,6 @@ def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
         box(ax, (cylinders + 0.55, y), 1.35, 0.6, FILL["amber"], points)
         ax.text(-0.95, y, f"floor {3 - floor}", ha="right", fontsize=8)
     return style.bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
-
-
-@figure("lee2012", "Fig 7")
-def _blocks(*, ax: Axes) -> Axes:
-    """Draw the blocks of a junction box from the inputs to the buses."""
-    outline(ax, spread(_BLOCKS, 2.0), _JOINED, "-")
-    return style.bare(ax, (-0.95, 8.95), (0.55, 3.45))
 
 
 @figure("lee2012", "Fig 6")

@@ -1,0 +1,286 @@
+"""What I/O lists call things: titles of columns, numbers with units, frames, decks and sides."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from functools import cache, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from shipnet.errors import ArgumentError
+from shipnet.signals import find_signal, meanings, plain, spellings
+
+#: Columns of a list of points, in their order, and what they hold: text, or a quantity whose unit
+#: the name ends with. `data/iolist_words.csv` has what lists call them.
+COLUMNS: Mapping[str, str] = {
+    "tag": "text", "system": "text", "type": "text", "signal": "text", "conductors": "whole",
+    "x_m": "length", "y_m": "length", "z_m": "length", "box": "text", "box_x_m": "length",
+    "box_y_m": "length", "box_z_m": "length", "to_box_m": "length", "home_run_m": "length",
+    "update_ms": "time", "category": "text", "note": "text", "device": "text", "ex": "text",
+}  # fmt: skip
+
+#: Columns that say in other words where a point is, and what their cells must be.
+PLACED: Mapping[str, str] = {
+    "frame": "a frame within [frames], such as FR 34+200",
+    "deck": "one of [decks]",
+    "side": "P, S or C with metres, such as P 4.2",
+    "location": "frame, deck and side, such as FR 34+200, DK3, P 4.2",
+}
+
+#: Units that a title or a cell may name, each as a multiple of that of the column.
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "meter": 1.0, "metre": 1.0},
+    "time": {"ms": 1.0, "s": 1e3, "sec": 1e3, "msec": 1.0},
+}
+
+
+class Reading(NamedTuple):
+    """A list's own words: titles and signals by their spelling, x by frame and z by deck [m]."""
+
+    columns: tuple[tuple[str, str], ...] = ()
+    signals: tuple[tuple[str, str], ...] = ()
+    frames: tuple[tuple[str, float], ...] = ()
+    decks: tuple[tuple[str, float], ...] = ()
+
+    def tried(self, table: str, values: Mapping[str, object]) -> tuple[Reading, list[str]]:
+        """Return the words with those of a table over them, and what is wrong with the others."""
+        known, faults = dict(getattr(self, table)), []
+        for word, value in values.items():
+            try:
+                known[word] = _OWN[table](word, value)
+            except (ArgumentError, TypeError):
+                faults.append(f"{table}.{word} is {value!r}; it must be {_LEGAL[table]}")
+        if table == "frames":
+            faults += [f"frames has {word!r}; it must be a number" for word in known
+                       if _frame(word) is None]  # fmt: skip
+        return self._replace(**{table: tuple(known.items())}), faults
+
+    def signal(self, word: str) -> str:
+        """Return what the list means by a word for a signal."""
+        own = {plain(spelling): name for spelling, name in self.signals}
+        return own.get(plain(word), word)
+
+    def place(self, cells: Mapping[str, str]) -> tuple[float, float, float] | str:
+        """Return the place that frame, deck and side mean, or which of them is not known."""
+        parts = {name: cell.replace(",", ".") for name, cell in cells.items() if name != "location"}
+        # A comma before a digit is a decimal one.
+        several = re.split(r"[;/]|,(?![0-9])", cells.get("location", ""))
+        for part in filter(None, (one.strip().replace(",", ".") for one in several)):
+            kind = "frame" if re.match(r"(?i)fr", part) else "deck"
+            if kind == "deck" and (_side(part) is not None or parts.get("deck")):
+                kind = "side"
+            parts[kind] = parts.get(kind) or part
+        frame, deck = _offset(parts.get("frame", "")), _offset(parts.get("deck", ""))
+        number = _frame(frame[0])
+        numbers = sorted((float(_frame(word) or 0.0), x) for word, x in self.frames)
+        if number is None or not (numbers and numbers[0][0] <= number <= numbers[-1][0]):
+            return "frame"
+        levels = {plain(name): z for name, z in self.decks}
+        if plain(deck[0]) not in levels:
+            return "deck"
+        side = _side(parts.get("side", ""))
+        if side is None:
+            return "side"
+        known, along = zip(*numbers, strict=True)
+        x = float(np.interp(number, known, along))
+        return x + frame[1], side, levels[plain(deck[0])] + deck[1]
+
+
+def is_frame(cell: str) -> bool:
+    """Return whether a cell says a frame, known or not."""
+    return _frame(_offset(cell)[0]) is not None
+
+
+def _offset(text: str) -> tuple[str, float]:
+    """Return a frame or a deck, and how far off it a place is [m], in mm unless it says m."""
+    if _frame(text.strip()) is not None:
+        return text.strip(), 0.0
+    found = re.fullmatch(r"(.*[^\s+-])\s*([+-]\s*[0-9]+(?:\.[0-9]+)?)\s*(mm|m)?", text.strip())
+    if found is None:
+        return text.strip(), 0.0
+    return found[1], float("".join(found[2].split())) * (1.0 if found[3] == "m" else 1e-3)
+
+
+def _frame(text: str) -> float | None:
+    """Return the number of a frame."""
+    found = re.fullmatch(
+        r"(?i)(?:fr(?:ame)?\.?\s*(?:no\.?)?\s*#?)?\s*(-?[0-9]+(?:\.[0-9]+)?)", text
+    )
+    return None if found is None else float(found[1])
+
+
+_PORT = {"p": 1, "ps": 1, "port": 1, "c": 0, "cl": 0, "centre": 0, "center": 0, "": 0,
+         "s": -1, "sb": -1, "stbd": -1, "starboard": -1, "좌": 1, "중": 0, "우": -1}  # fmt: skip
+
+
+def _side(text: str) -> float | None:
+    """Return how far to port a place is [m]."""
+    found = re.fullmatch(
+        r"([^\W\d]*)\.?\s*([0-9]+(?:\.[0-9]+)?)?\s*(?:m)?\s*([^\W\d]*)", text.strip()
+    )
+    word = "" if found is None else (found[1] or found[3]).casefold()
+    if found is None or word not in _PORT or (word and _PORT[word] and not found[2]):
+        return None
+    return _PORT[word] * float(found[2] or 0.0)
+
+
+def _is_column(word: str, value: object) -> str:
+    name = column_of(str(value))
+    if name is None:
+        raise ArgumentError("no column")
+    return name.name
+
+
+def _is_metres(word: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 1e3:
+        raise ArgumentError("no place")
+    return float(value)
+
+
+def _is_signal(word: str, value: object) -> str:
+    find_signal(str(value))
+    return str(value)
+
+
+#: What the values of each table must be, and in words.
+_OWN = {"columns": _is_column, "signals": _is_signal, "frames": _is_metres, "decks": _is_metres}
+_LEGAL = {
+    "columns": f"one of {', '.join((*COLUMNS, *PLACED))}",
+    "signals": "a signal, such as contact or rtd_3wire",
+    "frames": "a number -1000..1000 m",
+    "decks": "a number -1000..1000 m",
+}
+
+
+# Titles ---------------------------------------------------------------------------------------
+
+
+class Column(NamedTuple):
+    """What a title means: the name of the column, and the multiple of its unit."""
+
+    name: str
+    scale: float = 1.0
+
+
+@cache
+def _titles() -> Mapping[str, str]:
+    known = {plain(name): name for name in (*COLUMNS, *PLACED)}
+    known |= {plain(n.rpartition("_")[0]): n for n, holds in COLUMNS.items() if holds in UNITS}
+    return {word: found[0][0] for word, found in spellings("column").items()} | known
+
+
+@lru_cache(4096)
+def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | None:
+    """Return the column that a title means, also where it says it in two languages."""
+    mine = {plain(word): name for word, name in own}
+    if plain(title) in mine:
+        return Column(mine[plain(title)])
+    if found := _column(title):
+        return found
+    # A unit in brackets may stand anywhere, and a second language before or behind.
+    unit = re.search(r"[\[(]\s*(\w+)\s*[\])]", title)
+    bare, mark = title, ""
+    if unit is not None and any(unit[1].casefold() in known for known in UNITS.values()):
+        bare, mark = title.replace(unit[0], " "), f" {unit[1]}"
+    own_letters = ("".join(c if c.isascii() else " " for c in bare),
+                   "".join(" " if c.isascii() else c for c in bare))  # fmt: skip
+    for split in (own_letters, re.split(r"[/|()\[\]]", bare)):
+        parts = [part for part in split if plain(part)]
+        each = [_column(part + mark) for part in parts]
+        # What is not known must at least be in another script, not another word.
+        foreign = all(found or not part.isascii() for part, found in zip(parts, each, strict=True))
+        names = {found for found in each if found is not None}
+        if len(names) == 1 and foreign and (parts[1:] or mark):
+            return names.pop()
+    return None
+
+
+def _column(title: str) -> Column | None:
+    name = _titles().get(plain(title))
+    if name is not None:
+        return Column(name)
+    words = re.findall(r"[^\W_]+", title.casefold())
+    name = _titles().get("".join(words[:-1])) if words else None
+    units = UNITS.get(COLUMNS.get(name, ""), {}) if name is not None else {}
+    return Column(name, units[words[-1]]) if name is not None and words[-1] in units else None
+
+
+# Numbers --------------------------------------------------------------------------------------
+
+#: Wide characters of East Asia, the true minus and blanks that are not broken, as plain ones.
+_WIDE = {0xFF01 + k: 0x21 + k for k in range(94)} | {0x3000: 32, 0x2212: 45, 0xA0: 32, 0x202F: 32}
+
+_CELL = re.compile(
+    r"([+-]?(?:[0-9][0-9., ']*|[.,][0-9]+))(?<! )(e[+-]?[0-9]{1,3})? ?([^\W\d_]*)\.?", re.IGNORECASE
+)
+_GROUPS = {
+    mark: re.compile(rf"[+-]?[0-9]{{1,3}}(?:{re.escape(mark)}[0-9]{{3}})+") for mark in ",. '"
+}
+
+
+def widened(cell: str) -> str:
+    """Return a cell with plain characters in place of wide ones."""
+    return cell if cell.isascii() else cell.translate(_WIDE).strip()
+
+
+def decimal_mark(cells: Iterable[str]) -> str:
+    """Return the decimal mark of a list: a point, a comma, or nothing if its numbers do not say."""
+    marks = set()
+    for cell in set(cells):
+        found = _CELL.fullmatch(widened(cell))
+        digits = found[1] if found else ""
+        last = max(".,", key=digits.rfind)
+        if digits.count(last) == 1 and not _GROUPS[last].fullmatch(digits):
+            marks.add(last)
+    return marks.pop() if len(marks) == 1 else ""
+
+
+def read_number(cell: str, mark: str, scale: float, units: Mapping[str, float]) -> float | None:
+    """Return the number that a cell holds, in the unit of its column; None if it holds none.
+
+    `scale` is that of the title's unit, which one in the cell overrides. None too if a comma may
+    be the decimal mark or part thousands.
+    """
+    found = _CELL.fullmatch(widened(cell))
+    if found is None or (found[3] and found[3].casefold() not in units):
+        return None
+    digits, exponent, unit = found.groups()
+    for blank in " '":
+        digits = digits.replace(blank, "") if _GROUPS[blank].match(digits) else digits
+    last = max(".,", key=digits.rfind)
+    other = "." if last == "," else ","
+    if other in digits:
+        head, _, tail = digits.partition(last)
+        if not _GROUPS[other].fullmatch(head) or last in tail:
+            return None
+        digits = f"{head.replace(other, '')}.{tail}"
+    elif digits.count(last) > 1 or (mark and mark != last and _GROUPS[last].fullmatch(digits)):
+        if not _GROUPS[last].fullmatch(digits):
+            return None
+        digits = digits.replace(last, "")
+    elif last == "," and mark != "," and _GROUPS[","].fullmatch(digits):
+        return None
+    try:
+        value = float(digits.replace(",", ".") + (exponent or ""))
+    except ValueError:
+        return None
+    return value * (units[unit.casefold()] if unit else scale)
+
+
+# Intrinsic safety -----------------------------------------------------------------------------
+
+_SAFE = re.compile(
+    r"[\[(]?\b(?:ex[ -]?\(?\[?i[abc]?\]?\)?|eex ?i[abc]?|intrinsically safe|intrinsic safe|"
+    r"I\.?S\.?(?= |\)|\]|$))[\])]?(?: ?II[ABC](?: ?T[1-6])?)?", re.IGNORECASE,
+)  # fmt: skip
+
+
+def without_safety(word: str) -> tuple[str, str]:
+    """Return a signal without its mark of intrinsic safety, and that mark."""
+    found = None if meanings(word) else _SAFE.search(word)
+    if found is None:
+        return word, ""
+    rest = " ".join((word[: found.start()] + " " + word[found.end() :]).split())
+    return rest, found[0].strip("[]() ")

@@ -1,0 +1,122 @@
+"""A messy I/O list as a yard might write it: synthetic, drawn up by us, no ship's.
+
+Page headers, titles in two rows and two languages, subtitles, groups whose system is given once,
+decimal commas, units in cells, wide digits, places by frame and deck, marks, notes and a footer.
+"""
+
+import csv
+import io
+
+import numpy as np
+
+#: The list's own words, and its frames and decks, as lines of a settings file.
+SETTINGS = """\
+[columns]
+"KKS code" = "tag"
+"Bemerkung" = "note"
+
+[signals]
+"GS" = "contact"
+"TIT" = "rtd_3wire"
+
+[frames]
+0 = 0.0
+30 = 18.0
+180 = 138.0
+
+[decks]
+DK1 = 15.0
+DK2 = 11.5
+DK3 = 8.0
+TANKTOP = 1.8
+"""
+
+TITLES = ["KKS code", "System\n계통", "I/O 구분", "Signal / 신호", "Cores", "Location", "", "",
+          "Cable length", "Scan [ms]", "Bemerkung"]  # fmt: skip
+SECOND = ["", "", "", "", "", "Frame", "Deck", "P/S", "[m]", "", ""]
+
+KINDS = [("DI", "접점", "2"), ("DI", "GS", ""), ("DI", "NAMUR", ""), ("DI", "LIMIT SW", "2"),
+         ("DO", "24VDC out", "2"), ("DO", "솔레노이드", ""), ("AI", "4~20mA 2W", ""),
+         ("AI", "PT100 3W", "3"), ("AI", "TIT", ""), ("AI", "TC-K", ""), ("AI", "0-10V", ""),
+         ("AO", "4-20mA out", "2"), ("AI", "HART", ""), ("AI", "4-20mA 4W", "4")]  # fmt: skip
+
+#: Faulty rows by their number among the points: which cell, and what is written there.
+FAULTY = {
+    17: (8, "12,5 ft"), 40: (3, "GIZMO"), 73: (2, "XX"), 110: (5, "FR 999"), 150: (8, "-4"),
+    199: (4, "two"), 230: (6, "DK9"), 260: (9, "0"), 301: (7, "Q 3"), 333: (8, "1,5,0"),
+    380: (0, ""), 420: (3, "PT 1O0"), 470: (8, "20000"), 512: (4, "7"), 555: (2, "AO"),
+    600: (9, "soon"), 655: (5, "FR x"), 700: (0, "B-0001"), 811: (3, "4-20 kA"), 920: (9, "-1"),
+}  # fmt: skip
+
+
+def rows(n=1000, faulty=True):
+    """Return all rows of the sheet, and by the tag of each sound point what it must become.
+
+    What is expected is drawn here from the same numbers, not read by the package.
+    """
+    rng = np.random.default_rng(20)
+    sheet = [["HULL 1234  I/O LIST"], ["Doc. 77-A", "", "", "Rev. C"], [], TITLES, SECOND]
+    expected, bad, system = {}, [], None
+    for number in range(n):
+        if number % 125 == 0:
+            system = f"System {number // 125 + 1}"
+            sheet += [[], [f"* {system} *"]]
+            first = True
+        if number % 90 == 89:
+            sheet += [["Page", f"{number // 90 + 1} of 12"], TITLES]
+        kind, word, cores = KINDS[number % len(KINDS)]
+        frame, deck = int(rng.integers(0, 170)), ("DK1", "DK2", "DK3", "TANKTOP")[number % 4]
+        off, y = int(rng.integers(0, 6)) * 100, round(float(rng.uniform(-9, 9)), 1)
+        length = round(float(rng.uniform(60, 240)), 1)
+        tag = f"B-{number + 1:04d}"
+        cells = [
+            tag, system if first else "", kind, word, cores, f"FR {frame}{f'+{off}' * (off > 0)}",
+            deck, f"{'P' if y > 0 else 'S'} {abs(y):.1f}" if y else "CL",
+            (f"{length:.1f}".replace(".", ","), f"{length:.1f} m",
+             "".join(chr(ord(c) + 0xFEE0) for c in f"{length:.1f}"))[number % 3],
+            "1000" if number % 5 else "500", "",
+        ]  # fmt: skip
+        first = False
+        if faulty and number in FAULTY:
+            place, cell = FAULTY[number]
+            cells[place] = cell
+            bad.append(len(sheet) + 1)
+        else:
+            x = float(np.interp(frame, [0, 30, 180], [0, 18, 138])) + off / 1e3
+            z = {"DK1": 15.0, "DK2": 11.5, "DK3": 8.0, "TANKTOP": 1.8}[deck]
+            expected[tag] = (system, kind, x, y, z, length)
+        sheet.append(cells)
+        if number % 200 == 150:
+            sheet.append([f"X-{number}", "", "DI", "접점", "", "", "", "", "30", "", "DELETED"])
+            sheet.append(["SPARE", "", "DI", "", "", "", "", "", "", "", ""])
+    sheet += [[], ["Note: all lengths are estimates."], ["Checked:", "", "Kim", "", "", "Date:"]]
+    return sheet, expected, bad
+
+
+def as_csv(sheet, encoding="cp949"):
+    """Return the sheet as Excel in Korea saves it."""
+    stream = io.StringIO()
+    csv.writer(stream, delimiter=";", lineterminator="\r\n").writerows(sheet)
+    return stream.getvalue().encode(encoding)
+
+
+def as_workbook(sheet, path, hidden=(), struck=()):
+    """Write the sheet behind a cover sheet, with some rows hidden and some struck out."""
+    import openpyxl
+    from openpyxl.styles import Font
+
+    book = openpyxl.Workbook()
+    book.active.title = "Cover"
+    book.active.append(["I/O list of hull 1234"])
+    book.active.append(["Tag", "Signal"])
+    own = book.create_sheet("IO list rev C")
+    for number, cells in enumerate(sheet, 1):
+        for place, cell in enumerate(cells, 1):
+            if cell:
+                own.cell(number, place, cell)
+    for number in hidden:
+        own.row_dimensions[number].hidden = True
+    for number in struck:
+        for cell in own[number]:
+            cell.font = Font(strike=True)
+    book.save(path)
