@@ -7,6 +7,7 @@ that of its last one it takes 78 us if it is a request, and 36 us if it is a res
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -115,14 +116,14 @@ def pieces(
 
 def _resample(u: Floats, sampling: Sampling) -> Singles:
     """Return the voltage less a constant at the rate that `sampling` says."""
-    from scipy.signal import upfirdn
-
     # Single precision resolves 2 uV on 30 V, but only if a filter need not swallow the 30 V.
     some = u[:: max(1, len(u) // 4096)]
     some = some[~np.isnan(some)]
     offset = float(np.median(some)) if some.size else 0.0
-    v = (u - offset).astype(np.float32)
-    if np.isnan(v).any():
+    v = np.empty(len(u), np.float32)
+    np.subtract(u, offset, out=v, casting="same_kind")
+    # A sum of squares sees any sample that is not a number, and is the fastest look at them all.
+    if np.isnan(v @ v):
         v = np.nan_to_num(v, copy=False)
     _, _, up, down = sampling
     if sampling.mean > 1:
@@ -144,9 +145,31 @@ def _resample(u: Floats, sampling: Sampling) -> Singles:
         ]
     )
     begin = (room * up + half) // down
-    return np.asarray(upfirdn(kernel, padded, up, down)[begin : begin + len(v) * up // down])
+    return filtered(kernel, padded, up, down)[begin : begin + len(v) * up // down]
 
 
+def filtered(kernel: Singles, x: Singles, up: int, down: int) -> Singles:
+    """Return what `scipy.signal.upfirdn` does, by products of blocks with a matrix if up is 1."""
+    if up > 1:
+        from scipy.signal import upfirdn
+
+        return np.asarray(upfirdn(kernel, x, up, down), np.float32)
+    reach = len(kernel) - 1
+    count = max(16, -(-reach // down))
+    size = count * down
+    # Each row of a block is a sample, each column an output; the block before it reaches into it.
+    matrix = np.zeros((reach + size, count), np.float32)
+    for place in range(count):
+        matrix[place * down : place * down + len(kernel), place] = kernel[::-1]
+    outputs = (len(x) + reach - 1) // down + 1
+    blocks = np.zeros((-(-outputs // count) + 1, size), np.float32)
+    blocks.ravel()[size : size + len(x)] = x[: blocks.size - size]
+    whole = blocks[1:] @ matrix[reach:]
+    whole += blocks[:-1, size - reach :] @ matrix[:reach]
+    return whole.ravel()[:outputs]
+
+
+@cache
 def _lowpass(up: int, down: int) -> Singles:
     """Return an anti-alias filter: 60 dB where something could fold into the pulses' 0.7 MHz."""
     from scipy.signal import firwin
@@ -175,12 +198,10 @@ def _flatten(x: Singles, step: float) -> Singles:
 
 def _matched(x: Singles, step: float) -> Singles:
     """Filter with the shape of a pulse, as `shipnet.asi.receiver.matched_filter` does, but fast."""
-    from scipy.signal import upfirdn
-
     half = int(HALF_BIT / step / 2)
     shape = np.cos(np.pi * np.arange(-half, half + 1) * step / HALF_BIT) ** 2
     kernel = (shape / (shape**2).sum()).astype(np.float32)
-    return np.asarray(upfirdn(kernel, x)[half : half + len(x)], np.float32) if len(x) else x
+    return filtered(kernel, x, 1, 1)[half : half + len(x)] if len(x) else x
 
 
 def smallest_pulses(sample: list[Piece]) -> list[float]:
@@ -364,9 +385,9 @@ def _liveliest(u: Floats, dt: float) -> npt.NDArray[np.intp]:
 
 def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
     """Return when recording begins and when it ends, at the ends and around what is missing [s]."""
-    nothing = np.isnan(u) if u.dtype.kind == "f" else np.zeros(0, dtype=bool)
-    if not nothing.any():
+    if u.dtype.kind != "f" or np.isfinite(u @ u):
         return np.zeros(1), np.array([len(u) * dt])
+    nothing = np.isnan(u)
     change = np.diff(nothing.view(np.int8), prepend=0, append=0)
     since, until = np.flatnonzero(change > 0), np.flatnonzero(change < 0)
     # A few samples that are missing break nothing.
@@ -419,7 +440,7 @@ def _receive(
         around = np.pad(piece.x, (before, length))
         # Measured in its own first pulse, a telegram needs no common limit for what is a pulse.
         unit = np.abs(bursts.height[chosen])
-        rows = around[begin[:, np.newaxis] + before + np.arange(length)]
+        rows = np.lib.stride_tricks.sliding_window_view(around, length)[begin + before]
         rows *= (sign / unit).astype(np.float32)[:, np.newaxis]
         received = receive(
             rows, piece.step, n_bits, threshold=threshold, minimum=min(_FIRST_PULSE, threshold)

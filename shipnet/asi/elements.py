@@ -24,16 +24,7 @@ POWER_SUPPLY = Load(r=78.0, l=100e-6)
 class Supply:
     """A power supply with its decoupling.
 
-    Parameters
-    ----------
-    node : str
-        Where it is.
-    voltage : float, default 30
-        Voltage, 1..60 [V].
-    rating : float, default 8
-        Most current that it delivers, 0.01..100 [A].
-    load : shipnet.line.Load, optional
-        What its decoupling loads the signal with; by default 39 ohm beside 50 uH in each wire.
+    Its load on the signal is by default 39 ohm beside 50 uH in each wire.
 
     Raises
     ------
@@ -46,9 +37,9 @@ class Supply:
     supply at bridge
     """
 
-    node: str
+    node: str = text("Where it is")
     voltage: float = number(1, 60, "V", "Voltage", default=30.0)
-    rating: float = number(0.01, 100, "A", "Most current", default=8.0)
+    rating: float = number(0.01, 100, "A", "Most current that it delivers", default=8.0)
     load: Load = field(default=POWER_SUPPLY, kw_only=True)
 
     def __post_init__(self) -> None:

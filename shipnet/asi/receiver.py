@@ -8,6 +8,7 @@ finds goes through the seven checks of `shipnet.asi.modulation`.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -372,6 +373,7 @@ def _centred(u: npt.NDArray[np.floating]) -> Floats:
     return np.asarray(u - u.mean(axis=-1, keepdims=True), dtype=np.float64)
 
 
+@lru_cache(maxsize=64)
 def _filter_gain(n_t: int, dt: float) -> tuple[int, Floats]:
     """Return a length of transform with room for the filter, and the filter's gain in it."""
     # A record shorter than the filter meets only the filter's middle.
@@ -419,7 +421,7 @@ def _largest_near(y: Floats, middle: Indices, reach: int) -> Floats:
     high = np.full(middle.shape, -np.inf)
     low = np.full(middle.shape, np.inf)
     for offset in range(-reach, reach + 1):
-        near = flat.take(begin + np.clip(middle + offset, 0, n_t - 1))
+        near = flat.take(begin + np.minimum(np.maximum(middle + offset, 0), n_t - 1))
         np.maximum(high, near, out=high)
         np.minimum(low, near, out=low)
     return np.where(middle < n_t, np.where(high > -low, high, low), 0.0)

@@ -29,7 +29,7 @@ from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
 from shipnet.asi.timing import Transaction
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.fields import check_whole, number, part, record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,23 +38,18 @@ if TYPE_CHECKING:
 # A standby master ------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@record
 class Standby:
     """A second master that listens, and goes on where the first one falls silent.
 
-    Parameters
-    ----------
-    master : Master
-        What it becomes. It must know the projected slaves: from the bits alone four outputs of a
-        standard slave look like three of an A/B slave.
-    silence : float, default 1e-3
-        After this silence it takes over [s]; it must exceed the longest that a working master
-        leaves, a time-out or a pause of up to 500 us. Our assumption: no source gives a value.
+    It must know the projected slaves: from the bits alone four outputs of a standard slave look
+    like three of an A/B slave. Its silence must exceed the longest that a working master leaves, a
+    time-out or a pause of up to 500 us; the default is our assumption, as no source gives a value.
 
     Raises
     ------
     ArgumentError
-        If no slave is projected, or the silence is not above 500 us.
+        If no slave is projected, or the silence is out of range.
 
     References
     ----------
@@ -67,13 +62,11 @@ class Standby:
     0.001
     """
 
-    master: Master
-    silence: float = 1e-3
+    master: Master = part(Master, "What it becomes")
+    silence: float = number(501e-6, 1e9, "s", "Silence after which it takes over", default=1e-3)
 
     def __post_init__(self) -> None:
-        """Check the silence, and that slaves are projected."""
-        if not 500e-6 < self.silence < float("inf"):
-            raise ArgumentError(f"silence is {self.silence} s; it must be above 500 us, and finite")
+        """Check that slaves are projected."""
         if not self.master.projected:
             raise ArgumentError("master has no projected slaves; a standby master must know them")
 

@@ -28,7 +28,7 @@ from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
 from shipnet.asi.telegram import Answer, Call, Half, Request, Response
 from shipnet.asi.timing import ADDRESSES
 from shipnet.errors import ArgumentError, FrameError, UnknownCallError
-from shipnet.fields import check_whole, number, record, switch, whole
+from shipnet.fields import check_whole, number, record, switch, text, whole
 from shipnet.line.network import Load, check_node
 
 if TYPE_CHECKING:
@@ -76,31 +76,10 @@ def label_of(key: int, *, extended: bool) -> str:
 class Slave:
     """A slave: its address, what it is, and where it is.
 
-    Parameters
-    ----------
-    label : str
-        Its address, ``"1"`` to ``"31"`` with A or B behind it for an A/B slave; ``"0"`` for a
-        new one.
-    profile : Profile or str, optional
-        What it is, such as ``"S-7.A.E"``. ID code A makes it an A/B slave; without an ID code 2
-        it is one from before specification 2.1, which answers neither request for an extended
-        ID code. If omitted, four inputs: ``S-0.A.F`` with a half in the label, else ``S-0.F.F``.
-    node : str, default ""
-        Where it is; needed in a plan.
-    inputs : int, default 0
-        What its input ports read, 0..15.
-    current : float, default 0.065
-        What it draws from the line, sensors included, 0..10 [A].
-    id1 : int, optional
-        Extended ID code 1, 0..15, or 0..7 for an A/B slave; all bits set if omitted.
-    watchdog : float, default 94.2e-3
-        Time without data or parameters after which it resets itself [s]; ``inf`` for none.
-    write_time : float, default 15e-3
-        How long it takes to store an address or an ID code 1 [s].
-    locked : bool, default True
-        Whether its maker closed the program mode.
-    load : shipnet.line.Load, optional
-        What it loads the cable with; by default the limits of a chip's data sheet.
+    ID code A in its profile makes it an A/B slave; without an ID code 2 it is one from before
+    specification 2.1, which answers neither request for an extended ID code. If the profile is
+    omitted, it has four inputs: ``S-0.A.F`` with a half in the label, else ``S-0.F.F``. Its load
+    on the cable is by default that of the limits of a chip's data sheet.
 
     Raises
     ------
@@ -125,15 +104,25 @@ class Slave:
     ['silence', '', 'answer to read ID code: 1111 (F)']
     """
 
-    label: str
+    label: str = text("Address, 1 to 31 with A or B behind it for an A/B slave; 0 for a new one")
     profile: Profile | str = ""
-    node: str = field(default="", kw_only=True)
-    inputs: int = whole(0, 15, "", "What the input ports read", default=0, kw_only=True)
-    current: float = number(0, 10, "A", "Current", default=CURRENT, kw_only=True)
-    id1: int | None = whole(0, 15, "", "ID code 1", default=None, optional=True, kw_only=True)
-    watchdog: float = number(0, inf, "s", "Watchdog", default=WATCHDOG, kw_only=True)
-    write_time: float = number(0, inf, "s", "Time to store", default=WRITE_TIME, kw_only=True)
-    locked: bool = switch("Program mode closed", default=True, kw_only=True)
+    node: str = text("Where it is; needed in a plan", default="", kw_only=True)
+    inputs: int = whole(0, 15, help="What its input ports read", default=0, kw_only=True)
+    current: float = number(
+        0, 10, "A", "What it draws from the line, sensors included", default=CURRENT, kw_only=True
+    )
+    id1: int | None = whole(
+        0, 15, help="Extended ID code 1 (up to 7 for an A/B slave; all bits set if omitted)",
+        default=None, optional=True, kw_only=True,
+    )  # fmt: skip
+    watchdog: float = number(
+        0, inf, "s", "Time without data or parameters after which it resets itself",
+        default=WATCHDOG, kw_only=True,
+    )  # fmt: skip
+    write_time: float = number(
+        0, inf, "s", "Time to store an address or ID code 1", default=WRITE_TIME, kw_only=True
+    )
+    locked: bool = switch("Whether its maker closed the program mode", default=True, kw_only=True)
     load: Load = field(default=DEVICE, kw_only=True)
 
     def __post_init__(self) -> None:

@@ -109,13 +109,29 @@ class Nodes:
         self.tec, self.rec = [0] * number, [0] * number
         #: Recessive sequences that each node off the bus still waits for.
         self.missing: dict[int, int] = {}
+        #: Waiting frames of all nodes while they are equal, later of each node.
+        self.common: list[int] = []
         self.waiting: list[list[int]] = [[] for _ in range(number)]
+        #: Whether no node is error passive, off the bus, or at rest.
+        self.equal = True
+        #: Good frames of each node that its counters do not hold yet.
+        self.good = [0] * number
         self.rest_until = [0] * number
         #: How often each node went off the bus.
         self.bus_off = [0] * number
 
+    def push(self, node: int, item: int) -> None:
+        """Let a frame of a node wait."""
+        heappush(self.common if self.equal else self.waiting[node], item)
+
     def next_frame(self, now: int, start: list[int], mask: int) -> int:
         """Return the item that wins the arbitration, -1 if there is none."""
+        if self.equal:
+            while self.common:
+                item = heappop(self.common)
+                if start[item & mask] != OVERWRITTEN:
+                    return item
+            return -1
         best, winner = -1, -1
         for node, queue in enumerate(self.waiting):
             while queue and start[queue[0] & mask] == OVERWRITTEN:
@@ -137,12 +153,27 @@ class Nodes:
             self.bus_off[sender] += 1
             self.rest_until[sender] = NEVER
 
-    def sent(self, sender: int) -> None:
-        """Count a good frame of a node."""
-        for node, count in enumerate(self.rec):
-            if node != sender and node not in self.missing:
-                self.rec[node] = min(max(count - 1, 0), PASSIVE - 1)
-        self.tec[sender] = max(self.tec[sender] - 1, 0)
+    def settle(self) -> None:
+        """Count the good frames: nodes that are equal need no counters until the next error."""
+        for node, own in enumerate(self.good):
+            others = sum(self.good) - own
+            if others and node not in self.missing:
+                self.rec[node] = max(min(self.rec[node], PASSIVE) - others, 0)
+            self.tec[node] = max(self.tec[node] - own, 0)
+        self.good = [0] * len(self.good)
+
+    def sort(self, now: int, owner: list[int], ranks: list[int], mask: int) -> None:
+        """Note whether all nodes are equal, and sort their waiting frames by that."""
+        equal = not self.missing and max(self.tec + self.rec) < PASSIVE
+        equal = equal and max(self.rest_until) <= now
+        if equal and not self.equal:
+            self.common = sorted(item for queue in self.waiting for item in queue)
+            self.waiting = [[] for _ in self.waiting]
+        elif self.equal and not equal:
+            for item in sorted(self.common):
+                self.waiting[owner[ranks[item & mask]]].append(item)
+            self.common = []
+        self.equal = equal
 
     def suspend(self, node: int, until: int) -> None:
         """Make a node that is error passive wait after its own frame."""
@@ -210,7 +241,7 @@ def send_disturbed(
                 if newest[rank] >= 0:
                     start[newest[rank]] = OVERWRITTEN
                 newest[rank] = at
-            heappush(nodes.waiting[owner[rank]], items[at])
+            nodes.push(owner[rank], items[at])
             at += 1
         missing = nodes.missing if recover else {}
         if missing:
@@ -250,47 +281,78 @@ def send_disturbed(
             start[picked] = began
             if newest[rank] == picked:
                 newest[rank] = -1
-            nodes.sent(node)
+            nodes.good[node] += 1
         else:
-            heappush(nodes.waiting[node], item)
+            nodes.push(node, item)
+            nodes.settle()
             nodes.failed(node)
             tec, state = nodes.tec[node], nodes.state(node)
             failures.append(Failure(picked, began, now, broken, tec, state))
-        nodes.suspend(node, now + SUSPEND_BITS * bit)
+        if not (good and nodes.equal):
+            nodes.settle()
+            nodes.suspend(node, now + SUSPEND_BITS * bit)
+            nodes.sort(now, owner, ranks, mask)
+    nodes.settle()
     return start, failures, nodes
 
 
 # Many sets of offsets --------------------------------------------------------------------------
 
 
+#: Messages times sets that are worked on at a time: they stay in a core's own cache.
+_CELLS = 40_000
+
+
 def send_batch(
     first: Integers, period: Integers, length: Integers, horizon: int
 ) -> tuple[Integers, Integers, Integers]:
     """Return largest response, sum of responses and frames sent, by message and set."""
-    number, sets = first.shape
-    largest, total, sent = (np.zeros(first.shape, dtype=np.int64) for _ in range(3))
-    # Release of the oldest frame of each message that was not sent yet: a queue needs no more.
-    head = np.ascontiguousarray(np.where(first < horizon, first, NEVER))
-    which = np.arange(sets)
-    now = head.min(axis=0, initial=NEVER)
-    while True:
-        active = now < horizon
-        if not active.all():
-            head, which, now = head.compress(active, axis=1), which[active], now[active]
-            if not which.size:
-                return largest, total, sent
-        # The last one written is the most important one that waits.
-        picked = np.zeros(which.size, dtype=np.intp)
-        for rank in range(number - 1, -1, -1):
-            np.copyto(picked, rank, where=head[rank] <= now)
-        place = picked * which.size + np.arange(which.size)
-        released = head.take(place)
-        now = now + length[picked]
+    # In the largest common tick, times are often short enough for 32 bits.
+    tick = int(np.gcd.reduce(np.r_[first.ravel(), period, length, horizon]))
+    parts = np.array_split(first // tick, max(1, round(first.size / _CELLS)), axis=1)
+    solved = [_send_part(part, period // tick, length // tick, horizon // tick) for part in parts]
+    largest, total, sent = (np.concatenate(column, axis=1) for column in zip(*solved, strict=True))
+    return largest * tick, total * tick, sent
+
+
+def _send_part(
+    first: Integers, period: Integers, length: Integers, horizon: int
+) -> tuple[Integers, Integers, Integers]:
+    number, shift = len(period), (len(period) - 1).bit_length()
+    latest = max(int(first.max(initial=0)), horizon) + 2 * int(period.max()) + int(length.max())
+    kind = np.int32 if latest << shift < 2**31 else np.int64
+    # Time and priority in one number: of all next frames, the least is sent.
+    rank = np.arange(number)
+    # In C order, so that a flat view is no copy.
+    head = np.ascontiguousarray(first << shift, dtype=kind)
+    step = (period << shift).astype(kind)
+    busy = ((length << shift) - rank).astype(kind)
+    ranks, now = rank[:, np.newaxis].astype(kind), np.zeros(first.shape[1], dtype=kind)
+    begin, largest, total = (
+        np.empty_like(head),
+        np.zeros_like(head),
+        np.zeros(head.shape, dtype=np.int64),
+    )
+    which = columns = np.arange(first.shape[1])
+    results = [np.zeros(first.shape, dtype=np.int64) for _ in range(3)]
+    while which.size:
+        np.maximum(head, now, out=begin)
+        begin += ranks
+        least = np.minimum.reduce(begin, axis=0)
+        if least.max() >= horizon << shift:
+            going = least < horizon << shift
+            for result, own in zip(results, (largest, total, head), strict=True):
+                result[:, which[~going]] = own[:, ~going]
+            head, largest, total = (own.compress(going, axis=1) for own in (head, largest, total))
+            which, least, begin = which[going], least[going], np.empty_like(head)
+            columns = columns[: which.size]
+        picked = (least & (1 << shift) - 1).astype(np.intp)
+        now = least + busy.take(picked, mode="clip")
+        place = picked * which.size + columns
+        released = head.reshape(-1).take(place, mode="clip")
         response = now - released
-        at = (picked, which)
-        largest[at] = np.maximum(largest[at], response)
-        total[at] += response
-        sent[at] += 1
-        following = released + period[picked]
-        head.put(place, np.where(following < horizon, following, NEVER))
-        now = np.maximum(now, head.min(axis=0))
+        np.maximum.at(largest.reshape(-1), place, response)
+        np.add.at(total.reshape(-1), place, response.astype(np.int64))
+        head.reshape(-1)[place] = released + step.take(picked, mode="clip")
+    most, summed, behind = (result >> shift for result in results)
+    return most, summed, (behind - first) // period[:, np.newaxis]

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.figure import Figure
-from scipy.signal import bilinear, lfilter
+from scipy.signal import bilinear, lfilter, upfirdn
 
 from shipnet.__main__ import main
 from shipnet.asi import Request, bursts
-from shipnet.asi.bursts import pieces
+from shipnet.asi.bursts import filtered, pieces
 from shipnet.asi.capture import decode
 from shipnet.asi.modulation import send_current
 from shipnet.errors import ArgumentError
@@ -445,3 +445,13 @@ def test_the_bits_in_a_file_survive_pandas(tmp_path, suffix):
     table = pd.read_csv(file) if suffix == "csv" else pd.read_excel(file)
     assert table["request"].tolist() == [f"0b{REQUESTS[a].bits}" for a in (1, 2, 3, 4, 21)]
     assert table["response"].tolist() == [f"0b{ANSWERS[a].bits}" for a in (1, 2, 3, 4, 21)]
+
+
+@pytest.mark.parametrize("size", [1, 2, 5, 31, 1000])
+@pytest.mark.parametrize("taps", [1, 7, 31])
+@pytest.mark.parametrize("down", [1, 2, 5])
+def test_products_of_blocks_filter_as_scipy_does(size, taps, down):
+    rng = np.random.default_rng(size)
+    x, kernel = (rng.normal(size=n).astype(np.float32) for n in (size, taps))
+    expected = upfirdn(kernel, x, 1, down)
+    assert filtered(kernel, x, 1, down) == pytest.approx(expected, abs=1e-5)

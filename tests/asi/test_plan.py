@@ -153,7 +153,7 @@ def test_the_last_slaves_share_addresses_or_those_that_can_wait():
         (lambda: Master(node="a\nb"), "printable"),
         (lambda: Master(node=3), "a node is 3"),
         (lambda: Slave("32"), "slave is '32'"),
-        (lambda: Slave(1), "slave is 1;"),
+        (lambda: Slave(1), "label is 1; it must be text"),
         (lambda: Slave("1C"), "slave is '1C'"),
         (lambda: Slave("1", "S-0"), "S-0"),
         (lambda: Slave("1", current=-0.1), "current is -0.1 A"),
