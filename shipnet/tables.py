@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ERRORS", "NUMBER", "Remark", "Sheet", "frame_sheet", "in_order", "parse_sheet", "read_bytes",
-    "read_sheet", "text_of", "titled",
+    "read_sheet", "read_sheets", "text_of", "titled",
 ]  # fmt: skip
 
 #: A number with a decimal point, nothing before or after it.
@@ -79,8 +79,8 @@ class Sheet:
 
     `top` and the rows are numbered as a spreadsheet shows them, from 1. `separator` is what stood
     between the cells, ``""`` in a workbook, and `sheet` the name of its sheet. `odd` says of a
-    cell, by row number and place from 0, what it is if neither text nor a plain number; `hidden`
-    and `struck` are numbers of rows, and `remarks` say how the file was read.
+    cell, by row number and place from 0, what it is if neither text nor a plain number; `hidden`,
+    `struck` and `above` (the titles) are numbers of rows, and `remarks` say how the file was read.
     """
 
     source: str
@@ -93,6 +93,7 @@ class Sheet:
     sheet: str = ""
     hidden: frozenset[int] = frozenset()
     struck: frozenset[int] = frozenset()
+    above: tuple[int, ...] = ()
 
 
 def titled(
@@ -195,7 +196,8 @@ def parse_sheet(
         raise InputError(source, f"{'is empty; expected a' if empty else 'has no'} row of {what}")
     above, separator = found
     # A row of a spreadsheet has several lines where a cell has line breaks.
-    before = sum(1 for _ in csv.reader(lines[:above], delimiter=separator))
+    first = [any(map(str.strip, row)) for row in csv.reader(lines[:above], delimiter=separator)]
+    before = len(first)
     reader = csv.reader(lines[above:], delimiter=separator, strict=True)
     rows = []
     number = before
@@ -207,7 +209,8 @@ def parse_sheet(
     except csv.Error as error:
         raise InputError(source, f"is no CSV file: {error}, in row {number + 1}") from None
     (top, titles), *rows = rows
-    return Sheet(source, top, _trim(titles), rows, separator)
+    filled = tuple(number for number, cells in enumerate(first, 1) if cells)
+    return Sheet(source, top, _trim(titles), rows, separator, above=filled)
 
 
 def _top(
@@ -265,6 +268,18 @@ def read_sheet(
 _SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 
 
+def read_sheets(
+    path: str | PathLike[str], is_titles: Callable[[Sequence[str]], float]
+) -> list[Sheet]:
+    """Return every sheet of a workbook with a row of such titles; none of another file."""
+    source, data = str(path), read_bytes(path)
+    if data[:4] != b"PK\x03\x04":
+        return []
+    with _opened(data, source) as book:
+        worths = [(title, *_best_row(book, title, is_titles)) for title in book.sheets]
+        return [_table(source, book, title, top) for title, worth, top in worths if worth]
+
+
 def _workbook(
     source: str,
     data: bytes,
@@ -308,10 +323,13 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
     rows: list[tuple[int, list[str]]] = []
     odd: dict[tuple[int, int], str] = {}
     titles: list[str] = []
+    above: list[int] = []
     for number, cells, own in book.rows(title):
         if number == top:
             titles = cells
-        elif number > top and any(cells):
+        elif number < top and any(cells):
+            above.append(number)
+        elif any(cells):
             rows.append((number, cells))
             odd |= {(number, place): what for place, what in own.items()}
     merged, hidden = book.layout(title)
@@ -320,6 +338,7 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
         source, top, _trim(titles), rows, "", odd, sheet=title,
         hidden=hidden.intersection(number for number, _ in rows),
         struck=frozenset(number for name, number in book.struck if name == title),
+        above=tuple(above),
     )  # fmt: skip
 
 

@@ -297,22 +297,12 @@ class MasterRun:
     @property
     def longest_age(self) -> Floats:
         """Greatest age of what was shown of each valve, shape (n_valves,) [s]."""
-        unit, read, time = self._columns
-        longest = np.full(self.n_valves, np.inf)
-        for k in range(self.n_valves):
-            mine = unit == k + 1
-            if mine.any():
-                until = np.append(time[mine][1:], self.duration)
-                longest[k] = np.max(until - read[mine])
-        return longest
-
-    @property
-    def scan_gap(self) -> float:
-        """Longest time between two statuses of any valve [s]; NaN if none came twice."""
-        unit, _, time = self._columns
-        gaps = [np.diff(time[unit == k]) for k in range(1, self.n_valves + 1)]
-        every = np.concatenate(gaps)
-        return float(every.max()) if every.size else float("nan")
+        shown = self.answers[["unit", "read_s", "shown_s"]]
+        # A status is shown until the next of its valve, the last one until the end.
+        until = shown.groupby("unit")["shown_s"].shift(-1).fillna(self.duration)
+        longest = (until - shown["read_s"]).groupby(shown["unit"]).max()
+        units = range(1, self.n_valves + 1)
+        return np.asarray(longest.reindex(units, fill_value=np.inf), float)
 
     def screen(self, time: float | None = None) -> Screen:
         """Return what the master shows at a time [s]; at the end if omitted."""

@@ -23,13 +23,14 @@ from shipnet.design.words import (
     column_of,
     decimal_mark,
     is_frame,
+    is_place_titles,
     read_number,
     widened,
     without_safety,
 )
 from shipnet.errors import ArgumentError, InputError, listed
 from shipnet.signals import SIGNALS, find_signal, meanings, plain, spellings
-from shipnet.tables import Remark, frame_sheet, parse_sheet, read_sheet
+from shipnet.tables import Remark, frame_sheet, parse_sheet, read_sheet, read_sheets
 
 if TYPE_CHECKING:
     from typing import Self
@@ -86,6 +87,8 @@ class Cells:
         if second is not None:
             self.titles = second
             self.remarks.append(Remark("titles in two rows", (sheet.top, rows[0][0]), detail=True))
+        if sheet.above:
+            self.remarks.append(Remark("left out, above the titles", sheet.above, detail=True))
         self._repeated = [list(sheet.titles)] + ([rows.pop(0)[1]] if second is not None else [])
         self._find_columns(rows)
         rows = self._points_of(rows)
@@ -622,6 +625,10 @@ class PointTable:
     ) -> Self:
         """Read an I/O list from a CSV file or an Excel workbook."""
         found = read_sheet(path, sheet, is_titles=score(reading), what=_WHAT)
+        first = [*found.titles, *(found.rows[0][1] if found.rows else ())]
+        placed = any((column := column_of(cell)) and column.name in PLACED for cell in first)
+        if placed and not (reading.frames or reading.decks):
+            reading = reading.with_sheets(read_sheets(path, is_place_titles))
         return cls._of(found, reading, strict)
 
     @classmethod

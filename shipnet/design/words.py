@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, InputError
 from shipnet.signals import find_signal, meanings, plain, spellings
+
+if TYPE_CHECKING:
+    from shipnet.tables import Sheet
 
 #: Columns of a list of points, in their order, and what they hold: text, or a quantity whose unit
 #: the name ends with. `data/iolist_words.csv` has what lists call them.
@@ -57,6 +60,31 @@ class Reading(NamedTuple):
                        if _frame(word) is None]  # fmt: skip
         return self._replace(**{table: tuple(known.items())}), faults
 
+    def with_sheets(self, sheets: Iterable[Sheet]) -> Reading:
+        """Return the words with the frames and decks of a workbook's own tables of them."""
+        found = self
+        for sheet in sheets:
+            columns = [column_of(title) for title in sheet.titles]
+            names = [column and column.name for column in columns]
+            word = "frame" if "frame" in names else "deck"
+            place = names.index("x_m" if word == "frame" else "z_m")
+            scale, at = columns[place].scale, names.index(word)  # type: ignore[union-attr]
+            values: dict[str, object] = {}
+            for number, cells in sheet.rows:
+                cells += [""] * (len(names) - len(cells))
+                value = read_number(cells[place], ".", scale, UNITS["length"])
+                if value is None or not cells[at]:
+                    raise InputError(
+                        f"{sheet.source}, sheet {sheet.sheet}",
+                        f"row {number}: {cells[at]!r} at {cells[place]!r}; expected a {word} and a "
+                        "number in m",
+                    )
+                values[cells[at]] = value
+            found, faults = found.tried(f"{word}s", values)
+            if faults:
+                raise InputError(f"{sheet.source}, sheet {sheet.sheet}", *faults)
+        return found
+
     def signal(self, word: str) -> str:
         """Return what the list means by a word for a signal."""
         own = {plain(spelling): name for spelling, name in self.signals}
@@ -86,6 +114,12 @@ class Reading(NamedTuple):
         known, along = zip(*numbers, strict=True)
         x = float(np.interp(number, known, along))
         return x + frame[1], side, levels[plain(deck[0])] + deck[1]
+
+
+def is_place_titles(cells: Sequence[str]) -> bool:
+    """Return whether cells are the titles of a table of frames, or of decks."""
+    names = {column.name for cell in cells if (column := column_of(cell))}
+    return "tag" not in names and (names >= {"frame", "x_m"} or names >= {"deck", "z_m"})
 
 
 def is_frame(cell: str) -> bool:

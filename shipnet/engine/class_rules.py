@@ -10,14 +10,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
 from math import inf, isnan, nan
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 from shipnet.answers import Findings
 from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.engine.points import Point, PointList, read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, number, part, record, switch, whole
+from shipnet.fields import number, part, record, switch, whole
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 
@@ -40,25 +40,10 @@ _CIRCULAR = "MSC/Circ.891"
 
 # Supplies and processors of the boxes ----------------------------------------------------------
 
-#: Most supplies or processors of a box, and most parts that are taken to fail together.
-_MOST = 4
-
-
-class Part(NamedTuple):
-    """A ``supply`` or ``cpu`` of a box; the box is empty for a supply that all boxes share."""
-
-    kind: str
-    box: str
-    number: int
-
-    def __str__(self) -> str:
-        """Return what a table calls it."""
-        return f"{self.kind} {self.number} of {self.box or 'all boxes'}"
-
 
 @record(slots=True)
 class Redundancy:
-    """How many supplies and processors the boxes have, and what dead ones cost.
+    """How many supplies and processors each box has, and what a dead one costs.
 
     A box works as long as one supply and one processor of it do; the points of a box that does not
     work are lost, whatever the buses do.
@@ -85,75 +70,38 @@ class Redundancy:
     """
 
     points: PointList = part(PointList, "One or more points", make=PointList)
-    supplies: int = whole(1, _MOST, "", "Supplies of each box", default=1)
-    cpus: int = whole(1, _MOST, "", "Processors of each box", default=1)
-    shared_supply: bool = switch(
-        "Whether the supplies serve all boxes together, not each box its own", default=False
-    )
+    supplies: int = whole(1, 4, "", "Supplies of each box", default=1)
+    cpus: int = whole(1, 4, "", "Processors of each box", default=1)
 
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """All supplies, then all processors."""
-        boxes = self.points.boxes
-        served = ("",) if self.shared_supply else boxes
-        supplies = [Part("supply", box, n + 1) for box in served for n in range(self.supplies)]
-        cpus = [Part("cpu", box, n + 1) for box in boxes for n in range(self.cpus)]
-        return (*supplies, *cpus)
-
-    def dead_boxes(self, dead: Iterable[Part]) -> tuple[str, ...]:
-        """Return the boxes that do not work without some parts."""
-        gone = set(dead)
-        if not gone <= set(self.parts):
-            raise ArgumentError(f"dead has {sorted(gone - set(self.parts))}, which are not parts")
-        boxes = []
-        for box in self.points.boxes:
-            for kind in ("supply", "cpu"):
-                own = {part for part in self.parts if part.kind == kind and part.box in ("", box)}
-                if own <= gone:
-                    boxes.append(box)
-                    break
-        return tuple(boxes)
-
-    def lost(self, dead: Iterable[Part]) -> int:
-        """Return how many points are lost without some parts."""
-        boxes = self.dead_boxes(dead)
-        return sum(point.box in boxes for point in self.points)
-
-    def worst(self, failures: int = 1) -> int:
-        """Return how many points the worst failure of some parts at once costs, 0..4 parts."""
-        count = check_whole("failures", failures, 0, _MOST)
-        return max((self.lost(dead) for dead in combinations(self.parts, count)), default=0)
-
-    @classmethod
-    def compare(
-        cls,
-        points: Iterable[Point],
-        *,
-        failures: int = 1,
-        designs: Mapping[str, tuple[int, int]] | None = None,
-    ) -> pd.DataFrame:
-        """Return what dead parts cost in several designs: one row per design and combination.
-
-        `failures` parts fail together, 1..4. `designs` are supplies and processors of each box by
-        name; one or two of each if not given.
-        """
+    def table(self) -> pd.DataFrame:
+        """Return what each ``dead`` part costs: ``boxes_lost``, ``points_lost``."""
         import pandas as pd
 
-        known = PointList(points)
-        count = check_whole("failures", failures, 1, _MOST)
-        usual = {
+        rows = []
+        for kind, count in (("supply", self.supplies), ("cpu", self.cpus)):
+            for box, own in self.points.by_box().items():
+                cost = (box, len(own)) if count == 1 else ("", 0)
+                rows += [(f"{kind} {n + 1} of {box}", *cost) for n in range(count)]
+        return pd.DataFrame(rows, columns=["dead", "boxes_lost", "points_lost"])
+
+    def worst(self) -> int:
+        """Return how many points the worst of the parts costs."""
+        return int(self.table()["points_lost"].max())
+
+    @classmethod
+    def compare(cls, points: Iterable[Point]) -> pd.DataFrame:
+        """Return what dead parts cost with one or two of each: one row per design and part."""
+        import pandas as pd
+
+        designs = {
             "one of each": (1, 1),
             "two supplies": (2, 1),
             "two CPUs": (1, 2),
             "two of each": (2, 2),
         }
-        rows = []
-        for design, (supplies, cpus) in (usual if designs is None else designs).items():
-            system = cls(known, supplies, cpus)
-            for dead in combinations(system.parts, count):
-                boxes = ", ".join(system.dead_boxes(dead))
-                rows.append((design, ", ".join(map(str, dead)), boxes, system.lost(dead)))
-        return pd.DataFrame(rows, columns=["design", "dead", "boxes_lost", "points_lost"])
+        known = PointList(points)
+        tables = {name: cls(known, *counts).table() for name, counts in designs.items()}
+        return pd.concat(tables, names=["design", ""]).reset_index("design").reset_index(drop=True)
 
 
 # What is known of a system ---------------------------------------------------------------------
@@ -282,13 +230,8 @@ class Rule:
         return "met" if good else "violated", value, why
 
 
-def _lost(kind: str) -> Callable[[Description, int], _Outcome]:
-    def compute(system: Description, count: int) -> _Outcome:
-        boxes = Redundancy(system.points, supplies=count, cpus=count)
-        lost = max(boxes.lost([part]) for part in boxes.parts if part.kind == kind)
-        return lost, f"{count} per box"
-
-    return compute
+def _lost(system: Description, count: int) -> _Outcome:
+    return Redundancy(system.points, supplies=count, cpus=count).worst(), f"{count} per box"
 
 
 def _itself(system: Description, known: float) -> _Outcome:
@@ -348,9 +291,9 @@ _NONE_FOUND = "none found in the public texts consulted"
 #: The rules of section II in the order of the paper.
 RULES = (
     Rule("CPU duplicated", "CPUs", "the CPU is duplicated",
-         "points lost by a dead CPU", "", 0, "cpus", _lost("cpu"), _NONE_FOUND),
+         "points lost by a dead CPU", "", 0, "cpus", _lost, _NONE_FOUND),
     Rule("supply duplicated", "supplies", "the power supply is duplicated",
-         "points lost by a dead supply", "", 0, "supplies", _lost("supply"),
+         "points lost by a dead supply", "", 0, "supplies", _lost,
          "SOLAS II-1/51: a stand-by supply of the alarm system"),
     Rule("supply changes over", "supplies", "the supply changes over within 2 s",
          "change-over", "s", 2.0, "power_switch_over", _itself,

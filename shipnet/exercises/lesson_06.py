@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from shipnet.exercises.answers import Bytes, Function, Number, Whole
 from shipnet.exercises.exercise import Exercise
@@ -97,20 +98,16 @@ EXERCISES = (
             "a byte is more than 8 bits on the line": lambda registers, rate: (
                 _response_ms(registers, rate) * 8 / 11
             ),
-            "count a character of 8E1 again: start, data, parity, stop": lambda registers, rate: (
-                _response_ms(registers, rate, character="8N1")
+            "count a character of 8E1 again: start, data, parity, stop": partial(
+                _response_ms, character="8N1"
             ),
-            "that is the data alone; what stands around them?": lambda registers, rate: (
-                _response_ms(registers, rate, extra=-5)
+            "that is the data alone; what stands around them?": partial(_response_ms, extra=-5),
+            "every frame ends with a CRC: is it counted?": partial(_response_ms, extra=-2),
+            "one byte too few: name those around the data one by one": partial(
+                _response_ms, extra=-1
             ),
-            "every frame ends with a CRC: is it counted?": lambda registers, rate: _response_ms(
-                registers, rate, extra=-2
-            ),
-            "one byte too few: name those around the data one by one": lambda registers, rate: (
-                _response_ms(registers, rate, extra=-1)
-            ),
-            "one byte too many: name those around the data one by one": lambda registers, rate: (
-                _response_ms(registers, rate, extra=1)
+            "one byte too many: name those around the data one by one": partial(
+                _response_ms, extra=1
             ),
             "a register has 16 bits": lambda registers, rate: _response_ms(
                 registers, rate, extra=-registers
@@ -150,9 +147,7 @@ EXERCISES = (
             _most(rate, think_ms, timeout_ms), "valves"
         ),
         traps={
-            "with all of them alive; what does one dead valve cost?": (
-                lambda rate, think_ms, timeout_ms: _most(rate, think_ms, timeout_ms, dead=0)
-            ),
+            "with all of them alive; what does one dead valve cost?": partial(_most, dead=0),
             "valves need time to think": lambda rate, think_ms, timeout_ms: _most(
                 rate, 0, timeout_ms
             ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from shipnet.engine.system import RULE
 from shipnet.exercises.answers import Function, Number, Whole
@@ -107,8 +108,8 @@ EXERCISES = (
         draws={"n": range(20, 46, 5)},
         answer=lambda n: Number(_timeout(n), "ms"),
         traps={
-            "how often can one cut be missed before all beyond it are moved?": lambda n: _timeout(
-                n, waits=1
+            "how often can one cut be missed before all beyond it are moved?": partial(
+                _timeout, waits=1
             ),
             "the round itself takes time too": lambda n: 1e3 * (RULE / 2 - _REQUEST),
             "a poll in vain is more than its time-out: the request has to be sent": lambda n: (

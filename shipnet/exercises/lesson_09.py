@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,8 @@ import numpy as np
 from shipnet.ballast.rule_table import rule_base
 from shipnet.exercises.answers import Bits, Choices, Function, Number, Table
 from shipnet.exercises.exercise import Exercise
-from shipnet.fuzzy.rules import RuleBase
+
+_BASE = rule_base()
 
 #: Readings for which two rules or more hold: the order is FP, OP, MC, OT, VPos, DVPos.
 _STATES = (
@@ -27,17 +28,12 @@ _STATES = (
 _WINDOWS = (5, 10, 20)
 
 
-def _base() -> RuleBase:
-    return rule_base()
-
-
 def _codes(readings: dict[str, float]) -> tuple[str, ...]:
-    return _base().decide(readings, method="crisp").codes()
+    return _BASE.decide(readings, method="crisp").codes()
 
 
 def _degrees(FP: float, OP: float) -> tuple[float, float]:
-    base = _base()
-    high = (base[name]["high"].membership(x) for name, x in (("FP", FP), ("OP", OP)))
+    high = (_BASE[name]["high"].membership(x) for name, x in (("FP", FP), ("OP", OP)))
     one, other = map(float, high)
     return one, other
 
@@ -45,9 +41,8 @@ def _degrees(FP: float, OP: float) -> tuple[float, float]:
 @cache
 def _persistent(fires: str, k: int, n: int) -> str:
     """Let a hot motor fire as given, and see when its code is active."""
-    base = _base()
     hot = {"OT": np.where(np.array(list(fires)) == "1", 100, 20)}
-    active = base.decide(hot, k=k, n=n).active[:, base.codes.index("O1")]
+    active = _BASE.decide(hot, k=k, n=n).active[:, _BASE.codes.index("O1")]
     return "".join(map(str, active.astype(int)))
 
 
@@ -110,8 +105,8 @@ def _one_less(burst: int, period: int, step: int) -> list[dict[str, Any]]:
 EXERCISES = (
     Exercise(
         "ex-09-1",
-        draws={"readings": tuple(dict(zip(_base().names, x, strict=True)) for x in _STATES)},
-        answer=lambda readings: Choices(frozenset(_codes(readings)), _base().codes),
+        draws={"readings": tuple(dict(zip(_BASE.names, x, strict=True)) for x in _STATES)},
+        answer=lambda readings: Choices(frozenset(_codes(readings)), _BASE.codes),
         traps={
             "that is the first in rank only; asked for is every rule that holds": lambda readings: (
                 frozenset(_codes(readings)[:1])
@@ -154,7 +149,7 @@ EXERCISES = (
             "a long window holds more than one burst: count again in the longer ones": _one_burst,
             "with this k the bursts themselves are an alarm: one more is needed": _one_less,
             "the first reading that fires already counts: how long from it to the last of the k?": (
-                lambda burst, period, step: _rows(burst, period, step, late=1)
+                partial(_rows, late=1)
             ),
         },
     ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 
 from shipnet import datasets
 from shipnet.design.costs import Quantities
@@ -131,16 +131,16 @@ EXERCISES = (
         draws={"modules": (12, 14, 16, 20, 24), "distance": (30, 40, 60, 80)},
         answer=lambda modules, distance: Number(_saved(modules, distance), "%"),
         traps={
-            "that is the cable alone; work and hardware cost too": lambda modules, distance: _saved(
-                modules, distance, "cable_cost_eur"
+            "that is the cable alone; work and hardware cost too": partial(
+                _saved, figure="cable_cost_eur"
             ),
             "a saving is a share of what it would have cost without the bus": (
                 lambda modules, distance: (
                     100 * (_costs(modules, distance)[0] / _costs(modules, distance)[1] - 1)
                 )
             ),
-            "that is the conductors; asked for is the cost": lambda modules, distance: _saved(
-                modules, distance, "conductors_at_cabinet"
+            "that is the conductors; asked for is the cost": partial(
+                _saved, figure="conductors_at_cabinet"
             ),
             "that is what is left; asked for is what is saved": lambda modules, distance: (
                 100 - _saved(modules, distance)

@@ -95,8 +95,9 @@ def _faults(
         yield "verdict", f"{verdict!r} must be empty, because the kind is {kind}"
     yield from _faults_of_numbers(claim)
     yield from _faults_of_the_condition(claim, judged and verdict not in UNDECIDED, first)
-    if kind == "erratum" and not claim["corrected"]:
-        yield "corrected", "is empty; an erratum says what should stand there"
+    against = kind == "erratum" or (kind == "qualitative" and verdict in AGAINST)
+    if against and not claim["corrected"]:
+        yield "corrected", f"is empty; {verdict or kind!r} asks for what should stand there"
     if (kind == "erratum" or verdict in UNDECIDED) and not claim["note"]:
         yield "note", "is empty; expected the reason of the correction, or what is missing"
     sources = [source.strip() for source in claim["evidence"].split(";") if source.strip()]

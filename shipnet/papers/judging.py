@@ -202,7 +202,7 @@ def ledger(paper: str | None = None) -> Ledger:
 
 
 def show(*claims: str) -> pd.DataFrame:
-    """Show claims as a notebook does: what the paper says, what we compute, the verdict.
+    """Show claims as a notebook does: what the paper says, what we compute, the verdict and why.
 
     Parameters
     ----------
@@ -227,24 +227,15 @@ def show(*claims: str) -> pd.DataFrame:
     import pandas as pd
 
     ids = " ".join(claims).split()
-    shown = pd.DataFrame(
-        [
-            {
-                "where": row["where"],
-                "claim": row["claim"],
-                "the paper says": _says(row),
-                "we compute": _ours(row),
-                "verdict": row["verdict"] or row["kind"],
-                "under": "" if row["holds_under"] == CONDITIONS[0] else row["holds_under"],
-                "why": _why(row),
-            }
-            for row in map(_judge, _claims_by_id(ids))
-        ],
-        index=ids,
-    )
-    # A column of empty cells takes room from the others.
-    empty = [name for name in ("we compute", "under", "why") if not shown[name].any()]
-    return shown.drop(columns=empty)
+    rows = [_judge(claim) for claim in _claims_by_id(ids)]
+    shown = {
+        "where": [row["where"] for row in rows],
+        "claim": [row["claim"] for row in rows],
+        "the paper says": [_says(row) for row in rows],
+        "we compute": [_ours(row) for row in rows],
+        "verdict": [_verdict(row) for row in rows],
+    }
+    return pd.DataFrame(shown, index=ids)
 
 
 def match(published: float, computed: float, precision: float) -> str:
@@ -353,12 +344,16 @@ def _ours(row: Mapping[str, Any]) -> str:
     )
 
 
-def _why(row: Mapping[str, Any]) -> str:
-    """Return what should stand there and the note, where a claim does not simply agree."""
-    if row["verdict"] == "agrees" or row["kind"] in ("ours", "context"):
-        return ""
+def _verdict(row: Mapping[str, Any]) -> str:
+    """Return the verdict, its condition unless it is as printed, and why it differs."""
+    said = str(row["verdict"] or row["kind"])
+    if row["holds_under"] not in ("", CONDITIONS[0]):
+        said += f" ({row['holds_under']})"
+    if said.startswith(("agrees", "ours", "context")):
+        return said
     instead = f"instead {row['corrected']}" if row["corrected"] else ""
-    return ": ".join(filter(None, [instead, row["note"]]))
+    why, _, _ = str(row["note"]).partition(". ")
+    return ": ".join(filter(None, [said, instead, why]))
 
 
 def format_computed(value: object, published: str = "") -> str:

@@ -121,10 +121,11 @@ class PacketFormat:
         if not isinstance(items, Mapping):
             raise ArgumentError(f"items is {items!r}; it must map numbers to values")
         numbers = sorted(check_whole("number", number, 0, self.n_numbers - 1) for number in items)
-        row = np.zeros((1, len(numbers), 3), np.uint8)
-        for place, number in enumerate(numbers):
+        triples = []
+        for number in numbers:
             value = check_whole(f"value of item {number}", items[number], 0, 0xFFFF)
-            row[0, place] = number, value & 0xFF, value >> 8
+            triples.append((number, value & 0xFF, value >> 8))
+        row = np.array(triples, np.uint8).reshape(1, len(numbers), 3)
         return self._encode_rows(row).tobytes()
 
     def decode(self, packet: bytes | bytearray) -> Items:

@@ -100,8 +100,11 @@ def as_csv(sheet, encoding="cp949"):
     return stream.getvalue().encode(encoding)
 
 
-def as_workbook(sheet, path, hidden=(), struck=()):
-    """Write the sheet behind a cover sheet, with some rows hidden and some struck out."""
+def as_workbook(sheet, path, hidden=(), struck=(), places=()):
+    """Write the sheet behind a cover sheet, with some rows hidden and some struck out.
+
+    `places` are further sheets: their name, and their rows.
+    """
     import openpyxl
     from openpyxl.styles import Font
 
@@ -119,4 +122,8 @@ def as_workbook(sheet, path, hidden=(), struck=()):
     for number in struck:
         for cell in own[number]:
             cell.font = Font(strike=True)
+    for name, rows_of_places in places:
+        further = book.create_sheet(name)
+        for cells in rows_of_places:
+            further.append(cells)
     book.save(path)

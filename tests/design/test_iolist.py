@@ -105,13 +105,6 @@ def test_one_list_in_many_spellings_is_one_list():
     assert IoList.parse(millimetres).points.equals(plain)
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
-def test_a_file_may_be_encoded_as_spreadsheets_do(encoding, tmp_path):
-    path = tmp_path / "list.csv"
-    path.write_bytes(text(note="K\u00fchlwasser 5 \u00b5m").encode(encoding))
-    assert read_iolist(path).points.loc[0, "note"] == "K\u00fchlwasser 5 \u00b5m"
-
-
 @pytest.mark.parametrize(
     ("changes", "fault"),
     [

@@ -77,9 +77,9 @@ def test_a_messy_list_without_faults_becomes_the_points_that_were_drawn(form, tm
         assert "read: sheet IO list rev C; not read: Cover" in iolist.remarks
     else:
         assert "read as cp949, with semicolons between the cells" in iolist.remarks
-    # No row below the titles is gone without a word; two stand above them.
+    # No row is gone without a word.
     told = sum(said[what] for what in said if what.startswith("left out"))
-    assert told + len(iolist) + 2 + 2 == sum(any(row) for row in sheet)
+    assert told + len(iolist) + said["titles in two rows"] == sum(any(row) for row in sheet)
 
 
 # Titles ---------------------------------------------------------------------------------------
@@ -253,6 +253,18 @@ def test_a_place_is_understood_by_frame_deck_and_side(place, found):
     assert at == pytest.approx(found)
 
 
+def test_frames_and_decks_may_come_from_sheets_of_the_workbook(tmp_path):
+    path = tmp_path / "list.xlsx"
+    rows = [["tag", "type", "frame", "deck", "side"], ["A1", "DI", "FR 34+200", "DK3", "P 4.2"]]
+    frames = [["Frame table"], ["Frame", "x [mm]"], [0, 0], [30, 18000], [180, 138000]]
+    decks = ("Decks", [["Deck", "z [m]"], ["DK3", 8.0]])
+    messy.as_workbook(rows, path, places=[("Frames", frames), decks])
+    assert read_iolist(path).places.tolist() == [[pytest.approx(21.4), 4.2, 8.0]]
+    messy.as_workbook(rows, path, places=[("Frames", [*frames, [200, "x"]]), decks])
+    with pytest.raises(InputError, match=r"sheet Frames: row 6: '200' at 'x'; expected a frame"):
+        read_iolist(path)
+
+
 def test_without_frames_a_place_is_a_doubt_and_no_fault():
     iolist = IoList.parse("tag,type,frame,deck\nA1,DI,34,DK3\nA2,DI,,\n")
     assert not iolist.located.any() and iolist.reading()["doubt"].sum() == 1
@@ -308,7 +320,8 @@ def test_strict_makes_every_doubt_a_fault():
 
 @pytest.mark.parametrize(
     ("encoding", "note", "said"),
-    [("cp949", "냉각수 온도 5 ℃", "cp949"), ("cp1252", "Kühlwasser 5 µm, 5 °C", "cp1252"),
+    [("cp949", "냉각수 온도 5 ℃", "cp949"), ("utf-8-sig", "5 µm", "utf-8"),
+     ("cp1252", "Kühlwasser 5 µm, 5 °C", "cp1252"),
      ("utf-16", "5 °C", "utf-16"), ("utf-16-le", "5 °C", "utf-16-le"), ("cp949", "빌지", "cp949"),
      ("cp1252", "nødstopp øvre dør", "cp1252"), ("cp1252", "n° 5, température", "cp1252")],
 )  # fmt: skip
@@ -317,7 +330,7 @@ def test_the_encoding_is_found_and_named(encoding, note, said, tmp_path):
     path.write_bytes(f"tag\ttype\tnote\nA1\tDI\t{note}\n".encode(encoding))
     iolist = read_iolist(path)
     assert iolist.points.loc[0, "note"] == note
-    assert f"read as {said}, with tabs between the cells" in iolist.remarks
+    assert f"read as {said}, with tabs between the cells" in notes(iolist)
 
 
 def test_the_command_counts_groups_and_saves_all_faults(tmp_path, capsys):

@@ -15,7 +15,7 @@ from shipnet.engine.faults import (
     ModbusBreak,
     StuckSensor,
 )
-from shipnet.engine.simulation import islands, simulate, single_failures
+from shipnet.engine.simulation import simulate, single_failures
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 
@@ -61,15 +61,6 @@ def test_what_the_printed_design_loses_and_notices(fault, lost, noticed):
     if noticed != "no" and lost:
         assert 2 < found["marked_after_s"] <= PRINTED.staleness_flag().after
         assert found["oldest_s"] <= PRINTED.staleness_flag().oldest
-
-
-def test_a_ring_outlives_any_cut_that_a_line_does_not():
-    for segment in RING.segments:
-        found = row(RING, CanBreak(segment, start=AT))
-        assert (found["lost"], found["old"], found["noticed"]) == (0, 0, "no")
-    both = [CanBreak("JB1-JB2", start=AT), CanBreak("JB3-JB1", start=AT)]
-    run = simulate(RING, until=20, faults=both)
-    assert set(run.alarms()["source"].str[3:6]) == {"JB2", "JB3"}
 
 
 def test_the_corrected_design_shows_nothing_old_and_notices_all_but_a_stuck_sensor():
@@ -205,27 +196,6 @@ def test_an_age_that_grows_for_ever_is_infinite_and_one_that_ends_is_not(system)
     assert dead <= system.staleness_flag().oldest
     both = row(PRINTED, ModbusBreak("1", start=AT))
     assert both["oldest_s"] <= both["bound_s"] < 2.05
-
-
-def test_bus_off_in_the_middle_is_a_box_that_nobody_hears():
-    phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.3, "AMS": 0.4}
-    off = simulate(PRINTED, until=20, faults=[BusOff("JB2", start=AT)], phases=phases)
-    dead = simulate(PRINTED, until=20, faults=[DeadBox("JB2", start=AT)], phases=phases)
-    assert off.alarms().equals(dead.alarms())
-    assert islands(PRINTED, off.faults, 11 * 10**9) == [[0, 2]]
-
-
-def test_one_timer_a_box_keeps_a_lost_frame_alive_for_longer_than_its_limit():
-    # Four of five frames of box 2 are lost. Any other one restarts the timer of them all.
-    run = simulate(
-        PRINTED,
-        until=600,
-        faults=[LostCanFrames("JB2", probability=0.8)],
-        rng=np.random.default_rng(3),
-    )
-    worst = run.table().loc[run.table()["box"] == "JB2", "worst_s"].max()
-    assert worst > PRINTED.staleness_flag().oldest
-    assert run.table().loc[run.table()["box"] != "JB2", "worst_s"].max() < 2
 
 
 def test_an_ams_that_returns_to_channel_1_pays_its_timeout_every_time():

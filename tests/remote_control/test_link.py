@@ -193,19 +193,6 @@ def test_no_death_anywhere_in_the_cycle_silences_bcs_longer_than_the_bound(chang
     assert (("RCS", "BCS") in pairs) == (system.turn_timeout is None)
 
 
-@pytest.mark.parametrize(
-    "change", [{"turn_timeout": 0.2}, {"master": Supervision(miss_limit=0)}], ids=["turn", "limit"]
-)
-def test_a_turn_that_ends_or_a_shorter_limit_of_the_master_keeps_the_failure_from_spreading(change):
-    system = full(**change)
-    assert system.cascade().alarm == "never"
-    died = 10 * system.cycle_time + system.packet_time
-    run = simulate(
-        system, until=40, faults=[DeadStation("SS", start=died)], rng=np.random.default_rng(1)
-    )
-    assert set(zip(run.alarms().station, run.alarms().partner, strict=True)) == {("RCS", "SS")}
-
-
 def test_a_failed_partner_that_is_left_out_costs_less_time_and_is_found_again():
     system = full(turn_timeout=0.2, skip_turns=20)
     faults = [DeadStation("SS", start=1.0, stop=15.0)]

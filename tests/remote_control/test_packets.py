@@ -262,8 +262,11 @@ def test_stuffed_bytes_are_those_published(plain, stuffed):
 @given(data=st.binary(min_size=1, max_size=255))
 def test_what_unstuffs_is_stuffed_alike(data):
     formed, plain = unstuff(row(data))
+    # One row is undone byte by byte, several along their distances.
+    twice, both = unstuff(np.repeat(row(data), 2, axis=0))
+    assert twice.tolist() == 2 * formed.tolist()
     if formed[0]:
-        assert stuff(plain).tobytes() == data
+        assert stuff(plain).tobytes() == data and (both == plain).all()
 
 
 def test_two_bytes_imitate_as_often_as_counted():

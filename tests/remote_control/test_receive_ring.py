@@ -171,16 +171,6 @@ def test_the_table_of_cases_is_what_rings_show(size):
     assert {(lap, case): table.loc[lap, case] for lap, case in counted} == counted
 
 
-def test_a_lead_of_two_rounds_looks_in_order_and_is_lost_silently():
-    ring = filled(128, "intended", [0xCC] * 260)
-    assert (ring.unread, ring.seems_unread, ring.case) == (260, 4, "b")
-    assert drain(ring) == bytes([0xCC] * 4)
-    assert (ring.lost, ring.unread) == (256, 0)
-    corrected = filled(128, "corrected", [0xCC] * 260)
-    assert corrected.extract().lost == 132
-    assert len(drain(corrected)) == 128
-
-
 @pytest.mark.parametrize("size", SIZES)
 def test_all_interleavings_of_a_small_ring_are_among_the_states_explored(size):
     length = 11

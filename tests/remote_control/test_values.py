@@ -5,14 +5,14 @@ from shipnet.remote_control import System
 from shipnet.remote_control.values import HOPS, VALUES, forwarded, values_on
 
 
-def test_numbers_count_from_zero_without_a_gap():
+def test_the_values_are_numbered_used_and_sent_by_way_of_the_remote_control():
     assert [value.number for value in VALUES] == list(range(len(VALUES)))
     assert len({value.name for value in VALUES}) == len(VALUES)
-
-
-def test_every_line_has_the_remote_control_at_one_end():
     assert all("RCS" in hop for hop in HOPS)
     assert {hop for value in VALUES for hop in value.hops} == set(HOPS)
+    for value in VALUES:
+        assert not set(value.sources) & set(value.readers)
+        assert value.mirrored or value.readers
 
 
 def test_the_switches_that_the_paper_doubles_are_mirrored_and_no_others():
@@ -23,12 +23,6 @@ def test_the_switches_that_the_paper_doubles_are_mirrored_and_no_others():
         "slowdown_cancel": {"BCS", "SS"},
     }
     assert all(value.kind == "switch" for value in VALUES if value.mirrored)
-
-
-def test_who_sets_a_value_does_not_read_it_and_somebody_does():
-    for value in VALUES:
-        assert not set(value.sources) & set(value.readers)
-        assert value.mirrored or value.readers
 
 
 def test_what_is_forwarded_crosses_both_lines_of_its_way():
