@@ -131,6 +131,13 @@ class Cells:
                 unused.append(title)
             elif any(row[place] for _, row in rows if place < len(row)):
                 unused.append(f"column {_letter(place)}, which has no title")
+        if "signal" not in self.places and len(self.places.get("type", ())) == 1:
+            # Many lists have signals, such as Pt100, in a column "type".
+            (place,) = self.places["type"]
+            words = {clean(widened(row[place])) for _, row in rows if place < len(row)}
+            others = (word for word in words if plain(word) not in spellings("type"))
+            if any(map(meanings, map(self.reading.signal, others))):
+                self.places["signal"] = self.places.pop("type")
         faults = [
             f"{' and '.join(repr(self.titles[place]) for place in places)} both mean {name}"
             for name, places in self.places.items()

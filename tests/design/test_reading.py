@@ -117,6 +117,16 @@ def test_own_titles_and_signals_come_from_the_settings():
         IoList.parse(text)
 
 
+def test_a_column_type_may_hold_signals_if_no_other_does():
+    rows = "tag,type,conductors\nA,PT100 3W,\nB,LIMIT SW,\nC,DI,\nD,AO,\n"
+    points = IoList.parse(rows).points
+    assert points["signal"].tolist() == ["rtd_3wire", "contact", "contact", "analogue_output"]
+    assert points["type"].tolist() == ["AI", "DI", "DI", "AO"]
+    assert IoList.parse("tag,type\nC,DI\n").points["signal"].tolist() == ["contact"]
+    assert "'PT100 3W'; expected DI, DO" in only("tag,type,signal\nA,PT100 3W,PT100 3W\n")
+    assert "'xyz'; expected DI, DO" in only("tag,type\nA,DI\nB2,xyz\n")
+
+
 def test_own_words_that_mean_nothing_are_named():
     text = '[columns]\nA = "tagg"\n[signals]\nB = "gizmo"\n[frames]\nfore = 1\n[decks]\nC = true\n'
     with pytest.raises(InputError) as error:
