@@ -546,6 +546,8 @@ def site_of(
         place = known.get(cabinet.strip()) or _typed(cabinet, names)
     elif cabinet is None:
         place, said = (0.0, 0.0, 0.0), "every length to the cabinet is given by the list"
+        if lost := int(iolist.points["home_run_m"].isna().sum()):
+            said = f"{lost} of {len(iolist)} points have neither a place nor a length"
         if iolist.located.any() or np.isfinite(iolist.box_places).any():
             try:
                 found = find_cabinet(iolist)
