@@ -323,7 +323,7 @@ def _send_part(
     kind = np.int32 if latest << shift < 2**31 else np.int64
     # Time and priority in one number: of all next frames, the least is sent.
     rank = np.arange(number)
-    # In C order, so that a flat view is no copy.
+    # In C order, so that flattening copies nothing.
     head = np.ascontiguousarray(first << shift, dtype=kind)
     step = (period << shift).astype(kind)
     busy = ((length << shift) - rank).astype(kind)

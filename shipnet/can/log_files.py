@@ -1,4 +1,4 @@
-"""Recorded CAN frames as programs store them: candump, CSV, ASC, BLF and TRC, told by content.
+"""Recorded CAN frames as programs store them: candump, CSV, ASC, BLF and TRC, known by content.
 
 Every reader makes rows of what it finds, and one place checks them all. What is not a frame of
 classic CAN is set aside, with its place if something is wrong with it. python-can reads ASC and
@@ -164,7 +164,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     -------
     Log
         Its columns; a file without frames gives columns without rows. CAN FD frames and error
-        frames are no faults: they are in `Log.skipped`, whatever `keep` is.
+        frames are not faults: they are in `Log.skipped`, whatever `keep` is.
 
     Raises
     ------

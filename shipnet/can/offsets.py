@@ -56,7 +56,7 @@ def clocks(senders: list[str], periods: list[int]) -> Integers:
 
 
 def longest_responses(streams: Streams) -> list[int] | None:
-    """Return the longest response of each message from its event; None if offsets are no help."""
+    """Return the longest response of each message from its event; None if offsets do not help."""
     load = float((streams.frame / streams.period).sum())
     if load >= _HIGHEST_LOAD:
         return None
@@ -232,7 +232,7 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         uneven = [messages[place].name for place in mine if periods[place] % grain]
         if uneven:
             raise ArgumentError(
-                f"step is {step:g} s, but the period of {uneven[0]!r} is no multiple"
+                f"step is {step:g} s, but the period of {uneven[0]!r} is not a multiple"
             )
         slots = math.lcm(*(int(periods[place]) // grain for place in mine))
         if slots > 10**6:

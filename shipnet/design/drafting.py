@@ -46,7 +46,7 @@ Result = TypeVar("Result")
 
 
 def zones(xyz: Floats, *, reach: float, most: int) -> Ints:
-    """Return clusters of at most so many places, shape (n, 3), all within reach of each other."""
+    """Return the cluster of each place, (n, 3): no more than `most`, all within `reach`."""
     if len(xyz) > _MOST:
         upper = _halves(xyz)
         labels = np.empty(len(xyz), dtype=np.intp)

@@ -273,7 +273,7 @@ class Choices:
 
 
 class NotSolved(Exception):
-    """There is no answer yet."""
+    """Raised where an exercise has no answer yet."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ class Student:
     Raises
     ------
     ArgumentError
-        If there is no name.
+        If the name is empty.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def student(name: str) -> Student:
     Raises
     ------
     ArgumentError
-        If there is no name.
+        If the name is empty.
 
     Examples
     --------
