@@ -76,7 +76,7 @@ def test_conditions_errata_and_undecided_claims_are_rows_too():
         assert checked(pd.DataFrame([SOUND | {"id": "kim2014-000"}, SOUND | cells]))
     with pytest.raises(InputError, match="has no column note"):
         checked(pd.DataFrame([SOUND]).drop(columns="note"))
-    with pytest.raises(InputError, match="claims.csv: has no row"):
+    with pytest.raises(InputError, match=r"claims\.csv: has no row"):
         checked(pd.DataFrame([SOUND]).iloc[:0])
 
 
