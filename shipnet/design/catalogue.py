@@ -112,6 +112,7 @@ def _cable(row: dict[str, str]) -> Cable:
     )
 
 
+@cache
 def smallest(conductors: int, *, spare: float) -> Cable:
     """Return the thinnest cable for hardwired points that has enough conductors and a reserve."""
     # A share such as 0.12 is not a binary number, but 25 conductors with 12 % are 28.
