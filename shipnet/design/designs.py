@@ -19,6 +19,7 @@ from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
+from shipnet.design.supply import supplies_table, voltages_table
 from shipnet.tables import as_csv, as_workbook
 
 if TYPE_CHECKING:
@@ -147,6 +148,17 @@ class Design(Layout):
         """Return what has to be bought and laid: cables by type, devices, channels, glands."""
         return costs.bill_table(self)
 
+    def supplies(self) -> pd.DataFrame:
+        """Return one row per supply: place, voltage, current, rating, and its worst device.
+
+        Mains cables from the cabinet to a supply are not computed.
+        """
+        return supplies_table(self)
+
+    def voltages(self) -> pd.DataFrame:
+        """Return one row per device and line that a supply feeds: current, voltage and its drop."""
+        return voltages_table(self)
+
     def check(
         self, rules: RuleSet | str | PathLike[str] = "DNV", *, host_time: float | None = None
     ) -> Findings:
@@ -174,10 +186,11 @@ class Design(Layout):
         return failures.lost(self, cables=cables, devices=devices, trays=trays)
 
     def tables(self) -> dict[str, pd.DataFrame]:
-        """Return what a yard builds from: cables, terminals, devices, points, segments, bill.
+        """Return what a yard builds from: cables, terminals, devices, points, bill.
 
         The cable schedule has one row per cable and its lengths add up to those of `quantities`;
         the terminal plan one row per core; the points are those of the list, with their channels.
+        Supplies and what they feed, segments and reasons are as this class has them.
         """
         return tables.tables(self)
 

@@ -14,6 +14,7 @@ import pandas as pd
 
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.costs import bill_table
+from shipnet.design.supply import supplies_table, voltages_table
 from shipnet.signals import SIGNALS
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ def tables(design: Layout) -> dict[str, pd.DataFrame]:
         "terminals": terminals(design),
         "devices": devices(design),
         "points": points(design),
+        "supplies": supplies_table(design),
+        "voltages": voltages_table(design),
         "segments": design.segments.copy(),
         "bill": bill_table(design),
         "reasons": design.reasons.copy(),

@@ -23,7 +23,8 @@ from shipnet.signals import SIGNALS
 from tests.design.lists import lists, ship
 
 SHIP = ship(120)
-TABLES = {"cables", "terminals", "devices", "points", "segments", "bill", "reasons"}
+TABLES = {"cables", "terminals", "devices", "points", "segments", "bill", "reasons", "supplies",
+          "voltages"}  # fmt: skip
 
 
 def read(path):
