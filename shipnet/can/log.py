@@ -191,8 +191,8 @@ class Log:
         self._check_times("the load")
         order = np.lexsort((self.time, self.channel))
         time, channel, ids, extended, remote, dlc, data = (c[order] for c in self.columns)
-        measured = measure_frames(ids, data, dlc, extended=extended, remote=remote)
-        bits, share = measured.length.astype(float), np.zeros(len(order))
+        bits = measure_frames(ids, data, dlc, extended=extended, remote=remote).astype(float)
+        share = np.zeros(len(order))
         totals, messages = [], []
         for name in np.unique(channel).tolist():
             here = channel == name

@@ -221,7 +221,7 @@ def test_a_missing_library_is_named_with_the_line_that_installs_it(tmp_path, mon
 def exact(log, chosen):
     """Return the lengths of some frames of a log."""
     _, _, ids, extended, remote, dlc, data = (column[chosen] for column in log.columns)
-    return measure_frames(ids, data, dlc, extended=extended, remote=remote).length.astype(int)
+    return measure_frames(ids, data, dlc, extended=extended, remote=remote)
 
 
 def test_the_load_is_that_of_a_loop_over_windows():
