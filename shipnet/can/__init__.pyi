@@ -24,7 +24,6 @@ from .response import Assumptions as Assumptions
 from .response import ResponseTime as ResponseTime
 from .response import ResponseTimes as ResponseTimes
 from .response import audsley as audsley
-from .response import lowest_bit_rate as lowest_bit_rate
 from .response import response_times as response_times
 from .segment import Segment as Segment
 from .segment import Signals as Signals

@@ -42,9 +42,6 @@ CALLS = [
     }, {"messages": "text path", "period": "None", "faults": "empty"}),
     (can.audsley, {"messages": MESSAGES, "bit_rate": 125e3, "assumptions": None, "faults": ()},
      {"faults": "empty"}),
-    (can.lowest_bit_rate, {
-        "messages": MESSAGES, "candidates": (125e3,), "assumptions": None, "faults": (),
-    }, {"faults": "empty", "candidates": "empty"}),
     (can.response_times, {
         "messages": MESSAGES, "bit_rate": 125e3, "method": "exact", "assumptions": None,
         "faults": (), "offsets": False,
