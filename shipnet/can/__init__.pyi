@@ -27,7 +27,6 @@ from .response import audsley as audsley
 from .response import response_times as response_times
 from .segment import Segment as Segment
 from .segment import Signals as Signals
-from .segment import line as line
 from .simulation import BatchRun as BatchRun
 from .simulation import Run as Run
 from .simulation import simulate as simulate
