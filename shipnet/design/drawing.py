@@ -20,6 +20,8 @@ _WIDTH, _COLUMNS, _ROWS, _ROW, _TOP = 760, 2, 74, 13, 40
 #: From a lane to the next, and where a row has its length, name and words, after its lanes [px].
 _LANE, _LENGTH, _NAME, _WORDS = 10, 42, 52, 150
 
+_LEGEND = "■ cabinet, □ box, station or module, ◇ repeater; metres of the cable that leads there"
+
 #: Most characters of a name and of the words behind it.
 _LONG_NAME, _LONG_WORDS = 19, 36
 
@@ -85,16 +87,13 @@ def sheets(design: Layout) -> list[tuple[str, int]]:
         height = _TOP + _ROW * tall + 8
         of = f", sheet {number} of {len(pages)}" if len(pages) > 1 else ""
         title = f"{design.name}: single-line drawing{of}. Cabinet at {x}, {y}, {z} m"
-        legend = (
-            "■ cabinet, □ box, station or module, ◇ repeater; metres of the cable that leads there"
-        )
         parts = [
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{_WIDTH}" height="{height}" '
             f'viewBox="0 0 {_WIDTH} {height}" font-family="Liberation Sans, Arial, sans-serif" '
             f'font-size="9" fill="#1d2733"><title>{escape(title)}</title>',
             f'<rect width="{_WIDTH}" height="{height}" fill="#fff"/>',
             f'<text x="6" y="14" font-size="12" font-weight="bold">{escape(title)}</text>',
-            f'<text x="6" y="28" fill="#5a6673">{legend}</text>',
+            f'<text x="6" y="28" fill="#5a6673">{_LEGEND}</text>',
         ]
         for place, row in enumerate(page):
             column, line = divmod(place, tall)
@@ -148,7 +147,7 @@ def _rows(design: Layout) -> Iterator[_Row]:
     blocks = [("hardwired", _COLOURS[-1], hardwired)] if hardwired.children else []
     for number, segment in enumerate(design.segments.itertuples()):
         colour = _COLOURS[number % len(_COLOURS)]
-        trunk = design.cables[design.cables["segment"].eq(segment.segment)]
+        trunk = design.cables[design.cables["segment"] == str(segment.segment)]
         trunk = trunk[trunk["kind"] == "trunk"]
         lines = " on each of two lines" if (trunk["line"] == "B").any() else ""
         said = (
@@ -201,12 +200,10 @@ def _hardwired(design: Layout, counts: dict[str, str]) -> _Node:
     home = runs[runs["kind"] == "home run"]
     system = dict(zip(design.points["tag"], design.iolist.points["system"], strict=True))
     for name, own in home.groupby([system[tag] for tag in home["b"]], sort=False):
-        words = (
-            f"{len(own)} home runs of {own['length_m'].min():.0f} to {own['length_m'].max():.0f} m"
-        )
-        root.children.append(
-            _Node(_Row(str(name) or "no system", words, f"{own['length_m'].sum() / 1e3:.3g} km"))
-        )
+        metres = own["length_m"]
+        words = f"{len(own)} home runs of {metres.min():.0f} to {metres.max():.0f} m"
+        row = _Row(str(name) or "no system", words, f"{metres.sum() / 1e3:.3g} km")
+        root.children.append(_Node(row))
     return root
 
 
@@ -220,28 +217,26 @@ def _tree(design: Layout, segment: str, counts: dict[str, str]) -> _Node:
     root = _Node(_Row("nothing", kind="cabinet"))
     for row in devices.itertuples():
         name, kind, at = str(row.device), str(row.kind), str(row.at)
-        if kind in ("module", "station", "repeater", "master"):
-            said = name.removeprefix(f"{segment} ")
-            node = nodes[name] = _Node(_Row(said, counts.get(name, ""), kind=kind))
-            if kind == "master" and root.row.name == "nothing":
-                root, node.row.kind = node, "cabinet"
-        else:
-            inside[at if at in nodes else ""].append(kind)
+        if kind in ("supply", "auxiliary supply", "terminator"):
+            inside[at].append(kind)
+            continue
+        said = name.removeprefix(f"{segment} ")
+        node = nodes[name] = _Node(_Row(said, counts.get(name, ""), kind=kind))
+        if kind == "master" and root.row.name == "nothing":
+            root, node.row.kind = node, "cabinet"
     children = dict[str, str]()
     for run in trunk.itertuples():
         a, b = str(run.a), str(run.b)
         nodes[b].row.length = f"{run.length_m:.0f} m"
         if children.setdefault(b, a) == a:
-            nodes[a].children.append(nodes[b])
+            nodes.get(a, root).children.append(nodes[b])
     # A repeater in a housing hangs on the device there, or on the master in the cabinet.
-    for row in devices[devices["kind"] == "repeater"].itertuples():
-        if str(row.device) not in children and not str(row.device).endswith(" B"):
-            at = nodes.get(str(row.at), root)
-            at.children.append(nodes[str(row.device)])
+    for own in devices[devices["kind"] == "repeater"].itertuples():
+        if str(own.device) not in children and not str(own.device).endswith(" B"):
+            nodes.get(str(own.at), root).children.append(nodes[str(own.device)])
     for name, kinds in inside.items():
-        node = nodes.get(name, root)
-        more = " + ".join(dict.fromkeys(kinds))
-        node.row.words = f"+ {more}{'; ' * bool(node.row.words)}{node.row.words}"
+        drawn = nodes.get(name, root).row
+        drawn.words = f"+ {' + '.join(dict.fromkeys(kinds))} {drawn.words}"
     return root
 
 
