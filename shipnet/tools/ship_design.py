@@ -242,7 +242,7 @@ class ShipDesign(Tool):
                 example("main engine", _CABINET),
                 example("ship", ""),
                 Button("make the report", "One file to read offline and print: tables, figures, "
-                       "rules and every assumption; in tables.zip the cable schedule, terminals, points "
+                       "rules and every assumption; in tables.zip the cables, terminals, points "
                        "and drawing of each option. Buttons to download them appear below the "
                        "figure.", ask),
             ],
