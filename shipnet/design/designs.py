@@ -19,7 +19,7 @@ from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
-from shipnet.design.supply import supplies_table, voltages_table
+from shipnet.design.supply import supply_tables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -152,11 +152,11 @@ class Design(Layout):
 
         Mains cables from the cabinet to a supply are not computed.
         """
-        return supplies_table(self)
+        return supply_tables(self)[0]
 
     def voltages(self) -> pd.DataFrame:
         """Return one row per device and line that a supply feeds: current, voltage and its drop."""
-        return voltages_table(self)
+        return supply_tables(self)[1]
 
     def check(
         self, rules: RuleSet | str | PathLike[str] = "DNV", *, host_time: float | None = None
