@@ -1,5 +1,7 @@
 """What supplies give and what arrives, against the solver for cables and by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 from shipnet.design.catalogue import cables
 from shipnet.design.designs import Design
 from shipnet.design.planning import plan
+from shipnet.design.rules import Rule, RuleSet
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.design.supply import LOADS, feeders_of
@@ -173,6 +176,77 @@ def test_the_cable_of_the_worst_point_counts():
     (row,) = plan(iolist, SITE, "CAN").voltages().to_dict("records")
     # The box is half way between; 10 m with detour and tails to either coil, and it is on alone.
     assert row["voltage_v"] - row["lowest_v"] == pytest.approx((1.15 * 10 + 5) * 52e-3 * 0.25)
+
+
+def boat(values=None, *, tails=1.0, places=((10, 0, 0), (40, 0, 0)), each=1):
+    """A CAN design that meets every rule of NMEA 2000, and of supplies."""
+    small = {"supply.station": 0.1, "supply.solenoid": 0.1, "boxes.reach": 3, "tails": tails}
+    rows = [("solenoid", place, 1000) for place in places for _ in range(each)]
+    site = Site((0.0, 0.0, 0.0), detour=1.0, tails=tails)
+    return plan(table(rows), site, "CAN", settings=Settings(small | (values or {})))
+
+
+def priced(**values):
+    """The same boat under other loads, as if nobody had planned for them."""
+    return boat().priced(boat().settings.replace({f"supply.{k}": v for k, v in values.items()}))
+
+
+#: For each rule a design that violates it, and what is computed there. The feeders are 11 m and
+#: 31 m of 26 ohm/km, and a cable to a point has 1 m of 52 ohm/km.
+VIOLATIONS = {
+    "voltage": (lambda: priced(solenoid=10.0),
+                (11 * 26e-3 * 12.2 + 31 * 26e-3 * 6.1 + 52e-3 * 10) / 0.24),
+    "voltage above nominal": (lambda: boat({"supply.voltage": 32.0}), 100 / 3),
+    "spur short circuit": (lambda: priced(short=10.0),
+                           (11 * 26e-3 * 10.32 + 31 * 26e-3 * 10.16 + 52e-3 * 0.1) / 0.24),
+    "segment current": (lambda: priced(rating=0.2), 160.0),
+    "cable current": (lambda: priced(station=10.5), 105.6),
+    "spur overcurrent": (lambda: boat({"supply.solenoid": 0.6}), 0.6),
+    "backbone": (lambda: boat(places=((10, 0, 0), (110, 0, 0))), 112),
+    "drop": (lambda: boat(tails=6.5), 6.5),
+    "drops in all": (lambda: boat(tails=4.0, each=10), 80),
+    "nodes": (lambda: crowded(51), 51),
+    "terminators": (lambda: with_ends(1), 1),
+    "voltage drop": (lambda: priced(station=1.2), 11 * 26e-3 * 2.52 + 31 * 26e-3 * 1.26),
+    "load of a device": (lambda: boat({"supply.station": 1.0}), 22),
+    "load of a supply": (lambda: boat(
+        {"supply.station": 0.9}, places=[(x, 0, 0) for x in (5, 15, 25, 35)]), 80),
+}  # fmt: skip
+
+
+def crowded(devices):
+    design = boat()
+    return replace(design, segments=design.segments.assign(devices=devices))
+
+
+def with_ends(most):
+    devices = boat().devices
+    ends = devices["kind"] == "terminator"
+    return replace(boat(), devices=devices[~ends | (ends.cumsum() <= most)])
+
+
+def test_a_small_boat_meets_every_rule_of_supply_and_nmea_2000():
+    found = [boat().check(name).table() for name in ("supply", "NMEA 2000")]
+    assert set(pd.concat(found)["rule"]) == set(VIOLATIONS)
+    assert (pd.concat(found)["verdict"] == "met").all()
+
+
+@pytest.mark.parametrize("rule", VIOLATIONS)
+def test_each_rule_of_supply_has_a_design_that_violates_it(rule):
+    make, computed = VIOLATIONS[rule]
+    names = ("supply", "NMEA 2000")
+    table = pd.concat([make().check(name).table() for name in names]).set_index("rule")
+    row = table.loc[rule]
+    assert row["verdict"] == "violated" and row["source"]
+    assert row["value"] == pytest.approx(computed, rel=1e-3)
+
+
+def test_the_resistance_of_a_trunk_is_that_of_its_cable():
+    rule = Rule("resistance", "trunk resistance", 2.0, confirmed=True)
+    row = boat().check(RuleSet((rule,))).table().iloc[0]
+    # 10 + 1 and 30 + 1 m at 52 ohm/km.
+    assert row["value"] == pytest.approx(42 * 52e-3) and row["verdict"] == "violated"
+    assert row["object"] == "CAN 1"
 
 
 def test_a_design_without_feeders_has_no_supplies():
