@@ -127,7 +127,7 @@ def test_the_verdict_names_what_breaks_no_rule_the_cheapest_first(small):
     table = small.table()
     good = table[(table["rules_violated"] == 0) & (table["points_left_out"] == 0)]
     assert small.meeting == good.sort_values("total_cost_eur").index.tolist()
-    assert f"cheapest: {small.meeting[0]}, " in SMALL.verdict
+    assert f"violates no rule: {small.meeting[0]}, " in SMALL.verdict
     broken = table.index[table["rules_violated"] > 0]
     assert len(broken) and all(f"{option} violates" in SMALL.numbers for option in broken)
     bad = replace(SMALL, home_runs=False, junction_boxes=False, asi=False, modbus=False)
