@@ -66,7 +66,7 @@ def test_at_the_break_even_distance_both_designs_cost_the_same(modules, spacing)
 def test_what_is_chosen_keeps_the_limit_and_nothing_that_does_is_cheaper():
     function = exercise("ex-10-4").answer()
     chosen = [function.value(*case) for case in function.cases]
-    assert chosen == ["home runs", "AS-i", "junction boxes", "none", "junction boxes"]
+    assert chosen == ["home runs", "AS-i", "junction boxes", "none", "CAN"]
     for (options, limit), name in zip(function.cases, chosen, strict=True):
         ranked = sorted(options, key=lambda option: options[option][0])
         kept = [o for o in ranked if options[o][1] <= limit and options[o][2] == 0]
