@@ -137,7 +137,8 @@ class IoList(PointTable):
         site, said = site_of(self, cabinet, trays, values)
         ways = OPTIONS if options is None else options
         each = [(option, None) for option in ways] + [("home runs", mix)] * bool(mix)
-        tell, designs = teller(progress), []
+        tell = teller(progress)
+        designs: list[Design] = []
         for option, choose in each:
             designs.append(plan(self, site, option, settings=values, mix=choose, rules=rules))
             tell(len(designs), len(each))
