@@ -32,14 +32,9 @@ PRINTED = dict(zip(_TABLE["parameter"], _TABLE["value"], strict=True))
 _INPUTS, _COUNTERS = 8, 3
 
 
-@check("chung1998-001", counter={"lines": 3})
-def chips_are_enough(*, lines: int = int(PRINTED["chips_8251"])) -> bool:
-    """Whether one 8259 and one 8253 serve this many serial chips and a timer of 0.1 s.
-
-    Each line needs an interrupt for the bytes that come in and a clock of its own, the
-    supervision one more of both. Sending needs none: it polls.
-    """
-    return lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
+check("chung1998-001", counter={"lines": 3})(
+    lambda *, lines=int(PRINTED["chips_8251"]): lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
+)
 
 
 @numeric("chung1998-029")
@@ -48,10 +43,9 @@ def serial_chips(*, hops: tuple[Hop, ...] = tuple(h for h in HOPS if h[0] == "RC
     return max(sum(station == source for source, _ in hops) for station in STATIONS)
 
 
-@check("chung1998-030", counter={"flows": HOPS[:3]})
-def flows_are_enough(*, flows: tuple[Hop, ...] = HOPS) -> bool:
-    """Whether every value comes to all who need it on these flows, by RCS where it must."""
-    return all(hop in flows for value in VALUES for hop in value.hops)
+check("chung1998-030", counter={"flows": HOPS[:3]})(
+    lambda *, flows=HOPS: all(hop in flows for value in VALUES for hop in value.hops)
+)
 
 
 def send_loops(
@@ -239,16 +233,10 @@ def nobody_waits_for_ever(*, miss: int = Supervision().miss_limit) -> bool:
     return missed >= {("BCS", "RCS"), ("SS", "RCS"), ("RCS", "BCS"), ("RCS", "SS")}
 
 
-@numeric("chung1998-046")
-def longest_silence(*, rate: float = BIT_RATES[-1], items: int = ITEMS) -> float:
-    """Seconds without a 0xDD that a slave sees in health."""
-    return as_printed(items, bit_rate=rate).idle_time
-
-
-@numeric("chung1998-047")
-def silence_while_waiting(*, items: int = ITEMS) -> float:
-    """Seconds without a 0xDD for BCS while RCS waits for an SS that died silent, as printed."""
-    return as_printed(items).cascade().silent[1]
+numeric("chung1998-046")(
+    lambda *, rate=BIT_RATES[-1], items=ITEMS: as_printed(items, bit_rate=rate).idle_time
+)
+numeric("chung1998-047")(lambda *, items=ITEMS: as_printed(items).cascade().silent[1])
 
 
 def cascades(
@@ -370,10 +358,9 @@ def recommendations(items: Sequence[int], patience: Mapping[float, float]) -> pd
     return pd.DataFrame(rows, columns=columns)
 
 
-@check("chung1998-019", counter={"crc": True})
-def flags_show_errors(*, crc: bool = False) -> bool:
-    """Whether a packet whose flags stand at their places has no error, tried with single bits."""
-    return MarkerFormat(n_numbers=ITEMS, crc=crc).undetected_flips(ITEMS) == 0
+check("chung1998-019", counter={"crc": True})(
+    lambda *, crc=False: MarkerFormat(n_numbers=ITEMS, crc=crc).undetected_flips(ITEMS) == 0
+)
 
 
 @numeric("chung1998-020")
@@ -382,16 +369,12 @@ def imitations(*, value_bytes: int = 2 * ITEMS, flags: int = len(FLAGS)) -> floa
     return 100 * MarkerFormat.false_sync(value_bytes, flags)
 
 
-@check("chung1998-066", counter={"few": ITEMS, "many": 1})
-def crc_costs_most_for_few(*, few: int = 1, many: int = ITEMS) -> bool:
-    """Whether a CRC adds a larger share to a packet of few data than to one of many."""
-    return crc_share(items=few) > crc_share(items=many)
-
-
-@check("chung1998-074", counter={"changed": ITEMS})
-def changes_alone_save_time(*, changed: int = 1) -> bool:
-    """Whether a cycle in which so many of the ten data changed is shorter than one with all."""
-    return cycle_time(items=changed) < cycle_time()
+check("chung1998-066", counter={"few": ITEMS, "many": 1})(
+    lambda *, few=1, many=ITEMS: crc_share(items=few) > crc_share(items=many)
+)
+check("chung1998-074", counter={"changed": ITEMS})(
+    lambda *, changed=1: cycle_time(items=changed) < cycle_time()
+)
 
 
 @check("chung1998-068", counter={"interval": 3600.0})

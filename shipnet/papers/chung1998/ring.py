@@ -72,10 +72,9 @@ def variables(*, flags: int = 2) -> int:
     )
 
 
-@numeric("chung1998-011")
-def pointer_cases(*, places: int = 2, flags: int = 2) -> int:
-    """Cases that a ring of this many places can show, with flags of this many values."""
-    return len({pointer_case(state) for state in states(places, flags)})
+numeric("chung1998-011")(
+    lambda *, places=2, flags=2: len({pointer_case(state) for state in states(places, flags)})
+)
 
 
 def shown(rounds: int) -> set[Case]:
@@ -85,16 +84,8 @@ def shown(rounds: int) -> set[Case]:
     return {case for case in cases if table[case].sum()}
 
 
-@check("chung1998-012", counter={"rounds": 1})
-def left_out_case_never_shows(*, rounds: int = 2) -> bool:
-    """Whether case a, same flags and no < get_no, never shows with fewer rounds unread."""
-    return "a" not in shown(rounds)
-
-
-@check("chung1998-050", counter={"rounds": 2})
-def normal_cases_are_b_and_d(*, rounds: int = 1) -> bool:
-    """Whether with less than a round unread the cases b and d show, and no other."""
-    return shown(rounds) == {"b", "d"}
+check("chung1998-012", counter={"rounds": 1})(lambda *, rounds=2: "a" not in shown(rounds))
+check("chung1998-050", counter={"rounds": 2})(lambda *, rounds=1: shown(rounds) == {"b", "d"})
 
 
 @check("chung1998-052", counter={"rounds": 2})
@@ -313,16 +304,8 @@ def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
     return True
 
 
-@numeric("chung1998-060")
-def fill_time() -> float:
-    """Seconds in which unbroken reception fills the ring."""
-    return as_printed().fill_time
-
-
-@numeric("chung1998-061")
-def packets_held(*, size: int = SIZE, items: int = ITEMS) -> float:
-    """Packets of this many data that the ring holds."""
-    return size / length(reading="A", items=items)
+numeric("chung1998-060")(lambda: as_printed().fill_time)
+numeric("chung1998-061")(lambda *, size=SIZE, items=ITEMS: size / length(reading="A", items=items))
 
 
 @numeric("chung1998-015")

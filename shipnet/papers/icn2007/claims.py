@@ -36,10 +36,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@numeric("icn2007-035")
-def metres_per_star_leg(*, total: float = 100, trunk: float = 90, slaves: int = 62) -> float:
-    """Cable that is left for each leg of the star at the end of the trunk."""
-    return (total - trunk) / slaves
+numeric("icn2007-035")(lambda *, total=100, trunk=90, slaves=62: (total - trunk) / slaves)
 
 
 @numeric("icn2007-015")
@@ -73,10 +70,7 @@ def same_answer(
     return said[0].bits == said[1].bits
 
 
-@numeric("icn2007-025")
-def net_rate(*, pause: float = 2) -> float:
-    """Kilobits of user data a second, four bits each way in every transaction."""
-    return 1e-3 * Transaction(pause, 2).net_rate
+numeric("icn2007-025")(lambda *, pause=2: 1e-3 * Transaction(pause, 2).net_rate)
 
 
 @numeric("icn2007-026")
@@ -85,10 +79,9 @@ def efficiency(*, pause: float = 2) -> float:
     return 100 * float(Transaction(pause, 2).efficiency())
 
 
-@check("icn2007-029", counter={"call": Call.RESET})
-def broadcast_is_silent(*, call: Call = Call.BROADCAST_RESET) -> bool:
-    """Whether no slave answers this call."""
-    return call.rule.answer is None
+check("icn2007-029", counter={"call": Call.RESET})(
+    lambda *, call=Call.BROADCAST_RESET: call.rule.answer is None
+)
 
 
 # Who answers whom, what a lost reply leads to, and who takes over ------------------------------
@@ -321,10 +314,9 @@ FREQUENCIES = np.arange(0.5e3, 30e6, 1e3)
 Floats = npt.NDArray[np.float64]
 
 
-@check("icn2007-031", counter={"closed": False})
-def ring_lowers_drop(*, closed: bool = True) -> bool:
-    """Whether a consumer half-way along gets more voltage if the cable comes back to the supply."""
-    return consumer_drop(closed=closed) < consumer_drop(closed=False)
+check("icn2007-031", counter={"closed": False})(
+    lambda *, closed=True: consumer_drop(closed=closed) < consumer_drop(closed=False)
+)
 
 
 def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -> float:
@@ -478,10 +470,9 @@ def arriving_share(length: float, *, cable: Cable = CABLES["as-i 1.5"]) -> float
     return float((passed * energy).sum() / energy.sum())
 
 
-@check("icn2007-051", counter={"pulse": "rectangle"})
-def narrow_band(*, pulse: str = "sin2") -> bool:
-    """Whether less than a thousandth of the energy lies above the band, 667 kHz."""
-    return share_above(2 / HALF_BIT, pulse=pulse) < 1e-3
+check("icn2007-051", counter={"pulse": "rectangle"})(
+    lambda *, pulse="sin2": share_above(2 / HALF_BIT, pulse=pulse) < 1e-3
+)
 
 
 def share_above(frequency: float, *, pulse: str = "sin2") -> float:
@@ -559,16 +550,12 @@ def trunk_and_star(leg: float = 10 / SLAVES) -> Plan:
     return star(90, [leg] * SLAVES, supply=90)
 
 
-@check("icn2007-003", counter={"leg": 2.0})
-def trunk_and_star_is_allowed(*, leg: float = 10 / SLAVES) -> bool:
-    """Whether 90 m and 62 legs of this length [m] keep every rule."""
-    return keeps_all_rules(trunk_and_star(leg))
-
-
-@check("icn2007-004", counter={"length": 101.0})
-def slave_at_end(*, length: float = 100.0) -> bool:
-    """Whether a cable of this length with a slave at its end keeps every rule."""
-    return keeps_all_rules(line(length, [length]))
+check("icn2007-003", counter={"leg": 2.0})(
+    lambda *, leg=10 / SLAVES: keeps_all_rules(trunk_and_star(leg))
+)
+check("icn2007-004", counter={"length": 101.0})(
+    lambda *, length=100.0: keeps_all_rules(line(length, [length]))
+)
 
 
 @check("icn2007-048", counter={"supply": 0.0})
@@ -578,10 +565,9 @@ def structures_are_allowed(*, supply: float = 50.0) -> bool:
     return all(keeps_all_rules(plan) for plan in plans.values())
 
 
-@check("icn2007-027", counter={"user_bits": 64})
-def best_of_buses(*, user_bits: int = 4) -> bool:
-    """Whether AS-i is the most efficient of three buses for this many bits each way."""
-    return bool(bus_efficiencies(user_bits).iloc[0].idxmax() == "as_i")
+check("icn2007-027", counter={"user_bits": 64})(
+    lambda *, user_bits=4: bool(bus_efficiencies(user_bits).iloc[0].idxmax() == "as_i")
+)
 
 
 # Further statements of sections 4 and 5 and of the data link layer ------------------------------

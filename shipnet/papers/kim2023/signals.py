@@ -48,10 +48,9 @@ def above_supply(*, slave: float = 30.0, supply: float = 30.0) -> bool:
     return bool(slave + plan.waveform(Response(0x6)).u.max() > supply)
 
 
-@check("kim2023-087", counter={"zero": (0, 1)})
-def zero_falls(*, zero: tuple[int, int] = (1, 0)) -> bool:
-    """Whether a 0 has these levels, and a 1 the inverse."""
-    return tuple(levels_of("0")) == zero and tuple(levels_of("1")) == zero[::-1]
+check("kim2023-087", counter={"zero": (0, 1)})(
+    lambda *, zero=(1, 0): tuple(levels_of("0")) == zero and tuple(levels_of("1")) == zero[::-1]
+)
 
 
 @check("kim2023-088", "icn2007-009", counter={"sign": 1})
@@ -155,10 +154,9 @@ def check_bits(*, bits: int) -> int:
     return r
 
 
-@numeric("kim2023-059")
-def growth(*, request: int = 11, response: int = 4, extra: int = 7 + 4) -> float:
-    """Growth in percent by the extra bits that the paper prints, over the information bits."""
-    return 100 * extra / (request + response)
+numeric("kim2023-059")(
+    lambda *, request=11, response=4, extra=7 + 4: 100 * extra / (request + response)
+)
 
 
 @numeric("kim2023-060", "icn2007-024")
@@ -213,10 +211,7 @@ def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
     return passed, len(slots) * comb(n, faults) * 2**faults
 
 
-@check("kim2023-061", counter={"faults": 4})
-def every_fault_found(*, faults: int = 1) -> bool:
-    """Whether every response with this many wrong slots is found faulty."""
-    return undetected(faults)[0] == 0
+check("kim2023-061", counter={"faults": 4})(lambda *, faults=1: undetected(faults)[0] == 0)
 
 
 # Section 3.3, 3.6 and Table 2: immunity, and what a ship asks for beyond it.

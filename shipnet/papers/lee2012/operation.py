@@ -37,10 +37,9 @@ def links_share_nothing(*, second: str = "JB3") -> bool:
     return bool(findings.set_index("rule")["verdict"]["links duplicated"] == "met")
 
 
-@numeric("lee2012-101")
-def most_points_of_a_box(*, double_row: bool = True) -> int:
-    """Points that are lost with the worst of the boxes."""
-    return Redundancy(printed_points(double_row=double_row)).worst()
+numeric("lee2012-101")(
+    lambda *, double_row=True: Redundancy(printed_points(double_row=double_row)).worst()
+)
 
 
 @check("lee2012-045", counter={"stale_limit": 0.5})
