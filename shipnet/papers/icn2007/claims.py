@@ -192,27 +192,10 @@ def rates(
     *,
     addresses: int | None = None,
 ) -> Rates:
-    """Return gross rate, net rate and efficiency over one transaction, or over a whole cycle.
+    """Return gross rate, net rate [bit/s] and efficiency 0..1 of a transaction or a whole cycle.
 
-    Parameters
-    ----------
-    transaction : asi.Transaction, optional
-        The transaction; with pauses of 2 and 2 bit times if omitted.
-    addresses : int, optional
-        Slaves in the cycle, 1..31; a single transaction if omitted.
+    The transaction has pauses of 2 and 2 bit times if omitted; a cycle has 1..31 `addresses`.
 
-    Returns
-    -------
-    Rates
-        `gross` and `net` [bit/s], `efficiency` 0..1.
-
-    Raises
-    ------
-    ArgumentError
-        If `addresses` is out of range.
-
-    Examples
-    --------
     >>> rates().efficiency
     0.32
     """
@@ -227,19 +210,7 @@ def rates(
 
 
 def rate_table() -> pd.DataFrame:
-    """Return the rates under each assumption about the length of a transaction.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row per assumption: ``transaction_bit``, ``net_kbit_per_s``, ``efficiency_percent`` and
-        the ``assumption`` in words.
-
-    Examples
-    --------
-    >>> rate_table()["efficiency_percent"].round(1).head(2).tolist()
-    [32.7, 32.0]
-    """
+    """Return the rates by how long a transaction is assumed to be; one row per assumption."""
     import pandas as pd
 
     pauses = {
@@ -266,29 +237,11 @@ def rate_table() -> pd.DataFrame:
 
 
 def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
-    r"""Return the efficiencies of three buses that exchange the same data with one station.
+    r"""Return the efficiencies of three buses that exchange 1..1936 user bits each way.
 
     .. math:: \eta = \frac{2 n}{\text{bit times of all frames and silences}}
 
-    Parameters
-    ----------
-    user_bits : array_like of int
-        User bits n in each direction, 1..1936.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row per number of bits, a column each for ``as_i``, ``can`` and ``modbus_rtu``.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of range.
-
-    Examples
-    --------
-    >>> bus_efficiencies(4).round(2).values.tolist()
-    [[0.32, 0.07, 0.03]]
+    One row per number of bits, a column each for ``as_i``, ``can`` and ``modbus_rtu``.
     """
     import pandas as pd
 
@@ -322,24 +275,7 @@ check("icn2007-031", counter={"closed": False})(
 def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -> float:
     """Return the voltage that 1 A loses on the way to its place on a line or a ring [V].
 
-    Parameters
-    ----------
-    closed : bool
-        Whether the cable comes back to the supply.
-    place : float, default 50
-        Where the consumer is, more than 0 and less than `length` [m].
-    length : float, default 100
-        Length of the whole cable, of two cores of 1.5 mm2 [m].
-
-    Returns
-    -------
-    float
-        Voltage lost in both wires [V].
-
-    Examples
-    --------
-    >>> f"{consumer_drop(closed=False):.2f} V, {consumer_drop(closed=True):.3f} V"
-    '1.35 V, 0.675 V'
+    A ``closed`` cable comes back to the supply; it has two cores of 1.5 mm2, lengths are in m.
     """
     (segment,) = (ring if closed else line)(length, [place], current=1.0).segments
     voltage = segment.voltages
@@ -377,30 +313,10 @@ def dense_pulses_change_more(*, length: float = 100.0) -> bool:
 def pulse_height(
     length: float, bits: str, *, place: float = 5.0, terminator: float | None = None
 ) -> float:
-    """Return the height of the pulses in the middle of a long row of bits [V].
+    """Return the height of the pulses in the middle of a long row of bits, at the master [V].
 
-    Equal bits make pulses a half-bit apart, alternating bits a bit apart.
-
-    Parameters
-    ----------
-    length : float
-        Length of the cable [m].
-    bits : str
-        The row of bits.
-    place : float, default 5
-        Where the sender is; master and supply are at 0 [m].
-    terminator : float, optional
-        Resistance across the far end [ohm].
-
-    Returns
-    -------
-    float
-        Height at the master [V].
-
-    Examples
-    --------
-    >>> print(f"{pulse_height(100, '0' * 16):.2f} V, {pulse_height(100, '01' * 8):.2f} V")
-    2.46 V, 2.34 V
+    Equal bits make pulses a half-bit apart, alternating bits a bit apart. The sender is at a
+    `place` of the cable [m], master and supply at 0; the `terminator` [ohm] is at the far end.
     """
     plan = line(length, slaves=(place,), terminator=terminator)
     dt, end = 50e-9, 2 * len(bits) * HALF_BIT
@@ -445,25 +361,7 @@ def bent_by_the_end(
 
 
 def arriving_share(length: float, *, cable: Cable = CABLES["as-i 1.5"]) -> float:
-    """Return which share of the energy of the example's request a matched cable passes on.
-
-    Parameters
-    ----------
-    length : float
-        Length of the cable [m].
-    cable : shipnet.line.Cable, optional
-        The nominal AS-i cable if omitted.
-
-    Returns
-    -------
-    float
-        Share, 0..1.
-
-    Examples
-    --------
-    >>> print(f"{arriving_share(100):.1%}")
-    94.2%
-    """
+    """Return the share of the energy of the example's request that a matched cable passes on."""
     s = 2j * np.pi * FREQUENCIES
     energy = np.abs(s * send_spectrum(s, Request.data_exchange(21, 0xE).bits)) ** 2
     passed = np.exp(-2 * cable.propagation(s).real * length)
@@ -476,24 +374,9 @@ check("icn2007-051", counter={"pulse": "rectangle"})(
 
 
 def share_above(frequency: float, *, pulse: str = "sin2") -> float:
-    """Return which share of the energy of the example's request lies above a frequency.
+    """Return the share of the energy of the example's request above a frequency [Hz].
 
-    Parameters
-    ----------
-    frequency : float
-        Frequency [Hz].
-    pulse : {"sin2", "half sine", "rectangle"}, default "sin2"
-        Form of the pulses, all a half-bit long.
-
-    Returns
-    -------
-    float
-        Share, 0..1.
-
-    Examples
-    --------
-    >>> print(f"{share_above(667e3):.2%}, {share_above(667e3, pulse='rectangle'):.1%}")
-    0.07%, 7.1%
+    The `pulse` is ``"sin2"``, ``"half sine"`` or ``"rectangle"``, all a half-bit long.
     """
     x = FREQUENCIES * HALF_BIT
     shape = {
@@ -516,16 +399,7 @@ SLAVES = 62
 def allowed_plans() -> dict[str, Plan]:
     """Return the structures that section 4 allows, as plans with the supply in a good place.
 
-    Returns
-    -------
-    dict of str to Plan
-        Eight plans of 100 m; all but the first with 62 slaves.
-
-    Examples
-    --------
-    >>> plans = allowed_plans()
-    >>> [name for name, plan in plans.items() if not keeps_all_rules(plan)]
-    []
+    All but the first have 62 slaves on 100 m.
     """
     growing = np.arange(1, SLAVES + 1)
     return {

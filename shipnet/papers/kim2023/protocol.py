@@ -67,27 +67,7 @@ numeric("kim2023-039", "icn2007-042")(lambda *, bits=EXAMPLE_RESPONSE: Response.
 
 
 def even_ones(bits: str, *, end_bit: bool = False) -> bool:
-    """Tell whether a telegram has an even number of ones, the end bit counted or not.
-
-    Parameters
-    ----------
-    bits : str
-        A telegram, right or wrong.
-    end_bit : bool, default False
-        Whether the last bit counts.
-
-    Returns
-    -------
-    bool
-        True if the number is even.
-
-    Examples
-    --------
-    The response of the paper follows the rule of the data sheets, its request does not:
-
-    >>> even_ones(EXAMPLE_RESPONSE), even_ones(EXAMPLE_REQUEST)
-    (True, False)
-    """
+    """Return whether a telegram has an even number of ones, the end bit counted or not."""
     return (bits if end_bit else bits[:-1]).count("1") % 2 == 0
 
 

@@ -174,32 +174,11 @@ def error_classes(*, faults: int = 3) -> int:
 
 
 def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
-    """Count the faults of pulses that leave a telegram valid.
+    """Return how many faults of pulses leave a telegram valid, and how many there are.
 
-    Parameters
-    ----------
-    faults : int
-        Slots that change at once, 1 or more; each takes either of its two other values.
-    requests : bool, default False
-        Whether requests are counted instead of responses.
-
-    Returns
-    -------
-    tuple of int
-        Undetected patterns, and all patterns: of the 15 slots from the start pulse on in each of
-        the 16 responses, or of the 29 slots in each of the 2048 requests.
-
-    Notes
-    -----
-    A fault of the model is a slot that is read wrong, whatever the cause; how likely that is on
-    a ship, it does not say.
-
-    Examples
-    --------
-    >>> undetected(1), undetected(4)
-    ((0, 480), (32, 349440))
-    >>> undetected(3, requests=True)[0], undetected(4, requests=True)[0]
-    (0, 11264)
+    At once `faults` slots change, each to either of its two other values, of the 15 from the start
+    pulse on in each of the 16 responses, or of the 29 in each of the 2048 `requests`. A fault is a
+    slot that is read wrong, whatever the cause; how likely that is on a ship, it does not say.
     """
     size = 11 if requests else 4
     words = pulses_of([frame(f"{data:0{size}b}") for data in range(2**size)])
