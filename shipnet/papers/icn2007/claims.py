@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +26,6 @@ from shipnet.asi.timing import Transaction, cycle_time
 from shipnet.asi.topologies import line, ring, star
 from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import Load, Network
 from shipnet.papers.kim2023.protocol import CHIP_EDGES, master_pause_of_chip
@@ -166,9 +165,6 @@ def standby_takes_over(*, standby: bool = True) -> bool:
 # Rates under every assumption ------------------------------------------------------------------
 
 
-#: User bits of one exchange: four in the request, four in the response.
-USER_BITS = 8
-
 #: A CAN data frame with an 11-bit identifier around its data, the three bits of intermission
 #: included and stuff bits left out, ISO 11898-1: 1 + 11 + 3 + 4 + 15 + 1 + 2 + 7 + 3 [bit].
 CAN_FRAME, CAN_BYTES = 47, 8
@@ -177,36 +173,6 @@ CAN_FRAME, CAN_BYTES = 47, 8
 #: and response, silence before either [character], bits of a character, most bytes of data one
 #: way. Modbus Application Protocol V1.1b3, section 6.17, and Modbus over Serial Line V1.02.
 MODBUS_BYTES, MODBUS_SILENCE, MODBUS_CHARACTER, MODBUS_MOST = 13 + 5, 2 * 3.5, 11, 242
-
-
-class Rates(NamedTuple):
-    """What a line carries."""
-
-    gross: float
-    net: float
-    efficiency: float
-
-
-def rates(
-    transaction: Transaction | None = None,
-    *,
-    addresses: int | None = None,
-) -> Rates:
-    """Return gross rate, net rate [bit/s] and efficiency 0..1 of a transaction or a whole cycle.
-
-    The transaction has pauses of 2 and 2 bit times if omitted; a cycle has 1..31 `addresses`.
-
-    >>> rates().efficiency
-    0.32
-    """
-    transaction = Transaction(2, 2) if transaction is None else transaction
-    gross = 1 / transaction.bit_time
-    if addresses is None:
-        net = USER_BITS / transaction.duration
-    else:
-        asked = check_whole("addresses", addresses, 1, 31)
-        net = asked * USER_BITS / float(cycle_time(asked, transaction=transaction))
-    return Rates(gross, net, net / gross)
 
 
 def rate_table() -> pd.DataFrame:
@@ -222,18 +188,19 @@ def rate_table() -> pd.DataFrame:
     }
     rows = {}
     for name, (*pair, says) in pauses.items():
-        transaction = Transaction(*pair)
-        rows[name] = (transaction.bits, *rates(transaction)[1:], says)
-    says = "31 of 33 transactions carry user data"
+        rows[name] = (*_rates(Transaction(*pair)), says)
     for name in ("25 bit", "26 bit"):
-        transaction = Transaction(*pauses[name][:2])
-        whole = rates(transaction, addresses=31)
-        rows[f"{name}, whole cycle"] = (transaction.bits, *whole[1:], says)
+        one = Transaction(*pauses[name][:2])
+        used = 31 * one.duration / float(cycle_time(31, transaction=one))
+        says = "31 of 33 transactions carry user data"
+        rows[f"{name}, whole cycle"] = (*_rates(one, used), says)
     columns = ["transaction_bit", "net_kbit_per_s", "efficiency_percent", "assumption"]
-    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
-    table["net_kbit_per_s"] *= 1e-3
-    table["efficiency_percent"] *= 100
-    return table
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+
+
+def _rates(one: Transaction, used: float = 1.0) -> tuple[float, float, float]:
+    """Return the bit times of a transaction, and its net rate and efficiency if this share is."""
+    return one.bits, 1e-3 * used * one.net_rate, 100 * used * float(one.efficiency())
 
 
 def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
@@ -252,13 +219,12 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
         )
     octets = -(-n // 8)
     registers = -(-n // 16)
-    line = {
-        "as_i": Transaction(2, 2).bits * -(-n // 4),
-        "can": 2 * (CAN_FRAME * -(-octets // CAN_BYTES) + 8 * octets),
-        "modbus_rtu": MODBUS_CHARACTER * (MODBUS_BYTES + MODBUS_SILENCE + 4 * registers),
-    }
-    index = pd.Index(n, name="user_bits")
-    return pd.DataFrame({bus: 2 * n / bits for bus, bits in line.items()}, index=index)
+    can = 2 * (CAN_FRAME * -(-octets // CAN_BYTES) + 8 * octets)
+    modbus = MODBUS_CHARACTER * (MODBUS_BYTES + MODBUS_SILENCE + 4 * registers)
+    shares = {
+        "as_i": Transaction(2, 2).efficiency(n), "can": 2 * n / can, "modbus_rtu": 2 * n / modbus
+    }  # fmt: skip
+    return pd.DataFrame(shares, index=pd.Index(n, name="user_bits"))
 
 
 #: Frequencies on which energies are summed [Hz].
@@ -419,9 +385,9 @@ def keeps_all_rules(plan: Plan) -> bool:
     return plan.check().ok is True
 
 
-def trunk_and_star(leg: float = 10 / SLAVES) -> Plan:
-    """Return 90 m of cable, then a star of 62 slaves with the supply at its hub."""
-    return star(90, [leg] * SLAVES, supply=90)
+def trunk_and_star(leg: float = 10 / SLAVES, supply: float = 90.0) -> Plan:
+    """Return 90 m of cable, then a star of 62 slaves, with the supply at its hub or elsewhere."""
+    return star(90, [leg] * SLAVES, supply=supply)
 
 
 check("icn2007-003", counter={"leg": 2.0})(
@@ -461,7 +427,7 @@ def impedance_rises(*, quantity: str = "series impedance") -> bool:
 @check("icn2007-056", counter={"supply": 90.0})
 def length_is_the_only_condition(*, supply: float = 0.0) -> bool:
     """Whether 90 m and a star of 62 slaves meet every rule with the supply in this place [m]."""
-    return keeps_all_rules(star(90, [10 / SLAVES] * SLAVES, supply=supply))
+    return keeps_all_rules(trunk_and_star(supply=supply))
 
 
 @check("icn2007-057", counter={"longest": 200.0})
