@@ -13,7 +13,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.papers.chung1998.usart import Status, Usart, send
 from shipnet.papers.registry import check, numeric
-from shipnet.remote_control.experiment import recommend, switch_staleness
+from shipnet.remote_control.experiment import switch_staleness
 from shipnet.remote_control.faults import DeadStation, LostPacket
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.simulation import Change, simulate, switch_delays
@@ -32,6 +32,8 @@ PRINTED = dict(zip(_TABLE["parameter"], _TABLE["value"], strict=True))
 _INPUTS, _COUNTERS = 8, 3
 
 
+# Each line needs an interrupt for the bytes that come in and a clock of its own, the supervision
+# one more of both. Sending needs none: it polls.
 check("chung1998-001", counter={"lines": 3})(
     lambda *, lines=int(PRINTED["chips_8251"]): lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
 )
@@ -239,33 +241,14 @@ numeric("chung1998-046")(
 numeric("chung1998-047")(lambda *, items=ITEMS: as_printed(items).cascade().silent[1])
 
 
-def cascades(
-    changes: Mapping[str, Mapping[str, Any]], rates: Sequence[float] = (9600, 600)
-) -> pd.DataFrame:
-    """Return what BCS sees while RCS waits for a dead SS, by rule and bit rate.
-
-    `changes` maps the name of each rule to the fields of `System` that it changes; the columns are
-    those of `Cascade`, times at worst.
-    """
-    import pandas as pd
-
-    rows = []
-    for name, fields in changes.items():
-        for rate in rates:
-            seen = as_printed(bit_rate=rate, **fields).cascade()
-            rows.append((name, rate, seen.wait[1], seen.silent[1], seen.longest, seen.alarm))
-    columns = ["rule", "bit/s", "RCS waits [s]", "BCS hears nothing [s]", "later, up to [s]"]
-    columns += ["false alarm"]
-    return pd.DataFrame(rows, columns=columns)
-
-
 def deaths(
     changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
 ) -> pd.DataFrame:
     """Return who is taken as failed in `n` deaths of SS, spread over a cycle: one row per rule.
 
-    That RCS fails SS is right; that it fails BCS, or BCS fails RCS, is not. `changes` is as for
-    `cascades`; the timers of the stations are drawn with the seed 2024.
+    That RCS fails SS is right; that it fails BCS, or BCS fails RCS, is not. `changes` maps the name
+    of each rule to the fields of `System` that it changes; the timers of the stations are drawn
+    with the seed 2024.
     """
     import pandas as pd
 
@@ -322,40 +305,6 @@ def crc_share(*, items: int = ITEMS) -> float:
     """Percent that a CRC adds to a packet of this many data."""
     plain, checked = (MarkerFormat(n_numbers=items, crc=crc).size(items) for crc in (False, True))
     return 100 * (checked - plain) / plain
-
-
-def flips(items: int = ITEMS) -> pd.DataFrame:
-    """Return how many bits of a packet can each be inverted unseen, by reading and check."""
-    import pandas as pd
-
-    rows = []
-    for reading, what, form, n in (
-        ("A", "markers", MarkerFormat(n_numbers=items), items),
-        ("A", "numbers must be known", MarkerFormat(n_numbers=items, numbers="known"), items),
-        ("A", "numbers must rise", MarkerFormat(n_numbers=items, numbers="rising"), items),
-        ("B", "markers", MarkerFormat("B", items), items),
-        ("C", "markers", MarkerFormat(), 1),
-        ("A", "markers and CRC", MarkerFormat(n_numbers=items, crc=True), items),
-    ):
-        bits, share = 8 * form.size(n), form.undetected_flips(n)
-        rows.append((reading, what, bits, round(share * bits), round(100 * share, 1)))
-    return pd.DataFrame(rows, columns=["reading", "check", "bits", "pass", "share [%]"])
-
-
-def recommendations(items: Sequence[int], patience: Mapping[float, float]) -> pd.DataFrame:
-    """Return how to send this many data, by `recommend`.
-
-    `patience` is how long a switch may be wrong [s], by bit rate.
-    """
-    import pandas as pd
-
-    rows = []
-    for rate, stale in patience.items():
-        for n in items:
-            best = recommend(n, System(bit_rate=rate), stale_time=stale)
-            rows.append((rate, n, best.check, best.sending, best.per_packet, best.refresh_time))
-    columns = ["bit/s", "values", "check", "sending", "values a packet", "all sent in [s]"]
-    return pd.DataFrame(rows, columns=columns)
 
 
 check("chung1998-019", counter={"crc": True})(
