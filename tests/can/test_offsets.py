@@ -79,6 +79,22 @@ def test_frames_of_the_sender_count_in_its_whole_hyperperiod():
     assert can.response_times(even, 125e3, offsets=True)["m1"].response == 1.08e-3
 
 
+def test_a_bound_with_offsets_is_one_instance_without_a_busy_period():
+    # The low message comes 200 bits after the high one, and waits for a foreign frame of 150.
+    for deadline, met in ((250, True), (249.999, False)):
+        messages = can.MessageSet(
+            can.Message(f"m{k}", k, 8, 1000 * US, deadline=deadline * US, offset=k * 200 * US,
+                        sender="s", bits=100)
+            for k in range(2)
+        )  # fmt: skip
+        some = can.Assumptions(foreign_bits=150)
+        found = can.response_times(messages, FAST, assumptions=some, offsets=True)["m1"]
+        assert math.isnan(found.busy_period)
+        assert found.instances == (found.response,)
+        assert found.response == pytest.approx(250 * US, rel=1e-12)
+        assert found.met is met
+
+
 @pytest.mark.parametrize(("jitter", "cases"), [(0.0, 30), (0.3, 8)])
 def test_no_simulated_response_passes_the_bound_and_no_bound_that_without_offsets(jitter, cases):
     rng, tight = np.random.default_rng(2), []

@@ -258,6 +258,14 @@ def test_errors_that_keep_coming_are_counted_by_hand():
     assert errors(2, 500 * US).count(727 * US) == 3
 
 
+def test_an_error_that_is_due_as_the_busy_period_ends_does_not_count():
+    # The frame, and once 31 bits and the frame again; the next error comes at 231.
+    (alone,) = response_times(message_set([100], [5000]), FAST, faults=errors(1, 231 * US))
+    assert alone.busy_period == alone.response == pytest.approx(231 * US, rel=1e-12)
+    (alone,) = response_times(message_set([100], [5000]), FAST, faults=errors(1, 230 * US))
+    assert alone.busy_period == pytest.approx((231 + 131) * US, rel=1e-12)
+
+
 @given(small_sets(), st.data())
 def test_more_jitter_longer_frames_and_more_messages_never_help(drawn, data):
     before = [r.response for r in response_times(message_set(*drawn), FAST)]
