@@ -387,7 +387,7 @@ def response_times(
     *,
     method: Method = "exact",
     assumptions: Assumptions | None = None,
-    faults: ErrorBound | Iterable[ErrorBound] = (),
+    faults: ErrorBound | None = None,
     offsets: bool = False,
 ) -> ResponseTimes:
     r"""Return the longest response time of every message, the highest priority first.
@@ -570,7 +570,7 @@ def audsley(
     bit_rate: float,
     *,
     assumptions: Assumptions | None = None,
-    faults: ErrorBound | Iterable[ErrorBound] = (),
+    faults: ErrorBound | None = None,
 ) -> Assignment:
     """Find an order of priority in which all deadlines are met, if there is one.
 

@@ -534,9 +534,7 @@ def test_results_are_read_by_name_and_the_critical_message_is_named():
     assert found.table()["load_percent"].sum() == pytest.approx(100 * (1 / 2.5 + 2 / 3.5), rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    "wrong", [faults.BitErrors(1e-3), [faults.ErrorAt(1.0)], [errors(1), errors(1)]]
-)
+@pytest.mark.parametrize("wrong", [faults.BitErrors(1e-3), [faults.ErrorAt(1.0)], [errors(1)], ()])
 def test_an_analysis_takes_one_bound_on_errors(wrong):
     with pytest.raises(ArgumentError, match=r"an analysis takes one faults\.ErrorBound"):
         response_times(davis_messages(), 125e3, faults=wrong)
