@@ -180,7 +180,7 @@ class Level:
         busy = _settle(self._constant, self._equal, self._least + self.frame, 0)
         return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
 
-    def responses(self, *, every: bool = True) -> Iterator[float]:
+    def responses(self, *, every: bool) -> Iterator[float]:
         """Yield the longest responses of the instances in a busy period, or of the first alone.
 
         One that is infinite takes the place of all if the bus need not be at rest again.
@@ -637,7 +637,8 @@ def audsley(
     while left:
         for m in reversed(left):
             higher = [k for k in left if k != m]
-            if all(r <= bus.deadline[m] for r in Level(bus, m, higher, placed, errors).responses()):
+            level = Level(bus, m, higher, placed, errors)
+            if all(response <= bus.deadline[m] for response in level.responses(every=True)):
                 break
         else:
             break

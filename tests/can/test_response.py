@@ -411,6 +411,17 @@ def test_an_overloaded_bus_is_an_answer():
     assert [round(r / US) for r in alone.instances] == [200]
 
 
+def test_a_first_instance_behind_a_full_bus_ends_only_if_nothing_else_waits():
+    messages = message_set([100, 60], [100, 1000])
+    for bits, expected in ((0, 160 * US), (1, math.inf)):
+        some = Assumptions(arbitration_bits=bits)
+        found = response_times(messages, FAST, method="1994", assumptions=some)
+        assert found[1].response == pytest.approx(expected, rel=1e-12)
+    blocked = Assumptions(arbitration_bits=0, foreign_bits=1)
+    found = response_times(messages, FAST, method="1994", assumptions=blocked)
+    assert found[1].response == math.inf
+
+
 def test_faults_can_overload_the_bus():
     messages = message_set([100], [1000])
     found = response_times(messages, FAST, faults=errors(1, 131 * US))[0]
