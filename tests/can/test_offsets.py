@@ -206,6 +206,8 @@ def test_what_offsets_do_not_go_with_is_refused():
     ):
         with pytest.raises(ArgumentError, match="offsets is True; that takes the exact method"):
             can.response_times(messages, 125e3, offsets=True, **more)
+    with pytest.raises(ArgumentError, match="^offsets is 1"):
+        can.response_times(messages, 125e3, offsets=1)
     with pytest.raises(ArgumentError, match="the period of 'speed' is not a multiple"):
         can.spread_offsets(messages.replace("speed", period=10.5e-3), 1e-3)
     odd = [can.Message(f"m{k}", k, 8, t, sender="s") for k, t in enumerate((0.997, 0.991, 0.983))]
