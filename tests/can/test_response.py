@@ -479,6 +479,8 @@ def test_no_message_and_wrong_arguments():
     for rate in (999, 1_000_001, 83_333.3, math.nan, None, "125000"):
         with pytest.raises(ArgumentError, match=r"bit_rate is .*; it must be"):
             response_times(davis_messages(), rate)
+    with pytest.raises(ArgumentError, match=r"^assumptions is 1"):
+        response_times(nothing, FAST, assumptions=1)
     with pytest.raises(ArgumentError, match="method is 'davis'"):
         response_times(nothing, FAST, method="davis")
 
