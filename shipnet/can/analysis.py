@@ -38,6 +38,13 @@ class Analysis:
     lowest_in_best_order : float
         Lowest of the bit rates at which some order of priority meets all deadlines [bit/s]: what a
         change of identifiers gains.
+
+    Examples
+    --------
+    >>> from shipnet import can
+    >>> found = can.analyse(can.example(), [50e3, 125e3])
+    >>> found.responses[50e3].late, found.lowest
+    (['speed'], 125000.0)
     """
 
     messages: MessageSet
@@ -122,8 +129,6 @@ def analyse(
     >>> found = can.analyse(can.example(), [50e3, 125e3])
     >>> found
     Analysis(10 messages, lowest bit rate: 125 kbit/s, in the best order: 125 kbit/s)
-    >>> found.responses[50e3].late, found.lowest
-    (['speed'], 125000.0)
     >>> found.table()[["late", "first_late", "critical"]].values.tolist()
     [[1, 'speed', 'speed'], [0, '', 'speed']]
     """

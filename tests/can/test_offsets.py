@@ -79,11 +79,12 @@ def test_frames_of_the_sender_count_in_its_whole_hyperperiod():
     assert can.response_times(even, 125e3, offsets=True)["m1"].response == 1.08e-3
 
 
-def test_a_bound_with_offsets_is_one_instance_without_a_busy_period():
-    # The low message comes 200 bits after the high one, and waits for a foreign frame of 150.
+@pytest.mark.parametrize("offset", [200, 200.5])
+def test_a_bound_with_offsets_is_one_instance_without_a_busy_period(offset):
+    # The low message comes so many bits after the high one, and waits for a foreign frame of 150.
     for deadline, met in ((250, True), (249.999, False)):
         messages = can.MessageSet(
-            can.Message(f"m{k}", k, 8, 1000 * US, deadline=deadline * US, offset=k * 200 * US,
+            can.Message(f"m{k}", k, 8, 1000 * US, deadline=deadline * US, offset=k * offset * US,
                         sender="s", bits=100)
             for k in range(2)
         )  # fmt: skip
