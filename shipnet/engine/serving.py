@@ -237,11 +237,10 @@ class JunctionBox:
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
         """Return registers in a row; exception 2 if one of them does not exist."""
-        first = address - self.registers.first_address
-        if table != "holding_registers" or not 0 <= first <= len(self.registers) - quantity:
+        if table != "holding_registers" or address + quantity > len(self.registers):
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         content: list[int] = self.registers.encode(self.values(time)).tolist()
-        return content[first : first + quantity]
+        return content[address : address + quantity]
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
         """Refuse: nothing can be written to a junction box."""

@@ -30,6 +30,7 @@ from shipnet.engine.faults import (
     StuckSensor,
 )
 from shipnet.engine.points import PointList, read_points
+from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, part, record, switch, whole
 from shipnet.modbus.pdu import Request
@@ -304,8 +305,7 @@ class System:
     @cached_property
     def registers(self) -> int:
         """Registers of a response: one per point, and one age per frame in the corrected coding."""
-        ages = self.sender.size if self.coding == "corrected" else 0
-        return len(self.points) + ages
+        return len(RegisterMap(self.points, ages=self.coding == "corrected"))
 
     @cached_property
     def poll(self) -> Poll:
@@ -351,8 +351,7 @@ class System:
     @cached_property
     def sender(self) -> Integers:
         """Number of the box that sends each message, shape (n_messages,)."""
-        frames = [-(-self._layout.size(box) // 8) for box in self.boxes]
-        return np.repeat(np.arange(len(self.boxes)), frames)
+        return np.array([self.boxes.index(m.sender) for m in self._layout.messages()])
 
     @cached_property
     def frame_ns(self) -> Integers:
