@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.plant import Fault as ValveFault
@@ -26,6 +27,7 @@ from shipnet.ballast.slave import valve_slaves
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request
 from shipnet.modbus.polling import Poll
@@ -33,15 +35,8 @@ from shipnet.modbus.simulation import LOST, A, Master, Try
 from shipnet.modbus.slave import Slave, answer
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
-
-Floats = npt.NDArray[np.float64]
-
-Ints = npt.NDArray[np.int64]
-
-Flags = npt.NDArray[np.bool_]
 
 #: What a valve can be on the screen. The first that holds counts.
 STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
@@ -126,12 +121,10 @@ class Screen:
 
     @classmethod
     def of(
-        cls, position: Floats, current: Floats, fault: Ints, *, silent: Flags, age: Floats,
+        cls, position: Floats, current: Floats, fault: Integers, *, silent: Bools, age: Floats,
         time: float,
     ) -> Screen:  # fmt: skip
         """Return the screen that shows these values of the valves, valve 1 first."""
-        import pandas as pd
-
         conditions = [
             silent, np.isnan(position), fault > 0, current >= LEAST_CURRENT,
             position >= 100 - _END, position <= _END,
@@ -263,8 +256,6 @@ class MasterRun:
     @cached_property
     def answers(self) -> pd.DataFrame:
         """One row a status: ``unit``, ``read_s``, ``shown_s``, readings, flags, ``fault``."""
-        import pandas as pd
-
         unit, read, time = self._columns
         words = np.array([s.registers for s in self.shown], np.int64).reshape(-1, 4)
         status = self.registers.decode(words)
@@ -276,13 +267,11 @@ class MasterRun:
     @cached_property
     def commands(self) -> pd.DataFrame:
         """One row a command: ``unit``, ``value``, ``sent_s``, ``free_s``, ``outcome``."""
-        import pandas as pd
-
         rows = [(w.unit, f"0x{w.value:04X}", w.time, w.end, w.outcome) for w in self.writes]
         return pd.DataFrame(rows, columns=["unit", "value", "sent_s", "free_s", "outcome"])
 
     @cached_property
-    def _columns(self) -> tuple[Ints, Floats, Floats]:
+    def _columns(self) -> tuple[Integers, Floats, Floats]:
         unit = np.array([s.unit for s in self.shown], np.int64)
         times = np.array([(s.read, s.time) for s in self.shown], float).reshape(-1, 2)
         return unit, times[:, 0], times[:, 1]
@@ -344,7 +333,7 @@ class MasterRun:
             f"oldest value shown {self.oldest:.2f} s)"
         )
 
-    def _last(self, times: Floats) -> Ints:
+    def _last(self, times: Floats) -> Integers:
         """Return which status is shown of each valve, (n_times, n_valves); past the end if none."""
         unit, _, shown = self._columns
         found = np.full((times.size, self.n_valves), len(self.shown))
@@ -355,7 +344,7 @@ class MasterRun:
             found[there, k] = mine[place[there]]
         return found
 
-    def _silent(self, time: float) -> npt.NDArray[np.bool_]:
+    def _silent(self, time: float) -> Bools:
         silent = np.zeros(self.n_valves, bool)
         spent = (self.poll.unanswered_time, self.poll.time)
         ended = (t for t in reversed(self.tries) if t[0] + spent[t[4]] <= time + 1e-9)

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bytes, Integers, Words
 from shipnet.can.messages import packed
 from shipnet.engine.points import PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, part, record, whole
+from shipnet.lazy import pd
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from shipnet.can.messages import MessageSet
 
 #: Data bytes of a classic CAN frame; ISO 11898-1.
@@ -29,10 +29,6 @@ _FRAME = 8
 
 #: Identifiers from one box to the next: the box's number times 256, the highest 11-bit one.
 _ID_STEP, _HIGHEST_ID = 0x100, 0x7FF
-
-_Integers = npt.NDArray[np.int64]
-_Values = npt.NDArray[np.uint16]
-_Bytes = npt.NDArray[np.uint8]
 
 
 @record
@@ -76,7 +72,7 @@ class CanLayout:
             raise ArgumentError(f"a box has {largest} bytes; its identifiers suffice for 2048")
 
     @cached_property
-    def _packed(self) -> tuple[_Integers, dict[str, int]]:
+    def _packed(self) -> tuple[Integers, dict[str, int]]:
         """First bit of each point among those of all messages, and the data bytes of each box."""
         first, sizes = np.empty(len(self.points), np.int64), dict[str, int]()
         for box, own in self.points.by_box().items():
@@ -86,12 +82,12 @@ class CanLayout:
         return first, sizes
 
     @cached_property
-    def _width(self) -> _Integers:
+    def _width(self) -> Integers:
         """Bits of each point, shape (n_points,)."""
         return np.array([self.bits if point.analogue else 1 for point in self.points])
 
     @cached_property
-    def _places(self) -> tuple[_Integers, _Values, _Integers]:
+    def _places(self) -> tuple[Integers, Words, Integers]:
         """Each bit of all points: whose it is, its weight, and its place among those sent."""
         point = np.repeat(np.arange(len(self.points)), self._width)
         behind = np.concatenate([np.arange(width) for width in self._width])
@@ -121,7 +117,7 @@ class CanLayout:
         spans = map(slice, (ends - dlc).tolist(), ends.tolist())
         return dict(zip((message.name for message in self.messages()), spans, strict=True))
 
-    def encode(self, values: npt.ArrayLike) -> dict[str, _Bytes]:
+    def encode(self, values: npt.ArrayLike) -> dict[str, Bytes]:
         """Return the data bytes of each frame, for codes of shape (..., n_points)."""
         codes, (point, weight, place) = self._checked(values), self._places
         size = 8 * sum(self._packed[1].values())
@@ -130,7 +126,7 @@ class CanLayout:
         data = np.packbits((codes.take(source, axis=-1) & mask) != 0, axis=-1)
         return {name: data[..., span] for name, span in self._spans.items()}
 
-    def decode(self, frames: Mapping[str, Any]) -> _Values:
+    def decode(self, frames: Mapping[str, Any]) -> Words:
         """Return the codes that frames hold, from the bytes of every message by its name."""
         _, weight, place = self._places
         data = np.concatenate(self._checked_frames(frames), axis=-1)
@@ -140,8 +136,6 @@ class CanLayout:
 
     def table(self) -> pd.DataFrame:
         """Return in which message and byte every point begins, and its last message: by tag."""
-        import pandas as pd
-
         names = np.array(list(self._spans), dtype=object)
         begins = np.array([span.start for span in self._spans.values()])
         first, last = self.message_of, self._message_at(self._packed[0] + self._width - 1)
@@ -163,8 +157,6 @@ class CanLayout:
         ``worst_bits`` and ``worst_extended_bits`` are for 11-bit and 29-bit identifiers,
         intermission included; ``ms_125k`` and so on is the time of the worst bits of the former.
         """
-        import pandas as pd
-
         from shipnet.can.lengths import Stuffing, frame_length
 
         rates = [check_whole("bit_rates", rate, 1000, 10**6, " bit/s") for rate in bit_rates]
@@ -192,15 +184,15 @@ class CanLayout:
         return table
 
     @cached_property
-    def message_of(self) -> _Integers:
+    def message_of(self) -> Integers:
         """Number of the message in which each point begins, shape (n_points,)."""
         return self._message_at(self._packed[0])
 
-    def _message_at(self, bit: _Integers) -> _Integers:
+    def _message_at(self, bit: Integers) -> Integers:
         begins = [span.start for span in self._spans.values()]
         return np.asarray(np.searchsorted(begins, bit // 8, side="right") - 1)
 
-    def _checked(self, values: npt.ArrayLike) -> _Values:
+    def _checked(self, values: npt.ArrayLike) -> Words:
         array = np.asarray(values)
         n = len(self.points)
         if array.dtype.kind not in "iub" or not array.ndim or array.shape[-1] != n:
@@ -219,7 +211,7 @@ class CanLayout:
             )
         return array.astype(np.uint16)
 
-    def _checked_frames(self, frames: Mapping[str, Any]) -> list[_Bytes]:
+    def _checked_frames(self, frames: Mapping[str, Any]) -> list[Bytes]:
         wanted = {name: span.stop - span.start for name, span in self._spans.items()}
         if set(frames) != set(wanted):
             missing, strange = set(wanted) - set(frames), set(frames) - set(wanted)

@@ -18,19 +18,16 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats, Words
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.points import Point, PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, part, record, switch, whole
+from shipnet.lazy import pd
 from shipnet.modbus.pdu import Request
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from shipnet.can.messages import Message
-
-_Floats = npt.NDArray[np.float64]
-_Registers = npt.NDArray[np.uint16]
 
 
 # How a value becomes the content of a register -------------------------------------------------
@@ -43,11 +40,6 @@ class Coding:
     `step` is what one more in the register is worth, 1e-6..1e6 in the unit of the point. With
     ``"full scale"`` the range fills the bits, from 0 to all ones. With ``"decimal"`` it is the
     largest power of ten within a thousandth of the span.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
 
     Notes
     -----
@@ -102,7 +94,7 @@ class Coding:
 
     def encode(
         self, points: Iterable[Point], values: npt.ArrayLike, failed: npt.ArrayLike = False
-    ) -> _Registers:
+    ) -> Words:
         """Return the registers of values; NaN, and what is `failed`, becomes the error mark."""
         known = PointList(points)
         v = np.asarray(values)
@@ -123,7 +115,7 @@ class Coding:
         whole = np.clip(count, low, high).astype(np.int64) & 0xFFFF
         return np.where(missing, self.error, whole).astype(np.uint16)
 
-    def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> _Floats:
+    def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> Floats:
         """Return the values of registers, NaN where one holds the error mark."""
         known = PointList(points)
         r = np.asarray(registers)
@@ -134,19 +126,19 @@ class Coding:
         step, zero = self._scale(known)
         return np.where(r == self.error, np.nan, zero + step * self._number(known, r))
 
-    def _number(self, points: PointList, registers: npt.NDArray[np.integer]) -> _Floats:
+    def _number(self, points: PointList, registers: npt.NDArray[np.integer]) -> Floats:
         """Return the whole numbers that registers hold."""
         r = registers.astype(np.int64)
         signed = self._bounds(points)[0] < 0
         return np.where(signed & (r >= 0x8000), r - 0x10000, r).astype(np.float64)
 
-    def _scale(self, points: PointList) -> tuple[_Floats, _Floats]:
+    def _scale(self, points: PointList) -> tuple[Floats, Floats]:
         """Return step and value of content 0, by point."""
         full = self.step == "full scale"
         zero = np.array([point.low if full and point.analogue else 0.0 for point in points])
         return np.array([self.step_of(point) for point in points]), zero
 
-    def _bounds(self, points: PointList) -> tuple[_Floats, _Floats]:
+    def _bounds(self, points: PointList) -> tuple[Floats, Floats]:
         """Return the lowest and highest whole number that a register holds, by point.
 
         The lowest one of two's complement is left out if it is the error mark.
@@ -163,8 +155,6 @@ class Coding:
         ``reads`` is the value of the mark; readings between ``from`` and ``to`` are taken for an
         error (NaN if none are), which is ``percent`` of the range.
         """
-        import pandas as pd
-
         known = PointList(points)
         mark = np.full(len(known), self.error, np.int64)
         number = self._number(known, mark)
@@ -226,18 +216,13 @@ _REQUEST = 125
 class Decoded(NamedTuple):
     """What the monitoring system reads: values by point, NaN if marked, and ages by frame [s]."""
 
-    values: _Floats
-    ages: _Floats
+    values: Floats
+    ages: Floats
 
 
 @record
 class RegisterMap:
     """Registers of a junction box: one per point, then the ages if it sends them.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
 
     Notes
     -----
@@ -285,8 +270,6 @@ class RegisterMap:
 
     def table(self) -> pd.DataFrame:
         """Return the address map: by address what it holds (a tag, an age), box, step and unit."""
-        import pandas as pd
-
         rows = [(p.tag, p.box, self.coding.step_of(p), p.unit) for p in self.points]
         rows += [(f"age of {m.name}", m.sender, AGE_STEP, "s") for m in self.frames]
         table = pd.DataFrame(rows, columns=["holds", "box", "step", "unit"])
@@ -294,7 +277,7 @@ class RegisterMap:
 
     def encode(
         self, values: npt.ArrayLike, failed: npt.ArrayLike = False, *, ages: npt.ArrayLike = 0.0
-    ) -> _Registers:
+    ) -> Words:
         """Return the content of all registers.
 
         `values` and `failed` are by point, `ages` [s] by frame; NaN counts as failed, and ages are

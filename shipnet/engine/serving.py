@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import (
     BusOff,
@@ -28,14 +28,13 @@ from shipnet.engine.simulation import islands
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
+from shipnet.lazy import pd
 from shipnet.modbus.pdu import ExceptionCode, Request
 from shipnet.modbus.server import real_clock
 from shipnet.modbus.server import serve as serve_slaves
 from shipnet.modbus.slave import DeviceError, Slave, Table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from shipnet.modbus.server import Server
 
 #: Unit ids of the boxes on channels 1 and 2; lee2012, Table 2.
@@ -167,8 +166,6 @@ def fault_registers(system: System | None = None) -> pd.DataFrame:
     >>> print(*table.loc[0], table.loc[100, "holds"], sep="; ")
     JB1; 1 box dead; 1 sensor stuck, 2 sensor wire open, 3 sensor wires short
     """
-    import pandas as pd
-
     registers = FaultRegisters(System() if system is None else system, [])
     rows = [
         (address, where, ", ".join(f"{n} {kind.words}" for n, kind in enumerate(kinds, 1)))
@@ -246,7 +243,7 @@ class JunctionBox:
         """Refuse: nothing can be written to a junction box."""
         raise DeviceError(ExceptionCode.ILLEGAL_FUNCTION)
 
-    def values(self, time: float) -> npt.NDArray[np.float64]:
+    def values(self, time: float) -> Floats:
         """Return what the box knows of every point at a time [s], NaN where it marks it."""
         now = nanoseconds(time)
         heard = [self._heard(box, now) for box in range(len(self.system.boxes))]

@@ -12,8 +12,8 @@ from math import inf
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Floats, Integers
 from shipnet.clock import Fault, as_faults, nanoseconds
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.faults import (
@@ -33,18 +33,16 @@ from shipnet.engine.points import PointList, read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, part, record, switch, whole
+from shipnet.lazy import pd
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
     from shipnet.can.messages import MessageSet
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 #: What lee2012 quotes from the class rules, section II: a response takes 2 s at most [s].
 RULE = 2.0
@@ -64,11 +62,6 @@ class Firmware:
     One program runs in every box; a switch chooses the box that it serves. Its main loop converts
     all analogue inputs, reads the switches, hands the frames to the CAN controller, and begins
     again. Three routines interrupt it: Modbus before timer before CAN.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
 
     Notes
     -----
@@ -487,8 +480,6 @@ class System:
         self, channels: tuple[int, ...], suspended: Integers, can_response: Floats
     ) -> pd.DataFrame:
         """Return the ages over the better of some channels, for delays of the boxes and frames."""
-        import pandas as pd
-
         spacing = self.poll_spacing()
         longest = int(self.loop_ns.max()) + self.service_ns
         if longest > nanoseconds(spacing):

@@ -14,9 +14,9 @@ from re import fullmatch
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bytes, Floats, Integers
 from shipnet.errors import ArgumentError, FormError, ParityError
 from shipnet.fields import check_kind, check_scalar, check_whole, number, record
 from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
@@ -24,8 +24,6 @@ from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Bits = npt.NDArray[np.uint8]
-Floats = npt.NDArray[np.float64]
 
 #: Data bits of a character of RTU.
 _DATA = 8
@@ -78,7 +76,7 @@ class SerialLine:
 
     @property
     def character_bits(self) -> int:
-        """Bits on the line for a byte: start, 8 data, parity if any, stop."""
+        """Bytes on the line for a byte: start, 8 data, parity if any, stop."""
         return 9 + (self.character[1] != "N") + int(self.character[2])
 
     @property
@@ -162,7 +160,7 @@ class SerialLine:
         return (n - 1) / (n - 0.5) - 1, highest - 1
 
 
-def _line_bits(data: bytes, line: SerialLine) -> Bits:
+def _line_bits(data: bytes, line: SerialLine) -> Bytes:
     """Return the bits of bytes on a line, one character per row: start, data, parity, stop."""
     if not isinstance(data, bytes | bytearray | memoryview):
         raise ArgumentError(f"data is {data!r}; it must be bytes")
@@ -189,9 +187,9 @@ class Characters(NamedTuple):
     #: Edge of the start bit, as the receiver saw it [s].
     time: Floats
     #: The byte, whatever its code.
-    value: Bits
+    value: Bytes
     #: 0, or the code of `ParityError` or `FormError`; `shipnet.errors.name_of` names it.
-    code: npt.NDArray[np.int64]
+    code: Integers
 
     @property
     def data(self) -> bytes:
