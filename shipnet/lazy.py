@@ -1,4 +1,4 @@
-"""Libraries that load when they are used first: importing pandas takes half a second."""
+"""What is imported when it is used first, or never: pandas takes half a second, matplotlib more."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 else:
 
     class _Library:
@@ -19,5 +20,6 @@ else:
             return getattr(import_module(self._name), name)
 
     pd = _Library("pandas")
+    Axes = Any  # a name for annotations
 
-__all__ = ["pd"]
+__all__ = ["Axes", "pd"]

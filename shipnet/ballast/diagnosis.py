@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,11 +23,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import Samples, check_method
 from shipnet.fuzzy.rules import Decision, Firing, RuleBase
-from shipnet.lazy import pd
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from shipnet.lazy import Axes, pd
 
 #: What 100 % of the operating display is for each sensor, in its unit.
 _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}

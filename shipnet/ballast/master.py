@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,16 +27,12 @@ from shipnet.ballast.slave import valve_slaves
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.lazy import pd
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.simulation import LOST, A, Master, Try
 from shipnet.modbus.slave import Slave, answer
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 #: What a valve can be on the screen. The first that holds counts.
 STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")

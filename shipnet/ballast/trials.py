@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,11 +28,7 @@ from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import RuleBase, draw_matrix
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
-from shipnet.lazy import pd
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from shipnet.lazy import Axes, pd
 
 #: What stands behind the numbers.
 BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"

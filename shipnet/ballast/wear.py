@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 from math import inf, nan, sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,11 +22,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import persistent
 from shipnet.fuzzy.terms import Term
-from shipnet.lazy import pd
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from shipnet.lazy import Axes, pd
 
 #: A stroke may take so long [s]: row 0 of the rule table.
 LIMIT = 10.0

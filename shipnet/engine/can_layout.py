@@ -9,20 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Bytes, Integers, Words
-from shipnet.can.messages import packed
+from shipnet.can.lengths import Stuffing, frame_length
+from shipnet.can.messages import Message, MessageSet, packed
 from shipnet.engine.points import PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, part, record, whole
 from shipnet.lazy import pd
-
-if TYPE_CHECKING:
-    from shipnet.can.messages import MessageSet
 
 #: Data bytes of a classic CAN frame; ISO 11898-1.
 _FRAME = 8
@@ -98,8 +96,6 @@ class CanLayout:
 
     def messages(self, period: float = 1.0) -> MessageSet:
         """Return the message set, with one update per `period` [s]; the paper prints none."""
-        from shipnet.can.messages import Message, MessageSet
-
         return MessageSet(
             Message(
                 f"{box}-{n + 1:02}", number * _ID_STEP + n, min(_FRAME, size - _FRAME * n), period,
@@ -157,8 +153,6 @@ class CanLayout:
         ``worst_bits`` and ``worst_extended_bits`` are for 11-bit and 29-bit identifiers,
         intermission included; ``ms_125k`` and so on is the time of the worst bits of the former.
         """
-        from shipnet.can.lengths import Stuffing, frame_length
-
         rates = [check_whole("bit_rates", rate, 1000, 10**6, " bit/s") for rate in bit_rates]
         messages = self.messages()
         frames = pd.DataFrame(

@@ -13,22 +13,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cached_property
 from math import floor, log10
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Floats, Words
+from shipnet.can.messages import Message
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.points import Point, PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, part, record, switch, whole
 from shipnet.lazy import pd
 from shipnet.modbus.pdu import Request
-
-if TYPE_CHECKING:
-    from shipnet.can.messages import Message
-
 
 # How a value becomes the content of a register -------------------------------------------------
 

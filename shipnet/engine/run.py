@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,11 +21,7 @@ from shipnet.engine.points import Point, PointList
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-from shipnet.lazy import pd
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from shipnet.lazy import Axes, pd
 
 _Slices = list[tuple[int, int, str]]
 

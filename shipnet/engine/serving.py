@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -30,12 +30,9 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import pd
 from shipnet.modbus.pdu import ExceptionCode, Request
-from shipnet.modbus.server import real_clock
+from shipnet.modbus.server import Server, real_clock
 from shipnet.modbus.server import serve as serve_slaves
 from shipnet.modbus.slave import DeviceError, Slave, Table
-
-if TYPE_CHECKING:
-    from shipnet.modbus.server import Server
 
 #: Unit ids of the boxes on channels 1 and 2; lee2012, Table 2.
 UNITS = (2, 3)

@@ -23,14 +23,10 @@ from shipnet.fields import (
     switch,
     whole,
 )
-from shipnet.lazy import pd
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import Poll
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 #: Colour and word of what serves a slave.
 _SERVED = {"A": ("C0", "through A"), "B": ("C1", "through B"), "-": ("0.75", "lost")}

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,12 +14,8 @@ from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-from shipnet.lazy import pd
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.redundancy import DualChannel, Faults, Loop, System, line_faults
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 #: Ports, and in place of one: served by none.
 A, B, LOST = range(3)
