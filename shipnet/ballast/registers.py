@@ -132,6 +132,12 @@ class Status(NamedTuple):
     fault: Integers
     operating_time: Floats
 
+    def table(self) -> pd.DataFrame:
+        """Return one row per status: readings, flags, ``fault`` and ``operating_s``."""
+        table = pd.DataFrame(self.readings.T, columns=[channel.column for channel in CHANNELS])
+        flags = {name: getattr(self, name) for name in ("auto", "close", "open", "fault")}
+        return table.assign(**flags, operating_s=self.operating_time)
+
 
 @record(slots=True)
 class RegisterMap:
