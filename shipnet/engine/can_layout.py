@@ -164,7 +164,8 @@ class CanLayout:
             "worst_extended_bits": (True, "worst"),
         }
         for column, (extended, way) in ways.items():
-            frames[column] = frame_length(frames["bytes"], stuffing=way, extended=extended)
+            bits = frame_length(frames["bytes"], stuffing=way, extended=extended)
+            frames[column] = bits.astype(int)
         counts = self.points.counts()[["analogue", "switch"]].set_axis(
             ["analogue", "switches"], axis=1
         )
