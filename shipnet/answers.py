@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from shipnet.errors import ArgumentError
+from shipnet.tables import as_workbook
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -181,11 +182,7 @@ class Answer(NamedTuple):
         elif suffix == ".csv":
             next(iter(self.tables.values())).to_csv(file, index=False)
         elif suffix == ".xlsx":
-            import pandas as pd
-
-            with pd.ExcelWriter(file) as book:
-                for name, table in self.tables.items():
-                    table.to_excel(book, sheet_name=name, index=False)
+            Path(file).write_bytes(as_workbook(self.tables))
         elif suffix:
             from shipnet import style
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
@@ -36,7 +37,9 @@ from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings, meaning, names, shown, unit
 from shipnet.design.site import Site, Trays
+from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError
+from shipnet.tables import as_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,7 +113,7 @@ class Comparison:
     >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3")
     >>> found = points.compare((0, 0, 0), ["home runs", "AS-i", "CAN"])
     >>> found
-    <Comparison: home runs, AS-i meet every rule that a plan can show; cheapest: home runs, 585 EUR>
+    <Comparison: home runs, AS-i, CAN meet every rule that a plan can show; cheapest: home ...>
     >>> found.table()["conductors_at_cabinet"].to_dict()
     {'home runs': 4.0, 'AS-i': 2.0, 'CAN': 4.0}
     >>> more = found.add(found.plan("AS-i", settings={"asi.tree": False}, name="chain"))
@@ -315,7 +318,9 @@ class Comparison:
     ) -> Design:
         """Plan the same points at the same place in one way more, as `IoList.plan`."""
         values = self.settings.replace(settings or {})
-        return plan(self.iolist, self.site, option, settings=values, mix=mix, name=name)
+        return plan(
+            self.iolist, self.site, option, settings=values, mix=mix, name=name, rules=self.rules
+        )
 
     def add(self, *designs: Design) -> Comparison:
         """Return a comparison with further designs of the same points."""
@@ -332,6 +337,7 @@ class Comparison:
                     f"{name} leaves {left} of {len(design.points)} points out{_why(design)}."
                 )
         said += _lengths(self.designs)
+        said += _prices(self.designs)
         whole = table[table["points_left_out"] == 0]
         if whole.empty:
             return [*said, "No design connects every point."]
@@ -397,19 +403,29 @@ class Comparison:
         page = self.html(title=title, date=date)
         Path(path).write_text(page, encoding="utf-8", newline="\n")
 
-    def save(self, folder: str | PathLike[str]) -> None:
-        """Write the comparison, its findings and failures, and every design into a folder."""
-        to = Path(folder)
-        to.mkdir(parents=True, exist_ok=True)
+    def files(self) -> Iterator[tuple[str, bytes]]:
+        """Yield name and content of each file that `save` writes."""
         for name, table in (
             ("comparison", self.table().reset_index()),
             ("findings", self.findings().table()),
             ("failures", self.failures()),
             ("reading", self.iolist.reading()),
         ):
-            table.to_csv(to / f"{name}.csv", index=False, lineterminator="\n")
+            yield f"{name}.csv", as_csv(table)
+        taken = Counter[str]()
         for name, design in self.designs.items():
-            design.save(to / name.replace("/", "-"))
+            folder = file_name(name)
+            taken[folder.casefold()] += 1
+            if (number := taken[folder.casefold()]) > 1:
+                folder += f" ({number})"
+            yield from ((f"{folder}/{file}", content) for file, content in design.files())
+
+    def save(self, folder: str | PathLike[str]) -> None:
+        """Write the comparison, its findings and failures, and every design into a folder.
+
+        Each design has a folder of its own, with what `Design.save` writes.
+        """
+        save_files(folder, self.files())
 
 
 def compare(
@@ -531,6 +547,27 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
             f"reckoned, they would be {number(own.sum() / 1e3)} km. With list_lengths false, all "
             "are computed alike."
         )
+
+
+def _prices(designs: Mapping[str, Design]) -> Iterator[str]:
+    """Say what limits on responses cost, and where intrinsically safe points are connected."""
+    for name, design in designs.items():
+        if (loose := design.without_limits) is not None:
+            more = design.quantities()["total_cost_eur"] - loose.quantities()["total_cost_eur"]
+            yield (
+                f"Within the rules' limits on responses, {name} costs {number(abs(more))} EUR "
+                f"{'less' if more < 0 else 'more'} than without them."
+            )
+    first = next(iter(designs.values()))
+    safe = (first.iolist.points["ex"] != "").to_numpy()
+    if safe.any():
+        onto = [name for name, design in designs.items()
+                if (~design.points["bus"][safe].isin(["", "hardwired"])).any()]  # fmt: skip
+        cost = number(safe.sum() * first.settings.assumptions["barrier"].nominal)
+        where = f"in the boxes of {', '.join(onto)}" if onto else "in the cabinet"
+        hint = "" if onto else "; with field_barriers, buses take these points"
+        said = f"with barriers for {cost} EUR {where}{hint}"
+        yield f"Intrinsically safe points: {safe.sum()}, {said}."
 
 
 def _why(design: Design) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -229,6 +230,8 @@ class Draft:
     iolist: PointTable
     site: Site
     settings: Settings
+    #: Longest response of each point that rules allow [s].
+    longest: Floats | float = inf
 
     def __post_init__(self) -> None:
         """Take what every planner asks for from the list, and put the cabinet down."""
@@ -237,6 +240,7 @@ class Draft:
         self.places: Floats = self.iolist.places
         self.need: Floats = points["update_ms"].to_numpy(np.float64) / 1e3
         self.need = np.where(np.isnan(self.need), self.settings.update, self.need)
+        self.need = np.minimum(self.need, self.longest)
         self.common = np.array([SIGNALS[str(s)].common for s in points["signal"]], dtype=np.int64)
         self.wires = points["conductors"].to_numpy(np.int64) + self.common
         self.types: list[str] = points["type"].tolist()
@@ -246,6 +250,7 @@ class Draft:
         }
         self._response = np.full(n, np.nan)
         self._taken = set(self.tags)
+        self._numbers: Counter[tuple[str, str]] = Counter()
         self._in_cabinet: set[str] = set()
         self._rows: dict[str, list[dict[str, Any]]] = {name: [] for name in COLUMNS}
         self.middle: Place = tuple(float(x) for x in self.site.cabinet)  # type: ignore[assignment]
@@ -254,11 +259,7 @@ class Draft:
 
     def device(self, name: str, kind: str, segment: str, place: Place, at: str = "") -> str:
         """Put down a device, and return its name, which gets a number if it is taken."""
-        free, number = name, 1
-        while free in self._taken:
-            number += 1
-            free = f"{name} ({number})"
-        self._taken.add(free)
+        free = self._free(name)
         if at and at in self._in_cabinet:
             self._in_cabinet.add(free)
         x, y, z = place
@@ -266,6 +267,15 @@ class Draft:
             {"device": free, "kind": kind, "segment": segment, "x_m": x, "y_m": y, "z_m": z,
              "at": at}
         )  # fmt: skip
+        return free
+
+    def _free(self, name: str) -> str:
+        """Return a name, with a number if it is taken, and take it."""
+        free, number = name, 1
+        while free in self._taken:
+            number += 1
+            free = f"{name} ({number})"
+        self._taken.add(free)
         return free
 
     def run(
@@ -278,10 +288,15 @@ class Draft:
         segment: str = "",
         line: str = "",
     ) -> None:
-        """Put down a cable."""
+        """Put down a cable, named after its point, or numbered in its segment or to its box."""
         a, b = ends
+        name = f"{kind} {b}"
+        if kind in ("trunk", "feeder"):
+            of = f"{segment or b} {kind}"
+            self._numbers[of, line] += 1
+            name = f"{of} {self._numbers[of, line]}{f' {line}' if line else ''}"
         self._rows["cables"].append(
-            {"run": f"{kind} {len(self._rows['cables']) + 1}", "cable": cable.id, "a": a, "b": b,
+            {"run": self._free(name), "cable": cable.id, "a": a, "b": b,
              "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
              "at_cabinet": a in self._in_cabinet or b in self._in_cabinet, "line": line,
              **laid._asdict()}
@@ -312,9 +327,13 @@ class Draft:
             self._point[name][row] = value
         self._response[row] = response
 
-    def segment(self, **columns: Any) -> None:
-        """Put down a segment."""
-        self._rows["segments"].append(columns)
+    def segment(self, rows: Ints, **columns: Any) -> None:
+        """Put down a segment of connected points, with times of the point nearest to its limit."""
+        nearest = rows[(self._response[rows] / self.need[rows]).argmax()]
+        self._rows["segments"].append(
+            {"points": len(rows), "response_ms": 1e3 * self._response[nearest],
+             "slowest_update_ms": 1e3 * self.need[nearest], **columns}
+        )  # fmt: skip
 
     def reason(
         self, subject: str, limit: str, value: float, bound: float, unit: str, text: str
@@ -332,7 +351,9 @@ class Draft:
             {"tag": self.tags, **self._point, "response_ms": self._response * 1e3,
              "fits": self._point["bus"] != ""},
         )  # fmt: skip
-        tables = {t: frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")}
+        tables: dict[str, Any] = {
+            t: frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")
+        }
         return Design(
             name,
             self.iolist,
