@@ -9,12 +9,10 @@ from functools import partial
 from itertools import product
 from math import inf
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shipnet.errors import ArgumentError
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 __all__ = ["points_of", "sweep", "teller"]
 
@@ -50,8 +48,6 @@ def sweep(
     progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
     """Call a function at every point of a grid and return arguments and results as a table."""
-    import pandas as pd
-
     points = points_of(grid)
     tell = teller(progress)
     results = []
