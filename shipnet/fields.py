@@ -579,6 +579,8 @@ def _documented(kind: type) -> str | None:
     if not any("kind" in one.metadata for one in fields(kind)):
         return docstring
     section = "\n".join(["Parameters", "----------", *lines])
+    if "\nRaises\n---" not in docstring:
+        section += "\n\nRaises\n------\nArgumentError\n    If a value is out of its range."
     head, underline, rest = docstring.partition("\n----")
     if not underline:
         return f"{docstring}\n\n{section}\n"

@@ -75,11 +75,6 @@ class Plant:
     It is laid out twice, with a cable to every contact and on AS-i, so that what a paper or an
     offer says of a saving can be computed.
 
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range.
-
     Examples
     --------
     >>> print(Plant(62, contacts=4).saving)
@@ -237,9 +232,8 @@ class Plant:
         table["way"] = pd.Series([()] * len(table), dtype=object)
         return table
 
-    def _made(self, name: str, **tables: object) -> Design:
-        made: dict[str, Any] = {table: frame(table, rows) for table, rows in tables.items()}
-        return Design(name, self.iolist, _SITE, **made, reasons=frame("reasons"))
+    def _made(self, name: str, **tables: Any) -> Design:
+        return Design(name, self.iolist, _SITE, **tables, reasons=frame("reasons"))
 
 
 def _points(tags: pd.Series, bus: str, **columns: object) -> pd.DataFrame:

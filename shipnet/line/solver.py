@@ -21,12 +21,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity
 from shipnet.line.cable import Cable
 
 Complexes = npt.NDArray[np.complex128]
-Floats = npt.NDArray[np.float64]
 
 #: Cable and length of each run of a network [m].
 Pieces = Sequence[tuple[Cable, Quantity]]
@@ -118,7 +118,7 @@ class Lines:
 
 
 def admittances(
-    shunts: npt.NDArray[np.float64], trees: slice, s: Complexes, out: Complexes | None = None
+    shunts: Floats, trees: slice, s: Complexes, out: Complexes | None = None
 ) -> Complexes:
     """Return what the loads at each node admit."""
     conductance, per_henry, capacitance = (

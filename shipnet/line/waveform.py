@@ -13,19 +13,16 @@ from dataclasses import dataclass
 from math import ceil
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.lazy import Axes
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Floats = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]
 
 #: Highest frequency that counts where a change of current takes 3 us [Hz]. Legs of a star ring at
@@ -88,7 +85,7 @@ class Waveform:
             raise ArgumentError(f"there are {len(self.names)} names; u has {rows} rows")
 
     @property
-    def t(self) -> npt.NDArray[np.float64]:
+    def t(self) -> Floats:
         """Times [s]."""
         return self.start + self.dt * np.arange(self.u.shape[-1], dtype=np.float64)
 
@@ -163,7 +160,7 @@ def laplace_grid(duration: float, f_max: float, damping: float = 7.0) -> npt.NDA
 
 def synthesize(
     spectrum: npt.ArrayLike, n_samples: int, duration: float, damping: float = 7.0
-) -> npt.NDArray[np.float64]:
+) -> Floats:
     """Return the waveforms of Laplace transforms that were sampled on `laplace_grid`."""
     check_whole("n_samples", n_samples, 1, 2**40)
     length = check_scalar("duration", duration, "s", 1e-12, 1e6)

@@ -20,14 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PrintedTable:
-    """A table of a paper, as printed and as the code generates it; see `table`.
-
-    Examples
-    --------
-    >>> five = PrintedTable("kim2023", "Table 5")
-    >>> five.printed.loc["RESET", "I3"], five.ours.loc["RESET", "I3"]
-    ('S', '~S')
-    """
+    """A table of a paper, as printed and as the code generates it."""
 
     paper: str
     item: str
@@ -120,6 +113,9 @@ def table(paper: str, item: str) -> PrintedTable:
 
     Examples
     --------
+    >>> five = table("kim2023", "Table 5")
+    >>> five.printed.loc["RESET", "I3"], five.ours.loc["RESET", "I3"]
+    ('S', '~S')
     >>> len(table("kim2023", "Table 7").differences())
     0
     """

@@ -1,3 +1,4 @@
+import ast
 import importlib
 import itertools
 import json
@@ -173,14 +174,12 @@ def neighbours(value):
 
 
 def moved(function, name, value):
-    """Results of a function while one input takes the values near its default."""
-    results = []
+    """Yield results of a function while one input takes the values near its default."""
     for neighbour in neighbours(value):
         try:
-            results.append((neighbour, function(**{name: neighbour})))
+            yield neighbour, function(**{name: neighbour})
         except ValueError:
             continue
-    return results
 
 
 @pytest.mark.parametrize("claim", NUMBERS)
@@ -195,18 +194,24 @@ def test_every_input_of_a_number_moves_it(claim):
         others = [one for one in REGISTRY.values() if one.function is recomputation.function]
         if name in recomputation.inputs and any(one.result[0] != original for one in others):
             continue
-        results = moved(recomputation, name, value)
-        assert any(result != original for _, result in results), f"{name} moves nothing"
-        assert any(result != neighbour for neighbour, result in results), f"{name} is handed back"
-        if basis != "model" and numbers == [name]:
-            steps = {round(result - neighbour, 9) for neighbour, result in results}
-            assert len(steps) > 1, f"{name} is shifted, not computed with"
+        shifts = basis != "model" and numbers == [name]
+        moves = differs = False
+        steps = set()
+        for neighbour, result in moved(recomputation, name, value):
+            moves, differs = moves or result != original, differs or result != neighbour
+            if shifts:
+                steps.add(round(result - neighbour, 9))
+            if moves and differs and (len(steps) > 1 or not shifts):
+                break
+        assert moves, f"{name} moves nothing"
+        assert differs, f"{name} is handed back"
+        assert len(steps) > 1 or not shifts, f"{name} is shifted, not computed with"
 
 
 @pytest.mark.parametrize("claim", CHECKS)
 def test_every_check_can_turn_round(claim):
     recomputation = REGISTRY[claim]
-    answer = recomputation()
+    answer, _ = recomputation.result
     assert isinstance(answer, bool)
     assert recomputation(**recomputation.counter) is (not answer)
 
@@ -234,6 +239,15 @@ def _guard(function):
 def test_a_claim_has_one_function():
     with pytest.raises(ValueError, match="kim2023-004 has two functions"):
         check("kim2023-004", counter={"x": 1})(lambda *, x=0: True)
+    # Two expressions of one module have no names to tell them apart.
+    registered = [
+        claim.value
+        for file in (ROOT / "shipnet" / "papers").glob("*/*.py")
+        for call in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") in ("numeric", "check")
+        for claim in call.args
+    ]
+    assert sorted(registered) == sorted(REGISTRY)
 
 
 @pytest.mark.parametrize(
@@ -385,6 +399,7 @@ def test_numbers_that_no_paper_prints():
 def test_evidence_is_the_function_unless_the_claim_names_more():
     evidence = table().set_index("id")["evidence"]
     assert evidence["kim2023-004"] == "shipnet.papers.kim2023.protocol.strands_left"
+    assert evidence["kim2023-027"] == "shipnet.papers.kim2023.protocol"
     assert evidence["kim2023-074"] == "kim2023-072; kim2023-073"
     assert evidence["kim2014-015"] == ""
 
@@ -487,7 +502,6 @@ def test_the_ledger_of_a_paper_is_summed_up():
     assert str(one).startswith(f"{len(one)} claims, {len(one.judged())} judged, ")
     assert "agrees" not in set(one.differing()["verdict"])
     assert len(one.differing()) == (one.judged()["verdict"] != "agrees").sum()
-    assert set(one.items()["paper"]) == {"kim2023"} and set(ledger().items()["paper"]) == {*PAPERS}
 
 
 def test_a_figure_that_is_not_drawn_is_refused():
