@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeAlias
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 import pandas as pd
@@ -41,6 +43,15 @@ def save_files(folder: str | PathLike[str], named: Iterable[tuple[str, bytes]]) 
         path = Path(folder, name)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
+
+
+def zipped(named: Iterable[tuple[str, bytes]]) -> bytes:
+    """Return files as one archive."""
+    stream = BytesIO()
+    with ZipFile(stream, "w") as archive:
+        for name, content in named:
+            archive.writestr(ZipInfo(name), content, ZIP_DEFLATED)
+    return stream.getvalue()
 
 
 def tables(design: Layout) -> dict[str, pd.DataFrame]:
