@@ -550,10 +550,10 @@ def decode(
 
     Examples
     --------
-    >>> from shipnet.asi.modulation import send_current
+    >>> from shipnet.asi.modulation import Modulation
     >>> t = np.arange(0, 300e-6, 1e-7)
-    >>> current = send_current(t, "00101010111001", start=2e-5)
-    >>> current += send_current(t, "0011001", start=12.2e-5)
+    >>> current = Modulation("00101010111001").current(t, start=2e-5)
+    >>> current += Modulation("0011001").current(t, start=12.2e-5)
     >>> capture = decode(30 - 40e-6 * np.gradient(current, 1e-7), 1e-7)
     >>> print(capture.transactions["text"][0])
     data exchange with slave 21: outputs 1110 (E); answer to data exchange: inputs 0110 (6)

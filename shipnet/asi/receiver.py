@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.asi.modulation import HALF_BIT, Pulses, check_bit_count, check_columns, pulses_of
+from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, check_columns
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import number, record, switch
 from shipnet.line import waveform as line_waveform
@@ -249,7 +250,7 @@ class Waveform(line_waveform.Waveform):
         """Check that everything fits."""
         super().__post_init__()
         bits = np.asarray(self.bits)
-        check_bit_count(bits.shape[-1])
+        _check_bit_count(bits.shape[-1])
         if bits.ndim > 2 or (bits.ndim == 2 and bits.shape[0] != self.u.shape[-2]):
             raise ArgumentError(f"bits have the shape {bits.shape}; u has {self.u.shape}")
         object.__setattr__(self, "bits", bits)
@@ -280,7 +281,7 @@ class Waveform(line_waveform.Waveform):
         heard = receive(rows, self.dt, bits.shape[-1], matched=False)
         if not np.isfinite(heard.start).all():
             raise ArgumentError("a telegram in u holds no pulse above the receiver's minimum")
-        signs = np.pad(pulses_of(bits), ((0, 0), (0, 2)))[:, 1:]
+        signs = np.pad(Modulation(bits).pulses.signs, ((0, 0), (0, 2)))[:, 1:]
         t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, points)
         middles = heard.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
         place = (middles[..., np.newaxis] + t) / self.dt
@@ -328,7 +329,7 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     """Receive telegrams of known length, one a row of samples; `settings` are a receiver's."""
     receiver = Receiver(**settings)
     u = _checked(u, dt)
-    check_bit_count(n_bits)
+    _check_bit_count(n_bits)
     n_t = u.shape[-1]
     rows = u.reshape(-1, n_t)
     length, gain = _filter_gain(n_t, dt)
@@ -340,6 +341,14 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
         parts.append(_decide(line, y, dt, n_bits, receiver))
     joined = (np.concatenate(field) for field in zip(*parts, strict=True))
     return Reception(*(field.reshape(u.shape[:-1] + field.shape[1:]) for field in joined))
+
+
+def _check_bit_count(n_bits: int) -> None:
+    if n_bits not in (RESPONSE_BITS, REQUEST_BITS):
+        raise ArgumentError(
+            f"n_bits is {n_bits!r}; it must be {RESPONSE_BITS}, a response, "
+            f"or {REQUEST_BITS}, a request"
+        )
 
 
 def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:

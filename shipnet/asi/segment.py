@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from shipnet.asi.elements import DEVICE, Repeater, Supply, Terminator
 from shipnet.asi.master import Master
-from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, as_bits, ramp_spectrum, steps_of
+from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
 from shipnet.asi.receiver import TOLERANCE, Waveform, receive
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES, Request, Response
@@ -63,7 +63,7 @@ def telegram_voltages(
     `f_max` [Hz] every voltage is within 5e-5 of its node's peak, on lines, stubs, stars and trees
     of up to 300 m, with a supply or without.
     """
-    steps = np.atleast_2d(steps_of(bits)).astype(float)
+    steps = np.atleast_2d(Modulation(bits).steps).astype(float)
     before = check_scalar("before", before, "s", 0, 1.0)
     after = check_scalar("after", after, "s", 0, 1.0)
     dt = check_scalar("dt", dt, "s", 1e-9, 1e-6)
@@ -275,7 +275,7 @@ class Segment:
         if not nodes:
             raise ArgumentError(f"{self} has no slave; one must send or hear")
         words = telegrams.bits if isinstance(telegrams, Request | Response) else telegrams
-        bits = as_bits(words)
+        bits = Modulation(words).bits
         u = telegram_voltages(
             self.network, self.head, nodes, bits, dt=dt, before=before, after=after
         )

@@ -20,7 +20,7 @@ from scipy import special
 
 from shipnet import style
 from shipnet.asi.emc.disturbances import PACKET_LENGTH, PACKET_PERIOD
-from shipnet.asi.modulation import CLASSES, HALF_BIT, violations
+from shipnet.asi.modulation import CLASSES, HALF_BIT, Pulses
 from shipnet.asi.receiver import Disturbance, Receiver, RNGLike, Waveform, matched_filter, receive
 from shipnet.asi.timing import Cycle, Transaction
 from shipnet.errors import ArgumentError, SilenceError
@@ -74,7 +74,7 @@ def _row(
         wrong = ~bad & (received.bits != bits[sent]).any(axis=1)
         failed += int(np.count_nonzero(bad | wrong))
         undetected += int(np.count_nonzero(wrong))
-        broken[:-1] += violations(received.slots[bad & ~silent], n_bits).sum(axis=0)
+        broken[:-1] += Pulses(received.slots[bad & ~silent]).violations.sum(axis=0)
         broken[-1] += np.count_nonzero(silent)
     low, high = share_interval([failed, undetected], count)
     share = broken / failed if failed else np.full(broken.shape, np.nan)
