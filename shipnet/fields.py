@@ -489,12 +489,13 @@ def part(
     default_factory: Any = MISSING,
     make: Callable[[Any], Any] | None = None,
     optional: bool = False,
+    kw_only: bool = False,
 ) -> Any:
     """Declare an object of the class `of`; `make` makes it of what else may be given."""
     kind = Part(help=help, of=of, make=make, optional=optional)
     if default_factory is not MISSING:
-        return field(default_factory=default_factory, metadata={"kind": kind})
-    return _declare(kind, default, False)
+        return field(default_factory=default_factory, metadata={"kind": kind}, kw_only=kw_only)
+    return _declare(kind, default, kw_only)
 
 
 # Records ---------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from decimal import Decimal
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
@@ -29,29 +29,16 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Number, declared
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
-from shipnet.tables import NUMBER, Sheet, in_order, read_sheet, titled
+from shipnet.tables import NUMBER, in_order, read_sheet, titled
 
-
-class _Column(NamedTuple):
-    """A column of numbers: how it is declared, and the power of ten of its unit."""
-
-    declared: Number
-    power: int = 0
-
-
-def _declared(element: type, field: str) -> Number:
-    kind = declared(element)[field]
-    assert isinstance(kind, Number)
-    return kind
-
-
-_NUMBERS = {
-    "length_m": _Column(Number(low=0.01, high=10e3, unit="m", shown=(0.01, 10e3))),
-    "current_ma": _Column(_declared(Slave, "current"), -3),
-    "voltage_v": _Column(_declared(Supply, "voltage")),
-    "rating_a": _Column(_declared(Supply, "rating")),
-    "delay_us": _Column(_declared(Repeater, "delay"), -6),
-    "resistance_ohm": _Column(_declared(Terminator, "resistance")),
+#: Columns of numbers: how each is declared, and the power of ten of its unit.
+_NUMBERS: dict[str, tuple[Any, int]] = {
+    "length_m": (Number(low=0.01, high=10e3, unit="m", shown=(0.01, 10e3)), 0),
+    "current_ma": (declared(Slave)["current"], -3),
+    "voltage_v": (declared(Supply)["voltage"], 0),
+    "rating_a": (declared(Supply)["rating"], 0),
+    "delay_us": (declared(Repeater)["delay"], -6),
+    "resistance_ohm": (declared(Terminator)["resistance"], 0),
 }
 
 _PREFIX = {0: "", -3: "m", -6: "u"}
@@ -80,11 +67,6 @@ COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "cur
            "voltage_v", "rating_a", "delay_us", "resistance_ohm")  # fmt: skip
 
 
-def read_elements(path: str | PathLike[str]) -> list[Element]:
-    """Read the elements of a plan from a file; `read_plan` says how."""
-    return _parse(read_sheet(path))
-
-
 def write_elements(elements: Sequence[Element], path: str | PathLike[str]) -> None:
     """Write the elements of a plan as a CSV file, with all digits of their numbers."""
     for one in elements:
@@ -106,14 +88,16 @@ def _row(element: Element) -> dict[str, str]:
         value = getattr(element, argument)
         if column in _NUMBERS:
             # Shifting the point of the shortest decimal leaves it the same number, to the bit.
-            shifted = Decimal(repr(value)).scaleb(-_NUMBERS[column].power)
+            shifted = Decimal(repr(value)).scaleb(-_NUMBERS[column][1])
             row[column] = f"{shifted.normalize():f}"
         else:
             row[column] = str(value)
     return row
 
 
-def _parse(sheet: Sheet) -> list[Element]:
+def read_elements(path: str | PathLike[str]) -> list[Element]:
+    """Read the elements of a plan from a file; `read_plan` says how."""
+    sheet = read_sheet(path)
     needed = ("kind", "node")
     known = {column: None if column in needed else "" for column in (*COLUMNS, "note")}
     rows, faults = titled(sheet, known)
@@ -199,13 +183,12 @@ def _number(column: str, cell: str, point: str) -> float:
     known, power = _NUMBERS[column]
     low, high = known.low, known.high
     legal = f"a number {low * 10**-power:g}..{high * 10**-power:g} {_PREFIX[power]}{known.unit}"
-    other = "," if point == "." else "."
-    if other in cell:
+    if {".": ",", ",": "."}[point] in cell:
         raise ArgumentError(f"{legal}, with a decimal {'point' if point == '.' else 'comma'}")
     text = cell.replace(",", ".")
-    if not NUMBER.fullmatch(text):
-        raise ArgumentError(legal)
-    value = float(Decimal(text).scaleb(power))
-    if not low <= value <= high:
+    if (
+        not NUMBER.fullmatch(text)
+        or not low <= (value := float(Decimal(text).scaleb(power))) <= high
+    ):
         raise ArgumentError(legal)
     return value

@@ -220,14 +220,8 @@ class Waveform(line_waveform.Waveform):
     u : ndarray of float, shape (..., n_t)
         Voltage [V]; the axis before the last one is that of the telegrams, if there are several,
         and the one before it that of the slaves.
-    dt : float
-        Time between two samples, 1e-9..1e-6 [s].
-    start : float, default 0
-        Time of the first sample, 0 or less [s].
-    names : tuple of str, optional
-        Slaves, one per entry of the first axis.
-    description : str, optional
-        One line on where it comes from.
+    dt, start, names, description
+        As for `shipnet.line.Waveform`; names are those of the slaves.
     bits : ndarray of int, shape (n_bits,) or (n_telegrams, n_bits)
         What was sent; 7 or 14 bits.
 
