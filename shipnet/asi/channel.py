@@ -33,6 +33,9 @@ ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
 #: Stands in the field of the response where there is none.
 NO_RESPONSE = 16
 
+#: Labels of slaves by five bits of address and two of half.
+LABELS = np.array([f"{code & 31}{('', 'A', 'B', '')[code >> 5]}" for code in range(1 << 7)])
+
 _OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
 
 Integers = npt.NDArray[np.int64]
@@ -89,7 +92,6 @@ class Record:
         executed = self.field(EXECUTED, 1).astype(bool)
         words, _ = encode_requests(call, address, data, half=half - 1)
         texts = np.array([f"{word:014b}" for word in range(1 << 14)])
-        labels = np.array([[f"{a}{h}" for h in ("", "A", "B")] for a in range(32)])
 
         def named(codes: Integers, names: Sequence[str]) -> pd.Categorical[str]:
             whole = pd.Categorical.from_codes(codes, pd.Index(names))
@@ -103,7 +105,7 @@ class Record:
                 "call": named(call, [call.name for call in Call]),
                 "address": address,
                 "half": named(half, ["", "A", "B"]),
-                "slave": labels[address, half],
+                "slave": LABELS[self.field(4, 7)],
                 "request": texts[words],
                 "request_data": data,
                 "response_data": np.where(response == NO_RESPONSE, -1, response),

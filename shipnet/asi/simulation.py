@@ -14,6 +14,7 @@ from shipnet import style
 from shipnet.asi.channel import (
     ATTEMPT,
     EXECUTED,
+    LABELS,
     OUTCOME,
     PHASE,
     Channel,
@@ -184,15 +185,32 @@ class Run:
         """
         return self._events.copy()
 
+    @cached_property
+    def _exchanges(self) -> pd.DataFrame:
+        """The data exchanges by slave and time, with when inputs were taken and known [s]."""
+        import pandas as pd
+
+        record, bit_time = self.record, self.record.transaction.bit_time
+        slave = record.field(4, 7)
+        rows = np.flatnonzero(record.field(0, 4) == Call.DATA_EXCHANGE)
+        rows = rows[np.argsort(slave[rows], kind="stable")]
+        sampled = record.starts[rows] + REQUEST_BITS
+        return pd.DataFrame(
+            {
+                "slave": LABELS[slave[rows]],
+                "failed": record.field(OUTCOME, 4)[rows] > 0,
+                "cyclic": record.field(PHASE, 3)[rows] == Phase.DATA_EXCHANGE,
+                "sampled": sampled * bit_time,
+                "known": (sampled + record.pauses[rows] + RESPONSE_BITS) * bit_time,
+            }
+        )
+
     def table(self) -> pd.DataFrame:
         """Return a row per slave: its data exchanges, how many failed, and its response times."""
         import pandas as pd
 
-        rows, slave = self._exchanges()
-        failed = self.record.field(OUTCOME, 4)[rows] > 0
-        frame = pd.DataFrame({"slave": _labels(slave), "failed": failed})
-        grouped = frame.groupby("slave", sort=False)["failed"]
-        counts = pd.DataFrame({"exchanges": grouped.size(), "failed": grouped.sum()})
+        by = self._exchanges.groupby("slave", sort=False)["failed"]
+        counts = pd.DataFrame({"exchanges": by.size(), "failed": by.sum()})
         return counts.join(self.response_times())
 
     def plot(
@@ -325,14 +343,6 @@ class Run:
         trips = [(time, slave.label) for slave in self.slaves for time in slave.trips]
         return pd.DataFrame(sorted(trips), columns=["time_s", "slave"])
 
-    def _exchanges(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return the rows with data exchanges, sorted by slave and time, and their slaves."""
-        record = self.record
-        slave = record.field(4, 7)
-        rows = np.flatnonzero(record.field(0, 4) == Call.DATA_EXCHANGE)
-        rows = rows[np.argsort(slave[rows], kind="stable")]
-        return rows, slave[rows]
-
     def failure_classes(self) -> pd.DataFrame:
         """Count the failures in a row, as Siemens' analyser 3RK1904-3AB01 does.
 
@@ -343,19 +353,12 @@ class Run:
 
         leading = self.masters[0]
         worst = (1 + leading.repetitions) * leading.drop_after
-        rows, slave = self._exchanges()
-        failed = self.record.field(OUTCOME, 4)[rows] > 0
+        found = self._exchanges[["slave", "failed"]]
         # A run of failures ends with a success, with another slave, or with the record.
-        border = np.ones(rows.size, dtype=bool)
-        border[1:] = (failed[1:] != failed[:-1]) | (slave[1:] != slave[:-1])
-        begins = np.flatnonzero(border)
-        length = np.diff(np.append(begins, rows.size))
-        runs = failed[begins]
-        table = pd.crosstab(
-            pd.Index(_labels(slave[begins][runs]), name="slave"),
-            pd.Index(np.minimum(length[runs], worst), name="class"),
-        )
-        everybody = _labels(np.unique(slave))
+        run = (found != found.shift()).any(axis=1).cumsum()
+        runs = found[found["failed"]].groupby(run)["slave"].agg(["first", "size"])
+        table = pd.crosstab(runs["first"], runs["size"].clip(upper=worst))
+        everybody = found["slave"].unique()
         whole = table.reindex(index=everybody, columns=range(1, worst + 1), fill_value=0)
         return whole.rename_axis(index="slave", columns="class")
 
@@ -369,40 +372,25 @@ class Run:
         """
         import pandas as pd
 
-        rows, slave = self._exchanges()
-        cyclic = self.record.field(PHASE, 3)[rows] == Phase.DATA_EXCHANGE
-        keep = cyclic & (self.record.field(OUTCOME, 4)[rows] == 0)
-        rows, slave = rows[keep], slave[keep]
-        sampled, known = self._sampled(rows)
-        same = slave[1:] == slave[:-1]
-        waited = (sampled[1:] - sampled[:-1])[same]
-        longest, least = (known[1:] - sampled[:-1])[same], (known[1:] - sampled[1:])[same]
-        area = (longest**2 - least**2) / 2
-        frame = pd.DataFrame(
+        good = self._exchanges.query("cyclic and not failed")
+        before = good.groupby("slave", sort=False)["sampled"].shift()
+        waits = pd.DataFrame(
             {
-                "slave": _labels(slave[1:][same]),
-                "least_s": least,
-                "longest_s": longest,
-                "area": area,
-                "waited": waited,
+                "slave": good["slave"],
+                "least_s": good["known"] - good["sampled"],
+                "longest_s": good["known"] - before,
+                "waited": good["sampled"] - before,
             }
-        )
-        grouped = frame.groupby("slave", sort=False)
-        totals = grouped[["area", "waited"]].sum()
+        ).dropna()
+        waits["area"] = (waits["longest_s"] ** 2 - waits["least_s"] ** 2) / 2
+        by = waits.groupby("slave", sort=False)
         return pd.DataFrame(
             {
-                "least_s": grouped["least_s"].min(),
-                "mean_s": totals["area"] / totals["waited"],
-                "longest_s": grouped["longest_s"].max(),
+                "least_s": by["least_s"].min(),
+                "mean_s": by["area"].sum() / by["waited"].sum(),
+                "longest_s": by["longest_s"].max(),
             }
         )
-
-    def _sampled(self, rows: npt.NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """Return when the slave took its inputs, and when the master had them [s]."""
-        record = self.record
-        sampled = record.starts[rows] + REQUEST_BITS
-        known = sampled + record.pauses[rows] + RESPONSE_BITS
-        return sampled * record.transaction.bit_time, known * record.transaction.bit_time
 
     def input_changes(self) -> pd.DataFrame:
         """Return when the master learnt of each change of inputs: one row per change.
@@ -412,26 +400,17 @@ class Run:
         """
         import pandas as pd
 
-        rows, slave = self._exchanges()
-        keep = self.record.field(OUTCOME, 4)[rows] == 0
-        rows, labels = rows[keep], np.array(_labels(slave[keep]))
-        sampled, known = self._sampled(rows)
+        good = self._exchanges.query("not failed")
         answers = []
         for change in self.changes:
             later = [
                 c.time for c in self.changes if c.slave == change.slave and c.time > change.time
             ]
-            own = labels == change.slave
-            place = np.searchsorted(sampled[own], change.time)
-            seen = place < own.sum() and sampled[own][place] < min(later, default=np.inf)
-            answers.append(known[own][place] - change.time if seen else np.nan)
+            own = good[good["slave"] == change.slave]
+            seen = own[own["sampled"].between(change.time, min(later, default=np.inf), "left")]
+            answers.append(seen["known"].iloc[0] - change.time if len(seen) else np.nan)
         frame = pd.DataFrame(self.changes, columns=["time_s", "slave", "value"])
         return frame.assign(response_time_s=np.array(answers, dtype=float))
-
-
-def _labels(slave: npt.NDArray[np.int64]) -> list[str]:
-    """Return the labels of packed slaves: five bits of address, two of half."""
-    return [f"{code & 31}{('', 'A', 'B')[code >> 5]}" for code in slave.tolist()]
 
 
 # The simulation --------------------------------------------------------------------------------
