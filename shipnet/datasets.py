@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,6 +87,13 @@ def read(name: str) -> pd.DataFrame:
     pandas.DataFrame
         All columns of type str.
 
+    Raises
+    ------
+    ArgumentError
+        If there is no such file.
+    InputError
+        If the file is empty, or a row has more cells than the titles.
+
     Examples
     --------
     >>> read("kim2023_table7_io_codes.csv").loc[1].tolist()
@@ -94,4 +101,7 @@ def read(name: str) -> pd.DataFrame:
     """
     import pandas as pd
 
-    return pd.read_csv(path(name), dtype=str, keep_default_na=False)
+    try:
+        return pd.read_csv(path(name), dtype=str, keep_default_na=False)
+    except (pd.errors.EmptyDataError, pd.errors.ParserError) as error:
+        raise InputError(name, str(error).strip()) from None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,6 +49,11 @@ def rule_limits() -> pd.DataFrame:
     >>> line(120, [120]).check(limits=limits).ok
     True
     """
+    return _published().copy()
+
+
+@cache
+def _published() -> pd.DataFrame:
     table = datasets.read("asi_plan_rules.csv").set_index("rule")
     table = table.rename(columns={"lowest": "low", "highest": "high"})
     for bound in ("low", "high"):
@@ -69,16 +75,7 @@ def check_lines(
     bounds = rule_limits() if limits is None else limits
     _check_limits(bounds)
     transaction = Transaction() if transaction is None else transaction
-    rows: list[_Row] = []
-    for line in lines:
-        rows += _line_rows(line, wanted_cycle, transaction)
-        rows += _address_rows(line)
-        terminated = any(segment.terminators for segment in line)
-        for segment in line:
-            rows += _segment_rows(segment, terminated)
-            rows += _supply_rows(segment)
-            rows += _signal_rows(segment)
-
+    rows = (row for line in lines for row in _rows(line, wanted_cycle, transaction))
     table = pd.DataFrame(rows, columns=["rule", "object", "value", "own", "why"])
     table["value"] = table["value"].astype(float)
     table = table.join(bounds.drop(columns="object"), on="rule")
@@ -93,12 +90,37 @@ def check_lines(
     return table[list(COLUMNS)]
 
 
+def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
+    """Return whether `check_lines` finds every rule met; stop at the first that is not."""
+    ends = limits["low"].fillna(-np.inf), limits["high"].fillna(np.inf)
+    bounds = dict(zip(limits.index, zip(*ends, strict=True), strict=True))
+    for line in lines:
+        for rule, _, value, own, _ in _rows(line, None, Transaction()):
+            low, high = bounds[rule]
+            high = high if own is None else own
+            if not low - _SLACK * abs(low) <= value <= high + _SLACK * abs(high):
+                return False
+    return True
+
+
 def _check_limits(bounds: pd.DataFrame) -> None:
-    rules, columns = datasets.read("asi_plan_rules.csv")["rule"], rule_limits().columns
-    missing = [name for name in rules if name not in bounds.index]
-    missing += [name for name in columns if name not in bounds.columns]
+    published = _published()
+    missing = [name for name in published.index if name not in bounds.index]
+    missing += [name for name in published.columns if name not in bounds.columns]
     if missing:
         raise ArgumentError(f"limits lack {', '.join(missing)}")
+
+
+def _rows(
+    line: tuple[Segment, ...], wanted: float | None, transaction: Transaction
+) -> Iterator[_Row]:
+    yield from _line_rows(line, wanted, transaction)
+    yield from _address_rows(line)
+    terminated = any(segment.terminators for segment in line)
+    for segment in line:
+        yield from _segment_rows(segment, terminated)
+        yield from _supply_rows(segment)
+        yield from _signal_rows(segment)
 
 
 def _line_rows(
@@ -155,6 +177,7 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
     yield "answer_delay", name, delay / BIT_TIME, None, note
 
 
+@cache
 def _slowest_answer() -> float:
     """Return the silence before a slave that was not synchronous answers [s]."""
     times = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]

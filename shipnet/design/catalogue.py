@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from math import ceil, inf, isfinite, pi
+from math import ceil, inf, isfinite, nan, pi
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -68,6 +68,11 @@ class Cable:
     lay: Range
     termination: Range
     longest_m: float
+    #: Cross-section of a conductor [mm2], resistance of two [ohm/m]; NaN where it is not known.
+    section: float
+    resistance: float
+    #: Most current of a conductor [A]; without limit where none was found.
+    current: float
     status: str
     source: str
 
@@ -97,6 +102,9 @@ def _cable(row: dict[str, str]) -> Cable:
         Range.around(float(row["lay_h_per_m"]), row["status_labour"]),
         Range.around(float(row["termination_h_per_conductor"]), row["status_labour"]),
         float(row["longest_m"] or inf),
+        float(row["cross_section_mm2"]),
+        float(row["loop_resistance_ohm_per_km"] or nan) / 1e3,
+        float(row["current_a"] or inf),
         ", ".join(
             f"{what} {row[f'status_{what}']}" for what in ("diameter", "mass", "price", "labour")
         ),
@@ -104,6 +112,7 @@ def _cable(row: dict[str, str]) -> Cable:
     )
 
 
+@cache
 def smallest(conductors: int, *, spare: float) -> Cable:
     """Return the thinnest cable for hardwired points that has enough conductors and a reserve."""
     # A share such as 0.12 is not a binary number, but 25 conductors with 12 % are 28.

@@ -19,6 +19,7 @@ from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
+from shipnet.design.supply import supplies_table, voltages_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -145,6 +146,17 @@ class Design(Layout):
     def bill(self) -> pd.DataFrame:
         """Return what has to be bought and laid: cables by type, devices, channels, glands."""
         return costs.bill_table(self)
+
+    def supplies(self) -> pd.DataFrame:
+        """Return one row per supply: place, voltage, current, rating, and its worst device.
+
+        Mains cables from the cabinet to a supply are not computed.
+        """
+        return supplies_table(self)
+
+    def voltages(self) -> pd.DataFrame:
+        """Return one row per device and line that a supply feeds: current, voltage and its drop."""
+        return voltages_table(self)
 
     def check(
         self, rules: RuleSet | str | PathLike[str] = "DNV", *, host_time: float | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +25,7 @@ Bools = npt.NDArray[np.bool_]
 Whole = npt.NDArray[np.int64]
 #: Numbers of the runs that are cut, and of the devices that are dead.
 Failure = tuple[Collection[int], Collection[int]]
+_NONE: Whole = np.empty(0, np.int64)
 #: Nodes at both ends of each edge, and its run; -1 if it is not a run.
 Edges = tuple[Whole, Whole, Whole]
 
@@ -38,7 +40,7 @@ _PAIR_ENDS = {"trunk": ("repeater", "gateway"), "feeder": ("cabinet", "gateway")
 _SHELLS = ("box", "cabinet")
 
 #: Most truth values that are held at once.
-_CHUNK = 2**24
+_CHUNK = 2**21
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,42 +73,90 @@ class Reach:
         """Runs that are one pair, trunks of a bus or feeders, and what a short of them kills."""
         runs, segments = self.design.cables, self.design.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
-        trunk = runs["segment"].isin(buses) & (runs["kind"] == "trunk")
+        trunk = (runs["segment"].isin(buses) & (runs["kind"] == "trunk")).to_numpy()
+        master = self._asi & trunk
         found = []
         for kind, chosen in (("trunk", trunk), ("feeder", self._feeders)):
-            for _, members in runs[chosen].groupby(["segment", "line"], sort=False):
-                for pair in self._together(members.index.to_numpy(), _PAIR_ENDS[kind]):
-                    bus = [run for run in pair if trunk[run] and self._asi[run]]
-                    ends = np.unique(self._ends[bus])
-                    found.append((pair, ends[self.kinds[ends] == "master"].tolist()))
+            for pair in self._together(np.flatnonzero(chosen), _PAIR_ENDS[kind]):
+                ends = np.unique(self._ends[pair[master[pair]]])
+                found.append((pair.tolist(), ends[self.kinds[ends] == "master"].tolist()))
         return found
 
-    def _together(self, number: Whole, pair_ends: Sequence[str]) -> list[list[int]]:
-        """Return runs in groups that hang together but for devices of some kinds."""
-        # Runs and the devices that connect them are the nodes.
-        ends, row = self._ends[number], np.arange(len(number)) + len(self.kinds)
-        place, side = np.nonzero(~np.isin(self.kinds, pair_ends)[ends])
-        u, v = ends[place, side], row[place]
-        labels = _labels(np.ones((1, len(u)), bool), len(self.kinds) + len(number), u, v)[0, row]
-        return [number[labels == label].tolist() for label in dict.fromkeys(labels)]
+    def _together(self, number: Whole, pair_ends: Sequence[str]) -> list[Whole]:
+        """Return runs of a segment and line that hang together but for devices of some kinds."""
+        lines = self.design.cables.iloc[number].groupby(["segment", "line"], sort=False).ngroup()
+        order = np.argsort(lines.to_numpy(), kind="stable")
+        number, line = number[order], lines.to_numpy()[order]
+        # Runs and the devices that connect them are the nodes, a device one per line.
+        ends = self._ends[number]
+        run, side = np.nonzero(~np.isin(self.kinds, pair_ends)[ends])
+        _, device = np.unique(line[run] * len(self.kinds) + ends[run, side], return_inverse=True)
+        count = len(number) + device.max(initial=-1) + 1
+        keep = np.ones((1, len(run)), bool)
+        label = _labels(keep, count, run, len(number) + device)[0, : len(number)]
+        order = np.argsort(label, kind="stable")
+        pairs = np.split(number[order], np.flatnonzero(np.diff(label[order])) + 1)
+        return [pair for pair in pairs if len(pair)]
 
     @cached_property
     def alone(self) -> dict[int, int]:
         """Runs that are the only cable over which a point works, and this point."""
         point, _, run = self._wires
-        good = self._good(*self._masks([((), ())]), self._needs_supply)[0]
+        good = self._good(*self._masks(), self._needs_supply)[0]
         only = np.bincount(point[good], minlength=len(self._connected)) == 1
         mine = good & only[point] & (run >= 0)
         return dict(zip(run[mine].tolist(), point[mine].tolist(), strict=True))
 
-    def lost(self, failures: Sequence[Failure]) -> Bools:
-        """Return which points each failure costs, shape (n_failures, n_points)."""
-        width = 4 * len(self.kinds) + 2 * len(self.design.cables) + len(self._connected)
-        step = max(1, _CHUNK // width)
-        parts = [failures[start : start + step] for start in range(0, len(failures), step)]
-        works = [self._works(*self._masks(part), self._needs_supply) for part in parts]
-        empty = np.zeros((0, len(self._connected)), bool)
-        return np.asarray(self._connected & ~np.concatenate([empty, *works]))
+    def lost(self, failures: Sequence[Failure]) -> list[Whole]:
+        """Return the numbers of the points that each failure costs.
+
+        No area feels what fails in another. So one failure of each area is looked at at once, and
+        the area of a point that is lost says by which.
+        """
+        of_item, of_point = self._areas
+        size, n_points, connected = len(self.kinds), len(of_point), self._connected
+        failing = [[*devices, *(size + run for run in runs)] for runs, devices in failures]
+        number = np.repeat(np.arange(len(failing)), [len(items) for items in failing])
+        item = np.fromiter(chain.from_iterable(failing), np.int64)
+        # A failure in several areas is one in each, and has its turn there.
+        key, each = np.unique(of_item[item] * len(failing) + number, return_inverse=True)
+        area, failure = np.divmod(key, max(1, len(failing)))
+        turn = np.where(area < 0, -1, np.arange(len(key)) - np.searchsorted(area, area))
+        scenario = turn[each]
+        # With the cabinet, which is of no area, all is lost.
+        dead, all_points = number[item == self._cabinet], np.flatnonzero(connected)
+        gone = [(dead[:, None] * n_points + all_points).ravel()]
+        step = max(1, _CHUNK // (4 * size + 2 * len(self.design.cables) + n_points))
+        turns = turn.max(initial=-1) + 1
+        for start in range(0, turns, step):
+            now = (start <= scenario) & (scenario < start + step)
+            masks = self._masks(min(step, turns - start), scenario[now] - start, item[now])
+            row, point = np.nonzero(connected & ~self._works(*masks, self._needs_supply))
+            whose = np.searchsorted(area, of_point[point]) + start + row
+            gone.append(failure[whose] * n_points + point)
+        number, point = np.divmod(np.unique(np.concatenate(gone)), max(1, n_points))
+        bounds = np.searchsorted(number, np.arange(1, len(failing)))
+        return np.split(point, bounds)[: len(failing)]
+
+    @cached_property
+    def _areas(self) -> tuple[Whole, Whole]:
+        """Area of each device and then each run, and of each point: what hangs together.
+
+        The cabinet, which is of none, joins areas for data alone. Should it pass on power, or be
+        in a housing that may fail, all is one area.
+        """
+        count, (point, device, run) = len(self.kinds), self._wires
+        wires = np.stack([count + point, device], axis=1)
+        pairs = np.concatenate([self._ends[~self.at_point], self._housings, self._joints, wires])
+        u, v = pairs[(pairs != self._cabinet).all(axis=1)].T
+        label = _labels(np.ones((1, len(u)), bool), count + len(self.design.points), u, v)[0]
+        label[self._cabinet] = -1
+        powered = np.concatenate([*self._power[:2], *self._auxiliary[:2]]) % count
+        if self._at[self._cabinet] >= 0 or (powered == self._cabinet).any():
+            label[:] = 0
+        of_run = label[self._ends].max(axis=1, initial=-1)
+        of_run[run[run >= 0]] = label[count + point[run >= 0]]
+        return np.concatenate([label[:count], of_run]), label[count:]
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -241,30 +291,39 @@ class Reach:
     @cached_property
     def _needs_supply(self) -> Bools:
         """Devices that a supply reaches while nothing has failed."""
-        return np.asarray(self._supplied(*self._masks([((), ())]))[0])
+        return np.asarray(self._supplied(*self._masks())[0])
 
     @cached_property
     def _connected(self) -> Bools:
         """Points that work while nothing has failed."""
-        return np.asarray(self._works(*self._masks([((), ())]), self._needs_supply)[0])
+        return np.asarray(self._works(*self._masks(), self._needs_supply)[0])
 
-    def _masks(self, failures: Sequence[Failure]) -> tuple[Bools, Bools]:
-        """Return which runs are cut and which devices dead; the last column is of no run."""
-        cut = np.zeros((len(failures), len(self.design.cables) + 1), bool)
-        dead = np.zeros((len(failures), len(self.kinds)), bool)
-        for row, (runs, devices) in enumerate(failures):
-            cut[row, list(runs)] = True
-            dead[row, list(devices)] = True
+    def _masks(self, size: int = 1, row: Whole = _NONE, item: Whole = _NONE) -> tuple[Bools, Bools]:
+        """Return which runs are cut and which devices dead; the last column is of no run.
+
+        An item is the number of a device, or that of a run after all devices.
+        """
+        gone = np.zeros((size, len(self.kinds) + len(self.design.cables) + 1), bool)
+        gone[row, item] = True
+        dead, cut = np.split(gone, [len(self.kinds)], axis=1)
         # With a box, what is in it is dead.
         inside, housing = self._housings[np.isin(self.kinds[self._housings[:, 1]], _SHELLS)].T
         while (more := dead[:, housing] & ~dead[:, inside]).any():
             dead[:, inside] |= more
         return cut, dead
 
+    @cached_property
+    def _blocks(self) -> Bools:
+        return np.isin(self.kinds, _BLOCKS)
+
+    @cached_property
+    def _outputs(self) -> Bools:
+        return self.design.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
+
     def _open(self, edges: Edges, cut: Bools, dead: Bools) -> Bools:
         """Return which edges still carry, shape (n_failures, n_edges)."""
         (u, v, run), count = edges, len(self.kinds)
-        blocked = dead & np.isin(self.kinds, _BLOCKS)
+        blocked = dead & self._blocks
         return ~(cut[:, run] | blocked[:, u % count] | blocked[:, v % count])
 
     def _works(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
@@ -287,14 +346,13 @@ class Reach:
         alive = (reached[:, :count] | reached[:, count:]) & ~dead & ~dead[:, [self._cabinet]]
         alive &= ~dark
         point, device, run = self._wires
-        output = self.design.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
         unfed = self._needs_auxiliary & ~self._has_auxiliary(cut, dead)
-        good = alive[:, device] & ~cut[:, run] & ~(unfed[:, device] & output[point])
+        good = alive[:, device] & ~cut[:, run] & ~(unfed[:, device] & self._outputs[point])
         return np.asarray(good)
 
     @cached_property
     def _needs_auxiliary(self) -> Bools:
-        return np.asarray(self._has_auxiliary(*self._masks([((), ())]))[0])
+        return np.asarray(self._has_auxiliary(*self._masks())[0])
 
     def _has_auxiliary(self, cut: Bools, dead: Bools) -> Bools:
         """Return which devices a live auxiliary supply reaches."""
@@ -366,7 +424,7 @@ def single_failures(design: Layout) -> pd.DataFrame:
         rows.append(("cut", *run))
         failures.append(((number,), ()))
     for pair, masters in reach.shorts:
-        rows.append(("short", *runs.loc[pair[0], ["run", "kind", "segment", "line"]]))
+        rows.append(("short", *rows[pair[0]][1:]))
         failures.append((pair, masters))
     for tray, members in reach.trays.items():
         rows.append(("tray", tray, "", "", ""))
@@ -383,15 +441,13 @@ def single_failures(design: Layout) -> pd.DataFrame:
     for run_number, point in reach.alone.items():
         gone[run_number] = np.array([point])
     others = np.setdiff1d(np.arange(len(rows)), np.flatnonzero(reach.at_point))
-    for row, mask in zip(others, reach.lost([failures[row] for row in others]), strict=True):
-        gone[row] = np.flatnonzero(mask)
+    for row, points in zip(others, reach.lost([failures[row] for row in others]), strict=True):
+        gone[row] = points
     tags = design.points["tag"].to_numpy(object)
-    names, system = np.unique(design.iolist.points["system"].to_numpy(str), return_inverse=True)
+    systems = design.iolist.points["system"].to_numpy(object)
     return table.assign(
         points_lost=[len(points) for points in gone],
-        systems=pd.Series(
-            [tuple(names[np.unique(system[points])].tolist()) for points in gone], dtype=object
-        ),
+        systems=pd.Series([tuple(sorted(set(systems[points]))) for points in gone], dtype=object),
         tags=pd.Series([tuple(tags[points]) for points in gone], dtype=object),
     )
 
@@ -418,8 +474,8 @@ def lost(
     if unknown:
         raise ArgumentError(f"design {design.name!r} has no {', no '.join(unknown)}")
     found = {w: [k for n in names for k in numbers[w][n]] for w, names in given.items()}
-    (gone,) = reach.lost([(found["cable"] + found["tray"], found["device"])])
-    return tuple(design.points["tag"].to_numpy(object)[gone])
+    (points,) = reach.lost([(found["cable"] + found["tray"], found["device"])])
+    return tuple(design.points["tag"].to_numpy(object)[points])
 
 
 def worst(failures: pd.DataFrame) -> pd.DataFrame:

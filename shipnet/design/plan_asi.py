@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache, lru_cache
 from itertools import pairwise
 from math import ceil, inf
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,7 @@ from shipnet.asi.elements import Repeater, Supply
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
-from shipnet.asi.rules import rule_limits
+from shipnet.asi.rules import meets, rule_limits
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import ADDRESSES, Transaction, cycle_time, response_time, transfer_cycles
 from shipnet.asi.topologies import assign_addresses as share_addresses
@@ -37,6 +38,9 @@ from shipnet.design.drafting import (
 from shipnet.design.settings import AsiLimits
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Which points share a module, where it is, and how late the host knows of them -------------------
 
@@ -67,7 +71,7 @@ class Module(NamedTuple):
     @property
     def shares(self) -> bool:
         """Whether its profile lets it share an address."""
-        return Profile.parse(self.profile).extended
+        return _extended(self.profile)
 
     @property
     def analogue(self) -> bool:
@@ -113,10 +117,15 @@ def digital_response(
 ) -> float:
     """Return how late a change of a state is known at the other end."""
     worst = float(response_time(cycle, paired=paired, repetitions=limits.repetitions).worst)
-    if output and Profile.parse(profile).extended:
+    if output and _extended(profile):
         interval = cycle * (2 if paired else 1)
         return interval * transfer_cycles(profile, direction="out") + worst - interval
     return worst
+
+
+@cache
+def _extended(profile: str) -> bool:
+    return Profile.parse(profile).extended
 
 
 def _channels(draft: Draft, rows: Ints, kinds: npt.NDArray[np.object_]) -> Ints:
@@ -408,13 +417,19 @@ def _too_long(drawn: Drawn, limits: AsiLimits) -> Broken | None:
     return Broken("repeaters in series", drawn.depth, limits.repeaters, "")
 
 
-def _against_rules(plan: Plan, limits: AsiLimits) -> Broken | None:
+@lru_cache(1)
+def _rules(limits: AsiLimits) -> pd.DataFrame:
     rules = rule_limits()
     rules.loc["cable_length", "high"] = limits.length
     rules.loc["repeaters_in_series", "high"] = limits.repeaters
-    findings = plan.check(limits=rules)
-    if findings.ok:
+    return rules
+
+
+def _against_rules(plan: Plan, limits: AsiLimits) -> Broken | None:
+    rules = _rules(limits)
+    if meets(plan.lines, rules):
         return None
+    findings = plan.check(limits=rules)
     first = findings.worst().query("verdict != 'met'").sort_values("margin", kind="stable").iloc[0]
     bound = first["low"] if first["value"] < first["low"] else first["high"]
     name = str(first.name).replace("_", " ")

@@ -233,6 +233,44 @@ class ModbusLimits:
     cable: str = _cable("Modbus RTU", "The trunk, a key of the catalogue", "RS485_MARINE")
 
 
+@record(slots=True)
+class SupplyLimits:
+    """What the supplies of stations and outputs give, and what is fed from them.
+
+    Sources: WAGO 750-1405 (voltage drop: "24 VDC (-25 ... +30 %)", with approvals by DNV and GL),
+    750-531 (short) and the manuals of the series 750 (station: "500 mA" at most); Atlas Copco
+    A4530001 (contact). What has no source is assumed.
+    """
+
+    voltage: float = number(1, 60, "V", "Voltage of a supply", default=24.0)
+    drop: float = number(
+        0.001, 0.999, "", "Part of that voltage that may be lost on the way to a station, a module "
+        "or a coil: WAGO's marine modules work down to 25 % less", default=0.25,
+    )  # fmt: skip
+    rating: float = number(0.01, 1000, "A", "Most that a supply gives; assumed", default=20.0)
+    station: float = number(
+        0, 100, "A", "Current of a station without its points: at most 500 mA, WAGO", default=0.5
+    )
+    contact: float = number(
+        0, 10, "A", "Current of a contact or NAMUR switch: 7 mA, Atlas Copco", default=0.007
+    )
+    sensor: float = number(
+        0, 10, "A", "Current of a proximity switch or potentiometer with its supply; assumed",
+        default=0.025,
+    )  # fmt: skip
+    loop: float = number(
+        0, 1, "A", "Current of a 4-20 mA loop or output: its upper end, assumed", default=0.022
+    )
+    solenoid: float = number(0, 10, "A", "Current of a coil: 6 W at 24 V, assumed", default=0.25)
+    simultaneity: float = number(
+        0, 1, "", "Part of the coils that are on at once; assumed", default=0.6
+    )
+    short: float = number(
+        0, 100, "A", "What the shorted cable of one point draws on top, as its channel limits it: "
+        "1.7 A, WAGO", default=1.7,
+    )  # fmt: skip
+
+
 # All of it -----------------------------------------------------------------------------------
 
 
@@ -264,7 +302,10 @@ class _Plain:
         "Whether stations, and supplies in the field, are fed from the cabinet by a cable of "
         "their own; else from a board beside them, which is not counted", default=True,
     )  # fmt: skip
-    feeder: str = _cable("hardwired", "That cable, a key of the catalogue", "MI1P150")
+    feeder: str = _cable(
+        "hardwired", "The thinnest such cable, a key of the catalogue; 24 V feeders are thicker "
+        "where they have to be", "MI1P150",
+    )  # fmt: skip
     list_lengths: bool = switch(
         "Whether a cable whose length the list gives keeps it; else it is computed from places "
         "like all others, where they are known", default=True,
@@ -275,8 +316,9 @@ class _Plain:
 Given: TypeAlias = "Settings | Mapping[str, object] | None"
 
 _PARTS: Mapping[str, type[Any]] = MappingProxyType(
-    {"": _Plain, "boxes": BoxLimits, "asi": AsiLimits, "can": CanLimits, "modbus": ModbusLimits}
-)
+    {"": _Plain, "boxes": BoxLimits, "asi": AsiLimits, "can": CanLimits, "modbus": ModbusLimits,
+     "supply": SupplyLimits}
+)  # fmt: skip
 
 _HEAD = """\
 # What a comparison rests on, beside its list and its place. Change what you know better, and delete
@@ -328,9 +370,10 @@ class Settings(_Plain):
 
     Names without a prefix are ``detour``, ``tails``, ``host_time``, ``spare``, ``redundant``,
     ``update``, ``fed``, ``feeder`` and ``list_lengths``; then come ``boxes.``, ``asi.``, ``can.``
-    and ``modbus.`` with the limits of each bus, and ``assumptions.`` with prices, hours and
-    factors. `table` lists them all with their legal values. The tables ``columns``, ``signals``,
-    ``frames`` and ``decks`` hold the words of a list that `read_iolist` does not know.
+    and ``modbus.`` with the limits of each bus, ``supply.`` with what is fed, and ``assumptions.``
+    with prices, hours and factors. `table` lists them all with their legal values. The tables
+    ``columns``, ``signals``, ``frames`` and ``decks`` hold the words of a list that `read_iolist`
+    does not know.
 
     Parameters
     ----------
@@ -360,6 +403,7 @@ class Settings(_Plain):
     asi: AsiLimits = field(default_factory=AsiLimits)
     can: CanLimits = field(default_factory=CanLimits)
     modbus: ModbusLimits = field(default_factory=ModbusLimits)
+    supply: SupplyLimits = field(default_factory=SupplyLimits)
     assumptions: Assumptions = field(default_factory=Assumptions)
     reading: Reading = field(default_factory=Reading)
 

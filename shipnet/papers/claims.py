@@ -59,6 +59,8 @@ def checked(table: pd.DataFrame, source: str = "claims.csv") -> list[dict[Hashab
     """Return the rows of a table of claims; InputError if any is malformed, with row and column."""
     if missing := [name for name in COLUMNS if name not in table]:
         raise InputError(source, f"has no column {', '.join(missing)}")
+    if table.empty:
+        raise InputError(source, "has no row; it must hold a claim")
     claims = table.to_dict("records")
     first: dict[str, int] = {}
     for number, claim in enumerate(claims, start=2):
@@ -83,12 +85,14 @@ def _faults(
         yield "id", f"{claim['id']!r} is the id of row {first[claim['id']]} too"
     kind, verdict = claim["kind"], claim["verdict"]
     judged = kind in ("numeric", "qualitative")
-    for column, legal in (("paper", PAPERS), ("kind", KINDS)):
-        if claim[column] not in legal:
-            yield column, f"{claim[column]!r} must be one of {', '.join(legal)}"
     for column in ("where", "claim"):
         if not claim[column]:
             yield column, "is empty"
+    for column, legal in (("paper", PAPERS), ("kind", KINDS)):
+        if claim[column] not in legal:
+            yield column, f"{claim[column]!r} must be one of {', '.join(legal)}"
+    if kind not in KINDS:
+        return  # what the other columns must hold depends on it
     if judged and verdict not in VERDICTS:
         yield "verdict", f"{verdict!r} must be one of {', '.join(VERDICTS)}"
     elif not judged and verdict:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import re
 from collections.abc import Collection, Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -351,9 +352,10 @@ def _verdict(row: Mapping[str, Any]) -> str:
         said += f" ({row['holds_under']})"
     if said.startswith(("agrees", "ours", "context")):
         return said
-    instead = f"instead {row['corrected']}" if row["corrected"] else ""
-    why, _, _ = str(row["note"]).partition(". ")
-    return ": ".join(filter(None, [said, instead, why]))
+    instead = f"Instead: {row['corrected']}" if row["corrected"] else ""
+    # The first sentence of the note: one that follows begins with a capital, "p. 5" does not.
+    why = re.split(r"\.(?:\s+(?=[A-Z])|$)", str(row["note"]))[0]
+    return ". ".join(filter(None, [said, instead, why[:1].upper() + why[1:]]))
 
 
 def format_computed(value: object, published: str = "") -> str:

@@ -8,7 +8,7 @@ from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.receiver import TOLERANCE
-from shipnet.asi.rules import rule_limits
+from shipnet.asi.rules import meets, rule_limits
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import MASTER_PAUSE_BITS, Cycle, Transaction
 from shipnet.asi.topologies import line, ring, star
@@ -20,7 +20,10 @@ NUMBERS = datasets.read("icn2007_numbers.csv").set_index("parameter")["value"]
 
 
 def check(plan, **options):
-    table = plan.check(**options).table()
+    found = plan.check(**options)
+    table = found.table()
+    if not {"wanted_cycle", "transaction"} & set(options):
+        assert meets(plan.lines, options.get("limits", rule_limits())) == found.ok
     return table.assign(passed=table["verdict"] == "met")
 
 

@@ -11,15 +11,22 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.design.designs import Design
-from shipnet.design.failures import FAILURES, lost, single_failures, worst
+from shipnet.design.failures import FAILURES, Reach, lost, single_failures, worst
 from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.layout import frame
-from shipnet.design.planning import plan
+from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
+from shipnet.design.site import Site, Tray, Trays
 from shipnet.errors import ArgumentError
+from tests.design.lists import ship
 
 JOINS = {"cabinet", "master", "gateway"}
+
+#: Trays along the ship.
+TRAYS = Trays(
+    {f"{n}": (20.0 * n, 0.0, 8.0) for n in range(10)},
+    tuple(Tray(f"t{n}", f"{n}", f"{n + 1}") for n in range(9)),
+)
 
 
 def searched(design, cut=(), dead=(), needs=None):
@@ -229,6 +236,37 @@ def test_several_failures_at_once_cost_what_a_search_finds(seed):
     needs = searched(design)[1:3]
     gone = points_reached(design, needs) - points_reached(design, needs, cut, dead)
     assert set(lost(design, cables=cut, devices=dead)) == gone
+
+
+def mangled(design, rng):
+    """Return a design of which some cables end elsewhere, and some devices are of another kind."""
+    devices, cables = design.devices.copy(), design.cables.copy()
+    for _ in range(rng.integers(0, 6)):
+        device, cable, what = (rng.integers(n) for n in (len(devices), len(cables), 4))
+        name = rng.choice(devices["device"])
+        if what == 0 or (what == 1 and cables["kind"][cable] not in ("drop", "home run")):
+            cables.loc[cable, "ab"[what]] = name
+        elif what == 2:
+            devices.loc[device, "at"] = name
+        elif devices["kind"][device] != "cabinet":
+            devices.loc[device, "kind"] = rng.choice(["box", "station", "master", "supply"])
+    return replace(design, devices=devices, cables=cables)
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+@settings(max_examples=3)
+@given(seed=st.integers(0, 10**6))
+def test_all_failures_at_once_cost_what_each_costs_alone(option, seed):
+    """Failures of several areas are looked at together."""
+    rng = np.random.default_rng(seed)
+    limits = Settings({"redundant": bool(rng.integers(2)), "fed": bool(rng.integers(4))})
+    site = Site((26.0, 6.0, 14.0), TRAYS if rng.integers(2) else None)
+    reach = Reach(mangled(plan(ship(60, seed), site, option, settings=limits), rng))
+    failures = [((run,), ()) for run in range(len(reach.design.cables))]
+    failures += [*reach.shorts, *((runs, ()) for runs in reach.trays.values())]
+    failures += [((), (device,)) for device in range(len(reach.design.devices))]
+    alone = [reach.lost([failure])[0].tolist() for failure in failures]
+    assert [points.tolist() for points in reach.lost(failures)] == alone
 
 
 def test_a_dead_master_takes_the_points_of_its_line_also_behind_a_repeater_beside_it():

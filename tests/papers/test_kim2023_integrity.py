@@ -32,6 +32,17 @@ def test_five_bits_suffice_for_distance_four():
     assert (check_bits(bits=11), check_bits(bits=4)) == (5, 4)
 
 
+def test_parities_of_rows_and_columns_take_the_printed_bits_but_reach_distance_three():
+    for rows, columns, information, printed in ((3, 4, 11, 7), (2, 2, 4, 4)):
+        words = []
+        for data in range(2**information):
+            table = np.array(list(f"{data:0{rows * columns}b}"), int).reshape(rows, columns)
+            check = [*table.sum(axis=0) % 2, *table.sum(axis=1) % 2]
+            assert len(check) == printed
+            words.append([*table.ravel(), *check])
+        assert min(np.sum(words[1:], axis=1)) == 3
+
+
 @pytest.mark.parametrize("information", range(1, 14))
 def test_one_bit_less_does_not_suffice(information):
     enough = check_bits(bits=information)

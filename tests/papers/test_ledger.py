@@ -16,7 +16,7 @@ from shipnet import datasets
 from shipnet.errors import ArgumentError, InputError
 from shipnet.papers import PAPERS, Claim, figure, ledger, show
 from shipnet.papers.claims import as_number, checked
-from shipnet.papers.judging import _LEANS_ON, TREATMENTS, _status, match
+from shipnet.papers.judging import _LEANS_ON, TREATMENTS, _status, _verdict, match
 from shipnet.papers.registry import REGISTRY, Recomputation, check, numeric
 
 LEDGER = ledger().table().reset_index()
@@ -76,6 +76,27 @@ def test_conditions_errata_and_undecided_claims_are_rows_too():
         assert checked(pd.DataFrame([SOUND | {"id": "kim2014-000"}, SOUND | cells]))
     with pytest.raises(InputError, match="has no column note"):
         checked(pd.DataFrame([SOUND]).drop(columns="note"))
+    with pytest.raises(InputError, match=r"claims\.csv: has no row"):
+        checked(pd.DataFrame([SOUND]).iloc[:0])
+
+
+def test_an_unknown_kind_is_one_fault_and_not_several():
+    with pytest.raises(InputError) as found:
+        checked(pd.DataFrame([SOUND | {"kind": "numbr", "value": "two"}]))
+    assert str(found.value).count("column") == 1
+
+
+@pytest.mark.parametrize(
+    ("note", "why"),
+    [
+        ("the pause is long (W357, p. 5). It is said", "The pause is long (W357, p. 5)"),
+        ("True of 1.5 bit times.", "True of 1.5 bit times"),
+        ("", ""),
+    ],
+)
+def test_a_verdict_gives_the_first_sentence_of_the_note_as_its_reason(note, why):
+    said = _verdict(SOUND | {"verdict": "unit", "corrected": "6 us", "note": note})
+    assert said == "unit. Instead: 6 us" + (f". {why}" if why else "")
 
 
 # An engine "class" of 13000 kW and a display of 65,000 colours: printed to the thousand.

@@ -1,0 +1,337 @@
+"""Voltage and current on every feeder and AS-i line of a design, and what the feeders need.
+
+Feeders and lines are a forest that grows from the supplies. Currents are summed from the leaves,
+voltage drops from the supplies, one level of all trees at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from shipnet.asi.rules import rule_limits
+from shipnet.design.catalogue import cables
+from shipnet.line.cable import CABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from shipnet.design.layout import Layout
+
+Floats = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.intp]
+
+#: What each signal draws from its station, by the name of the setting; the others draw nothing.
+LOADS: Mapping[str, str] = MappingProxyType(
+    {
+        "contact": "contact", "contact_common": "contact", "namur": "contact",
+        "proximity_3wire": "sensor", "potentiometer": "sensor",
+        "current_loop": "loop", "current_loop_3wire": "loop", "analogue_output": "loop",
+        "solenoid": "solenoid", "solenoid_common": "solenoid",
+    }
+)  # fmt: skip
+
+#: Lines of a device: each is a node of its own. The first holds single lines, lines A, and AS-i;
+#: the second lines B, and the side of an AS-i repeater that is towards the master; the third what
+#: feeds the outputs of AS-i modules.
+_LINE_B, _OUTPUTS, _LAYERS = 1, 2, 3
+
+
+@dataclass(frozen=True, eq=False)
+class Forest:
+    """Feeders and AS-i lines as trees; nodes are numbered, and -1 is none."""
+
+    #: Number of the device at each node.
+    device: Whole
+    #: Next node towards the supply, and the run to it.
+    parent: Whole
+    run: Whole
+    #: Length [m] and resistance of both conductors [ohm/m] of that run.
+    metres: Floats
+    ohms: Floats
+    #: What each node draws itself, and what one shorted point would draw on top [A].
+    load: Floats
+    short: Floats
+    #: Voltage lost in the cable of its worst point, and all that may be lost up to there [V].
+    spur: Floats
+    allowed: Floats
+    #: Node of the supply that feeds each node, and the device at it.
+    root: Whole
+    supply: Mapping[int, int]
+    #: Nodes but the roots, level by level from the supplies.
+    levels: tuple[Whole, ...]
+
+    @property
+    def fed(self) -> Whole:
+        """Nodes but the roots, those near the supplies first."""
+        return np.concatenate([np.zeros(0, np.intp), *self.levels])
+
+    def solve(self, *, short: bool = False) -> tuple[Floats, Floats]:
+        """Return the current into each node [A], and the voltage lost on the way there [V].
+
+        With `short`, one point more is shorted on the way to each node.
+        """
+        flow, drop = self.load.copy(), np.zeros(len(self.load))
+        for level in reversed(self.levels):
+            np.add.at(flow, self.parent[level], flow[level])  # child by child: always the same bits
+        along = flow + self.short if short else flow
+        for level in self.levels:
+            lost = self.metres[level] * self.ohms[level] * along[level]
+            drop[level] = drop[self.parent[level]] + lost
+        return flow, drop
+
+    def cut(self, nodes: Sequence[int], metres: float) -> Forest:
+        """Return a forest in which each of some nodes has a supply of its own, so far away."""
+        if not nodes:
+            return self
+        new = len(self.parent) + np.arange(len(nodes))
+        parent, length = self.parent.copy(), self.metres.copy()
+        parent[list(nodes)], length[list(nodes)] = new, metres
+
+        def grown(array: npt.NDArray[Any], with_: Any) -> npt.NDArray[Any]:
+            return np.concatenate([array, np.full(len(new), with_, array.dtype)])
+
+        parent = grown(parent, -1)
+        root, levels = _rooted(parent, np.append(self.fed, new))
+        return replace(
+            self, parent=parent, metres=grown(length, 0), root=root, levels=levels,
+            device=grown(self.device, -1), run=grown(self.run, -1), ohms=grown(self.ohms, 0),
+            load=grown(self.load, 0), short=grown(self.short, 0), spur=grown(self.spur, 0),
+            allowed=grown(self.allowed, 0),
+            supply={**self.supply, **dict.fromkeys(new.tolist(), -1)},
+        )  # fmt: skip
+
+
+def _rooted(parent: Whole, nodes: Whole) -> tuple[Whole, tuple[Whole, ...]]:
+    """Return the root of each node, and some nodes but the roots level by level."""
+    root, depth, up = np.arange(len(parent)), np.zeros(len(parent), np.intp), parent.copy()
+    while (up >= 0).any():
+        root, depth = np.where(up >= 0, up, root), depth + (up >= 0)
+        up = np.where(up >= 0, parent[up], -1)
+    of = depth[nodes]
+    return root, tuple(nodes[of == level] for level in range(1, of.max(initial=0) + 1))
+
+
+def forest(design: Layout) -> Forest:
+    """Return the trees of a design; of a ring, the run that closes it is left out."""
+    devices, runs, settings = design.devices, design.cables, design.settings
+    kinds, count = devices["kind"].to_numpy(object), len(devices)
+    index = {name: number for number, name in enumerate(devices["device"])}
+    at = np.array([index.get(name, -1) for name in devices["at"]], np.intp)
+    buses = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
+    on_asi = devices["segment"].map(buses).to_numpy(object) == "AS-i"
+    run_asi = runs["segment"].map(buses).to_numpy(object) == "AS-i"
+
+    feeder, trunk = ((runs["kind"] == kind).to_numpy() for kind in ("feeder", "trunk"))
+    own = np.flatnonzero(feeder | (trunk & run_asi))
+    a, b = (runs[end].iloc[own].map(index).to_numpy(np.intp) for end in "ab")
+    # From the cabinet to a supply leads the mains, and to a gateway a link for data.
+    kept = ~(feeder[own] & np.isin(kinds, ("cabinet", "gateway"))[np.stack([a, b])].any(axis=0))
+    own, a, b = own[kept], a[kept], b[kept]
+    outputs = feeder[own] & run_asi[own]
+    layer = np.where(outputs, _OUTPUTS, _LINE_B * (runs["line"].to_numpy()[own] == "B"))
+    towards = trunk[own] & (kinds[b] == "repeater")
+    u, v = layer * count + a, np.where(towards, _LINE_B, layer) * count + b
+    nodes = _LAYERS * count
+
+    master = {
+        segment: number
+        for number, segment in enumerate(devices["segment"])
+        if kinds[number] == "master"
+    }
+    supply = _roots(design, kinds, at, master, on_asi, u, v)
+
+    # One search from a node that all supplies hang on.
+    roots = np.fromiter(supply, np.intp, len(supply))
+    ends = np.concatenate([u, np.full(len(roots), nodes)]), np.concatenate([v, roots])
+    graph = coo_array((np.ones(len(ends[0])), ends), shape=(nodes + 1, nodes + 1)).tocsr()
+    order, parent = breadth_first_order(graph, nodes, directed=False, return_predecessors=True)
+    parent = np.where((parent < 0) | (parent == nodes), -1, parent)[:nodes].astype(np.intp)
+    run = np.full(nodes, -1, np.intp)
+    run[v[parent[v] == u]], run[u[parent[u] == v]] = own[parent[v] == u], own[parent[u] == v]
+    root, levels = _rooted(parent, order[order < nodes].astype(np.intp))
+
+    known = cables()
+    each = np.array([
+        CABLES[known[name].line].resistance if of_trunk else known[name].resistance
+        for name, of_trunk in zip(runs["cable"].iloc[own], trunk[own], strict=True)
+    ], dtype=np.float64)  # fmt: skip
+    ohms, metres = np.zeros(len(runs) + 1), np.append(runs["length_m"].to_numpy(float), 0.0)
+    ohms[own] = each
+    load, spur, fed_24 = _loads(design, kinds, at, master, on_asi, index, set(v.tolist()))
+    limits = settings.supply
+    return Forest(
+        np.arange(nodes, dtype=np.intp) % count, parent, run, metres[run], ohms[run], load,
+        np.where(fed_24, limits.short, 0.0), spur,
+        np.where(fed_24, limits.drop * limits.voltage, settings.asi.voltage - _slave_voltage()),
+        root, MappingProxyType(supply), levels,
+    )  # fmt: skip
+
+
+@cache
+def _slave_voltage() -> float:
+    return float(rule_limits()["low"]["slave_voltage"])
+
+
+def _roots(
+    design: Layout,
+    kinds: npt.NDArray[np.object_],
+    at: Whole,
+    master: Mapping[str, int],
+    on_asi: npt.NDArray[np.bool_],
+    u: Whole,
+    v: Whole,
+) -> dict[int, int]:
+    """Return the node that each supply feeds, and the supply there."""
+    count, segments = len(kinds), design.devices["segment"].tolist()
+    reached = set(u.tolist()) | set(v.tolist())
+    supply: dict[int, int] = {}
+    between = []
+    for number in np.flatnonzero(np.isin(kinds, ("supply", "auxiliary supply"))).tolist():
+        feeding = [node for node in range(number, _LAYERS * count, count) if node in reached]
+        housing = int(at[number])
+        if feeding or not on_asi[number] or housing < 0:
+            supply[feeding[0] if feeding else number] = number
+        elif kinds[housing] == "repeater" and housing + count in reached:
+            between.append((number, housing))
+        else:
+            place = (
+                master.get(segments[number], housing) if kinds[housing] == "cabinet" else housing
+            )
+            supply[place] = number
+    if between:
+        # In the housing of a repeater, a supply feeds the side that has none yet.
+        shape = (_LAYERS * count,) * 2
+        labels = connected_components(coo_array((np.ones(len(u)), (u, v)), shape=shape), False)[1]
+        done = {int(labels[node]) for node in supply}
+        for number, housing in between:
+            node = housing + count * (int(labels[housing]) in done)
+            done.add(int(labels[node]))
+            supply[node] = number
+    return supply
+
+
+def _loads(
+    design: Layout,
+    kinds: npt.NDArray[np.object_],
+    at: Whole,
+    master: Mapping[str, int],
+    on_asi: npt.NDArray[np.bool_],
+    index: Mapping[str, int],
+    ends: set[int],
+) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+    """Return what each node draws [A], what is lost to its worst point [V], and which have 24 V."""
+    settings, limits, count = design.settings, design.settings.supply, len(kinds)
+    points, listed = design.points, design.iolist.points
+    load, spur = np.zeros(_LAYERS * count), np.zeros(_LAYERS * count)
+    known = cables()
+    device = np.array([index.get(name, -1) for name in points["device"]], np.intp)
+    draws = {name: getattr(limits, kind) for name, kind in LOADS.items()}
+    amps = listed["signal"].map(draws).fillna(0.0).to_numpy(np.float64)
+    share = np.where(listed["signal"].map(LOADS) == "solenoid", limits.simultaneity, 1.0)
+    asi, types = (points["bus"] == "AS-i").to_numpy(), listed["type"].to_numpy(object)
+    # The line itself feeds its modules with all that is not a digital output.
+    from_line = asi & (types != "DO") & (device >= 0)
+    layer = np.where(asi, _OUTPUTS, 0)
+    mine = (device >= 0) & ~from_line
+    np.add.at(load, (layer * count + device)[mine], (amps * share)[mine])
+    loops = from_line & np.isin(types, ("AI", "AO"))
+    np.add.at(load, device[loops], settings.asi.loop_current)
+    drops = design.cables[design.cables["kind"] == "drop"]
+    row = dict(zip(points["tag"], range(len(points)), strict=True))
+    point = np.array([row[tag] for tag in drops["b"]], np.intp)
+    lost = amps[point] * drops["length_m"].to_numpy(np.float64)
+    lost *= np.array([known[name].resistance for name in drops["cable"]], np.float64)
+    np.maximum.at(spur, (layer * count + device)[point[mine[point]]], lost[mine[point]])
+    load[:count][kinds == "station"] += limits.station
+    load[count : 2 * count], spur[count : 2 * count] = load[:count], spur[:count]
+    fed_24 = np.concatenate([~on_asi, ~on_asi, np.ones(count, bool)])
+    load[:count][on_asi & np.isin(kinds, ("module", "master", "repeater"))] += settings.asi.current
+    load[count : 2 * count][on_asi] = 0.0
+    segments = design.devices["segment"].tolist()
+    for number in np.flatnonzero(on_asi & (kinds == "repeater")).tolist():
+        # A repeater draws from both sides: that towards the master is where it is, or its own.
+        beside = int(at[number])
+        if beside >= 0 and kinds[beside] == "cabinet":
+            beside = master.get(segments[number], -1)
+        node = number + count if number + count in ends else beside
+        load[node] += settings.asi.current if node >= 0 else 0.0
+    return load, spur, fed_24
+
+
+# What a design's supplies give, and what arrives: two tables ------------------------------------
+
+
+def voltages_table(design: Layout) -> pd.DataFrame:
+    """Return one row per device that is fed, on each of its lines."""
+    return _tables(design)[1]
+
+
+def supplies_table(design: Layout) -> pd.DataFrame:
+    """Return one row per supply: what it gives, and where its voltage is lowest."""
+    return _tables(design)[0]
+
+
+def _tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return one row per supply, and one per device that is fed, on each of its lines."""
+    import pandas as pd
+
+    trees, devices, runs = forest(design), design.devices, design.cables
+    (flow, drop), (_, shorted) = trees.solve(), trees.solve(short=True)
+    line = devices["segment"].isin(design.segments.query("bus == 'AS-i'")["segment"])
+    given = devices[devices["kind"].isin(["supply", "auxiliary supply"])].assign(
+        voltage_v=design.settings.supply.voltage, rating_a=design.settings.supply.rating
+    )
+    given.loc[line & (given["kind"] == "supply"), ["voltage_v", "rating_a"]] = (
+        design.settings.asi.voltage, design.settings.asi.rating
+    )  # fmt: skip
+    current = {supply: flow[root] for root, supply in trees.supply.items()}
+    given = given.assign(current_a=pd.Series(current, dtype=float)).fillna({"current_a": 0.0})
+
+    nodes = np.sort(trees.fed)
+    supply = [trees.supply[root] for root in trees.root[nodes].tolist()]
+    source, own = given.loc[supply], runs.iloc[trees.run[nodes]]
+    volts = source["voltage_v"].to_numpy(float)
+    spur, known = trees.spur[nodes], cables()
+    table = pd.DataFrame(
+        {
+            "device": devices["device"].to_numpy(object)[trees.device[nodes]],
+            "segment": source["segment"].to_numpy(object),
+            "line": own["line"].to_numpy(object),
+            "supply": source["device"].to_numpy(object),
+            "run": own["run"].to_numpy(object),
+            "length_m": own["length_m"].to_numpy(float),
+            "cross_section_mm2": [known[name].section for name in own["cable"]],
+            "current_a": flow[nodes],
+            "voltage_v": volts - drop[nodes],
+            "lowest_v": volts - drop[nodes] - spur,
+            "shorted_v": volts - shorted[nodes] - spur,
+            "needed_v": volts - trees.allowed[nodes],
+        }
+    )
+    margin = table["lowest_v"] - table["needed_v"]
+    worst = table.loc[margin.groupby(table["supply"]).idxmin()].set_index("supply")
+    feeding = table.groupby("supply").agg(
+        devices=("device", "size"),
+        length_m=("length_m", "sum"),
+        cross_section_mm2=("cross_section_mm2", "max"),
+    )
+    feeding = feeding.join(worst[["device", "lowest_v", "needed_v"]])
+    feeding = feeding.rename(columns={"device": "worst_device"})
+    given = given.rename(columns={"device": "supply"}).join(feeding, on="supply")
+    given = given.assign(drop_v=given["voltage_v"] - given["lowest_v"])
+    return given[_SUPPLIES].reset_index(drop=True), table
+
+
+_SUPPLIES = [
+    "supply", "kind", "segment", "at", "x_m", "y_m", "z_m", "voltage_v", "current_a", "rating_a",
+    "devices", "worst_device", "drop_v", "lowest_v", "needed_v", "length_m", "cross_section_mm2",
+]  # fmt: skip
