@@ -50,11 +50,6 @@ def describe_status(status: int) -> str:
 class Profile:
     """A slave's profile, as its nameplate prints it: ``S-7.A.E``.
 
-    Raises
-    ------
-    ArgumentError
-        If a code is outside 0..15.
-
     Examples
     --------
     >>> Profile.parse("S-7.A.E")

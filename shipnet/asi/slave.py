@@ -81,11 +81,6 @@ class Slave:
     omitted, it has four inputs: ``S-0.A.F`` with a half in the label, else ``S-0.F.F``. Its load
     on the cable is by default that of the limits of a chip's data sheet.
 
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
-
     Examples
     --------
     >>> print(Slave("12B", node="hatch 3"))

@@ -62,11 +62,6 @@ class Span(NamedTuple):
 class Transaction:
     """One request with its response and both pauses.
 
-    Raises
-    ------
-    ArgumentError
-        If a pause or the bit time is out of its range.
-
     Notes
     -----
     Published lengths are 150 us (25 bit times), 153, 154 and 156 us (26 bit times): the pauses

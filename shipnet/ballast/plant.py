@@ -70,11 +70,6 @@ class Command:
     The `action` is ``open``, ``close``, ``stop`` or the position to go to, 0..100 [%]; `valves`
     are numbers counted from 1, and None is all.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
-
     Examples
     --------
     >>> Command("open", 3.0, valves=range(1, 4)).valves

@@ -141,11 +141,6 @@ class Status(NamedTuple):
 class RegisterMap:
     """A reading of Tables 2 and 3.
 
-    Raises
-    ------
-    ArgumentError
-        If a field has another value.
-
     Examples
     --------
     >>> registers = RegisterMap().encode([[90.06], [2.07], [1.2], [50.2], [40]], close=False,

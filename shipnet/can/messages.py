@@ -73,11 +73,6 @@ TIMES = ("period", "deadline", "jitter", "offset")
 class Message:
     """A message that is sent again and again; its times are kept to the nanosecond.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is outside its range; the message names it and its value.
-
     Examples
     --------
     >>> oil = Message("oil pressure", 0x120, 8, period=0.1)

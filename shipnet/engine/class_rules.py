@@ -48,11 +48,6 @@ class Redundancy:
     A box works as long as one supply and one processor of it do; the points of a box that does not
     work are lost, whatever the buses do.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
-
     Notes
     -----
     The paper names one microcontroller and one power connector per box (section IV.1) and asks for
@@ -114,11 +109,6 @@ class Description:
     `volatile` says whether settings or programs lie in memory that forgets without supply.
     `protocols` are names. `links` maps each link to the stations beside the master on it, and
     `routes` the same links to the spaces or trays that they run through.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
 
     Examples
     --------

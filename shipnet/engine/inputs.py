@@ -112,11 +112,6 @@ WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
 class InputCard:
     """The converters of a list of points: R/V, I/V and B/V.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
-
     Notes
     -----
     Values and codes are arrays of shape (..., n_points), time in front. A switch has value 1 on

@@ -41,11 +41,6 @@ class Point:
     `quantity` is what is measured, such as ``"temperature"``, `unit` that of the range, `signal`
     the kind of sensor, such as ``"Pt100 3-wire"``, and `service` what it measures on the engine.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
-
     Examples
     --------
     >>> Point("TE-1", "JB1", "RTD", "temperature", -50, 600, "degC").span

@@ -41,11 +41,6 @@ class Coding:
     ``"full scale"`` the range fills the bits, from 0 to all ones. With ``"decimal"`` it is the
     largest power of ten within a thousandth of the span.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
-
     Notes
     -----
     A value that does not fit is clipped to the nearest content that does. A switch is 0 or 1.
@@ -250,11 +245,6 @@ class Decoded(NamedTuple):
 @record
 class RegisterMap:
     """Registers of a junction box.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
 
     Notes
     -----

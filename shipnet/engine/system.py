@@ -64,11 +64,6 @@ class Firmware:
     all analogue inputs, reads the switches, hands the frames to the CAN controller, and begins
     again. Three routines interrupt it: Modbus before timer before CAN.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
-
     Notes
     -----
     The Modbus interrupt suspends everything else for its whole length. The short timer and CAN

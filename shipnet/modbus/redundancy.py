@@ -177,11 +177,6 @@ class _Redundant:
 class Loop(_Redundant):
     r"""A line from port A of a master past all slaves, in a closed loop back to its port B.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
-
     Notes
     -----
     From [1]_: two-wire RS-485, slaves with one port, a master with two that close the loop, and
@@ -396,11 +391,6 @@ class Loop(_Redundant):
 @record(slots=True)
 class DualChannel(_Redundant):
     r"""Two channels from a master to two slaves that both hold all data.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
 
     Notes
     -----

@@ -176,11 +176,6 @@ class Cascade(NamedTuple):
 class System:
     r"""The link of three stations: RCS asks BCS and SS in turn, over a line to each.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
-
     Notes
     -----
     With packets of the length P, each worked on for a time t, a cycle takes
