@@ -5,13 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from shipnet.errors import ArgumentError
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 __all__ = ["COLUMNS", "FORMS", "VERDICTS", "Answer", "Findings", "check_output"]
 
@@ -76,7 +73,6 @@ class Findings:
         margins, those first that are violated or not verified without a number.
         """
         import numpy as np
-        import pandas as pd
 
         table = self._table
         value, low, high = (
@@ -181,8 +177,6 @@ class Answer(NamedTuple):
         elif suffix == ".csv":
             next(iter(self.tables.values())).to_csv(file, index=False)
         elif suffix == ".xlsx":
-            import pandas as pd
-
             with pd.ExcelWriter(file) as book:
                 for name, table in self.tables.items():
                     table.to_excel(book, sheet_name=name, index=False)

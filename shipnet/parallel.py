@@ -8,12 +8,10 @@ from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from itertools import product
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shipnet.errors import ArgumentError
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 __all__ = ["points_of", "sweep"]
 
@@ -46,8 +44,6 @@ def sweep(
     progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
     """Call a function at every point of a grid and return arguments and results as a table."""
-    import pandas as pd
-
     points = points_of(grid)
     tell = _teller(progress)
     results = []

@@ -20,14 +20,12 @@ from io import BytesIO, StringIO
 from operator import itemgetter
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from zipfile import ZipFile
 
 from shipnet.errors import InputError, listed
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 __all__ = [
     "ERRORS", "NUMBER", "Remark", "Sheet", "frame_sheet", "in_order", "parse_sheet", "read_bytes",

@@ -19,12 +19,10 @@ from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
 from shipnet.errors import ArgumentError, name_of
+from shipnet.lazy import Axes, pd
 from shipnet.line.waveform import Waveform
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
     from shipnet.asi.plan import Plan
 
 #: What the columns of errors hold beside "ok" and the names of the classes.
@@ -46,8 +44,6 @@ def transactions_of(
     telegrams: Telegrams, ends: Floats, extended: Collection[int] = ()
 ) -> pd.DataFrame:
     """Pair requests with responses, and say what they mean."""
-    import pandas as pd
-
     cut, asks, answers = _roles(telegrams)
     request, response = _pairs(asks, answers)
     states = np.array([name_of(code) for code in telegrams.error.tolist()], dtype=object)
@@ -171,8 +167,6 @@ def _texts(telegrams: Telegrams) -> Strings:
 
 
 def _nullable(values: npt.NDArray[np.int8]) -> pd.api.extensions.ExtensionArray:
-    import pandas as pd
-
     return pd.arrays.IntegerArray(values.astype(np.int64), values == NONE)
 
 
@@ -282,8 +276,6 @@ def _cycle_time(transactions: pd.DataFrame) -> float:
 
 
 def _slaves(transactions: pd.DataFrame) -> pd.DataFrame:
-    import pandas as pd
-
     rows = transactions[
         transactions["address"].notna() & (transactions["call"] != "broadcast reset")
     ]
@@ -463,8 +455,6 @@ class Capture:
 
 def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     """Return the findings on a capture as the table that `Findings` takes."""
-    import pandas as pd
-
     rows: list[tuple[str, str, float, float, float, str, str]] = []
     nan = float("nan")
     table = capture.transactions

@@ -6,7 +6,7 @@ import heapq
 from array import array
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -19,9 +19,7 @@ from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Response
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_whole
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 # The record: one row per transaction, packed while a simulation runs, unpacked afterwards. A row
 # is three numbers: when it began, how long the master waited for the response, and everything
@@ -85,8 +83,6 @@ class Record:
 
     def table(self) -> pd.DataFrame:
         """Return all rows with the columns that people read."""
-        import pandas as pd
-
         call, address, half = self.field(0, 4), self.field(4, 5), self.field(9, 2)
         data, outcome, response = self.field(11, 5), self.field(OUTCOME, 4), self.field(RESPONSE, 5)
         executed = self.field(EXECUTED, 1).astype(bool)

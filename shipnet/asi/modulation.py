@@ -37,10 +37,9 @@ from shipnet.errors import (
     PauseError,
     StartBitError,
 )
+from shipnet.lazy import Axes
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from shipnet.line.waveform import Waveform
 
 #: Length of a half-bit [s].

@@ -36,13 +36,11 @@ from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.timing import Cycle, Transaction, transfers_values
 from shipnet.errors import ArgumentError
+from shipnet.lazy import Axes, pd
 from shipnet.line.network import CableRun, Network
 from shipnet.style import LIMIT
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
     from shipnet.asi.receiver import Waveform
     from shipnet.asi.telegram import Request, Response
 
@@ -387,8 +385,6 @@ class Plan:
         `repetitions` on the line and the time between two looks of the `host` [s]. A slave for
         analogue values transfers one value, after a `conversion` [s].
         """
-        import pandas as pd
-
         used, cycle = self._addresses(), self.cycle
         rows = {}
         for slave in self.slaves:
@@ -542,8 +538,6 @@ class Comparison:
 
     def table(self, *, by_slave: bool = False) -> pd.DataFrame:
         """Return the worst slave of each plan, one row per plan, or one row per slave of each."""
-        import pandas as pd
-
         if by_slave:
             parts = {name: one.table() for name, one in self.qualities.items()}
             return pd.DataFrame(pd.concat(parts, names=["plan"]))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -19,10 +19,8 @@ from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, check_columns
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import number, record, switch
+from shipnet.lazy import Axes
 from shipnet.line import waveform as line_waveform
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: What `numpy.random.default_rng` takes.
 RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence | int

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from heapq import heappop, heappush
 from math import ceil
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -25,11 +25,9 @@ from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES, Request, Response
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
+from shipnet.lazy import pd
 from shipnet.line.network import CableRun, Load, Network
 from shipnet.line.waveform import F_MAX, record_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Floats = npt.NDArray[np.float64]
 
@@ -130,8 +128,6 @@ class Quality(NamedTuple):
 
     def table(self) -> pd.DataFrame:
         """Return one row per slave, as a table."""
-        import pandas as pd
-
         columns = ["level_least_Vpp", "level_most_Vpp", "evenness", "ringing", "received"]
         index = pd.Index(self.slaves or range(1, len(self.received) + 1), name="slave")
         return pd.DataFrame(dict(zip(columns, self[:5], strict=True)), index=index)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,10 +31,7 @@ from shipnet.asi.timing import Transaction
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, part, record
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 # A standby master ------------------------------------------------------------------------------
 
@@ -188,8 +185,6 @@ class Run:
     @cached_property
     def _exchanges(self) -> pd.DataFrame:
         """The data exchanges by slave and time, with when inputs were taken and known [s]."""
-        import pandas as pd
-
         record, bit_time = self.record, self.record.transaction.bit_time
         slave = record.field(4, 7)
         rows = np.flatnonzero(record.field(0, 4) == Call.DATA_EXCHANGE)
@@ -207,8 +202,6 @@ class Run:
 
     def table(self) -> pd.DataFrame:
         """Return a row per slave: its data exchanges, how many failed, and its response times."""
-        import pandas as pd
-
         by = self._exchanges.groupby("slave", sort=False)["failed"]
         counts = pd.DataFrame({"exchanges": by.size(), "failed": by.sum()})
         return counts.join(self.response_times())
@@ -318,16 +311,12 @@ class Run:
     @cached_property
     def lists(self) -> pd.DataFrame:
         """What entered and left the lists: ``time_s``, ``list``, ``slave``, ``present``."""
-        import pandas as pd
-
         rows = [change for master in self.masters for change in master.lists.changes]
         return pd.DataFrame(rows, columns=["time_s", "list", "slave", "present"])
 
     @cached_property
     def commands(self) -> pd.DataFrame:
         """What became of the host's commands: ``time_s``, ``command``, ``done``, ``outcome``."""
-        import pandas as pd
-
         rows = [
             (time, str(command), done, outcome)
             for master in self.masters
@@ -338,8 +327,6 @@ class Run:
     @cached_property
     def watchdogs(self) -> pd.DataFrame:
         """When the watchdog of which slave reset it: ``time_s``, ``slave``."""
-        import pandas as pd
-
         trips = [(time, slave.label) for slave in self.slaves for time in slave.trips]
         return pd.DataFrame(sorted(trips), columns=["time_s", "slave"])
 
@@ -349,8 +336,6 @@ class Run:
         Indexed by slave; column n counts how often n data exchanges failed in a row, from 1 to
         the number after which the master drops the slave, or more: 6 by default.
         """
-        import pandas as pd
-
         leading = self.masters[0]
         worst = (1 + leading.repetitions) * leading.drop_after
         found = self._exchanges[["slave", "failed"]]
@@ -370,8 +355,6 @@ class Run:
         cyclic exchange that succeeds and the last. A slave that was dropped meanwhile has a long
         time.
         """
-        import pandas as pd
-
         good = self._exchanges.query("cyclic and not failed")
         before = good.groupby("slave", sort=False)["sampled"].shift()
         waits = pd.DataFrame(
@@ -398,8 +381,6 @@ class Run:
         ``response_time_s`` is NaN where the simulation ended before, or the input had changed
         again.
         """
-        import pandas as pd
-
         good = self._exchanges.query("not failed")
         answers = []
         for change in self.changes:

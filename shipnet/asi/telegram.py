@@ -24,7 +24,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from shipnet import style
 from shipnet.asi.profile import describe_io_configuration, describe_status
@@ -39,10 +39,7 @@ from shipnet.errors import (
     UnknownCallError,
 )
 from shipnet.fields import check_whole
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 # Calls ----------------------------------------------------------------------------------------
 
@@ -566,8 +563,6 @@ class Request:
         One row per call and one column per bit; a cell is 0 or 1 where the bit is fixed, else the
         name of what it carries. ``S`` is the select bit, ``~S`` its inverse.
         """
-        import pandas as pd
-
         rows = {}
         for call in Call:
             layout = call.rule.layout(extended)
@@ -606,8 +601,6 @@ class Request:
 
 
 def _field_table(rows: list[tuple[str, str, int, str, str, str]]) -> pd.DataFrame:
-    import pandas as pd
-
     columns = ["symbol", "field", "length_bit", "value_0", "value_1", "ones_even_over"]
     return pd.DataFrame(rows, columns=columns).set_index("symbol")
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -26,10 +26,7 @@ from shipnet.asi.profile import Profile
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response, plot_telegram
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, record
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from shipnet.lazy import Axes
 
 #: Length of one bit on the line [s], from icn2007 section 5 and OMRON manual W357, p. 5.
 BIT_TIME = 6e-6

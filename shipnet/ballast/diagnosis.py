@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,10 +22,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import Samples, check_method
 from shipnet.fuzzy.rules import Decision, Firing, RuleBase
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -126,8 +123,6 @@ class Run:
 
     def valve(self, valve: int) -> pd.DataFrame:
         """Return the columns of one valve, counted from 1, indexed by ``time_s``."""
-        import pandas as pd
-
         k = check_whole("valve", valve, 1, self.n_valves) - 1
         columns = {c.column: self.readings[:, place, k] for place, c in enumerate(CHANNELS)}
         columns["DVPos_percent_per_s"] = self.DVPos[:, k]
@@ -136,8 +131,6 @@ class Run:
 
     def table(self) -> pd.DataFrame:
         """Return one row per instant and valve, indexed by ``valve`` and ``time_s``."""
-        import pandas as pd
-
         tables = {k: self.valve(k) for k in range(1, self.n_valves + 1)}
         return pd.concat(tables, names=["valve"])
 
@@ -149,8 +142,6 @@ class Run:
         a way of less than 20 %); medians ``FP_bar``, ``MC_A`` and maxima ``OP_max_bar``,
         ``OT_max_degC`` while the motor ran.
         """
-        import pandas as pd
-
         strokes = stroke_rows(self)
         rows = np.full((len(strokes), 5), np.nan)
         for row, moved in zip(rows, self.movements, strict=True):
@@ -214,8 +205,6 @@ class Run:
 
 def stroke_rows(run: Run) -> pd.DataFrame:
     """Return the runs of motors that have ended: valve, action, times, opening, outcome."""
-    import pandas as pd
-
     frame = pd.DataFrame(run.movements, columns=list(Movement._fields))
     frame["valve"] += 1
     frame["duration_s"] = frame["end"] - frame["start"]
@@ -355,8 +344,6 @@ class Diagnosis:
 
     def alarms(self) -> pd.DataFrame:
         """One row for every time a code becomes active, in order of time."""
-        import pandas as pd
-
         rows, valves, places = np.nonzero(self.onset)
         return pd.DataFrame(
             {

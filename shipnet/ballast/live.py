@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import cos, pi
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -32,14 +32,12 @@ from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import NORMAL
+from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_UNIT, tcp_frame
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request, Response, decode
 from shipnet.modbus.server import Server, real_clock
 from shipnet.modbus.server import serve as serve_slaves
 from shipnet.modbus.slave import DeviceError, Slave, answer
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 class _Image(ValveRegisters):
@@ -273,8 +271,6 @@ def acceptance_tests(
     >>> table.iloc[-1][["step", "found"]].tolist(), int(table.passed.sum())
     (['tank of S3 after closing', 'rose, then held'], 11)
     """
-    import pandas as pd
-
     if diagnosed_by not in ("slave", "master"):
         raise ArgumentError(f"diagnosed_by is {diagnosed_by!r}; it must be 'slave' or 'master'")
     chosen = list(tests)
@@ -652,8 +648,6 @@ class Client:
 
     def status(self, valve: int) -> pd.Series:
         """Read one valve, and return what it says, as text with units."""
-        import pandas as pd
-
         return pd.Series(self.read().numbers(valve), name=f"valve {valve}", dtype=object)
 
 

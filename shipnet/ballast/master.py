@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -26,16 +26,12 @@ from shipnet.ballast.slave import valve_slaves
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.simulation import LOST, A, Master, Try
 from shipnet.modbus.slave import Slave, answer
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
 
 Floats = npt.NDArray[np.float64]
 
@@ -130,8 +126,6 @@ class Screen:
         time: float,
     ) -> Screen:  # fmt: skip
         """Return the screen that shows these values of the valves, valve 1 first."""
-        import pandas as pd
-
         conditions = [
             silent, np.isnan(position), fault > 0, current >= LEAST_CURRENT,
             position >= 100 - _END, position <= _END,
@@ -263,8 +257,6 @@ class MasterRun:
     @cached_property
     def answers(self) -> pd.DataFrame:
         """One row a status: ``unit``, ``read_s``, ``shown_s``, readings, flags, ``fault``."""
-        import pandas as pd
-
         unit, read, time = self._columns
         words = np.array([s.registers for s in self.shown], np.int64).reshape(-1, 4)
         status = self.registers.decode(words)
@@ -276,8 +268,6 @@ class MasterRun:
     @cached_property
     def commands(self) -> pd.DataFrame:
         """One row a command: ``unit``, ``value``, ``sent_s``, ``free_s``, ``outcome``."""
-        import pandas as pd
-
         rows = [(w.unit, f"0x{w.value:04X}", w.time, w.end, w.outcome) for w in self.writes]
         return pd.DataFrame(rows, columns=["unit", "value", "sent_s", "free_s", "outcome"])
 

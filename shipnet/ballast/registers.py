@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 from enum import Enum
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,7 @@ from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_scalar, check_whole, choice, record
-
-if TYPE_CHECKING:
-    import pandas as pd
-
+from shipnet.lazy import pd
 
 #: How the codes of Table 2 can be read: column of the data file, base of its numbers.
 CODE_READINGS = {
@@ -260,8 +257,6 @@ class RegisterMap:
         The largest error is that of converter and register together, within the scale of the sensor
         and of the byte.
         """
-        import pandas as pd
-
         converter = (sensors if sensors is not None else Sensors()).step
         rows = [
             {

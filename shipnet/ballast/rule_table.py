@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,10 +13,7 @@ from shipnet.fields import check_scalar
 from shipnet.fuzzy.rule_files import read_rules
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import Rule, Term, Variable
-
-if TYPE_CHECKING:
-    import pandas as pd
-
+from shipnet.lazy import pd
 
 #: The test values as printed, and with the misprints corrected; the words of the data file.
 VERSIONS = {"printed": "printed", "corrected": "meant"}

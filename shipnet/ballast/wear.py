@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 from math import inf, nan, sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,11 +21,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import persistent
 from shipnet.fuzzy.terms import Term
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
+from shipnet.lazy import Axes, pd
 
 Floats = npt.NDArray[np.float64]
 
@@ -127,7 +123,6 @@ class Wear:
         ``P2`` is FP below 2.5 bar, ``T1`` (ours) a stroke longer than 10 s, each in `k` of the last
         `n` strokes; NaN if the rule never reports.
         """
-        import pandas as pd
 
         def first(fires: npt.NDArray[np.bool_]) -> Floats:
             reported = persistent(fires, k, n)
@@ -162,8 +157,6 @@ class Wear:
 
         ``remaining`` with its interval ``low`` to ``high``, and the ``true`` number.
         """
-        import pandas as pd
-
         rows = {
             valve: self.predict(valve, at, predictor=predictor, window=window).remaining
             for valve in range(1, self.life.size + 1)
@@ -174,8 +167,6 @@ class Wear:
 
     def life_table(self, valve: int = 1, at: Iterable[int] = (20, 50, 100, 200)) -> pd.DataFrame:
         """Return the strokes left of one valve, predicted after some numbers of ``strokes``."""
-        import pandas as pd
-
         k = self._place(valve)
         rows = {now: (*self.predict(valve, now).remaining, self.life[k] - now) for now in at}
         columns = ["remaining", "low", "high", "true"]
@@ -192,8 +183,6 @@ class Wear:
         predicted over the true life; share ``within_20`` percent; share whose interval ``covers``
         the truth.
         """
-        import pandas as pd
-
         index, rows = [], []
         for predictor in PREDICTORS:
             for part in parts:

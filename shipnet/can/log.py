@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,10 +20,7 @@ from shipnet.can.lengths import measure_frames
 from shipnet.can.messages import Message, MessageSet, check_set
 from shipnet.errors import ArgumentError, load_extra
 from shipnet.fields import check_path, check_scalar
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 Booleans = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
@@ -150,8 +147,6 @@ class Log:
 
     def table(self) -> pd.DataFrame:
         """Return one row per frame: its time, bus, identifier, kind, data length code and data."""
-        import pandas as pd
-
         text = self.data.tobytes().hex(" ", 8).split() if len(self) else []
         size = np.where(self.remote, 0, np.minimum(self.dlc, 8))
         table = pd.DataFrame(dict(zip([*_KINDS][:6], self.columns, strict=False)))
@@ -184,8 +179,6 @@ class Log:
         left out (its `faults` and `skipped`) is not counted: `LogLoad.frames` is the number of
         frames that the load rests on, `LogLoad.left_out` the number of the others.
         """
-        import pandas as pd
-
         rate = check_bit_rate(bit_rate, 5e3)
         window = check_scalar("window", window, "s", 1e-6, 1e9)
         self._check_times("the load")
@@ -253,8 +246,6 @@ class Log:
         take at least n - 1 periods less a deadline. Frames of all buses count. A log without time
         stamps is checked for its messages and their lengths only.
         """
-        import pandas as pd
-
         check_set(messages)
         timed = not np.isnan(self.time).any()
         keys = self.arbitration_id << 1 | self.extended

@@ -19,7 +19,7 @@ from dataclasses import replace
 from decimal import Decimal
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, overload
+from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +45,7 @@ from shipnet.fields import (
     text,
     whole,
 )
+from shipnet.lazy import pd
 from shipnet.tables import (
     NUMBER,
     Sheet,
@@ -54,9 +55,6 @@ from shipnet.tables import (
     read_sheet,
     text_of,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 T = TypeVar("T")
 Floats = npt.NDArray[np.float64]
@@ -332,8 +330,6 @@ class MessageSet(Named[Message]):
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, indexed by name: its fields, times in ms."""
-        import pandas as pd
-
         columns: dict[str, list[Any]] = {}
         for column in COLUMNS[1:]:
             field = column.removesuffix("_ms")

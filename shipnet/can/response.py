@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -21,10 +21,7 @@ from shipnet.can.offsets import Integers, Streams, clocks, longest_responses
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_kind, choice, record, switch, whole
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 Method = Literal["exact", "sufficient", "1994"]
 
@@ -357,8 +354,6 @@ class ResponseTimes(Named[ResponseTime]):
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, indexed by name, with the load it contributes."""
-        import pandas as pd
-
         messages = [one.message for one in self._items]
         table = pd.DataFrame(
             {

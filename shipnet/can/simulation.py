@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,10 +27,7 @@ from shipnet.can.messages import MessageSet, check_set, counted, message_lengths
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_kind, check_rng, check_scalar
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 Integers = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
@@ -252,8 +249,6 @@ def simulate(
     >>> round(run.load, 3)
     0.972
     """
-    import pandas as pd
-
     columns = _columns(messages)
     bit = bit_time_ns(bit_rate)
     check_choice("queue", queue, ("fifo", "overwrite"))
@@ -332,8 +327,6 @@ class BatchRun:
 
     def table(self) -> pd.DataFrame:
         """Return one row per message over all sets: ``sent``, ``mean_ms`` and ``max_ms``."""
-        import pandas as pd
-
         total = self.sent.sum(axis=0)
         summed = np.nansum(self.mean_response * self.sent, axis=0)
         longest = np.where(self.sent > 0, self.max_response, -np.inf).max(axis=0, initial=-np.inf)
@@ -488,8 +481,6 @@ def _statistics(
     waited: Integers,
     retries: Integers,
 ) -> pd.DataFrame:
-    import pandas as pd
-
     number = len(messages)
     sent = start >= 0
 
@@ -521,8 +512,6 @@ def _error_tables(
     failures: list[Failure],
     nodes: Nodes,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    import pandas as pd
-
     failed = pd.DataFrame(failures, columns=list(Failure._fields))
     ranks = releases.message[failed.pop("release").to_numpy(dtype=int)].tolist()
     errors = pd.DataFrame(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -37,10 +37,7 @@ from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings, meaning, names, shown, unit
 from shipnet.design.site import Site, Trays
 from shipnet.errors import ArgumentError
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 RESPONSE = "worst_response_ms"
 
@@ -154,8 +151,6 @@ class Comparison:
 
     @cached_property
     def _table(self) -> pd.DataFrame:
-        import pandas as pd
-
         rows = {name: self._row(name) for name in self.designs}
         table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("design")
         best = self._optimal(table, self.criteria)
@@ -249,8 +244,6 @@ class Comparison:
 
     def changes(self) -> pd.DataFrame:
         """Return the settings that are not the defaults, and in which designs."""
-        import pandas as pd
-
         default, rows = Settings(), []
         for name in names():
             having: dict[str, list[str]] = {}
@@ -545,8 +538,6 @@ def _why(design: Design) -> str:
 
 
 def _by_design(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    import pandas as pd
-
     named = [table.assign(design=name) for name, table in tables.items()]
     joined = pd.concat([table for table in named if len(table)] or named[:1], ignore_index=True)
     return joined[["design", *joined.columns.drop("design")]]

@@ -20,11 +20,9 @@ from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.design.supply import supplies_table, voltages_table
+from shipnet.lazy import Axes, pd
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
     from shipnet.answers import Findings
 
 
@@ -194,8 +192,6 @@ class Design(Layout):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the design from above: cabinet, devices, points, and the cables between them."""
-        import pandas as pd
-
         ax = style.axes(ax)
         at = self.devices.set_index("device")[["x_m", "y_m"]]
         points = self.iolist.points.set_index("tag")[["x_m", "y_m"]]

@@ -18,11 +18,10 @@ from shipnet.design.catalogue import cables, smallest
 from shipnet.design.designs import Design
 from shipnet.design.layout import COLUMNS, frame
 from shipnet.design.settings import Settings
+from shipnet.lazy import pd
 from shipnet.signals import SIGNALS
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from shipnet.design.catalogue import Cable
     from shipnet.design.points import PointTable
     from shipnet.design.site import Site
@@ -344,8 +343,6 @@ class Draft:
         )
 
     def _runs(self) -> pd.DataFrame:
-        import pandas as pd
-
         rows = self._rows["cables"]
         if not rows:
             return frame("cables")

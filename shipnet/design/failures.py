@@ -12,10 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
+from shipnet.lazy import pd
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from shipnet.design.layout import Layout
 
 
@@ -412,8 +411,6 @@ FAILURES = ("cut", "short", "tray", "device")
 
 def single_failures(design: Layout) -> pd.DataFrame:
     """Return what each single failure of a planned design costs."""
-    import pandas as pd
-
     reach = Reach(design)
     runs, devices = design.cables, design.devices
     rows: list[tuple[str, str, str, str, str]] = []

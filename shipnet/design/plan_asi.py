@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import cache, lru_cache
 from itertools import pairwise
 from math import ceil, inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -36,11 +36,9 @@ from shipnet.design.drafting import (
     zones,
 )
 from shipnet.design.settings import AsiLimits
+from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Which points share a module, where it is, and how late the host knows of them -------------------
 

@@ -31,11 +31,10 @@ from shipnet.fields import (
     switch,
     text,
 )
+from shipnet.lazy import pd
 from shipnet.tables import NUMBER, frame_sheet, in_order, read_sheet, titled
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from shipnet.tables import Sheet
 
 
@@ -445,15 +444,11 @@ class RuleSet:
 
     def table(self) -> pd.DataFrame:
         """Return one row per rule, by its name, with all that it says."""
-        import pandas as pd
-
         return pd.DataFrame([asdict(rule) for rule in self.rules]).set_index("rule")
 
     @staticmethod
     def measures() -> pd.DataFrame:
         """Return what can be computed for a rule, by name: unit and meaning."""
-        import pandas as pd
-
         rows = {name: (measure.unit, measure.meaning) for name, measure in MEASURES.items()}
         return pd.DataFrame.from_dict(
             rows, orient="index", columns=["unit", "meaning"]
@@ -515,8 +510,6 @@ def check(
     host_time: float | None = None,
 ) -> Findings:
     """Check a design, of which every single failure is known, against class rules."""
-    import pandas as pd
-
     host = design.settings.host_time if host_time is None else host_time
     facts = Facts(design, failures, check_scalar("host_time", host, "s", 0.0, 60.0))
     rows = []

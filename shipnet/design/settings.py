@@ -15,7 +15,7 @@ from os import PathLike
 from pathlib import Path
 from textwrap import wrap
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -23,13 +23,10 @@ from shipnet.design.catalogue import Assumptions, Range, cables, ordered, read_a
 from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Kind, Switch, Whole, check_whole, declared, number, record, switch, whole
+from shipnet.lazy import pd
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.uart import SerialLine
 from shipnet.tables import read_bytes, text_of
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 # Kinds of values that only a design has ------------------------------------------------------
 
@@ -475,8 +472,6 @@ class Settings(_Plain):
 
     def table(self) -> pd.DataFrame:
         """Return one row per name: value, default, unit, legal values and meaning."""
-        import pandas as pd
-
         default = _default()
         rows = [
             (name, self[name], default[name], unit(name), legal(name), meaning(name))

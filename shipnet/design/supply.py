@@ -19,11 +19,10 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from shipnet.asi.rules import rule_limits
 from shipnet.design.catalogue import cables
+from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from shipnet.design.layout import Layout
 
 Floats = npt.NDArray[np.float64]
@@ -282,8 +281,6 @@ def supplies_table(design: Layout) -> pd.DataFrame:
 
 def _tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return one row per supply, and one per device that is fed, on each of its lines."""
-    import pandas as pd
-
     trees, devices, runs = forest(design), design.devices, design.cables
     (flow, drop), (_, shorted) = trees.solve(), trees.solve(short=True)
     line = devices["segment"].isin(design.segments.query("bus == 'AS-i'")["segment"])

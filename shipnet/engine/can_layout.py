@@ -18,10 +18,9 @@ from shipnet.can.messages import packed
 from shipnet.engine.points import PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, part, record, whole
+from shipnet.lazy import pd
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from shipnet.can.messages import MessageSet
 
 #: Data bytes of a classic CAN frame; ISO 11898-1.
@@ -133,8 +132,6 @@ class CanLayout:
 
     def table(self) -> pd.DataFrame:
         """Return in which message and byte every point begins, and its last message: by tag."""
-        import pandas as pd
-
         columns = ["tag", "box", "message", "byte", "bits", "last_message"]
         return pd.DataFrame(self._rows(), columns=columns).set_index("tag")
 
@@ -146,8 +143,6 @@ class CanLayout:
         ``worst_bits`` and ``worst_extended_bits`` are for 11-bit and 29-bit identifiers,
         intermission included; ``ms_125k`` and so on is the time of the worst bits of the former.
         """
-        import pandas as pd
-
         from shipnet.can.lengths import Stuffing, frame_length
 
         rates = [check_whole("bit_rates", rate, 1000, 10**6, " bit/s") for rate in bit_rates]

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,9 +27,7 @@ import numpy.typing as npt
 from shipnet.engine.points import PT100, Point, PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, part, record, switch, whole
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 _Floats = npt.NDArray[np.float64]
 _Codes = npt.NDArray[np.uint16]
@@ -273,8 +271,6 @@ class InputCard:
         That is of quantisation, and of the firmware's straight line if the card has one, and of
         nothing else: sensors, amplifiers and reference are taken as perfect.
         """
-        import pandas as pd
-
         rows = []
         for k, count in self.points.kinds():
             point = self.points[k]
@@ -316,8 +312,6 @@ class InputCard:
         Without margin 4 mA and a broken wire are both 0 V. A switch that opens on alarm shows a
         broken wire as an alarm, which is safe, and hides every later alarm if its wires touch.
         """
-        import pandas as pd
-
         low, high = (
             self.code(self.signal([getattr(point, end) for point in self.points])).astype(int)
             for end in ("low", "high")

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cached_property
 from math import floor, log10
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,10 +21,8 @@ import numpy.typing as npt
 from shipnet.engine.points import Point, PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, part, record, switch, whole
+from shipnet.lazy import pd
 from shipnet.modbus.pdu import Request
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _Floats = npt.NDArray[np.float64]
 _Registers = npt.NDArray[np.uint16]
@@ -155,8 +153,6 @@ class Coding:
         ``reads`` is the value of the mark; readings between ``from`` and ``to`` are taken for an
         error (NaN if none are), which is ``percent`` of the range.
         """
-        import pandas as pd
-
         known = PointList(points)
         mark = np.full(len(known), self.error, np.int64)
         number = self._number(known, mark)
@@ -325,8 +321,6 @@ class RegisterMap:
 
     def table(self) -> pd.DataFrame:
         """Return the address map: by address the kind, box, tags (lowest bit first) and step."""
-        import pandas as pd
-
         rows = []
         for address, word in enumerate(self.words, self.first_address):
             tags = ", ".join(self.points[k].tag for k in word.places)

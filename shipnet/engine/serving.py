@@ -28,14 +28,13 @@ from shipnet.engine.simulation import islands
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
+from shipnet.lazy import pd
 from shipnet.modbus.pdu import ExceptionCode, Request
 from shipnet.modbus.server import real_clock
 from shipnet.modbus.server import serve as serve_slaves
 from shipnet.modbus.slave import DeviceError, Slave, Table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from shipnet.modbus.server import Server
 
 #: Unit ids of the boxes on channels 1 and 2; lee2012, Table 2.
@@ -167,8 +166,6 @@ def fault_registers(system: System | None = None) -> pd.DataFrame:
     >>> print(*table.loc[0], table.loc[100, "holds"], sep="; ")
     JB1; 1 box dead; 1 sensor stuck, 2 sensor wire open, 3 sensor wires short
     """
-    import pandas as pd
-
     registers = FaultRegisters(System() if system is None else system, [])
     rows = [
         (address, where, ", ".join(f"{n} {kind.words}" for n, kind in enumerate(kinds, 1)))

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,9 +33,7 @@ from shipnet.engine.run import NEVER, Attempts, Cpu, Frames, Integers, Rounds, R
 from shipnet.engine.system import RULE, FailureBounds, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 #: Most frames that one run may send, and the AMS read: some gigabytes of memory. A poll reads all
 #: of them.
@@ -541,8 +539,6 @@ def single_failures(
     >>> table[["lost", "marked", "noticed", "answer_ok", "age_ok"]].values.tolist()
     [[0, 0, 'no', True, True], [18, 18, 'mark', True, False]]
     """
-    import pandas as pd
-
     check_scalar("rule", rule, "s", 0.1, 100)
     check_whole("trials", trials, 1, 1000)
     chance = np.random.default_rng(rng)

@@ -32,14 +32,12 @@ from shipnet.engine.faults import (
 from shipnet.engine.points import PointList, read_points
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, part, record, switch, whole
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
     from shipnet.can.messages import MessageSet
 
 Floats = npt.NDArray[np.float64]
@@ -483,8 +481,6 @@ class System:
         self, channels: tuple[int, ...], suspended: Integers, can_response: Floats
     ) -> pd.DataFrame:
         """Return the ages over the better of some channels, for delays of the boxes and frames."""
-        import pandas as pd
-
         spacing = self.poll_spacing()
         longest = int(self.loop_ns.max()) + self.service_ns
         if longest > nanoseconds(spacing):

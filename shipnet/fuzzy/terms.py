@@ -15,9 +15,7 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes
 
 Bools = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]

@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError, InputError
+from shipnet.lazy import pd
 
 Floats = npt.NDArray[np.float64]
 
@@ -524,8 +525,6 @@ def _parse(
     data: bytes, offset: int, separator: str | None, places: tuple[int, ...], decimal: str
 ) -> Floats:
     """Read all rows at once; raise ValueError where one is not as the others."""
-    import pandas as pd
-
     body = io.BytesIO(data)
     body.seek(offset)
     frame = pd.read_csv(

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from math import ceil
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -21,9 +20,7 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes
 
 Floats = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]

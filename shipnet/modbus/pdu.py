@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from struct import pack, unpack
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from shipnet.errors import (
     ArgumentError,
@@ -22,6 +22,7 @@ from shipnet.errors import (
     UnknownCallError,
 )
 from shipnet.fields import check_whole
+from shipnet.lazy import pd
 from shipnet.modbus.frame import (
     MAX_PDU,
     MAX_UNIT,
@@ -33,9 +34,6 @@ from shipnet.modbus.frame import (
     rtu_frame,
     tcp_frame,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: Most coils or registers that one request reads, by function code; section 6.
 READ_LIMITS = {1: 2000, 2: 2000, 3: 125, 4: 125, 23: 125}
@@ -661,8 +659,6 @@ class Adu:
 
         With a transaction id the frame is that of TCP, else RTU.
         """
-        import pandas as pd
-
         if self.transaction_id is None:
             fields, rest = {"unit id": self.rtu[:1]}, {"CRC": self.rtu[-2:]}
         else:

@@ -22,13 +22,10 @@ from shipnet.fields import (
     switch,
     whole,
 )
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import Poll
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 Floats = npt.NDArray[np.float64]
 
@@ -157,8 +154,6 @@ class _Redundant:
         ``worst_gap_s`` is the longest time between two answers of any slave still served, NaN if
         there is none.
         """
-        import pandas as pd
-
         faults = self.single_faults()
         stay, moved = np.array([self.reach(fault).counts for fault in faults]).T
         lost = self.n_slaves - stay - moved

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -15,11 +14,8 @@ from shipnet import style
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.redundancy import DualChannel, Faults, Loop, System, line_faults
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -205,8 +201,6 @@ class Run:
         ``kind`` is poll, switch (the other port is asked at once) or probe (what failed is tried
         again), and ``answered`` says whether the whole response came.
         """  # noqa: E501
-        import pandas as pd
-
         start, slave, port, kind, answered = self._columns
         poll = self.system.poll
         return pd.DataFrame(
@@ -264,8 +258,6 @@ class Run:
         than before; ``recovery_s``, from the last repair to the first answer through port A of a
         slave that was not served from there. NaN where there was none.
         """
-        import pandas as pd
-
         time, slave, port = self._answers
         begin = min((fault.start for fault in self.faults), default=inf)
         repaired = max((fault.stop for fault in self.faults if fault.stop < inf), default=inf)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 from re import fullmatch
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,10 +19,8 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.errors import ArgumentError, FormError, ParityError
 from shipnet.fields import check_kind, check_scalar, check_whole, number, record
+from shipnet.lazy import Axes
 from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Bits = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float64]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +22,7 @@ from shipnet.fields import (
     number,
     record,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 __all__ = ["LossyPath", "compare"]
 
@@ -228,8 +226,6 @@ def compare(
     unit id                 10           0        32       31
     transaction id           0           0        39       38
     """
-    import pandas as pd
-
     seed = int(check_rng(rng).integers(2**63))
     settings = {"timeout": timeout, "period": period, "processing": processing, "flush": flush}
     rows = {}

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from decimal import Decimal, localcontext
 from functools import cache
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ import numpy.typing as npt
 from shipnet.crc import MODBUS
 from shipnet.errors import FrameError
 from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
+from shipnet.lazy import pd
 from shipnet.remote_control.packet_format import (
     Bytes,
     Flags,
@@ -29,9 +30,6 @@ from shipnet.remote_control.packet_format import (
     PacketFormat,
     check_bytes,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: The markers; K. Y. Chung and K. S. Rhyu, "A study on the communication method for a ship main
 #: engine remote control system", 1998, section 3.2.
@@ -82,8 +80,6 @@ def _with_crc(rows: Bytes) -> Bytes:
 
 def _traced(taken: list[tuple[int, str]], start: int, size: int) -> pd.DataFrame:
     """Return a row per byte with its place in a ring of `size`."""
-    import pandas as pd
-
     check_whole("size", size, 2, 65536)
     check_whole("start", start, 0, size - 1)
     rows = [((start + k) % size, f"0x{byte:02X}", what) for k, (byte, what) in enumerate(taken)]

@@ -16,19 +16,16 @@ from __future__ import annotations
 from collections import deque
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.lazy import Axes, pd
 from shipnet.remote_control.packet import PACKET_START
 from shipnet.remote_control.packet_format import check_bytes
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 Case = Literal["a", "b", "c", "d"]
 Action = Literal["take", "wait", "stop", "repair"]
@@ -247,8 +244,6 @@ class Ring:
 
         Every byte stored is 0xCC, so that a repair finds a packet's start at once.
         """
-        import pandas as pd
-
         check_whole("size", self.size, 2, 16)
         limit = 3 * self.size
         if max_unread is not None:
@@ -354,8 +349,6 @@ class RingCases:
         A row per lap, from a lead of ``from`` to one of ``to`` bytes. A lead of exactly one lap is
         a full ring: nothing is lost yet, though case c shows.
         """
-        import pandas as pd
-
         shown = self._shown().reshape(self.laps, -1)
         first = np.arange(self.laps) * self.size
         counts = {case: (shown == case).sum(axis=1) for case in get_args(Case)}

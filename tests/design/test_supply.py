@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from tests.design.lists import lists, ship, table
 
 from shipnet.design.catalogue import cables
 from shipnet.design.designs import Design
@@ -18,6 +17,7 @@ from shipnet.errors import ArgumentError
 from shipnet.line.cable import Cable
 from shipnet.line.network import CableRun, Network
 from shipnet.signals import SIGNALS
+from tests.design.lists import lists, ship, table
 
 SITE = Site((0.0, 0.0, 0.0))
 

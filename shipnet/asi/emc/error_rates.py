@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -26,9 +25,7 @@ from shipnet.asi.timing import Cycle, Transaction
 from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.intervals import share_interval
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes
 
 Floats = npt.NDArray[np.float64]
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.lazy import pd
 from shipnet.papers.chung1998.usart import Status, Usart, send
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.experiment import recommend, switch_staleness
@@ -20,9 +21,6 @@ from shipnet.remote_control.simulation import Change, simulate, switch_delays
 from shipnet.remote_control.station import Sender
 from shipnet.remote_control.system import BIT_RATES, Supervision, System
 from shipnet.remote_control.values import HOPS, STATIONS, VALUES, Hop
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: What the paper prints, by its name: `chung1998_parameters.csv`.
 _TABLE = datasets.read("chung1998_parameters.csv")
@@ -64,8 +62,6 @@ def send_loops(
     only, which makes no difference there; how often the printed loop repeats a byte on a busy chip
     depends on it by chance.
     """
-    import pandas as pd
-
     if not polls:
         raise ArgumentError("polls is empty; it must hold a time")
     ways = [("idle", b"", "printed", polls[0]), ("idle", b"", "intended", polls[0])]
@@ -259,8 +255,6 @@ def cascades(
     `changes` maps the name of each rule to the fields of `System` that it changes; the columns are
     those of `Cascade`, times at worst.
     """
-    import pandas as pd
-
     rows = []
     for name, fields in changes.items():
         for rate in rates:
@@ -279,8 +273,6 @@ def deaths(
     That RCS fails SS is right; that it fails BCS, or BCS fails RCS, is not. `changes` is as for
     `cascades`; the timers of the stations are drawn with the seed 2024.
     """
-    import pandas as pd
-
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []
     for name, fields in changes.items():
@@ -338,8 +330,6 @@ def crc_share(*, items: int = ITEMS) -> float:
 
 def flips(items: int = ITEMS) -> pd.DataFrame:
     """Return how many bits of a packet can each be inverted unseen, by reading and check."""
-    import pandas as pd
-
     rows = []
     for reading, what, form, n in (
         ("A", "markers", MarkerFormat(n_numbers=items), items),
@@ -359,8 +349,6 @@ def recommendations(items: Sequence[int], patience: Mapping[float, float]) -> pd
 
     `patience` is how long a switch may be wrong [s], by bit rate.
     """
-    import pandas as pd
-
     rows = []
     for rate, stale in patience.items():
         for n in items:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,13 +21,11 @@ from shipnet.asi.topologies import line, ring, star
 from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.lazy import pd
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import Load, Network
 from shipnet.papers.kim2023.protocol import CHIP_EDGES, master_pause_of_chip
 from shipnet.papers.registry import check, numeric
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @numeric("icn2007-035")
@@ -241,8 +239,6 @@ def rate_table() -> pd.DataFrame:
     >>> rate_table()["efficiency_percent"].round(1).head(2).tolist()
     [32.7, 32.0]
     """
-    import pandas as pd
-
     pauses = {
         "24.5 bit": (2.0, 1.5, "shortest pauses of the papers, 2 and 1.5 bit"),
         "25 bit": (2.0, 2.0, "pauses of 2 and 2 bit: 150 us (Siemens)"),
@@ -291,8 +287,6 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
     >>> bus_efficiencies(4).round(2).values.tolist()
     [[0.32, 0.07, 0.03]]
     """
-    import pandas as pd
-
     n = np.atleast_1d(user_bits)
     if n.dtype.kind not in "iu" or not ((n >= 1) & (n <= 8 * MODBUS_MOST)).all():
         raise ArgumentError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -14,12 +14,10 @@ from shipnet.engine.faults import CanBreak, DeadBox, ModbusBreak
 from shipnet.engine.points import read_points
 from shipnet.engine.simulation import simulate, single_failures
 from shipnet.engine.system import RULE, System
+from shipnet.lazy import pd
 from shipnet.papers.lee2012.buses import BIT_RATE, JB1, JB3, LINE, read, whole_poll
 from shipnet.papers.lee2012.engine import printed_points
 from shipnet.papers.registry import check, numeric
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @check("lee2012-058", counter={"rate": 1000.0})
@@ -186,8 +184,6 @@ def response_readings(system: System) -> pd.DataFrame:
     chance: from the request alone 9.1 ms of processing would give it too. The last two rows are the
     system itself, up to the first and up to the last bit of its response.
     """
-    import pandas as pd
-
     rate = system.serial.bit_rate
     own = system.serial.character_bits
     cases = [
