@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Integers
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
 from shipnet.errors import (
     ArgumentError,
@@ -29,7 +30,6 @@ from shipnet.lazy import pd
 #: Stands in a field that has no value: no half, or a telegram that could not be read.
 NONE = -1
 
-Integers = npt.NDArray[np.int64]
 Codes = npt.NDArray[np.uint8]
 
 

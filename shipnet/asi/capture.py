@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Findings
+from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.batch import NONE, Requests, parse_responses
 from shipnet.asi.bursts import Telegrams, find_telegrams
 from shipnet.asi.receiver import TOLERANCE
@@ -33,10 +34,6 @@ CUT_OFF, NO_ANSWER = "cut off", "no answer"
 _MASTER_PAUSE = MASTER_PAUSE_BITS[1] + 0.5
 _SLAVE_PAUSE = 500e-6 / BIT_TIME
 
-Bools = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Integers = npt.NDArray[np.int64]
 Strings = npt.NDArray[np.object_]
 
 
@@ -252,7 +249,7 @@ def summarize(transactions: pd.DataFrame) -> Summary:
     )
 
 
-def _repeated(transactions: pd.DataFrame) -> npt.NDArray[np.bool_]:
+def _repeated(transactions: pd.DataFrame) -> Bools:
     """Return which rows ask again what the row before them asked in vain."""
     request = transactions["request"].to_numpy()
     start = transactions["start_s"].to_numpy()

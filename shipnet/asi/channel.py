@@ -11,6 +11,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats, Integers
 from shipnet.asi.batch import encode_requests
 from shipnet.asi.master import FAULTY, SILENT, Phase
 from shipnet.asi.modulation import ONE_PULSE_CODES, collide
@@ -36,8 +37,6 @@ LABELS = np.array([f"{code & 31}{('', 'A', 'B', '')[code >> 5]}" for code in ran
 
 _OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
 
-Integers = npt.NDArray[np.int64]
-
 
 class Record:
     """Columns that grow with the simulation."""
@@ -60,12 +59,12 @@ class Record:
         return np.frombuffer(self.code, dtype=np.int64) >> shift & (1 << bits) - 1
 
     @cached_property
-    def starts(self) -> npt.NDArray[np.float64]:
+    def starts(self) -> Floats:
         """When each request began [bit]."""
         return np.frombuffer(self.start, dtype=np.float64)
 
     @cached_property
-    def pauses(self) -> npt.NDArray[np.float64]:
+    def pauses(self) -> Floats:
         """Pause before each response [bit]; NaN where there was none."""
         return np.frombuffer(self.pause, dtype=np.float64)
 

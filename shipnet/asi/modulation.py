@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Complexes, Floats
 from shipnet.asi.batch import NONE
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, RESPONSES
 from shipnet.asi.timing import BIT_TIME
@@ -48,10 +49,7 @@ HALF_BIT = BIT_TIME / 2
 #: Swing of the send current [A]; 55 to 68 mA in ASI4U data sheets, 60 mA assumed.
 SEND_CURRENT = 60e-3
 
-Bools = npt.NDArray[np.bool_]
 Codes = npt.NDArray[np.uint8]
-Complexes = npt.NDArray[np.complex128]
-Floats = npt.NDArray[np.float64]
 Signs = npt.NDArray[np.int8]
 
 

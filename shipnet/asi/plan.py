@@ -14,10 +14,10 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Findings
+from shipnet.arrays import Bools, Floats
 from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan_file import read_elements, write_elements
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
 
 _E = TypeVar("_E", bound=Element)
 
-Floats = npt.NDArray[np.float64]
 
 #: The kinds of elements of a plan, by the name of their attribute.
 _KINDS: dict[str, type[Element]] = {
@@ -553,7 +552,7 @@ class Comparison:
         return table.rename_axis("plan")
 
     @property
-    def within_tolerance(self) -> npt.NDArray[np.bool_]:
+    def within_tolerance(self) -> Bools:
         """Which plans keep all their slaves within both tolerances."""
         return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
 

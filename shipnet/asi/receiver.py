@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, check_columns
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError, SilenceError
@@ -38,9 +39,6 @@ _SAMPLES = 2**16
 #: From the first sample above the minimum the first pulse peaks within this many half-bits: one
 #: for the filtered pulse, which is two long, and the delay of the supply's 78 ohm || 100 uH.
 _REACH = 1.25
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 
 class Disturbance(Protocol):
@@ -111,7 +109,7 @@ class Reception(NamedTuple):
         return Pulses(self.slots)
 
     @property
-    def within_tolerance(self) -> npt.NDArray[np.bool_]:
+    def within_tolerance(self) -> Bools:
         """Which telegrams came without an error and with pulses as even as they should be."""
         even = (self.weakest >= TOLERANCE.evenness) & (self.ringing <= TOLERANCE.ringing)
         return np.asarray((self.error == 0) & even)
@@ -393,9 +391,7 @@ def _filtered(y: Floats, length: int, gain: Floats) -> Floats:
     return np.fft.irfft(gain * np.fft.rfft(y, length), length)[..., : y.shape[-1]]
 
 
-def _first_pulse(
-    y: Floats, samples: float, minimum: float
-) -> tuple[npt.NDArray[np.bool_], Indices, Floats]:
+def _first_pulse(y: Floats, samples: float, minimum: float) -> tuple[Bools, Indices, Floats]:
     """Return which rows are silent, at which sample the first pulse peaks, and the true peak."""
     n_rows, n_t = y.shape
     row = np.arange(n_rows)

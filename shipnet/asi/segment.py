@@ -17,6 +17,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Complexes, Floats
 from shipnet.asi.elements import DEVICE, Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
@@ -28,8 +29,6 @@ from shipnet.fields import check_scalar
 from shipnet.lazy import pd
 from shipnet.line.network import CableRun, Load, Network
 from shipnet.line.waveform import F_MAX, record_of
-
-Floats = npt.NDArray[np.float64]
 
 #: What a plan is made of.
 Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater
@@ -72,7 +71,7 @@ def telegram_voltages(
     n_t = ceil(round((before + steps.shape[1] * HALF_BIT + after) / dt, 6))
     rows = [network.index(node) for node in nodes]
 
-    def change(s: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]:
+    def change(s: Complexes) -> Complexes:
         current = SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
         return np.asarray(-network.transfer(master, s)[..., rows, :] * current)
 
@@ -133,7 +132,7 @@ class Quality(NamedTuple):
         return pd.DataFrame(dict(zip(columns, self[:5], strict=True)), index=index)
 
     @property
-    def within_tolerance(self) -> npt.NDArray[np.bool_]:
+    def within_tolerance(self) -> Bools:
         """Which slaves have pulses as even and gaps as still as they should be."""
         return np.asarray(
             (self.evenness >= TOLERANCE.evenness) & (self.ringing <= TOLERANCE.ringing)

@@ -8,9 +8,9 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Floats
 from shipnet.asi.channel import (
     ATTEMPT,
     EXECUTED,
@@ -83,8 +83,6 @@ class Standby:
 
 
 # What came of it -------------------------------------------------------------------------------
-
-Floats = npt.NDArray[np.float64]
 
 
 class InputChange(NamedTuple):

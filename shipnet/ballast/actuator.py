@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_scalar, number, record
 
@@ -127,12 +128,10 @@ class Actuator:
         """Oil for a quarter turn [m3]."""
         return self.piston_area * self.pinion_radius * (pi / 2)
 
-    def _arrays(self) -> list[npt.NDArray[np.float64]]:
+    def _arrays(self) -> list[Floats]:
         values = (getattr(self, field.name) for field in fields(self))
         return [value for value in values if isinstance(value, np.ndarray)]
 
-
-Floats = npt.NDArray[np.float64]
 
 #: Opening over which the seat lets go, as a part of the quarter turn; our assumption.
 _SEAT = 0.03

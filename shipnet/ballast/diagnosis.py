@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats
 from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import CHANNELS, position_speed, stroke_speed
@@ -23,9 +24,6 @@ from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import Samples, check_method
 from shipnet.fuzzy.rules import Decision, Firing, RuleBase
 from shipnet.lazy import Axes, pd
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 #: What 100 % of the operating display is for each sensor, in its unit.
 _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
@@ -70,8 +68,8 @@ class Run:
     readings: Floats
     speed: Floats
     ran: Floats
-    moving: Flags
-    active: Flags
+    moving: Bools
+    active: Bools
     opening: Floats
     movements: tuple[Movement, ...]
 
@@ -111,7 +109,7 @@ class Run:
         return stroke_speed(self.speed, self.ran)
 
     @cached_property
-    def running(self) -> Flags:
+    def running(self) -> Bools:
         """Whether the motor runs, shape (n_times, n_valves)."""
         return ~np.isnan(self.ran)
 
@@ -216,7 +214,7 @@ class Recorder:
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
-        self._rows: list[tuple[float, Floats, Floats, Flags, Floats]] = []
+        self._rows: list[tuple[float, Floats, Floats, Bools, Floats]] = []
         self._first = len(plant.movements)
 
     def take(self) -> None:
@@ -246,7 +244,7 @@ class Tail(NamedTuple):
     """The last instants of a run, copied, for the diagnosis of the run that follows it."""
 
     samples: dict[str, Floats]
-    active: Flags
+    active: Bools
 
 
 def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats]:
@@ -312,8 +310,8 @@ class Diagnosis:
     n: int
     threshold: float
     samples: dict[str, Floats]
-    active: Flags
-    before: Flags
+    active: Bools
+    before: Bools
     tail: Tail
 
     @property
@@ -328,7 +326,7 @@ class Diagnosis:
         return self.base.top_codes(self.active, silent)
 
     @cached_property
-    def onset(self) -> Flags:
+    def onset(self) -> Bools:
         """Where a code becomes active that was not before, shape as `active`."""
         new = self.active.copy()
         new[1:] &= ~self.active[:-1]
@@ -398,7 +396,7 @@ class Diagnosis:
         firing = _fire(self.base, given, self.method)
         return Decision(firing, self.threshold, self.active[row : row + 1, k]).explain(0)
 
-    def is_active(self, valve: int, code: str) -> Flags:
+    def is_active(self, valve: int, code: str) -> Bools:
         """Return at which instants a code is active."""
         return np.asarray(self.active[:, self._place(valve), self._column(code)])
 

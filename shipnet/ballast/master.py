@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.plant import Fault as ValveFault
@@ -32,12 +33,6 @@ from shipnet.modbus.pdu import Adu, ExceptionCode, Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.simulation import LOST, A, Master, Try
 from shipnet.modbus.slave import Slave, answer
-
-Floats = npt.NDArray[np.float64]
-
-Ints = npt.NDArray[np.int64]
-
-Flags = npt.NDArray[np.bool_]
 
 #: What a valve can be on the screen. The first that holds counts.
 STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
@@ -122,7 +117,7 @@ class Screen:
 
     @classmethod
     def of(
-        cls, position: Floats, current: Floats, fault: Ints, *, silent: Flags, age: Floats,
+        cls, position: Floats, current: Floats, fault: Integers, *, silent: Bools, age: Floats,
         time: float,
     ) -> Screen:  # fmt: skip
         """Return the screen that shows these values of the valves, valve 1 first."""
@@ -272,7 +267,7 @@ class MasterRun:
         return pd.DataFrame(rows, columns=["unit", "value", "sent_s", "free_s", "outcome"])
 
     @cached_property
-    def _columns(self) -> tuple[Ints, Floats, Floats]:
+    def _columns(self) -> tuple[Integers, Floats, Floats]:
         unit = np.array([s.unit for s in self.shown], np.int64)
         times = np.array([(s.read, s.time) for s in self.shown], float).reshape(-1, 2)
         return unit, times[:, 0], times[:, 1]
@@ -334,7 +329,7 @@ class MasterRun:
             f"oldest value shown {self.oldest:.2f} s)"
         )
 
-    def _last(self, times: Floats) -> Ints:
+    def _last(self, times: Floats) -> Integers:
         """Return which status is shown of each valve, (n_times, n_valves); past the end if none."""
         unit, _, shown = self._columns
         found = np.full((times.size, self.n_valves), len(self.shown))
@@ -345,7 +340,7 @@ class MasterRun:
             found[there, k] = mine[place[there]]
         return found
 
-    def _silent(self, time: float) -> npt.NDArray[np.bool_]:
+    def _silent(self, time: float) -> Bools:
         silent = np.zeros(self.n_valves, bool)
         spent = (self.poll.unanswered_time, self.poll.time)
         ended = (t for t in reversed(self.tries) if t[0] + spent[t[4]] <= time + 1e-9)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError, FieldError
@@ -49,8 +50,6 @@ def command_codes(reading: str) -> dict[Code, int]:
     return {Code(row["name_printed"]): int(row[column], base) for row in rows}
 
 
-Floats = npt.NDArray[np.float64]
-
 #: Input registers of the status; Tables 1 and 3 of the paper.
 FIRST_REGISTER, N_REGISTERS = 0x4020, 4
 
@@ -80,7 +79,7 @@ SCALES = (
 
 def whole_steps(
     values: Floats, highest: npt.ArrayLike, missing: npt.ArrayLike | None = None
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+) -> tuple[Integers, Bools]:
     """Return values as whole numbers that fit, and where they did not."""
     unknown = np.isnan(values)
     rounded = np.rint(np.where(unknown, highest, values))
@@ -119,18 +118,18 @@ class Packed(NamedTuple):
     """What a slave sends."""
 
     registers: npt.NDArray[np.uint16]
-    saturated: npt.NDArray[np.bool_]
+    saturated: Bools
 
 
 class Status(NamedTuple):
     """What a master reads."""
 
     readings: Floats
-    manual: npt.NDArray[np.bool_]
-    auto: npt.NDArray[np.bool_]
-    close: npt.NDArray[np.bool_]
-    open: npt.NDArray[np.bool_]
-    fault: npt.NDArray[np.int64]
+    manual: Bools
+    auto: Bools
+    close: Bools
+    open: Bools
+    fault: Integers
     operating_time: Floats
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError
 from shipnet.fields import record, whole
@@ -67,8 +68,6 @@ def _rules() -> list[dict[str, str]]:
     with path("kim2014_rule_table.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
-
-Floats = npt.NDArray[np.float64]
 
 #: Over how long the change of the position is taken [s]; the paper does not say.
 WINDOW = 1.0

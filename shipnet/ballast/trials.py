@@ -30,10 +30,6 @@ from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
-Floats = npt.NDArray[np.float64]
-
-Flags = npt.NDArray[np.bool_]
-
 #: What stands behind the numbers.
 BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
 

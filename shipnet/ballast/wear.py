@@ -16,14 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats
 from shipnet.ballast.actuator import Actuator, hydraulics, load_pressure, stroke_time
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import persistent
 from shipnet.fuzzy.terms import Term
 from shipnet.lazy import Axes, pd
-
-Floats = npt.NDArray[np.float64]
 
 #: A stroke may take so long [s]: row 0 of the rule table.
 LIMIT = 10.0
@@ -124,7 +123,7 @@ class Wear:
         `n` strokes; NaN if the rule never reports.
         """
 
-        def first(fires: npt.NDArray[np.bool_]) -> Floats:
+        def first(fires: Bools) -> Floats:
             reported = persistent(fires, k, n)
             return np.where(reported.any(axis=0), reported.argmax(axis=0).astype(float), np.nan)
 

@@ -12,11 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
+from shipnet.arrays import Floats
 from shipnet.can.frame import check_bit_rate
 from shipnet.fields import check_scalar
 from shipnet.lazy import pd
-
-Floats = npt.NDArray[np.float64]
 
 #: Ranges of the AT90CAN128 [quanta], and the prescaler; Atmel 4250E, 2004, p. 236.
 _PRESCALER, _SEGMENT, _JUMP, _QUANTA = 64, 8, 4, (8, 25)

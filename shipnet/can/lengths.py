@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple, overload
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import (
     CRC_BITS,
     INTERMISSION,
@@ -27,9 +28,6 @@ from shipnet.fields import check_choice
 
 Stuffing = Literal["none", "mean", "attainable", "worst", "worst 1994"]
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 Codes = npt.NDArray[np.uint8]
 Words = npt.NDArray[np.uint64]
 
@@ -171,8 +169,8 @@ class _Fields(NamedTuple):
     number: Integers
     data: Codes
     dlc: Integers
-    extended: Flags
-    remote: Flags
+    extended: Bools
+    remote: Bools
 
 
 def measure_frames(
@@ -202,7 +200,7 @@ def measure_frames(
     return Measures(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
 
-def region_bits(dlc: Integers, extended: Flags, remote: Flags) -> Integers:
+def region_bits(dlc: Integers, extended: Bools, remote: Bools) -> Integers:
     """Return how many bits of frames are subject to stuffing, stuff bits not counted."""
     empty = np.where(extended, stuffed_region(0, True), stuffed_region(0, False))
     return empty + np.where(remote, 0, 8 * np.minimum(dlc, 8))
@@ -257,7 +255,7 @@ def stuffing_table() -> StuffingTable:
     return table
 
 
-def stuff_count(high: Words, low: Words) -> npt.NDArray[np.int64]:
+def stuff_count(high: Words, low: Words) -> Integers:
     """Return how many stuff bits frames have."""
     table = stuffing_table()
     state = np.zeros(high.shape, dtype=np.uint16)

@@ -15,16 +15,13 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import COLUMNS, Findings
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import measure_frames
 from shipnet.can.messages import Message, MessageSet, check_set
 from shipnet.errors import ArgumentError, load_extra
 from shipnet.fields import check_path, check_scalar
 from shipnet.lazy import Axes, pd
-
-Booleans = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
-
 
 #: What the columns of a log may hold, by the kind of a numpy array.
 _KINDS = {
@@ -91,9 +88,9 @@ class Log:
 
     time: Floats
     channel: npt.NDArray[np.str_]
-    arbitration_id: npt.NDArray[np.int64]
-    extended: Booleans
-    remote: Booleans
+    arbitration_id: Integers
+    extended: Bools
+    remote: Bools
     dlc: npt.NDArray[np.uint8]
     data: npt.NDArray[np.uint8]
     faults: tuple[str, ...] = ()
@@ -389,9 +386,7 @@ class LogLoad:
 # What a log says -------------------------------------------------------------------------------
 
 
-def _sliding(
-    time: npt.NDArray[np.float64], bits: npt.NDArray[np.float64], window: float
-) -> npt.NDArray[np.float64]:
+def _sliding(time: Floats, bits: Floats, window: float) -> Floats:
     """Return the bits of the frames that ended within the window up to each of them."""
     summed = np.concatenate([[0.0], np.cumsum(bits)])
     # Stamps have microseconds: a frame exactly a window ago is out, in spite of roundings.

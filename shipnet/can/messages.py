@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
+from shipnet.arrays import Floats, Indices
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import Stuffing, length_table
 from shipnet.clock import nanoseconds
@@ -57,7 +58,6 @@ from shipnet.tables import (
 )
 
 T = TypeVar("T")
-Floats = npt.NDArray[np.float64]
 
 #: Bit rates in use [bit/s], with bus lengths from 5000 m down to 20 m: Beckhoff, BX5100
 #: documentation.
@@ -458,7 +458,7 @@ def message_lengths(messages: MessageSet, stuffing: Stuffing = "worst") -> Float
     return np.array([m.bits or table[m.extended][m.dlc] for m in messages], dtype=np.float64)
 
 
-def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[npt.NDArray[np.intp], int]:
+def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[Indices, int]:
     """Return the first bit of each point in the data of a station, and how many bytes they fill.
 
     Analogue values come first, `bits` each, filled up to a whole byte; then the states, one bit

@@ -14,10 +14,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from shipnet import style
+from shipnet.arrays import Integers
 from shipnet.can.faults import NO_ERRORS, ErrorBound, bound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
 from shipnet.can.messages import BIT_RATES, Message, MessageSet, Named, check_set
-from shipnet.can.offsets import Integers, Streams, clocks, longest_responses
+from shipnet.can.offsets import Streams, clocks, longest_responses
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_kind, choice, record, switch, whole

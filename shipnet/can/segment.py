@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_kind, check_scalar, check_whole, number, record, whole
 from shipnet.lazy import Axes, pd
@@ -20,7 +21,6 @@ from shipnet.line.cable import Cable
 from shipnet.line.characteristics import Driver, simulate
 from shipnet.line.network import CableRun, Load, Network
 
-Floats = npt.NDArray[np.float64]
 Bits = npt.NDArray[np.int8]
 
 #: Differential voltages [V] from which a receiver sees dominant, and up to which it sees

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.bus import (
     OVERWRITTEN,
     WAITING,
@@ -28,9 +29,6 @@ from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_kind, check_rng, check_scalar
 from shipnet.lazy import Axes, pd
-
-Integers = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 
 #: Most frames that one run may release: some gigabytes of memory.
 MOST_FRAMES = 20_000_000
@@ -484,7 +482,7 @@ def _statistics(
     number = len(messages)
     sent = start >= 0
 
-    def count(chosen: npt.NDArray[np.bool_]) -> Integers:
+    def count(chosen: Bools) -> Integers:
         return np.bincount(message[chosen], minlength=number)
 
     times = pd.Series(response[sent] / 1e6).groupby(message[sent])

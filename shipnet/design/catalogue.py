@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
@@ -25,7 +26,6 @@ SPREAD: Mapping[str, float] = {
     "confirmed": 0.0, "estimate": 0.25, "derived": 0.5, "assumption": 0.5,
 }  # fmt: skip
 
-Floats = npt.NDArray[np.float64]
 
 #: The names of the three values of a range.
 LEVELS: tuple[Literal["low", "nominal", "high"], ...] = ("low", "nominal", "high")

@@ -10,9 +10,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Floats
 from shipnet.design.catalogue import LEVELS, Level, values_at, words
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.plot import plot_ranges
@@ -41,7 +41,6 @@ def number(value: float) -> str:
 
 # What a design consists of, counted: cables by type, devices, channels -------------------------
 
-Floats = npt.NDArray[np.float64]
 
 #: What `numpy.random.default_rng` takes.
 Rng: TypeAlias = np.random.Generator | int | None

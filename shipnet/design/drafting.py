@@ -14,6 +14,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
+from shipnet.arrays import Bools, Floats, Indices
 from shipnet.design.catalogue import cables, smallest
 from shipnet.design.designs import Design
 from shipnet.design.layout import COLUMNS, frame
@@ -38,13 +39,11 @@ _MANY = 1000
 #: Rounds of moving the centres; assignments settle in a few.
 _ROUNDS = 20
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.intp]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def zones(xyz: Floats, *, reach: float, most: int) -> Ints:
+def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
     """Return the cluster of each place, (n, 3): no more than `most`, all within `reach`."""
     if len(xyz) > _MOST:
         upper = _halves(xyz)
@@ -62,7 +61,7 @@ def zones(xyz: Floats, *, reach: float, most: int) -> Ints:
 
 def balanced(
     xyz: Floats, groups: int, *, kinds: npt.ArrayLike = 0, most: Sequence[int] = ()
-) -> Ints:
+) -> Indices:
     """Return groups of nearly equal size whose places are near the middle of their group.
 
     A group has at most `most` places of each kind, and there is room for all of them.
@@ -140,14 +139,14 @@ def _first_centres(xyz: Floats, groups: int) -> Floats:
     return np.array([np.median(xyz[c], axis=0) if len(c) else xyz[order[-1]] for c in chunks])
 
 
-def _halves(xyz: Floats) -> npt.NDArray[np.bool_]:
+def _halves(xyz: Floats) -> Bools:
     along = xyz[:, np.ptp(xyz, axis=0).argmax()]
     upper = np.zeros(len(xyz), dtype=np.bool_)
     upper[np.argsort(along, kind="stable")[len(xyz) // 2 :]] = True
     return upper
 
 
-def _renumbered(labels: Ints) -> Ints:
+def _renumbered(labels: Indices) -> Indices:
     _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[inverse], dtype=np.intp)
 
@@ -391,10 +390,10 @@ class Box(NamedTuple):
 
     name: str
     place: Place
-    rows: Ints
+    rows: Indices
     lengths: Floats
 
-    def part(self, chosen: Ints) -> Box:
+    def part(self, chosen: Indices) -> Box:
         """Return the same box with some of its points, by their places in `rows`."""
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
@@ -406,7 +405,7 @@ class Box(NamedTuple):
         return [self.part(np.sort(part)) for part in np.array_split(order, 2)]
 
 
-def boxes(draft: Draft, rows: Ints) -> list[Box]:
+def boxes(draft: Draft, rows: Indices) -> list[Box]:
     """Return the boxes of some points; those that no box can be found for are given a reason."""
     table = draft.iolist.points
     names = table["box"].to_numpy(object)
@@ -438,7 +437,7 @@ def boxes(draft: Draft, rows: Ints) -> list[Box]:
     return found
 
 
-def without_place(draft: Draft, rows: Ints) -> None:
+def without_place(draft: Draft, rows: Indices) -> None:
     """Give points the reason that their place is not known."""
     for row in rows:
         tag = draft.tags[row]
@@ -457,7 +456,7 @@ def too_far(draft: Draft, box: Box, away: float, longest: float, most: str) -> N
 def _box(
     name: str,
     places: Floats,
-    rows: Ints,
+    rows: Indices,
     lengths: Floats,
 ) -> Box:
     x, y, z = (float(value) for value in np.median(places, axis=0))

@@ -10,11 +10,9 @@ from functools import cache, cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from shipnet import datasets
 from shipnet.answers import Findings
+from shipnet.arrays import Bools
 from shipnet.crc import Crc
 from shipnet.design.layout import Layout
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
@@ -40,7 +38,6 @@ if TYPE_CHECKING:
 
 # What can be computed of a planned design for a rule: times, losses, lines, standards
 
-Bools = npt.NDArray[np.bool_]
 
 #: Buses with an open international standard or public specification, and the CRC they have.
 STANDARDS: Mapping[str, tuple[str, Crc | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}

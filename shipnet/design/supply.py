@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.rules import rule_limits
 from shipnet.design.catalogue import cables
 from shipnet.lazy import pd
@@ -25,8 +26,6 @@ from shipnet.line.cable import CABLES
 if TYPE_CHECKING:
     from shipnet.design.layout import Layout
 
-Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.intp]
 
 #: What each signal draws from its station, by the name of the setting; the others draw nothing.
 LOADS: Mapping[str, str] = MappingProxyType(
@@ -49,10 +48,10 @@ class Forest:
     """Feeders and AS-i lines as trees; nodes are numbered, and -1 is none."""
 
     #: Number of the device at each node.
-    device: Whole
+    device: Indices
     #: Next node towards the supply, and the run to it.
-    parent: Whole
-    run: Whole
+    parent: Indices
+    run: Indices
     #: Length [m] and resistance of both conductors [ohm/m] of that run.
     metres: Floats
     ohms: Floats
@@ -63,13 +62,13 @@ class Forest:
     spur: Floats
     allowed: Floats
     #: Node of the supply that feeds each node, and the device at it.
-    root: Whole
+    root: Indices
     supply: Mapping[int, int]
     #: Nodes but the roots, level by level from the supplies.
-    levels: tuple[Whole, ...]
+    levels: tuple[Indices, ...]
 
     @property
-    def fed(self) -> Whole:
+    def fed(self) -> Indices:
         """Nodes but the roots, those near the supplies first."""
         return np.concatenate([np.zeros(0, np.intp), *self.levels])
 
@@ -109,7 +108,7 @@ class Forest:
         )  # fmt: skip
 
 
-def _rooted(parent: Whole, nodes: Whole) -> tuple[Whole, tuple[Whole, ...]]:
+def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ...]]:
     """Return the root of each node, and some nodes but the roots level by level."""
     root, depth, up = np.arange(len(parent)), np.zeros(len(parent), np.intp), parent.copy()
     while (up >= 0).any():
@@ -183,11 +182,11 @@ def _slave_voltage() -> float:
 def _roots(
     design: Layout,
     kinds: npt.NDArray[np.object_],
-    at: Whole,
+    at: Indices,
     master: Mapping[str, int],
-    on_asi: npt.NDArray[np.bool_],
-    u: Whole,
-    v: Whole,
+    on_asi: Bools,
+    u: Indices,
+    v: Indices,
 ) -> dict[int, int]:
     """Return the node that each supply feeds, and the supply there."""
     count, segments = len(kinds), design.devices["segment"].tolist()
@@ -221,12 +220,12 @@ def _roots(
 def _loads(
     design: Layout,
     kinds: npt.NDArray[np.object_],
-    at: Whole,
+    at: Indices,
     master: Mapping[str, int],
-    on_asi: npt.NDArray[np.bool_],
+    on_asi: Bools,
     index: Mapping[str, int],
     ends: set[int],
-) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+) -> tuple[Floats, Floats, Bools]:
     """Return what each node draws [A], what is lost to its worst point [V], and which have 24 V."""
     settings, limits, count = design.settings, design.settings.supply, len(kinds)
     points, listed = design.points, design.iolist.points

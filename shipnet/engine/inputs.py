@@ -24,12 +24,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.engine.points import PT100, Point, PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, part, record, switch, whole
 from shipnet.lazy import pd
 
-_Floats = npt.NDArray[np.float64]
 _Codes = npt.NDArray[np.uint16]
 
 
@@ -41,7 +41,7 @@ _R0 = 100.0
 _A, _B, _C = 3.9083e-3, -5.775e-7, -4.183e-12
 
 
-def pt100_resistance(temperature: npt.ArrayLike) -> float | _Floats:
+def pt100_resistance(temperature: npt.ArrayLike) -> float | Floats:
     """Return the resistance [ohm] of a Pt100 at -200..850 degC; IEC 60751, section 4.2."""
     t = _within("temperature", temperature, *PT100, "degC")
     cold = np.minimum(t, 0)
@@ -49,7 +49,7 @@ def pt100_resistance(temperature: npt.ArrayLike) -> float | _Floats:
     return r if r.ndim else float(r)
 
 
-def pt100_temperature(resistance: npt.ArrayLike) -> float | _Floats:
+def pt100_temperature(resistance: npt.ArrayLike) -> float | Floats:
     """Return the temperature [degC] of a Pt100: closed form from 0 degC up, Newton's rule below."""
     low, high = (float(pt100_resistance(end)) for end in PT100)
     r = _within("resistance", resistance, low, high, "ohm")
@@ -65,7 +65,7 @@ def pt100_temperature(resistance: npt.ArrayLike) -> float | _Floats:
     return t if t.ndim else float(t)
 
 
-def _within(name: str, value: npt.ArrayLike, low: float, high: float, unit: str) -> _Floats:
+def _within(name: str, value: npt.ArrayLike, low: float, high: float, unit: str) -> Floats:
     array = np.asarray(value)
     if array.dtype.kind not in "iuf":
         raise ArgumentError(f"{name} is {value!r}; it must be numbers, {low:g}..{high:g} {unit}")
@@ -160,7 +160,7 @@ class InputCard:
         """Voltage from one code to the next [V]."""
         return float(self.reference / 2**self.bits)
 
-    def signal(self, values: npt.ArrayLike) -> _Floats:
+    def signal(self, values: npt.ArrayLike) -> Floats:
         """Return what the sensors do at values: resistance [ohm], current [A], contact (1 closed).
 
         A transmitter goes no further than 3.8 and 20.5 mA.
@@ -185,14 +185,14 @@ class InputCard:
         return signals
 
     @property
-    def window(self) -> _Floats:
+    def window(self) -> Floats:
         """Signals that make 0 V and the reference, shape (n_points, 2)."""
         ends = self._ends
         span = ends[:, 1] - ends[:, 0]
         wide = np.array([self.margin * point.analogue for point in self.points])
         return np.column_stack([ends[:, 0] - wide * span, ends[:, 1] + wide * span])
 
-    def voltage(self, signal: npt.ArrayLike) -> _Floats:
+    def voltage(self, signal: npt.ArrayLike) -> Floats:
         """Return the voltages at the converter [V]; a resistance or current may be infinite."""
         s = self._shaped("signal", signal)
         if np.isnan(s).any():
@@ -208,7 +208,7 @@ class InputCard:
         steps = np.clip(np.floor(u / self.step + 0.5), 0, self.highest)
         return np.where(analogue, steps, u > self.reference / 2).astype(np.uint16)
 
-    def value(self, code: npt.ArrayLike) -> _Floats:
+    def value(self, code: npt.ArrayLike) -> Floats:
         """Return the values that the firmware makes of codes."""
         c = np.asarray(code)
         highest = np.array([self.highest if p.analogue else 1 for p in self.points])
@@ -220,7 +220,7 @@ class InputCard:
             raise ArgumentError(f"code is out of range; it must be 0..{highest.max()}")
         return self._decoded(c / np.where(highest > 1, self.highest + 1.0, 1.0))
 
-    def _decoded(self, part: npt.ArrayLike, *, linearised: bool | None = None) -> _Floats:
+    def _decoded(self, part: npt.ArrayLike, *, linearised: bool | None = None) -> Floats:
         """Return the values at parts of the window, voltage over reference, without rounding."""
         x = self._shaped("part", part)
         curve = self.linearised if linearised is None else linearised
@@ -240,7 +240,7 @@ class InputCard:
         return values
 
     @property
-    def limits(self) -> npt.NDArray[np.int64]:
+    def limits(self) -> Integers:
         """Codes at or below the first and at or above the second are failures, shape (n_points, 2).
 
         They are the codes of 3.6 and 21 mA, and of the same parts of a thermometer's span; -1 and
@@ -257,7 +257,7 @@ class InputCard:
             ]
         )
 
-    def valid(self, code: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    def valid(self, code: npt.ArrayLike) -> Bools:
         """Return which codes are values and not failures, by `limits`."""
         low, high = self.limits.T
         c = np.asarray(code)
@@ -334,7 +334,7 @@ class InputCard:
         return pd.DataFrame(rows, columns=columns)
 
     @cached_property
-    def _ends(self) -> _Floats:
+    def _ends(self) -> Floats:
         """The signals at both ends of the ranges."""
         ends = np.empty((len(self.points), 2))
         for k, point in enumerate(self.points):
@@ -345,7 +345,7 @@ class InputCard:
                 ends[k] = _LOOP if point.analogue else (1, 0)
         return ends
 
-    def _shaped(self, name: str, values: npt.ArrayLike) -> _Floats:
+    def _shaped(self, name: str, values: npt.ArrayLike) -> Floats:
         array = np.asarray(values)
         n = len(self.points)
         if array.dtype.kind not in "iufb" or not array.ndim or array.shape[-1] != n:

@@ -18,13 +18,13 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats
 from shipnet.engine.points import Point, PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, part, record, switch, whole
 from shipnet.lazy import pd
 from shipnet.modbus.pdu import Request
 
-_Floats = npt.NDArray[np.float64]
 _Registers = npt.NDArray[np.uint16]
 
 
@@ -113,7 +113,7 @@ class Coding:
         whole = np.clip(count, low, high).astype(np.int64) & 0xFFFF
         return np.where(missing, self.error, whole).astype(np.uint16)
 
-    def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> _Floats:
+    def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> Floats:
         """Return the values of registers, NaN where one holds the error mark."""
         known = PointList(points)
         r = np.asarray(registers)
@@ -124,19 +124,19 @@ class Coding:
         step, zero = self._scale(known)
         return np.where(r == self.error, np.nan, zero + step * self._number(known, r))
 
-    def _number(self, points: PointList, registers: npt.NDArray[np.integer]) -> _Floats:
+    def _number(self, points: PointList, registers: npt.NDArray[np.integer]) -> Floats:
         """Return the whole numbers that registers hold."""
         r = registers.astype(np.int64)
         signed = self._bounds(points)[0] < 0
         return np.where(signed & (r >= 0x8000), r - 0x10000, r).astype(np.float64)
 
-    def _scale(self, points: PointList) -> tuple[_Floats, _Floats]:
+    def _scale(self, points: PointList) -> tuple[Floats, Floats]:
         """Return step and value of content 0, by point."""
         full = self.step == "full scale"
         zero = np.array([point.low if full and point.analogue else 0.0 for point in points])
         return np.array([self.step_of(point) for point in points]), zero
 
-    def _bounds(self, points: PointList) -> tuple[_Floats, _Floats]:
+    def _bounds(self, points: PointList) -> tuple[Floats, Floats]:
         """Return the lowest and highest whole number that a register holds, by point.
 
         The lowest one of two's complement is left out if it is the error mark.
@@ -233,9 +233,9 @@ class Decoded(NamedTuple):
     A value is NaN where it is marked; without status words, ages and heartbeats are NaN.
     """
 
-    values: _Floats
-    ages: _Floats
-    heartbeats: _Floats
+    values: Floats
+    ages: Floats
+    heartbeats: Floats
 
 
 @record
@@ -436,5 +436,5 @@ def _cut(places: list[int], most: int) -> list[tuple[int, ...]]:
     return [tuple(places[k : k + most]) for k in range(0, len(places), most)]
 
 
-def _bits(states: npt.NDArray[np.bool_]) -> Any:
+def _bits(states: Bools) -> Any:
     return states @ (1 << np.arange(states.shape[-1]))

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import WIRES, EngineFault, StuckSensor, outages
 from shipnet.engine.inputs import InputCard
@@ -21,10 +22,6 @@ from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
-
-Bools = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 _Slices = list[tuple[int, int, str]]
 

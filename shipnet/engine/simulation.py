@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Integers
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import (
@@ -29,7 +30,7 @@ from shipnet.engine.faults import (
     ModbusBreak,
     outages,
 )
-from shipnet.engine.run import NEVER, Attempts, Cpu, Frames, Integers, Rounds, Run, Views, marks
+from shipnet.engine.run import NEVER, Attempts, Cpu, Frames, Rounds, Run, Views, marks
 from shipnet.engine.system import RULE, FailureBounds, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole

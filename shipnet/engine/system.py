@@ -12,8 +12,8 @@ from math import inf
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Floats, Integers
 from shipnet.clock import Fault, as_faults, nanoseconds
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.faults import (
@@ -40,8 +40,6 @@ from shipnet.modbus.uart import SerialLine
 if TYPE_CHECKING:
     from shipnet.can.messages import MessageSet
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 #: What lee2012 quotes from the class rules, section II: a response takes 2 s at most [s].
 RULE = 2.0

@@ -11,13 +11,11 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.fuzzy.terms import Rule, Variable
 from shipnet.lazy import pd
-
-Bools = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
 
 #: Values by the name of their variable.
 Samples: TypeAlias = "Mapping[str, npt.ArrayLike] | pd.DataFrame"

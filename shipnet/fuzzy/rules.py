@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.firing import (
     Ramps,
@@ -28,9 +29,6 @@ from shipnet.fuzzy.firing import (
 )
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN, Rule, Term, Variable, number_text
 from shipnet.lazy import Axes, pd
-
-Bools = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
 
 #: Samples that are processed at once: what they need stays in the cache.
 _BLOCK = 8192
@@ -162,7 +160,7 @@ class RuleBase:
         ]
         return pd.DataFrame(rows, columns=list(RULE_COLUMNS))
 
-    def random_samples(self, n: int, rng: Any = None) -> dict[str, npt.NDArray[np.float64]]:
+    def random_samples(self, n: int, rng: Any = None) -> dict[str, Floats]:
         """Return `n` samples, uniform over the universe of each variable."""
         generator = np.random.default_rng(rng)
         return {v.name: generator.uniform(v.low, v.high, n) for v in self.variables}
@@ -601,7 +599,7 @@ class Overlaps:
         check_method(self.method, "crisp", "midpoint")
 
     @cached_property
-    def _counts(self) -> npt.NDArray[np.int64]:
+    def _counts(self) -> Integers:
         """The number of regions in which each pair of rules fires."""
         table = self.base.regions(self.method)[list(self.base.names)]
         fires = self.base.fire(table, self.method).strength.astype(np.int64)

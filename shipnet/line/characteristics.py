@@ -20,12 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats, Indices
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.line.network import Network
 from shipnet.line.waveform import Waveform
-
-Floats = npt.NDArray[np.float64]
 
 #: A quantity over time: a constant, its samples, or a function of the array of times.
 Signal = float | npt.ArrayLike | Callable[[Floats], npt.ArrayLike]
@@ -133,9 +132,9 @@ def _samples(what: str, signal: Signal, t: Floats, unit: str, low: float) -> Flo
 class _Ends(NamedTuple):
     """Both ends of all lines, sorted by node; `far` is the place of the other end."""
 
-    node: npt.NDArray[np.intp]
-    far: npt.NDArray[np.intp]
-    steps: npt.NDArray[np.intp]
+    node: Indices
+    far: Indices
+    steps: Indices
     """delay in whole steps"""
     fraction: Floats
     """and what it is longer"""

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import fields, style
+from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees, record
 from shipnet.lazy import Axes
@@ -27,8 +28,6 @@ LEAST, MOST = 1e-18, 1e18
 
 #: Legal currents and voltages at direct current, and minus that [A, V].
 _MOST_DC = 1e9
-
-Floats = npt.NDArray[np.float64]
 
 
 def _constant(unit: str, help: str) -> Any:
@@ -319,9 +318,7 @@ class Network:
             raise ArgumentError(f"no line leads from node {root!r} to {', '.join(lost)}")
         return Rooted(order, parent, above, levels)
 
-    def transfer(
-        self, root: str, s: npt.ArrayLike, to: str | None = None
-    ) -> npt.NDArray[np.complex128]:
+    def transfer(self, root: str, s: npt.ArrayLike, to: str | None = None) -> Complexes:
         """Return the transfer impedances between one node and every node, or one other [ohm].
 
         Row k is the voltage at node k per ampere into the root, and as well the voltage at the
@@ -333,7 +330,7 @@ class Network:
         pieces = [(run.made_of, run.length) for run in self.runs]
         shunts, trees = self.shunts(), self._trees or 1
 
-        def sweep(node: str) -> npt.NDArray[np.complex128]:
+        def sweep(node: str) -> Complexes:
             return tree_transfer(self.rooted(node), pieces, shunts, bins, trees)
 
         z = sweep(root)
@@ -348,7 +345,7 @@ class Network:
     def waveforms(
         self,
         root: str,
-        spectrum: Callable[[npt.NDArray[np.complex128]], npt.ArrayLike],
+        spectrum: Callable[[Complexes], npt.ArrayLike],
         duration: float,
         *,
         dt: float = 50e-9,

@@ -22,10 +22,9 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError, InputError
 from shipnet.lazy import pd
-
-Floats = npt.NDArray[np.float64]
 
 #: Fewest samples per second that resolve pulses of 3 us [1/s].
 SLOWEST_RATE = 1e6

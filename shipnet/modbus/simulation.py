@@ -8,17 +8,14 @@ from functools import cached_property
 from math import inf
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.redundancy import DualChannel, Faults, Loop, System, line_faults
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 #: Ports, and in place of one: served by none.
 A, B, LOST = range(3)
@@ -215,14 +212,14 @@ class Run:
         )
 
     @cached_property
-    def _columns(self) -> tuple[Floats, Ints, Ints, Ints, npt.NDArray[np.bool_]]:
+    def _columns(self) -> tuple[Floats, Integers, Integers, Integers, Bools]:
         columns = list(zip(*self.tries, strict=True)) if self.tries else [()] * 5
         slave, port, kind = (np.array(column, dtype=np.int64) for column in columns[1:4])
         start, answered = np.array(columns[0], dtype=float), np.array(columns[4], dtype=bool)
         return start, slave, port, kind, answered
 
     @cached_property
-    def _answers(self) -> tuple[Floats, Ints, Ints]:
+    def _answers(self) -> tuple[Floats, Integers, Integers]:
         """Return end, slave and port of the responses, slave by slave."""
         start, slave, port, _, answered = self._columns
         order = np.flatnonzero(answered)

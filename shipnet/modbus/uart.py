@@ -17,13 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Floats, Integers
 from shipnet.errors import ArgumentError, FormError, ParityError
 from shipnet.fields import check_kind, check_scalar, check_whole, number, record
 from shipnet.lazy import Axes
 from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
 
 Bits = npt.NDArray[np.uint8]
-Floats = npt.NDArray[np.float64]
 
 #: Data bits of a character of RTU.
 _DATA = 8
@@ -189,7 +189,7 @@ class Characters(NamedTuple):
     #: The byte, whatever its code.
     value: Bits
     #: 0, or the code of `ParityError` or `FormError`; `shipnet.errors.name_of` names it.
-    code: npt.NDArray[np.int64]
+    code: Integers
 
     @property
     def data(self) -> bytes:

@@ -10,8 +10,8 @@ from heapq import heappop, heappush
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Floats, Integers
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
     check_choice,
@@ -26,8 +26,6 @@ from shipnet.lazy import pd
 
 __all__ = ["LossyPath", "compare"]
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 Match = Literal["nothing", "unit id", "transaction id"]
 
 #: Transaction ids have 16 bits.

@@ -18,6 +18,7 @@ import pandas as pd
 from scipy import special
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats
 from shipnet.asi.emc.disturbances import PACKET_LENGTH, PACKET_PERIOD
 from shipnet.asi.modulation import CLASSES, HALF_BIT, Pulses
 from shipnet.asi.receiver import Disturbance, Receiver, RNGLike, Waveform, matched_filter, receive
@@ -26,8 +27,6 @@ from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.intervals import share_interval
 from shipnet.lazy import Axes
-
-Floats = npt.NDArray[np.float64]
 
 #: Samples worked on at a time: an array of them is 2 MB.
 _SAMPLES = 2**18
@@ -87,8 +86,6 @@ def _row(
         **dict(zip([*CLASSES, "silence"], share.tolist(), strict=True)),
     }
 
-
-Bools = npt.NDArray[np.bool_]
 
 #: What begins within this many half-bits ahead of the first pulse's peak is taken for the pulse.
 _REACH = 1.25

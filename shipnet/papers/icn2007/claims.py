@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.asi.faults import DeadSlave, LostReply, MasterFailure
 from shipnet.asi.master import Master
 from shipnet.asi.modulation import HALF_BIT, Modulation, ramp_spectrum
@@ -305,8 +306,6 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
 
 #: Frequencies on which energies are summed [Hz].
 FREQUENCIES = np.arange(0.5e3, 30e6, 1e3)
-
-Floats = npt.NDArray[np.float64]
 
 
 @check("icn2007-031", counter={"closed": False})

@@ -9,6 +9,7 @@ from math import comb
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.asi.elements import DEVICE
 from shipnet.asi.emc.disturbances import Noise
 from shipnet.asi.emc.error_rates import error_rate
@@ -65,8 +66,6 @@ def rising_current(*, sign: int = -1) -> bool:
 
 # Section 3.4: what the receiver copes with, and what an open cable does to the pulses.
 
-
-Floats = npt.NDArray[np.float64]
 
 #: Sampling interval of the trains [s].
 STEP = 250e-9
