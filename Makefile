@@ -2,8 +2,10 @@
 # make test       lint, types, floors, tests, notebooks under strict nbval, wheel, browser
 # make notebooks  re-execute the notebooks; show what would change; store it with ACCEPT=1
 # make lessons    derive the editions of the lessons whose source changed, and their slides
-# make dist      build the wheel and the source distribution under dist/
-# make coverage  which lines the unit tests never run
+# make nbval      the notebooks that your changes can move, under strict nbval; one with NB=path
+# make renew      after a change of data: check sums, counts of claims, numbers of the README
+# make dist       build the wheel and the source distribution under dist/
+# make coverage   which lines the unit tests never run
 # make wheels     fill build/wheels for a room without a network; SYSTEM=windows PYTHON=3.12
 # make lab        open JupyterLab
 # make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
@@ -33,7 +35,7 @@ unexport VIRTUAL_ENV
 
 .DEFAULT_GOAL := all
 .NOTPARALLEL:
-.PHONY: all setup site notebooks test lint unit browser coverage dist lessons wheels lab app bench fuzz mutants lock clean
+.PHONY: all setup site notebooks nbval renew test lint unit browser coverage dist lessons wheels lab app bench fuzz mutants lock clean
 
 all: site
 	@$(PY) -m shipnet ledger --summary
@@ -82,6 +84,17 @@ WEB   := $(BIN)/pytest -q -n 2 --dist load tests/browser
 unit: setup
 	@echo "unit, property and doc tests, notebooks under strict nbval, wheel"
 	@$(UNIT)
+
+# By default, what differs from the last commit decides.
+NB = $(shell $(PY) docs/notebooks.py affected $$(git diff --name-only HEAD))
+
+nbval: setup
+	@for notebook in $(or $(NB),none); do \
+	  [ $$notebook != none ] || { echo "no change since the last commit moves a notebook"; exit 0; }; \
+	  $(BIN)/pytest -q $(NBVAL) $$notebook || exit 1; done
+
+renew: setup
+	@$(PY) docs/renew.py
 
 browser: setup
 	@echo "the book in a browser"

@@ -2,6 +2,7 @@
 
     python docs/notebooks.py run                       execute the stale copies in build/notebooks
     python docs/notebooks.py store [--accept] [paths]  show what would change, or store it
+    python docs/notebooks.py affected FILES            name the notebooks that these files can move
 
 A copy is stale when its notebook, the package, the data or the lock changed. What is stored is
 byte-stable: executing a notebook twice gives the same file, so a diff is something that moved.
@@ -10,6 +11,7 @@ byte-stable: executing a notebook twice gives the same file, so a diff is someth
 from __future__ import annotations
 
 import argparse
+import ast
 import difflib
 import hashlib
 import os
@@ -20,8 +22,10 @@ import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import nbformat
 from nbclient import NotebookClient
@@ -268,6 +272,121 @@ def _text_changes(old: str, new: str) -> list[str]:
     return ["output changed\n" + "\n".join(f"    {line}" for line in diff[:20])]
 
 
+def affected(root: Path, files: Iterable[str]) -> list[Path]:
+    """Return the notebooks whose outputs a change of these files can move, by what they import."""
+    named = [Path(file) for file in files]
+    modules = {_module(file) for file in named if file.parts[0] == "shipnet"}
+    # A file is read by its name, or by what follows the key of a paper in it.
+    data = [file.name for file in named if file.parts[0] == "data"]
+    data += [f"_{rest}" for name in data if (rest := name.partition("_")[2])]
+    graph = _graph()
+    for module in graph.modules if data else ():
+        source = root.joinpath(*module.split("."))
+        source = source / "__init__.py" if source.is_dir() else source.with_suffix(".py")
+        text = source.read_text(encoding="utf-8")
+        if any(name in text and name in _strings(text) for name in data):
+            modules.add(module)
+    below = set(modules)
+    for module in graph.modules:
+        if _within(module, modules):
+            below |= {module, *graph.find_downstream_modules(module)}
+    found = []
+    for path, (text, used) in _needs(root).items():
+        by_import = any(_within(one, used) for one in below)
+        if path.relative_to(root) in named or by_import or any(name in text for name in data):
+            found.append(path)
+    return found
+
+
+@cache
+def _graph() -> Any:
+    """Return who imports whom in the package."""
+    import grimp  # only one command needs it
+
+    return grimp.build_graph("shipnet", cache_dir=None)
+
+
+@cache
+def _needs(root: Path) -> dict[Path, tuple[str, set[str]]]:
+    """Return the text of each notebook and the modules that it uses, with what these find by name.
+
+    That is what judges the claims of a paper, and the exercises of a lesson.
+    """
+    needs = {}
+    for path in find(root):
+        text = path.read_text(encoding="utf-8")
+        used = _used(root, nbformat.reads(text, as_version=4))
+        if _within("shipnet.papers.judging", used) or "shipnet.papers" in used:
+            folders = (root / "shipnet" / "papers").glob("*/")
+            keys = [one.name for one in folders if one.name in text]
+            used |= {f"shipnet.papers.{key}" for key in keys} or {"shipnet.papers"}
+        if any(_within(one, {"shipnet.exercises"}) for one in used):
+            used.add(f"shipnet.exercises.lesson_{path.name[:2]}")
+        needs[path] = text, used
+    return needs
+
+
+def _strings(source: str) -> str:
+    """Return the strings of a module, but for those of several lines, which are documentation."""
+    nodes = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant))
+    texts = (node.value for node in nodes if isinstance(node.value, str))
+    return "\n".join(text for text in texts if "\n" not in text)
+
+
+def _module(file: Path) -> str:
+    """Return the module of a file of the package; its folder's if it is not Python."""
+    parts = file.with_suffix("").parts if file.suffix == ".py" else file.parts[:-1]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _within(module: str, packages: Iterable[str]) -> bool:
+    return any(module == one or module.startswith(f"{one}.") for one in packages)
+
+
+def _used(root: Path, notebook: NotebookNode) -> set[str]:
+    """Return the modules that define what a notebook uses, or the package where that is unclear."""
+    cells = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
+    lines = "\n".join(cells).splitlines()
+    tree = ast.parse("\n".join("" if line.lstrip()[:1] in "%!" else line for line in lines))
+    names = {"shipnet": "shipnet"}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "shipnet":
+            names |= {one.asname or one.name: f"{node.module}.{one.name}" for one in node.names}
+    reached = {full for name, full in names.items() if name != "shipnet"}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and (full := _dotted(node, names)):
+            reached.add(full)
+    longest = {one for one in reached if not any(other.startswith(f"{one}.") for other in reached)}
+    return {_defining(root, one) for one in longest}
+
+
+def _dotted(node: ast.expr, names: dict[str, str]) -> str:
+    """Return ``shipnet.asi.cycle_time`` for ``asi.cycle_time``, nothing for other expressions."""
+    if isinstance(node, ast.Name):
+        return names.get(node.id, "")
+    if isinstance(node, ast.Attribute) and (before := _dotted(node.value, names)):
+        return f"{before}.{node.attr}"
+    return ""
+
+
+def _defining(root: Path, full: str) -> str:
+    """Return the module from which a front takes a name, as its stub says."""
+    at = "shipnet"
+    for name in full.split(".")[1:]:
+        folder = root.joinpath(*at.split("."))
+        stub = folder / "__init__.pyi"
+        text = stub.read_text(encoding="utf-8") if stub.is_file() else ""
+        if (folder / name).is_dir():
+            at = f"{at}.{name}"
+        elif found := re.search(rf"^from \.(\S+) import {name} as", text, re.MULTILINE):
+            at = f"{at}.{found[1]}"
+        elif (folder / f"{name}.py").is_file():
+            at = f"{at}.{name}"
+        else:
+            break
+    return at
+
+
 def main(argv: list[str] | None = None, root: Path = ROOT) -> int:
     """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(
@@ -278,9 +397,14 @@ def main(argv: list[str] | None = None, root: Path = ROOT) -> int:
     storing = commands.add_parser("store", help="show what would change in the stored outputs")
     storing.add_argument("--accept", action="store_true", help="store it")
     storing.add_argument("paths", nargs="*", type=Path, help="notebooks; all when none is named")
+    asking = commands.add_parser("affected", help="name the notebooks that changed files can move")
+    asking.add_argument("files", nargs="*", help="files of the repository, such as data/claims.csv")
     given = parser.parse_args(argv)
     if given.command == "run":
         return 1 if run(root) else 0
+    if given.command == "affected":
+        print("\n".join(path.relative_to(root).as_posix() for path in affected(root, given.files)))
+        return 0
     return store(root, [path.resolve() for path in given.paths], accept=given.accept)
 
 

@@ -55,7 +55,16 @@ def test_what_a_page_shows_is_what_happens(page, tmp_path, monkeypatch):
 def test_a_title_begins_with_a_verb_and_links_lead_somewhere(page):
     text = page.read_text(encoding="utf-8")
     title = text.splitlines()[0]
-    assert title.split()[1] in {"Check", "Compare", "Decode", "Hand", "Read", "Serve", "Simulate"}
+    assert title.split()[1] in {
+        "Add",
+        "Check",
+        "Compare",
+        "Decode",
+        "Hand",
+        "Read",
+        "Serve",
+        "Simulate",
+    }
     for target in re.findall(r"\]\(((?!http)[^)#]+)\)", text):
         # In the book, the folder howto/ lies beside notebooks/ and data/.
         path = ROOT / normpath(f"howto/{target}")

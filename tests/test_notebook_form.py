@@ -170,6 +170,10 @@ def cell_faults(cell, number):
         yield "its output is not compared"
     if re.search(r"https?:|\b(urllib|http\.client|socket)\b|import requests", cell.source):
         yield "asks the network"
+    if typed := re.search(
+        r"\bax(?:es\[\d\])?\.ax[hv]line\(-?[\d.]+[,)]|style\.limit\(\w+, -?[\d.]+[,)]", cell.source
+    ):
+        yield f"draws a limit from a typed number, {typed[0]}; name it, or take it from its model"
     if len(cell.source.splitlines()) > 15:
         yield "has more than 15 lines; they belong in the package"
     for output in cell.outputs:
@@ -260,6 +264,9 @@ def test_a_sound_notebook_has_no_fault():
         ({"metadata": {"tags": ["nbval-skip"]}}, "not compared"),
         ({"metadata": {"tags": ["widget"]}}, "widget cell is stored with output"),
         ({"source": "import urllib.request"}, "network"),
+        ({"source": "ax.axhline(30, color='r')"}, "limit from a typed number"),
+        ({"source": "axes[1].axvline(0.5)"}, "limit from a typed number"),
+        ({"source": "style.limit(ax, -2.5)"}, "limit from a typed number"),
         ({"source": "x = 1\n" * 16}, "more than 15 lines"),
         ({"source": ""}, "empty"),
         ({"source": "from shipnet import nothing"}, "not public"),

@@ -9,6 +9,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_outp
 
 from docs import notebooks
 
+ROOT = Path(__file__).resolve().parents[1]
 TITLE = new_markdown_cell("# A title", id="title")
 
 
@@ -179,3 +180,27 @@ def test_changes_of_a_figure():
         return new_notebook(cells=[cell])
 
     assert list(notebooks.changes(notebook("old"), notebook("new"))) == [(1, "figure changed")]
+
+
+def stems(*files):
+    return {path.stem for path in notebooks.affected(ROOT, files)}
+
+
+def test_a_file_affects_the_notebooks_that_import_it_and_no_others():
+    assert {"04_polling", "2_access"} <= stems("shipnet/asi/timing.py")
+    assert not {"05_can", "1_buses"} & stems("shipnet/asi/timing.py")
+    assert stems("shipnet/exercises/lesson_03.py") == {"03_frames"}
+    assert stems("shipnet/tools/page.css") > {"asi_line", "can_load"}
+    assert stems("notebooks/lessons/05_can.ipynb") == {"05_can"}
+    assert stems("docs/build.py") == stems() == set()
+
+
+def test_data_affect_the_notebooks_whose_modules_read_them():
+    assert {"1_telegrams", "2_diagnosis", "00_start_here"} <= stems("data/claims.csv")
+    assert "can_load" not in stems("data/claims.csv")
+    # Read by the part of the name that follows the paper's key.
+    assert "1_telegrams" in stems("data/kim2023_table_differences.csv")
+
+
+def test_every_notebook_is_affected_by_what_all_import():
+    assert len(notebooks.affected(ROOT, ["shipnet/errors.py"])) == len(notebooks.find(ROOT))

@@ -66,7 +66,9 @@ class AsiLine(Tool):
         help="Impedance and delay: the nominal cable, and the corners of a data sheet's limits.",
     )  # fmt: skip
     terminator: bool = switch(
-        default=False, label="100 ohm at the end", help="A terminator absorbs the echo."
+        default=False,
+        label="100 ohm at the end",
+        help="A terminator absorbs the echo, and loads the line.",
     )
     noise: float = number(
         0, 10, default=0.0, unit="V", slider=(0, 1.5), step=0.05, label="noise in 2 MHz",
@@ -116,9 +118,12 @@ class AsiLine(Tool):
             verdict = f"{type(error).__name__}: {error}"
         if read and read != sent:
             verdict = f"read {read}, but {sent} was sent: the fault went undetected"
+        within = bool(self.result.within_tolerance)
+        if read == sent and not within:
+            verdict += "; but the pulses are outside their tolerance"
         return View(
             verdict=verdict,
-            ok=read == sent,
+            ok=read == sent and within,
             numbers=self._numbers(),
             plot=self.plot,
             about="Voltage at the master over time, and the pulses that the receiver finds",
@@ -139,6 +144,6 @@ class AsiLine(Tool):
         return {
             **swing,
             "first pulse": f"{heard.amplitude:.2f} V",
-            "weakest pulse": f"{heard.weakest:.0%} of the largest, {evenness:.0%} needed",
-            "ringing": f"{heard.ringing:.0%} of the largest, {ringing:.0%} allowed",
+            "weakest pulse": f"{heard.weakest:.1%} of the largest, {evenness:.0%} needed",
+            "ringing": f"{heard.ringing:.1%} of the largest, {ringing:.0%} allowed",
         }

@@ -20,7 +20,21 @@ def test_every_answer_is_read_on_every_cable(data, cable):
 def test_too_long_a_cable_gives_a_named_error_and_a_terminator_prevents_it():
     long = AsiLine(length=250)
     assert not long.ok and long.verdict.startswith("AlternationError: slot 4")
-    assert replace(long, terminator=True).ok
+    terminated = replace(long, terminator=True)
+    assert terminated.verdict.startswith("read 0011001: ")
+
+
+def test_a_terminator_loads_the_line_and_leaves_the_tolerances_of_the_pulses():
+    for length in (100, 200, 250):
+        tool = AsiLine(length=length, terminator=True)
+        assert tool._read() == Response(tool.data).bits
+        assert not tool.ok and tool.result.ringing > 0.30
+
+
+def test_a_telegram_read_from_uneven_pulses_is_no_good_line():
+    far = AsiLine(length=230, place=230)
+    assert far.numbers["ringing"] > "30%" and far._read() == Response(far.data).bits
+    assert not far.ok and far.verdict.endswith("; but the pulses are outside their tolerance")
 
 
 def test_noise_hides_the_answer_and_another_try_may_pass():
