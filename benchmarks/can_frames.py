@@ -35,7 +35,7 @@ def main():
     rng = np.random.default_rng(2024)
     number, data = rng.integers(0, 2048, NUMBER), rng.integers(0, 256, (NUMBER, 8), dtype=np.uint8)
     some = list(zip(number[:SAMPLE].tolist(), map(bytes, data[:SAMPLE]), strict=True))
-    lengths = measure_frames(number[:SAMPLE], data[:SAMPLE]).length.tolist()
+    lengths = measure_frames(number[:SAMPLE], data[:SAMPLE]).tolist()
     assert [plain_length(*pair) for pair in some] == lengths
     assert [Frame(*pair).length for pair in some] == lengths
 

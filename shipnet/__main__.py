@@ -205,6 +205,10 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     option("--set NAME=VALUE", "one of these, as in such a file", [])
     option("--show-settings", "print all of these as such a file, with limits, and stop")
+    option(
+        "--tables FOLDER", "what a yard builds from, as CSV and Excel files in a folder: cables, "
+        "terminals, devices, points, supplies, bill; the same as -o FOLDER", [], dest="output",
+    )  # fmt: skip
     option("--title TEXT", "of the report")
     option("--date TEXT", "printed on the report (default none)")
     return parser

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from shipnet.errors import ArgumentError
 from shipnet.lazy import Axes, pd
+from shipnet.tables import as_workbook
 
 __all__ = ["COLUMNS", "FORMS", "VERDICTS", "Answer", "Findings", "check_output"]
 
@@ -177,9 +178,7 @@ class Answer(NamedTuple):
         elif suffix == ".csv":
             next(iter(self.tables.values())).to_csv(file, index=False)
         elif suffix == ".xlsx":
-            with pd.ExcelWriter(file) as book:
-                for name, table in self.tables.items():
-                    table.to_excel(book, sheet_name=name, index=False)
+            Path(file).write_bytes(as_workbook(self.tables))
         elif suffix:
             from shipnet import style
 

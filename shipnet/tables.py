@@ -1,8 +1,9 @@
-"""Tables as people keep them: CSV files of any spreadsheet, and Excel workbooks, as rows of text.
+"""Tables as people keep them: CSV files of any spreadsheet, and Excel workbooks.
 
-What the rows mean is for the caller. This module reads them, and says where each one is. A workbook
-is read with openpyxl as a file from a stranger: formulas are never evaluated, a part with a DTD is
-refused, and the size of archive and sheets is bounded.
+They are read as rows of text, and written so that no text becomes a formula. What the rows mean is
+for the caller. This module reads them, and says where each one is. A workbook is read with openpyxl
+as a file from a stranger: formulas are never evaluated, a part with a DTD is refused, and the size
+of archive and sheets is bounded.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from datetime import date, time, timedelta
 from functools import cache
 from io import BytesIO, StringIO
+from math import inf
 from operator import itemgetter
 from os import PathLike
 from pathlib import Path
@@ -28,8 +30,8 @@ from shipnet.errors import InputError, listed
 from shipnet.lazy import pd
 
 __all__ = [
-    "ERRORS", "NUMBER", "Remark", "Sheet", "frame_sheet", "in_order", "parse_sheet", "read_bytes",
-    "read_sheet", "read_sheets", "text_of", "titled",
+    "ERRORS", "NUMBER", "Remark", "Sheet", "as_csv", "as_workbook", "frame_sheet", "in_order",
+    "no_formula", "parse_sheet", "read_bytes", "read_sheet", "read_sheets", "text_of", "titled",
 ]  # fmt: skip
 
 #: A number with a decimal point, nothing before or after it.
@@ -532,3 +534,63 @@ def _cell(value: Any) -> str:
         return ""
     # Excel knows no whole numbers: 7.0 is what it shows as 7.
     return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
+
+
+# Writing: DataFrames as the files that a spreadsheet opens ---------------------------------------
+
+#: What a spreadsheet may take for a formula.
+_FORMULA = re.compile(r"'*[=+\-@]")
+
+#: Widest column of a workbook, and the rows that say how wide one has to be.
+_WIDEST, _LOOKED_AT = 60, 200
+
+
+def no_formula(text: str) -> str:
+    """Return text for a CSV file: with an apostrophe if a spreadsheet would compute it."""
+    return f"'{text}" if _FORMULA.match(text) else text
+
+
+def as_csv(table: pd.DataFrame) -> bytes:
+    """Return a table as a CSV file: UTF-8 with a mark, so that Excel does not garble Korean."""
+    cells = table.map(_joined).map(lambda cell: no_formula(cell) if isinstance(cell, str) else cell)
+    written = cells.to_csv(index=False, lineterminator="\n", float_format="%.10g")
+    return written.encode("utf-8-sig")
+
+
+def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
+    """Return tables as the sheets of an Excel workbook, each with its titles in sight."""
+    from openpyxl import Workbook
+    from openpyxl.cell import WriteOnlyCell
+    from openpyxl.cell.cell import ILLEGAL_CHARACTERS_RE
+    from openpyxl.styles import Font
+    from openpyxl.utils import get_column_letter
+
+    book = Workbook(write_only=True)
+    for name, table in tables.items():
+        sheet = book.create_sheet(name)
+
+        def text(value: str, sheet: Any = sheet, font: Font | None = None) -> Any:
+            cell = WriteOnlyCell(sheet, ILLEGAL_CHARACTERS_RE.sub("?", value))
+            cell.data_type = "s"  # openpyxl takes "=1" for a formula
+            if font:
+                cell.font = font
+            return cell
+
+        sheet.freeze_panes = "A2"
+        rows = table.astype(object).where(table.notna(), None).map(_joined)
+        rows = rows.replace({inf: "inf", -inf: "-inf"})  # a workbook has no such number
+        for place, title in enumerate(table.columns, 1):
+            shown = [title, *rows.iloc[:_LOOKED_AT, place - 1]]
+            width = max(len(str(cell)) for cell in shown) + 2
+            sheet.column_dimensions[get_column_letter(place)].width = min(width, _WIDEST)
+        sheet.append([text(title, font=Font(bold=True)) for title in table.columns])
+        for row in rows.itertuples(index=False, name=None):
+            sheet.append([text(cell) if isinstance(cell, str) else cell for cell in row])
+    stream = BytesIO()
+    book.save(stream)
+    return stream.getvalue()
+
+
+def _joined(cell: object) -> object:
+    """Return a cell, several names as one text."""
+    return "; ".join(map(str, cell)) if isinstance(cell, tuple) else cell

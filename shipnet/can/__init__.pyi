@@ -24,11 +24,9 @@ from .response import Assumptions as Assumptions
 from .response import ResponseTime as ResponseTime
 from .response import ResponseTimes as ResponseTimes
 from .response import audsley as audsley
-from .response import lowest_bit_rate as lowest_bit_rate
 from .response import response_times as response_times
 from .segment import Segment as Segment
 from .segment import Signals as Signals
-from .segment import line as line
 from .simulation import BatchRun as BatchRun
 from .simulation import Run as Run
 from .simulation import simulate as simulate

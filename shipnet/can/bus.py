@@ -6,7 +6,7 @@ All releases of an instant are gathered before the arbitration, because all node
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from heapq import heappop, heappush
 from typing import NamedTuple
 
@@ -101,47 +101,23 @@ def send_all(releases: Releases, horizon: int, *, overwrite: bool) -> list[int]:
 
 
 class Nodes:
-    """Nodes of a bus: their error counters, waiting frames, and times before which they rest."""
+    """Nodes of a bus: their error counters, and the times before which they rest."""
 
     def __init__(self, number: int) -> None:
         self.tec, self.rec = [0] * number, [0] * number
         #: Recessive sequences that each node off the bus still waits for.
         self.missing: dict[int, int] = {}
-        #: Waiting frames of all nodes while they are equal, later of each node.
-        self.common: list[int] = []
-        self.waiting: list[list[int]] = [[] for _ in range(number)]
-        #: Whether no node is error passive, off the bus, or at rest.
-        self.equal = True
-        #: Good frames of each node that its counters do not hold yet.
-        self.good = [0] * number
         self.rest_until = [0] * number
         #: How often each node went off the bus.
         self.bus_off = [0] * number
-
-    def push(self, node: int, item: int) -> None:
-        """Let a frame of a node wait."""
-        heappush(self.common if self.equal else self.waiting[node], item)
-
-    def next_frame(self, now: int, start: list[int], mask: int) -> int:
-        """Return the item that wins the arbitration, -1 if there is none."""
-        if self.equal:
-            while self.common:
-                item = heappop(self.common)
-                if start[item & mask] != OVERWRITTEN:
-                    return item
-            return -1
-        best, winner = -1, -1
-        for node, queue in enumerate(self.waiting):
-            while queue and start[queue[0] & mask] == OVERWRITTEN:
-                heappop(queue)
-            if queue and self.rest_until[node] <= now and (best < 0 or queue[0] < best):
-                best, winner = queue[0], node
-        if winner >= 0:
-            heappop(self.waiting[winner])
-        return best
+        #: Good frames of each node that the counters do not hold yet.
+        self.good = [0] * number
+        #: Whether no node is error passive, off the bus or at rest: no counter matters then.
+        self.calm = True
 
     def failed(self, sender: int) -> None:
         """Count an error in a frame of a node, which may take it off the bus."""
+        self.settle()
         for node in range(len(self.tec)):
             if node != sender and node not in self.missing:
                 self.rec[node] += 1
@@ -152,7 +128,7 @@ class Nodes:
             self.rest_until[sender] = NEVER
 
     def settle(self) -> None:
-        """Count the good frames: nodes that are equal need no counters until the next error."""
+        """Count the good frames."""
         for node, own in enumerate(self.good):
             others = sum(self.good) - own
             if others and node not in self.missing:
@@ -160,23 +136,16 @@ class Nodes:
             self.tec[node] = max(self.tec[node] - own, 0)
         self.good = [0] * len(self.good)
 
-    def sort(self, now: int, owner: list[int], ranks: list[int], mask: int) -> None:
-        """Note whether all nodes are equal, and sort their waiting frames by that."""
-        equal = not self.missing and max(self.tec + self.rec) < PASSIVE
-        equal = equal and max(self.rest_until) <= now
-        if equal and not self.equal:
-            self.common = sorted(item for queue in self.waiting for item in queue)
-            self.waiting = [[] for _ in self.waiting]
-        elif self.equal and not equal:
-            for item in sorted(self.common):
-                self.waiting[owner[ranks[item & mask]]].append(item)
-            self.common = []
-        self.equal = equal
+    def sent(self, sender: int, now: int, suspended: int) -> None:
+        """Note what a frame of a node, good or not, has made of the nodes.
 
-    def suspend(self, node: int, until: int) -> None:
-        """Make a node that is error passive wait after its own frame."""
-        if self.state(node) == "error passive":
-            self.rest_until[node] = until
+        An error passive sender rests until `suspended`.
+        """
+        self.settle()
+        if self.state(sender) == "error passive":
+            self.rest_until[sender] = suspended
+        passive = max(self.tec + self.rec) >= PASSIVE
+        self.calm = not (self.missing or passive or max(self.rest_until) > now)
 
     def come_back(self, sequences: int, now: int) -> None:
         """Count recessive sequences, and let nodes return that have seen enough of them."""
@@ -228,44 +197,61 @@ def send_disturbed(
     start = [WAITING] * len(ranks)
     failures: list[Failure] = []
     at_times = sorted((nanoseconds(f.time), f.bits) for f in faults if isinstance(f, ErrorAt))
-    strikes = [*at_times, (NEVER, 0)]
-    random = [(*f.span, f.rate, f.bits) for f in faults if isinstance(f, BitErrors) and f.rate]
-    at, strike, now, counted = 0, 0, 0, 0
+    strikes = iter([*at_times, (NEVER, 0)])
+    struck, struck_bits = next(strikes)
+    random = [
+        (*f.span, f.bits, _gaps(f.rate, rng)) for f in faults if isinstance(f, BitErrors) and f.rate
+    ]
+    waiting: list[int] = []
+    #: Waiting frames of nodes that rest.
+    held: dict[int, list[int]] = {}
+    rest_until = nodes.rest_until
+    at, now, counted = 0, 0, 0
     sequence = SEQUENCE_BITS * bit
     while now < horizon:
         while due[at] <= now:
-            rank = ranks[at]
             if overwrite:
+                rank = ranks[at]
                 if newest[rank] >= 0:
                     start[newest[rank]] = OVERWRITTEN
                 newest[rank] = at
-            nodes.push(owner[rank], items[at])
+            heappush(waiting, items[at])
             at += 1
-        missing = nodes.missing if recover else {}
-        if missing:
+        if nodes.missing and recover:
             rested = (now - counted) // sequence
             counted += rested * sequence
             nodes.come_back(rested, now)
-        item = nodes.next_frame(now, start, mask)
-        if item < 0:
-            nexts = [due[at], *(rest for rest in nodes.rest_until if now < rest)]
-            nexts += [counted + sequences * sequence for sequences in missing.values()]
+        if held:
+            for node in [node for node in held if rest_until[node] <= now]:
+                for item in held.pop(node):
+                    heappush(waiting, item)
+        if not waiting:
+            nexts = [due[at], *(rest for rest in rest_until if now < rest)]
+            if recover:
+                nexts += [counted + number * sequence for number in nodes.missing.values()]
             if min(nexts) == NEVER:
                 break
             now = min(nexts)
             continue
+        item = heappop(waiting)
         picked = item & mask
-        rank = ranks[picked]
-        node = owner[rank]
+        node = owner[ranks[picked]]
+        if start[picked] == OVERWRITTEN:
+            continue
+        if rest_until[node] > now:
+            held.setdefault(node, []).append(item)
+            continue
         open_bits = durations[picked] // bit - INTERMISSION
-        while strikes[strike][0] < now:
-            strike += 1
+        while struck < now:
+            struck, struck_bits = next(strikes)
         broken, error_bits = open_bits, 0
-        if strikes[strike][0] < now + open_bits * bit:
-            broken, error_bits = (strikes[strike][0] - now) // bit, strikes[strike][1]
-        for begin, end, rate, length in random:
+        if struck < now + open_bits * bit:
+            broken, error_bits = (struck - now) // bit, struck_bits
+        for begin, end, length, gaps in random:
             # How many bits of the frame pass before the first that is disturbed.
-            hit = max(0, -(-(begin - now) // bit)) + int(rng.geometric(rate)) - 1
+            hit = next(gaps) - 1
+            if begin > now:
+                hit += -(-(begin - now) // bit)
             if hit < broken and now + hit * bit < end:
                 broken, error_bits = hit, length
         good = broken == open_bits
@@ -273,25 +259,28 @@ def send_disturbed(
         now += durations[picked] if good else (broken + 1 + error_bits) * bit
         # Delimiter, end of frame and intermission are one sequence of 11 recessive bits.
         counted = now
-        if missing:
+        if nodes.missing and recover:
             nodes.come_back(1, now)
         if good:
             start[picked] = began
-            if newest[rank] == picked:
-                newest[rank] = -1
+            if overwrite:
+                newest[ranks[picked]] = -1
             nodes.good[node] += 1
         else:
-            nodes.push(node, item)
-            nodes.settle()
+            heappush(waiting, item)
             nodes.failed(node)
             tec, state = nodes.tec[node], nodes.state(node)
             failures.append(Failure(picked, began, now, broken, tec, state))
-        if not (good and nodes.equal):
-            nodes.settle()
-            nodes.suspend(node, now + SUSPEND_BITS * bit)
-            nodes.sort(now, owner, ranks, mask)
+        if not (good and nodes.calm):
+            nodes.sent(node, now, now + SUSPEND_BITS * bit)
     nodes.settle()
     return start, failures, nodes
+
+
+def _gaps(rate: float, rng: np.random.Generator) -> Iterator[int]:
+    """Yield again and again after how many bits, itself included, one is disturbed."""
+    while True:
+        yield from rng.geometric(rate, 4096).tolist()
 
 
 # Many sets of offsets --------------------------------------------------------------------------

@@ -1,22 +1,20 @@
 """How long CAN frames are: by formula, on average, at worst, and to the bit for millions of them.
 
-For millions, the bits of a frame without stuff bits, at most 118 up to the end of the CRC sequence,
-are kept as numbers of 128 bits in two columns of uint64, high and low. A table of states times
-bytes says how many stuff bits eight more bits cost.
+Millions of frames are taken byte by byte: head, data, and the CRC sequence with one bit more. A
+table of states times bytes says how many stuff bits eight more bits cost.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, Literal, NamedTuple, overload
+from typing import Literal, NamedTuple, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import (
-    CRC_BITS,
     INTERMISSION,
     RUN,
     TAIL,
@@ -28,8 +26,7 @@ from shipnet.fields import check_choice
 
 Stuffing = Literal["none", "mean", "attainable", "worst", "worst 1994"]
 
-Codes = npt.NDArray[np.uint8]
-Words = npt.NDArray[np.uint64]
+Octets = npt.NDArray[np.uint8]
 
 #: Bits after the CRC sequence, intermission included.
 _TAIL_BITS = sum(len(bits) for _, bits in TAIL) + INTERMISSION
@@ -155,24 +152,6 @@ CHUNK = 2**13
 _IDLE, _MARK = 0, 1 + (RUN - 1)
 
 
-class Measures(NamedTuple):
-    """What frames take of the bus, intermission included."""
-
-    crc: npt.NDArray[np.uint16]
-    stuff_bits: npt.NDArray[np.uint8]
-    length: npt.NDArray[np.uint8]
-
-
-class _Fields(NamedTuple):
-    """Columns of frames."""
-
-    number: Integers
-    data: Codes
-    dlc: Integers
-    extended: Bools
-    remote: Bools
-
-
 def measure_frames(
     arbitration_id: npt.ArrayLike,
     data: npt.NDArray[np.integer],
@@ -180,49 +159,50 @@ def measure_frames(
     *,
     extended: npt.ArrayLike = False,
     remote: npt.ArrayLike = False,
-) -> Measures:
-    """Return check value, stuff bits and length of many frames, whose data are (n, 8) bytes."""
-
-    def column(values: npt.ArrayLike, kind: type[np.generic]) -> npt.NDArray[Any]:
-        return np.broadcast_to(np.asarray(values, dtype=kind), len(data))
-
-    fields = _Fields(
-        column(arbitration_id, np.int64),
-        data.astype(np.uint8, copy=False),
-        column(dlc, np.int64),
-        column(extended, np.bool_),
-        column(remote, np.bool_),
-    )
-    parts = [
-        _measure(_Fields._make(field[begin : begin + CHUNK] for field in fields))
-        for begin in range(0, max(1, len(data)), CHUNK)
-    ]
-    return Measures(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+) -> Integers:
+    """Return the lengths of frames with these (n, 8) bytes of data, intermission included [bit]."""
+    number, code, long, asks = (
+        np.broadcast_to(np.asarray(values, dtype=kind), len(data))
+        for values, kind in (
+            (arbitration_id, np.int64), (dlc, np.int64), (extended, np.bool_), (remote, np.bool_)
+        )
+    )  # fmt: skip
+    carried = np.where(asks, 0, np.minimum(code, 8))
+    length = np.empty(len(data), dtype=np.int64)
+    for size in np.unique(carried).tolist():
+        alike = np.flatnonzero(carried == size)
+        for part in np.split(alike, range(CHUNK, len(alike), CHUNK)):
+            octets = data[part, :size].astype(np.uint8)
+            length[part] = _measure(octets, number[part], code[part], long[part], asks[part])
+    return length
 
 
-def region_bits(dlc: Integers, extended: Bools, remote: Bools) -> Integers:
-    """Return how many bits of frames are subject to stuffing, stuff bits not counted."""
-    empty = np.where(extended, stuffed_region(0, True), stuffed_region(0, False))
-    return empty + np.where(remote, 0, 8 * np.minimum(dlc, 8))
+def _measure(
+    data: Octets, number: Integers, dlc: Integers, extended: Bools, remote: Bools
+) -> Integers:
+    """Return the lengths of frames whose data are equally long."""
+    # SRR and IDE are the bits 26 and 25 of an extended frame's head.
+    long = number >> 18 << 27 | 3 << 25 | (number & 2**18 - 1) << 7
+    head = np.where(extended, long, number << 7) | remote * 64 | dlc
 
+    def octets(head: Integers) -> Octets:
+        front = head.astype(">u8").view(np.uint8).reshape(-1, 8)[:, 3:]
+        return np.concatenate([front, data], axis=1)
 
-def left(word: Words, distance: npt.ArrayLike) -> Words:
-    """Shift words to the left, each by its own distance."""
-    # numpy, unlike C, defines what a distance beyond the width gives.
-    shifted: Words = np.left_shift(word, np.asarray(distance).astype(np.uint64))
-    return shifted
-
-
-def right(word: Words, distance: npt.ArrayLike) -> Words:
-    """Shift words to the right, each by its own distance."""
-    shifted: Words = np.right_shift(word, np.asarray(distance).astype(np.uint64))
-    return shifted
-
-
-def columns(high: Words, low: Words) -> npt.NDArray[np.uint8]:
-    """Return the bytes of numbers of 128 bits, byte by byte."""
-    words = np.stack([high, low], axis=-1).astype(">u8")
-    return np.ascontiguousarray(words.view(np.uint8).T)
+    check = CRC.of(octets(head)).astype(np.uint16)
+    # Behind the check value, a bit that ends its last run fills up the last byte.
+    tail = (check << 1 | ~check & 1).astype(">u2").view(np.uint8).reshape(-1, 2)
+    marked = octets(head | np.where(extended, 1 << 39, 1 << 19))
+    table = stuffing_table()
+    state = np.zeros(len(data), dtype=np.uint16)
+    stuffed = np.zeros(len(data), dtype=np.uint8)
+    for column in np.ascontiguousarray(np.concatenate([marked, tail], axis=1).T):
+        index = state | column
+        stuffed += table.stuffed.take(index)
+        state = table.state.take(index)
+    bare = np.array(length_table("none"), dtype=np.int64)[:, data.shape[1]]
+    length: Integers = stuffed + np.where(extended, bare[1], bare[0])
+    return length
 
 
 class StuffingTable(NamedTuple):
@@ -253,41 +233,3 @@ def stuffing_table() -> StuffingTable:
         table.state[index] = state * 256
         table.stuffed[index] = stuffed
     return table
-
-
-def stuff_count(high: Words, low: Words) -> Integers:
-    """Return how many stuff bits frames have."""
-    table = stuffing_table()
-    state = np.zeros(high.shape, dtype=np.uint16)
-    count = np.zeros(high.shape, dtype=np.uint8)
-    for column in columns(high, low):
-        index = state | column
-        count += table.stuffed.take(index)
-        state = table.state.take(index)
-    return count.astype(np.int64)
-
-
-def _pack(fields: _Fields) -> tuple[Words, Words, npt.NDArray[np.uint16]]:
-    """Return the bits subject to stuffing, after a mark, and the check values."""
-    number, extended, remote = fields.number, fields.extended, fields.remote
-    base = number << 7
-    # SRR and IDE are the bits 26 and 25 of an extended frame's head.
-    long = number >> 18 << 27 | 3 << 25 | (number & 2**18 - 1) << 7
-    head = (np.where(extended, long, base) | remote * 64 | fields.dlc).astype(np.uint64)
-    carried = region_bits(fields.dlc, extended, remote) - region_bits(0 * number, extended, remote)
-    content = np.ascontiguousarray(fields.data).view(">u8")[:, 0].astype(np.uint64)
-    low = right(content, 64 - carried) | left(head, carried)
-    high = right(head, 64 - carried)
-    check = CRC.of(columns(high, low)[3:].T).astype(np.uint16)
-    high = left(high, CRC_BITS) | right(low, 64 - CRC_BITS)
-    low = left(low, CRC_BITS) | check
-    size = region_bits(fields.dlc, extended, remote)
-    one = np.ones_like(low)
-    return high | left(one, size - 64), low | left(one, size), check
-
-
-def _measure(fields: _Fields) -> Measures:
-    high, low, check = _pack(fields)
-    stuffed = stuff_count(high, low)
-    length = region_bits(fields.dlc, fields.extended, fields.remote) + stuffed + _TAIL_BITS
-    return Measures(check, stuffed.astype(np.uint8), length.astype(np.uint8))

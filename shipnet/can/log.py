@@ -1,11 +1,9 @@
-"""Recorded CAN frames: written, their load, what they should have been, played again."""
+"""Recorded CAN frames: written, their load, and what they should have been."""
 
 from __future__ import annotations
 
 import os
-import time as clocks
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -19,7 +17,7 @@ from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import measure_frames
 from shipnet.can.messages import Message, MessageSet, check_set
-from shipnet.errors import ArgumentError, load_extra
+from shipnet.errors import ArgumentError
 from shipnet.fields import check_path, check_scalar
 from shipnet.lazy import Axes, pd
 
@@ -181,8 +179,8 @@ class Log:
         self._check_times("the load")
         order = np.lexsort((self.time, self.channel))
         time, channel, ids, extended, remote, dlc, data = (c[order] for c in self.columns)
-        measured = measure_frames(ids, data, dlc, extended=extended, remote=remote)
-        bits, share = measured.length.astype(float), np.zeros(len(order))
+        bits = measure_frames(ids, data, dlc, extended=extended, remote=remote).astype(float)
+        share = np.zeros(len(order))
         totals, messages = [], []
         for name in np.unique(channel).tolist():
             here = channel == name
@@ -274,46 +272,6 @@ class Log:
                 count = int((keys == key).sum())
                 add("known", f"0x{key >> 1:0{digits}X}", count, 0, 0, "frames")
         return Findings(pd.DataFrame(rows, columns=list(COLUMNS)))
-
-    def replay(
-        self,
-        bus: Any,
-        *,
-        speed: float = np.inf,
-        clock: Callable[[], float] = clocks.monotonic,
-        sleep: Callable[[float], object] = clocks.sleep,
-    ) -> int:
-        """Send the frames on a bus of python-can, and return how many.
-
-        A `speed` of 1 keeps the times of the log; by default nothing waits.
-        """
-        can = load_extra("can", "python-can")
-        if not isinstance(speed, int | float | np.number) or not speed > 0:
-            raise ArgumentError(f"speed is {speed!r}; it must be positive")
-        if np.any(np.diff(self.time) < 0):
-            row = int(np.argmax(np.diff(self.time) < 0)) + 1
-            raise ArgumentError(f"time of frame {row + 1} of the log lies before the one before it")
-        if np.isfinite(speed):
-            self._check_times("a finite speed")
-        begin = clock()
-        first = self.time[0] if len(self.time) else 0.0
-        count = 0
-        for time, _, number, extended, remote, dlc, data in zip(*self.columns, strict=True):
-            if np.isfinite(speed):
-                ahead = begin + (time - first) / speed - clock()
-                if ahead > 0:
-                    sleep(ahead)
-            message = can.Message(
-                timestamp=float(time),
-                arbitration_id=int(number),
-                is_extended_id=bool(extended),
-                is_remote_frame=bool(remote),
-                dlc=int(dlc),
-                data=None if remote else bytes(data[: min(dlc, 8)]),
-            )
-            bus.send(message)
-            count += 1
-        return count
 
 
 @dataclass(frozen=True, eq=False, repr=False)

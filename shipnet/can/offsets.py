@@ -22,6 +22,9 @@ from shipnet.fields import check_scalar
 #: is safe, as they have more freedom then.
 MOST_RELEASES = 20_000
 
+#: Releases in a hyperperiod and the windows around it beyond which none of them is looked at.
+_MOST_EVENTS = 1_000_000
+
 #: Load from which the bounds without offsets are taken: the windows become too long.
 _HIGHEST_LOAD = 0.99
 
@@ -30,9 +33,9 @@ class Streams(NamedTuple):
     """Messages in order of priority as columns, times in ticks; `clock` numbers their clocks."""
 
     period: Integers
-    offset: Integers
-    jitter: Integers
     frame: Integers
+    jitter: Integers
+    offset: Integers
     clock: Integers
     #: How late a more urgent message may be queued and still win, and the longest foreign frame.
     tau: int
@@ -54,7 +57,10 @@ def clocks(senders: list[str], periods: list[int]) -> Integers:
 
 
 def longest_responses(streams: Streams) -> list[int] | None:
-    """Return the longest response of each message from its event; None if offsets do not help."""
+    """Return the longest response of each message from its event; None if offsets do not help.
+
+    Windows that are too long to look at raise an `OverflowError`.
+    """
     load = float((streams.frame / streams.period).sum())
     if load >= _HIGHEST_LOAD:
         return None
@@ -72,9 +78,12 @@ class _Clock:
     """Releases of messages of one clock, from `span` before 0 to `span` behind a hyperperiod."""
 
     def __init__(self, streams: Streams, members: list[int], span: int, reach: int = 0) -> None:
-        period, offset, jitter, frame = (column[members] for column in streams[:4])
+        period, frame, jitter, offset = (column[members] for column in streams[:4])
         self.hyperperiod = max(math.lcm(*period.tolist()), reach)
         edge = int(span + jitter.max()) + 1
+        window = self.hyperperiod + 2 * edge
+        if window > 2**53 or (window // period).sum() > _MOST_EVENTS:
+            raise OverflowError
         first = -((offset + edge) // period)
         count = (self.hyperperiod + edge - offset) // period - first + 1
         which = np.repeat(np.arange(len(members)), count)

@@ -1,4 +1,4 @@
-"""How long each message takes at worst, which priorities it needs, and how slow the bus may be.
+"""How long each message takes at worst, and which priorities the messages need.
 
 A fraction of a tick too much makes a ceiling jump by a whole frame, so the equations are solved in
 whole ticks, which divide both the nanosecond and the bit time.
@@ -7,17 +7,17 @@ whole ticks, which divide both the nanosecond and the bit time.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
+from itertools import chain
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from shipnet import style
-from shipnet.arrays import Integers
-from shipnet.can.faults import NO_ERRORS, ErrorBound, bound
+from shipnet.can.faults import ErrorBound, bound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
-from shipnet.can.messages import BIT_RATES, Message, MessageSet, Named, check_set
+from shipnet.can.messages import Message, MessageSet, Named, check_set
 from shipnet.can.offsets import Streams, clocks, longest_responses
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
@@ -99,9 +99,10 @@ class Bus(NamedTuple):
         return max(0, bits - INTERMISSION) if self.assumptions.intermission == "nowhere" else bits
 
 
-def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions) -> Bus:
+def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions | None) -> Bus:
     """Return a message set in ticks of the bus."""
     check_set(messages)
+    assumptions = AS_USUAL if assumptions is None else assumptions
     check_kind("assumptions", assumptions, Assumptions)
     rate = check_bit_rate(bit_rate)
     if rate % 1:
@@ -136,12 +137,11 @@ class Level:
         message: int,
         higher: Sequence[int],
         lower: Sequence[int],
-        errors: ErrorBound = NO_ERRORS,
+        errors: ErrorBound,
         own_blocking: bool = False,
     ) -> None:
         streams, assumptions = bus.streams, bus.assumptions
         self.period, self.frame, self.jitter = streams[message]
-        self.deadline = bus.deadline[message]
         self.blocking = max([streams[k][1] for k in lower], default=0)
         self.blocking = max(self.blocking, bus.foreign_bits * bus.bit)
         if own_blocking:
@@ -170,60 +170,33 @@ class Level:
         # What is queued together with the message goes first, once at least, even without tau.
         self._least = self._constant + sum(frame for _, frame, _ in self._higher)
 
-    def first_response(self) -> float:
-        """Return the longest response of the first instance in a busy period, or infinity."""
-        if not _ends(self._constant, self._higher, self._tau):
-            return math.inf
-        return self._response(0, self._delay(0, self._least))
-
-    def responses(self) -> tuple[float, list[float]]:
-        """Return the longest busy period, and the longest response of each instance in it."""
-        busy = math.inf
-        if _ends(self._constant, self._equal, 0):
-            w = self._delay(0, self._least)
-            busy = self._busy_period(w)
-        if busy == math.inf:
-            return busy, [math.inf]
-        responses = [self._response(0, w)]
-        for q in range(1, self._instances(busy)):
-            w = self._delay(q, w + self.frame)
-            responses.append(self._response(q, w))
-        return busy, responses
-
-    def meets_deadline(self) -> bool:
-        """Return whether no instance misses its deadline; stop at the first that does."""
+    @cached_property
+    def busy_period(self) -> float:
+        """How long the bus may be busy with this priority or higher, or infinity."""
         if not _ends(self._constant, self._equal, 0):
-            return False
-        # Most misses show in the first instance, before the busy period is known.
-        latest = self.deadline - self._reported
-        w = self._delay(0, self._least, latest)
-        if w > latest:
-            return False
-        busy = self._busy_period(w)
-        if busy == math.inf:
-            return False
-        for q in range(1, self._instances(busy)):
-            latest += self.period
-            w = self._delay(q, w + self.frame, latest)
-            if w > latest:
-                return False
-        return True
-
-    def _busy_period(self, delay: float) -> float:
-        """Return how long the bus may be busy with this priority or higher, or infinity."""
-        # It lasts until the end of the first instance at least: tau is shorter than any frame.
-        busy = _settle(self._constant, self._equal, delay + self.frame, 0, math.inf)
+            return math.inf
+        # It lasts at least until all that may come at once is sent.
+        busy = _settle(self._constant, self._equal, self._least + self.frame, 0)
         return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
 
-    def _instances(self, busy: float) -> int:
-        return int(-(-(busy + self.jitter) // self.period))
+    def responses(self, *, every: bool = True) -> Iterator[float]:
+        """Yield the longest responses of the instances in a busy period, or of the first alone.
 
-    def _delay(self, q: int, start: float, limit: float = math.inf) -> float:
-        """Return how long instance q may be delayed, from the begin of the busy period."""
-        return _settle(self._constant + q * self.frame, self._higher, start, self._tau, limit)
-
-    def _response(self, q: int, delay: float) -> float:
-        return delay + self._reported - q * self.period
+        One that is infinite takes the place of all if the bus need not be at rest again.
+        """
+        if every:
+            ends = self.busy_period < math.inf
+        else:
+            ends = _ends(self._constant, self._higher, self._tau)
+        if not ends:
+            yield math.inf
+            return
+        number = int(-(-(self.busy_period + self.jitter) // self.period)) if every else 1
+        w: float = self._least
+        for q in range(number):
+            w = _settle(self._constant + q * self.frame, self._higher, w, self._tau)
+            yield w + self._reported - q * self.period
+            w += self.frame
 
 
 def _ends(constant: int, streams: Sequence[_Stream], tau: int) -> bool:
@@ -239,9 +212,7 @@ def _ends(constant: int, streams: Sequence[_Stream], tau: int) -> bool:
     )
 
 
-def _settle(
-    constant: int, streams: Sequence[_Stream], start: float, tau: int, limit: float
-) -> float:
+def _settle(constant: int, streams: Sequence[_Stream], start: float, tau: int) -> float:
     """Return the least t >= start with t = constant + sum of ceil((t + tau + ahead) / T) * C."""
     t = start
     for _ in range(_MOST_STEPS):
@@ -250,7 +221,7 @@ def _settle(
         early = -(t + tau)
         for period, frame, ahead in streams:
             later -= (early - ahead) // period * frame
-        if later <= t or later > limit:
+        if later <= t:
             return later
         t = later
     return math.inf
@@ -461,8 +432,9 @@ def response_times(
 
     With `offsets`, only the clock of a message's own sender is followed; every other sender has
     its worst phase. The bound is safe, and about what is reached; with one message per sender it is
-    that without offsets, as it is from a load of 0.99 on. `ResponseTime.instances` holds the
-    longest response only, and the busy period is NaN.
+    that without offsets, as it is from a load of 0.99 on, or where more than a million frames of a
+    sender would have to be looked at. `ResponseTime.instances` holds the longest response only,
+    and the busy period is NaN.
 
     References
     ----------
@@ -501,7 +473,7 @@ def response_times(
                     f"{message.period} s; only the exact method allows that"
                 )
     errors = bound(faults)
-    bus = on_bus(messages, bit_rate, AS_USUAL if assumptions is None else assumptions)
+    bus = on_bus(messages, bit_rate, assumptions)
     found = [_response(bus, place, one, method, errors) for place, one in enumerate(messages)]
     if check_kind("offsets", offsets, bool):
         if method != "exact" or errors.burst or not bus.assumptions.own_jitter:
@@ -515,21 +487,19 @@ def response_times(
 def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> list[ResponseTime]:
     """Return response times with what messages of one sender spare each other."""
     tau, foreign = (bits * bus.bit for bits in (bus.assumptions.arbitration_bits, bus.foreign_bits))
-    offset = [nanoseconds(message.offset) * bus.nanosecond for message in messages]
-    columns = list(zip(*bus.streams, strict=True)) or [(), (), ()]
-    period, frame, jitter = (list(column) for column in columns)
-    clock = clocks([message.sender for message in messages], period)
-    tick = math.gcd(tau, foreign, *offset, *period, *frame, *jitter) or 1
-
-    def short(column: list[int]) -> Integers:
-        return np.array([value // tick for value in column], dtype=np.int64)
-
-    streams = Streams(
-        short(period), short(offset), short(jitter), short(frame), clock,
-        # At least a tick: what is queued as the bus falls free takes part.
-        max(tau // tick, 1), foreign // tick,
-    )  # fmt: skip
-    ticks = longest_responses(streams)
+    offsets = [nanoseconds(message.offset) * bus.nanosecond for message in messages]
+    rows = [(*one, offset % one[0]) for one, offset in zip(bus.streams, offsets, strict=True)]
+    tick = math.gcd(bus.bit, *chain.from_iterable(rows))
+    clock = clocks([message.sender for message in messages], [period for period, *_ in rows])
+    try:
+        short = np.array([[time // tick for time in row] for row in rows], dtype=np.int64)
+        period, frame, jitter, offset = short.reshape(-1, 4).T
+        # At least a tick of tau: what is queued as the bus falls free takes part.
+        ticks = longest_responses(
+            Streams(period, frame, jitter, offset, clock, max(tau // tick, 1), foreign // tick)
+        )
+    except OverflowError:
+        ticks = None
     if ticks is None:
         return found
     spared = INTERMISSION * bus.bit if bus.assumptions.intermission == "between" else 0
@@ -550,11 +520,9 @@ def _response(
 ) -> ResponseTime:
     higher, lower = range(place), range(place + 1, len(bus.streams))
     level = Level(bus, place, higher, lower, errors, own_blocking=method == "sufficient")
-    if method == "exact":
-        busy, ticks = level.responses()
-    else:
-        busy, ticks = math.nan, [level.first_response()]
-    longest = max(ticks)
+    exact = method == "exact"
+    ticks = list(level.responses(every=exact))
+    busy, longest = level.busy_period if exact else math.nan, max(ticks)
     return ResponseTime(
         message,
         level.frame / bus.second,
@@ -562,19 +530,11 @@ def _response(
         busy / bus.second,
         tuple(response / bus.second for response in ticks),
         longest / bus.second,
-        longest <= level.deadline,
+        longest <= bus.deadline[place],
     )
 
 
-def schedulable(
-    messages: MessageSet, bit_rate: float, assumptions: Assumptions, errors: ErrorBound
-) -> bool:
-    """Return whether every message meets its deadline, by the exact method."""
-    bus, places = on_bus(messages, bit_rate, assumptions), range(len(messages))
-    return all(Level(bus, m, range(m), places[m + 1 :], errors).meets_deadline() for m in places)
-
-
-# Priorities and bit rates ----------------------------------------------------------------------
+# Priorities ------------------------------------------------------------------------------------
 
 
 class Assignment(NamedTuple):
@@ -667,13 +627,13 @@ def audsley(
     ['Z 0.002', 'Y 0.00252', 'X 0.00252']
     """
     errors = bound(faults)
-    bus = on_bus(messages, bit_rate, AS_USUAL if assumptions is None else assumptions)
+    bus = on_bus(messages, bit_rate, assumptions)
     left = sorted(range(len(messages)), key=lambda m: bus.deadline[m])
     placed: list[int] = []
     while left:
         for m in reversed(left):
             higher = [k for k in left if k != m]
-            if Level(bus, m, higher, placed, errors).meets_deadline():
+            if all(r <= bus.deadline[m] for r in Level(bus, m, higher, placed, errors).responses()):
                 break
         else:
             break
@@ -681,59 +641,3 @@ def audsley(
         placed.append(m)
     order = [messages[m].name for m in (*left, *reversed(placed))]
     return Assignment(messages.ordered(order), not left, tuple(messages[m].name for m in left))
-
-
-def lowest_bit_rate(
-    messages: MessageSet,
-    candidates: Collection[float] = BIT_RATES,
-    *,
-    assumptions: Assumptions | None = None,
-    faults: ErrorBound | Iterable[ErrorBound] = (),
-) -> float:
-    """Return the lowest bit rate at which all deadlines are met.
-
-    Parameters
-    ----------
-    messages : MessageSet
-        The messages.
-    candidates : collection of float, default `BIT_RATES`
-        Bit rates to choose from, 1000..1000000 [bit/s]: ``range(1000, 1_000_001)`` for any.
-    assumptions : Assumptions, optional
-        How long frames are, and what counts as the response.
-    faults : ErrorBound, optional
-        How many errors hit the bus; none if not given.
-
-    Returns
-    -------
-    float
-        Bit rate [bit/s]; infinite if none is high enough.
-
-    Raises
-    ------
-    ArgumentError
-        If a candidate is out of range.
-
-    Notes
-    -----
-    A faster bus shortens all frames and the arbitration, and so every response; a bisection finds
-    the lowest rate.
-
-    Examples
-    --------
-    >>> messages = MessageSet([Message("A", 1, 8, 1e-3), Message("B", 2, 8, 2e-3)])
-    >>> lowest_bit_rate(messages), lowest_bit_rate(messages, range(1000, 1_000_001))
-    (500000.0, 270000.0)
-    """
-    errors = bound(faults)
-    if isinstance(candidates, str) or not isinstance(candidates, Iterable):
-        raise ArgumentError(f"candidates is {candidates!r}; it must be some bit rates")
-    rates: Sequence[float] = candidates if isinstance(candidates, range) else sorted(candidates)
-    for rate in (rates[0], rates[-1]) if len(rates) else ():
-        if not isinstance(rate, int | float | np.number) or not 1000 <= rate <= 1e6:
-            raise ArgumentError(f"one of candidates is {rate!r}; it must be 1000..1000000 bit/s")
-
-    def works(rate: float) -> bool:
-        return schedulable(messages, rate, AS_USUAL if assumptions is None else assumptions, errors)
-
-    place = bisect_left(rates, True, key=works)
-    return float(rates[place]) if place < len(rates) else math.inf

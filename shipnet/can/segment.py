@@ -30,14 +30,22 @@ DOMINANT, RECESSIVE = 0.9, 0.5
 
 @record(repr=False)
 class Segment:
-    """A straight trunk with nodes at equal distances, counted from 1; `line` makes it.
+    """A straight trunk with nodes at equal distances, counted from 1.
 
-    A node with a stub is at its far end; the tap on the trunk loads it like another node.
+    A node with a stub is at its far end; the tap on the trunk loads it like another node. `stubs`
+    holds the lengths of the stubs [m] by their nodes; `cable` is that of trunk and stubs, 120 ohm
+    and 5 ns/m without loss by default.
 
     Examples
     --------
+    Bits at 1 Mbit/s on 40 m, without the terminators: the line stays dominant.
+
     >>> from shipnet import can
-    >>> can.line(40, nodes=5, stubs={3: 10.0})
+    >>> can.Segment(40).send({1: "01001101"}, 1e6).table().loc[9, "read"]
+    '01001101'
+    >>> can.Segment(40, terminator=None).send({1: "01001101"}, 1e6).table().loc[9, "read"]
+    '00000000'
+    >>> can.Segment(40, nodes=5, stubs={3: 10.0})
     Segment(40 m, 5 nodes, terminated, stubs {3: 10.0})
     """
 
@@ -53,7 +61,10 @@ class Segment:
     capacitance: float = number(1e-15, 1e-3, "F", "Input capacitance of a node", default=100e-12)
 
     def __post_init__(self) -> None:
-        """Check the stubs."""
+        """Check stubs and cable."""
+        if not isinstance(self.stubs, Mapping):
+            raise ArgumentError(f"stubs is {self.stubs!r}; it must give lengths [m] by node")
+        check_kind("cable", self.cable, Cable)
         for node, metres in self.stubs.items():
             check_whole("node of a stub", node, 1, self.nodes)
             check_scalar(f"length of the stub at node {node}", metres, "m", 1e-3, 1e3)
@@ -155,61 +166,6 @@ class Segment:
         return f"Segment({self.length:g} m, {self.nodes} nodes, {ends}{stubs})"
 
 
-def line(
-    length: float,
-    nodes: int = 9,
-    *,
-    terminator: float | None = 120.0,
-    stubs: Mapping[int, float] | None = None,
-    cable: Cable | None = None,
-    resistance: float = 20e3,
-    capacitance: float = 100e-12,
-) -> Segment:
-    """Build a straight CAN line with nodes at equal distances.
-
-    Parameters
-    ----------
-    length : float
-        Length of the trunk, 0.1..1e4 [m].
-    nodes : int, default 9
-        Nodes, counted from 1; the first and the last are at the ends of the trunk; 2..200.
-    terminator : float or None, default 120
-        Resistance at either end [ohm]; None leaves the ends open.
-    stubs : mapping of int to float, optional
-        Length of the stub of a node [m].
-    cable : Cable, optional
-        Cable of trunk and stubs; 120 ohm and 5 ns/m without loss if not given.
-    resistance, capacitance : float
-        Input of each node; 20 kohm and 100 pF by default.
-
-    Returns
-    -------
-    Segment
-        The line, whose method `send` sends bits over it.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of range.
-
-    Examples
-    --------
-    Bits at 1 Mbit/s on 40 m, without the terminators: the line stays dominant.
-
-    >>> line(40).send({1: "01001101"}, 1e6).table().loc[9, "read"]
-    '01001101'
-    >>> line(40, terminator=None).send({1: "01001101"}, 1e6).table().loc[9, "read"]
-    '00000000'
-    """
-    if not isinstance(stubs, Mapping | None):
-        raise ArgumentError(f"stubs is {stubs!r}; it must give the length of a stub by its node")
-    more = {} if cable is None else {"cable": check_kind("cable", cable, Cable)}
-    return Segment(
-        length, nodes, terminator, dict(stubs or {}), resistance=resistance,
-        capacitance=capacitance, **more,
-    )  # fmt: skip
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Signals:
     """Voltages on a line, and what is read from them; `Segment.send` makes it.
@@ -239,7 +195,7 @@ class Signals:
     Examples
     --------
     >>> from shipnet import can
-    >>> signals = can.line(40).send({1: "01001101"}, 1e6)
+    >>> signals = can.Segment(40).send({1: "01001101"}, 1e6)
     >>> signals, signals.wrong
     (Signals(8 bits at 1000 kbit/s, 9 nodes read all bits), [])
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
@@ -36,8 +37,10 @@ from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings, meaning, names, shown, unit
 from shipnet.design.site import Site, Trays
+from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError
 from shipnet.lazy import Axes, pd
+from shipnet.tables import as_csv
 
 RESPONSE = "worst_response_ms"
 
@@ -390,19 +393,29 @@ class Comparison:
         page = self.html(title=title, date=date)
         Path(path).write_text(page, encoding="utf-8", newline="\n")
 
-    def save(self, folder: str | PathLike[str]) -> None:
-        """Write the comparison, its findings and failures, and every design into a folder."""
-        to = Path(folder)
-        to.mkdir(parents=True, exist_ok=True)
+    def files(self) -> Iterator[tuple[str, bytes]]:
+        """Yield name and content of each file that `save` writes."""
         for name, table in (
             ("comparison", self.table().reset_index()),
             ("findings", self.findings().table()),
             ("failures", self.failures()),
             ("reading", self.iolist.reading()),
         ):
-            table.to_csv(to / f"{name}.csv", index=False, lineterminator="\n")
+            yield f"{name}.csv", as_csv(table)
+        taken = Counter[str]()
         for name, design in self.designs.items():
-            design.save(to / name.replace("/", "-"))
+            folder = file_name(name)
+            taken[folder.casefold()] += 1
+            if (number := taken[folder.casefold()]) > 1:
+                folder += f" ({number})"
+            yield from ((f"{folder}/{file}", content) for file, content in design.files())
+
+    def save(self, folder: str | PathLike[str]) -> None:
+        """Write the comparison, its findings and failures, and every design into a folder.
+
+        Each design has a folder of its own, with what `Design.save` writes.
+        """
+        save_files(folder, self.files())
 
 
 def compare(

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.util import find_spec
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shipnet import style
-from shipnet.design import costs, failures
+from shipnet.design import costs, failures, tables
 from shipnet.design.costs import Quantities
-from shipnet.design.layout import COLUMNS, Layout, frame
+from shipnet.design.layout import Layout, frame
 from shipnet.design.plot import draw_cables
 from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, check
@@ -21,6 +21,7 @@ from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.design.supply import supplies_table, voltages_table
 from shipnet.lazy import Axes, pd
+from shipnet.tables import as_csv, as_workbook
 
 if TYPE_CHECKING:
     from shipnet.answers import Findings
@@ -182,13 +183,30 @@ class Design(Layout):
         """Return the tags of the points that several failures at once cost."""
         return failures.lost(self, cables=cables, devices=devices, trays=trays)
 
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Return what a yard builds from: cables, terminals, devices, points, bill.
+
+        The cable schedule has one row per cable and its lengths add up to those of `quantities`;
+        the terminal plan one row per core; the points are those of the list, with their channels.
+        Supplies and what they feed, segments and reasons are as this class has them.
+        """
+        return tables.tables(self)
+
+    def files(self) -> Iterator[tuple[str, bytes]]:
+        """Yield name and content of each file that `save` writes."""
+        found = self.tables()
+        for name, table in found.items():
+            yield f"{name}.csv", as_csv(table)
+        if find_spec("openpyxl"):
+            yield f"{tables.file_name(self.name)}.xlsx", as_workbook(found)
+        yield "settings.toml", self.settings.text().encode()
+
     def save(self, folder: str | PathLike[str]) -> None:
-        """Write every table as a CSV file, and the settings as TOML, into a folder."""
-        to = Path(folder)
-        to.mkdir(parents=True, exist_ok=True)
-        for table in COLUMNS:
-            getattr(self, table).to_csv(to / f"{table}.csv", index=False, lineterminator="\n")
-        self.settings.save(to / "settings.toml")
+        """Write every table as a CSV file, all as one workbook, and the settings into a folder.
+
+        Files of these names are replaced. The workbook takes openpyxl.
+        """
+        tables.save_files(folder, self.files())
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the design from above: cabinet, devices, points, and the cables between them."""

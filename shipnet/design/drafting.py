@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -244,6 +245,7 @@ class Draft:
         }
         self._response = np.full(n, np.nan)
         self._taken = set(self.tags)
+        self._numbers: Counter[tuple[str, str]] = Counter()
         self._in_cabinet: set[str] = set()
         self._rows: dict[str, list[dict[str, Any]]] = {name: [] for name in COLUMNS}
         self.middle: Place = tuple(float(x) for x in self.site.cabinet)  # type: ignore[assignment]
@@ -252,11 +254,7 @@ class Draft:
 
     def device(self, name: str, kind: str, segment: str, place: Place, at: str = "") -> str:
         """Put down a device, and return its name, which gets a number if it is taken."""
-        free, number = name, 1
-        while free in self._taken:
-            number += 1
-            free = f"{name} ({number})"
-        self._taken.add(free)
+        free = self._free(name)
         if at and at in self._in_cabinet:
             self._in_cabinet.add(free)
         x, y, z = place
@@ -264,6 +262,15 @@ class Draft:
             {"device": free, "kind": kind, "segment": segment, "x_m": x, "y_m": y, "z_m": z,
              "at": at}
         )  # fmt: skip
+        return free
+
+    def _free(self, name: str) -> str:
+        """Return a name, with a number if it is taken, and take it."""
+        free, number = name, 1
+        while free in self._taken:
+            number += 1
+            free = f"{name} ({number})"
+        self._taken.add(free)
         return free
 
     def run(
@@ -276,10 +283,15 @@ class Draft:
         segment: str = "",
         line: str = "",
     ) -> None:
-        """Put down a cable."""
+        """Put down a cable, named after its point, or numbered in its segment or to its box."""
         a, b = ends
+        name = f"{kind} {b}"
+        if kind in ("trunk", "feeder"):
+            of = f"{segment or b} {kind}"
+            self._numbers[of, line] += 1
+            name = f"{of} {self._numbers[of, line]}{f' {line}' if line else ''}"
         self._rows["cables"].append(
-            {"run": f"{kind} {len(self._rows['cables']) + 1}", "cable": cable.id, "a": a, "b": b,
+            {"run": self._free(name), "cable": cable.id, "a": a, "b": b,
              "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
              "at_cabinet": a in self._in_cabinet or b in self._in_cabinet, "line": line,
              **laid._asdict()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from shipnet.errors import ArgumentError
 from shipnet.lazy import Axes
 from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
+from shipnet.tables import no_formula
 
 if TYPE_CHECKING:
     from shipnet.design.comparison import Comparison
@@ -184,9 +184,7 @@ class IoList(PointTable):
         names = [name for name in COLUMNS if name not in empty]
         table = self.points[names].copy()
         for name in {"tag", "system", "box", "note", "ex"}.difference(empty):
-            table[name] = [
-                f"'{text}" if re.match(r"'*[=+\-@]", text) else text for text in table[name]
-            ]
+            table[name] = list(map(no_formula, table[name]))
         with Path(path).open("w", newline="", encoding="utf-8") as stream:
             table.to_csv(stream, index=False, lineterminator="\n")
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Stuffing
 from shipnet.can.messages import BIT_RATES, EXAMPLE, MessageSet, bus_load, parse_dbc
-from shipnet.can.response import ResponseTimes, lowest_bit_rate, response_times
+from shipnet.can.response import ResponseTimes, response_times
 from shipnet.errors import InputError
 from shipnet.fields import choice, record, text, whole
 from shipnet.tables import text_of
@@ -83,7 +83,8 @@ class CanLoad(Tool):
     @cached_property
     def lowest(self) -> float:
         """The lowest standard bit rate at which all deadlines are met [bit/s]; inf if none is."""
-        return lowest_bit_rate(self.messages, faults=self.faults)
+        met = (r for r in BIT_RATES if response_times(self.messages, r, faults=self.faults).met)
+        return next(met, inf)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the longest response of each message against its deadline."""

@@ -5,6 +5,7 @@ import inspect
 import pytest
 
 from shipnet import can
+from shipnet.line import Cable
 from tests.support import check_mistakes
 
 MESSAGES = can.example()
@@ -42,17 +43,14 @@ CALLS = [
     }, {"messages": "text path", "period": "None", "faults": "empty"}),
     (can.audsley, {"messages": MESSAGES, "bit_rate": 125e3, "assumptions": None, "faults": ()},
      {"faults": "empty"}),
-    (can.lowest_bit_rate, {
-        "messages": MESSAGES, "candidates": (125e3,), "assumptions": None, "faults": (),
-    }, {"faults": "empty", "candidates": "empty"}),
     (can.response_times, {
         "messages": MESSAGES, "bit_rate": 125e3, "method": "exact", "assumptions": None,
         "faults": (), "offsets": False,
     }, {"faults": "empty"}),
     (can.spread_offsets, {"messages": MESSAGES, "step": 1e-3}, {}),
-    (can.line, {
-        "length": 40, "nodes": 9, "terminator": 120, "stubs": None, "cable": None,
-        "resistance": 2e4, "capacitance": 1e-10,
+    (can.Segment, {
+        "length": 40, "nodes": 9, "terminator": 120, "stubs": {},
+        "cable": Cable.lossless(120, 5e-9), "resistance": 2e4, "capacitance": 1e-10,
     }, {"terminator": "None"}),
     (can.simulate, {
         "messages": MESSAGES, "bit_rate": 125e3, "until": 0.1, "faults": (), "queue": "fifo",
@@ -77,7 +75,7 @@ CALLS = [
 #: Made by a function of the front, or with nothing to check.
 RESULTS = {
     "Analysis", "Arbitration", "Assignment", "BIT_RATES", "BatchRun", "Log", "LogLoad",
-    "ResponseTime", "ResponseTimes", "Run", "Segment", "Signals", "faults",
+    "ResponseTime", "ResponseTimes", "Run", "Signals", "faults",
 }  # fmt: skip
 
 

@@ -1,23 +1,16 @@
-"""Orders of priority against all orders there are, and the lowest bit rate."""
+"""Orders of priority against all orders there are."""
 
 import math
-from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
-import pytest
 
-from shipnet.can import BIT_RATES, Assumptions, Message, MessageSet, audsley, lowest_bit_rate
+from shipnet.can import Assumptions, Message, MessageSet, audsley
 from shipnet.can.faults import ErrorBound
 from shipnet.can.response import response_times
-from shipnet.errors import ArgumentError
 
 FAST = 1_000_000
 US = 1e-6
-
-
-#: Every bit rate.
-ANY = range(1000, 1_000_001)
 
 
 def schedulable(messages, bit_rate):
@@ -74,6 +67,19 @@ def test_what_cannot_be_placed_is_named():
     assert audsley(MessageSet([]), FAST) == (MessageSet([]), True, ())
 
 
+def test_what_cannot_be_placed_comes_first_in_the_order_of_deadlines():
+    messages = MessageSet(
+        [
+            Message("b", 1, 8, 0.001, deadline=220 * US),
+            Message("c", 2, 8, 0.001, deadline=230 * US),
+            Message("a", 3, 8, 0.001, deadline=210 * US),
+        ]
+    )
+    found = audsley(messages, FAST)
+    assert (found.feasible, found.unplaced) == (False, ("a", "b", "c"))
+    assert found.messages.names == ("a", "b", "c")
+
+
 def test_assumptions_and_errors_reach_the_test_of_an_order():
     # 135 + 135 bits fit 270 us; a fault, or a foreign frame, is too much.
     messages = MessageSet([Message("a", 1, 8, 270 * US), Message("b", 2, 8, 540 * US)])
@@ -92,29 +98,3 @@ def test_the_order_of_deadlines_breaks_ties_by_the_order_before():
     jitter = MessageSet([Message("a", 1, 8, 0.5, jitter=0.2), Message("b", 2, 8, 1.0, 0.4)])
     assert jitter.deadline_monotonic().names == ("b", "a")
     assert jitter.deadline_monotonic(less_jitter=True).names == ("a", "b")
-
-
-def test_the_lowest_bit_rate_works_and_the_next_lower_one_does_not():
-    rng = np.random.default_rng(1)
-    for _ in range(20):
-        messages = MessageSet(
-            replace(m, period=10 * m.period, deadline=10 * m.deadline) for m in random_set(rng)
-        )
-        rate = lowest_bit_rate(messages, ANY)
-        assert schedulable(messages, int(rate))
-        assert not schedulable(messages, int(rate) - 1)
-        assert lowest_bit_rate(messages) == min(r for r in BIT_RATES if r >= rate)
-
-
-def test_the_ends_of_the_bit_rates():
-    quiet = MessageSet([Message("a", 1, 8, 100.0)])
-    assert lowest_bit_rate(quiet, ANY) == 1000
-    assert lowest_bit_rate(MessageSet([]), ANY) == 1000
-    loud = MessageSet([Message("a", 1, 8, 100 * US)])
-    assert lowest_bit_rate(loud) == lowest_bit_rate(loud, ANY) == math.inf
-    assert lowest_bit_rate(quiet, []) == math.inf
-    assert lowest_bit_rate(quiet, [500_000, 20_000]) == 20_000
-    assert lowest_bit_rate(quiet, [125e3, 20e3]) == 20_000
-    for wrong in ([500], [125_000, 2_000_000], ["125000"]):
-        with pytest.raises(ArgumentError, match="candidates is"):
-            lowest_bit_rate(quiet, wrong)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.can import line
+from shipnet.can import Segment
 from shipnet.errors import ArgumentError
 
 REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "line" / "can_rs485.npz")
@@ -14,10 +14,10 @@ PATTERN = "01001101"
 
 @pytest.mark.parametrize("case", ["term", "open", "term_stub10m", "open_stub10m"])
 def test_waveforms_and_samples_agree_with_ngspice(case):
-    segment = line(
+    segment = Segment(
         40,
         terminator=120 if case.startswith("term") else None,
-        stubs={5: 10} if "stub" in case else None,
+        stubs={5: 10} if "stub" in case else {},
     )
     run = segment.send({1: PATTERN}, 1e6, start=0.5e-6, dt=0.5e-9)
     name = f"can_40m_1M_{case}"
@@ -37,7 +37,7 @@ def test_waveforms_and_samples_agree_with_ngspice(case):
 def test_two_senders_make_a_wired_and():
     patterns = {1: "00110101", 9: "0101"}
     # Slow bits, as the inputs along the line ring for some microseconds.
-    run = line(40).send(patterns, 50e3)
+    run = Segment(40).send(patterns, 50e3)
     assert run.sent.tolist() == [0, 0, 0, 1, 0, 1, 0, 1]
     assert run.wrong == []
     # Both at once drive harder than one: 3.2 V behind 20 or 40 ohm into 60 ohm.
@@ -49,18 +49,20 @@ def test_two_senders_make_a_wired_and():
 
 def test_a_long_bus_needs_a_late_sample_point():
     # 100 m at 1 Mbit/s: the wave takes half a bit.
-    late, early = (line(100, 5).send({1: PATTERN}, 1e6, sample_point=point) for point in (0.8, 0.3))
+    late, early = (
+        Segment(100, 5).send({1: PATTERN}, 1e6, sample_point=point) for point in (0.8, 0.3)
+    )
     assert late.wrong == []
     assert 1 not in early.wrong
     assert 5 in early.wrong
 
 
 def test_the_default_step_divides_the_delay_and_resolves_the_edge():
-    run = line(40, 5).send({1: "01"}, 1e6)
+    run = Segment(40, 5).send({1: "01"}, 1e6)
     dt = run.t[1] - run.t[0]
     assert dt <= 6e-9
     assert 50e-9 / dt == pytest.approx(round(50e-9 / dt))
-    fine = line(40, 5).send({1: "01"}, 1e6, dt=dt / 8)
+    fine = Segment(40, 5).send({1: "01"}, 1e6, dt=dt / 8)
     assert run.samples == pytest.approx(fine.samples, abs=0.02)
 
 
@@ -82,13 +84,13 @@ def test_the_default_step_divides_the_delay_and_resolves_the_edge():
 )
 def test_an_argument_out_of_range_is_refused(bus, change, message):
     with pytest.raises(ArgumentError, match=message):
-        line(**{"length": 40, **bus}).send(
+        Segment(**{"length": 40, **bus}).send(
             **{"patterns": {1: "01"}, "bit_rate": 1e6, **change},
         )
 
 
 def test_the_table_has_a_row_per_node():
-    table = line(40, terminator=None).send({1: PATTERN}, 1e6).table()
+    table = Segment(40, terminator=None).send({1: PATTERN}, 1e6).table()
     assert table.index.tolist() == list(range(1, 10))
     assert table["read"].eq("00000000").all()
     assert table["wrong"].eq(4).all()
@@ -96,7 +98,7 @@ def test_the_table_has_a_row_per_node():
 
 
 def test_the_figure_marks_what_is_read_wrong():
-    run = line(40, terminator=None).send({1: PATTERN}, 1e6)
+    run = Segment(40, terminator=None).send({1: PATTERN}, 1e6)
     ax = run.plot(9, Figure().subplots())
     lines = {line.get_label(): line for line in ax.get_lines()}
     wrong = lines["sample, wrong"]
@@ -113,4 +115,4 @@ def test_the_figure_marks_what_is_read_wrong():
 )
 def test_loads_out_of_range_are_refused_at_once(name, value):
     with pytest.raises(ArgumentError, match=name):
-        line(40, **{name: value})
+        Segment(40, **{name: value})

@@ -10,7 +10,7 @@ from shipnet import datasets
 from shipnet.can.faults import ErrorAt
 from shipnet.can.frame import Frame
 from shipnet.can.messages import Message, MessageSet, bus_load
-from shipnet.can.segment import line as can_line
+from shipnet.can.segment import Segment
 from shipnet.can.simulation import simulate
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.faults import LostModbusFrames
@@ -294,7 +294,7 @@ def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
 def terminators_suit_the_line(*, ohm: float | None = 120.0) -> bool:
     """Whether three boxes on 60 m read all bits of JB1 with these resistors at both ends."""
     bits = Frame(CanLayout(read_points()).messages()[0].arbitration_id, bytes(8)).bits[:14]
-    return not can_line(60, nodes=3, terminator=ohm).send({1: bits}, 125e3).wrong
+    return not Segment(60, nodes=3, terminator=ohm).send({1: bits}, 125e3).wrong
 
 
 @numeric("lee2012-043")

@@ -1,0 +1,219 @@
+"""What a yard builds from: cable schedule, devices, terminals and points of a design."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from os import PathLike
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from shipnet.design.catalogue import cables as catalogue
+from shipnet.design.costs import bill_table
+from shipnet.design.supply import supplies_table, voltages_table
+from shipnet.signals import SIGNALS
+
+if TYPE_CHECKING:
+    from shipnet.design.layout import Layout
+
+#: What the two conductors of a trunk carry, by bus, and those of every feeder.
+_WIRES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {"AS-i": ("AS-i +", "AS-i -"), "CAN": ("CAN_H", "CAN_L"), "Modbus RTU": ("D1", "D0")}
+)
+_FEED = ("L+", "L-")
+
+#: Cables that end at a point.
+_TO_POINT = ("drop", "home run")
+
+
+def file_name(name: str) -> str:
+    """Return the name of a design as that of a file or folder on any system."""
+    return re.sub(r"[^\w.,+() -]", "-", name).strip(" .") or "design"
+
+
+def save_files(folder: str | PathLike[str], named: Iterable[tuple[str, bytes]]) -> None:
+    """Write files into a folder and those below it, which are made if they are missing."""
+    for name, content in named:
+        path = Path(folder, name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+
+
+def tables(design: Layout) -> dict[str, pd.DataFrame]:
+    """Return the tables of a design by the names of their files, rows in a stable order."""
+    return {
+        "cables": schedule(design),
+        "terminals": terminals(design),
+        "devices": devices(design),
+        "points": points(design),
+        "supplies": supplies_table(design),
+        "voltages": voltages_table(design),
+        "segments": design.segments.copy(),
+        "bill": bill_table(design),
+        "reasons": design.reasons.copy(),
+    }
+
+
+def schedule(design: Layout) -> pd.DataFrame:
+    """Return the cable schedule: one row per cable, as it is ordered, pulled and connected."""
+    runs, known = design.cables, catalogue()
+    at = dict(zip(design.devices["device"], design.devices["at"], strict=True))
+    return pd.DataFrame(
+        {
+            "cable": runs["run"],
+            "from": runs["a"],
+            "from_in": [at[name] for name in runs["a"]],
+            "to": runs["b"],
+            "to_in": [at.get(name, "") for name in runs["b"]],
+            "type": runs["cable"],
+            "description": [known[name].description for name in runs["cable"]],
+            "cores": runs["conductors"],
+            "cores_used": runs["used"],
+            "length_m": runs["length_m"],
+            "tails_m": runs["length_m"] - design.site.detour * runs["route_m"],
+            "route": runs["way"].map("; ".join),
+            "kind": runs["kind"],
+            "segment": runs["segment"],
+            "line": runs["line"],
+        }
+    )
+
+
+def devices(design: Layout) -> pd.DataFrame:
+    """Return all devices with place, housing and bus address, and how many points they have."""
+    connected = design.points[design.points["bus"] != ""]
+    # An address begins with that of the device: a slave, a unit, or one of several messages.
+    own = connected.assign(address=connected["address"].str.split().str[0])
+    own = own.dropna(subset="address").drop_duplicates(["device", "address"])
+    of_device = own.groupby("device")["address"].agg(", ".join)
+    name = design.devices["device"]
+    count = name.map(connected["device"].value_counts()).fillna(0).astype(int)
+    columns = ["device", "kind", "segment", "at", "x_m", "y_m", "z_m"]
+    return design.devices[columns].assign(
+        address=[of_device.get(own, "") for own in name], points=count
+    )  # fmt: skip
+
+
+def points(design: Layout) -> pd.DataFrame:
+    """Return all points of the list with the channel that each has, also those that do not fit."""
+    columns = ["tag", "system", "type", "signal", "x_m", "y_m", "z_m", "update_ms"]
+    listed, own = design.iolist.points[columns], design.points.drop(columns="tag")
+    # A hardwired point ends on a card in the cabinet, whatever its cable passes on the way.
+    reader = own["device"].where(own["bus"] != "hardwired", design.cabinet)
+    number = listed.groupby([reader, listed["type"]]).cumcount() + 1
+    channel = (listed["type"] + " " + number.astype(str)).where(own["bus"] != "", "")
+    ends = dict(zip(design.cables["b"], design.cables["run"], strict=True))
+    return pd.concat([listed, own.drop(columns="fits")], axis=1).assign(
+        channel=channel, cable=[ends.get(tag, "") for tag in listed["tag"]]
+    )
+
+
+def terminals(design: Layout) -> pd.DataFrame:
+    """Return the terminal plan: one row per core, what it carries, and its terminal at each end.
+
+    The terminals of each device are numbered from 1 in the order of the cables. Cores that meet in
+    a junction box share a terminal, and so do the returns of one kind. Spare cores have none.
+    """
+    runs = design.cables
+    size = runs["conductors"].to_numpy(np.intp)
+    first = np.cumsum(size) - size
+    row = np.repeat(np.arange(len(runs)), size)
+    core = np.arange(len(row)) - first[row] + 1
+    used = core <= runs["used"].to_numpy(np.intp)[row]
+    of_point = runs["kind"].isin(_TO_POINT)
+    carries = runs["b"].where(of_point, runs["segment"]).to_numpy(object)[row]
+    wire = np.array(list(_wires(design)), dtype=object)
+    # Ends that share a terminal have the same key; every other end has its own.
+    near, far = np.arange(2 * len(row)).reshape(2, -1)
+    for trunk, joints in _boxed(design):
+        used[first[trunk] : first[trunk] + size[trunk]] = False
+        for number, (joined, common) in enumerate(joints[: size[trunk]]):
+            if not joined:
+                continue
+            here = first[trunk] + number
+            there = [first[drop] + strand for drop, strand in joined]
+            near[there] = far[here] = near[there[0]]
+            used[here] = True
+            carries[here] = f"return of {common}" if common else carries[there[0]]
+            wire[here] = wire[there[0]]
+    a, b = (runs[end].to_numpy(object)[row] for end in ("a", "b"))
+    both = {"device": [a, b], "key": [near, far]}
+    ends = pd.DataFrame({name: np.stack(pair, axis=1).ravel() for name, pair in both.items()})
+    own = ends[np.repeat(used, 2)].drop_duplicates()
+    terminal = own.groupby("device").cumcount().add(1).set_axis(own["key"]).astype("Int64")
+    return pd.DataFrame(
+        {
+            "cable": runs["run"].to_numpy(object)[row],
+            "core": core,
+            "carries": np.where(used, carries, "spare"),
+            "wire": np.where(used, wire, ""),
+            "from": a,
+            "from_terminal": terminal.reindex(np.where(used, near, -1)).array,
+            "to": b,
+            "to_terminal": terminal.reindex(np.where(used, far, -1)).array,
+        }
+    )
+
+
+def _wires(design: Layout) -> Iterator[str]:
+    """Return what each core of each cable is called: on a bus by its signal, else by its number."""
+    bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
+    runs = design.cables
+    for kind, segment, cores in zip(runs["kind"], runs["segment"], runs["conductors"], strict=True):
+        known = _FEED if kind == "feeder" else _WIRES.get(bus.get(segment, ""), ())
+        known = () if kind in _TO_POINT else known
+        yield from (known[n] if n < len(known) else str(n + 1) for n in range(cores))
+
+
+#: What meets a core of a box's trunk: cables by their rows, each with the place of its wire, and
+#: the kind of signal whose return it is, if it is one.
+_Joint: TypeAlias = tuple[list[tuple[int, int]], str]
+
+
+def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
+    """Yield the row of each trunk of a box, and what meets each of its cores.
+
+    The planner divides the points of a box among its trunks in their order, so the conductors in
+    use show where one trunk ends. A point has pairs of its own; those with a common return come
+    after all pairs, one conductor each, and then the returns.
+    """
+    runs = design.cables
+    kinds = dict(zip(design.points["tag"], design.iolist.points["signal"], strict=True))
+    signal, used = [kinds.get(tag, "") for tag in runs["b"]], runs["used"].tolist()
+    box = runs["b"].where((runs["kind"] == "trunk") & (runs["segment"] == ""), "")
+    near = runs["a"].where(runs["kind"] == "drop", "")
+    trunks, drops = (
+        {str(name): [int(row) for row in rows] for name, rows in runs.groupby(of).indices.items()}
+        for of in (box, near)
+    )
+    trunks.pop("", None)
+    for name, own in trunks.items():
+        left = drops.get(name, [])[::-1]
+        for trunk in own:
+            mine, taken, seen = list[int](), 0, set[str]()
+            while left:
+                kind = signal[left[-1]]
+                taken += used[left[-1]] - (SIGNALS[kind].common if kind in seen else 0)
+                if taken > used[trunk] and trunk != own[-1]:
+                    break
+                seen.add(kind)
+                mine.append(left.pop())
+            yield trunk, _joints([(drop, signal[drop], used[drop]) for drop in mine])
+
+
+def _joints(drops: Iterable[tuple[int, str, int]]) -> list[_Joint]:
+    """Return what meets each core of a trunk, for row, signal and wires of each drop."""
+    pairs, shared, returns = list[_Joint](), list[_Joint](), dict[str, list[tuple[int, int]]]()
+    for drop, kind, wires in drops:
+        common = SIGNALS[kind].common
+        own: list[_Joint] = [([(drop, wire)], "") for wire in range(wires - common)]
+        if common:
+            shared += own
+            returns.setdefault(kind, []).append((drop, wires - 1))
+        else:
+            pairs += own + [([], "")] * (wires % 2)
+    return [*pairs, *shared, *((ends, kind) for kind, ends in returns.items())]
