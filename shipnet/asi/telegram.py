@@ -91,13 +91,18 @@ class Call(IntEnum):
     '1aaaaa1S110'
     """
 
-    rule: Rule
+    _rule: Rule
 
     def __new__(cls, rule: Any) -> Call:
         """Number the calls as they come."""
         call = int.__new__(cls, len(cls.__members__))
-        call._value_, call.rule = len(cls.__members__), rule
+        call._value_, call._rule = len(cls.__members__), rule
         return call
+
+    @property
+    def rule(self) -> Rule:
+        """Bits, wording and answer of this call."""
+        return self._rule
 
     DATA_EXCHANGE = Rule(
         "data exchange",
