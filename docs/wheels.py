@@ -57,8 +57,9 @@ def commands(uv: str, folder: Path, system: str, python: str) -> list[list[str]]
     listed = str(folder / "requirements.txt")
     tags = [part for tag in TAGS[system] for part in ("--platform", tag)]
     return [
+        # Without the overrides in pyproject.toml: pip, which installs the wheels, has none.
         [
-            *(uv, "pip", "compile", "--quiet", "--no-header", "--generate-hashes"),
+            *(uv, "pip", "compile", "--quiet", "--no-config", "--no-header", "--generate-hashes"),
             *("--extra", "notebooks", "--constraint", "requirements.lock"),
             *("--python-platform", system, "--python-version", python),
             *("--output-file", listed, "pyproject.toml"),

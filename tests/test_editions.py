@@ -252,6 +252,7 @@ def test_reveal_comes_with_its_licence():
 def test_wheels_are_those_of_the_lock_and_of_the_system(system, tmp_path):
     resolve, fetch, build = wheels.commands("uv", tmp_path, system, "3.12")
     assert resolve[resolve.index("--constraint") + 1] == "requirements.lock"
+    assert "--no-config" in resolve
     assert "--require-hashes" in fetch and fetch.count("--platform") == len(wheels.TAGS[system])
     assert build[1:3] == ["-m", "hatchling"]
     assert ("Scripts" in wheels.readme(system, "3.12")) == (system == "windows")

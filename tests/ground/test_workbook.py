@@ -12,6 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from openpyxl.chart import BarChart, Reference
 
+from shipnet import tables
 from shipnet.errors import InputError
 from shipnet.tables import ERRORS, _opened, read_sheet
 
@@ -314,7 +315,8 @@ def test_an_archive_that_lies_about_its_sizes_unpacks_no_more_than_it_says(monke
     assert data.count(said) == 2
     with pytest.raises(InputError, match="is no Excel workbook"):
         read(data.replace(said, (50).to_bytes(4, "little")))
-    monkeypatch.setattr("shipnet.tables._UNPACKED", 999_999)
+    assert tables._UNPACKED == 2**28
+    monkeypatch.setattr(tables, "_UNPACKED", 999_999)
     with pytest.raises(InputError, match="unpacks to more than 999999 bytes"):
         read(data)
 

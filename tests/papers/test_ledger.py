@@ -5,6 +5,7 @@ import math
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pandas as pd
@@ -16,16 +17,22 @@ from shipnet import datasets
 from shipnet.errors import ArgumentError, InputError
 from shipnet.papers import PAPERS, Claim, figure, ledger, show
 from shipnet.papers.claims import as_number, checked
-from shipnet.papers.judging import _LEANS_ON, TREATMENTS, _status, _verdict, match
+from shipnet.papers.judging import _LEANS_ON, TREATMENTS, _status, _verdict, load, match
 from shipnet.papers.registry import REGISTRY, Recomputation, check, numeric
 
-LEDGER = ledger().table().reset_index()
+load()
 CLAIMS = datasets.read("claims.csv")
 FIGURES = datasets.read("figures_tables.csv")
 ROOT = Path(__file__).resolve().parents[2]
 RECORDED = Path(__file__).with_name("expected_ledger.json")
 NUMBERS = [claim for claim in REGISTRY if not REGISTRY[claim].counter]
 CHECKS = [claim for claim in REGISTRY if REGISTRY[claim].counter]
+
+
+@cache
+def table():
+    """Return the whole ledger; computed late, because it takes seconds and all workers collect."""
+    return ledger().table().reset_index()
 
 
 SOUND = {
@@ -124,7 +131,7 @@ def test_every_function_belongs_to_a_claim_of_its_kind():
 
 
 def test_the_match_decides_between_agreement_and_fault():
-    judged = LEDGER[LEDGER["status"] == "judged"]
+    judged = table().query("status == 'judged'")
     for row in judged[judged["kind"] == "numeric"].itertuples():
         assert (row.match == "within precision") == (row.verdict == "agrees"), row.id
         if row.verdict == "unit":
@@ -260,17 +267,17 @@ def test_a_shifted_decimal_point_is_recognised(value, power):
 
 
 def test_counts_add_up_and_models_may_only_grow():
-    table = ledger().counts()
-    assert list(table.index) == list(PAPERS)
-    assert list(table.columns) == [*TREATMENTS, "claims"]
-    assert (table[list(TREATMENTS)].sum(axis=1) == table["claims"]).all()
-    assert table["claims"].sum() == len(CLAIMS)
+    counts = ledger().counts()
+    assert list(counts.index) == list(PAPERS)
+    assert list(counts.columns) == [*TREATMENTS, "claims"]
+    assert (counts[list(TREATMENTS)].sum(axis=1) == counts["claims"]).all()
+    assert counts["claims"].sum() == len(CLAIMS)
     recorded = json.loads(RECORDED.read_text())
-    assert table["model"].to_dict() == recorded, f"if more is modelled, update {RECORDED.name}"
+    assert counts["model"].to_dict() == recorded, f"if more is modelled, update {RECORDED.name}"
 
 
 def test_half_of_the_printed_numbers_come_from_a_model():
-    numbers = LEDGER[LEDGER["kind"].isin(["numeric"])]
+    numbers = table().query("kind == 'numeric'")
     assert (numbers["basis"] == "model").mean() >= 0.5
 
 
@@ -303,7 +310,7 @@ def test_ledger_of_one_paper():
 
 
 def test_the_difference_is_computed_over_published_minus_one():
-    row = LEDGER.set_index("id").loc["icn2007-025"]
+    row = table().set_index("id").loc["icn2007-025"]
     assert row.relative_difference == pytest.approx((8 / 150e-3) / 53.5 - 1)
     assert row.relative_difference < 0
 
@@ -371,19 +378,19 @@ OURS = {
 
 
 def test_numbers_that_no_paper_prints():
-    ours = LEDGER[LEDGER["status"] == "ours"].set_index("id")["computed"]
+    ours = table().query("status == 'ours'").set_index("id")["computed"]
     assert ours.to_dict() == pytest.approx(OURS)
 
 
 def test_evidence_is_the_function_unless_the_claim_names_more():
-    evidence = LEDGER.set_index("id")["evidence"]
+    evidence = table().set_index("id")["evidence"]
     assert evidence["kim2023-004"] == "shipnet.papers.kim2023.protocol.strands_left"
     assert evidence["kim2023-074"] == "kim2023-072; kim2023-073"
     assert evidence["kim2014-015"] == ""
 
 
 def test_status_follows_kind_and_function():
-    status = LEDGER.set_index("id")["status"]
+    status = table().set_index("id")["status"]
     expected = {"kim2023-004": "judged", "kim2023-042": "judged", "kim2023-010": "context"}
     expected |= {"kim2023-045": "ours", "kim2023-063": "not reproducible"}
     expected |= {"kim2023-013": "not verified", "kim2023-044": "erratum"}
@@ -456,7 +463,7 @@ alone = papers.ledger({paper!r}).table().reset_index()
 print(alone[["id", "status", "match"]].to_csv())
 """
     said = subprocess.check_output([sys.executable, "-c", program], text=True)
-    among = LEDGER[LEDGER["paper"] == paper].reset_index(drop=True)
+    among = table().query("paper == @paper").reset_index(drop=True)
     assert said.strip() == among[["id", "status", "match"]].to_csv().strip()
 
 
