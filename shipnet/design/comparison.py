@@ -110,7 +110,7 @@ class Comparison:
     >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3")
     >>> found = points.compare((0, 0, 0), ["home runs", "AS-i", "CAN"])
     >>> found
-    <Comparison: home runs, AS-i meet every rule that a plan can show; cheapest: home runs, 585 EUR>
+    <Comparison: home runs, AS-i, CAN meet every rule that a plan can show; cheapest: home ...>
     >>> found.table()["conductors_at_cabinet"].to_dict()
     {'home runs': 4.0, 'AS-i': 2.0, 'CAN': 4.0}
     >>> more = found.add(found.plan("AS-i", settings={"asi.tree": False}, name="chain"))
@@ -311,7 +311,9 @@ class Comparison:
     ) -> Design:
         """Plan the same points at the same place in one way more, as `IoList.plan`."""
         values = self.settings.replace(settings or {})
-        return plan(self.iolist, self.site, option, settings=values, mix=mix, name=name)
+        return plan(
+            self.iolist, self.site, option, settings=values, mix=mix, name=name, rules=self.rules
+        )
 
     def add(self, *designs: Design) -> Comparison:
         """Return a comparison with further designs of the same points."""
@@ -328,6 +330,7 @@ class Comparison:
                     f"{name} leaves {left} of {len(design.points)} points out{_why(design)}."
                 )
         said += _lengths(self.designs)
+        said += _prices(self.designs)
         whole = table[table["points_left_out"] == 0]
         if whole.empty:
             return [*said, "No design connects every point."]
@@ -537,6 +540,27 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
             f"reckoned, they would be {number(own.sum() / 1e3)} km. With list_lengths false, all "
             "are computed alike."
         )
+
+
+def _prices(designs: Mapping[str, Design]) -> Iterator[str]:
+    """Say what limits on responses cost, and where intrinsically safe points are connected."""
+    for name, design in designs.items():
+        if (loose := design.without_limits) is not None:
+            more = design.quantities()["total_cost_eur"] - loose.quantities()["total_cost_eur"]
+            yield (
+                f"Within the rules' limits on responses, {name} costs {number(abs(more))} EUR "
+                f"{'less' if more < 0 else 'more'} than without them."
+            )
+    first = next(iter(designs.values()))
+    safe = (first.iolist.points["ex"] != "").to_numpy()
+    if safe.any():
+        onto = [name for name, design in designs.items()
+                if (~design.points["bus"][safe].isin(["", "hardwired"])).any()]  # fmt: skip
+        cost = number(safe.sum() * first.settings.assumptions["barrier"].nominal)
+        where = f"in the boxes of {', '.join(onto)}" if onto else "in the cabinet"
+        hint = "" if onto else "; with field_barriers, buses take these points"
+        said = f"with barriers for {cost} EUR {where}{hint}"
+        yield f"Intrinsically safe points: {safe.sum()}, {said}."
 
 
 def _why(design: Design) -> str:

@@ -79,8 +79,10 @@ def items_of(design: Layout) -> dict[str, int]:
     points = design.points[["bus", "device"]].assign(
         analogue=design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     )
+    safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
     items = _devices(design, points) | _channels(points)
     items["second_interface"] = _second_interfaces(design)
+    items["barrier"] = items["barrier_time"] = int(safe.sum())
     items["gland"] = items["gland_time"] = 2 * len(design.cables)
     return {name: number for name, number in items.items() if number}
 

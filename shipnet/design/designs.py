@@ -62,12 +62,14 @@ class Design(Layout):
         Every cable laid: run, its name; cable, its type in the catalogue; a and b, its ends;
         segment, kind, route_m, length_m, used, conductors, at_cabinet, line, and way, its trays.
     segments : pandas.DataFrame
-        Lines and loops: segment, bus, points, devices, length_m, load, response_ms,
-        slowest_update_ms, and what only one bus has.
+        Lines and loops: segment, bus, points, devices, length_m, load, response_ms and
+        slowest_update_ms of the point nearest to its limit, and what only one bus has.
     reasons : pandas.DataFrame
         Why something does not fit: subject, limit, value, bound, unit, text.
     settings : Settings, optional
         Every limit, price and allowance that it was planned with.
+    without_limits : Design, optional
+        The same way without the limits of rules on responses, if these made a difference.
 
     Raises
     ------
@@ -86,6 +88,8 @@ class Design(Layout):
     >>> design.check("DNV").verdict
     '15 checks, 12 not verified'
     """
+
+    without_limits: Design | None = None
 
     @classmethod
     def example(cls, *, redundant: bool = False) -> Design:
@@ -133,9 +137,11 @@ class Design(Layout):
         )  # fmt: skip
 
     def priced(self, settings: Settings) -> Design:
-        """Return the same design under other prices or another time of the host."""
+        """Return the same design under other prices."""
         made = copy(self)  # with the failures, if they are known
         object.__setattr__(made, "settings", settings)
+        if self.without_limits is not None:
+            object.__setattr__(made, "without_limits", self.without_limits.priced(settings))
         return made
 
     def quantities(self) -> Quantities:

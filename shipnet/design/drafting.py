@@ -228,6 +228,8 @@ class Draft:
     iolist: PointTable
     site: Site
     settings: Settings
+    #: Longest response of each point that rules allow [s].
+    longest: Floats | float = inf
 
     def __post_init__(self) -> None:
         """Take what every planner asks for from the list, and put the cabinet down."""
@@ -236,6 +238,7 @@ class Draft:
         self.places: Floats = self.iolist.places
         self.need: Floats = points["update_ms"].to_numpy(np.float64) / 1e3
         self.need = np.where(np.isnan(self.need), self.settings.update, self.need)
+        self.need = np.minimum(self.need, self.longest)
         self.common = np.array([SIGNALS[str(s)].common for s in points["signal"]], dtype=np.int64)
         self.wires = points["conductors"].to_numpy(np.int64) + self.common
         self.types: list[str] = points["type"].tolist()
@@ -322,9 +325,13 @@ class Draft:
             self._point[name][row] = value
         self._response[row] = response
 
-    def segment(self, **columns: Any) -> None:
-        """Put down a segment."""
-        self._rows["segments"].append(columns)
+    def segment(self, rows: Indices, **columns: Any) -> None:
+        """Put down a segment of connected points, with times of the point nearest to its limit."""
+        nearest = rows[(self._response[rows] / self.need[rows]).argmax()]
+        self._rows["segments"].append(
+            {"points": len(rows), "response_ms": 1e3 * self._response[nearest],
+             "slowest_update_ms": 1e3 * self.need[nearest], **columns}
+        )  # fmt: skip
 
     def reason(
         self, subject: str, limit: str, value: float, bound: float, unit: str, text: str
@@ -342,7 +349,9 @@ class Draft:
             {"tag": self.tags, **self._point, "response_ms": self._response * 1e3,
              "fits": self._point["bus"] != ""},
         )  # fmt: skip
-        tables = {t: frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")}
+        tables: dict[str, Any] = {
+            t: frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")
+        }
         return Design(
             name,
             self.iolist,

@@ -85,6 +85,7 @@ class IoList(PointTable):
         settings: Given = None,
         mix: Mapping[str, str] | None = None,
         name: str | None = None,
+        rules: RuleSet | str | PathLike[str] | None = None,
     ) -> Design:
         """Connect all points in one way of `OPTIONS`.
 
@@ -92,15 +93,17 @@ class IoList(PointTable):
         None to find it from the lengths of the list. `trays` are those that cables follow, or a
         file of them, and `settings` values by name. `mix` connects some points in another way, by
         tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. `name` is that of the
-        design.
+        design. Within the limits of `rules` on responses, as `compare` has them, is planned what
+        can be.
         """
         from shipnet.design.planning import plan
+        from shipnet.design.rules import RuleSet
         from shipnet.design.settings import Settings
         from shipnet.design.site import site_of
 
-        values = Settings.of(settings)
+        values, asked = Settings.of(settings), None if rules is None else RuleSet.of(rules)
         site, _ = site_of(self, cabinet, trays, values)
-        return plan(self, site, option, settings=values, mix=mix, name=name)
+        return plan(self, site, option, settings=values, mix=mix, name=name, rules=asked)
 
     def compare(
         self,
@@ -116,7 +119,8 @@ class IoList(PointTable):
         """Plan the points in several ways and compare them.
 
         `options` are ways of `OPTIONS`, all if None, and `mix` one way more, as in `plan`. `rules`
-        are the name of a published set, a file or a `RuleSet`. `rng` draws the assumptions from
+        are the name of a published set, a file or a `RuleSet`; where a plan exceeds their limits on
+        responses, it is planned anew within them as far as it can. `rng` draws the assumptions from
         their ranges, for the interval that 9 of 10 draws of a figure lie in.
         """
         from shipnet.design.comparison import CRITERIA, compared
@@ -128,9 +132,9 @@ class IoList(PointTable):
         values, rules = Settings.of(settings), RuleSet.of(rules)
         site, said = site_of(self, cabinet, trays, values)
         ways = OPTIONS if options is None else options
-        designs = [plan(self, site, option, settings=values) for option in ways]
-        if mix:
-            designs.append(plan(self, site, "home runs", settings=values, mix=mix))
+        each = [(option, None) for option in ways] + [("home runs", mix)] * bool(mix)
+        designs = [plan(self, site, option, settings=values, mix=choose, rules=rules)
+                   for option, choose in each]  # fmt: skip
         generator = np.random.default_rng(rng)
         return compared(designs, rules, CRITERIA, generator, (said,) if said else ())
 

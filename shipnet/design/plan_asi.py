@@ -579,10 +579,9 @@ def _connect(draft: Draft, segment: str, line: Line, names: dict[str, str]) -> N
     parts = line.plan.segments
     used = len({slave.address for slave in line.slaves})
     draft.segment(
-        segment=segment, bus="AS-i", points=len(rows),
+        rows, segment=segment, bus="AS-i",
         devices=len(line.slaves) + 1 + len(line.drawn.repeaters), length_m=line.drawn.length,
-        load=used / ADDRESSES, response_ms=1e3 * max(float(r.max()) for r in line.responses),
-        slowest_update_ms=1e3 * float(draft.need[rows].min()), masters=1, slaves=len(line.slaves),
+        load=used / ADDRESSES, masters=1, slaves=len(line.slaves),
         addresses=used, cycle_ms=1e3 * line.cycle, repeaters=len(line.drawn.repeaters),
         supply_current_a=max(part.current for part in parts),
         lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),

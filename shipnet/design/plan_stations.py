@@ -152,11 +152,8 @@ def plan_can(draft: Draft, rows: Indices) -> None:
                 draft.drop(int(row), devices[id(box)], box.place, name, float(length))
         everything = np.concatenate([box.rows for box in group])
         draft.segment(
-            segment=name, bus="CAN", points=len(everything), devices=len(group) + 1,
+            everything, segment=name, bus="CAN", devices=len(group) + 1,
             length_m=segment.trunk.length, load=segment.load,
-            response_ms=1e3 * max(m.need * limits.period_share + s.response
-                                  for m, s in segment.messages),
-            slowest_update_ms=1e3 * float(draft.need[everything].min()),
             bit_rate=segment.bit_rate, messages=len(segment.messages),
             # Every message goes out on both lines, so that none has to take over.
             switch_over_ms=0.0 if draft.settings.redundant else np.nan,
@@ -270,20 +267,18 @@ def plan_modbus(draft: Draft, rows: Indices) -> None:
         name = f"Modbus {number}"
         ordered = [group[place] for place in loop.trunk.order]
         names = lay(draft, name, "Modbus", ordered, loop.trunk, limits.cable, loop.repeaters)
-        response = []
         for unit, (place, device) in enumerate(zip(loop.trunk.order, names, strict=True), 1):
             box, registers = group[place], loop.registers[place]
-            response.append(loop.scan + loop.longest[place])
+            response = loop.scan + loop.longest[place]
             for row, length, where in zip(box.rows, box.lengths, registers.addresses, strict=True):
                 address = f"{unit} {where}"
-                draft.connect(int(row), "Modbus RTU", name, device, address, response[-1])
+                draft.connect(int(row), "Modbus RTU", name, device, address, response)
                 draft.drop(int(row), device, box.place, name, float(length))
-        needs = np.concatenate([draft.need[box.rows] for box in group])
+        everything = np.concatenate([box.rows for box in group])
         draft.segment(
-            segment=name, bus="Modbus RTU", points=len(needs),
+            everything, segment=name, bus="Modbus RTU",
             devices=len(group) + 1 + len(loop.repeaters), length_m=loop.trunk.length,
-            load=loop.scan / float(needs.min()), response_ms=1e3 * max(response),
-            slowest_update_ms=1e3 * float(needs.min()), bit_rate=loop.bit_rate,
+            load=loop.scan / float(draft.need[everything].min()), bit_rate=loop.bit_rate,
             scan_ms=1e3 * loop.scan, repeaters=len(loop.repeaters),
             switch_over_ms=1e3 * loop.switch_over if draft.settings.redundant else np.nan,
         )  # fmt: skip

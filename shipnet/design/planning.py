@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import ceil
+from dataclasses import replace
+from math import ceil, inf
 from types import MappingProxyType
 
 import numpy as np
 
-from shipnet.arrays import Indices
+from shipnet.arrays import Floats, Indices
 from shipnet.design.catalogue import cables, smallest
 from shipnet.design.designs import Design
 from shipnet.design.drafting import Box, Draft, Laid, boxes, without_place
 from shipnet.design.plan_asi import plan_asi
 from shipnet.design.plan_stations import plan_can, plan_modbus
 from shipnet.design.points import PointTable
+from shipnet.design.rules import RuleSet, longest_responses
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
@@ -110,8 +112,13 @@ def plan(
     settings: Settings | None = None,
     mix: Mapping[str, str] | None = None,
     name: str | None = None,
+    rules: RuleSet | None = None,
 ) -> Design:
-    """Connect the points of a list in one way, and those that `mix` names in another."""
+    """Connect the points of a list in one way, and those that `mix` names in another.
+
+    Where a response is longer than `rules` allow, all is planned anew within their limits, but for
+    points that then fit nowhere.
+    """
     choose = mix or {}
     for one in (option, *choose.values()):
         if one not in _PLANNERS:
@@ -120,7 +127,6 @@ def plan(
     values = Settings(allowances) if settings is None else settings
     if any(values[what] != value for what, value in allowances.items()):
         values = values.replace(allowances)
-    draft = Draft(iolist, site, values)
     chosen = np.full(len(iolist), option, dtype=object)
     left = set(choose)
     for column in reversed(_BY) if choose else ():
@@ -133,8 +139,24 @@ def plan(
             f"mix names {sorted(left)[0]!r}; it is not a tag, signal, system, category or type of "
             "the list"
         )
-    for way, planner in _PLANNERS.items():
-        rows = np.flatnonzero(chosen == way)
-        if len(rows):
-            planner(draft, rows)
-    return draft.made(name or ("mix" if choose else option))
+    if not values.field_barriers:
+        on_bus = ~np.isin(chosen, ["home runs", "junction boxes"])
+        chosen[on_bus & (iolist.points["ex"] != "").to_numpy()] = "home runs"
+
+    def planned(longest: Floats | float = inf) -> Design:
+        draft = Draft(iolist, site, values, longest)
+        for way, planner in _PLANNERS.items():
+            rows = np.flatnonzero(chosen == way)
+            if len(rows):
+                planner(draft, rows)
+        return draft.made(name or ("mix" if choose else option))
+
+    made = planned()
+    longest = longest_responses(rules or (), iolist.points, values.host_time)
+    while (made.points["response_ms"] > 1e3 * longest).any():
+        within = planned(longest)
+        out = (made.points["fits"] & ~within.points["fits"]).to_numpy() & np.isfinite(longest)
+        if not out.any():
+            return replace(within, without_limits=made)
+        longest[out] = inf
+    return made

@@ -449,8 +449,9 @@ def points_of(
     numbers = read_numbers(cells, texts["box"])
     if "system" in cells.places:
         cells.doubt("no system", ~cells.given("system"))
-    cells.doubt("intrinsically safe: no plan has barriers yet", np.array(texts["ex"]) != "")
     cells.check(strict)
+    if safe := tuple(row for row, mark in zip(cells.rows, texts["ex"], strict=True) if mark):
+        cells.remarks.append(Remark("intrinsically safe, each with a barrier", safe))
     missing = np.isnan(numbers["update_ms"])
     if missing.any():
         count = int(missing.sum())

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, asdict, dataclass, fields
 from functools import cache, cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from shipnet import datasets
 from shipnet.answers import Findings
-from shipnet.arrays import Bools
+from shipnet.arrays import Bools, Floats
 from shipnet.crc import Crc
 from shipnet.design.layout import Layout
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
@@ -494,6 +496,21 @@ def _value(kind: Kind, cell: str) -> object:
         plain = cell.replace(",", ".") or "nan"
         return float(plain) if NUMBER.fullmatch(plain) or not cell else cell
     return cell
+
+
+def longest_responses(rules: Iterable[Rule], points: pd.DataFrame, host_time: float) -> Floats:
+    """Return the longest response that rules allow each point [s]; inf where they name none.
+
+    What the host alone exceeds is no limit that a plan could meet.
+    """
+    longest = np.full(len(points), np.inf)
+    for rule in rules:
+        if rule.measure == "response" and rule.bound != "at least":
+            # A little less, so that no rounding decides.
+            limit = (rule.limit - rule.host * host_time) * (1 - 1e-9)
+            mine = APPLIES[rule.applies](points).to_numpy(bool)
+            longest[mine] = np.minimum(longest[mine], limit)
+    return np.where(longest > 0, longest, np.inf)
 
 
 # Does a planned design keep the rules? Each rule with the value computed for it ----------------

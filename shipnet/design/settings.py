@@ -303,6 +303,10 @@ class _Plain:
         "hardwired", "The thinnest such cable, a key of the catalogue; 24 V feeders are thicker "
         "where they have to be", "MI1P150",
     )  # fmt: skip
+    field_barriers: bool = switch(
+        "Whether an intrinsically safe point goes onto a bus, through a barrier in its box; else "
+        "it has a home run to a barrier in the cabinet", default=False,
+    )  # fmt: skip
     list_lengths: bool = switch(
         "Whether a cable whose length the list gives keeps it; else it is computed from places "
         "like all others, where they are known", default=True,
@@ -366,11 +370,11 @@ class Settings(_Plain):
     """Every limit, price and allowance of a design, each by one dotted name.
 
     Names without a prefix are ``detour``, ``tails``, ``host_time``, ``spare``, ``redundant``,
-    ``update``, ``fed``, ``feeder`` and ``list_lengths``; then come ``boxes.``, ``asi.``, ``can.``
-    and ``modbus.`` with the limits of each bus, ``supply.`` with what is fed, and ``assumptions.``
-    with prices, hours and factors. `table` lists them all with their legal values. The tables
-    ``columns``, ``signals``, ``frames`` and ``decks`` hold the words of a list that `read_iolist`
-    does not know.
+    ``update``, ``fed``, ``feeder``, ``field_barriers`` and ``list_lengths``; then come ``boxes.``,
+    ``asi.``, ``can.`` and ``modbus.`` with the limits of each bus, ``supply.`` with what is fed,
+    and ``assumptions.`` with prices, hours and factors. `table` lists them all with their legal
+    values. The tables ``columns``, ``signals``, ``frames`` and ``decks`` hold the words of a list
+    that `read_iolist` does not know.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ def _without_growth(modules: int, spacing: int) -> float:
 
 @cache
 def _reviews() -> tuple[_Options, _Options]:
-    """Return the ballast valves three ways without faults, and three of which two have some."""
+    """Return the ballast valves three ways without faults, and three of which one has some."""
     ship = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     ballast = ship.where("system == 'Ballast valve'")
     ways = ["home runs", "junction boxes", "AS-i", "CAN"]

@@ -16,6 +16,7 @@ from shipnet.design.designs import Design
 from shipnet.design.failures import worst
 from shipnet.design.iolist import IoList
 from shipnet.design.planning import OPTIONS, plan
+from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings, names
 from shipnet.design.site import Site, site_of
 from shipnet.design.words import Reading
@@ -73,13 +74,14 @@ def site(iolist: IoList, cabinet: str, settings: Settings) -> tuple[Site, str]:
 
 
 @lru_cache(maxsize=48)
-def _planned(iolist: IoList, site: Site, settings: Settings, option: str) -> Design:
+def _planned(iolist: IoList, site: Site, settings: Settings, option: str, rules: str) -> Design:
+    asked = RuleSet.of(rules)
     if option in OPTIONS:
-        return plan(iolist, site, option, settings=settings)
+        return plan(iolist, site, option, settings=settings, rules=asked)
     choose, default = MIXES[option]
     there = {*iolist.points["type"], *iolist.points["category"]}
     named = {key: value for key, value in choose.items() if key in there}
-    return plan(iolist, site, default, settings=settings, mix=named, name=option)
+    return plan(iolist, site, default, settings=settings, mix=named, name=option, rules=asked)
 
 
 @lru_cache(maxsize=8)
@@ -123,14 +125,13 @@ def _prices(labour: float, parts: float) -> dict[str, Range]:
 def compared(
     iolist: IoList, cabinet: str, settings: Settings, options: tuple[str, ...], rules: str
 ) -> Comparison:
-    """Plan and compare; a plan is kept for what it depends on, which prices and host are not."""
+    """Plan and compare; a plan is kept for what it depends on, which prices are not."""
     default = Settings()
     unpriced = settings.replace(
         {name: default[name] for name in names() if name.startswith("assumptions.")}
-        | {"host_time": default.host_time}
     )
     at, said = site(iolist, cabinet, unpriced)
-    designs = [_planned(iolist, at, unpriced, option).priced(settings) for option in options]
+    designs = [_planned(iolist, at, unpriced, option, rules).priced(settings) for option in options]
     found = compare(designs, rules=rules, rng=_SEED)
     return replace(found, remarks=(said,) if said else ())
 

@@ -11,12 +11,15 @@ from hypothesis.extra import numpy as npst
 
 from shipnet import datasets
 from shipnet.design.comparison import CRITERIA, compare, pareto_optimal
-from shipnet.design.costs import quantities
+from shipnet.design.costs import number, quantities
 from shipnet.design.designs import Design
 from shipnet.design.failures import single_failures
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.rules import Rule, RuleSet
+from shipnet.design.settings import Settings
 from shipnet.design.site import find_cabinet
 from shipnet.errors import ArgumentError
+from tests.design.lists import ship
 
 SHIP = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
 
@@ -221,3 +224,31 @@ def test_each_use_of_the_draws_gives_the_same():
     pd.testing.assert_frame_equal(
         more.likely().loc[["home runs"]], both.likely().loc[["home runs"]]
     )
+
+
+@pytest.mark.parametrize(("option", "limit"), [("AS-i", 0.7), ("CAN", 0.51)])
+def test_what_a_limit_on_responses_costs_is_the_difference_to_the_plan_without_it(option, limit):
+    rules = RuleSet((Rule("shown", "response", limit, host=True, confirmed=True),))
+    iolist = ship(40)
+    found = iolist.compare((0, 0, 0), ["home runs", option], rules=rules)
+    design, loose = found.designs[option], iolist.plan(option, (0, 0, 0))
+    more = found.quantities[option]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
+    assert more > 0 and design.check(rules).ok and not loose.check(rules).ok
+    said = f"{option} costs {number(more)} EUR more than without them."
+    assert f"Within the rules' limits on responses, {said}" in found.conclusions()
+    again = found.plan(option, name="again")
+    assert again.points["response_ms"].equals(design.points["response_ms"])
+    priced = design.priced(Settings({"assumptions.labour_rate": 0}))
+    assert priced.without_limits.settings is priced.settings
+
+
+def test_barriers_are_counted_and_their_place_is_named():
+    iolist = IoList.parse("tag,signal,x,y,z\nA,4-20mA Ex ia,20,0,0\nB,contact,21,0,0")
+    for field, where in ((False, "in the cabinet; with field_barriers"), (True, "in the boxes of")):
+        found = iolist.compare((0, 0, 0), ["home runs", "CAN"], settings={"field_barriers": field})
+        (said,) = (one for one in found.conclusions() if one.startswith("Intrinsically safe"))
+        cost = number(found.settings.assumptions["barrier"].nominal)
+        assert said.startswith(
+            f"Intrinsically safe points: 1, with barriers for {cost} EUR {where}"
+        )
+    assert not any("safe" in one for one in ship(4).compare((0, 0, 0)).conclusions())

@@ -20,7 +20,7 @@ from shipnet.design.costs import (
     tornado,
 )
 from shipnet.design.designs import Design
-from shipnet.design.iolist import read_iolist
+from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.layout import frame
 from shipnet.design.planning import OPTIONS as OPTIONS_OF_A_PLAN
 from shipnet.design.planning import plan
@@ -286,8 +286,10 @@ def test_the_assumptions_file_is_in_order_and_every_row_is_used():
     assert set(table["status"]) == {"assumed", "derived"}
     assert set(table["unit"]) == {"EUR", "EUR/h", "h", "1"}
     # The mixed plant has every device and every channel; a digital module and stations with two
-    # lines stand in the others.
-    others = Model(PLANT.on_asi).names, Model(Design.example(redundant=True)).names
+    # lines stand in the others, and a barrier.
+    safe = IoList.parse("tag,signal,x,y,z\nA,4-20mA Ex ia,1,0,0").plan("home runs", (0, 0, 0))
+    redundant = Design.example(redundant=True)
+    others = (Model(design).names for design in (PLANT.on_asi, redundant, safe))
     assert set(table.index) <= set(Model(MIXED).names).union(*others)
     # What a length laid may be, from the detour and the tails that the row names.
     low, nominal, high = ((k * 40 + tail) / 51 for k, tail in [(1.05, 3), (1.15, 5), (1.3, 8)])

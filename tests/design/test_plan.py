@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from shipnet import datasets
 from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.planning import OPTIONS, plan
+from shipnet.design.rules import Rule, RuleSet
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site, Trays
 from shipnet.errors import ArgumentError
@@ -352,3 +353,59 @@ def test_the_update_time_of_the_settings_holds_where_a_list_names_none():
         design = plan(iolist, Site((0, 0, 0)), "CAN", settings=Settings({"update": update}))
         assert design.segments["slowest_update_ms"].tolist() == [slowest]
         assert design.points["response_ms"][0] == pytest.approx(500 * update, abs=2)
+
+
+# Limits of rules on responses, and points that are intrinsically safe -----------------------------
+
+#: Inputs that the list wants every 5 s, and outputs.
+SLOW = table([(signal, (x, 0, 2), 5000.0) for x in range(0, 60, 3)
+              for signal in ("contact", "current_loop", "solenoid")])  # fmt: skip
+
+
+def within(seconds, applies="inputs"):
+    return RuleSet(
+        (Rule("shown", "response", seconds, applies=applies, confirmed=True, host=True),)
+    )
+
+
+@pytest.mark.parametrize("option", BUSES)
+def test_a_limit_on_responses_is_met_where_the_list_alone_would_exceed_it(option):
+    loose = plan(SLOW, SITE, option, settings=Settings({"modbus.processing": 0.1}))
+    host = loose.settings.host_time
+    inputs = SLOW.points["type"].isin(["DI", "AI"])
+    rules = within(host + 0.5 * loose.points["response_ms"][inputs].max() / 1e3)
+    assert not loose.check(rules).ok
+    design = plan(SLOW, SITE, option, settings=loose.settings, rules=rules)
+    assert design.fits and design.check(rules).ok
+    assert (1e3 * host + design.points["response_ms"][inputs]).max() <= 1e3 * rules.rules[0].limit
+    pd.testing.assert_frame_equal(design.without_limits.points, loose.points)
+
+
+def test_a_limit_that_is_met_anyway_changes_nothing():
+    assert plan(SLOW, SITE, "AS-i", rules=within(5.0)).without_limits is None
+    assert plan(SLOW, SITE, "home runs", rules=within(1e-3)).without_limits is None
+
+
+def test_a_limit_below_the_time_of_the_host_is_left_to_the_host():
+    assert plan(SLOW, SITE, "CAN", rules=within(0.5)).without_limits is None
+
+
+def test_points_that_cannot_meet_a_limit_keep_the_need_of_the_list():
+    """A value takes longer on AS-i than this limit, a contact does not."""
+    design = plan(SLOW, SITE, "AS-i", rules=within(0.55), settings=Settings({"asi.conversion": 2}))
+    late = design.points["response_ms"]
+    assert design.fits and not design.check(within(0.55)).ok
+    assert (late[SLOW.points["type"] == "AI"] > 2000).all()
+    assert (late[SLOW.points["type"] == "DI"] <= 50).all()
+
+
+@pytest.mark.parametrize("option", BUSES)
+def test_an_intrinsically_safe_point_is_on_a_bus_only_with_a_barrier_in_its_box(option):
+    iolist = IoList.parse("tag,signal,x,y,z\nA,4-20mA Ex ia,20,0,0\nB,4-20mA,21,0,0")
+    for barriers, bus in ((False, "hardwired"), (True, option)):
+        limits = Settings({"field_barriers": barriers})
+        design = plan(iolist, SITE, option, settings=limits)
+        assert design.points["bus"].tolist() == [bus, option]
+        assert design.bill().set_index("item").loc["barrier", "number"] == 1
+    mixed = plan(iolist, SITE, "home runs", mix={"A": option})
+    assert mixed.points["bus"].tolist() == ["hardwired", "hardwired"]

@@ -194,7 +194,7 @@ def test_a_mark_of_intrinsic_safety_is_kept_beside_the_signal():
     iolist = IoList.parse(text)
     assert iolist.points["ex"].tolist() == ["Ex ia IIC", "", "IS"]
     assert iolist.points["signal"].tolist() == ["current_loop", "current_loop", "contact"]
-    assert notes(iolist)["intrinsically safe: no plan has barriers yet"] == 2
+    assert notes(iolist)["intrinsically safe, each with a barrier"] == 2
 
 
 # Numbers --------------------------------------------------------------------------------------

@@ -54,7 +54,7 @@ def test_a_price_plans_nothing_anew_and_a_limit_does(monkeypatch, small):
 
     monkeypatch.setattr(_design, "plan", planner)
     monkeypatch.setattr(_design, "site_of", planner)
-    dear = replace(SMALL, labour=110.0, parts=2.0, rules="BV", picture="assumptions").result
+    dear = replace(SMALL, labour=110.0, parts=2.0, picture="assumptions").result
     kept = (dear.designs, small.designs)
     assert all(a.cables is b.cables for a, b in zip(*(own.values() for own in kept), strict=True))
     assert replace(SMALL, can=False).result.designs.keys() == set(OPTIONS) - {"CAN"}
