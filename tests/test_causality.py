@@ -1,5 +1,7 @@
 """No simulator reacts to a fault before it begins: what comes later leaves the past as it was."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -188,6 +190,14 @@ VALVES = {
 }
 
 
+def stroke(valves, *faults):
+    orders = [ballast.Command("open", 1.0, valves=2), ballast.Command("close", 12.0, valves=2)]
+    return ballast.simulate(VALVES[valves], orders, faults=faults, until=18)
+
+
+healthy_stroke = cache(stroke)
+
+
 @settings(max_examples=25)
 @example(code="G1", start=6.15, lasts=np.inf, valves="answer too late")
 @example(code="G1", start=10.06, lasts=np.inf, valves="answer in time")
@@ -199,12 +209,9 @@ VALVES = {
 )
 def test_the_valves_react_to_no_fault_before_it_begins(code, start, lasts, valves):
     fault = ballast.Fault(code, valves=2, start=start, stop=start + lasts)
-    system, scanned = VALVES[valves], valves != "direct"
-    orders = [ballast.Command("open", 1.0, valves=2), ballast.Command("close", 12.0, valves=2)]
     seen = []
-    for faults in ([fault], []):
-        run = ballast.simulate(system, orders, faults=faults, until=18)
-        if scanned:
+    for run in (stroke(valves, fault), healthy_stroke(valves)):
+        if valves != "direct":
             early = [one for one in run.shown if one.read < start]
             seen.append((early, [w for w in run.writes if w.end < start]))
         else:

@@ -27,6 +27,8 @@ def test_wheel_holds_package_and_data_and_nothing_else(wheel):
     names = [name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name]
     assert {name.split("/")[0] for name in names} == {"shipnet"}
     assert {f"shipnet/data/{name}" for name in datasets.names()} <= set(names)
+    code = {path.relative_to(ROOT).as_posix() for path in (ROOT / "shipnet").rglob("*.py*")}
+    assert {path for path in code if "__pycache__" not in path} <= set(names)
     others = {
         "shipnet.mplstyle",
         "py.typed",
@@ -47,6 +49,6 @@ def test_wheel_runs_the_ledger_from_another_folder(wheel, tmp_path):
     environment = {**os.environ, "PYTHONPATH": str(target)}
     where = subprocess.check_output(run, cwd=elsewhere, env=environment, text=True)
     assert Path(where.strip()).is_relative_to(target)
-    command = [sys.executable, "-m", "shipnet", "ledger", "--summary"]
+    command = [sys.executable, "-m", "shipnet", "ledger", "kim2014", "--summary"]
     out = subprocess.check_output(command, cwd=elsewhere, env=environment, text=True)
-    assert out.strip() == ledger().counts().to_string().strip()
+    assert out.strip() == ledger("kim2014").counts().to_string().strip()

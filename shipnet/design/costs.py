@@ -109,11 +109,13 @@ def _devices(design: Layout, points: pd.DataFrame) -> dict[str, int]:
 
 def _second_interfaces(design: Layout) -> int:
     """Count the stations at which both lines of a redundant pair end."""
-    trunk = design.cables[(design.cables["kind"] == "trunk") & (design.cables["line"] != "")]
-    lines = trunk.melt(id_vars="line", value_vars=["a", "b"], value_name="device")
-    both = lines.groupby("device")["line"].nunique() > 1
+    ends: dict[str, set[str]] = {"A": set(), "B": set()}
+    columns = (design.cables[name] for name in ("kind", "line", "a", "b"))
+    for kind, line, a, b in zip(*columns, strict=True):
+        if kind == "trunk" and line:
+            ends[line] |= {a, b}
     stations = design.devices["device"][design.devices["kind"] == "station"]
-    return int(stations.isin(both.index[both]).sum())
+    return len(ends["A"] & ends["B"] & set(stations))
 
 
 def _channels(points: pd.DataFrame) -> dict[str, int]:
@@ -289,6 +291,7 @@ class Model:
             .groupby("cable")[["runs", "length_m", "ends", "conductors", "at_cabinet"]]
             .sum()
         )
+        self._sums = {name: column.to_numpy(dtype=float) for name, column in self.laid.items()}
         unknown = sorted(set(self.laid.index) - set(known))
         if unknown:
             raise ArgumentError(f"the catalogue has no cable {', '.join(unknown)}")
@@ -310,10 +313,7 @@ class Model:
         self, levels: Mapping[str, Level] | None = None, *, others: Level = "nominal"
     ) -> dict[str, Any]:
         """Return every figure at given levels of the assumptions."""
-        given = {} if levels is None else levels
-
-        def column(name: str) -> Floats:
-            return np.asarray(self.laid[name].to_numpy(dtype=float))
+        given, laid = {} if levels is None else levels, self._sums
 
         def at(name: str) -> Floats:
             ranges = self._ranges.get(name)
@@ -325,22 +325,22 @@ class Model:
             fits = [(name, n) for name, n in items if self.assumptions.entry(name).unit == unit]
             return sum((n * at(name)[..., 0] for name, n in fits), start=0.0)
 
-        length = column("length_m") * at("laid_length")
+        length = laid["length_m"] * at("laid_length")
         section_m2 = self._section * at("cable_diameter") ** 2
-        labour = (length * at("laying_time") + column("ends") * at("termination_time")).sum(-1)
+        labour = (length * at("laying_time") + laid["ends"] * at("termination_time")).sum(-1)
         labour = labour + due("h")
         cable_cost = (length * at("cable_price")).sum(-1)
         hardware_cost = due("EUR")
         labour_cost = labour * at("labour_rate")[..., 0]
         figures = {
             "conductors_at_cabinet": self._at_cabinet,
-            "conductors_laid": column("conductors").sum(),
-            "cables": column("runs").sum(),
+            "conductors_laid": laid["conductors"].sum(),
+            "cables": laid["runs"].sum(),
             "cable_length_km": length.sum(-1) / 1e3,
             "cable_mass_kg": (length * at("cable_mass")).sum(-1),
             "cable_volume_l": (length * section_m2).sum(-1) * 1e3,
-            "cross_section_cm2": (column("at_cabinet") * section_m2).sum(-1) * 1e4,
-            "terminations": column("ends").sum(),
+            "cross_section_cm2": (laid["at_cabinet"] * section_m2).sum(-1) * 1e4,
+            "terminations": laid["ends"].sum(),
             "labour_h": labour,
             "cable_cost_eur": cable_cost,
             "hardware_cost_eur": hardware_cost,

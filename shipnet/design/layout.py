@@ -76,9 +76,12 @@ def frame(table: str, rows: Any = ()) -> pd.DataFrame:
         raise ArgumentError(f"{table} has no column {' and no column '.join(missing)}")
     more = [column for column in made.columns if column not in types]
     made = made[[*types, *more]].reset_index(drop=True)
-    for column, kind in types.items():
+    for (column, kind), found in zip(types.items(), made.dtypes, strict=False):
+        wanted = np.dtype(_DTYPES.get(kind, object))
+        if found == wanted:
+            continue
         try:
-            made[column] = made[column].astype(np.dtype(_DTYPES.get(kind, object)))
+            made[column] = made[column].astype(wanted)
         except (TypeError, ValueError) as error:
             raise ArgumentError(f"column {column} of {table} is not all {kind}: {error}") from None
     return made
@@ -168,7 +171,7 @@ def _faults(design: Layout) -> Iterator[str]:
         ("end of a run", runs.loc[~to_point, "b"], names),
         ("point of a run", runs.loc[to_point, "b"], set(points["tag"])),
     ):
-        unknown = values[~values.isin(list(known))].drop_duplicates()
+        unknown = dict.fromkeys(value for value in values if value not in known)
         yield from (f"there is no {what} {value!r}" for value in unknown)
     for row in runs[~(np.isfinite(runs["length_m"]) & (runs["length_m"] >= 0))].itertuples():
         yield f"length of {row.run} is {row.length_m} m; it must be 0 or more"

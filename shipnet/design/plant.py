@@ -232,9 +232,8 @@ class Plant:
         table["way"] = pd.Series([()] * len(table), dtype=object)
         return table
 
-    def _made(self, name: str, **tables: object) -> Design:
-        made: dict[str, Any] = {table: frame(table, rows) for table, rows in tables.items()}
-        return Design(name, self.iolist, _SITE, **made, reasons=frame("reasons"))
+    def _made(self, name: str, **tables: Any) -> Design:
+        return Design(name, self.iolist, _SITE, **tables, reasons=frame("reasons"))
 
 
 def _points(tags: pd.Series, bus: str, **columns: object) -> pd.DataFrame:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 
 from shipnet import datasets
-from shipnet.design.costs import Quantities
+from shipnet.design.costs import Quantities, conductors_at_cabinet
 from shipnet.design.iolist import read_iolist
 from shipnet.design.plant import Plant
 from shipnet.exercises.answers import Choice, Function, Number
@@ -23,8 +23,14 @@ _NEAR, _FAR = 10, 30
 
 
 @cache
+def _conductors(contacts: int, lines: int) -> int:
+    """Count the conductors at the cabinet on AS-i, or those of home runs if there is no line."""
+    plant = Plant(contacts, contacts=1, lines=lines or 1)
+    return conductors_at_cabinet(plant.on_asi if lines else plant.hardwired)
+
+
 def _left(contacts: int, lines: int) -> float:
-    return 100 * Plant(contacts, contacts=1, lines=lines).saving.left
+    return 100 * _conductors(contacts, lines) / _conductors(contacts, 0)
 
 
 @cache

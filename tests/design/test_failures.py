@@ -209,11 +209,13 @@ def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
     table = single_failures(design)
     needs = searched(design)[1:3]
     before = points_reached(design, needs)
+    ways = dict(zip(design.cables["run"], design.cables["way"], strict=True))
+    system = design.iolist.points.set_index("tag")["system"]
     for failure, names in (("cut", design.cables["run"]), ("device", design.devices["device"])):
         assert table.loc[table["failure"] == failure, "failed"].tolist() == names.tolist()
     for row in table.itertuples():
         together = shorted(design, row.failed) if row.failure == "short" else []
-        on_tray = [r.run for r in design.cables.itertuples() if row.failed in r.way]
+        on_tray = [run for run, way in ways.items() if row.failed in way]
         cut = {"cut": [row.failed], "tray": on_tray, "device": [],
                "short": together}[row.failure]  # fmt: skip
         dead = [row.failed] if row.failure == "device" else []
@@ -222,8 +224,7 @@ def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
         gone = before - points_reached(design, needs, cut, dead)
         assert set(row.tags) == gone, row
         assert row.points_lost == len(gone)
-        points = design.iolist.points
-        assert set(row.systems) == set(points.loc[points["tag"].isin(gone), "system"])
+        assert set(row.systems) == {system[tag] for tag in gone}
 
 
 @settings(max_examples=20)

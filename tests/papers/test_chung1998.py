@@ -24,7 +24,7 @@ from shipnet.remote_control.values import HOPS, STATIONS
 
 
 def test_no_claim_is_open():
-    assert ledger().counts().loc["chung1998", "open"] == 0
+    assert ledger("chung1998").counts().loc["chung1998", "open"] == 0
 
 
 def test_three_seconds_need_both_tests_to_be_reached():

@@ -191,26 +191,26 @@ def extraction(
 # Overrun, repair, trials -------------------------------------------------------------------
 
 
-def packets_stored(n: int, items: int, *, phase: int = 0, size: int = SIZE) -> Ring:
-    """Return a ring in which this many bytes of packets have been stored and none read."""
+def stored_in(size: int, received: bytes) -> Ring:
+    """Return a ring in which these bytes have been stored and none read."""
     ring = Ring(size)
-    ring.store_all(MarkerFormat(n_numbers=items).stream(n, phase=phase))
+    ring.store_all(received)
     return ring
 
 
 def overrun_rings(items: int) -> Iterator[Ring]:
     """Return rings that show case c, for every place of the writer and every phase of a stream."""
+    phases = length(reading="A", items=items)
+    stream = MarkerFormat(n_numbers=items).stream(2 * SIZE + phases)
     for no in range(SIZE):
-        for phase in range(length(reading="A", items=items)):
-            yield packets_stored(SIZE + no, items, phase=phase)
+        for phase in range(phases):
+            yield stored_in(SIZE, stream[phase : phase + SIZE + no])
 
 
 def full_rings(size: int = SIZE) -> Iterator[Ring]:
     """Return rings of packet starts only that show case c, for every place of the writer."""
     for no in range(size):
-        ring = Ring(size)
-        ring.store_all(bytes([PACKET_START]) * (size + no))
-        yield ring
+        yield stored_in(size, bytes([PACKET_START]) * (size + no))
 
 
 def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
@@ -349,7 +349,7 @@ def parameter_change_does_no_harm(*, stall: float = BYTES_PER_PRESS * WRITE_TIME
 def larger_ring_is_not_overrun(*, size: int = 2 * SIZE, stall: float = 0.2) -> bool:
     """Whether bytes that come without a break during a stall [s] leave a ring in a normal case."""
     came = round(stall / as_printed().character_time)
-    return packets_stored(came, ITEMS, size=size).case in ("b", "d")
+    return stored_in(size, MarkerFormat(n_numbers=ITEMS).stream(came)).case in ("b", "d")
 
 
 def ring_trials(system: System | None = None, *, duration: float = 20.0) -> pd.DataFrame:
