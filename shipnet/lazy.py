@@ -1,24 +1,25 @@
-"""Pandas, loaded when it is first used: it takes half a second, and most programs do without.
+"""What is imported when it is used first, or never: pandas takes half a second, matplotlib more."""
 
-``Axes`` is the class of matplotlib for annotations only; it stands for any object at run time.
-"""
+from __future__ import annotations
 
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
-
-__all__ = ["Axes", "pd"]
-
-
-class _Module(ModuleType):
-    """A module that is imported when a name in it is asked for."""
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(import_module(self.__name__), name)
-
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 else:
-    pd, Axes = _Module("pandas"), Any
+
+    class _Library:
+        """A library whose names are looked up in it, which imports it."""
+
+        def __init__(self, name: str) -> None:
+            self._name = name
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(import_module(self._name), name)
+
+    pd = _Library("pandas")
+    Axes = Any  # a name for annotations
+
+__all__ = ["Axes", "pd"]

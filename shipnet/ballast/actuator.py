@@ -277,32 +277,3 @@ def steady_temperature(actuator: Actuator) -> Floats:
     """Return how warm the motor is after many strokes at its duty."""
     pressure = hydraulics(actuator, load_pressure(actuator, 0.5)).pump_pressure
     return actuator.ambient + actuator.duty * losses(actuator, pressure) / actuator.cooling
-
-
-class OperatingPoint(NamedTuple):
-    """A running valve, half open; every attribute has the shape () or (n_valves,)."""
-
-    FP: Floats
-    OP: Floats
-    MC: Floats
-    OT: Floats
-    stroke_time: Floats
-
-
-def operating_point(actuator: Actuator, direction: int = 1) -> OperatingPoint:
-    """Return the operating point that follows from the numbers of an actuator.
-
-    The paper prints FP 90, OP 2, MC 1.2, OT 50 and 0 to 10 s for a healthy valve (claims
-    kim2014-071 and -072). Ours lie near it by the choice of the actuator: that all agree at once
-    shows that the paper's values are consistent with one machine, not that it was this one.
-    """
-    if direction not in (-1, 1):
-        raise ArgumentError(f"direction is {direction!r}; it must be 1 to open or -1 to close")
-    state = hydraulics(actuator, load_pressure(actuator, 0.5, direction))
-    return OperatingPoint(
-        state.pump_pressure / 1e5,
-        state.cylinder_pressure / 1e5,
-        motor_current(actuator, state.pump_pressure),
-        steady_temperature(actuator),
-        stroke_time(actuator, direction),
-    )

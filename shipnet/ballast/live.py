@@ -24,7 +24,6 @@ from shipnet.ballast.registers import (
     N_REGISTERS,
     Code,
     RegisterMap,
-    Status,
 )
 from shipnet.ballast.scan import READ_STATUS, System, status_poll
 from shipnet.ballast.slave import ValveDevice, ValveRegisters, valve_slaves
@@ -640,7 +639,8 @@ class Client:
                 words.append(response.registers)
                 units.append(unit)
         status = RegisterMap().decode(np.array(words, np.int64).reshape(-1, 4))
-        return Readout(self.n_valves, status, np.array(units, np.int64))
+        valves = pd.RangeIndex(1, self.n_valves + 1, name="valve")
+        return Readout(status.table().set_axis(units).reindex(valves))
 
     def screen(self) -> Screen:
         """Read all valves, and return them as the master would show them."""
@@ -653,48 +653,31 @@ class Client:
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """What valves answered: the status of those that did, and their unit ids."""
+    """What valves answered: `rows` of `Status.table` by valve, NaN for one that did not answer."""
 
-    n_valves: int
-    status: Status
-    units: np.ndarray[tuple[int], np.dtype[np.int64]]
-
-    @property
-    def positions(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        """Position of all valves from 1 on [%]; NaN where one did not answer."""
-        found = np.full(self.n_valves, np.nan)
-        found[self.units - 1] = self.status.readings[4]
-        return found
+    rows: pd.DataFrame
 
     @property
     def screen(self) -> Screen:
         """The valves as the master would show them, just read."""
-        current, fault = np.zeros(self.n_valves), np.zeros(self.n_valves, np.int64)
-        silent = np.ones(self.n_valves, bool)
-        mine = self.units - 1
-        current[mine], fault[mine] = self.status.readings[2], self.status.fault
-        silent[mine] = False
-        age = np.where(silent, np.inf, 0.0)
-        return Screen.of(self.positions, current, fault, silent=silent, age=age, time=0.0)
+        silent = self.rows["fault"].isna().to_numpy()
+        return Screen.of(self.rows, silent=silent, age=np.where(silent, np.inf, 0.0), time=0.0)
 
     def numbers(self, valve: int) -> dict[str, str]:
         """Return what one valve says, as text with units; nothing if it did not answer."""
-        place = np.flatnonzero(self.units == valve)
-        if not place.size:
+        row = self.rows.loc[valve]
+        if pd.isna(row["fault"]):
             return {}
-        k, status = int(place[0]), self.status
-        fp, op, mc, ot, position = status.readings[:, k]
-        mode = "auto" if status.auto[k] else "manual"
-        way = "open" if status.open[k] else "close" if status.close[k] else "no command yet"
+        way = "open" if row["open"] else "close" if row["close"] else "no command yet"
         return {
-            "position": said(position, 0, "%"),
-            "pump pressure": said(fp, 0, "bar"),
-            "operating pressure": said(op, 1, "bar"),
-            "motor current": said(mc, 1, "A"),
-            "motor temperature": said(ot, 0, "degC"),
-            "motor ran": f"{status.operating_time[k]:.1f} s",
-            "mode": f"{mode}, last command {way}",
-            "fault reported": str(int(status.fault[k])) if status.fault[k] else "none",
+            "position": said(row["VPos_percent"], 0, "%"),
+            "pump pressure": said(row["FP_bar"], 0, "bar"),
+            "operating pressure": said(row["OP_bar"], 1, "bar"),
+            "motor current": said(row["MC_A"], 1, "A"),
+            "motor temperature": said(row["OT_degC"], 0, "degC"),
+            "motor ran": f"{row['operating_s']:.1f} s",
+            "mode": f"{'auto' if row['auto'] else 'manual'}, last command {way}",
+            "fault reported": str(int(row["fault"])) if row["fault"] else "none",
         }
 
 

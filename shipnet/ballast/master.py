@@ -116,13 +116,15 @@ class Screen:
     time: float
 
     @classmethod
-    def of(
-        cls, position: Floats, current: Floats, fault: Integers, *, silent: Bools, age: Floats,
-        time: float,
-    ) -> Screen:  # fmt: skip
-        """Return the screen that shows these values of the valves, valve 1 first."""
+    def of(cls, rows: pd.DataFrame, *, silent: Bools, age: Floats, time: float) -> Screen:
+        """Return the screen that shows the last status of each valve, valve 1 first.
+
+        The `rows` are those of `Status.table`, NaN where nothing has come.
+        """
+        position = rows["VPos_percent"].to_numpy()
+        fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
         conditions = [
-            silent, np.isnan(position), fault > 0, current >= LEAST_CURRENT,
+            silent, np.isnan(position), fault > 0, rows["MC_A"].to_numpy() >= LEAST_CURRENT,
             position >= 100 - _END, position <= _END,
         ]  # fmt: skip
         columns = {
@@ -254,11 +256,8 @@ class MasterRun:
         """One row a status: ``unit``, ``read_s``, ``shown_s``, readings, flags, ``fault``."""
         unit, read, time = self._columns
         words = np.array([s.registers for s in self.shown], np.int64).reshape(-1, 4)
-        status = self.registers.decode(words)
-        columns: dict[str, object] = {"unit": unit, "read_s": read, "shown_s": time}
-        columns |= {c.column: status.readings[k] for k, c in enumerate(CHANNELS)}
-        columns |= {name: getattr(status, name) for name in ("auto", "close", "open", "fault")}
-        return pd.DataFrame(columns | {"operating_s": status.operating_time})
+        table = pd.DataFrame({"unit": unit, "read_s": read, "shown_s": time})
+        return table.join(self.registers.decode(words).table())
 
     @cached_property
     def commands(self) -> pd.DataFrame:
@@ -294,14 +293,7 @@ class MasterRun:
         at = self.duration if time is None else check_scalar("time", time, "s", 0, 1e9)
         last = self._last(np.array([at]))[0]
         rows = self.answers.reindex(np.where(last < len(self.shown), last, -1))
-        return Screen.of(
-            rows["VPos_percent"].to_numpy(),
-            rows["MC_A"].to_numpy(),
-            rows["fault"].fillna(0).to_numpy().astype(np.int64),
-            silent=self._silent(at),
-            age=self.ages([at])[0],
-            time=at,
-        )
+        return Screen.of(rows, silent=self._silent(at), age=self.ages([at])[0], time=at)
 
     @property
     def oldest(self) -> float:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Bools, Floats, Integers
+from shipnet.arrays import Bools, Floats, Integers, Words
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError, FieldError
@@ -117,7 +117,7 @@ _FLAGS = np.array([1, 2, 4, 8])
 class Packed(NamedTuple):
     """What a slave sends."""
 
-    registers: npt.NDArray[np.uint16]
+    registers: Words
     saturated: Bools
 
 
@@ -132,10 +132,21 @@ class Status(NamedTuple):
     fault: Integers
     operating_time: Floats
 
+    def table(self) -> pd.DataFrame:
+        """Return one row per status: readings, flags, ``fault`` and ``operating_s``."""
+        table = pd.DataFrame(self.readings.T, columns=[channel.column for channel in CHANNELS])
+        flags = {name: getattr(self, name) for name in ("auto", "close", "open", "fault")}
+        return table.assign(**flags, operating_s=self.operating_time)
+
 
 @record(slots=True)
 class RegisterMap:
     """A reading of Tables 2 and 3.
+
+    Raises
+    ------
+    ArgumentError
+        If a field has another value.
 
     Examples
     --------

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from math import inf
 
-import numpy as np
-import numpy.typing as npt
-
 from shipnet import datasets
+from shipnet.arrays import Bools
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.fuzzy.rule_files import read_rules
@@ -115,7 +113,7 @@ def _numbers(text: pd.DataFrame) -> pd.DataFrame:
     return text.replace("", "nan").astype(float)
 
 
-def _holds(base: RuleBase, term: str, table: pd.DataFrame) -> npt.NDArray[np.bool_]:
+def _holds(base: RuleBase, term: str, table: pd.DataFrame) -> Bools:
     """Return the rows for which a term holds as printed."""
     condition = RuleBase(base.variables, (Rule("condition", term, 1),))
     return condition.fire(table, "crisp").strength[:, 0] > 0

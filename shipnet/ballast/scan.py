@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, field
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
@@ -19,10 +20,6 @@ from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
 
 #: Usual bit rates within the 2400 to 115200 bit/s of both controllers; the paper, section 3.
 BIT_RATES = (2400, 4800, 9600, 19200, 38400, 57600, 115200)

@@ -46,12 +46,6 @@ class Limit(NamedTuple):
     codes: tuple[str, ...]
 
 
-def normal_values() -> dict[str, float]:
-    """Return the readings that row 0 of the rule table prints for a healthy valve."""
-    row = _rules()[0]
-    return {name: float(row[f"{name.lower()}_printed"]) for name in ("FP", "OP", "MC", "OT")}
-
-
 def rule_limits() -> list[Limit]:
     """Return the limits of the rule table, each once."""
     found: dict[tuple[str, str, float], list[str]] = {}

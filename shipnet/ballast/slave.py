@@ -50,10 +50,6 @@ class Monitor:
         found = self.found[valve, self._ranked]
         return int(self._ranked[found.argmax()]) + 1 if np.count_nonzero(found) else 0
 
-    def codes(self, valve: int) -> tuple[str, ...]:
-        """Return all codes that were found since the last command, the highest priority first."""
-        return tuple(self.base.active_codes(self.found[[valve]])[0].split())
-
     def report(self, valve: int, row: int) -> None:
         """Take a code for found, and no other, and begin to count anew."""
         place = check_whole("row", row, 0, len(self.base.rules))

@@ -88,7 +88,7 @@ def analyse(
     *,
     period: float | None = None,
     assumptions: Assumptions | None = None,
-    faults: ErrorBound | Iterable[ErrorBound] = (),
+    faults: ErrorBound | None = None,
 ) -> Analysis:
     """Return load, response times, lowest bit rate and best order of a message set.
 

@@ -285,7 +285,7 @@ def simulate(
         }
     )
     waited = np.where(sent, response, np.where(start == OVERWRITTEN, -1, horizon - arrival))
-    table = _statistics(messages, columns, releases.message, start, response, waited, retries)
+    table = _statistics(messages, events, waited > columns.deadline[releases.message])
     errors, nodes = _error_tables(messages, columns, releases, failures, at_end)
     busy = int(releases.duration[sent].sum()) + sum(f.free - f.start for f in failures)
     # The last frame may reach beyond the horizon.
@@ -470,34 +470,22 @@ def _releases(
     return arrival[order], releases
 
 
-def _statistics(
-    messages: MessageSet,
-    columns: _Columns,
-    message: Integers,
-    start: Integers,
-    response: Integers,
-    waited: Integers,
-    retries: Integers,
-) -> pd.DataFrame:
-    number = len(messages)
-    sent = start >= 0
-
-    def count(chosen: Bools) -> Integers:
-        return np.bincount(message[chosen], minlength=number)
-
-    times = pd.Series(response[sent] / 1e6).groupby(message[sent])
-    frame = {"min_ms": times.min(), "mean_ms": times.mean(), "max_ms": times.max()}
+def _statistics(messages: MessageSet, events: pd.DataFrame, missed: Bools) -> pd.DataFrame:
+    number, outcome = len(messages), events["outcome"].cat
+    message = events["message"].cat.codes.to_numpy(dtype=np.intp)
+    places = message + number * outcome.codes.to_numpy()
+    counts = np.bincount(places, minlength=3 * number).reshape(3, number)
+    times = events["response_ms"].groupby(message)
+    ranges = {f"{how}_ms": times.agg(how).reindex(range(number)) for how in ("min", "mean", "max")}
     return pd.DataFrame(
         {
             "arbitration_id": [m.arbitration_id for m in messages],
             "extended": [m.extended for m in messages],
-            "released": np.bincount(message, minlength=number),
-            "sent": count(sent),
-            "waiting": count(start == WAITING),
-            "overwritten": count(start == OVERWRITTEN),
-            **{name: values.reindex(range(number)).to_numpy() for name, values in frame.items()},
-            "missed": count(waited > columns.deadline[message]),
-            "retries": np.bincount(message, weights=retries, minlength=number).astype(int),
+            "released": counts.sum(axis=0),
+            **dict(zip(outcome.categories, counts, strict=True)),
+            **{name: values.to_numpy() for name, values in ranges.items()},
+            "missed": np.bincount(message[missed], minlength=number),
+            "retries": np.bincount(message, events["retries"], number).astype(int),
         },
         index=pd.Index(messages.names, name="message", dtype=object),
     )

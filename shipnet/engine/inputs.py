@@ -24,14 +24,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Bools, Floats, Integers
+from shipnet.arrays import Bools, Floats, Integers, Words
 from shipnet.engine.points import PT100, Point, PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, part, record, switch, whole
 from shipnet.lazy import pd
-
-_Codes = npt.NDArray[np.uint16]
-
 
 # Thermometers ----------------------------------------------------------------------------------
 
@@ -201,7 +198,7 @@ class InputCard:
         u = self.reference * (s - low) / (high - low)
         return np.asarray(np.clip(u, 0, self.reference))
 
-    def code(self, signal: npt.ArrayLike) -> _Codes:
+    def code(self, signal: npt.ArrayLike) -> Words:
         """Return the codes of signals; of a switch the bit of its port."""
         u = self.voltage(signal)
         analogue = np.array([point.analogue for point in self.points])
@@ -300,7 +297,7 @@ class InputCard:
                    "conversion_error", "error_at"]  # fmt: skip
         return pd.DataFrame(rows, columns=columns)
 
-    def broken(self, wire: Literal["open", "short"]) -> _Codes:
+    def broken(self, wire: Literal["open", "short"]) -> Words:
         """Return the codes of all points with their wires open or short."""
         return self.code([WIRE_FAULTS[wire][point.condition] for point in self.points])
 

@@ -14,9 +14,8 @@ from math import inf
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from shipnet.arrays import Integers
+from shipnet.arrays import Bools, Integers
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import (
@@ -169,7 +168,7 @@ def _lost(
     loops: Sequence[Rounds],
     faults: Sequence[EngineFault],
     rng: np.random.Generator | None,
-) -> npt.NDArray[np.bool_] | None:
+) -> Bools | None:
     """Return what each box does not hear, shape (n_boxes, n_messages, n_rounds)."""
     random = [fault for fault in faults if isinstance(fault, LostCanFrames)]
     if not random or rng is None:
@@ -195,7 +194,7 @@ class _Table:
         cpu: Cpu,
         loop: Rounds,
         sent: Frames,
-        lost: npt.NDArray[np.bool_] | None,
+        lost: Bools | None,
         faults: Sequence[EngineFault],
     ) -> None:
         self.system, self.box, self.cpu, self.loop = system, box, cpu, loop
@@ -607,7 +606,7 @@ def _fault_row(
     }
 
 
-def _unseen(run: Run, begin: float, end: float) -> npt.NDArray[np.bool_]:
+def _unseen(run: Run, begin: float, end: float) -> Bools:
     """Return of which points nothing newer than the fault is seen while it lasts."""
     shown = [run.shown(point.tag) for point in run.system.points]
     # A stuck sensor's values are of the very nanosecond at which it got stuck.

@@ -83,6 +83,11 @@ class Cable(Valued):
     Each constant may be an array of one value per tree of a Monte Carlo; a `Network` carries this
     axis through. Two cables are equal if all their constants are.
 
+    Raises
+    ------
+    ArgumentError
+        If a constant is out of range; it names the constant, its value and the range.
+
     Examples
     --------
     >>> cable = Cable(r=0.06, l=0.65e-6, c=65e-12)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Floats, Indices
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.line.network import Network
@@ -132,9 +132,9 @@ def _samples(what: str, signal: Signal, t: Floats, unit: str, low: float) -> Flo
 class _Ends(NamedTuple):
     """Both ends of all lines, sorted by node; `far` is the place of the other end."""
 
-    node: Indices
-    far: Indices
-    steps: Indices
+    node: npt.NDArray[np.intp]
+    far: npt.NDArray[np.intp]
+    steps: npt.NDArray[np.intp]
     """delay in whole steps"""
     fraction: Floats
     """and what it is longer"""

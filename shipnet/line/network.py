@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import fields, style
-from shipnet.arrays import Complexes, Floats
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees, record
 from shipnet.lazy import Axes
@@ -318,7 +318,9 @@ class Network:
             raise ArgumentError(f"no line leads from node {root!r} to {', '.join(lost)}")
         return Rooted(order, parent, above, levels)
 
-    def transfer(self, root: str, s: npt.ArrayLike, to: str | None = None) -> Complexes:
+    def transfer(
+        self, root: str, s: npt.ArrayLike, to: str | None = None
+    ) -> npt.NDArray[np.complex128]:
         """Return the transfer impedances between one node and every node, or one other [ohm].
 
         Row k is the voltage at node k per ampere into the root, and as well the voltage at the
@@ -330,7 +332,7 @@ class Network:
         pieces = [(run.made_of, run.length) for run in self.runs]
         shunts, trees = self.shunts(), self._trees or 1
 
-        def sweep(node: str) -> Complexes:
+        def sweep(node: str) -> npt.NDArray[np.complex128]:
             return tree_transfer(self.rooted(node), pieces, shunts, bins, trees)
 
         z = sweep(root)
@@ -345,7 +347,7 @@ class Network:
     def waveforms(
         self,
         root: str,
-        spectrum: Callable[[Complexes], npt.ArrayLike],
+        spectrum: Callable[[npt.NDArray[np.complex128]], npt.ArrayLike],
         duration: float,
         *,
         dt: float = 50e-9,

@@ -17,14 +17,7 @@ from shipnet.papers.registry import FIGURES, TABLES
 
 @dataclass(frozen=True)
 class PrintedTable:
-    """A table of a paper, as printed and as the code generates it; see `table`.
-
-    Examples
-    --------
-    >>> five = PrintedTable("kim2023", "Table 5")
-    >>> five.printed.loc["RESET", "I3"], five.ours.loc["RESET", "I3"]
-    ('S', '~S')
-    """
+    """A table of a paper, as printed and as the code generates it."""
 
     paper: str
     item: str
@@ -115,6 +108,9 @@ def table(paper: str, item: str) -> PrintedTable:
 
     Examples
     --------
+    >>> five = table("kim2023", "Table 5")
+    >>> five.printed.loc["RESET", "I3"], five.ours.loc["RESET", "I3"]
+    ('S', '~S')
     >>> len(table("kim2023", "Table 7").differences())
     0
     """

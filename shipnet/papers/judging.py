@@ -13,7 +13,7 @@ import re
 from collections.abc import Collection, Hashable, Mapping
 from typing import Any
 
-from shipnet import datasets, style
+from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.lazy import Axes, pd
 from shipnet.papers.claims import CONDITIONS, PAPERS, UNDECIDED, as_number, check_paper, rows
@@ -84,13 +84,7 @@ class Claim:
 
 
 class Ledger:
-    """The claims of one paper or of all, each with its recomputation and its verdict; see `ledger`.
-
-    Examples
-    --------
-    >>> Ledger("kim2014")  # doctest: +ELLIPSIS
-    <Ledger of kim2014: ... claims, ... judged, ... agree, open: 0>
-    """
+    """The claims of one paper or of all, each with its recomputation and its verdict."""
 
     def __init__(self, paper: str | None = None) -> None:
         self.paper = paper
@@ -128,11 +122,6 @@ class Ledger:
     def errata(self) -> pd.DataFrame:
         """Return the misprints, wrong terms and slips of numbering, each with its correction."""
         return self.table().query("kind == 'erratum'")[["where", "claim", "published", "corrected"]]
-
-    def items(self) -> pd.DataFrame:
-        """Return the figures and tables of the papers, and how each is treated."""
-        items = datasets.read("figures_tables.csv")
-        return items if self.paper is None else items[items["paper"] == self.paper]
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw how many claims of each paper are treated how; numbers below 4 are not written."""

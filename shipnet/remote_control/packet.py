@@ -18,13 +18,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Bools, Floats
+from shipnet.arrays import Bools, Bytes, Floats
 from shipnet.crc import MODBUS
 from shipnet.errors import FrameError
 from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
 from shipnet.lazy import pd
 from shipnet.remote_control.packet_format import (
-    Bytes,
     Items,
     NumberCheck,
     PacketFormat,

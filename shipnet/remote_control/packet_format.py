@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Bools, Integers
+from shipnet.arrays import Bools, Bytes, Integers, Words
 from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
 from shipnet.fields import check_scalar, check_whole
 
@@ -23,7 +23,6 @@ Items = tuple[tuple[int, int], ...]
 #: What a receiver requires of the numbers.
 NumberCheck = Literal["any", "known", "rising"]
 
-Bytes = npt.NDArray[np.uint8]
 
 #: Packets worked on at a time.
 _CHUNK = 1 << 16
@@ -93,7 +92,7 @@ class Decoded(NamedTuple):
 
     error: Bytes
     numbers: Bytes
-    values: npt.NDArray[np.uint16]
+    values: Words
 
     @property
     def accepted(self) -> Bools:

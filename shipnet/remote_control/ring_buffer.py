@@ -14,6 +14,7 @@ unread bytes:
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
@@ -40,6 +41,13 @@ class State(NamedTuple):
     get_no: int
     ring_get_f: int
 
+    @property
+    def case(self) -> Case:
+        """Which of the four cases they show, in the order of the printed list."""
+        if self.ring_f == self.ring_get_f:
+            return "b" if self.no >= self.get_no else "a"
+        return "c" if self.no >= self.get_no else "d"
+
 
 class Step(NamedTuple):
     """What one step of the reader did, in the case that it found.
@@ -55,21 +63,15 @@ class Step(NamedTuple):
     stale: bool = False
 
 
-def pointer_case(state: State) -> Case:
-    """Return which of the four cases the variables show, in the order of the printed list."""
-    return _case(state.no >= state.get_no, state.ring_f == state.ring_get_f)
-
-
-def _case(ahead: bool, same_flag: bool) -> Case:
-    if same_flag:
-        return "b" if ahead else "a"
-    return "c" if ahead else "d"
+def bytes_of(steps: Iterable[Step]) -> bytes:
+    """Return the bytes that some steps took."""
+    return bytes(step.byte for step in steps if step.byte is not None)
 
 
 def case_of(get_no: int, lead: int, size: int) -> Case:
     """Return the case that shows if the writer leads a reader at a place by so many bytes."""
     ring_f, no = divmod((get_no + lead) % (2 * size), size)
-    return pointer_case(State(no, ring_f, get_no, 0))
+    return State(no, ring_f, get_no, 0).case
 
 
 class Ring:
@@ -182,9 +184,7 @@ class Ring:
     @property
     def case(self) -> Case:
         """The case that the variables show."""
-        lap, no = divmod(self.written, self.size)
-        lap_read, get_no = divmod(self._reader, self.size)
-        return _case(no >= get_no, (lap - lap_read) % 2 == 0)
+        return self.state.case
 
     @property
     def unread(self) -> int:
@@ -233,6 +233,13 @@ class Ring:
         if self.rule == "intended" and self.seems_unread == 0:
             return Step(case, "wait")
         return self._take(case)
+
+    def drain(self) -> list[Step]:
+        """Read on until the reader waits or stops, as the task does; return the steps."""
+        steps = [self.extract()]
+        while steps[-1].action in ("take", "repair"):
+            steps.append(self.extract())
+        return steps
 
     def explore(self, max_unread: int | None = None) -> pd.DataFrame:
         """Return every state that some order of storing and extracting reaches, and its step.

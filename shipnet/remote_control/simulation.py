@@ -12,8 +12,8 @@ from math import inf, nan
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, record, whole
@@ -177,7 +177,7 @@ class Run:
         return table.astype({"comm_f": "Int64"})
 
     @property
-    def cycle_times(self) -> npt.NDArray[np.float64]:
+    def cycle_times(self) -> Floats:
         """Times from one packet of RCS to BCS to the next, shape (n_cycles,) [s]."""
         starts = [p.start for p in self.packets if (p.source, p.target) == HOPS[0]]
         return np.diff(np.array(starts, dtype=float))

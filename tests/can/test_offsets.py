@@ -79,6 +79,23 @@ def test_frames_of_the_sender_count_in_its_whole_hyperperiod():
     assert can.response_times(even, 125e3, offsets=True)["m1"].response == 1.08e-3
 
 
+@pytest.mark.parametrize("offset", [200, 200.5])
+def test_a_bound_with_offsets_is_one_instance_without_a_busy_period(offset):
+    # The low message comes so many bits after the high one, and waits for a foreign frame of 150.
+    for deadline, met in ((250, True), (249.999, False)):
+        messages = can.MessageSet(
+            can.Message(f"m{k}", k, 8, 1000 * US, deadline=deadline * US, offset=k * offset * US,
+                        sender="s", bits=100)
+            for k in range(2)
+        )  # fmt: skip
+        some = can.Assumptions(foreign_bits=150)
+        found = can.response_times(messages, FAST, assumptions=some, offsets=True)["m1"]
+        assert math.isnan(found.busy_period)
+        assert found.instances == (found.response,)
+        assert found.response == pytest.approx(250 * US, rel=1e-12)
+        assert found.met is met
+
+
 @pytest.mark.parametrize(("jitter", "cases"), [(0.0, 30), (0.3, 8)])
 def test_no_simulated_response_passes_the_bound_and_no_bound_that_without_offsets(jitter, cases):
     rng, tight = np.random.default_rng(2), []
@@ -138,9 +155,10 @@ def test_a_sender_whose_hyperperiod_is_too_long_counts_as_several(monkeypatch):
 @pytest.mark.parametrize(
     ("bit_rate", "fast", "slow"),
     [
-        # Ticks of 1 fs: the period, and the offset, have more than 64 bits.
+        # Ticks of 1 fs: the period, the offset and the jitter have more than 64 bits.
         (999_983, {"period": 0.1}, {"period": 1e5}),
         (999_983, {"period": 0.1}, {"period": 0.1, "offset": 1e5 - 1e-9}),
+        (999_983, {"period": 0.1}, {"period": 0.1, "jitter": 1e5}),
         # 2 ** 53 ticks are 9 s here, and the clock repeats after 12 s.
         (999_983, {"period": 3.0, "offset": 1e-9}, {"period": 4.0}),
         # 10 ** 8 frames of the fast message are late at once.
@@ -188,8 +206,10 @@ def test_what_offsets_do_not_go_with_is_refused():
         {"faults": can.faults.ErrorBound(0.1)},
         {"assumptions": can.Assumptions(own_jitter=False)},
     ):
-        with pytest.raises(ArgumentError, match="offsets is True; that takes the exact method"):
+        with pytest.raises(ArgumentError, match=r"^offsets is True; .* own_jitter$"):
             can.response_times(messages, 125e3, offsets=True, **more)
+    with pytest.raises(ArgumentError, match=r"^offsets is 1"):
+        can.response_times(messages, 125e3, offsets=1)
     with pytest.raises(ArgumentError, match="the period of 'speed' is not a multiple"):
         can.spread_offsets(messages.replace("speed", period=10.5e-3), 1e-3)
     odd = [can.Message(f"m{k}", k, 8, t, sender="s") for k, t in enumerate((0.997, 0.991, 0.983))]

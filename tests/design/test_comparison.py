@@ -252,3 +252,9 @@ def test_barriers_are_counted_and_their_place_is_named():
             f"Intrinsically safe points: 1, with barriers for {cost} EUR {where}"
         )
     assert not any("safe" in one for one in ship(4).compare((0, 0, 0)).conclusions())
+
+
+def test_progress_is_told_plan_by_plan():
+    told = []
+    ship(4).compare((0, 0, 0), ["home runs", "CAN"], progress=lambda *state: told.append(state))
+    assert told == [(1, 2), (2, 2)]

@@ -42,10 +42,11 @@ def above_supply(*, slave: float = 30.0, supply: float = 30.0) -> bool:
     return bool(slave + plan.waveform(Response(0x6)).u.max() > supply)
 
 
-@check("kim2023-087", counter={"zero": (0, 1)})
-def zero_falls(*, zero: tuple[int, int] = (1, 0)) -> bool:
-    """Whether a 0 has these levels, and a 1 the inverse."""
-    return tuple(Modulation("0").levels) == zero and tuple(Modulation("1").levels) == zero[::-1]
+check("kim2023-087", counter={"zero": (0, 1)})(
+    lambda *, zero=(1, 0): (
+        tuple(Modulation("0").levels) == zero and tuple(Modulation("1").levels) == zero[::-1]
+    )
+)
 
 
 @check("kim2023-088", "icn2007-009", counter={"sign": 1})
@@ -147,10 +148,9 @@ def check_bits(*, bits: int) -> int:
     return r
 
 
-@numeric("kim2023-059")
-def growth(*, request: int = 11, response: int = 4, extra: int = 7 + 4) -> float:
-    """Growth in percent by the extra bits that the paper prints, over the information bits."""
-    return 100 * extra / (request + response)
+numeric("kim2023-059")(
+    lambda *, request=11, response=4, extra=7 + 4: 100 * extra / (request + response)
+)
 
 
 @numeric("kim2023-060", "icn2007-024")
@@ -168,32 +168,11 @@ def error_classes(*, faults: int = 3) -> int:
 
 
 def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
-    """Count the faults of pulses that leave a telegram valid.
+    """Return how many faults of pulses leave a telegram valid, and how many there are.
 
-    Parameters
-    ----------
-    faults : int
-        Slots that change at once, 1 or more; each takes either of its two other values.
-    requests : bool, default False
-        Whether requests are counted instead of responses.
-
-    Returns
-    -------
-    tuple of int
-        Undetected patterns, and all patterns: of the 15 slots from the start pulse on in each of
-        the 16 responses, or of the 29 slots in each of the 2048 requests.
-
-    Notes
-    -----
-    A fault of the model is a slot that is read wrong, whatever the cause; how likely that is on
-    a ship, it does not say.
-
-    Examples
-    --------
-    >>> undetected(1), undetected(4)
-    ((0, 480), (32, 349440))
-    >>> undetected(3, requests=True)[0], undetected(4, requests=True)[0]
-    (0, 11264)
+    At once `faults` slots change, each to either of its two other values, of the 15 from the start
+    pulse on in each of the 16 responses, or of the 29 in each of the 2048 `requests`. A fault is a
+    slot that is read wrong, whatever the cause; how likely that is on a ship, it does not say.
     """
     size = 11 if requests else 4
     words = Modulation([frame(f"{data:0{size}b}") for data in range(2**size)]).pulses.signs
@@ -205,10 +184,7 @@ def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
     return passed, len(slots) * comb(n, faults) * 2**faults
 
 
-@check("kim2023-061", counter={"faults": 4})
-def every_fault_found(*, faults: int = 1) -> bool:
-    """Whether every response with this many wrong slots is found faulty."""
-    return undetected(faults)[0] == 0
+check("kim2023-061", counter={"faults": 4})(lambda *, faults=1: undetected(faults)[0] == 0)
 
 
 # Section 3.3, 3.6 and Table 2: immunity, and what a ship asks for beyond it.
