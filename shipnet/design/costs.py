@@ -10,17 +10,19 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arrays import Floats
 from shipnet.design.catalogue import LEVELS, Level, values_at, words
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.plot import plot_ranges
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-from shipnet.lazy import Axes, pd
 
 if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
     from shipnet.design.layout import Layout
 
 
@@ -41,6 +43,7 @@ def number(value: float) -> str:
 
 # What a design consists of, counted: cables by type, devices, channels -------------------------
 
+Floats = npt.NDArray[np.float64]
 
 #: What `numpy.random.default_rng` takes.
 Rng: TypeAlias = np.random.Generator | int | None
@@ -274,6 +277,8 @@ def check_figure(figure: str) -> str:
 
 def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame:
     """Return a figure of each of several designs: low, nominal, high."""
+    import pandas as pd
+
     ends = {name: one.figures.loc[figure, list(LEVELS)] for name, one in quantities.items()}
     return pd.DataFrame(ends).T.astype(float)
 
@@ -354,6 +359,8 @@ class Model:
     @property
     def used(self) -> pd.DataFrame:
         """The assumptions in use: name, low, nominal, high, unit, status, source."""
+        import pandas as pd
+
         columns = ["name", *LEVELS, "unit", "status", "source"]
         own = [name for name in self.names if name not in CABLE_RANGES]
         listed = self.assumptions.table.loc[own].reset_index()[columns]
@@ -370,6 +377,8 @@ class Model:
 
 def quantities(design: Layout) -> Quantities:
     """Return what a design takes under the assumptions of its settings."""
+    import pandas as pd
+
     model = Model(design)
     table = pd.DataFrame({level: model.figures(others=level) for level in LEVELS})
     units = {name: unit for name, (_, unit) in FIGURES.items()}
@@ -384,6 +393,8 @@ def quantities(design: Layout) -> Quantities:
 
 def bill_table(design: Layout) -> pd.DataFrame:
     """Return cables, parts and work of a design, at nominal; their costs add up to the total."""
+    import pandas as pd
+
     model = Model(design)
     cables, assumed = _by_cable(model), model.assumptions
     rows = [
@@ -417,6 +428,8 @@ def _by_cable(model: Model) -> pd.DataFrame:
 
 def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.DataFrame:
     """Draw every assumption from its range, again and again, and return the figures."""
+    import pandas as pd
+
     models = {name: Model(design) for name, design in designs.items()}
     rng = np.random.default_rng(rng)
     n = check_whole("draws", draws, 1, 1_000_000)
@@ -542,6 +555,8 @@ def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> To
 
     The figure is that of the lowest of the other designs less that of the first.
     """
+    import pandas as pd
+
     check_figure(figure)
     models = {name: Model(design) for name, design in designs.items()}
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}

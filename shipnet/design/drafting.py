@@ -15,18 +15,20 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
-from shipnet.arrays import Bools, Floats, Indices
 from shipnet.design.catalogue import cables, smallest
 from shipnet.design.designs import Design
-from shipnet.design.layout import COLUMNS, frame
+from shipnet.design.layout import COLUMNS, Layout, frame
 from shipnet.design.settings import Settings
-from shipnet.lazy import pd
+from shipnet.design.supply import sized
 from shipnet.signals import SIGNALS
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from shipnet.design.catalogue import Cable
     from shipnet.design.points import PointTable
     from shipnet.design.site import Site
+    from shipnet.design.supply import Feeders
 
 
 # Which places belong together: clusters within reach, groups of equal size, groups that fit
@@ -40,11 +42,13 @@ _MANY = 1000
 #: Rounds of moving the centres; assignments settle in a few.
 _ROUNDS = 20
 
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.intp]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
+def zones(xyz: Floats, *, reach: float, most: int) -> Ints:
     """Return the cluster of each place, (n, 3): no more than `most`, all within `reach`."""
     if len(xyz) > _MOST:
         upper = _halves(xyz)
@@ -62,7 +66,7 @@ def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
 
 def balanced(
     xyz: Floats, groups: int, *, kinds: npt.ArrayLike = 0, most: Sequence[int] = ()
-) -> Indices:
+) -> Ints:
     """Return groups of nearly equal size whose places are near the middle of their group.
 
     A group has at most `most` places of each kind, and there is room for all of them.
@@ -140,14 +144,14 @@ def _first_centres(xyz: Floats, groups: int) -> Floats:
     return np.array([np.median(xyz[c], axis=0) if len(c) else xyz[order[-1]] for c in chunks])
 
 
-def _halves(xyz: Floats) -> Bools:
+def _halves(xyz: Floats) -> npt.NDArray[np.bool_]:
     along = xyz[:, np.ptp(xyz, axis=0).argmax()]
     upper = np.zeros(len(xyz), dtype=np.bool_)
     upper[np.argsort(along, kind="stable")[len(xyz) // 2 :]] = True
     return upper
 
 
-def _renumbered(labels: Indices) -> Indices:
+def _renumbered(labels: Ints) -> Ints:
     _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[inverse], dtype=np.intp)
 
@@ -216,7 +220,6 @@ class Laid(NamedTuple):
     start: Place
     end: Place
     length: float = np.nan
-    slack: float = np.nan
     share: float = 1.0
     avoid: frozenset[str] = frozenset()
 
@@ -325,7 +328,7 @@ class Draft:
             self._point[name][row] = value
         self._response[row] = response
 
-    def segment(self, rows: Indices, **columns: Any) -> None:
+    def segment(self, rows: Ints, **columns: Any) -> None:
         """Put down a segment of connected points, with times of the point nearest to its limit."""
         nearest = rows[(self._response[rows] / self.need[rows]).argmax()]
         self._rows["segments"].append(
@@ -349,21 +352,60 @@ class Draft:
             {"tag": self.tags, **self._point, "response_ms": self._response * 1e3,
              "fits": self._point["bus"] != ""},
         )  # fmt: skip
+        runs = self._runs(self._rows["cables"])
         tables: dict[str, Any] = {
             t: frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")
         }
+        laid = Layout(
+            name, self.iolist, self.site, points, cables=runs, settings=self.settings, **tables
+        )
+        wanted = sized(laid)
+        if wanted.cable:
+            runs = self._feed(runs, wanted)
+            points["fits"] &= ~points["device"].isin([weak[0] for weak in wanted.weak])
+            tables |= {t: frame(t, self._rows[t]) for t in ("devices", "reasons")}
         return Design(
-            name,
-            self.iolist,
-            self.site,
-            points,
-            cables=self._runs(),
-            settings=self.settings,
-            **tables,
+            name, self.iolist, self.site, points, cables=runs, settings=self.settings, **tables
         )
 
-    def _runs(self) -> pd.DataFrame:
-        rows = self._rows["cables"]
+    def _feed(self, runs: pd.DataFrame, wanted: Feeders) -> pd.DataFrame:
+        """Return the cables with feeders of the sizes wanted, and put supplies near where asked."""
+        import pandas as pd
+
+        rows, known = self._rows["cables"], cables()
+        idle, old = set(wanted.idle), len(rows)
+        for number, cable in wanted.cable.items():
+            rows[number] |= {"cable": cable, "conductors": known[cable].conductors}
+        for number, supply in wanted.own.items():
+            row, given = rows[number], self._rows["devices"][supply]
+            name, (x, y, z) = given["device"], row["end"]
+            if supply in idle:  # it moves there itself
+                idle.remove(supply)
+                given |= {"x_m": x, "y_m": y, "z_m": z, "at": ""}
+                self._in_cabinet.discard(name)
+            else:
+                name = self.device(name, given["kind"], row["segment"], row["end"])
+            row |= {"a": name, "start": row["end"], "at_cabinet": False}
+            if self.settings.fed:
+                laid = Laid(self.middle, row["end"], avoid=row["avoid"])
+                ends, mains = (self.cabinet, name), known[self.settings.feeder]
+                self.run("feeder", ends, laid, mains, PAIR, row["segment"], row["line"])
+        for device, value, bound, unit in wanted.weak:
+            verb = "draws" if unit == "A" else "gets"
+            text = (
+                f"{device} {verb} {value:.3g} {unit} from a supply beside it; the limit is "
+                f"{bound:.3g} {unit}"
+            )
+            self.reason(device, "supply", value, bound, unit, text)
+        for column in ("cable", "conductors"):
+            runs[column] = [row[column] for row in rows[:old]]
+        near = list(wanted.own)
+        fresh = self._runs([*(rows[number] for number in near), *rows[old:]])
+        return pd.concat([runs.drop(index=near), fresh], ignore_index=True) if near else runs
+
+    def _runs(self, rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+        import pandas as pd
+
         if not rows:
             return frame("cables")
         runs = pd.DataFrame(rows).drop(columns=["start", "end"])
@@ -383,12 +425,8 @@ class Draft:
                 ways[row] = way
             asked = mine[np.isnan(length[mine])]
             route[asked] = self.site.route(start[asked], end[asked], avoid=avoid) * share[asked]
-        slack = runs["slack"].to_numpy(np.float64)
-        open_ = np.isnan(length)
-        length[open_] = np.where(
-            np.isnan(slack[open_]),
-            self.site.length(route[open_]),
-            self.site.detour * route[open_] + np.nan_to_num(slack[open_]),
+        length = np.where(
+            np.isnan(length), self.site.detour * route + self.site.tails * share, length
         )
         return frame(
             "cables",
@@ -411,10 +449,10 @@ class Box(NamedTuple):
 
     name: str
     place: Place
-    rows: Indices
+    rows: Ints
     lengths: Floats
 
-    def part(self, chosen: Indices) -> Box:
+    def part(self, chosen: Ints) -> Box:
         """Return the same box with some of its points, by their places in `rows`."""
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
@@ -426,7 +464,7 @@ class Box(NamedTuple):
         return [self.part(np.sort(part)) for part in np.array_split(order, 2)]
 
 
-def boxes(draft: Draft, rows: Indices) -> list[Box]:
+def boxes(draft: Draft, rows: Ints) -> list[Box]:
     """Return the boxes of some points; those that no box can be found for are given a reason."""
     table = draft.iolist.points
     names = table["box"].to_numpy(object)
@@ -458,7 +496,7 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
     return found
 
 
-def without_place(draft: Draft, rows: Indices) -> None:
+def without_place(draft: Draft, rows: Ints) -> None:
     """Give points the reason that their place is not known."""
     for row in rows:
         tag = draft.tags[row]
@@ -477,7 +515,7 @@ def too_far(draft: Draft, box: Box, away: float, longest: float, most: str) -> N
 def _box(
     name: str,
     places: Floats,
-    rows: Indices,
+    rows: Ints,
     lengths: Floats,
 ) -> Box:
     x, y, z = (float(value) for value in np.median(places, axis=0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,10 @@ from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
-from shipnet.lazy import pd
+
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 #: What a point can be connected by; the empty name is that of a point that fits nowhere.
 BUSES = ("hardwired", "AS-i", "CAN", "Modbus RTU", "")
@@ -65,6 +68,8 @@ _DTYPES = {"float": float, "int": np.int64, "bool": bool}
 
 def frame(table: str, rows: Any = ()) -> pd.DataFrame:
     """Return one of a design's tables, with its columns in order and of their types."""
+    import pandas as pd
+
     if table not in COLUMNS:
         raise ArgumentError(f"table is {table!r}; it must be one of {', '.join(COLUMNS)}")
     types = COLUMNS[table]

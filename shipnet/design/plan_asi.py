@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from functools import cache, lru_cache
 from itertools import pairwise
 from math import ceil, inf
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
-from shipnet.arrays import Floats, Indices
 from shipnet.asi.elements import Repeater, Supply
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
@@ -25,6 +24,8 @@ from shipnet.asi.topologies import assign_addresses as share_addresses
 from shipnet.design.catalogue import cables
 from shipnet.design.drafting import (
     Draft,
+    Floats,
+    Ints,
     Laid,
     Place,
     balanced,
@@ -35,9 +36,11 @@ from shipnet.design.drafting import (
     zones,
 )
 from shipnet.design.settings import AsiLimits
-from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Which points share a module, where it is, and how late the host knows of them -------------------
 
@@ -62,7 +65,7 @@ class Module(NamedTuple):
 
     profile: str
     place: Place
-    rows: Indices
+    rows: Ints
     ports: list[str]
 
     @property
@@ -85,7 +88,7 @@ class Module(NamedTuple):
         return limits.current + limits.loop_current * len(self.ports) * self.analogue
 
 
-def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
+def modules(draft: Draft, rows: Ints, places: Floats) -> list[Module]:
     """Return the modules of some points."""
     limits = draft.settings.asi
     kinds = np.array([draft.types[row] for row in rows], dtype=object)
@@ -125,7 +128,7 @@ def _extended(profile: str) -> bool:
     return Profile.parse(profile).extended
 
 
-def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> Indices:
+def _channels(draft: Draft, rows: Ints, kinds: npt.NDArray[np.object_]) -> Ints:
     """Return how many points of its kind a point's module may have; 0 if even one is too slow."""
     limits = draft.settings.asi
     need = draft.need[rows]
@@ -153,8 +156,8 @@ def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> In
 
 
 def _grouped(
-    mine: Indices,
-    rows: Indices,
+    mine: Ints,
+    rows: Ints,
     places: Floats,
     kinds: npt.NDArray[np.object_],
     names: tuple[str, ...],
@@ -176,7 +179,7 @@ def _grouped(
 
 
 def _module(
-    rows: Indices,
+    rows: Ints,
     places: Floats,
     kinds: npt.NDArray[np.object_],
     limits: AsiLimits,
@@ -439,7 +442,7 @@ def _against_rules(plan: Plan, limits: AsiLimits) -> Broken | None:
 _PAIR = 2
 
 
-def plan_asi(draft: Draft, rows: Indices) -> None:
+def plan_asi(draft: Draft, rows: Ints) -> None:
     """Connect points by AS-i modules near them, on as few lines as keep the limits."""
     limits = draft.settings.asi
     places = np.where(draft.iolist.located[:, None], draft.places, draft.iolist.box_places)
@@ -456,8 +459,7 @@ def plan_asi(draft: Draft, rows: Indices) -> None:
             return None, needed / ADDRESSES
         at = spots[[0, *(place + 1 for place in group)]]
         ways = draft.site.route(at[:, None], at[None, :])
-        cable = draft.site.detour * ways + limits.slack
-        line = build(own, ways, cable, draft.need, limits)
+        line = build(own, ways, draft.site.length(ways), draft.need, limits)
         return line, 1 if line.broken is None else inf
 
     number = 0
@@ -502,7 +504,7 @@ def _lay(draft: Draft, segment: str, line: Line) -> None:
             draft.run("feeder", (draft.cabinet, name), laid, feeder, _PAIR, segment)
     for piece in line.drawn.pieces:
         near, far = piece.edge
-        laid = Laid(spots[near], spots[far], slack=limits.slack * piece.share, share=piece.share)
+        laid = Laid(spots[near], spots[far], share=piece.share)
         ends = names[piece.near], names[piece.far]
         draft.run("trunk", ends, laid, cables()[limits.cable], _PAIR, segment)
     if limits.auxiliary and (powered := _powered(line)):
@@ -521,10 +523,10 @@ def _lay_auxiliary(
     """Put a supply into the cabinet, and its pair along the line as far as outputs need it."""
     name = f"{segment} auxiliary supply"
     supply = draft.device(name, "auxiliary supply", segment, draft.middle, draft.cabinet)
-    feeder, slack = cables()[draft.settings.feeder], draft.settings.asi.slack
+    feeder = cables()[draft.settings.feeder]
     for near, far in dict.fromkeys(piece.edge for piece in line.drawn.pieces):
         if far in powered:
-            laid = Laid(spots[near], spots[far], slack=slack)
+            laid = Laid(spots[near], spots[far])
             ends = supply if near == 0 else names[str(near)], names[str(far)]
             draft.run("feeder", ends, laid, feeder, _PAIR, segment)
 

@@ -8,13 +8,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shipnet.arrays import Floats, Indices
 from shipnet.can.bit_timing import longest_bus
 from shipnet.can.lengths import frame_length
 from shipnet.can.messages import Message, MessageSet, packed
 from shipnet.can.response import response_times
 from shipnet.design.catalogue import cables
-from shipnet.design.drafting import Backbone, Box, Draft, boxes, divided, lay, route_past, too_far
+from shipnet.design.drafting import (
+    Backbone,
+    Box,
+    Draft,
+    Floats,
+    Ints,
+    boxes,
+    divided,
+    lay,
+    route_past,
+    too_far,
+)
 from shipnet.design.settings import ModbusLimits
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.pdu import Request
@@ -26,7 +36,7 @@ from shipnet.modbus.uart import SerialLine
 
 def _served(
     draft: Draft,
-    rows: Indices,
+    rows: Ints,
     longest: float,
     most: str,
     alone: Callable[[Box, float], tuple[Floats, str]],
@@ -64,8 +74,8 @@ class Packed(NamedTuple):
 
     output: bool
     need: float
-    rows: Indices
-    bits: Indices
+    rows: Ints
+    bits: Ints
     dlc: int
 
 
@@ -110,7 +120,7 @@ class _Segment(NamedTuple):
     load: float
 
 
-def plan_can(draft: Draft, rows: Indices) -> None:
+def plan_can(draft: Draft, rows: Ints) -> None:
     """Connect points by stations in their boxes, on as few CAN segments as keep the limits."""
     limits = draft.settings.can
     longest = _longest(draft)
@@ -242,7 +252,7 @@ class _Loop(NamedTuple):
     registers: list[Registers]
 
 
-def plan_modbus(draft: Draft, rows: Indices) -> None:
+def plan_modbus(draft: Draft, rows: Ints) -> None:
     """Connect points by stations in their boxes, on as few Modbus loops as keep the limits."""
     limits = draft.settings.modbus
 

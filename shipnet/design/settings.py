@@ -15,7 +15,7 @@ from os import PathLike
 from pathlib import Path
 from textwrap import wrap
 from types import MappingProxyType
-from typing import Any, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -35,10 +35,13 @@ from shipnet.fields import (
     switch,
     whole,
 )
-from shipnet.lazy import pd
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.uart import CHARACTERS
 from shipnet.tables import read_bytes, text_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 # Kinds of values that only a design has ------------------------------------------------------
 
@@ -146,9 +149,6 @@ class AsiLimits:
         "AS-i", "The line, a key of the catalogue. The flat cable is not type-approved for ships "
         "as it is", "ASI_MARINE",
     )  # fmt: skip
-    slack: float = number(
-        0, 50, "m", "Cable that is needed at each module beside the way; assumed", default=1.0
-    )
     current: float = number(0, 10, "A", "Current of a module with its sensors", default=0.065)
     loop_current: float = number(
         0, 1, "A", "Current of each analogue channel on top: the upper end of a 4-20 mA loop, "
@@ -473,6 +473,8 @@ class Settings(_Plain):
 
     def table(self) -> pd.DataFrame:
         """Return one row per name: value, default, unit, legal values and meaning."""
+        import pandas as pd
+
         default = _default()
         rows = [
             (name, self[name], default[name], unit(name), legal(name), meaning(name))

@@ -19,10 +19,12 @@ from shipnet import style
 from shipnet.design.plot import draw_cables
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import number, record
-from shipnet.lazy import Axes, pd
 from shipnet.tables import NUMBER, Sheet, in_order, parse_sheet, read_sheet, titled
 
 if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
     from shipnet.design.points import PointTable
     from shipnet.design.settings import Settings
 
@@ -99,6 +101,8 @@ class Trays:
 
     def table(self) -> pd.DataFrame:
         """Return one row per tray: from, to, length_m."""
+        import pandas as pd
+
         columns = {
             "from": [tray.a for tray in self.trays],
             "to": [tray.b for tray in self.trays],
