@@ -11,7 +11,7 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 from shipnet import style
-from shipnet.design import costs, failures, tables
+from shipnet.design import costs, drawing, failures, tables
 from shipnet.design.costs import Quantities
 from shipnet.design.layout import Layout, frame
 from shipnet.design.plot import draw_cables
@@ -19,7 +19,7 @@ from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
-from shipnet.design.supply import supplies_table, voltages_table
+from shipnet.design.supply import supply_tables
 from shipnet.tables import as_csv, as_workbook
 
 if TYPE_CHECKING:
@@ -159,11 +159,11 @@ class Design(Layout):
 
         Mains cables from the cabinet to a supply are not computed.
         """
-        return supplies_table(self)
+        return supply_tables(self)[0]
 
     def voltages(self) -> pd.DataFrame:
         """Return one row per device and line that a supply feeds: current, voltage and its drop."""
-        return voltages_table(self)
+        return supply_tables(self)[1]
 
     def check(
         self, rules: RuleSet | str | PathLike[str] = "DNV", *, host_time: float | None = None
@@ -200,6 +200,10 @@ class Design(Layout):
         """
         return tables.tables(self)
 
+    def single_line(self) -> str:
+        """Return the single-line drawing as SVG: cabinet, boxes and stations on their trunks."""
+        return drawing.single_line(self)
+
     def files(self) -> Iterator[tuple[str, bytes]]:
         """Yield name and content of each file that `save` writes."""
         found = self.tables()
@@ -207,10 +211,11 @@ class Design(Layout):
             yield f"{name}.csv", as_csv(table)
         if find_spec("openpyxl"):
             yield f"{tables.file_name(self.name)}.xlsx", as_workbook(found)
+        yield f"{tables.file_name(self.name)}.svg", self.single_line().encode()
         yield "settings.toml", self.settings.text().encode()
 
     def save(self, folder: str | PathLike[str]) -> None:
-        """Write every table as a CSV file, all as one workbook, and the settings into a folder.
+        """Write every table as a CSV file, all as one workbook, drawing and settings into a folder.
 
         Files of these names are replaced. The workbook takes openpyxl.
         """

@@ -24,6 +24,7 @@ from shipnet.design.costs import (
     ranges_of,
 )
 from shipnet.design.designs import Design
+from shipnet.design.drawing import sheets
 from shipnet.design.failures import FAILURES
 from shipnet.design.plot import plot_pareto, plot_ranges, svg
 from shipnet.design.settings import shown
@@ -48,11 +49,10 @@ def document(title: str, *parts: str) -> str:
     )
 
 
-def section(title: str, *parts: str, page: bool = True) -> str:
+def section(title: str, *parts: str) -> str:
     """Return a section with its heading."""
-    kind = ' class="page"' if page else ""
     body = "\n".join(parts)
-    return f"<section{kind}>\n<h2>{escape(title)}</h2>\n{body}\n</section>"
+    return f"<section>\n<h2>{escape(title)}</h2>\n{body}\n</section>"
 
 
 def text(words: str, kind: str = "", tag: str = "p") -> str:
@@ -114,8 +114,11 @@ def picture(svg: str, words: str) -> str:
 
 # The later pages of a report: failures, what does not fit, segments, figures, assumptions
 
-#: Rows of a long table that the report shows.
-_FAILURES_SHOWN, _POINTS_SHOWN, _REASONS_SHOWN = 8, 2000, 200
+#: Rows of a long table that the report shows; what is longer is in the files of a folder alone.
+_FAILURES_SHOWN, _POINTS_SHOWN, _REASONS_SHOWN = 4, 100, 50
+
+#: Where the rest is.
+_FILES = "The tables that `--tables FOLDER` writes have"
 
 _FAILURE_WORDS = {
     "cut": "one cable cut", "short": "one pair of a bus or a supply shorted",
@@ -179,13 +182,12 @@ def _reasons(reasons: pd.DataFrame) -> str:
         for row in _each(reasons.head(_REASONS_SHOWN))
     ]  # fmt: skip
     if not rows:
-        return section("What does not fit", text("Every point fits in every option."), page=False)
+        return section("What does not fit", text("Every point fits in every option."))
     more = len(reasons) - len(rows)
     return section(
         "What does not fit",
         table(["option", "subject", "why", "limit", "value", "bound"], rows, numbers=[4, 5]),
-        *([text(f"And {more} reasons more.")] if more else []),
-        page=False,
+        *([text(f"{_FILES} {more} reasons more.")] if more else []),
     )
 
 
@@ -200,7 +202,7 @@ def _segments(designs: Mapping[str, Design]) -> str:
     head = ["option", "segment", "bus", "points", "devices", "trunk [m]", "load", "response [ms]",
             "needed [ms]"]  # fmt: skip
     body = table(head, rows, numbers=range(3, 9)) if rows else text("No option has a bus.")
-    return section("Segments", body, page=False)
+    return section("Segments", body)
 
 
 def _figures(quantities: Mapping[str, Quantities], likely: pd.DataFrame) -> str:
@@ -244,20 +246,16 @@ def _assumptions(quantities: Mapping[str, Quantities]) -> str:
 
 def _points(designs: Mapping[str, Design]) -> str:
     iolist = next(iter(designs.values())).iolist
-    listed: pd.DataFrame = iolist.points.head(_POINTS_SHOWN)
-    columns = [listed["tag"], listed["system"], listed["signal"]]
+    title = "Points"
+    if len(iolist) > _POINTS_SHOWN:
+        return section(title, text(f"{_FILES} all {len(iolist)} points."))
+    columns = [iolist.points["tag"], iolist.points["system"], iolist.points["signal"]]
     for design in designs.values():
-        points = design.points.head(_POINTS_SHOWN)
-        at = (points["device"] + " " + points["address"]).str.strip()
-        columns.append(at.where(points["bus"] != "", "does not fit"))
+        at = (design.points["device"] + " " + design.points["address"]).str.strip()
+        columns.append(at.where(design.points["bus"] != "", "does not fit"))
     rows = list(zip(*columns, strict=True))
-    more = len(iolist) - len(rows)
-    return section(
-        "Points",
-        table(["tag", "system", "signal", *designs], rows,
-              caption="Device and address of each point."),
-        *([text(f"And {more} points more.")] if more else []),
-    )  # fmt: skip
+    caption = "Device and address of each point."
+    return section(title, table(["tag", "system", "signal", *designs], rows, caption=caption))
 
 
 # The report of a comparison: one file that a colleague opens offline and prints -----------------
@@ -294,16 +292,46 @@ def report_html(
         f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
         bullets(conclusions),
         _side_by_side(table, criteria),
-        _what(next(iter(designs.values())), remarks, changes),
         _pictures(table, quantities, likely, tornado, pareto),
-        _rules(findings, list(designs)),
-        _failures(designs),
-        _reasons(reasons),
-        _segments(designs),
-        _figures(quantities, likely),
-        _assumptions(quantities),
-        _points(designs),
+        *_numbered(
+            [
+                _what(next(iter(designs.values())), remarks, changes),
+                _rules(findings, list(designs)),
+                _failures(designs),
+                _reasons(reasons),
+                _segments(designs),
+                _figures(quantities, likely),
+                _assumptions(quantities),
+                _points(designs),
+                _drawings(designs),
+            ]
+        ),
     )
+
+
+def _numbered(annexes: Sequence[str]) -> list[str]:
+    """Return the table of contents, and the annexes with their letters."""
+    made, lines = [], []
+    for letter, annex in zip("ABCDEFGHIJ", annexes, strict=False):
+        head = f"Annex {letter}: "
+        made.append(
+            annex.replace("<section", f'<section id="annex-{letter}"', 1).replace(
+                "<h2>", f"<h2>{head}", 1
+            )
+        )
+        title = annex.partition("<h2>")[2].partition("</h2>")[0]
+        lines.append(f'<li><a href="#annex-{letter}">{head}{title}</a></li>')
+    contents = "\n".join(["<h2>Contents</h2>", '<ul class="contents">', *lines, "</ul>"])
+    return [f"<nav>\n{contents}\n</nav>", *made]
+
+
+def _drawings(designs: Mapping[str, Design]) -> str:
+    drawn = [
+        picture(sheet, f"{option}: cabinet, boxes and stations on their trunks.")
+        for option, design in designs.items()
+        for sheet, _ in sheets(design)
+    ]
+    return section("Single-line drawings", *drawn)
 
 
 def _side_by_side(compared: pd.DataFrame, criteria: Sequence[str]) -> str:
@@ -352,7 +380,6 @@ def _what(design: Design, remarks: Sequence[str], changes: pd.DataFrame) -> str:
         bullets(lines),
         *([table(["how the list was read", "count", "rows"], read, numbers=[1])] if read else []),
         _changes(changes),
-        page=False,
     )
 
 

@@ -149,9 +149,6 @@ class AsiLimits:
         "AS-i", "The line, a key of the catalogue. The flat cable is not type-approved for ships "
         "as it is", "ASI_MARINE",
     )  # fmt: skip
-    slack: float = number(
-        0, 50, "m", "Cable that is needed at each module beside the way; assumed", default=1.0
-    )
     current: float = number(0, 10, "A", "Current of a module with its sensors", default=0.065)
     loop_current: float = number(
         0, 1, "A", "Current of each analogue channel on top: the upper end of a 4-20 mA loop, "

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeAlias
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 import pandas as pd
 
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.costs import bill_table
-from shipnet.design.supply import supplies_table, voltages_table
+from shipnet.design.supply import supply_tables
 from shipnet.signals import SIGNALS
 
 if TYPE_CHECKING:
@@ -43,15 +45,25 @@ def save_files(folder: str | PathLike[str], named: Iterable[tuple[str, bytes]]) 
         path.write_bytes(content)
 
 
+def zipped(named: Iterable[tuple[str, bytes]]) -> bytes:
+    """Return files as one archive."""
+    stream = BytesIO()
+    with ZipFile(stream, "w") as archive:
+        for name, content in named:
+            archive.writestr(ZipInfo(name), content, ZIP_DEFLATED)
+    return stream.getvalue()
+
+
 def tables(design: Layout) -> dict[str, pd.DataFrame]:
     """Return the tables of a design by the names of their files, rows in a stable order."""
+    supplies, voltages = supply_tables(design)
     return {
         "cables": schedule(design),
         "terminals": terminals(design),
         "devices": devices(design),
         "points": points(design),
-        "supplies": supplies_table(design),
-        "voltages": voltages_table(design),
+        "supplies": supplies,
+        "voltages": voltages,
         "segments": design.segments.copy(),
         "bill": bill_table(design),
         "reasons": design.reasons.copy(),

@@ -16,6 +16,7 @@ from shipnet.design.iolist import read_iolist
 from shipnet.design.report import BANNER
 from shipnet.design.rules import RULE_SETS
 from shipnet.design.settings import Settings
+from shipnet.design.tables import zipped
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import choice, number, record, switch, text
 from shipnet.tables import text_of
@@ -192,9 +193,10 @@ class ShipDesign(Tool):
         """Return what the page shows; with `report`, a file to download."""
         found = self.result
         heights = {"cost": 1.2 + 0.4 * len(found.designs), "assumptions": 3.4}
-        files, ready = {"settings.toml": found.settings.text()}, {}
+        files: dict[str, str | bytes] = {"settings.toml": found.settings.text()}
+        ready = {}
         if report:
-            files |= {"report.html": found.html()}
+            files |= {"report.html": found.html(), "tables.zip": zipped(found.files())}
             ready = {"report": "made; the button to download it is below the figure"}
         return View(
             verdict=f"{len(found.iolist)} points: {found.verdict}",
@@ -240,7 +242,8 @@ class ShipDesign(Tool):
                 example("main engine", _CABINET),
                 example("ship", ""),
                 Button("make the report", "One file to read offline and print: tables, figures, "
-                       "rules and every assumption. The button to download it appears below the "
+                       "rules and every assumption; in tables.zip the cables, terminals, points "
+                       "and drawing of each option. Buttons to download them appear below the "
                        "figure.", ask),
             ],
             uploads=[Upload("load a list", "CSV or Excel; it replaces the list above.",

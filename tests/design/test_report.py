@@ -15,6 +15,7 @@ from shipnet.design.costs import EXCLUDED
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
 from shipnet.design.report import BANNER, document, table
+from tests.design.lists import ship
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 HOSTILE = ["<script>alert(1)</script>", '"><img src=x onerror=y>', "&amp;$x^2$", "' onload='z"]
@@ -65,11 +66,11 @@ def test_a_report_is_a_page_that_fetches_and_runs_nothing(comparison):
     for name, value in parsed.attributes:
         assert not name.startswith("on")
         if name in ("src", "href", "srcset", "data", "action"):
-            assert value.startswith("data:image/svg+xml;base64,")
+            assert value.startswith(("data:image/svg+xml;base64,", "#annex-"))
     assert "http:" not in page and "https:" not in page and "url(" not in page
     assert "@import" not in page
     figures = pictures(page)
-    assert len(figures) == 4
+    assert len(figures) == 4 + len(comparison.designs)  # each with a drawing of one sheet
     for figure in figures:
         assert "<svg" in figure and "<script" not in figure
         assert not re.findall(r'href="(?!#)', figure)
@@ -91,6 +92,29 @@ def test_everything_that_was_assumed_and_every_rule_is_in_the_report(comparison)
         assert row.source in words and row.clause in words and row.why in words
     for tag in comparison.iolist.points["tag"]:
         assert tag in words
+
+
+def test_the_contents_lead_to_every_annex_which_stand_after_the_pages_to_decide_on(comparison):
+    page = comparison.html()
+    targets = re.findall(r'<a href="#(annex-[A-Z])">(Annex [A-Z]: [^<]+)</a>', page)
+    heads = re.findall(r'<section id="(annex-[A-Z])">\n<h2>([^<]+)</h2>', page)
+    assert targets == heads and len(heads) == 9
+    assert page.index("side by side") < page.index("Figures") < page.index("Contents")
+    assert page.index("Contents") < page.index(heads[0][1] + "</h2>")
+
+
+def test_a_long_list_has_its_points_in_the_tables_and_a_bounded_report(tmp_path):
+    # 25 pages of A4 for 1 000 points: a page takes about 45 rows, or one sheet of a drawing.
+    found = ship(1000).compare((20, 0, 4), ["home runs", "junction boxes", "CAN", "Modbus RTU"])
+    page = found.html()
+    assert "writes have all 1000 points" in Page(page).text
+    assert page.count("<tr>") < 420
+    assert len(pictures(page)) <= 4 + 2 * len(found.designs)
+    for option, design in found.designs.items():
+        assert design.tables()["points"]["tag"].tolist() == found.iolist.points["tag"].tolist()
+        named = "".join(pictures(page)[4:])
+        boxes = design.devices.query("kind == 'station' or kind == 'box'")["device"]
+        assert all(f">{name}<" in named for name in boxes), option
 
 
 def test_the_same_comparison_gives_the_same_bytes(comparison, tmp_path):
@@ -149,7 +173,7 @@ def test_a_picture_does_not_hide_what_is_left_out():
     rng = np.random.default_rng(1)
     page = far.compare(Design.example().site, ["home runs", "AS-i"], rng=rng).html()
     assert "(2 DI) of no system." in Page(page).text
-    named = ["AS-i (1 left out)" in figure for figure in pictures(page)]
+    named = ["AS-i (1 left out)" in figure for figure in pictures(page)[:4]]
     assert named == [True, True, True, False]  # the last one weighs whole options only
 
 
@@ -157,7 +181,7 @@ def test_of_options_that_all_leave_points_out_no_difference_is_drawn():
     far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
                                    "y": 0.0, "z": 0.0}))  # fmt: skip
     page = far.compare(Design.example().site, ["AS-i", "CAN"]).html()
-    assert len(pictures(page)) == 3
+    assert len(pictures(page)) == 3 + 2  # and a drawing of each design
     assert "What each assumption does" not in page
 
 

@@ -4,6 +4,7 @@ import re
 from base64 import b64decode
 from dataclasses import replace
 from io import BytesIO
+from zipfile import ZipFile
 
 import numpy as np
 import pandas as pd
@@ -127,7 +128,7 @@ def test_the_verdict_names_what_breaks_no_rule_the_cheapest_first(small):
     table = small.table()
     good = table[(table["rules_violated"] == 0) & (table["points_left_out"] == 0)]
     assert small.meeting == good.sort_values("total_cost_eur").index.tolist()
-    assert f"cheapest: {small.meeting[0]}, " in SMALL.verdict
+    assert f"violates no rule: {small.meeting[0]}, " in SMALL.verdict
     broken = table.index[table["rules_violated"] > 0]
     assert len(broken) and all(f"{option} violates" in SMALL.numbers for option in broken)
     bad = replace(SMALL, home_runs=False, junction_boxes=False, asi=False, modbus=False)
@@ -268,6 +269,11 @@ def test_the_report_is_made_when_asked_for_and_goes_when_something_changes():
     assert BANNER in report and "few.csv" in report
     assert not re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import|<script""", report)
     assert "below the figure" in page.text
+    zipped = re.search('tables.zip" href="data:[^,]*,([^"]*)"', page.links.value)[1]
+    with ZipFile(BytesIO(b64decode(zipped))) as archive:
+        written = dict(page.inputs.result.files())
+        assert set(archive.namelist()) == set(written) >= {"CAN/cables.csv", "AS-i/AS-i.svg"}
+        assert archive.read("CAN/cables.csv") == written["CAN/cables.csv"]
     page.controls["labour"].value = 60.0
     assert "report.html" not in page.links.value and "below the figure" not in page.text
     page.controls["labour"].value = 55.0

@@ -1,0 +1,269 @@
+"""The single-line drawing of a design: cabinet, boxes and stations on their trunks, as SVG."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from shipnet.design.layout import Layout
+
+#: Colours of segments, after Okabe and Ito: told apart with any common colour vision.
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#56B4E9", "#444444")
+
+#: A sheet is as wide as it prints well on A4: two columns of rows [px].
+_WIDTH, _COLUMNS, _ROWS, _ROW, _TOP = 760, 2, 74, 13, 40
+
+#: From a lane to the next, and where a row has its length, name and words, after its lanes [px].
+_LANE, _LENGTH, _NAME, _WORDS = 10, 42, 52, 150
+
+_LEGEND = "■ cabinet, □ box, station or module, ◇ repeater; metres of the cable that leads there"
+
+#: Most characters of a name and of the words behind it.
+_LONG_NAME, _LONG_WORDS = 19, 36
+
+
+@dataclass
+class _Row:
+    """A line of the drawing: what it says, and which lanes run past it."""
+
+    name: str
+    words: str = ""
+    length: str = ""
+    kind: str = "device"
+    lane: int = 0
+    colour: str = _COLOURS[-1]
+    #: Lanes that run through, come from above, and go on below; the lane that it branches from.
+    through: set[int] = field(default_factory=set)
+    above: set[int] = field(default_factory=set)
+    below: set[int] = field(default_factory=set)
+    branch: int = -1
+
+
+@dataclass
+class _Node:
+    """A device with what hangs on it."""
+
+    row: _Row
+    children: list[_Node] = field(default_factory=list)
+
+    @property
+    def size(self) -> int:
+        """Devices from here on."""
+        count, waiting = 0, [self]
+        while waiting:
+            node = waiting.pop()
+            count += 1
+            waiting += node.children
+        return count
+
+
+def single_line(design: Layout) -> str:
+    """Return the drawing of a design as one SVG, its sheets below each other."""
+    drawn = sheets(design)
+    y, parts = 0, []
+    for sheet, height in drawn:
+        parts.append(sheet.replace("<svg ", f'<svg y="{y}" ', 1))
+        y += height
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{_WIDTH}" height="{y}" '
+        f'viewBox="0 0 {_WIDTH} {y}">'
+    )
+    return "\n".join([head, *parts, "</svg>\n"])
+
+
+def sheets(design: Layout) -> list[tuple[str, int]]:
+    """Return the sheets of the drawing of a design, each as SVG, with its height."""
+    rows = list(_rows(design))
+    most = _COLUMNS * _ROWS
+    pages = [rows[start : start + most] for start in range(0, len(rows), most)] or [[]]
+    x, y, z = (f"{value:g}" for value in design.site.cabinet)
+    made = []
+    for number, page in enumerate(pages, 1):
+        tall = -(-len(page) // _COLUMNS)
+        height = _TOP + _ROW * tall + 8
+        of = f", sheet {number} of {len(pages)}" if len(pages) > 1 else ""
+        title = f"{design.name}: single-line drawing{of}. Cabinet at {x}, {y}, {z} m"
+        parts = [
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{_WIDTH}" height="{height}" '
+            f'viewBox="0 0 {_WIDTH} {height}" font-family="Liberation Sans, Arial, sans-serif" '
+            f'font-size="9" fill="#1d2733"><title>{escape(title)}</title>',
+            f'<rect width="{_WIDTH}" height="{height}" fill="#fff"/>',
+            f'<text x="6" y="14" font-size="12" font-weight="bold">{escape(title)}</text>',
+            f'<text x="6" y="28" fill="#5a6673">{_LEGEND}</text>',
+        ]
+        for place, row in enumerate(page):
+            column, line = divmod(place, tall)
+            parts += _drawn(row, 6 + column * _WIDTH // _COLUMNS, _TOP + line * _ROW)
+        made.append(("\n".join([*parts, "</svg>"]), height))
+    return made
+
+
+def _drawn(row: _Row, left: float, top: float) -> Iterator[str]:
+    """Yield a row: its lanes, its symbol and its words."""
+    middle, bottom = top + _ROW / 2, top + _ROW
+    stroke = f'stroke="{row.colour}" stroke-width="2" fill="none"'
+
+    def x(lane: int) -> float:
+        return left + 6 + lane * _LANE
+
+    ways = [f"M{x(lane):g} {top:g}V{bottom:g}" for lane in sorted(row.through)]
+    ways += [f"M{x(lane):g} {top:g}V{middle:g}" for lane in sorted(row.above)]
+    ways += [f"M{x(lane):g} {middle:g}V{bottom:g}" for lane in sorted(row.below)]
+    if row.branch >= 0:
+        ways.append(f"M{x(row.branch):g} {middle:g}H{x(row.lane):g}")
+    if ways:
+        yield f'<path d="{"".join(ways)}" {stroke}/>'
+    at = x(row.lane)
+    if row.kind == "title":
+        yield _text(left, middle + 3, row.name, f'font-weight="bold" fill="{row.colour}"', 76)
+        return
+    if row.kind == "repeater":
+        shape = f'<path d="M{at - 5:g} {middle:g}l5 -5l5 5l-5 5z"'
+    else:
+        shape = f'<rect x="{at - 4:g}" y="{middle - 4:g}" width="8" height="8"'
+    filled = row.colour if row.kind == "cabinet" else "#fff"
+    yield f'{shape} fill="{filled}" stroke="{row.colour}" stroke-width="1.5"/>'
+    start = at + 4
+    if row.length:
+        yield _text(start + _LENGTH, middle + 3, row.length, 'text-anchor="end" fill="#5a6673"')
+    yield _text(start + _NAME, middle + 3, row.name, "", _LONG_NAME)
+    room = _LONG_WORDS - 2 * row.lane
+    yield _text(start + _WORDS, middle + 3, row.words, 'fill="#5a6673"', room)
+
+
+def _text(x: float, y: float, words: str, style: str = "", most: int = 200) -> str:
+    shown = words if len(words) <= most else f"{words[: most - 1]}\N{HORIZONTAL ELLIPSIS}"
+    return f'<text x="{x:g}" y="{y:g}" {style}>{escape(shown)}</text>' if shown else ""
+
+
+def _rows(design: Layout) -> Iterator[_Row]:
+    """Yield the lines of the drawing: those on wires of their own, then segment by segment."""
+    counts = _counts(design)
+    hardwired = _hardwired(design, counts)
+    blocks = [("hardwired", _COLOURS[-1], hardwired)] if hardwired.children else []
+    for number, segment in enumerate(design.segments.itertuples()):
+        colour = _COLOURS[number % len(_COLOURS)]
+        trunk = design.cables[design.cables["segment"] == str(segment.segment)]
+        trunk = trunk[trunk["kind"] == "trunk"]
+        lines = " on each of two lines" if (trunk["line"] == "B").any() else ""
+        said = (
+            f"{segment.segment}: {segment.points} points, {segment.length_m:.0f} m of "
+            f"{', '.join(trunk['cable'].unique())}{lines}"
+        )
+        blocks.append((said, colour, _tree(design, str(segment.segment), counts)))
+    for said, colour, root in blocks:
+        own = [
+            _Row(said, kind="title"),
+            *_laid(root, star=root is hardwired),
+            _Row("", kind="title"),
+        ]
+        for row in own:
+            row.colour = colour
+        yield from own
+
+
+def _counts(design: Layout) -> dict[str, str]:
+    """Return what each device has: points by type, and their systems."""
+    found: dict[str, Counter[str]] = defaultdict(Counter)
+    systems: dict[str, dict[str, None]] = defaultdict(dict)
+    listed = design.iolist.points
+    for device, kind, system in zip(
+        design.points["device"], listed["type"], listed["system"], strict=True
+    ):
+        found[device][kind] += 1
+        systems[device][system] = None
+    return {
+        device: " ".join(f"{n} {kind}" for kind, n in sorted(kinds.items()))
+        + _systems([system for system in systems[device] if system])
+        for device, kinds in found.items()
+    }
+
+
+def _systems(names: Sequence[str]) -> str:
+    """Return what to say of systems: a name or two, else how many there are."""
+    return f", {len(names)} systems" if len(names) > 2 else "".join(f", {n}" for n in names)
+
+
+def _hardwired(design: Layout, counts: dict[str, str]) -> _Node:
+    """Return the cabinet with the boxes, and the home runs of each system."""
+    root = _Node(_Row(design.cabinet, kind="cabinet"))
+    runs, devices = design.cables, design.devices
+    trunks = runs[(runs["kind"] == "trunk") & (runs["segment"] == "")]
+    for box in devices.loc[devices["kind"] == "box", "device"]:
+        own = trunks[trunks["b"] == box]
+        words = f"{' + '.join(own['cable'])}, {counts.get(box, '')}"
+        root.children.append(_Node(_Row(box, words, f"{own['length_m'].max():.0f} m")))
+    home = runs[runs["kind"] == "home run"]
+    system = dict(zip(design.points["tag"], design.iolist.points["system"], strict=True))
+    for name, own in home.groupby([system[tag] for tag in home["b"]], sort=False):
+        metres = own["length_m"]
+        words = f"{len(own)} home runs of {metres.min():.0f} to {metres.max():.0f} m"
+        row = _Row(str(name) or "no system", words, f"{metres.sum() / 1e3:.3g} km")
+        root.children.append(_Node(row))
+    return root
+
+
+def _tree(design: Layout, segment: str, counts: dict[str, str]) -> _Node:
+    """Return the first master of a segment with all that hangs on its trunk."""
+    devices = design.devices[design.devices["segment"] == segment]
+    runs = design.cables[design.cables["segment"] == segment]
+    trunk = runs[(runs["kind"] == "trunk") & (runs["line"] != "B")]
+    inside: dict[str, list[str]] = defaultdict(list)
+    nodes: dict[str, _Node] = {}
+    root = _Node(_Row("nothing", kind="cabinet"))
+    for row in devices.itertuples():
+        name, kind, at = str(row.device), str(row.kind), str(row.at)
+        if kind in ("supply", "auxiliary supply", "terminator"):
+            inside[at].append(kind)
+            continue
+        said = name.removeprefix(f"{segment} ")
+        node = nodes[name] = _Node(_Row(said, counts.get(name, ""), kind=kind))
+        if kind == "master" and root.row.name == "nothing":
+            root, node.row.kind = node, "cabinet"
+    children = dict[str, str]()
+    for run in trunk.itertuples():
+        a, b = str(run.a), str(run.b)
+        nodes[b].row.length = f"{run.length_m:.0f} m"
+        if children.setdefault(b, a) == a:
+            nodes.get(a, root).children.append(nodes[b])
+    # A repeater in a housing hangs on the device there, or on the master in the cabinet.
+    for own in devices[devices["kind"] == "repeater"].itertuples():
+        if str(own.device) not in children and not str(own.device).endswith(" B"):
+            nodes.get(str(own.at), root).children.append(nodes[str(own.device)])
+    for name, kinds in inside.items():
+        drawn = nodes.get(name, root).row
+        drawn.words = f"+ {' + '.join(dict.fromkeys(kinds))} {drawn.words}"
+    return root
+
+
+def _laid(root: _Node, *, star: bool) -> Sequence[_Row]:
+    """Return the rows of a tree, the largest branch of each device straight on in its lane."""
+    rows: list[_Row] = []
+    last: dict[int, tuple[int, int]] = {}
+    # What waits: a device, the row and the lane that it hangs on, and its own lane.
+    waiting: list[tuple[_Node, int, int, int]] = [(root, -1, -1, 0)]
+    while waiting:
+        node, parent, lane, own = waiting.pop()
+        here = len(rows)
+        row, row.lane = node.row, own
+        rows.append(row)
+        if parent >= 0:
+            last[parent] = here, lane
+            row.above.add(lane)
+            row.branch = lane if own != lane else -1
+        ordered = sorted(node.children, key=lambda child: -child.size)
+        if star:
+            waiting += [(child, here, own, own + 1) for child in reversed(node.children)]
+        else:
+            waiting += [
+                (child, here, own, own if n == 0 else own + 1) for n, child in enumerate(ordered)
+            ]
+    for parent, (end, lane) in last.items():
+        rows[parent].below.add(lane)
+        for row in rows[parent + 1 : end]:
+            row.through.add(lane)
+    return rows

@@ -1,0 +1,81 @@
+"""The single-line drawing: every device once, and the trunk between them as in the tables."""
+
+import re
+from collections import Counter
+from xml.etree import ElementTree
+
+import pytest
+
+from shipnet.design.designs import Design
+from shipnet.design.drawing import sheets, single_line
+from shipnet.design.iolist import IoList
+from shipnet.design.planning import OPTIONS
+from shipnet.design.plant import Plant
+from tests.design.lists import ship
+
+SHIP = ship(300)
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def words(svg):
+    return [text.text for text in ElementTree.fromstring(svg).iter(f"{SVG}text")]
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_every_box_station_and_repeater_is_drawn_once_with_the_length_that_leads_there(option):
+    design = SHIP.plan(option, (20, 0, 4))
+    said = words(single_line(design))
+    kinds = design.devices["kind"]
+    drawn = design.devices[kinds.isin(["box", "station", "module", "repeater", "master"])]
+    names = Counter(
+        name.removeprefix(f"{segment} ") if segment else name
+        for name, segment in zip(drawn["device"], drawn["segment"], strict=True)
+    )
+    found = Counter(said)
+    assert {name: found[name] for name in names} == names
+    trunks = design.cables[design.cables["kind"] == "trunk"].drop_duplicates("b")
+    lengths = Counter(f"{metres:.0f} m" for metres in trunks["length_m"])
+    assert all(found[length] >= number for length, number in lengths.items())
+    metres = [int(text[:-2]) for text in said if re.fullmatch(r"\d+ m", text)]
+    assert len(metres) == len(trunks)
+    for segment in design.segments["segment"]:
+        assert any(text.startswith(f"{segment}: ") for text in said)
+
+
+def test_home_runs_are_drawn_by_system():
+    points = "\n".join(f"P{n},contact,{['Bilge', 'Fuel oil'][n % 2]},{n},0,0" for n in range(9))
+    design = IoList.parse(f"tag,signal,system,x,y,z\n{points}").plan("home runs", (0, 0, 0))
+    said = words(single_line(design))
+    assert "Bilge" in said and "5 home runs of 5 to 14 m" in said
+    assert "Fuel oil" in said and "4 home runs of 6 to 13 m" in said
+
+
+def test_a_drawing_has_sheets_that_fit_on_a_page():
+    drawn = sheets(ship(600).plan("AS-i", (20, 0, 4)))
+    assert len(drawn) > 1
+    for number, (svg, height) in enumerate(drawn, 1):
+        assert height <= 1030
+        assert f"sheet {number} of {len(drawn)}" in svg
+        for text in ElementTree.fromstring(svg).iter(f"{SVG}text"):
+            assert 0 < float(text.get("x")) < 760 and 0 < float(text.get("y")) <= height
+
+
+def test_supplies_and_terminators_stand_where_they_are():
+    said = words(single_line(Design.example()))
+    assert {"master", "JB1", "JB2", "45 m", "26 m"} <= set(said)
+    said = words(single_line(ship(40).plan("CAN", (20, 0, 4))))
+    assert "+ terminator + supply " in said or "+ supply + terminator " in said
+    assert sum(text.startswith("+ terminator") for text in said) >= 1
+
+
+@pytest.mark.parametrize("redundant", [True, False])
+def test_other_designs_are_drawn_too_and_no_name_becomes_markup(redundant):
+    single_line(Plant(12, contacts=2, lines=3).on_asi)
+    single_line(Plant(1, contacts=1).hardwired)
+    single_line(Design.example(redundant=redundant))
+    hostile = '<script>&"'
+    iolist = IoList.parse(f"tag,signal,system,box,x,y,z\nA,contact,{hostile},{hostile},1,2,3")
+    for option in OPTIONS:
+        svg = single_line(iolist.plan(option, (0, 0, 0), settings={"redundant": redundant}))
+        ElementTree.fromstring(svg)
+        assert "<script" not in svg
