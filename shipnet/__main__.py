@@ -13,13 +13,11 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shipnet.answers import FORMS, Answer, check_output
 from shipnet.errors import ArgumentError, InputError
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 __all__ = ["main"]
 

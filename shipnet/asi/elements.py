@@ -84,11 +84,6 @@ class Terminator:
     A capacitor keeps the supply away from it. The default resistance is assumed: the wave impedance
     of the cable.
 
-    Raises
-    ------
-    ArgumentError
-        If the resistance is out of range.
-
     Examples
     --------
     >>> print(Terminator("bow"))

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import chain
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -22,10 +22,7 @@ from shipnet.can.offsets import Streams, clocks, longest_responses
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_kind, choice, record, switch, whole
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 Method = Literal["exact", "sufficient", "1994"]
 
@@ -327,8 +324,6 @@ class ResponseTimes(Named[ResponseTime]):
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, indexed by name, with the load it contributes."""
-        import pandas as pd
-
         messages = [one.message for one in self._items]
         table = pd.DataFrame(
             {

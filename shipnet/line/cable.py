@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arrays import Floats
+from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
     Quantity,
@@ -27,8 +27,6 @@ from shipnet.line.waveform import laplace_grid, synthesize
 
 #: Legal constants: l and c are not 0, so that every cable has a wave impedance and a delay.
 LEAST, MOST = 1e-18, 1e12
-
-Complexes = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,12 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arrays import Floats
+from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import Axes
-
-Complexes = npt.NDArray[np.complex128]
 
 #: Highest frequency that counts where a change of current takes 3 us [Hz]. Legs of a star ring at
 #: a quarter wave, 12.8 MHz for 3 m, but so short a ringing has little to start it.
@@ -145,7 +143,7 @@ class Waveform:
         return f"<Waveform: {what}; {self.u.shape[-1]} samples every {self.dt * 1e6:g} us>"
 
 
-def laplace_grid(duration: float, f_max: float, damping: float = 7.0) -> npt.NDArray[np.complex128]:
+def laplace_grid(duration: float, f_max: float, damping: float = 7.0) -> Complexes:
     r"""Return the complex frequencies from which `synthesize` makes a waveform.
 
     .. math:: s_k = \frac{d + 2 \pi j k}{T}, \qquad k = 0 \ldots \lceil f_{max} T \rceil

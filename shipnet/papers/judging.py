@@ -11,16 +11,13 @@ import importlib
 import math
 import re
 from collections.abc import Collection, Hashable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shipnet import style
 from shipnet.errors import ArgumentError
+from shipnet.lazy import Axes, pd
 from shipnet.papers.claims import CONDITIONS, PAPERS, UNDECIDED, as_number, check_paper, rows
 from shipnet.papers.registry import REGISTRY
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 #: Colour of each kind of treatment: the basis of what is judged, or why a claim is not.
 _COLOURS = {
@@ -99,16 +96,12 @@ class Ledger:
         `published` is as printed; `computed` is a float, or a bool for a statement, or None;
         `relative_difference` is computed over published, minus 1.
         """
-        import pandas as pd
-
         order = list(PAPERS)
         claims = sorted(self._claims, key=lambda one: (order.index(one["paper"]), one["id"]))
         return pd.DataFrame([_judge(claim) for claim in claims]).set_index("id")
 
     def counts(self) -> pd.DataFrame:
         """Return how many claims of each paper are judged on each basis, or not judged."""
-        import pandas as pd
-
         table = self.table()
         how = table["basis"].where(table["status"] == "judged", table["status"])
         counted = pd.crosstab(table["paper"], how)
@@ -214,8 +207,6 @@ def show(*claims: str) -> pd.DataFrame:
     >>> show("kim2023-004").loc["kim2023-004", "we compute"]
     '0.4032 %'
     """
-    import pandas as pd
-
     ids = " ".join(claims).split()
     rows = [_judge(claim) for claim in _claims_by_id(ids)]
     shown = {

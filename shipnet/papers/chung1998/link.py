@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.lazy import pd
 from shipnet.papers.chung1998.usart import Status, Usart, send
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.experiment import switch_staleness
@@ -20,9 +21,6 @@ from shipnet.remote_control.simulation import Change, simulate, switch_delays
 from shipnet.remote_control.station import Sender
 from shipnet.remote_control.system import BIT_RATES, Supervision, System
 from shipnet.remote_control.values import HOPS, STATIONS, VALUES, Hop
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: What the paper prints, by its name: `chung1998_parameters.csv`.
 _TABLE = datasets.read("chung1998_parameters.csv")
@@ -60,8 +58,6 @@ def send_loops(
     only, which makes no difference there; how often the printed loop repeats a byte on a busy chip
     depends on it by chance.
     """
-    import pandas as pd
-
     if not polls:
         raise ArgumentError("polls is empty; it must hold a time")
     ways = [("idle", b"", "printed", polls[0]), ("idle", b"", "intended", polls[0])]
@@ -250,8 +246,6 @@ def deaths(
     of each rule to the fields of `System` that it changes; the timers of the stations are drawn
     with the seed 2024.
     """
-    import pandas as pd
-
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []
     for name, fields in changes.items():

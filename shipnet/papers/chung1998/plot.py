@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyBboxPatch
 
 from shipnet import style
+from shipnet.lazy import pd
 from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings
 from shipnet.papers.plot import diagrams, fields
 from shipnet.papers.registry import figure
@@ -17,8 +18,6 @@ from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.values import HOPS, values_on
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from shipnet.remote_control.simulation import Run
 
 #: Place of each station, and what it is.

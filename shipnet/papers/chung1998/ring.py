@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.lazy import pd
 from shipnet.papers.chung1998.link import ITEMS, PRINTED, as_printed, length
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.faults import Stall
@@ -17,9 +18,6 @@ from shipnet.remote_control.packet import PACKET_START, MarkerFormat
 from shipnet.remote_control.ring_buffer import Case, Ring, State, bytes_of, case_of
 from shipnet.remote_control.simulation import simulate
 from shipnet.remote_control.system import System
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: Longest time that a byte takes to be written into an EEPROM of that time [s]: Atmel, AT28C64B,
 #: data sheet, "write cycle time 10 ms maximum". That the paper's chip is like it is assumed.
@@ -154,8 +152,6 @@ def extraction(
     One row per place of its first byte: ``outside`` counts bytes read outside the ring, ``wrong``
     values that come out wrong. Unless the indices `wrap`, two zeros lie in memory after the ring.
     """
-    import pandas as pd
-
     form = packet_format or MarkerFormat()
     packet = form.encode(items)
     check_whole("bytes of the packet", len(packet), 0, SIZE)
@@ -236,8 +232,6 @@ def recovered(
     Of the ring as ``intended`` it is the mean over the `places` of the reader, with the ``fewest``
     and the ``most``; ``stops`` is the share of the places at which its reader stops in case a.
     """
-    import pandas as pd
-
     if not len(places):
         raise ArgumentError("places is empty; it must hold a place")
     size, rows = length(reading="A"), []
@@ -335,8 +329,6 @@ def ring_trials(system: System | None = None, *, duration: float = 20.0) -> pd.D
     because the time to write is not printed. While the partner waits for an answer, its one packet
     waits in the ring, and comes again when its counters have run out, after 3.9 to 4.4 s.
     """
-    import pandas as pd
-
     link = System(repeat=10) if system is None else system
     rows = []
     for trial, presses, printed in zip(

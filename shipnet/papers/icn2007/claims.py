@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.asi.faults import DeadSlave, LostReply, MasterFailure
 from shipnet.asi.master import Master
-from shipnet.asi.modulation import (
-    HALF_BIT,
-    ramp_spectrum,
-    send_current,
-    send_spectrum,
-    steps_of,
-)
+from shipnet.asi.modulation import HALF_BIT, Modulation, ramp_spectrum
 from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.segment import telegram_voltages
@@ -26,14 +19,11 @@ from shipnet.asi.timing import Transaction, cycle_time
 from shipnet.asi.topologies import line, ring, star
 from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.errors import ArgumentError
+from shipnet.lazy import pd
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import Load, Network
 from shipnet.papers.kim2023.protocol import CHIP_EDGES, master_pause_of_chip
 from shipnet.papers.registry import check, numeric
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 numeric("icn2007-035")(lambda *, total=100, trunk=90, slaves=62: (total - trunk) / slaves)
 
@@ -177,8 +167,6 @@ MODBUS_BYTES, MODBUS_SILENCE, MODBUS_CHARACTER, MODBUS_MOST = 13 + 5, 2 * 3.5, 1
 
 def rate_table() -> pd.DataFrame:
     """Return the rates by how long a transaction is assumed to be; one row per assumption."""
-    import pandas as pd
-
     pauses = {
         "24.5 bit": (2.0, 1.5, "shortest pauses of the papers, 2 and 1.5 bit"),
         "25 bit": (2.0, 2.0, "pauses of 2 and 2 bit: 150 us (Siemens)"),
@@ -210,8 +198,6 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
 
     One row per number of bits, a column each for ``as_i``, ``can`` and ``modbus_rtu``.
     """
-    import pandas as pd
-
     n = np.atleast_1d(user_bits)
     if n.dtype.kind not in "iu" or not ((n >= 1) & (n <= 8 * MODBUS_MOST)).all():
         raise ArgumentError(
@@ -229,8 +215,6 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
 
 #: Frequencies on which energies are summed [Hz].
 FREQUENCIES = np.arange(0.5e3, 30e6, 1e3)
-
-Floats = npt.NDArray[np.float64]
 
 
 check("icn2007-031", counter={"closed": False})(
@@ -301,7 +285,7 @@ def signal_suits_cable(*, speed: float = 1.0, length: float = 100.0) -> bool:
     frequencies = FREQUENCIES[FREQUENCIES < 3e6]
     s = 2j * np.pi * frequencies
     bits = Request.data_exchange(21, 0xE).bits
-    energy = np.abs(s * send_spectrum(s / speed, bits)) ** 2
+    energy = np.abs(s * Modulation(bits).transform(s / speed)) ** 2
     signal, noise = (bent_by_the_end(length, s, w) for w in (energy, np.ones_like(energy)))
     return signal < noise / 2
 
@@ -329,7 +313,7 @@ def bent_by_the_end(
 def arriving_share(length: float, *, cable: Cable = CABLES["as-i 1.5"]) -> float:
     """Return the share of the energy of the example's request that a matched cable passes on."""
     s = 2j * np.pi * FREQUENCIES
-    energy = np.abs(s * send_spectrum(s, Request.data_exchange(21, 0xE).bits)) ** 2
+    energy = np.abs(s * Modulation(Request.data_exchange(21, 0xE).bits).transform(s)) ** 2
     passed = np.exp(-2 * cable.propagation(s).real * length)
     return float((passed * energy).sum() / energy.sum())
 
@@ -350,7 +334,7 @@ def share_above(frequency: float, *, pulse: str = "sin2") -> float:
         "half sine": np.abs(np.cos(np.pi * x) / (1 - (2 * x) ** 2)),
         "rectangle": np.abs(np.sinc(x)),
     }[pulse]
-    steps = steps_of(Request.data_exchange(21, 0xE).bits)
+    steps = Modulation(Request.data_exchange(21, 0xE).bits).steps
     code = steps @ np.exp(-2j * np.pi * np.outer(np.arange(steps.size), x))
     energy = np.abs(shape * code) ** 2
     return float(energy[FREQUENCIES > frequency].sum() / energy.sum())
@@ -443,9 +427,9 @@ def current_is_the_integral(*, power: int = 2) -> bool:
     """Whether the send current rises and falls with sin to this power, to a thousandth."""
     bits = Request.data_exchange(21, 0xE).bits
     t = np.arange(0.0, 2 * HALF_BIT * len(bits) + 2e-6, 20e-9)
-    slope = np.gradient(send_current(t, bits), t)
+    slope = np.gradient(Modulation(bits).current(t), t)
     x = np.clip(t / HALF_BIT - np.arange(2 * len(bits))[:, np.newaxis], 0, 1)
-    pulses = steps_of(bits) @ np.sin(np.pi * x) ** power
+    pulses = Modulation(bits).steps @ np.sin(np.pi * x) ** power
     return bool(np.abs(slope / np.abs(slope).max() - pulses).max() < 1e-3)
 
 
@@ -510,6 +494,6 @@ def check_bits_cost_rate(*, extra: int = 7 + 4) -> bool:
 def phase_turns_with_the_bit(*, slots: str = "within bits") -> bool:
     """Whether the steps of the code in these half-bits turn round where the bit changes, only."""
     bits = "0011010001110"
-    steps = steps_of(bits)[1 if slots == "within bits" else 0 :: 2]
+    steps = Modulation(bits).steps[1 if slots == "within bits" else 0 :: 2]
     changed = np.array(list(bits[1:])) != np.array(list(bits[:-1]))
     return bool((steps[1:] * steps[:-1] == np.where(changed, -1, 1)).all())

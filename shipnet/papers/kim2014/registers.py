@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,15 +25,12 @@ from shipnet.ballast.scan import READ_STATUS, command_poll, status_poll
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.errors import FrameError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_PDU, MAX_UNIT, rtu_frame
 from shipnet.modbus.pdu import FunctionCode, Request, Response, decode
 from shipnet.modbus.slave import Slave
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.registry import check, is_legal, numeric
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 # The messages of Tables 2 and 3, byte for byte: as printed, and as the standard wants them.
 
@@ -75,8 +71,6 @@ def message_table() -> pd.DataFrame:
     The lengths are those in the MBAP header; ``decoder`` is what a decoder by the standard says of
     the printed bytes: ``ok`` or the name of the error.
     """
-    import pandas as pd
-
     rows = []
     for message in STANDARD:
         printed, standard = printed_adu(message), STANDARD[message]
@@ -243,8 +237,6 @@ def answer_table(
     The last has the shortest time-out that is long enough. A command that is not answered is
     repeated `retries` times.
     """
-    import pandas as pd
-
     moving = check_scalar("movement", movement, "s", 0, 3600)
     scan = status_poll(serial).scan_time(check_whole("n_slaves", n_slaves, 1, MAX_UNIT))
     write = replace(command_poll(serial, timeout=timeout), retries=retries)
@@ -345,8 +337,6 @@ def colours(*, bits: int = 16) -> int:
 
 def code_table() -> pd.DataFrame:
     """Return the codes of all readings beside each other, one row per command."""
-    import pandas as pd
-
     codes = {
         reading: {code.value: number for code, number in command_codes(reading).items()}
         for reading in CODE_READINGS
@@ -360,8 +350,6 @@ def survival_table() -> pd.DataFrame:
     A value ``survives`` that is received within half a step; positions are the corrected ones, and
     305 as printed.
     """
-    import pandas as pd
-
     rows = []
     for rule in datasets.read("kim2014_rule_table.csv").to_dict("records"):
         for channel, scale in zip(CHANNELS, SCALES, strict=True):
